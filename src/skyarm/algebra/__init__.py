@@ -1,0 +1,24 @@
+"""Small vector algebra over any scalar: Vec3, Mat3, Sym3, Quaternion and the spatial types of rigid-body dynamics."""
+
+from skyarm.algebra.linear_solve import ldl_solve
+from skyarm.algebra.matrix import Mat3, Sym3, axis_rotation
+from skyarm.algebra.quaternion import Quaternion
+from skyarm.algebra.spatial import ArticulatedInertia, Force, Motion, SpatialInertia
+from skyarm.algebra.vector import E_X, E_Y, E_Z, ZERO3, Vec3
+
+__all__ = [
+    "E_X",
+    "E_Y",
+    "E_Z",
+    "ZERO3",
+    "ArticulatedInertia",
+    "Force",
+    "Mat3",
+    "Motion",
+    "Quaternion",
+    "SpatialInertia",
+    "Sym3",
+    "Vec3",
+    "axis_rotation",
+    "ldl_solve",
+]

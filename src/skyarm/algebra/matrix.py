@@ -1,0 +1,174 @@
+"""3x3 matrices: general (rows) and symmetric (six entries)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.algebra.vector import Vec3
+from skyarm.scalars import Scalar, add, cos, mul, neg, sin, structural, sub
+
+
+@dataclass(frozen=True, slots=True)
+class Mat3:
+    """Three rows."""
+
+    r0: Vec3
+    r1: Vec3
+    r2: Vec3
+
+    @classmethod
+    def identity(cls) -> Mat3:
+        """1, as structure."""
+        return cls(Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
+
+    @classmethod
+    def zero(cls) -> Mat3:
+        """0, as structure."""
+        return cls(Vec3(0, 0, 0), Vec3(0, 0, 0), Vec3(0, 0, 0))
+
+    @classmethod
+    def columns(cls, c0: Vec3, c1: Vec3, c2: Vec3) -> Mat3:
+        """From three columns."""
+        return cls(Vec3(c0.x, c1.x, c2.x), Vec3(c0.y, c1.y, c2.y), Vec3(c0.z, c1.z, c2.z))
+
+    @classmethod
+    def described(cls, rows: Sequence[Sequence[float]]) -> Mat3:
+        """From numbers of a description: exact 0, 1 and -1 become structure."""
+        r0, r1, r2 = rows
+        return cls(Vec3.described(r0), Vec3.described(r1), Vec3.described(r2))
+
+    @classmethod
+    def cross(cls, v: Vec3) -> Mat3:
+        """S(v), with S(v) a = v x a."""
+        return cls(Vec3(0, neg(v.z), v.y), Vec3(v.z, 0, neg(v.x)), Vec3(neg(v.y), v.x, 0))
+
+    @property
+    def rows(self) -> tuple[Vec3, Vec3, Vec3]:
+        """The three rows."""
+        return self.r0, self.r1, self.r2
+
+    @property
+    def T(self) -> Mat3:
+        """Transpose."""
+        return Mat3.columns(self.r0, self.r1, self.r2)
+
+    def column(self, j: int) -> Vec3:
+        """Column j."""
+        x, y, z = (tuple(row)[j] for row in self.rows)
+        return Vec3(x, y, z)
+
+    def __add__(self, other: Mat3) -> Mat3:
+        """Sum."""
+        return Mat3(self.r0 + other.r0, self.r1 + other.r1, self.r2 + other.r2)
+
+    def __sub__(self, other: Mat3) -> Mat3:
+        """Difference."""
+        return Mat3(self.r0 - other.r0, self.r1 - other.r1, self.r2 - other.r2)
+
+    def __neg__(self) -> Mat3:
+        """Opposite."""
+        return Mat3(-self.r0, -self.r1, -self.r2)
+
+    def __mul__(self, scalar: Any) -> Mat3:
+        """Product with a scalar."""
+        return Mat3(self.r0 * scalar, self.r1 * scalar, self.r2 * scalar)
+
+    def __matmul__(self, other: Mat3) -> Mat3:
+        """Matrix product."""
+        t = other.T
+        return Mat3(*(Vec3(row.dot(t.r0), row.dot(t.r1), row.dot(t.r2)) for row in self.rows))
+
+    def apply(self, v: Vec3) -> Vec3:
+        """Matrix times column."""
+        return Vec3(self.r0.dot(v), self.r1.dot(v), self.r2.dot(v))
+
+    def apply_T(self, v: Vec3) -> Vec3:
+        """Transposed matrix times column."""
+        return self.r0 * v.x + self.r1 * v.y + self.r2 * v.z
+
+    def vee_antisymmetric(self) -> Vec3:
+        """vee((A - A^T) / 2)."""
+        return Vec3(
+            mul(0.5, sub(self.r2.y, self.r1.z)),
+            mul(0.5, sub(self.r0.z, self.r2.x)),
+            mul(0.5, sub(self.r1.x, self.r0.y)),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Sym3:
+    """Symmetric 3x3 matrix."""
+
+    xx: Scalar
+    yy: Scalar
+    zz: Scalar
+    xy: Scalar = 0
+    xz: Scalar = 0
+    yz: Scalar = 0
+
+    @classmethod
+    def described(cls, xx: float, yy: float, zz: float, xy: float = 0.0, xz: float = 0.0, yz: float = 0.0) -> Sym3:
+        """From numbers of a description: exact zeros become structure, every other number stays data."""
+        return cls(*(0 if value == 0.0 else float(value) for value in (xx, yy, zz, xy, xz, yz)))
+
+    @classmethod
+    def isotropic(cls, value: Any) -> Sym3:
+        """value * 1."""
+        return cls(value, value, value)
+
+    @classmethod
+    def of_matrix(cls, a: Mat3) -> Sym3:
+        """Upper triangle of a matrix known to be symmetric."""
+        return cls(a.r0.x, a.r1.y, a.r2.z, a.r0.y, a.r0.z, a.r1.z)
+
+    @classmethod
+    def parallel_axis(cls, mass: Any, c: Vec3) -> Sym3:
+        """m S(c)^T S(c): the inertia of a point mass at ``c`` (Steiner)."""
+        mx, my, mz = c * mass
+        xx, yy, zz = mul(mx, c.x), mul(my, c.y), mul(mz, c.z)
+        return cls(add(yy, zz), add(xx, zz), add(xx, yy), neg(mul(mx, c.y)), neg(mul(mx, c.z)), neg(mul(my, c.z)))
+
+    @property
+    def entries(self) -> tuple[Any, Any, Any, Any, Any, Any]:
+        """xx, yy, zz, xy, xz, yz."""
+        return self.xx, self.yy, self.zz, self.xy, self.xz, self.yz
+
+    def full(self) -> Mat3:
+        """As a general matrix."""
+        return Mat3(Vec3(self.xx, self.xy, self.xz), Vec3(self.xy, self.yy, self.yz), Vec3(self.xz, self.yz, self.zz))
+
+    def __add__(self, other: Sym3) -> Sym3:
+        """Sum."""
+        return Sym3(*(add(a, b) for a, b in zip(self.entries, other.entries, strict=True)))
+
+    def __sub__(self, other: Sym3) -> Sym3:
+        """Difference."""
+        return Sym3(*(sub(a, b) for a, b in zip(self.entries, other.entries, strict=True)))
+
+    def __mul__(self, scalar: Any) -> Sym3:
+        """Product with a scalar."""
+        return Sym3(*(mul(a, scalar) for a in self.entries))
+
+    def apply(self, v: Vec3) -> Vec3:
+        """Matrix times column."""
+        return self.full().apply(v)
+
+    def rotated(self, R: Mat3) -> Sym3:
+        """R A R^T."""
+        a = self.full() @ R.T
+        r0, r1, r2 = R.rows
+        c0, c1, c2 = (a.column(j) for j in range(3))
+        return Sym3(r0.dot(c0), r1.dot(c1), r2.dot(c2), r0.dot(c1), r0.dot(c2), r1.dot(c2))
+
+
+def axis_rotation(axis: Vec3, angle: Any) -> Mat3:
+    """Rotation by ``angle`` (rad) about the unit ``axis``: a a^T + cos (1 - a a^T) + sin S(a).
+
+    Written so that a structural axis folds to the elementary rotation.
+    Source: Rodrigues 1840; Murray, Li, Sastry 1994, eq. 2.14.
+    """
+    c, s = cos(angle), sin(angle)
+    outer = Mat3(axis * axis.x, axis * axis.y, axis * axis.z)
+    return outer + (Mat3.identity() - outer) * c + Mat3.cross(axis) * s

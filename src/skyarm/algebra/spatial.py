@@ -1,0 +1,155 @@
+"""Spatial types: pairs of 3-vectors at one point, in the axes of one frame.
+
+Accelerations here are *classical* (the second derivative of position), not Featherstone's spatial accelerations; they
+move between points by the same law, with the velocity products kept in a separate term by the recursions.
+Source: Featherstone 2008, chapters 2, 5-7.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.algebra.matrix import Mat3, Sym3
+from skyarm.algebra.vector import Vec3
+from skyarm.scalars import Scalar, add
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Angular and linear acceleration (or joint direction) at a frame's origin."""
+
+    angular: Vec3
+    linear: Vec3
+
+    def __add__(self, other: Motion) -> Motion:
+        """Sum."""
+        return Motion(self.angular + other.angular, self.linear + other.linear)
+
+    def __mul__(self, scalar: Any) -> Motion:
+        """Product with a scalar."""
+        return Motion(self.angular * scalar, self.linear * scalar)
+
+    def dot(self, force: Force) -> Any:
+        """Power of a force along this motion."""
+        return add(self.angular.dot(force.torque), self.linear.dot(force.force))
+
+    def into_child(self, R_PC: Mat3, p_PC: Vec3) -> Motion:
+        """The same rigid motion at the child's origin, in child axes."""
+        return Motion(R_PC.apply_T(self.angular), R_PC.apply_T(self.linear + self.angular.cross(p_PC)))
+
+
+@dataclass(frozen=True, slots=True)
+class Force:
+    """Torque about a frame's origin and force."""
+
+    torque: Vec3
+    force: Vec3
+
+    def __add__(self, other: Force) -> Force:
+        """Sum."""
+        return Force(self.torque + other.torque, self.force + other.force)
+
+    def __sub__(self, other: Force) -> Force:
+        """Difference."""
+        return Force(self.torque - other.torque, self.force - other.force)
+
+    def __mul__(self, scalar: Any) -> Force:
+        """Product with a scalar."""
+        return Force(self.torque * scalar, self.force * scalar)
+
+    def into_parent(self, R_PC: Mat3, p_PC: Vec3) -> Force:
+        """The same force about the parent's origin, in parent axes."""
+        force = R_PC.apply(self.force)
+        return Force(R_PC.apply(self.torque) + p_PC.cross(force), force)
+
+
+@dataclass(frozen=True, slots=True)
+class SpatialInertia:
+    """Mass, first moment m c and rotational inertia about the frame's origin."""
+
+    mass: Scalar
+    moment: Vec3
+    inertia: Sym3
+
+    @classmethod
+    def of_body(cls, mass: Any, com: Vec3, inertia_com: Sym3) -> SpatialInertia:
+        """From mass, centre of mass and the inertia about it."""
+        return cls(mass, com * mass, inertia_com + Sym3.parallel_axis(mass, com))
+
+    def __add__(self, other: SpatialInertia) -> SpatialInertia:
+        """Two bodies as one."""
+        return SpatialInertia(add(self.mass, other.mass), self.moment + other.moment, self.inertia + other.inertia)
+
+    def apply(self, a: Motion) -> Force:
+        """Force that gives the acceleration ``a`` from rest."""
+        return Force(
+            self.inertia.apply(a.angular) + self.moment.cross(a.linear),
+            a.linear * self.mass + a.angular.cross(self.moment),
+        )
+
+    def velocity_force(self, w: Vec3) -> Force:
+        """Gyroscopic and centrifugal force of a body that turns with ``w`` about an unaccelerated origin."""
+        return Force(w.cross(self.inertia.apply(w)), w.cross(w.cross(self.moment)))
+
+    def into_parent(self, R_PC: Mat3, p_PC: Vec3) -> SpatialInertia:
+        """The same body about the parent's origin, in parent axes.
+
+        I' = R I R^T + S(h)^T S(p) + S(p)^T S(h) + m S(p)^T S(p) with h = R m c, which needs no division by the mass.
+        """
+        h = R_PC.apply(self.moment)
+        shifted = h + p_PC * self.mass
+        return SpatialInertia(self.mass, shifted, self.inertia.rotated(R_PC) + _steiner(h, p_PC) + _steiner(p_PC, shifted))
+
+    def articulated(self) -> ArticulatedInertia:
+        """As the articulated inertia of a single body."""
+        return ArticulatedInertia(self.inertia, Mat3.cross(self.moment), Sym3.isotropic(self.mass))
+
+
+def _steiner(a: Vec3, b: Vec3) -> Sym3:
+    """Upper triangle of S(a)^T S(b) = (a.b) 1 - b a^T."""
+    m = Mat3.cross(a).T @ Mat3.cross(b)
+    return Sym3.of_matrix(m)
+
+
+@dataclass(frozen=True, slots=True)
+class ArticulatedInertia:
+    """Symmetric 6x6 [[J, H], [H^T, M]] that maps (angular, linear) acceleration to (torque, force)."""
+
+    J: Sym3
+    H: Mat3
+    M: Sym3
+
+    def __add__(self, other: ArticulatedInertia) -> ArticulatedInertia:
+        """Two bodies as one."""
+        return ArticulatedInertia(self.J + other.J, self.H + other.H, self.M + other.M)
+
+    def apply(self, a: Motion) -> Force:
+        """Force that gives the acceleration ``a`` with free joints further out."""
+        return Force(
+            self.J.apply(a.angular) + self.H.apply(a.linear), self.H.apply_T(a.angular) + self.M.apply(a.linear)
+        )
+
+    def without(self, U: Force, inverse_d: Any) -> ArticulatedInertia:
+        """Joint direction eliminated: self - U U^T / d."""
+        n, f = U.torque, U.force
+        ni, fi = n * inverse_d, f * inverse_d
+        return ArticulatedInertia(
+            self.J - _outer_symmetric(n, ni), self.H - Mat3(f * ni.x, f * ni.y, f * ni.z), self.M - _outer_symmetric(f, fi)
+        )
+
+    def into_parent(self, R_PC: Mat3, p_PC: Vec3) -> ArticulatedInertia:
+        """The same inertia about the parent's origin, in parent axes."""
+        J, M = self.J.rotated(R_PC), self.M.rotated(R_PC)
+        H = R_PC @ self.H @ R_PC.T
+        S = Mat3.cross(p_PC)
+        H_shifted = H + S @ M.full()
+        # J' = J - H S - (H S)^T - S M S, with H' = H + S M:  J' = J + S H'^T ... written to use H' once
+        J_shifted = J.full() - H @ S + S @ H_shifted.T
+        return ArticulatedInertia(Sym3.of_matrix(J_shifted), H_shifted, M)
+
+
+def _outer_symmetric(a: Vec3, b: Vec3) -> Sym3:
+    """a b^T, known to be symmetric because b is parallel to a."""
+    m = Mat3(b * a.x, b * a.y, b * a.z)
+    return Sym3.of_matrix(m)

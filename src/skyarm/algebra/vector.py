@@ -1,0 +1,78 @@
+"""Vectors of three scalars."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.scalars import Scalar, add, mul, neg, sqrt, structural, sub
+
+
+@dataclass(frozen=True, slots=True)
+class Vec3:
+    """Three scalars; integer components are structure and fold away."""
+
+    x: Scalar
+    y: Scalar
+    z: Scalar
+
+    @classmethod
+    def of(cls, values: Sequence[Any]) -> Vec3:
+        """From any sequence of three scalars."""
+        x, y, z = values
+        return cls(x, y, z)
+
+    @classmethod
+    def described(cls, values: Sequence[float]) -> Vec3:
+        """From numbers of a description: exact 0, 1 and -1 become structure."""
+        x, y, z = values
+        return cls(structural(x), structural(y), structural(z))
+
+    def __iter__(self) -> Iterator[Any]:
+        """x, y, z."""
+        return iter((self.x, self.y, self.z))
+
+    def __add__(self, other: Vec3) -> Vec3:
+        """Sum."""
+        return Vec3(add(self.x, other.x), add(self.y, other.y), add(self.z, other.z))
+
+    def __sub__(self, other: Vec3) -> Vec3:
+        """Difference."""
+        return Vec3(sub(self.x, other.x), sub(self.y, other.y), sub(self.z, other.z))
+
+    def __neg__(self) -> Vec3:
+        """Opposite."""
+        return Vec3(neg(self.x), neg(self.y), neg(self.z))
+
+    def __mul__(self, scalar: Any) -> Vec3:
+        """Product with a scalar."""
+        return Vec3(mul(self.x, scalar), mul(self.y, scalar), mul(self.z, scalar))
+
+    __rmul__ = __mul__
+
+    def scaled(self, other: Vec3) -> Vec3:
+        """Component by component product (diagonal gains)."""
+        return Vec3(mul(self.x, other.x), mul(self.y, other.y), mul(self.z, other.z))
+
+    def dot(self, other: Vec3) -> Any:
+        """Inner product."""
+        return add(add(mul(self.x, other.x), mul(self.y, other.y)), mul(self.z, other.z))
+
+    def cross(self, other: Vec3) -> Vec3:
+        """self x other."""
+        return Vec3(
+            sub(mul(self.y, other.z), mul(self.z, other.y)),
+            sub(mul(self.z, other.x), mul(self.x, other.z)),
+            sub(mul(self.x, other.y), mul(self.y, other.x)),
+        )
+
+    def norm(self) -> Any:
+        """Euclidean length."""
+        return sqrt(self.dot(self))
+
+
+ZERO3 = Vec3(0, 0, 0)
+E_X = Vec3(1, 0, 0)
+E_Y = Vec3(0, 1, 0)
+E_Z = Vec3(0, 0, 1)

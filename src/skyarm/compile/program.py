@@ -1,0 +1,140 @@
+"""Tracing a function of records into a program, and the program as straight-line Python."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from skyarm.compile.records import leaves, rebuild, shaped_like
+from skyarm.compile.tracer import Graph, Node
+from skyarm.scalars import floats
+
+_INFIX = {"add": "+", "sub": "-", "mul": "*", "lt": "<", "le": "<="}
+_CALLS = ("sin", "cos", "tan", "asin", "acos", "atan2", "sqrt", "exp", "log", "floor", "tanh")
+_FAST = {name: getattr(math, name) for name in _CALLS} | {"fabs": math.fabs, "floor": floats.floor}
+_SAFE = {name: getattr(floats, name) for name in _CALLS} | {"fabs": math.fabs, "div": floats.divide}
+
+
+class Program:
+    """A straight-line program: inputs, live nodes in order of evaluation, outputs.
+
+    Calling it takes records shaped like the examples it was traced with and returns a record; :meth:`flat` takes and
+    returns plain sequences and is the fast way in. Results equal those of the traced function on floats bit for bit.
+    """
+
+    def __init__(self, graph: Graph, inputs: Sequence[Node], result: Any) -> None:
+        self.inputs = list(inputs)
+        self._result = result
+        self.outputs = [graph.lift(leaf) for leaf in leaves(result)]
+        self.nodes = _live(self.outputs)
+        self.flat: Callable[[Sequence[float]], tuple[float, ...]] = _emit_python(self)
+
+    def __call__(self, *records: Any) -> Any:
+        """Evaluate on records of floats."""
+        values = [leaf for record in records for leaf in leaves(record)]
+        return self.record(self.flat(values))
+
+    def record(self, values: Sequence[Any]) -> Any:
+        """A flat result as the record the traced function returns."""
+        return shaped_like(self._result, values)
+
+    def operations(self) -> Counter[str]:
+        """How often each operation occurs (constants and inputs not counted)."""
+        return Counter(node.op for node in self.nodes if node.op not in ("input", "const"))
+
+
+def trace(function: Callable[..., Any], *examples: Any) -> Program:
+    """Run ``function`` on nodes shaped like ``examples`` and return its program.
+
+    Args:
+        function: takes records (dataclasses or tuples of scalars), returns one.
+        examples: records whose leaves become the inputs, in order; their integers stay structure.
+    Raises:
+        TracedBranchError: the function branches on a traced value; names file and line.
+    """
+    graph = Graph()
+    inputs = [graph.input(f"x{i}") for i, _ in enumerate(leaf for example in examples for leaf in leaves(example))]
+    iterator = iter(inputs)
+    arguments = [rebuild(example, iterator) for example in examples]
+    return Program(graph, inputs, function(*arguments))
+
+
+def _live(outputs: Sequence[Node]) -> list[Node]:
+    """Nodes the outputs need, in order of creation."""
+    seen: dict[int, Node] = {}
+    stack = list(outputs)
+    while stack:
+        node = stack.pop()
+        if node.index not in seen:
+            seen[node.index] = node
+            stack.extend(node.args)
+    return [seen[index] for index in sorted(seen)]
+
+
+def _literal(value: Any) -> str:
+    if isinstance(value, bool) or math.isfinite(value):
+        return repr(value)
+    return "_nan" if value != value else "_inf" if value > 0.0 else "(-_inf)"
+
+
+def _expression(node: Node, name: Callable[[Node], str], divide: str) -> str:
+    args = [name(arg) for arg in node.args]
+    if node.op in _INFIX:
+        return f"{args[0]} {_INFIX[node.op]} {args[1]}"
+    if node.op == "div":
+        return divide.format(*args)
+    if node.op == "neg":
+        return f"-{args[0]}"
+    if node.op == "where":
+        return f"{args[1]} if {args[0]} else {args[2]}"
+    if node.op in ("and", "or"):
+        return f"{args[0]} {node.op} {args[1]}"
+    if node.op == "not":
+        return f"not {args[0]}"
+    return f"{'fabs' if node.op == 'abs' else node.op}({', '.join(args)})"
+
+
+def python_source(program: Program, divide: str = "{0} / {1}", name: str = "program") -> str:
+    """Straight-line Python of a program: one assignment an operation."""
+
+    def variable(node: Node) -> str:
+        return f"({_literal(node.value)})" if node.op == "const" else f"v{node.index}"
+
+    live = {node.index for node in program.nodes}
+    targets = ", ".join(f"v{node.index}" if node.index in live else "_" for node in program.inputs)
+    lines = [f"def {name}(x):", f"    {targets}, = x"] if program.inputs else [f"def {name}(x):"]
+    lines += [
+        f"    v{node.index} = {_expression(node, variable, divide)}"
+        for node in program.nodes
+        if node.op not in ("input", "const")
+    ]
+    results = "".join(f"{variable(node)}, " for node in program.outputs)
+    return "\n".join([*lines, f"    return ({results})", ""])
+
+
+def _emit_python(program: Program) -> Callable[[Sequence[float]], tuple[float, ...]]:
+    """The program as a Python function that never raises on numbers.
+
+    ``math`` and ``/`` are faster than their IEEE versions but raise; on the first such case the same program is run
+    once more with the IEEE versions, which give the same bits wherever both are defined.
+    """
+    constants = {"_inf": math.inf, "_nan": math.nan}
+    fast_names: dict[str, Any] = dict(_FAST) | constants
+    exec(compile(python_source(program), "<skyarm program>", "exec"), fast_names)
+    fast = fast_names["program"]
+    safe: list[Any] = []
+
+    def run(x: Sequence[float]) -> tuple[float, ...]:
+        try:
+            result: tuple[float, ...] = fast(x)
+        except (ZeroDivisionError, ValueError, OverflowError):
+            if not safe:
+                names: dict[str, Any] = dict(_SAFE) | constants
+                exec(compile(python_source(program, "div({0}, {1})"), "<skyarm program, IEEE>", "exec"), names)
+                safe.append(names["program"])
+            result = safe[0](x)
+        return result
+
+    return run

@@ -1,0 +1,63 @@
+"""Records as flat lists of scalars and back.
+
+A record is a frozen dataclass or a tuple of records. Its *leaves* are the scalars that may vary; integers, strings,
+booleans, None and enums are structure: they shape the program and are not leaves.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Sequence
+from enum import Enum
+from typing import Any, TypeVar
+
+Record = TypeVar("Record")
+
+_STRUCTURE = (int, str, bool, type(None), Enum)
+
+
+def _map(record: Any, visit: Callable[[Any], Any]) -> Any:
+    if isinstance(record, tuple):
+        return tuple(_map(item, visit) for item in record)
+    if dataclasses.is_dataclass(record):
+        values = {field.name: _map(getattr(record, field.name), visit) for field in dataclasses.fields(record)}
+        return dataclasses.replace(record, **values)  # type: ignore[type-var]
+    return record if isinstance(record, _STRUCTURE) else visit(record)
+
+
+def leaves(record: Any) -> list[Any]:
+    """Scalars of a record in field order."""
+    found: list[Any] = []
+
+    def visit(leaf: Any) -> Any:
+        found.append(leaf)
+        return leaf
+
+    _visit_only(record, visit)
+    return found
+
+
+def _visit_only(record: Any, visit: Callable[[Any], Any]) -> None:
+    if isinstance(record, tuple):
+        for item in record:
+            _visit_only(item, visit)
+    elif dataclasses.is_dataclass(record):
+        for field in dataclasses.fields(record):
+            _visit_only(getattr(record, field.name), visit)
+    elif not isinstance(record, _STRUCTURE):
+        visit(record)
+
+
+def rebuild(template: Record, values: Iterator[Any]) -> Record:
+    """The template with its leaves replaced, in order, by ``values``."""
+    result: Record = _map(template, lambda _leaf: next(values))
+    return result
+
+
+def shaped_like(template: Record, values: Sequence[Any]) -> Record:
+    """The template with exactly these leaves; raises ValueError when their number differs."""
+    iterator = iter(values)
+    count = len(leaves(template))
+    if count != len(values):
+        raise ValueError(f"{type(template).__name__} has {count} scalars, got {len(values)}")
+    return rebuild(template, iterator)

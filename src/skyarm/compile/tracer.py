@@ -1,0 +1,227 @@
+"""A hash-consing tracer: run a function on nodes and keep the straight-line program it computes.
+
+Equal expressions become one node, so common subexpressions are shared; constants are folded by computing them with
+the same float functions; only rewritings that are exact in IEEE arithmetic are made (structural 0 and 1, signs).
+"""
+
+from __future__ import annotations
+
+import struct
+import sys
+from typing import Any
+
+from skyarm.scalars import floats, register
+
+_COMMUTATIVE = frozenset({"add", "mul", "and", "or"})
+
+FOLD: dict[str, Any] = {
+    "add": lambda a, b: a + b,
+    "sub": lambda a, b: a - b,
+    "mul": lambda a, b: a * b,
+    "div": floats.divide,
+    "neg": lambda a: -a,
+    "lt": lambda a, b: a < b,
+    "le": lambda a, b: a <= b,
+    "where": floats.where,
+    "and": floats.logical_and,
+    "or": floats.logical_or,
+    "not": floats.logical_not,
+    "abs": floats.absolute,
+    **{name: getattr(floats, name) for name in ("sin", "cos", "tan", "asin", "acos", "atan2", "sqrt")},
+    **{name: getattr(floats, name) for name in ("exp", "log", "floor", "tanh")},
+}
+
+
+class TracedBranchError(TypeError):
+    """A traced value was used as a Python condition."""
+
+
+class Node:
+    """One value of a traced program."""
+
+    __slots__ = ("args", "graph", "index", "op", "value")
+    __array_ufunc__ = None  # a NumPy scalar on the left must leave the operation to us
+
+    def __init__(self, graph: Graph, index: int, op: str, args: tuple[Node, ...], value: Any) -> None:
+        self.graph, self.index, self.op, self.args, self.value = graph, index, op, args, value
+
+    def __add__(self, other: Any) -> Any:
+        """self + other."""
+        if type(other) is int and other == 0:
+            return self
+        return self.graph.add(self, other)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Any:
+        """self - other."""
+        if type(other) is int and other == 0:
+            return self
+        return self.graph.sub(self, other)
+
+    def __rsub__(self, other: Any) -> Any:
+        """other - self."""
+        if type(other) is int and other == 0:
+            return -self
+        return self.graph.sub(other, self)
+
+    def __mul__(self, other: Any) -> Any:
+        """self * other."""
+        if type(other) is int and other in (-1, 0, 1):
+            return 0 if other == 0 else self if other == 1 else -self
+        return self.graph.mul(self, other)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Any:
+        """self / other."""
+        if type(other) is int and other in (-1, 1):
+            return self if other == 1 else -self
+        return self.graph.call("div", self, other)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        """other / self."""
+        return self.graph.call("div", other, self)
+
+    def __neg__(self) -> Any:
+        """-self."""
+        return self.graph.neg(self)
+
+    def __abs__(self) -> Any:
+        """|self|."""
+        return self.graph.call("abs", self)
+
+    def __lt__(self, other: Any) -> Any:
+        """self < other."""
+        return self.graph.call("lt", self, other)
+
+    def __le__(self, other: Any) -> Any:
+        """self <= other."""
+        return self.graph.call("le", self, other)
+
+    def __gt__(self, other: Any) -> Any:
+        """self > other."""
+        return self.graph.call("lt", other, self)
+
+    def __ge__(self, other: Any) -> Any:
+        """self >= other."""
+        return self.graph.call("le", other, self)
+
+    def __and__(self, other: Any) -> Any:
+        """Both conditions."""
+        return self.graph.call("and", self, other)
+
+    def __or__(self, other: Any) -> Any:
+        """Either condition."""
+        return self.graph.call("or", self, other)
+
+    def __bool__(self) -> bool:
+        """Refused: a branch would be taken once, while tracing, for every lane and for ever."""
+        frame = sys._getframe(1)
+        where = f"{frame.f_code.co_filename}:{frame.f_lineno}"
+        raise TracedBranchError(f"{where}: branch on a traced value; use skyarm.scalars.where(condition, a, b)")
+
+    def __float__(self) -> float:
+        """Refused for the same reason."""
+        frame = sys._getframe(1)
+        raise TracedBranchError(f"{frame.f_code.co_filename}:{frame.f_lineno}: float() of a traced value")
+
+    def __repr__(self) -> str:
+        """Operation and operands."""
+        return f"Node({self.op}, {', '.join(str(a.index) for a in self.args)})"
+
+
+class Graph:
+    """All nodes of one program, in the order of their creation, which is an order of evaluation."""
+
+    def __init__(self) -> None:
+        self.nodes: list[Node] = []
+        self._known: dict[Any, Node] = {}
+
+    def input(self, name: str) -> Node:
+        """A new input."""
+        return self._make("input", (), name, ("input", name))
+
+    def constant(self, value: Any) -> Node:
+        """A number (or a truth value) as a node."""
+        if isinstance(value, bool):
+            return self._make("const", (), value, ("bool", value))
+        number = float(value)
+        return self._make("const", (), number, ("const", struct.pack("<d", number)))
+
+    def lift(self, value: Any) -> Node:
+        """A node of this graph for any scalar."""
+        if isinstance(value, Node):
+            if value.graph is not self:
+                raise TypeError("a value of another trace reached this one: pass it as an argument")
+            return value
+        return self.constant(value)
+
+    def call(self, op: str, *values: Any) -> Node:
+        """Apply an operation: an equal node that exists is returned, constants are computed at once."""
+        args = tuple(self.lift(value) for value in values)
+        if op == "where" and args[0].op == "const":
+            return args[1] if args[0].value else args[2]
+        if all(arg.op == "const" for arg in args):
+            return self.constant(FOLD[op](*(arg.value for arg in args)))
+        if op in _COMMUTATIVE and args[1].index < args[0].index:
+            args = (args[1], args[0])
+        return self._make(op, args, None, (op, *(arg.index for arg in args)))
+
+    def add(self, a: Any, b: Any) -> Node:
+        """a + b; a + (-b) becomes a - b."""
+        x, y = self.lift(a), self.lift(b)
+        if y.op == "neg":
+            return self.call("sub", x, y.args[0])
+        if x.op == "neg":
+            return self.call("sub", y, x.args[0])
+        return self.call("add", x, y)
+
+    def sub(self, a: Any, b: Any) -> Node:
+        """a - b; a - (-b) becomes a + b."""
+        x, y = self.lift(a), self.lift(b)
+        if y.op == "neg":
+            return self.call("add", x, y.args[0])
+        return self.call("sub", x, y)
+
+    def mul(self, a: Any, b: Any) -> Node:
+        """a * b; signs are moved out, so that (-a) b and a b share their product."""
+        x, y = self.lift(a), self.lift(b)
+        if x.op == "neg" and y.op == "neg":
+            return self.call("mul", x.args[0], y.args[0])
+        if x.op == "neg":
+            return self.neg(self.call("mul", x.args[0], y))
+        if y.op == "neg":
+            return self.neg(self.call("mul", x, y.args[0]))
+        return self.call("mul", x, y)
+
+    def neg(self, a: Any) -> Node:
+        """-a; -(-a) becomes a."""
+        x = self.lift(a)
+        return x.args[0] if x.op == "neg" else self.call("neg", x)
+
+    def _make(self, op: str, args: tuple[Node, ...], value: Any, key: Any) -> Node:
+        found = self._known.get(key)
+        if found is None:
+            found = self._known[key] = Node(self, len(self.nodes), op, args, value)
+            self.nodes.append(found)
+        return found
+
+
+class _NodeFunctions:
+    """The functions of :mod:`skyarm.scalars` for nodes."""
+
+    @staticmethod
+    def _graph(*values: Any) -> Graph:
+        return next(value.graph for value in values if isinstance(value, Node))
+
+    def __getattr__(self, name: str) -> Any:
+        op = {"divide": "div", "absolute": "abs", "logical_and": "and", "logical_or": "or", "logical_not": "not"}.get(
+            name, name
+        )
+        if op not in FOLD:
+            raise AttributeError(name)
+        return lambda *values: self._graph(*values).call(op, *values)
+
+
+register(Node, _NodeFunctions())

@@ -1,0 +1,203 @@
+"""The NumPy front of the dynamics: stable, array in, array out, leading axes broadcast.
+
+Generalized velocity is [v_W, w_B, joint rates]: velocity of the base *origin* in world axes, angular velocity in base
+axes, joint rates. ``acceleration`` is its plain time derivative; ``force`` is its dual: world force at, and base-axes
+torque about, the base origin, then joint torques. Rigid body only: no rotors, damping or friction.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm import dynamics
+from skyarm.algebra import Force, Mat3, Quaternion, Vec3
+from skyarm.dynamics.kinematics import IDENTITY, Pose, frame_pose, jacobian_columns
+from skyarm.dynamics.state import State, coordinate_acceleration, proper_acceleration
+from skyarm.scalars import add
+from skyarm.vehicle.records import Vehicle
+
+Array = npt.NDArray[np.float64]
+ArrayLike = npt.ArrayLike
+
+QUATERNION_TOLERANCE = 1e-6
+
+
+def _components(name: str, value: ArrayLike, size: int) -> tuple[Any, ...]:
+    """Last axis as scalars: floats for one state, arrays over the leading axes for many."""
+    array = np.asarray(value, dtype=float)
+    if array.ndim == 0 or array.shape[-1] != size:
+        raise ValueError(f"{name}: shape {array.shape}, allowed (..., {size})")
+    if array.ndim == 1:
+        return tuple(array.tolist())
+    return tuple(array[..., i] for i in range(size))
+
+
+def _rotation(quaternion_wxyz: ArrayLike) -> Mat3:
+    return _unit_quaternion(quaternion_wxyz).rotation()
+
+
+def _unit_quaternion(quaternion_wxyz: ArrayLike) -> Quaternion:
+    array = np.asarray(quaternion_wxyz, dtype=float)
+    components = _components("quaternion_wxyz", array, 4)
+    length = np.linalg.norm(array, axis=-1)
+    if not np.all(np.abs(length - 1.0) <= QUATERNION_TOLERANCE):
+        worst = float(np.ravel(length)[np.argmax(np.abs(np.ravel(length) - 1.0))])
+        raise ValueError(f"quaternion_wxyz: length {worst:.9g}, allowed 1 within {QUATERNION_TOLERANCE:g}")
+    return Quaternion.of(components).normalized()
+
+
+def _stack(values: Any, lead: tuple[int, ...]) -> Array:
+    """Nested lists of scalars as one array with the leading axes first."""
+    if isinstance(values, (list, tuple)):
+        parts = [_stack(value, lead) for value in values]
+        return np.stack(parts, axis=len(lead)) if parts else np.zeros((*lead, 0))
+    return np.broadcast_to(np.asarray(values, dtype=float), lead)
+
+
+def _lead(*arrays: ArrayLike) -> tuple[int, ...]:
+    shapes = [np.asarray(a, dtype=float).shape[:-1] for a in arrays]
+    try:
+        return np.broadcast_shapes(*shapes)
+    except ValueError as error:
+        raise ValueError(f"leading axes {shapes} do not broadcast") from error
+
+
+def inverse_dynamics(
+    vehicle: Vehicle,
+    position: ArrayLike,
+    quaternion_wxyz: ArrayLike,
+    joints: ArrayLike,
+    velocity: ArrayLike,
+    acceleration: ArrayLike,
+    *,
+    gravity: float = 9.81,
+) -> Array:
+    """Generalized force (..., 6+n) that gives ``acceleration`` at this state: M a + C v + G.
+
+    Args:
+        vehicle: the rigid bodies.
+        position: (..., 3) base origin in the world, m; rigid-body forces do not depend on it.
+        quaternion_wxyz: (..., 4) base to world, unit to 1e-6.
+        joints: (..., n) rad or m.
+        velocity, acceleration: (..., 6+n).
+        gravity: m/s^2 along world -z.
+    Raises:
+        ValueError: wrong shape, or a quaternion off unit length by more than 1e-6.
+    """
+    n = vehicle.n
+    _components("position", position, 3)
+    R, q = _rotation(quaternion_wxyz), _components("joints", joints, n)
+    v = _components("velocity", velocity, 6 + n)
+    a = _components("acceleration", acceleration, 6 + n)
+    base = proper_acceleration(R, Vec3(*a[:3]), Vec3(*a[3:6]), gravity)
+    force, torques = dynamics.inverse_dynamics(vehicle, q, Vec3(*v[3:6]), v[6:], base, a[6:])
+    lead = _lead(position, quaternion_wxyz, joints, velocity, acceleration)
+    return _stack([*R.apply(force.force), *force.torque, *torques], lead)
+
+
+def forward_dynamics(
+    vehicle: Vehicle,
+    position: ArrayLike,
+    quaternion_wxyz: ArrayLike,
+    joints: ArrayLike,
+    velocity: ArrayLike,
+    force: ArrayLike,
+    *,
+    gravity: float = 9.81,
+) -> Array:
+    """Generalized acceleration (..., 6+n) that ``force`` (..., 6+n) gives; arguments as :func:`inverse_dynamics`."""
+    n = vehicle.n
+    _components("position", position, 3)
+    R, q = _rotation(quaternion_wxyz), _components("joints", joints, n)
+    v, f = _components("velocity", velocity, 6 + n), _components("force", force, 6 + n)
+    applied = Force(Vec3(*f[3:6]), R.apply_T(Vec3(*f[:3])))
+    base, qdd = dynamics.forward_dynamics(vehicle, q, Vec3(*v[3:6]), v[6:], applied, f[6:])
+    linear, angular = coordinate_acceleration(R, base, gravity)
+    return _stack([*linear, *angular, *qdd], _lead(position, quaternion_wxyz, joints, velocity, force))
+
+
+def mass_matrix(
+    vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, *, gravity: float = 9.81
+) -> Array:
+    """Mass matrix (..., 6+n, 6+n) of the generalized velocity; ``gravity`` is accepted for symmetry and has no effect."""
+    del gravity
+    _components("position", position, 3)
+    rows = dynamics.mass_matrix(vehicle, _rotation(quaternion_wxyz), _components("joints", joints, vehicle.n))
+    return _stack(rows, _lead(position, quaternion_wxyz, joints))
+
+
+def frame_pose_world(
+    vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, *, frame: str | None = None
+) -> tuple[Array, Array]:
+    """World position (..., 3) and rotation R_WF (..., 3, 3) of a frame (the end effector by default)."""
+    base = Pose(_rotation(quaternion_wxyz), Vec3(*_components("position", position, 3)))
+    named = vehicle.frame(frame or vehicle.end_effector)
+    pose = base @ frame_pose(vehicle, named, _components("joints", joints, vehicle.n))
+    lead = _lead(position, quaternion_wxyz, joints)
+    return _stack(list(pose.p), lead), _stack([list(row) for row in pose.R.rows], lead)
+
+
+def frame_jacobian(
+    vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, *, frame: str | None = None
+) -> Array:
+    """Jacobian (..., 6, 6+n) of a frame: world linear velocity of its origin, then world angular velocity."""
+    _components("position", position, 3)
+    R, q = _rotation(quaternion_wxyz), _components("joints", joints, vehicle.n)
+    named = vehicle.frame(frame or vehicle.end_effector)
+    arm = frame_pose(vehicle, named, q).p
+    turning = R @ Mat3.cross(-arm)
+    rows: list[list[Any]] = []
+    joint_columns = jacobian_columns(vehicle, named, q)
+    linear = [R.apply(column.linear) for column in joint_columns]
+    angular = [R.apply(column.angular) for column in joint_columns]
+    unit = IDENTITY.R.rows
+    for i in range(3):
+        rows.append([*unit[i], *turning.rows[i], *(tuple(c)[i] for c in linear)])
+    for i in range(3):
+        rows.append([0, 0, 0, *R.rows[i], *(tuple(c)[i] for c in angular)])
+    return _stack(rows, _lead(position, quaternion_wxyz, joints))
+
+
+def _state(vehicle: Vehicle, position: ArrayLike, quaternion: ArrayLike, joints: ArrayLike, velocity: ArrayLike) -> State:
+    v = _components("velocity", velocity, 6 + vehicle.n)
+    return State(
+        position=Vec3(*_components("position", position, 3)),
+        quaternion=_unit_quaternion(quaternion),
+        velocity=Vec3(*v[:3]),
+        rate=Vec3(*v[3:6]),
+        joints=_components("joints", joints, vehicle.n),
+        joint_rates=v[6:],
+    )
+
+
+def energy(
+    vehicle: Vehicle,
+    position: ArrayLike,
+    quaternion_wxyz: ArrayLike,
+    joints: ArrayLike,
+    velocity: ArrayLike,
+    *,
+    gravity: float = 9.81,
+) -> Array:
+    """Kinetic plus potential energy (...), J."""
+    state = _state(vehicle, position, quaternion_wxyz, joints, velocity)
+    total = add(dynamics.kinetic_energy(vehicle, state), dynamics.potential_energy(vehicle, state, gravity))
+    return _stack(total, _lead(position, quaternion_wxyz, joints, velocity))
+
+
+def center_of_mass(vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike) -> Array:
+    """Centre of mass in the world (..., 3), m."""
+    still = np.zeros(6 + vehicle.n)
+    state = _state(vehicle, position, quaternion_wxyz, joints, still)
+    return _stack(list(dynamics.center_of_mass(vehicle, state)), _lead(position, quaternion_wxyz, joints))
+
+
+def momentum(
+    vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, velocity: ArrayLike
+) -> Array:
+    """Linear and angular momentum about the centre of mass (..., 6), world axes."""
+    found = dynamics.momentum(vehicle, _state(vehicle, position, quaternion_wxyz, joints, velocity))
+    return _stack([*found.linear, *found.angular], _lead(position, quaternion_wxyz, joints, velocity))

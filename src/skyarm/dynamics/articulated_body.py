@@ -1,0 +1,83 @@
+"""Forward dynamics: the articulated-body algorithm for a floating base, O(n).
+
+Source: Featherstone 2008, sections 7.3 and 9.4, with classical accelerations at link origins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from skyarm.algebra import ArticulatedInertia, Force, Motion, Vec3, ldl_solve
+from skyarm.dynamics.kinematics import joint_direction, placements
+from skyarm.dynamics.newton_euler import motions, spatial_inertia
+from skyarm.scalars import divide, mul, sub
+from skyarm.vehicle.records import BASE, Vehicle
+
+
+def forward_dynamics(
+    vehicle: Vehicle,
+    joints: Sequence[Any],
+    rate: Vec3,
+    joint_rates: Sequence[Any],
+    applied: Force,
+    joint_torques: Sequence[Any],
+) -> tuple[Motion, tuple[Any, ...]]:
+    """Acceleration that applied forces give.
+
+    Args:
+        vehicle: the rigid bodies.
+        joints, joint_rates, joint_torques: one per joint.
+        rate: base angular velocity, base axes, rad/s.
+        applied: torque about and force at the base origin, base axes; gravity is not part of it.
+    Returns:
+        Proper acceleration of the base (base axes) and the joint accelerations.
+    """
+    n, links = vehicle.n, vehicle.links
+    places = placements(vehicle, joints)
+    moving = motions(vehicle, places, rate, joint_rates)
+    rigid = [spatial_inertia(link.body) for link in links]
+    inertias = [body.articulated() for body in rigid]
+    biases = [body.velocity_force(motion.rate) for body, motion in zip(rigid, moving, strict=True)]
+    base = spatial_inertia(vehicle.base)
+    base_inertia, base_bias = base.articulated(), base.velocity_force(rate)
+    U: list[Force] = [Force(Vec3(0, 0, 0), Vec3(0, 0, 0))] * n
+    inverse_d: list[Any] = [0] * n
+    u: list[Any] = [0] * n
+    for i in reversed(range(n)):
+        S = joint_direction(links[i].joint)
+        U[i] = inertias[i].apply(S)
+        inverse_d[i] = divide(1.0, S.dot(U[i]))
+        u[i] = sub(joint_torques[i], S.dot(biases[i]))
+        reduced = inertias[i].without(U[i], inverse_d[i])
+        bias = biases[i] + reduced.apply(moving[i].products) + U[i] * mul(u[i], inverse_d[i])
+        carried, force = (item.into_parent(places[i].R, places[i].p) for item in (reduced, bias))
+        if links[i].parent == BASE:
+            base_inertia, base_bias = base_inertia + carried, base_bias + force
+        else:
+            inertias[links[i].parent] += carried
+            biases[links[i].parent] += force
+    base_acceleration = _solve_base(base_inertia, applied - base_bias)
+    accelerations: list[Motion] = []
+    joint_accelerations: list[Any] = []
+    for i in range(n):
+        parent = base_acceleration if links[i].parent == BASE else accelerations[links[i].parent]
+        a = parent.into_child(places[i].R, places[i].p) + moving[i].products
+        qdd = mul(sub(u[i], a.dot(U[i])), inverse_d[i])
+        joint_accelerations.append(qdd)
+        accelerations.append(a + joint_direction(links[i].joint) * qdd)
+    return base_acceleration, tuple(joint_accelerations)
+
+
+def _solve_base(inertia: ArticulatedInertia, force: Force) -> Motion:
+    """Acceleration of the floating base; the linear block first, where a bare airframe is diagonal."""
+    M, J, H = inertia.M.full().rows, inertia.J.full().rows, inertia.H.rows
+    A: list[list[Any]] = [[0] * 6 for _ in range(6)]
+    for i in range(3):
+        for j in range(3):
+            A[i][j] = tuple(M[i])[j]
+            A[3 + i][j] = tuple(H[i])[j]
+            A[j][3 + i] = tuple(H[i])[j]
+            A[3 + i][3 + j] = tuple(J[i])[j]
+    x = ldl_solve(A, [*force.force, *force.torque])
+    return Motion(Vec3(*x[3:]), Vec3(*x[:3]))

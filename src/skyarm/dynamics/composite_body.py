@@ -1,0 +1,57 @@
+"""Mass matrix: the composite-rigid-body algorithm for a floating base.
+
+Source: Walker, Orin 1982; Featherstone 2008, sections 6.2 and 9.4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from skyarm.algebra import Mat3, SpatialInertia
+from skyarm.dynamics.kinematics import joint_direction, placements
+from skyarm.dynamics.newton_euler import spatial_inertia
+from skyarm.vehicle.records import BASE, Vehicle
+
+
+def mass_matrix(vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Any]) -> list[list[Any]]:
+    """M of the generalized velocity [v_W, w_B, joint rates], (6+n) x (6+n), rows as lists.
+
+    Args:
+        vehicle: the rigid bodies.
+        R_WB: attitude; it turns the translation-rotation and translation-joint blocks into world axes.
+        joints: rad or m.
+    """
+    places = placements(vehicle, joints)
+    composite = [spatial_inertia(link.body) for link in vehicle.links]
+    whole = spatial_inertia(vehicle.base)
+    for i in reversed(range(vehicle.n)):
+        carried = composite[i].into_parent(places[i].R, places[i].p)
+        if vehicle.links[i].parent == BASE:
+            whole = whole + carried
+        else:
+            composite[vehicle.links[i].parent] = composite[vehicle.links[i].parent] + carried
+    M = _base_block(whole, R_WB, 6 + vehicle.n)
+    for i in range(vehicle.n):
+        force = composite[i].apply(joint_direction(vehicle.links[i].joint))
+        j = i
+        while j != BASE:
+            M[6 + i][6 + j] = M[6 + j][6 + i] = joint_direction(vehicle.links[j].joint).dot(force)
+            force = force.into_parent(places[j].R, places[j].p)
+            j = vehicle.links[j].parent
+        for row, value in enumerate((*R_WB.apply(force.force), *force.torque)):
+            M[row][6 + i] = M[6 + i][row] = value
+    return M
+
+
+def _base_block(whole: SpatialInertia, R_WB: Mat3, size: int) -> list[list[Any]]:
+    """[[m 1, -R S(mc)], [S(mc) R^T, I]] in the corner of a matrix of structural zeros."""
+    M: list[list[Any]] = [[0] * size for _ in range(size)]
+    coupling = R_WB @ Mat3.cross(-whole.moment)
+    rotational = whole.inertia.full()
+    for i in range(3):
+        M[i][i] = whole.mass
+        for j in range(3):
+            M[i][3 + j] = M[3 + j][i] = tuple(coupling.rows[i])[j]
+            M[3 + i][3 + j] = tuple(rotational.rows[i])[j]
+    return M

@@ -1,0 +1,83 @@
+"""Centre of mass, momentum and energy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.algebra import ZERO3, Vec3
+from skyarm.dynamics.kinematics import Pose, link_poses
+from skyarm.dynamics.state import State
+from skyarm.scalars import add, divide, mul
+from skyarm.vehicle.records import BASE, Vehicle
+
+
+@dataclass(frozen=True, slots=True)
+class Momentum:
+    """Linear (kg m/s) and angular momentum about the centre of mass (kg m^2/s), world axes."""
+
+    linear: Vec3
+    angular: Vec3
+
+
+@dataclass(frozen=True, slots=True)
+class _BodyMotion:
+    """World pose of a body's link, world angular velocity, world position and velocity of its centre of mass."""
+
+    pose: Pose
+    w: Vec3
+    com: Vec3
+    velocity: Vec3
+
+
+def _body_motions(vehicle: Vehicle, state: State) -> list[_BodyMotion]:
+    """Base first, then the links, by straightforward differentiation of positions in world axes."""
+    base = Pose(state.quaternion.rotation(), state.position)
+    poses = [base, *(base @ pose for pose in link_poses(vehicle, state.joints))]
+    rates, origins = [base.R.apply(state.rate)], [state.velocity]
+    for i, link in enumerate(vehicle.links):
+        parent = 0 if link.parent == BASE else link.parent + 1
+        axis = poses[i + 1].R.apply(link.joint.axis) * state.joint_rates[i]
+        carried = origins[parent] + rates[parent].cross(poses[i + 1].p - poses[parent].p)
+        revolute = link.joint.kind == "revolute"
+        rates.append(rates[parent] + axis if revolute else rates[parent])
+        origins.append(carried if revolute else carried + axis)
+    moving = []
+    for body, pose, w, v in zip(vehicle.bodies, poses, rates, origins, strict=True):
+        arm = pose.R.apply(body.com)
+        moving.append(_BodyMotion(pose, w, pose.p + arm, v + w.cross(arm)))
+    return moving
+
+
+def center_of_mass(vehicle: Vehicle, state: State) -> Vec3:
+    """Centre of mass of the whole vehicle in the world, m."""
+    total = ZERO3
+    for body, motion in zip(vehicle.bodies, _body_motions(vehicle, state), strict=True):
+        total = total + motion.com * body.mass
+    return total * divide(1.0, vehicle.mass)
+
+
+def momentum(vehicle: Vehicle, state: State) -> Momentum:
+    """Linear momentum and angular momentum about the centre of mass; both are kept in free fall but for weight."""
+    linear, angular = ZERO3, ZERO3
+    com = center_of_mass(vehicle, state)
+    for body, motion in zip(vehicle.bodies, _body_motions(vehicle, state), strict=True):
+        p = motion.velocity * body.mass
+        spin = motion.pose.R.apply(body.inertia.apply(motion.pose.R.apply_T(motion.w)))
+        linear = linear + p
+        angular = angular + spin + (motion.com - com).cross(p)
+    return Momentum(linear, angular)
+
+
+def kinetic_energy(vehicle: Vehicle, state: State) -> Any:
+    """Kinetic energy, J."""
+    total: Any = 0
+    for body, motion in zip(vehicle.bodies, _body_motions(vehicle, state), strict=True):
+        w = motion.pose.R.apply_T(motion.w)
+        total = add(total, add(mul(body.mass, motion.velocity.dot(motion.velocity)), w.dot(body.inertia.apply(w))))
+    return mul(0.5, total)
+
+
+def potential_energy(vehicle: Vehicle, state: State, gravity: Any) -> Any:
+    """Potential energy in gravity (m/s^2), zero at world z = 0, J."""
+    return mul(mul(vehicle.mass, gravity), center_of_mass(vehicle, state).z)

@@ -1,0 +1,85 @@
+"""Where the links are: joint placements, poses of links and frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.algebra import ZERO3, Mat3, Motion, Vec3, axis_rotation
+from skyarm.vehicle.records import BASE, Frame, Joint, Vehicle
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Rotation R_AB (B axes to A axes) and position p_AB (origin of B in A)."""
+
+    R: Mat3
+    p: Vec3
+
+    def __matmul__(self, other: Pose) -> Pose:
+        """Composition: A_B o B_C = A_C."""
+        return Pose(self.R @ other.R, self.p + self.R.apply(other.p))
+
+    def apply(self, point: Vec3) -> Vec3:
+        """A point given in B, in A."""
+        return self.p + self.R.apply(point)
+
+
+IDENTITY = Pose(Mat3.identity(), ZERO3)
+
+
+def joint_placement(joint: Joint, q: Any) -> Pose:
+    """Pose of the child link in its parent at joint value ``q`` (rad or m)."""
+    if joint.kind == "revolute":
+        return Pose(joint.rotation @ axis_rotation(joint.axis, q), joint.position)
+    return Pose(joint.rotation, joint.position + joint.rotation.apply(joint.axis * q))
+
+
+def joint_direction(joint: Joint) -> Motion:
+    """Motion of the child against its parent per unit of joint rate, child axes, at the child's origin."""
+    return Motion(joint.axis, ZERO3) if joint.kind == "revolute" else Motion(ZERO3, joint.axis)
+
+
+def placements(vehicle: Vehicle, joints: Sequence[Any]) -> list[Pose]:
+    """Pose of every link in its parent."""
+    return [joint_placement(link.joint, q) for link, q in zip(vehicle.links, joints, strict=True)]
+
+
+def link_poses(vehicle: Vehicle, joints: Sequence[Any]) -> list[Pose]:
+    """Pose of every link in the base frame."""
+    poses: list[Pose] = []
+    for link, placement in zip(vehicle.links, placements(vehicle, joints), strict=True):
+        poses.append(placement if link.parent == BASE else poses[link.parent] @ placement)
+    return poses
+
+
+def frame_pose(vehicle: Vehicle, frame: Frame, joints: Sequence[Any]) -> Pose:
+    """Pose of a frame in the base frame."""
+    local = Pose(frame.rotation, frame.position)
+    return local if frame.link == BASE else link_poses(vehicle, joints)[frame.link] @ local
+
+
+def forward_kinematics(vehicle: Vehicle, frame: Frame, base: Pose, joints: Sequence[Any]) -> Pose:
+    """Pose of a frame in the world for a base pose in the world."""
+    return base @ frame_pose(vehicle, frame, joints)
+
+
+def jacobian_columns(vehicle: Vehicle, frame: Frame, joints: Sequence[Any]) -> list[Motion]:
+    """Columns d(angular, linear velocity of the frame's origin)/d(joint rates), base axes, base at rest.
+
+    A joint that does not carry the frame gives a structural zero.
+    """
+    poses = link_poses(vehicle, joints)
+    tip = frame_pose(vehicle, frame, joints).p
+    columns = [Motion(ZERO3, ZERO3) for _ in vehicle.links]
+    index = frame.link
+    while index != BASE:
+        link, pose = vehicle.links[index], poses[index]
+        axis = pose.R.apply(link.joint.axis)
+        if link.joint.kind == "revolute":
+            columns[index] = Motion(axis, axis.cross(tip - pose.p))
+        else:
+            columns[index] = Motion(ZERO3, axis)
+        index = link.parent
+    return columns

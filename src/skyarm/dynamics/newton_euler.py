@@ -1,0 +1,94 @@
+"""Inverse dynamics: the recursive Newton-Euler algorithm for a floating base.
+
+Source: Luh, Walker, Paul 1980; Featherstone 2008, section 5.3, with classical accelerations at link origins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.algebra import Force, Motion, SpatialInertia, Vec3
+from skyarm.dynamics.kinematics import Pose, joint_direction, placements
+from skyarm.vehicle.records import BASE, Body, Joint, Vehicle
+
+
+@dataclass(frozen=True, slots=True)
+class JointMotion:
+    """A link's angular velocity and the velocity products its joint adds to its acceleration, link axes."""
+
+    rate: Vec3
+    products: Motion
+
+
+def spatial_inertia(body: Body) -> SpatialInertia:
+    """Inertia of a body about its link's origin."""
+    return SpatialInertia.of_body(body.mass, body.com, body.inertia)
+
+
+def joint_motion(joint: Joint, placement: Pose, parent_rate: Vec3, joint_rate: Any) -> JointMotion:
+    """Angular velocity of the child, and the part of its origin's acceleration that is quadratic in velocity.
+
+    With w the rates and s = axis * joint_rate: angular w x s (revolute); linear R^T (w_P x (w_P x p)), and the
+    Coriolis term 2 w x s (prismatic).
+    """
+    carried = placement.R.apply_T(parent_rate)
+    slide = joint.axis * joint_rate
+    centripetal = placement.R.apply_T(parent_rate.cross(parent_rate.cross(placement.p)))
+    if joint.kind == "revolute":
+        return JointMotion(carried + slide, Motion(carried.cross(slide), centripetal))
+    return JointMotion(carried, Motion(Vec3(0, 0, 0), centripetal + carried.cross(slide) * 2.0))
+
+
+def motions(
+    vehicle: Vehicle, places: Sequence[Pose], rate: Vec3, joint_rates: Sequence[Any]
+) -> list[JointMotion]:
+    """Joint motion of every link for base rate ``rate`` (base axes, rad/s)."""
+    found: list[JointMotion] = []
+    for link, place, joint_rate in zip(vehicle.links, places, joint_rates, strict=True):
+        parent_rate = rate if link.parent == BASE else found[link.parent].rate
+        found.append(joint_motion(link.joint, place, parent_rate, joint_rate))
+    return found
+
+
+def inverse_dynamics(
+    vehicle: Vehicle,
+    joints: Sequence[Any],
+    rate: Vec3,
+    joint_rates: Sequence[Any],
+    base: Motion,
+    joint_accelerations: Sequence[Any],
+) -> tuple[Force, tuple[Any, ...]]:
+    """Force that a motion needs: M a + C v + G.
+
+    Args:
+        vehicle: the rigid bodies.
+        joints, joint_rates, joint_accelerations: one per joint.
+        rate: base angular velocity, base axes, rad/s.
+        base: proper acceleration of the base, base axes (:func:`skyarm.dynamics.proper_acceleration`).
+    Returns:
+        Force on the base (torque about and force at its origin, base axes) and the joint torques or forces.
+    """
+    places = placements(vehicle, joints)
+    moving = motions(vehicle, places, rate, joint_rates)
+    inertia = spatial_inertia(vehicle.base)
+    total = inertia.apply(base) + inertia.velocity_force(rate)
+    accelerations: list[Motion] = []
+    forces: list[Force] = []
+    for link, place, motion, qdd in zip(vehicle.links, places, moving, joint_accelerations, strict=True):
+        parent = base if link.parent == BASE else accelerations[link.parent]
+        a = parent.into_child(place.R, place.p) + motion.products + joint_direction(link.joint) * qdd
+        inertia = spatial_inertia(link.body)
+        accelerations.append(a)
+        forces.append(inertia.apply(a) + inertia.velocity_force(motion.rate))
+    torques: list[Any] = [0] * vehicle.n
+    for i in reversed(range(vehicle.n)):
+        link = vehicle.links[i]
+        torques[i] = joint_direction(link.joint).dot(forces[i])
+        carried = forces[i].into_parent(places[i].R, places[i].p)
+        if link.parent == BASE:
+            total = total + carried
+        else:
+            forces[link.parent] = forces[link.parent] + carried
+    return total, tuple(torques)

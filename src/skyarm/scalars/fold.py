@@ -1,0 +1,56 @@
+"""Arithmetic that folds structure: ints 0, 1 and -1 disappear, everything else is computed.
+
+Only exact IEEE identities are used (x * 1 = x, x + 0 = x for a structural zero, (-1) * x = -x), so folding never
+changes the value of a program, whatever engine runs it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+def structural(value: float) -> int | float:
+    """Mark an exact 0, 1 or -1 of a description as structure (int); any other number stays data (float)."""
+    return int(value) if value in (0.0, 1.0, -1.0) else float(value)
+
+
+def add(a: Any, b: Any) -> Any:
+    """a + b, a structural zero folded."""
+    if type(a) is int and a == 0:
+        return b
+    if type(b) is int and b == 0:
+        return a
+    return a + b
+
+
+def sub(a: Any, b: Any) -> Any:
+    """a - b, a structural zero folded."""
+    if type(b) is int and b == 0:
+        return a
+    if type(a) is int and a == 0:
+        return -b
+    return a - b
+
+
+def neg(a: Any) -> Any:
+    """-a."""
+    return -a
+
+
+def mul(a: Any, b: Any) -> Any:
+    """a * b, structural 0, 1 and -1 folded."""
+    if type(a) is int:
+        if a == 0:
+            return 0
+        if a == 1:
+            return b
+        if a == -1:
+            return -b
+    if type(b) is int:
+        if b == 0:
+            return 0
+        if b == 1:
+            return a
+        if b == -1:
+            return -a
+    return a * b

@@ -1,0 +1,158 @@
+"""Checks of a vehicle: topology always, numbers where they are concrete.
+
+Each message names the field, the value and what is allowed; the file is added by the reader that knows it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from skyarm.algebra import Mat3, Sym3, Vec3
+
+if TYPE_CHECKING:
+    from skyarm.vehicle.records import Body, Joint, Rotor, Vehicle
+
+TOLERANCE = 1e-6
+"""Relative slack for unit lengths, orthogonality and the triangle inequality (rounding of published numbers)."""
+
+
+class VehicleError(ValueError):
+    """A vehicle's description is wrong."""
+
+
+def concrete(*values: Any) -> bool:
+    """True if all values are plain numbers (not lanes, nodes or tracers)."""
+    return all(isinstance(value, (int, float)) for value in values)
+
+
+def refuse(field: str, value: Any, allowed: str) -> None:
+    """Raise with field, value and what is allowed."""
+    raise VehicleError(f"{field} = {value!r}: {allowed}")
+
+
+def number(field: str, value: Any, *, low: float = -math.inf, strict: bool = False) -> None:
+    """A finite number not below ``low`` (above it if strict)."""
+    if not concrete(value):
+        return
+    if not math.isfinite(value):
+        refuse(field, value, "must be a finite number")
+    if value < low or (strict and value == low):
+        refuse(field, value, f"must be {'greater than' if strict else 'at least'} {low:g}")
+
+
+def vector(field: str, v: Vec3, *, unit: bool = False) -> None:
+    """Three finite numbers, of unit length if asked."""
+    for name, value in zip("xyz", v, strict=True):
+        number(f"{field}.{name}", value)
+    if unit and concrete(*v):
+        length = math.sqrt(sum(c * c for c in v))
+        if abs(length - 1.0) > TOLERANCE:
+            refuse(field, tuple(v), f"must be a unit vector, its length is {length:g}")
+
+
+def rotation(field: str, R: Mat3) -> None:
+    """A proper rotation matrix."""
+    entries = [c for row in R.rows for c in row]
+    if not concrete(*entries):
+        return
+    for row in R.rows:
+        vector(field, row, unit=True)
+    if abs(R.r0.cross(R.r1).dot(R.r2) - 1.0) > 10 * TOLERANCE:
+        refuse(field, entries, "must be a rotation (orthogonal, determinant +1)")
+
+
+def inertia(field: str, inertia_com: Sym3, *, planar: bool) -> None:
+    """Moments that a real body can have: positive semi-definite and the triangle inequality of principal moments."""
+    if not concrete(*inertia_com.entries):
+        return
+    for name, value in zip(("xx", "yy", "zz", "xy", "xz", "yz"), inertia_com.entries, strict=True):
+        number(f"{field}.{name}", value)
+    import numpy as np
+
+    rows = [list(row) for row in inertia_com.full().rows]
+    moments = np.linalg.eigvalsh(np.array(rows, dtype=float))
+    slack = TOLERANCE * max(float(np.abs(moments).max()), 1e-300)
+    shown = ", ".join(f"{m:.6g}" for m in moments)
+    if moments[0] < -slack:
+        refuse(field, f"principal moments {shown}", "must not be negative")
+    if not planar and moments[0] + moments[1] < moments[2] - slack:
+        refuse(
+            field,
+            f"principal moments {shown}",
+            "must obey the triangle inequality (no real body has this inertia; a controller's model may declare 'planar = true')",
+        )
+
+
+def body(field: str, value: Body) -> None:
+    """Mass, centre of mass and inertia of one link."""
+    number(f"{field}.mass", value.mass, low=0.0)
+    vector(f"{field}.com", value.com)
+    inertia(f"{field}.inertia", value.inertia, planar=value.planar)
+
+
+def joint(field: str, value: Joint) -> None:
+    """Kind, axis, pose, limits and friction of one joint."""
+    if value.kind not in ("revolute", "prismatic"):
+        refuse(f"{field}.kind", value.kind, "must be 'revolute' or 'prismatic'")
+    vector(f"{field}.axis", value.axis, unit=True)
+    vector(f"{field}.position", value.position)
+    rotation(f"{field}.rotation", value.rotation)
+    for name in ("damping", "coulomb"):
+        number(f"{field}.{name}", getattr(value, name), low=0.0)
+    number(f"{field}.coulomb_rate", value.coulomb_rate, low=0.0, strict=True)
+    if concrete(value.effort_limit) and not value.effort_limit > 0.0:
+        refuse(f"{field}.effort_limit", value.effort_limit, "must be greater than 0")
+    if concrete(value.lower, value.upper) and not value.lower < value.upper:
+        refuse(f"{field}.lower", value.lower, f"must be below upper = {value.upper!r}")
+
+
+def rotor(field: str, value: Rotor) -> None:
+    """Pose, direction and coefficients of one rotor."""
+    vector(f"{field}.position", value.position)
+    vector(f"{field}.axis", value.axis, unit=True)
+    if value.direction not in (-1, 1):
+        refuse(f"{field}.direction", value.direction, "must be +1 (ccw) or -1 (cw)")
+    number(f"{field}.thrust_coefficient", value.thrust_coefficient, low=0.0, strict=True)
+    for name in ("moment_coefficient", "drag_coefficient", "rolling_moment_coefficient"):
+        number(f"{field}.{name}", getattr(value, name), low=0.0)
+    for name in ("time_constant_up", "time_constant_down"):
+        number(f"{field}.{name}", getattr(value, name), low=0.0, strict=True)
+    if concrete(value.max_speed) and not value.max_speed > 0.0:
+        refuse(f"{field}.max_speed", value.max_speed, "must be greater than 0")
+
+
+def unique(field: str, names: list[str]) -> None:
+    """No name twice, none empty."""
+    for name in names:
+        if not name:
+            refuse(field, name, "must have a name")
+        if names.count(name) > 1:
+            refuse(field, name, "stands twice; names must be unique")
+
+
+def vehicle(value: Vehicle) -> None:
+    """Topology, then every number."""
+    body("base", value.base)
+    if concrete(value.base.mass) and not value.base.mass > 0.0:
+        refuse("base.mass", value.base.mass, "must be greater than 0")
+    unique("links.name", [link.name for link in value.links])
+    unique("joints.name", [link.joint.name for link in value.links])
+    unique("rotors.name", [each.name for each in value.rotors])
+    unique("frames.name", [each.name for each in value.frames])
+    for index, link in enumerate(value.links):
+        if not -1 <= link.parent < index:
+            refuse(f"links[{link.name}].parent", link.parent, "must be the base (-1) or a link that stands before it")
+        body(f"links[{link.name}]", link.body)
+        joint(f"joints[{link.joint.name}]", link.joint)
+    for each in value.rotors:
+        rotor(f"rotors[{each.name}]", each)
+    for each in value.frames:
+        if not -1 <= each.link < len(value.links):
+            refuse(f"frames[{each.name}].link", each.link, f"must be -1 (base) ... {len(value.links) - 1}")
+        vector(f"frames[{each.name}].position", each.position)
+        rotation(f"frames[{each.name}].rotation", each.rotation)
+    if value.end_effector and value.end_effector not in [each.name for each in value.frames]:
+        refuse("end_effector", value.end_effector, f"must be one of {[each.name for each in value.frames]}")
+    vector("drag.area", value.drag.area)
+    number("drag.air_density", value.drag.air_density, low=0.0)

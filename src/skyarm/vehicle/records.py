@@ -1,0 +1,218 @@
+"""The vehicle: a rigid base with rotors and a tree of links.
+
+Plain frozen records of scalars: a mass may be a float, a lane of a batch, a traced node or a JAX array. Integers are
+structure (see :mod:`skyarm.scalars`). Concrete numbers are checked when a :class:`Vehicle` is made.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass, field
+
+from skyarm.algebra import ZERO3, Mat3, Sym3, Vec3
+from skyarm.scalars import Scalar, add, divide
+from skyarm.vehicle import check
+
+BASE = -1
+"""Index that stands for the base where a link's index is asked for."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Body:
+    """Mass distribution of one link, in the link's frame.
+
+    Attributes:
+        mass: kg.
+        com: centre of mass, m, link frame.
+        inertia: kg m^2, about the centre of mass, link axes.
+        planar: the inertia is that of a planar model (only the moment about the joint axis is given). Such a body
+            exists in a controller's model only; a plant refuses it.
+    """
+
+    mass: Scalar
+    com: Vec3 = ZERO3
+    inertia: Sym3 = Sym3(0, 0, 0)
+    planar: bool = False
+
+    def joined(self, other: Body) -> Body:
+        """Two bodies of one link as one: masses add, inertias move to the common centre of mass (Steiner)."""
+        mass = add(self.mass, other.mass)
+        com = _weighted(self, other, mass)
+        inertia = Sym3(0, 0, 0)
+        for body in (self, other):
+            inertia = inertia + body.inertia + Sym3.parallel_axis(body.mass, body.com - com)
+        return Body(mass=mass, com=com, inertia=inertia, planar=self.planar or other.planar)
+
+
+def _weighted(a: Body, b: Body, mass: Scalar) -> Vec3:
+    first, second = a.com * a.mass, b.com * b.mass
+    total = first + second
+    return Vec3(*(0 if type(c) is int and c == 0 else divide(c, mass) for c in total))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Joint:
+    """One degree of freedom between a link and its parent.
+
+    Attributes:
+        name: unique among the joints.
+        kind: "revolute" (rad) or "prismatic" (m).
+        axis: unit vector, joint frame; positive motion follows the right-hand rule.
+        position: origin of the joint frame in the parent link's frame, m. The child link's frame coincides with the
+            joint frame at zero.
+        rotation: R_PJ, joint axes to parent axes.
+        lower, upper: limits, rad or m; passing one ends an episode by the joint's name.
+        effort_limit: largest |torque| (N m) or |force| (N) of the actuator.
+        damping: viscous, N m s/rad or N s/m.
+        coulomb: smooth Coulomb friction, N m or N: coulomb * tanh(rate / coulomb_rate).
+        coulomb_rate: rate at which tanh has bent, rad/s or m/s.
+    """
+
+    name: str
+    kind: str = "revolute"
+    axis: Vec3 = Vec3(0, 1, 0)
+    position: Vec3 = ZERO3
+    rotation: Mat3 = Mat3.identity()
+    lower: Scalar = -math.inf
+    upper: Scalar = math.inf
+    effort_limit: Scalar = math.inf
+    damping: Scalar = 0
+    coulomb: Scalar = 0
+    coulomb_rate: Scalar = 0.01
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Link:
+    """A body that moves by one joint against its parent (an index into ``Vehicle.links``; BASE for the base)."""
+
+    name: str
+    parent: int
+    joint: Joint
+    body: Body
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Rotor:
+    """A rotor fixed to the base.
+
+    Attributes:
+        position: hub in the base frame, m.
+        axis: unit vector of positive thrust, base frame.
+        direction: +1 turns counter-clockwise seen against the axis (ccw), -1 clockwise.
+        thrust_coefficient: k_f, N s^2/rad^2: thrust = k_f W^2.
+        moment_coefficient: k_m, m: drag torque = k_m thrust, against the direction of rotation.
+        drag_coefficient: hub drag, N s^2/(rad m): force = -coefficient |W| v_perp.
+        rolling_moment_coefficient: N s^2/rad: torque = -coefficient |W| v_perp.
+        time_constant_up, time_constant_down: first-order lag of the speed, s.
+        max_speed: rad/s.
+    """
+
+    name: str
+    position: Vec3
+    axis: Vec3 = Vec3(0, 0, 1)
+    direction: int
+    thrust_coefficient: Scalar
+    moment_coefficient: Scalar
+    drag_coefficient: Scalar = 0
+    rolling_moment_coefficient: Scalar = 0
+    time_constant_up: Scalar = 0.0125
+    time_constant_down: Scalar = 0.025
+    max_speed: Scalar = math.inf
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Frame:
+    """A named frame fixed to a link: tool tip, sensor (position in m and R_LF in the link's frame)."""
+
+    name: str
+    link: int
+    position: Vec3
+    rotation: Mat3 = Mat3.identity()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class BodyDrag:
+    """Drag of the airframe in base axes: force_i = -1/2 rho area_i |v| v_i at the base origin.
+
+    Attributes:
+        area: drag coefficient times reference area per axis, m^2.
+        air_density: kg/m^3 (ISA sea level 1.225).
+    """
+
+    area: Vec3 = ZERO3
+    air_density: Scalar = 1.225
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Vehicle:
+    """Airframe, arm and rotors.
+
+    Attributes:
+        name: short name.
+        base: the airframe's body, base frame.
+        links: tree in an order in which every parent precedes its children.
+        rotors: any number, any pose.
+        frames: named frames; ``end_effector`` names the one that metrics and tasks mean.
+        drag: drag of the airframe in moving air.
+        sources: (field, source) pairs: where each number comes from.
+    """
+
+    name: str
+    base: Body
+    links: tuple[Link, ...] = ()
+    rotors: tuple[Rotor, ...] = ()
+    frames: tuple[Frame, ...] = ()
+    end_effector: str = ""
+    drag: BodyDrag = BodyDrag()
+    sources: tuple[tuple[str, str], ...] = field(default=(), repr=False)
+
+    def __post_init__(self) -> None:
+        check.vehicle(self)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.links)
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """Base first, then the links."""
+        return (self.base, *(link.body for link in self.links))
+
+    @property
+    def mass(self) -> Scalar:
+        """Total mass, kg."""
+        total: Scalar = 0
+        for body in self.bodies:
+            total = add(total, body.mass)
+        return total
+
+    @property
+    def planar(self) -> bool:
+        """True if a body is a planar model: such a vehicle can be believed but not flown."""
+        return any(body.planar for body in self.bodies)
+
+    def frame(self, name: str) -> Frame:
+        """Frame by name; raises VehicleError that lists the frames there are."""
+        for candidate in self.frames:
+            if candidate.name == name:
+                return candidate
+        raise check.VehicleError(
+            f"vehicle '{self.name}': no frame '{name}'; there are {[f.name for f in self.frames] or 'none'}"
+        )
+
+    def with_payload(self, mass: Scalar, frame: str | None = None) -> Vehicle:
+        """This vehicle with a point mass (kg) held at a frame (the end effector by default)."""
+        at = self.frame(frame or self.end_effector)
+        load = Body(mass=mass, com=at.position)
+        if at.link == BASE:
+            return dataclasses.replace(self, base=self.base.joined(load))
+        links = list(self.links)
+        links[at.link] = dataclasses.replace(links[at.link], body=links[at.link].body.joined(load))
+        return dataclasses.replace(self, links=tuple(links))
+
+    def with_joints(self, **values: Scalar) -> Vehicle:
+        """This vehicle with fields of every joint replaced, for example ``with_joints(damping=0.005)``."""
+        links = tuple(dataclasses.replace(k, joint=dataclasses.replace(k.joint, **values)) for k in self.links)
+        return dataclasses.replace(self, links=links)
