@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra.vector import Vec3
-from skyarm.scalars import Scalar, add, cos, mul, neg, sin, structural, sub
+from skyarm.scalars import Scalar, add, cos, mul, neg, sin, sub
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,13 +109,15 @@ class Sym3:
     yz: Scalar = 0
 
     @classmethod
-    def described(cls, xx: float, yy: float, zz: float, xy: float = 0.0, xz: float = 0.0, yz: float = 0.0) -> Sym3:
+    def described(  # noqa: PLR0917  the six entries, in the order of the fields
+        cls, xx: float, yy: float, zz: float, xy: float = 0.0, xz: float = 0.0, yz: float = 0.0
+    ) -> Sym3:
         """From numbers of a description: exact zeros become structure, every other number stays data."""
         return cls(*(0 if value == 0.0 else float(value) for value in (xx, yy, zz, xy, xz, yz)))
 
     @classmethod
     def isotropic(cls, value: Any) -> Sym3:
-        """value * 1."""
+        """Scale the identity by ``value``."""
         return cls(value, value, value)
 
     @classmethod
@@ -125,7 +127,7 @@ class Sym3:
 
     @classmethod
     def parallel_axis(cls, mass: Any, c: Vec3) -> Sym3:
-        """m S(c)^T S(c): the inertia of a point mass at ``c`` (Steiner)."""
+        """Return m S(c)^T S(c): the inertia of a point mass at ``c`` (Steiner)."""
         mx, my, mz = c * mass
         xx, yy, zz = mul(mx, c.x), mul(my, c.y), mul(mz, c.z)
         return cls(add(yy, zz), add(xx, zz), add(xx, yy), neg(mul(mx, c.y)), neg(mul(mx, c.z)), neg(mul(my, c.z)))
@@ -171,4 +173,5 @@ def axis_rotation(axis: Vec3, angle: Any) -> Mat3:
     """
     c, s = cos(angle), sin(angle)
     outer = Mat3(axis * axis.x, axis * axis.y, axis * axis.z)
-    return outer + (Mat3.identity() - outer) * c + Mat3.cross(axis) * s
+    R: Mat3 = outer + (Mat3.identity() - outer) * c + Mat3.cross(axis) * s
+    return R

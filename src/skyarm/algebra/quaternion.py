@@ -51,12 +51,12 @@ class Quaternion:
         )
 
     def plus(self, other: Quaternion, factor: Any) -> Quaternion:
-        """self + factor * other, not normalised (Runge-Kutta stages)."""
+        """Return self + factor * other, not normalised (Runge-Kutta stages)."""
         a, b = self, other
         return Quaternion(a.w + factor * b.w, a.x + factor * b.x, a.y + factor * b.y, a.z + factor * b.z)
 
     def normalized(self) -> Quaternion:
-        """The unit quaternion along self; NaN for zero."""
+        """Return the unit quaternion along self; NaN for zero."""
         scale = divide(1.0, sqrt(self.w * self.w + self.x * self.x + self.y * self.y + self.z * self.z))
         return Quaternion(self.w * scale, self.x * scale, self.y * scale, self.z * scale)
 
@@ -73,7 +73,7 @@ class Quaternion:
         )
 
     def derivative(self, w_B: Vec3) -> Quaternion:
-        """qdot = 1/2 q o (0, w_B)."""
+        """Return qdot = 1/2 q o (0, w_B)."""
         w, x, y, z = self
         p, q, r = w_B
         return Quaternion(

@@ -35,7 +35,7 @@ class Motion:
         return add(self.angular.dot(force.torque), self.linear.dot(force.force))
 
     def into_child(self, R_PC: Mat3, p_PC: Vec3) -> Motion:
-        """The same rigid motion at the child's origin, in child axes."""
+        """Move the motion to the child's origin, in child axes."""
         return Motion(R_PC.apply_T(self.angular), R_PC.apply_T(self.linear + self.angular.cross(p_PC)))
 
 
@@ -59,7 +59,7 @@ class Force:
         return Force(self.torque * scalar, self.force * scalar)
 
     def into_parent(self, R_PC: Mat3, p_PC: Vec3) -> Force:
-        """The same force about the parent's origin, in parent axes."""
+        """Move the force to the parent's origin, in parent axes."""
         force = R_PC.apply(self.force)
         return Force(R_PC.apply(self.torque) + p_PC.cross(force), force)
 
@@ -93,13 +93,15 @@ class SpatialInertia:
         return Force(w.cross(self.inertia.apply(w)), w.cross(w.cross(self.moment)))
 
     def into_parent(self, R_PC: Mat3, p_PC: Vec3) -> SpatialInertia:
-        """The same body about the parent's origin, in parent axes.
+        """Move the body to the parent's origin, in parent axes.
 
         I' = R I R^T + S(h)^T S(p) + S(p)^T S(h) + m S(p)^T S(p) with h = R m c, which needs no division by the mass.
         """
         h = R_PC.apply(self.moment)
         shifted = h + p_PC * self.mass
-        return SpatialInertia(self.mass, shifted, self.inertia.rotated(R_PC) + _steiner(h, p_PC) + _steiner(p_PC, shifted))
+        return SpatialInertia(
+            self.mass, shifted, self.inertia.rotated(R_PC) + _steiner(h, p_PC) + _steiner(p_PC, shifted)
+        )
 
     def articulated(self) -> ArticulatedInertia:
         """As the articulated inertia of a single body."""
@@ -135,11 +137,13 @@ class ArticulatedInertia:
         n, f = U.torque, U.force
         ni, fi = n * inverse_d, f * inverse_d
         return ArticulatedInertia(
-            self.J - _outer_symmetric(n, ni), self.H - Mat3(f * ni.x, f * ni.y, f * ni.z), self.M - _outer_symmetric(f, fi)
+            self.J - _outer_symmetric(n, ni),
+            self.H - Mat3(f * ni.x, f * ni.y, f * ni.z),
+            self.M - _outer_symmetric(f, fi),
         )
 
     def into_parent(self, R_PC: Mat3, p_PC: Vec3) -> ArticulatedInertia:
-        """The same inertia about the parent's origin, in parent axes."""
+        """Move the inertia to the parent's origin, in parent axes."""
         J, M = self.J.rotated(R_PC), self.M.rotated(R_PC)
         H = R_PC @ self.H @ R_PC.T
         S = Mat3.cross(p_PC)
@@ -150,6 +154,6 @@ class ArticulatedInertia:
 
 
 def _outer_symmetric(a: Vec3, b: Vec3) -> Sym3:
-    """a b^T, known to be symmetric because b is parallel to a."""
+    """Return a b^T, known to be symmetric because b is parallel to a."""
     m = Mat3(b * a.x, b * a.y, b * a.z)
     return Sym3.of_matrix(m)

@@ -60,7 +60,7 @@ class Vec3:
         return add(add(mul(self.x, other.x), mul(self.y, other.y)), mul(self.z, other.z))
 
     def cross(self, other: Vec3) -> Vec3:
-        """self x other."""
+        """Cross product self x other."""
         return Vec3(
             sub(mul(self.y, other.z), mul(self.z, other.y)),
             sub(mul(self.z, other.x), mul(self.x, other.z)),

@@ -11,7 +11,9 @@ from skyarm.compile.records import leaves, rebuild, shaped_like
 from skyarm.compile.tracer import Graph, Node
 from skyarm.scalars import floats
 
-_INFIX = {"add": "+", "sub": "-", "mul": "*", "lt": "<", "le": "<="}
+_INFIX = {"add": "+", "sub": "-", "mul": "*", "lt": "<", "le": "<=", "and": "and", "or": "or"}
+_FORMS = {op: f"{{0}} {sign} {{1}}" for op, sign in _INFIX.items()}
+_FORMS |= {"neg": "-{0}", "not": "not {0}", "where": "{1} if {0} else {2}", "abs": "fabs({0})"}
 _CALLS = ("sin", "cos", "tan", "asin", "acos", "atan2", "sqrt", "exp", "log", "floor", "tanh")
 _FAST = {name: getattr(math, name) for name in _CALLS} | {"fabs": math.fabs, "floor": floats.floor}
 _SAFE = {name: getattr(floats, name) for name in _CALLS} | {"fabs": math.fabs, "div": floats.divide}
@@ -37,7 +39,7 @@ class Program:
         return self.record(self.flat(values))
 
     def record(self, values: Sequence[Any]) -> Any:
-        """A flat result as the record the traced function returns."""
+        """Shape a flat result as the record the traced function returns."""
         return shaped_like(self._result, values)
 
     def operations(self) -> Counter[str]:
@@ -51,6 +53,7 @@ def trace(function: Callable[..., Any], *examples: Any) -> Program:
     Args:
         function: takes records (dataclasses or tuples of scalars), returns one.
         examples: records whose leaves become the inputs, in order; their integers stay structure.
+
     Raises:
         TracedBranchError: the function branches on a traced value; names file and line.
     """
@@ -76,24 +79,13 @@ def _live(outputs: Sequence[Node]) -> list[Node]:
 def _literal(value: Any) -> str:
     if isinstance(value, bool) or math.isfinite(value):
         return repr(value)
-    return "_nan" if value != value else "_inf" if value > 0.0 else "(-_inf)"
+    return "_nan" if math.isnan(value) else "_inf" if value > 0.0 else "(-_inf)"
 
 
 def _expression(node: Node, name: Callable[[Node], str], divide: str) -> str:
     args = [name(arg) for arg in node.args]
-    if node.op in _INFIX:
-        return f"{args[0]} {_INFIX[node.op]} {args[1]}"
-    if node.op == "div":
-        return divide.format(*args)
-    if node.op == "neg":
-        return f"-{args[0]}"
-    if node.op == "where":
-        return f"{args[1]} if {args[0]} else {args[2]}"
-    if node.op in ("and", "or"):
-        return f"{args[0]} {node.op} {args[1]}"
-    if node.op == "not":
-        return f"not {args[0]}"
-    return f"{'fabs' if node.op == 'abs' else node.op}({', '.join(args)})"
+    form = divide if node.op == "div" else _FORMS.get(node.op)
+    return form.format(*args) if form else f"{node.op}({', '.join(args)})"
 
 
 def python_source(program: Program, divide: str = "{0} / {1}", name: str = "program") -> str:
@@ -115,7 +107,7 @@ def python_source(program: Program, divide: str = "{0} / {1}", name: str = "prog
 
 
 def _emit_python(program: Program) -> Callable[[Sequence[float]], tuple[float, ...]]:
-    """The program as a Python function that never raises on numbers.
+    """Emit the program as a Python function that never raises on numbers.
 
     ``math`` and ``/`` are faster than their IEEE versions but raise; on the first such case the same program is run
     once more with the IEEE versions, which give the same bits wherever both are defined.

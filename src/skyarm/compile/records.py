@@ -49,13 +49,13 @@ def _visit_only(record: Any, visit: Callable[[Any], Any]) -> None:
 
 
 def rebuild(template: Record, values: Iterator[Any]) -> Record:
-    """The template with its leaves replaced, in order, by ``values``."""
+    """Return the template with its leaves replaced, in order, by ``values``."""
     result: Record = _map(template, lambda _leaf: next(values))
     return result
 
 
 def shaped_like(template: Record, values: Sequence[Any]) -> Record:
-    """The template with exactly these leaves; raises ValueError when their number differs."""
+    """Return the template with exactly these leaves; raises ValueError when their number differs."""
     iterator = iter(values)
     count = len(leaves(template))
     if count != len(values):

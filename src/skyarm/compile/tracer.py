@@ -36,8 +36,20 @@ class TracedBranchError(TypeError):
     """A traced value was used as a Python condition."""
 
 
+def _caller() -> str:
+    """File and line that used a node wrongly: the nearest frame that is written in a file."""
+    frame = sys._getframe(2)
+    while frame.f_code.co_filename.startswith("<") and frame.f_back is not None:
+        frame = frame.f_back  # the comparison that a dataclass generates
+    return f"{frame.f_code.co_filename}:{frame.f_lineno}"
+
+
 class Node:
-    """One value of a traced program."""
+    """One value of a traced program.
+
+    Its operators fold an integer only where that is exact for every float (x - 0, x * 1, x / 1), so that a program
+    keeps the bits of plain Python arithmetic; :mod:`skyarm.scalars.fold` folds structural zeros on every engine alike.
+    """
 
     __slots__ = ("args", "graph", "index", "op", "value")
     __array_ufunc__ = None  # a NumPy scalar on the left must leave the operation to us
@@ -46,41 +58,37 @@ class Node:
         self.graph, self.index, self.op, self.args, self.value = graph, index, op, args, value
 
     def __add__(self, other: Any) -> Any:
-        """self + other."""
-        if type(other) is int and other == 0:
-            return self
+        """Record self + other."""
         return self.graph.add(self, other)
 
     __radd__ = __add__
 
     def __sub__(self, other: Any) -> Any:
-        """self - other."""
+        """Record self - other."""
         if type(other) is int and other == 0:
             return self
         return self.graph.sub(self, other)
 
     def __rsub__(self, other: Any) -> Any:
-        """other - self."""
-        if type(other) is int and other == 0:
-            return -self
+        """Record other - self."""
         return self.graph.sub(other, self)
 
     def __mul__(self, other: Any) -> Any:
-        """self * other."""
-        if type(other) is int and other in (-1, 0, 1):
-            return 0 if other == 0 else self if other == 1 else -self
+        """Record self * other."""
+        if type(other) is int and other in (-1, 1):
+            return self if other == 1 else -self
         return self.graph.mul(self, other)
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> Any:
-        """self / other."""
+        """Record self / other."""
         if type(other) is int and other in (-1, 1):
             return self if other == 1 else -self
         return self.graph.call("div", self, other)
 
     def __rtruediv__(self, other: Any) -> Any:
-        """other / self."""
+        """Record other / self."""
         return self.graph.call("div", other, self)
 
     def __neg__(self) -> Any:
@@ -92,20 +100,26 @@ class Node:
         return self.graph.call("abs", self)
 
     def __lt__(self, other: Any) -> Any:
-        """self < other."""
+        """Record self < other."""
         return self.graph.call("lt", self, other)
 
     def __le__(self, other: Any) -> Any:
-        """self <= other."""
+        """Record self <= other."""
         return self.graph.call("le", self, other)
 
     def __gt__(self, other: Any) -> Any:
-        """self > other."""
+        """Record self > other."""
         return self.graph.call("lt", other, self)
 
     def __ge__(self, other: Any) -> Any:
-        """self >= other."""
+        """Record self >= other."""
         return self.graph.call("le", other, self)
+
+    def __eq__(self, other: object) -> bool:
+        """Refused, as a program has no equality: it would compare nodes, not their values."""
+        raise TracedBranchError(f"{_caller()}: == on a traced value; compare by < or <=")
+
+    __hash__ = object.__hash__
 
     def __and__(self, other: Any) -> Any:
         """Both conditions."""
@@ -117,14 +131,11 @@ class Node:
 
     def __bool__(self) -> bool:
         """Refused: a branch would be taken once, while tracing, for every lane and for ever."""
-        frame = sys._getframe(1)
-        where = f"{frame.f_code.co_filename}:{frame.f_lineno}"
-        raise TracedBranchError(f"{where}: branch on a traced value; use skyarm.scalars.where(condition, a, b)")
+        raise TracedBranchError(f"{_caller()}: branch on a traced value; use skyarm.scalars.where(condition, a, b)")
 
     def __float__(self) -> float:
         """Refused for the same reason."""
-        frame = sys._getframe(1)
-        raise TracedBranchError(f"{frame.f_code.co_filename}:{frame.f_lineno}: float() of a traced value")
+        raise TracedBranchError(f"{_caller()}: float() of a traced value")
 
     def __repr__(self) -> str:
         """Operation and operands."""
@@ -139,18 +150,18 @@ class Graph:
         self._known: dict[Any, Node] = {}
 
     def input(self, name: str) -> Node:
-        """A new input."""
+        """Make a new input."""
         return self._make("input", (), name, ("input", name))
 
     def constant(self, value: Any) -> Node:
-        """A number (or a truth value) as a node."""
+        """Make a number (or a truth value) a node."""
         if isinstance(value, bool):
             return self._make("const", (), value, ("bool", value))
         number = float(value)
         return self._make("const", (), number, ("const", struct.pack("<d", number)))
 
     def lift(self, value: Any) -> Node:
-        """A node of this graph for any scalar."""
+        """Make a node of this graph of any scalar."""
         if isinstance(value, Node):
             if value.graph is not self:
                 raise TypeError("a value of another trace reached this one: pass it as an argument")
@@ -169,7 +180,7 @@ class Graph:
         return self._make(op, args, None, (op, *(arg.index for arg in args)))
 
     def add(self, a: Any, b: Any) -> Node:
-        """a + b; a + (-b) becomes a - b."""
+        """Return a + b; a + (-b) becomes a - b."""
         x, y = self.lift(a), self.lift(b)
         if y.op == "neg":
             return self.call("sub", x, y.args[0])
@@ -178,14 +189,14 @@ class Graph:
         return self.call("add", x, y)
 
     def sub(self, a: Any, b: Any) -> Node:
-        """a - b; a - (-b) becomes a + b."""
+        """Return a - b; a - (-b) becomes a + b."""
         x, y = self.lift(a), self.lift(b)
         if y.op == "neg":
             return self.call("add", x, y.args[0])
         return self.call("sub", x, y)
 
     def mul(self, a: Any, b: Any) -> Node:
-        """a * b; signs are moved out, so that (-a) b and a b share their product."""
+        """Return a * b; signs are moved out, so that (-a) b and a b share their product."""
         x, y = self.lift(a), self.lift(b)
         if x.op == "neg" and y.op == "neg":
             return self.call("mul", x.args[0], y.args[0])
@@ -196,7 +207,7 @@ class Graph:
         return self.call("mul", x, y)
 
     def neg(self, a: Any) -> Node:
-        """-a; -(-a) becomes a."""
+        """Return -a; -(-a) becomes a."""
         x = self.lift(a)
         return x.args[0] if x.op == "neg" else self.call("neg", x)
 

@@ -65,7 +65,7 @@ def _lead(*arrays: ArrayLike) -> tuple[int, ...]:
         raise ValueError(f"leading axes {shapes} do not broadcast") from error
 
 
-def inverse_dynamics(
+def inverse_dynamics(  # noqa: PLR0917  the state in the order of its names
     vehicle: Vehicle,
     position: ArrayLike,
     quaternion_wxyz: ArrayLike,
@@ -82,8 +82,10 @@ def inverse_dynamics(
         position: (..., 3) base origin in the world, m; rigid-body forces do not depend on it.
         quaternion_wxyz: (..., 4) base to world, unit to 1e-6.
         joints: (..., n) rad or m.
-        velocity, acceleration: (..., 6+n).
+        velocity: (..., 6+n), of which forces use the rates only.
+        acceleration: (..., 6+n) plain time derivative of ``velocity``.
         gravity: m/s^2 along world -z.
+
     Raises:
         ValueError: wrong shape, or a quaternion off unit length by more than 1e-6.
     """
@@ -92,13 +94,13 @@ def inverse_dynamics(
     R, q = _rotation(quaternion_wxyz), _components("joints", joints, n)
     v = _components("velocity", velocity, 6 + n)
     a = _components("acceleration", acceleration, 6 + n)
+    lead = _lead(position, quaternion_wxyz, joints, velocity, acceleration)
     base = proper_acceleration(R, Vec3(*a[:3]), Vec3(*a[3:6]), gravity)
     force, torques = dynamics.inverse_dynamics(vehicle, q, Vec3(*v[3:6]), v[6:], base, a[6:])
-    lead = _lead(position, quaternion_wxyz, joints, velocity, acceleration)
     return _stack([*R.apply(force.force), *force.torque, *torques], lead)
 
 
-def forward_dynamics(
+def forward_dynamics(  # noqa: PLR0917  the state in the order of its names
     vehicle: Vehicle,
     position: ArrayLike,
     quaternion_wxyz: ArrayLike,
@@ -113,20 +115,22 @@ def forward_dynamics(
     _components("position", position, 3)
     R, q = _rotation(quaternion_wxyz), _components("joints", joints, n)
     v, f = _components("velocity", velocity, 6 + n), _components("force", force, 6 + n)
+    lead = _lead(position, quaternion_wxyz, joints, velocity, force)
     applied = Force(Vec3(*f[3:6]), R.apply_T(Vec3(*f[:3])))
     base, qdd = dynamics.forward_dynamics(vehicle, q, Vec3(*v[3:6]), v[6:], applied, f[6:])
     linear, angular = coordinate_acceleration(R, base, gravity)
-    return _stack([*linear, *angular, *qdd], _lead(position, quaternion_wxyz, joints, velocity, force))
+    return _stack([*linear, *angular, *qdd], lead)
 
 
 def mass_matrix(
     vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, *, gravity: float = 9.81
 ) -> Array:
-    """Mass matrix (..., 6+n, 6+n) of the generalized velocity; ``gravity`` is accepted for symmetry and has no effect."""
+    """Mass matrix (..., 6+n, 6+n) of the generalized velocity; ``gravity`` is accepted for symmetry, without effect."""
     del gravity
     _components("position", position, 3)
-    rows = dynamics.mass_matrix(vehicle, _rotation(quaternion_wxyz), _components("joints", joints, vehicle.n))
-    return _stack(rows, _lead(position, quaternion_wxyz, joints))
+    R, q = _rotation(quaternion_wxyz), _components("joints", joints, vehicle.n)
+    lead = _lead(position, quaternion_wxyz, joints)
+    return _stack(dynamics.mass_matrix(vehicle, R, q), lead)
 
 
 def frame_pose_world(
@@ -135,8 +139,9 @@ def frame_pose_world(
     """World position (..., 3) and rotation R_WF (..., 3, 3) of a frame (the end effector by default)."""
     base = Pose(_rotation(quaternion_wxyz), Vec3(*_components("position", position, 3)))
     named = vehicle.frame(frame or vehicle.end_effector)
-    pose = base @ frame_pose(vehicle, named, _components("joints", joints, vehicle.n))
+    q = _components("joints", joints, vehicle.n)
     lead = _lead(position, quaternion_wxyz, joints)
+    pose = base @ frame_pose(vehicle, named, q)
     return _stack(list(pose.p), lead), _stack([list(row) for row in pose.R.rows], lead)
 
 
@@ -146,24 +151,23 @@ def frame_jacobian(
     """Jacobian (..., 6, 6+n) of a frame: world linear velocity of its origin, then world angular velocity."""
     _components("position", position, 3)
     R, q = _rotation(quaternion_wxyz), _components("joints", joints, vehicle.n)
+    lead = _lead(position, quaternion_wxyz, joints)
     named = vehicle.frame(frame or vehicle.end_effector)
-    arm = frame_pose(vehicle, named, q).p
-    turning = R @ Mat3.cross(-arm)
-    rows: list[list[Any]] = []
-    joint_columns = jacobian_columns(vehicle, named, q)
-    linear = [R.apply(column.linear) for column in joint_columns]
-    angular = [R.apply(column.angular) for column in joint_columns]
-    unit = IDENTITY.R.rows
-    for i in range(3):
-        rows.append([*unit[i], *turning.rows[i], *(tuple(c)[i] for c in linear)])
-    for i in range(3):
-        rows.append([0, 0, 0, *R.rows[i], *(tuple(c)[i] for c in angular)])
-    return _stack(rows, _lead(position, quaternion_wxyz, joints))
+    turning = R @ Mat3.cross(-frame_pose(vehicle, named, q).p)
+    columns = jacobian_columns(vehicle, named, q)
+    linear = [tuple(R.apply(column.linear)) for column in columns]
+    angular = [tuple(R.apply(column.angular)) for column in columns]
+    rows = [[*IDENTITY.R.rows[i], *turning.rows[i], *(c[i] for c in linear)] for i in range(3)]
+    rows += [[0, 0, 0, *R.rows[i], *(c[i] for c in angular)] for i in range(3)]
+    return _stack(rows, lead)
 
 
-def _state(vehicle: Vehicle, position: ArrayLike, quaternion: ArrayLike, joints: ArrayLike, velocity: ArrayLike) -> State:
+def _state(
+    vehicle: Vehicle, position: ArrayLike, quaternion: ArrayLike, joints: ArrayLike, velocity: ArrayLike
+) -> tuple[State, tuple[int, ...]]:
+    """State as scalars, and the leading axes of its arrays."""
     v = _components("velocity", velocity, 6 + vehicle.n)
-    return State(
+    state = State(
         position=Vec3(*_components("position", position, 3)),
         quaternion=_unit_quaternion(quaternion),
         velocity=Vec3(*v[:3]),
@@ -171,6 +175,7 @@ def _state(vehicle: Vehicle, position: ArrayLike, quaternion: ArrayLike, joints:
         joints=_components("joints", joints, vehicle.n),
         joint_rates=v[6:],
     )
+    return state, _lead(position, quaternion, joints, velocity)
 
 
 def energy(
@@ -183,21 +188,22 @@ def energy(
     gravity: float = 9.81,
 ) -> Array:
     """Kinetic plus potential energy (...), J."""
-    state = _state(vehicle, position, quaternion_wxyz, joints, velocity)
+    state, lead = _state(vehicle, position, quaternion_wxyz, joints, velocity)
     total = add(dynamics.kinetic_energy(vehicle, state), dynamics.potential_energy(vehicle, state, gravity))
-    return _stack(total, _lead(position, quaternion_wxyz, joints, velocity))
+    return _stack(total, lead)
 
 
 def center_of_mass(vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike) -> Array:
     """Centre of mass in the world (..., 3), m."""
     still = np.zeros(6 + vehicle.n)
-    state = _state(vehicle, position, quaternion_wxyz, joints, still)
-    return _stack(list(dynamics.center_of_mass(vehicle, state)), _lead(position, quaternion_wxyz, joints))
+    state, lead = _state(vehicle, position, quaternion_wxyz, joints, still)
+    return _stack(list(dynamics.center_of_mass(vehicle, state)), lead)
 
 
 def momentum(
     vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, velocity: ArrayLike
 ) -> Array:
     """Linear and angular momentum about the centre of mass (..., 6), world axes."""
-    found = dynamics.momentum(vehicle, _state(vehicle, position, quaternion_wxyz, joints, velocity))
-    return _stack([*found.linear, *found.angular], _lead(position, quaternion_wxyz, joints, velocity))
+    state, lead = _state(vehicle, position, quaternion_wxyz, joints, velocity)
+    found = dynamics.momentum(vehicle, state)
+    return _stack([*found.linear, *found.angular], lead)

@@ -15,7 +15,7 @@ from skyarm.scalars import divide, mul, sub
 from skyarm.vehicle.records import BASE, Vehicle
 
 
-def forward_dynamics(
+def forward_dynamics(  # noqa: PLR0917  state, then what acts
     vehicle: Vehicle,
     joints: Sequence[Any],
     rate: Vec3,
@@ -27,9 +27,12 @@ def forward_dynamics(
 
     Args:
         vehicle: the rigid bodies.
-        joints, joint_rates, joint_torques: one per joint.
+        joints: rad or m.
         rate: base angular velocity, base axes, rad/s.
+        joint_rates: time derivative of ``joints``.
         applied: torque about and force at the base origin, base axes; gravity is not part of it.
+        joint_torques: N m or N.
+
     Returns:
         Proper acceleration of the base (base axes) and the joint accelerations.
     """
@@ -51,7 +54,8 @@ def forward_dynamics(
         u[i] = sub(joint_torques[i], S.dot(biases[i]))
         reduced = inertias[i].without(U[i], inverse_d[i])
         bias = biases[i] + reduced.apply(moving[i].products) + U[i] * mul(u[i], inverse_d[i])
-        carried, force = (item.into_parent(places[i].R, places[i].p) for item in (reduced, bias))
+        carried = reduced.into_parent(places[i].R, places[i].p)
+        force = bias.into_parent(places[i].R, places[i].p)
         if links[i].parent == BASE:
             base_inertia, base_bias = base_inertia + carried, base_bias + force
         else:

@@ -31,7 +31,7 @@ class _BodyMotion:
 
 
 def _body_motions(vehicle: Vehicle, state: State) -> list[_BodyMotion]:
-    """Base first, then the links, by straightforward differentiation of positions in world axes."""
+    """Move the base, then the links, by straightforward differentiation of positions in world axes."""
     base = Pose(state.quaternion.rotation(), state.position)
     poses = [base, *(base @ pose for pose in link_poses(vehicle, state.joints))]
     rates, origins = [base.R.apply(state.rate)], [state.velocity]
@@ -51,10 +51,11 @@ def _body_motions(vehicle: Vehicle, state: State) -> list[_BodyMotion]:
 
 def center_of_mass(vehicle: Vehicle, state: State) -> Vec3:
     """Centre of mass of the whole vehicle in the world, m."""
-    total = ZERO3
+    total: Vec3 = ZERO3
     for body, motion in zip(vehicle.bodies, _body_motions(vehicle, state), strict=True):
         total = total + motion.com * body.mass
-    return total * divide(1.0, vehicle.mass)
+    com: Vec3 = total * divide(1.0, vehicle.mass)
+    return com
 
 
 def momentum(vehicle: Vehicle, state: State) -> Momentum:

@@ -22,7 +22,7 @@ class Pose:
         return Pose(self.R @ other.R, self.p + self.R.apply(other.p))
 
     def apply(self, point: Vec3) -> Vec3:
-        """A point given in B, in A."""
+        """Express a point given in B in A."""
         return self.p + self.R.apply(point)
 
 

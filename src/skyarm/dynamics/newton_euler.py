@@ -41,9 +41,7 @@ def joint_motion(joint: Joint, placement: Pose, parent_rate: Vec3, joint_rate: A
     return JointMotion(carried, Motion(Vec3(0, 0, 0), centripetal + carried.cross(slide) * 2.0))
 
 
-def motions(
-    vehicle: Vehicle, places: Sequence[Pose], rate: Vec3, joint_rates: Sequence[Any]
-) -> list[JointMotion]:
+def motions(vehicle: Vehicle, places: Sequence[Pose], rate: Vec3, joint_rates: Sequence[Any]) -> list[JointMotion]:
     """Joint motion of every link for base rate ``rate`` (base axes, rad/s)."""
     found: list[JointMotion] = []
     for link, place, joint_rate in zip(vehicle.links, places, joint_rates, strict=True):
@@ -52,7 +50,7 @@ def motions(
     return found
 
 
-def inverse_dynamics(
+def inverse_dynamics(  # noqa: PLR0917  state, then what acts
     vehicle: Vehicle,
     joints: Sequence[Any],
     rate: Vec3,
@@ -64,9 +62,12 @@ def inverse_dynamics(
 
     Args:
         vehicle: the rigid bodies.
-        joints, joint_rates, joint_accelerations: one per joint.
+        joints: rad or m.
         rate: base angular velocity, base axes, rad/s.
+        joint_rates: time derivative of ``joints``.
         base: proper acceleration of the base, base axes (:func:`skyarm.dynamics.proper_acceleration`).
+        joint_accelerations: second time derivative of ``joints``.
+
     Returns:
         Force on the base (torque about and force at its origin, base axes) and the joint torques or forces.
     """

@@ -41,7 +41,7 @@ class Acceleration:
 
 
 def proper_acceleration(R_WB: Mat3, linear_W: Vec3, angular_B: Vec3, gravity: Any) -> Motion:
-    """Base acceleration as an accelerometer reads it: R^T (dv/dt + g e_z), base axes."""
+    """Return the base acceleration as an accelerometer reads it: R^T (dv/dt + g e_z), base axes."""
     return Motion(angular_B, R_WB.apply_T(linear_W + E_Z * gravity))
 
 

@@ -4,7 +4,7 @@ Laws of plant and control use these functions and + - * / only, so that one sour
 Two rules hold everywhere:
 
 * IEEE: inf or NaN where Python's own ``math`` would raise, because ``where`` evaluates both of its branches.
-* An ``int`` is *structure* (a zero or a one of the description, known when the program is built) and may be folded away;
+* An ``int`` is *structure* (a zero or a one of the description, known when the program is built) and may fold away;
   a ``float`` is *data*, may vary from lane to lane and is never folded, even when it happens to be 0.0.
 """
 

@@ -9,36 +9,36 @@ NAN = math.nan
 
 
 def divide(a: float, b: float) -> float:
-    """a / b with IEEE zeros: x/0 = +-inf, 0/0 = NaN."""
+    """Return a / b with IEEE zeros: x/0 = +-inf, 0/0 = NaN."""
     if b != 0.0:
         return a / b
-    if a == 0.0 or a != a:
+    if a == 0.0 or math.isnan(a):
         return NAN
     return math.copysign(INF, a) * math.copysign(1.0, b)
 
 
 def sin(x: float) -> float:
-    """sin x, NaN at infinity."""
+    """Return sin x, NaN at infinity."""
     return math.sin(x) if math.isfinite(x) else NAN
 
 
 def cos(x: float) -> float:
-    """cos x, NaN at infinity."""
+    """Return cos x, NaN at infinity."""
     return math.cos(x) if math.isfinite(x) else NAN
 
 
 def tan(x: float) -> float:
-    """tan x, NaN at infinity."""
+    """Return tan x, NaN at infinity."""
     return math.tan(x) if math.isfinite(x) else NAN
 
 
 def asin(x: float) -> float:
-    """asin x, NaN outside [-1, 1]."""
+    """Return asin x, NaN outside [-1, 1]."""
     return math.asin(x) if -1.0 <= x <= 1.0 else NAN
 
 
 def acos(x: float) -> float:
-    """acos x, NaN outside [-1, 1]."""
+    """Return acos x, NaN outside [-1, 1]."""
     return math.acos(x) if -1.0 <= x <= 1.0 else NAN
 
 
@@ -64,7 +64,8 @@ def log(x: float) -> float:
 
 def floor(x: float) -> float:
     """Largest whole number not above x, as a float."""
-    return float(math.floor(x)) if math.isfinite(x) else x
+    # math.floor would lose the sign of -0.0 on its way through an integer
+    return float(math.floor(x)) if math.isfinite(x) and x != 0.0 else float(x)
 
 
 atan2 = math.atan2
@@ -73,8 +74,9 @@ absolute = math.fabs
 
 
 def where(condition: bool, a: float, b: float) -> float:
-    """``a`` where the condition holds, else ``b``."""
-    return a if condition else b
+    """Choose ``a`` where the condition holds, else ``b``; what was chosen is data: an integer becomes a float."""
+    chosen = a if condition else b
+    return float(chosen) if type(chosen) is int else chosen
 
 
 def logical_and(a: bool, b: bool) -> bool:

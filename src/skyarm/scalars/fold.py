@@ -15,7 +15,7 @@ def structural(value: float) -> int | float:
 
 
 def add(a: Any, b: Any) -> Any:
-    """a + b, a structural zero folded."""
+    """Return a + b, a structural zero folded."""
     if type(a) is int and a == 0:
         return b
     if type(b) is int and b == 0:
@@ -24,7 +24,7 @@ def add(a: Any, b: Any) -> Any:
 
 
 def sub(a: Any, b: Any) -> Any:
-    """a - b, a structural zero folded."""
+    """Return a - b, a structural zero folded."""
     if type(b) is int and b == 0:
         return a
     if type(a) is int and a == 0:
@@ -33,12 +33,12 @@ def sub(a: Any, b: Any) -> Any:
 
 
 def neg(a: Any) -> Any:
-    """-a."""
+    """Return -a."""
     return -a
 
 
-def mul(a: Any, b: Any) -> Any:
-    """a * b, structural 0, 1 and -1 folded."""
+def mul(a: Any, b: Any) -> Any:  # noqa: PLR0911  three cases a side
+    """Return a * b, structural 0, 1 and -1 folded."""
     if type(a) is int:
         if a == 0:
             return 0

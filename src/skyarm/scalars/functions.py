@@ -33,8 +33,8 @@ def _silent(function: Any) -> Any:
 
 def _array_namespace(xp: Any, wrap: Any = lambda function: function) -> SimpleNamespace:
     names = {"asin": "arcsin", "acos": "arccos", "atan2": "arctan2", "absolute": "abs"}
-    same = ("sin", "cos", "tan", "sqrt", "exp", "log", "floor", "tanh", "divide", "where")
-    same += ("logical_and", "logical_or", "logical_not")
+    elementary = ("sin", "cos", "tan", "sqrt", "exp", "log", "floor", "tanh", "divide")
+    same = (*elementary, "where", "logical_and", "logical_or", "logical_not")
     table = {name: name for name in same} | names
     return SimpleNamespace(**{ours: wrap(getattr(xp, theirs)) for ours, theirs in table.items()})
 
@@ -58,7 +58,9 @@ def _discover(kind: type) -> Any:
             return _array_namespace(sys.modules["jax.numpy"])
         if root == "casadi":
             return _casadi_namespace(sys.modules["casadi"])
-    raise TypeError(f"{kind.__module__}.{kind.__name__} is not a scalar; allowed: float, NumPy, JAX, CasADi, tracer node")
+    raise TypeError(
+        f"{kind.__module__}.{kind.__name__} is not a scalar; allowed: float, NumPy, JAX, CasADi, tracer node"
+    )
 
 
 def _namespace(*values: Any) -> Any:
@@ -136,14 +138,14 @@ def floor(x: Any) -> Any:
 
 
 def divide(a: Any, b: Any) -> Any:
-    """a / b with IEEE zeros; use it wherever the denominator can vanish."""
+    """Return a / b with IEEE zeros; use it wherever the denominator can vanish."""
     if type(b) is int and b == 1:
         return a
     return _namespace(a, b).divide(a, b)
 
 
 def where(condition: Any, a: Any, b: Any) -> Any:
-    """``a`` where the condition holds, else ``b``; both are evaluated."""
+    """Choose ``a`` where the condition holds, else ``b``; both are evaluated."""
     return _namespace(condition, a, b).where(condition, a, b)
 
 
@@ -158,17 +160,17 @@ def logical_or(a: Any, b: Any) -> Any:
 
 
 def logical_not(a: Any) -> Any:
-    """The opposite condition."""
+    """Opposite condition."""
     return _namespace(a).logical_not(a)
 
 
 def minimum(value: Any, bound: Any) -> Any:
-    """The smaller of two; a NaN in ``value`` stays NaN, so a crash is never hidden by a limit."""
+    """Return the smaller of two; a NaN in ``value`` stays NaN, so a crash is never hidden by a limit."""
     return where(bound < value, bound, value)
 
 
 def maximum(value: Any, bound: Any) -> Any:
-    """The larger of two; a NaN in ``value`` stays NaN, so a crash is never hidden by a limit."""
+    """Return the larger of two; a NaN in ``value`` stays NaN, so a crash is never hidden by a limit."""
     return where(bound > value, bound, value)
 
 

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 
 class Scalar(Protocol):
-    """A number of any engine: float, NumPy array, JAX array or tracer, CasADi SX, tracer node; an int marks structure."""
+    """A number of any engine: float, NumPy array, JAX array, CasADi SX, tracer node; an int marks structure."""
 
     def __add__(self, other: Any, /) -> Any: ...
     def __radd__(self, other: Any, /) -> Any: ...

@@ -6,9 +6,10 @@ Each message names the field, the value and what is allowed; the file is added b
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from skyarm.algebra import Mat3, Sym3, Vec3
+from skyarm.vehicle import mobility
 
 if TYPE_CHECKING:
     from skyarm.vehicle.records import Body, Joint, Rotor, Vehicle
@@ -26,9 +27,10 @@ def concrete(*values: Any) -> bool:
     return all(isinstance(value, (int, float)) for value in values)
 
 
-def refuse(field: str, value: Any, allowed: str) -> None:
-    """Raise with field, value and what is allowed."""
-    raise VehicleError(f"{field} = {value!r}: {allowed}")
+def refuse(field: str, value: Any, allowed: str) -> NoReturn:
+    """Raise with field, value and what is allowed, on one line."""
+    shown = repr(value)
+    raise VehicleError(f"{field} = {shown if len(shown) <= 100 else shown[:97] + '...'}: {allowed}")
 
 
 def number(field: str, value: Any, *, low: float = -math.inf, strict: bool = False) -> None:
@@ -58,7 +60,9 @@ def rotation(field: str, R: Mat3) -> None:
         return
     for row in R.rows:
         vector(field, row, unit=True)
-    if abs(R.r0.cross(R.r1).dot(R.r2) - 1.0) > 10 * TOLERANCE:
+    # the determinant alone would pass rows 4e-3 off orthogonal, as it changes with the square of that angle
+    skew = max(abs(a.dot(b)) for a, b in ((R.r0, R.r1), (R.r1, R.r2), (R.r2, R.r0)))
+    if skew > 10 * TOLERANCE or R.r0.cross(R.r1).dot(R.r2) < 0.0:
         refuse(field, entries, "must be a rotation (orthogonal, determinant +1)")
 
 
@@ -80,7 +84,8 @@ def inertia(field: str, inertia_com: Sym3, *, planar: bool) -> None:
         refuse(
             field,
             f"principal moments {shown}",
-            "must obey the triangle inequality (no real body has this inertia; a controller's model may declare 'planar = true')",
+            "must obey the triangle inequality (no real body has this inertia; "
+            "a controller's model may declare 'planar = true')",
         )
 
 
@@ -147,12 +152,61 @@ def vehicle(value: Vehicle) -> None:
         joint(f"joints[{link.joint.name}]", link.joint)
     for each in value.rotors:
         rotor(f"rotors[{each.name}]", each)
-    for each in value.frames:
-        if not -1 <= each.link < len(value.links):
-            refuse(f"frames[{each.name}].link", each.link, f"must be -1 (base) ... {len(value.links) - 1}")
-        vector(f"frames[{each.name}].position", each.position)
-        rotation(f"frames[{each.name}].rotation", each.rotation)
+    for frame in value.frames:
+        if not -1 <= frame.link < len(value.links):
+            refuse(f"frames[{frame.name}].link", frame.link, f"must be -1 (base) ... {len(value.links) - 1}")
+        vector(f"frames[{frame.name}].position", frame.position)
+        rotation(f"frames[{frame.name}].rotation", frame.rotation)
     if value.end_effector and value.end_effector not in [each.name for each in value.frames]:
         refuse("end_effector", value.end_effector, f"must be one of {[each.name for each in value.frames]}")
-    vector("drag.area", value.drag.area)
+    for name, area in zip("xyz", value.drag.area, strict=True):
+        number(f"drag.area.{name}", area, low=0.0)
     number("drag.air_density", value.drag.air_density, low=0.0)
+    mobile(value)
+
+
+def mobile(value: Vehicle) -> None:
+    """Every joint moves mass, at least at the joint values tried."""
+    found = mobility.immobile(value) if concrete(*_rigid_numbers(value)) else None
+    if found:
+        field, joints = found
+        at = ", ".join(f"{q:g}" for q in joints)
+        allowed = f"must move mass outward of it (the mass matrix is singular at joint values [{at}])"
+        if field == "base.inertia":
+            allowed = "must leave no axis without inertia (the mass matrix of the whole vehicle is singular)"
+        refuse(field, _moved(value, field), allowed)
+
+
+def _moved(value: Vehicle, field: str) -> str:
+    """Say in words what the refused field is."""
+    for link in value.links:
+        if field == f"joints[{link.joint.name}]":
+            return f"{link.joint.kind} joint of '{link.name}', mass {link.body.mass} kg"
+    return f"base of {value.base.mass} kg"
+
+
+def _rigid_numbers(value: Vehicle) -> list[Any]:
+    """Every number that the mass matrix depends on."""
+    found: list[Any] = []
+    for each in value.bodies:
+        found += [each.mass, *each.com, *each.inertia.entries]
+    for link in value.links:
+        joint_ = link.joint
+        found += [*joint_.axis, *joint_.position, *(c for row in joint_.rotation.rows for c in row)]
+        found += [joint_.lower, joint_.upper]
+    return found
+
+
+def require_plant(value: Vehicle) -> None:
+    """Refuse a vehicle that no real body could be: a planar model may be believed, never flown.
+
+    Raises:
+        VehicleError: with the first planar body.
+    """
+    names = ["base", *(f"links[{link.name}]" for link in value.links)]
+    for name, each in zip(names, value.bodies, strict=True):
+        if each.planar:
+            raise VehicleError(
+                f"vehicle '{value.name}': {name}.planar = True: must be false in a plant (a planar inertia is "
+                "impossible for a real body; such a vehicle is a controller's model only)"
+            )

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Sym3, Vec3
-from skyarm.scalars import Scalar, add, divide
+from skyarm.scalars import Scalar, add, divide, where
 from skyarm.vehicle import check
 
 BASE = -1
@@ -35,20 +37,27 @@ class Body:
     inertia: Sym3 = Sym3(0, 0, 0)
     planar: bool = False
 
+    @classmethod
+    def of_parts(cls, parts: Sequence[Body]) -> Body:
+        """Bodies of one link as one: masses add, inertias move to the common centre of mass (Steiner)."""
+        mass: Scalar = 0
+        moment, inertia = ZERO3, Sym3(0, 0, 0)
+        for part in parts:
+            mass, moment = add(mass, part.mass), moment + part.com * part.mass
+        com = _quotient(moment, mass)
+        for part in parts:
+            inertia = inertia + part.inertia + Sym3.parallel_axis(part.mass, part.com - com)
+        return cls(mass=mass, com=com, inertia=inertia, planar=any(part.planar for part in parts))
+
     def joined(self, other: Body) -> Body:
-        """Two bodies of one link as one: masses add, inertias move to the common centre of mass (Steiner)."""
-        mass = add(self.mass, other.mass)
-        com = _weighted(self, other, mass)
-        inertia = Sym3(0, 0, 0)
-        for body in (self, other):
-            inertia = inertia + body.inertia + Sym3.parallel_axis(body.mass, body.com - com)
-        return Body(mass=mass, com=com, inertia=inertia, planar=self.planar or other.planar)
+        """This body and another one of the same link as one."""
+        return Body.of_parts((self, other))
 
 
-def _weighted(a: Body, b: Body, mass: Scalar) -> Vec3:
-    first, second = a.com * a.mass, b.com * b.mass
-    total = first + second
-    return Vec3(*(0 if type(c) is int and c == 0 else divide(c, mass) for c in total))
+def _quotient(moment: Vec3, mass: Scalar) -> Vec3:
+    """moment / mass; zero for a massless body, whose moment is zero."""
+    divisor = where(mass > 0, mass, 1.0)
+    return Vec3(*(0 if type(c) is int and c == 0 else divide(c, divisor) for c in moment))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -150,6 +159,7 @@ class Vehicle:
 
     Attributes:
         name: short name.
+        title: one line that says what it is.
         base: the airframe's body, base frame.
         links: tree in an order in which every parent precedes its children.
         rotors: any number, any pose.
@@ -165,6 +175,7 @@ class Vehicle:
     frames: tuple[Frame, ...] = ()
     end_effector: str = ""
     drag: BodyDrag = BodyDrag()
+    title: str = field(default="", repr=False)
     sources: tuple[tuple[str, str], ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
@@ -212,7 +223,7 @@ class Vehicle:
         links[at.link] = dataclasses.replace(links[at.link], body=links[at.link].body.joined(load))
         return dataclasses.replace(self, links=tuple(links))
 
-    def with_joints(self, **values: Scalar) -> Vehicle:
+    def with_joints(self, **values: Any) -> Vehicle:
         """This vehicle with fields of every joint replaced, for example ``with_joints(damping=0.005)``."""
         links = tuple(dataclasses.replace(k, joint=dataclasses.replace(k.joint, **values)) for k in self.links)
         return dataclasses.replace(self, links=links)

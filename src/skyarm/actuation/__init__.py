@@ -1,0 +1,18 @@
+"""Rotors, mixer and joint drives: from commands to forces on the vehicle."""
+
+from skyarm.actuation.command import Command
+from skyarm.actuation.joint import joint_force
+from skyarm.actuation.mixer import AllocationError, Mixer, allocation_matrix, make_mixer, mix
+from skyarm.actuation.rotor import rotor_force, speed_after
+
+__all__ = [
+    "AllocationError",
+    "Command",
+    "Mixer",
+    "allocation_matrix",
+    "joint_force",
+    "make_mixer",
+    "mix",
+    "rotor_force",
+    "speed_after",
+]

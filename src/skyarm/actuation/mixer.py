@@ -1,0 +1,145 @@
+"""Control allocation: body torque and thrust to squared rotor speeds, for any rotor layout.
+
+Source: Furrer et al. 2016 (RotorS), eq. (97)-(103) of the paper; the pseudo-inverse for any number of rotors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.algebra import Vec3, ldl_solve
+from skyarm.scalars import Scalar, add, divide, maximum, minimum, mul, sqrt, where
+from skyarm.vehicle.check import concrete
+from skyarm.vehicle.records import Vehicle
+
+POLICIES = ("rotors_clip", "priority")
+
+
+class AllocationError(ValueError):
+    """The rotors cannot produce independent torques and thrust."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Mixer:
+    """Squared rotor speeds per unit of (torque x, y, z, thrust along body z).
+
+    Attributes:
+        inverse: one row of four per rotor, (rad/s)^2 per N m or N.
+        highest: largest squared speed of each rotor, (rad/s)^2.
+        policy: "rotors_clip" takes sqrt(max(0, w^2)) as RotorS does (the motor limits the speed later);
+            "priority" keeps roll and pitch torque, then thrust, then yaw within the rotors' limits.
+    """
+
+    inverse: tuple[tuple[Scalar, ...], ...]
+    highest: tuple[Scalar, ...]
+    policy: str = "rotors_clip"
+
+
+def allocation_matrix(vehicle: Vehicle) -> list[list[Any]]:
+    """A: rows torque x, y, z (base axes, about the base origin) and thrust along body z, per squared rotor speed."""
+    columns = []
+    for rotor in vehicle.rotors:
+        force = rotor.axis * rotor.thrust_coefficient
+        drag = rotor.axis * mul(mul(-rotor.direction, rotor.moment_coefficient), rotor.thrust_coefficient)
+        columns.append((*(rotor.position.cross(force) + drag), force.z))
+    return [[column[row] for column in columns] for row in range(4)]
+
+
+def make_mixer(vehicle: Vehicle, policy: str = "rotors_clip") -> Mixer:
+    """Moore-Penrose inverse A^T (A A^T)^-1 of the vehicle's allocation matrix.
+
+    Raises:
+        AllocationError: unknown policy, or the rotors do not span torque and thrust (rank below 4).
+    """
+    if policy not in POLICIES:
+        raise AllocationError(f"mixer policy = {policy!r}: must be one of {list(POLICIES)}")
+    A = allocation_matrix(vehicle)
+    _require_rank(vehicle, A)
+    gram = [[_dot(a, b) for b in A] for a in A]
+    inverse_gram = [ldl_solve(gram, [1 if i == j else 0 for i in range(4)]) for j in range(4)]
+    rows = tuple(
+        tuple(_dot([A[k][rotor] for k in range(4)], inverse_gram[j]) for j in range(4))
+        for rotor in range(len(vehicle.rotors))
+    )
+    highest = tuple(rotor.max_speed * rotor.max_speed for rotor in vehicle.rotors)
+    return Mixer(inverse=rows, highest=highest, policy=policy)
+
+
+def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
+    total: Any = 0
+    for x, y in zip(a, b, strict=True):
+        total = add(total, mul(x, y))
+    return total
+
+
+def _require_rank(vehicle: Vehicle, A: list[list[Any]]) -> None:
+    """Concrete layouts must reach torque about three axes and thrust independently."""
+    if not concrete(*(entry for row in A for entry in row)):
+        return
+    import numpy as np
+
+    matrix = np.array(A, dtype=float).reshape(4, len(vehicle.rotors))
+    # rows are scaled to unit length, because torque and thrust have different units
+    lengths = np.linalg.norm(matrix, axis=1, keepdims=True) if matrix.size else np.zeros((4, 1))
+    scaled = matrix / np.where(lengths > 0.0, lengths, 1.0)
+    rank = int(np.linalg.matrix_rank(scaled, tol=1e-6)) if matrix.size else 0
+    if rank < 4:
+        raise AllocationError(
+            f"vehicle '{vehicle.name}': allocation of {len(vehicle.rotors)} rotors has rank {rank}: "
+            "must be 4 (torque about x, y, z and thrust); check rotor positions, axes and directions"
+        )
+
+
+def mix(mixer: Mixer, torque: Vec3, thrust: Any) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """Rotor speeds (rad/s) for a body torque (N m) and a thrust along body z (N).
+
+    Returns:
+        The commanded speeds and the squared speeds before any limit.
+    """
+    raw = tuple(_dot(row, [*torque, thrust]) for row in mixer.inverse)
+    allowed = _prioritized(mixer, torque, thrust) if mixer.policy == "priority" else raw
+    return tuple(sqrt(maximum(value, 0.0)) for value in allowed), raw
+
+
+def _prioritized(mixer: Mixer, torque: Vec3, thrust: Any) -> tuple[Any, ...]:
+    """Squared speeds within [0, highest]: roll and pitch torque first, then thrust, yaw torque last.
+
+    1. Thrust moves just enough to leave room for roll and pitch. 2. If no thrust leaves enough room, roll and pitch are
+    scaled down together at the best thrust. 3. Yaw takes the largest share of what remains.
+    """
+    tilt = [add(mul(row[0], torque.x), mul(row[1], torque.y)) for row in mixer.inverse]
+    lift = [mul(row[3], thrust) for row in mixer.inverse]
+    yaw = [mul(row[2], torque.z) for row in mixer.inverse]
+    per_newton = [row[3] for row in mixer.inverse]
+    low, high = _shift_range([add(a, b) for a, b in zip(tilt, lift, strict=True)], per_newton, mixer.highest)
+    room = low < high
+    shift = where(room, minimum(maximum(0.0, low), high), 0.5 * (low + high))
+    lift = [add(value, mul(each, shift)) for value, each in zip(lift, per_newton, strict=True)]
+    share = where(room, 1.0, _largest_share(lift, tilt, mixer.highest))
+    kept = [add(a, mul(b, share)) for a, b in zip(lift, tilt, strict=True)]
+    yaw_share = _largest_share(kept, yaw, mixer.highest)
+    wanted = [add(a, mul(b, yaw_share)) for a, b in zip(kept, yaw, strict=True)]
+    return tuple(minimum(maximum(w, 0.0), top) for w, top in zip(wanted, mixer.highest, strict=True))
+
+
+def _shift_range(fixed: Sequence[Any], per_unit: Sequence[Any], highest: Sequence[Any]) -> tuple[Any, Any]:
+    """Smallest and largest s with 0 <= fixed_i + s per_unit_i <= highest_i for all i."""
+    low: Any = -1e300
+    high: Any = 1e300
+    for value, slope, top in zip(fixed, per_unit, highest, strict=True):
+        at_zero, at_top = divide(0.0 - value, slope), divide(top - value, slope)
+        low = maximum(low, where(slope > 0.0, at_zero, where(slope < 0.0, at_top, -1e300)))
+        high = minimum(high, where(slope > 0.0, at_top, where(slope < 0.0, at_zero, 1e300)))
+    return low, high
+
+
+def _largest_share(fixed: Sequence[Any], wanted: Sequence[Any], highest: Sequence[Any]) -> Any:
+    """Largest s in [0, 1] with 0 <= fixed_i + s wanted_i <= highest_i for all i (0 if ``fixed`` itself is outside)."""
+    share: Any = 1.0
+    for value, change, top in zip(fixed, wanted, highest, strict=True):
+        up, down = divide(top - value, change), divide(0.0 - value, change)
+        limit = where(change > 0.0, up, where(change < 0.0, down, 1.0))
+        share = minimum(share, maximum(limit, 0.0))
+    return share

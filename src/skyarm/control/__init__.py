@@ -1,0 +1,1 @@
+"""Controllers: pure laws step(memory, measurement, reference, dt, *, par) -> (memory, command)."""

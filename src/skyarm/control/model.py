@@ -1,0 +1,71 @@
+"""What a controller believes and how hard it pulls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from skyarm.actuation import Mixer
+from skyarm.algebra import Vec3
+from skyarm.scalars import Scalar
+from skyarm.vehicle.records import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Model:
+    """The controller's belief: a vehicle and gravity (m/s^2). Never the truth."""
+
+    vehicle: Vehicle
+    gravity: Scalar = 9.81
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class GeometricGains:
+    """Gains of the geometric controller, per axis.
+
+    Attributes:
+        position: Kp, N/m. velocity: Kv, N s/m.
+        attitude: KR, N m/rad. rate: Kw, N m s/rad.
+    """
+
+    position: Vec3
+    velocity: Vec3
+    attitude: Vec3
+    rate: Vec3
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class JointGains:
+    """Gains per joint: on torque (N m/rad, N m s/rad) or on acceleration (1/s^2, 1/s), as the law says."""
+
+    stiffness: tuple[Scalar, ...]
+    damping: tuple[Scalar, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Terms:
+    """Parts of the computed torque law that an ablation may take away.
+
+    Attributes:
+        coriolis: velocity products C(q, qd) qd.
+        coupling: inertial blocks between base and arm, M_t_eta and M_r_eta.
+        full_gravity: gravity by the true attitude; False evaluates the joints' weight at R = 1 (the paper's eq. 78-79)
+            and leaves the weight's torque on the base out.
+        feedforward: accelerations of the reference.
+    """
+
+    coriolis: bool = True
+    coupling: bool = True
+    full_gravity: bool = True
+    feedforward: bool = True
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Parameters:
+    """All constants of a law: belief, gains, mixer, choices."""
+
+    model: Model
+    gains: GeometricGains
+    joint_gains: JointGains
+    mixer: Mixer
+    rate_error: str = "rotors"
+    terms: Terms = Terms()

@@ -1,0 +1,115 @@
+"""Masses, lengths and inertias of the paper's vehicle: a quadrotor with a planar arm of two links and a point mass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.algebra import Mat3, Sym3, Vec3
+from skyarm.scalars import Scalar, add, neg
+from skyarm.vehicle import check
+from skyarm.vehicle.records import BASE, Link, Vehicle
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PlanarArmParameters:
+    """What the 8x8 form needs. Both joint axes are body +y; joint 1 sits at the base origin, the base centre of mass.
+
+    Attributes:
+        mb: base mass, kg.
+        Ib: base inertia about its centre of mass, base axes, kg m^2.
+        m1, m2: link masses, kg.
+        me: point mass at the end effector, kg.
+        L1, L2: link lengths, m.
+        lc1, lc2: joint to centre of mass of each link, m; the paper's formulas write L/2.
+        I1yy, I2yy: link inertias about their centre of mass and body y, kg m^2; the paper has no other moment.
+
+    Source: Barakou, Tzafestas, Valavanis 2026, Table 1 and section 2.2.
+    """
+
+    mb: Scalar
+    Ib: Sym3
+    m1: Scalar
+    m2: Scalar
+    me: Scalar
+    L1: Scalar
+    L2: Scalar
+    lc1: Scalar
+    lc2: Scalar
+    I1yy: Scalar
+    I2yy: Scalar
+
+    @property
+    def mass(self) -> Scalar:
+        """Total mass, kg."""
+        total: Scalar = add(add(add(self.mb, self.m1), self.m2), self.me)
+        return total
+
+
+TABLE_1 = PlanarArmParameters(
+    mb=0.716,
+    Ib=Sym3.described(7.0e-3, 7.0e-3, 1.2e-2),
+    m1=0.04,
+    m2=0.04,
+    me=0.01,
+    L1=0.15,
+    L2=0.15,
+    lc1=0.075,
+    lc2=0.075,
+    I1yy=7.5e-5,
+    I2yy=7.5e-5,
+)
+"""Barakou, Tzafestas, Valavanis 2026, Table 1."""
+
+
+def parameters_of(vehicle: Vehicle) -> PlanarArmParameters:
+    """Parameters of a vehicle that is the paper's: two y joints in a row, both links hanging along -z, planar inertias.
+
+    A tip that is already part of link 2 stays in it (mass, lever and inertia of the whole), and the point mass is zero:
+    the equations of motion are the same.
+
+    Raises:
+        ValueError: names the field by which the vehicle differs.
+    """
+    if vehicle.n != 2:
+        raise _differs(vehicle, f"{vehicle.n} joints", "2")
+    first, second = vehicle.links
+    _zero(vehicle, "base.com", *vehicle.base.com)
+    _zero(vehicle, "joint 1 position", *first.joint.position)
+    _zero(vehicle, "joint 2 position.x and .y", second.joint.position.x, second.joint.position.y)
+    for link, parent in ((first, BASE), (second, 0)):
+        _planar(vehicle, link, parent)
+    reach = neg(vehicle.frame(vehicle.end_effector).position.z) if vehicle.end_effector else neg(second.body.com.z)
+    return PlanarArmParameters(
+        mb=vehicle.base.mass,
+        Ib=vehicle.base.inertia,
+        m1=first.body.mass,
+        m2=second.body.mass,
+        me=0,
+        L1=neg(second.joint.position.z),
+        L2=reach,
+        lc1=neg(first.body.com.z),
+        lc2=neg(second.body.com.z),
+        I1yy=first.body.inertia.yy,
+        I2yy=second.body.inertia.yy,
+    )
+
+
+def _planar(vehicle: Vehicle, link: Link, parent: int) -> None:
+    joint, inertia = link.joint, link.body.inertia
+    if link.parent != parent:
+        raise _differs(vehicle, f"parent of link '{link.name}' = {link.parent}", str(parent))
+    if joint.kind != "revolute" or joint.axis != Vec3(0, 1, 0) or joint.rotation != Mat3.identity():
+        raise _differs(vehicle, f"joint '{joint.name}'", "revolute about +y of the base axes")
+    _zero(vehicle, f"link '{link.name}' com.x and .y", link.body.com.x, link.body.com.y)
+    others = (inertia.xx, inertia.zz, inertia.xy, inertia.xz, inertia.yz)
+    _zero(vehicle, f"link '{link.name}' inertia apart from yy", *others)
+
+
+def _zero(vehicle: Vehicle, field: str, *values: Any) -> None:
+    if not check.concrete(*values) or any(value != 0 for value in values):
+        raise _differs(vehicle, f"{field} = {values}", "zero")
+
+
+def _differs(vehicle: Vehicle, found: str, allowed: str) -> ValueError:
+    return ValueError(f"vehicle '{vehicle.name}' is not the paper's planar arm: {found}, allowed {allowed}")

@@ -1,0 +1,47 @@
+"""What the simulation asks of a plant: flat numbers in, flat numbers out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+from skyarm.compile import leaves
+from skyarm.dynamics import State
+from skyarm.vehicle.records import Vehicle
+
+Flat = Sequence[float]
+"""Leaves of a record (:func:`skyarm.compile.leaves`): State, Command or WindSample."""
+
+
+class Plant(Protocol):
+    """A simulated vehicle without memory: all that it remembers is in the state it is given."""
+
+    vehicle: Vehicle
+
+    def advance(self, state: Flat, command: Flat, wind: Flat, seconds: float) -> tuple[float, ...]:
+        """State after ``seconds`` (whole physics steps, or one control period) of held command and wind."""
+        ...
+
+    def specific_force(self, state: Flat, command: Flat, wind: Flat) -> tuple[float, float, float]:
+        """What an accelerometer at the base origin reads now, base axes, m/s^2."""
+        ...
+
+
+def flat(state: State) -> tuple[float, ...]:
+    """A state's numbers in the order plants use."""
+    return tuple(float(value) for value in leaves(state))
+
+
+def number(value: Any) -> Any:
+    """A structural integer as data, so that every output of a traced program has its place among its leaves."""
+    return float(value) if type(value) is int else value
+
+
+def whole_steps(seconds: float, physics_step: float) -> int:
+    """How many physics steps ``seconds`` holds; raises ValueError unless that is a whole number."""
+    ratio = seconds / physics_step
+    count = round(ratio)
+    # decimal fractions such as 0.005 / 0.001 are whole up to rounding only
+    if count < 1 or abs(ratio - count) > 1e-6:
+        raise ValueError(f"seconds = {seconds!r}: must be a whole number of physics steps of {physics_step!r} s")
+    return count

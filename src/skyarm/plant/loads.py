@@ -1,0 +1,37 @@
+"""Everything that pushes on the vehicle but gravity: rotors, wind, body drag, joint drives. One formula for both plants."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from skyarm.actuation import joint_force, rotor_force
+from skyarm.algebra import ZERO3, Force
+from skyarm.dynamics import State
+from skyarm.environment import WindSample, body_drag
+from skyarm.vehicle.records import Vehicle
+
+
+def applied_force(
+    vehicle: Vehicle, state: State, rotor_speeds: Sequence[Any], efforts: Sequence[Any], wind: WindSample
+) -> tuple[Force, tuple[Any, ...]]:
+    """Force on the base (torque about and force at its origin, base axes) and joint torques.
+
+    Args:
+        vehicle: the truth.
+        state: of the vehicle; its own rotor speeds are not read.
+        rotor_speeds: rad/s, now.
+        efforts: commanded joint torques or forces.
+        wind: force and air velocity, now.
+    """
+    R = state.quaternion.rotation()
+    v_air = R.apply_T(state.velocity - wind.air_velocity_W)
+    push = R.apply_T(wind.force_W)
+    total = Force(wind.point_B.cross(push), push) + Force(ZERO3, body_drag(vehicle.drag, v_air))
+    for rotor, speed in zip(vehicle.rotors, rotor_speeds, strict=True):
+        total = total + rotor_force(rotor, speed, v_air + state.rate.cross(rotor.position))
+    torques = tuple(
+        joint_force(link.joint, effort, rate)
+        for link, effort, rate in zip(vehicle.links, efforts, state.joint_rates, strict=True)
+    )
+    return total, torques

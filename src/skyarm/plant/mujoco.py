@@ -1,0 +1,116 @@
+"""The second plant: MuJoCo's rigid bodies under the same rotors, wind and joint drives. It shares no rigid-body code."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+
+from skyarm.actuation import Command
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.compile import trace
+from skyarm.dynamics import State
+from skyarm.environment import WindSample
+from skyarm.plant.interface import Flat, number, whole_steps
+from skyarm.plant.loads import applied_force
+from skyarm.plant.mujoco_model import INTEGRATORS, build_spec, joint_addresses
+from skyarm.plant.rigid_body import World, lagged
+from skyarm.vehicle.check import require_plant
+
+
+class MujocoPlant:
+    """MuJoCo steps the bodies; forces are those of :mod:`skyarm.plant.loads`, held for each physics step.
+
+    Args:
+        world: true vehicle and gravity. A planar model is refused: no real body has its inertia.
+        wind: a sample of the episode's wind; its structural zeros are folded away.
+        integrator: MuJoCo's "rk4" or (semi-implicit) "euler".
+        physics_step: s.
+    """
+
+    def __init__(self, world: World, wind: WindSample, integrator: str = "rk4", physics_step: float = 0.001) -> None:
+        require_plant(world.vehicle)
+        if integrator not in INTEGRATORS:
+            raise ValueError(f"integrator = {integrator!r}: must be one of {list(INTEGRATORS)}")
+        self.vehicle = world.vehicle
+        spec = build_spec(world.vehicle, float(world.gravity), timestep=physics_step, integrator=integrator)
+        self.model = spec.compile()
+        self._world, self._physics_step, self._rk4 = world, physics_step, integrator == "rk4"
+        self._data = mujoco.MjData(self.model)
+        self._qpos, self._qvel, self._force = self._data.qpos, self._data.qvel, self._data.qfrc_applied
+        self._nq, self._nv = self.model.nq, self.model.nv
+        self._rotors = len(world.vehicle.rotors)
+        self._to_mujoco, self._from_mujoco = self._orders()
+        zeros = (0.0,) * (self._nq + self._nv + self._rotors)
+        efforts = (0.0,) * world.vehicle.n
+        self._loads = trace(self._forces_and_speeds, zeros, (0.0,) * self._rotors, efforts, wind).flat
+
+    def _orders(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Permutations of a flat state: ours to [qpos, qvel, rotor speeds] and back."""
+        nq = self._nq
+        q, v = joint_addresses(self.vehicle, self.model)
+        speeds = range(nq + self._nv, nq + self._nv + self._rotors)
+        # ours is position, quaternion, velocity, rate, joints, joint rates, rotor speeds
+        back = [*range(7), *(nq + i for i in range(6)), *q, *(nq + i for i in v), *speeds]
+        there = sorted(range(len(back)), key=back.__getitem__)
+        return tuple(there), tuple(back)
+
+    def _state(self, x: Sequence[Any]) -> State:
+        """State record from numbers in MuJoCo's order."""
+        ours = [x[i] for i in self._from_mujoco]
+        n = self.vehicle.n
+        return State(
+            position=Vec3.of(ours[0:3]),
+            quaternion=Quaternion.of(ours[3:7]),
+            velocity=Vec3.of(ours[7:10]),
+            rate=Vec3.of(ours[10:13]),
+            joints=tuple(ours[13 : 13 + n]),
+            joint_rates=tuple(ours[13 + n : 13 + 2 * n]),
+            rotor_speeds=tuple(ours[13 + 2 * n :]),
+        )
+
+    def _forces_and_speeds(self, x: Any, commanded: Any, efforts: Any, wind: WindSample) -> Any:
+        """Generalised forces in MuJoCo's order and the rotor speeds after one physics step.
+
+        The dual of a free joint's velocity is the force at the base origin in world axes and the torque in base axes.
+        """
+        state = self._state(x)
+        force, torques = applied_force(self.vehicle, state, state.rotor_speeds, efforts, wind)
+        command = Command(rotor_speeds=commanded, efforts=efforts)
+        generalized: list[Any] = [*state.quaternion.rotation().apply(force.force), *force.torque, *torques]
+        _, dofs = joint_addresses(self.vehicle, self.model)
+        place = [*range(6), *dofs]
+        ordered = [generalized[i] for i in sorted(range(self._nv), key=place.__getitem__)]
+        return tuple(number(value) for value in (*ordered, *lagged(self.vehicle, state, command, self._physics_step)))
+
+    def advance(self, state: Flat, command: Flat, wind: Flat, seconds: float) -> tuple[float, ...]:
+        """State after ``seconds`` of held command and wind; NaN once a number has become infinite."""
+        x = [state[i] for i in self._to_mujoco]
+        qpos, qvel = self._qpos, self._qvel
+        split, nv = self._nq + self._nv, self._nv
+        speeds, inputs = x[split:], (*command, *wind)
+        model, data, loads = self.model, self._data, self._loads
+        qpos[:], qvel[:] = x[: self._nq], x[self._nq : split]
+        for _ in range(whole_steps(seconds, self._physics_step)):
+            result = loads((*x, *inputs))
+            self._force[:] = result[:nv]
+            # mj_step without its checks: those write a log file beside the user's work when a flight diverges
+            mujoco.mj_forward(model, data)
+            if self._rk4:
+                mujoco.mj_RungeKutta(model, data, 4)
+            else:
+                mujoco.mj_Euler(model, data)
+            speeds = result[nv:]
+            x = [*qpos.tolist(), *qvel.tolist(), *speeds]
+        return tuple([x[i] for i in self._from_mujoco])
+
+    def specific_force(self, state: Flat, command: Flat, wind: Flat) -> tuple[float, float, float]:
+        """Proper acceleration of the base origin, base axes, m/s^2: what MuJoCo's free joint accelerates with, plus g."""
+        x = [state[i] for i in self._to_mujoco]
+        self._qpos[:], self._qvel[:] = x[: self._nq], x[self._nq : self._nq + self._nv]
+        self._force[:] = self._loads((*x, *command, *wind))[: self._nv]
+        mujoco.mj_forward(self.model, self._data)
+        proper_W = self._data.qacc[:3] - self.model.opt.gravity
+        fx, fy, fz = (self._data.xmat[1].reshape(3, 3).T @ proper_W).tolist()
+        return fx, fy, fz

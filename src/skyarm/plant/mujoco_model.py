@@ -1,0 +1,167 @@
+"""A vehicle's record as a MuJoCo model: bodies, joints, sites and shapes to look at. No force is modelled here."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from skyarm.algebra import Mat3, Vec3
+from skyarm.vehicle.records import BASE, Body, Joint, Vehicle
+
+INTEGRATORS = {"rk4": mujoco.mjtIntegrator.mjINT_RK4, "euler": mujoco.mjtIntegrator.mjINT_EULER}
+
+BASE_NAME = "base"
+"""Body and free joint of the airframe; a link may have any name of its own."""
+
+LEAST = 2e-15
+"""kg and kg m^2: MuJoCo refuses a moving body below 1e-15, so a massless link or a point mass gets this much."""
+
+_GREY, _DARK, _BLUE = (0.6, 0.6, 0.62, 1.0), (0.2, 0.2, 0.22, 1.0), (0.25, 0.45, 0.75, 1.0)
+
+
+def build_spec(vehicle: Vehicle, gravity: float, *, timestep: float = 0.001, integrator: str = "rk4") -> Any:
+    """The vehicle as a ``mujoco.MjSpec``.
+
+    Contacts, constraints, implicit damping and MuJoCo's own reset of a diverged state are off; joints have neither
+    damping, friction, armature nor limits: everything that pushes is applied from outside.
+
+    Args:
+        vehicle: with concrete numbers.
+        gravity: m/s^2, positive downwards.
+        timestep: s.
+        integrator: "rk4" or "euler".
+    """
+    spec = mujoco.MjSpec()
+    spec.modelname = vehicle.name
+    spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
+    spec.compiler.fusestatic = False
+    spec.option.gravity = [0.0, 0.0, -float(gravity)]
+    spec.option.timestep = timestep
+    spec.option.integrator = INTEGRATORS[integrator]
+    off = mujoco.mjtDisableBit
+    spec.option.disableflags = int(
+        off.mjDSBL_CONTACT | off.mjDSBL_CONSTRAINT | off.mjDSBL_EULERDAMP | off.mjDSBL_AUTORESET
+    )
+    bodies = {BASE: spec.worldbody.add_body(name=_body_name(vehicle, BASE))}
+    bodies[BASE].add_freejoint(name=_free_joint_name(vehicle), align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE)
+    _give_inertia(bodies[BASE], vehicle.base)
+    for i, link in enumerate(vehicle.links):
+        at = link.joint
+        bodies[i] = bodies[link.parent].add_body(
+            name=_body_name(vehicle, i), pos=_array(at.position), quat=_quaternion(at.rotation)
+        )
+        _add_joint(bodies[i], at)
+        _give_inertia(bodies[i], link.body)
+    _add_sites(vehicle, bodies)
+    _add_shapes(vehicle, bodies)
+    return spec
+
+
+def joint_addresses(vehicle: Vehicle, model: Any) -> tuple[list[int], list[int]]:
+    """Where the joints stand in MuJoCo's qpos and qvel: it numbers them depth first, we in the order of the links."""
+    joints = [model.joint(link.joint.name) for link in vehicle.links]
+    return [int(joint.qposadr[0]) for joint in joints], [int(joint.dofadr[0]) for joint in joints]
+
+
+def _unused(name: str, taken: list[str]) -> str:
+    """The name, with underscores until nobody else has it."""
+    while name in taken:
+        name += "_"
+    return name
+
+
+def _body_name(vehicle: Vehicle, link: int) -> str:
+    names = [each.name for each in vehicle.links]
+    return _unused(BASE_NAME, names) if link == BASE else names[link]
+
+
+def _free_joint_name(vehicle: Vehicle) -> str:
+    return _unused(BASE_NAME, [link.joint.name for link in vehicle.links])
+
+
+def _add_joint(body: Any, joint: Joint) -> None:
+    """A joint without any force of its own."""
+    kinds = {"revolute": mujoco.mjtJoint.mjJNT_HINGE, "prismatic": mujoco.mjtJoint.mjJNT_SLIDE}
+    body.add_joint(name=joint.name, type=kinds[joint.kind], axis=_array(joint.axis))
+
+
+def _give_inertia(body: Any, source: Body) -> None:
+    """Explicit inertial about the centre of mass, as principal moments and axes.
+
+    MuJoCo's own diagonalisation of ``fullinertia`` stops at an absolute 1e-12 kg m^2, which small links would feel.
+    """
+    rows = np.array([_array(row) for row in source.inertia.full().rows])
+    moments, axes = np.linalg.eigh(rows)
+    if np.linalg.det(axes) < 0.0:
+        axes[:, 2] *= -1.0
+    moments = np.maximum(moments, LEAST)
+    # a flat body has a + b = c up to rounding, and MuJoCo refuses a + b < c
+    moments[2] = min(moments[2], moments[0] + moments[1])
+    body.explicitinertial = True
+    body.mass = max(float(source.mass), LEAST)
+    body.ipos, body.inertia, body.iquat = _array(source.com), moments, _mat2quat(axes)
+
+
+def _add_sites(vehicle: Vehicle, bodies: dict[int, Any]) -> None:
+    """One site a frame and one a rotor hub (z along the thrust)."""
+    for frame in vehicle.frames:
+        bodies[frame.link].add_site(
+            name=frame.name, pos=_array(frame.position), quat=_quaternion(frame.rotation), size=[0.005] * 3
+        )
+    taken = [frame.name for frame in vehicle.frames]
+    for rotor in vehicle.rotors:
+        name = _unused(rotor.name, taken)
+        taken.append(name)
+        bodies[BASE].add_site(name=name, pos=_array(rotor.position), quat=_along(rotor.axis), size=[0.005] * 3)
+
+
+def _add_shapes(vehicle: Vehicle, bodies: dict[int, Any]) -> None:
+    """Shapes without mass and contact: a hull, a boom and a disc a rotor, a rod to everything a link carries."""
+    hubs = [_array(rotor.position) for rotor in vehicle.rotors]
+    reach = max([float(np.linalg.norm(hub)) for hub in hubs], default=0.1) or 0.1
+    size = [0.35 * reach, 0.35 * reach, 0.15 * reach]
+    _add_shape(bodies[BASE], type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=size, rgba=_GREY)
+    for rotor, hub in zip(vehicle.rotors, hubs, strict=True):
+        _add_rod(bodies[BASE], hub, 0.03 * reach, _DARK)
+        disc = [0.5 * reach, 0.01 * reach, 0.0]
+        kind = mujoco.mjtGeom.mjGEOM_CYLINDER
+        _add_shape(bodies[BASE], type=kind, size=disc, pos=hub, quat=_along(rotor.axis), rgba=(*_BLUE[:3], 0.4))
+    for i, link in enumerate(vehicle.links):
+        ends = [_array(other.joint.position) for other in vehicle.links if other.parent == i]
+        ends += [_array(frame.position) for frame in vehicle.frames if frame.link == i]
+        for end in ends or [_array(link.body.com)]:
+            _add_rod(bodies[i], end, 0.04 * reach, _BLUE)
+
+
+def _add_rod(body: Any, end: Any, radius: float, rgba: tuple[float, ...]) -> None:
+    """A capsule from the body's origin; none to a point at the origin."""
+    if float(np.linalg.norm(end)) > 1e-6:
+        kind = mujoco.mjtGeom.mjGEOM_CAPSULE
+        _add_shape(body, type=kind, fromto=[0.0, 0.0, 0.0, *end], size=[radius, 0.0, 0.0], rgba=rgba)
+
+
+def _add_shape(body: Any, **fields: Any) -> None:
+    body.add_geom(contype=0, conaffinity=0, mass=0.0, group=1, **fields)
+
+
+def _array(v: Vec3) -> Any:
+    return np.array([float(c) for c in v])
+
+
+def _quaternion(R: Mat3) -> Any:
+    return _mat2quat(np.array([_array(row) for row in R.rows]))
+
+
+def _mat2quat(R: Any) -> Any:
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(R).ravel())
+    return quaternion
+
+
+def _along(axis: Vec3) -> Any:
+    """Quaternion that turns z onto the axis."""
+    quaternion = np.zeros(4)
+    mujoco.mju_quatZ2Vec(quaternion, _array(axis))
+    return quaternion

@@ -1,0 +1,27 @@
+"""Desired motion: signals with derivatives to the fourth, trajectories of base and joints, publishing at a rate."""
+
+from skyarm.reference.compose import Shifted, Sum, Windowed, sequence
+from skyarm.reference.parse import signal_from, trajectory_from
+from skyarm.reference.publisher import Publisher, row, sample_table
+from skyarm.reference.signals import Constant, Ramp, Signal, Sine
+from skyarm.reference.trajectory import Reference, Trajectory, circle, hover
+
+__all__ = [
+    "Constant",
+    "Publisher",
+    "Ramp",
+    "Reference",
+    "Shifted",
+    "Signal",
+    "Sine",
+    "Sum",
+    "Trajectory",
+    "Windowed",
+    "circle",
+    "hover",
+    "row",
+    "sample_table",
+    "sequence",
+    "signal_from",
+    "trajectory_from",
+]

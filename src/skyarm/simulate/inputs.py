@@ -1,0 +1,104 @@
+"""What an episode is fed, for all control instants at once: held references, wind, noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from skyarm.algebra import ZERO3, Vec3
+from skyarm.compile import leaves, rebuild
+from skyarm.environment import Airspeed, WindSample, dryden, wind
+from skyarm.plant.sensors import noise_count
+from skyarm.reference import Reference
+from skyarm.scalars.philox import normal
+from skyarm.simulate.scenario import Scenario
+
+CHANNEL_SENSORS, CHANNEL_TURBULENCE = 0, 1
+"""Channels of the noise generator; every engine draws the same numbers for (seed, episode, channel, step)."""
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeInputs:
+    """Rows of leaves per control instant, and example records that carry their structure.
+
+    Attributes:
+        times: control instants, s.
+        held: leaves of the held reference. wind: leaves of the wind sample. noise: standard normal draws.
+        held_reference, reference: the same references as records of arrays, held and continuous.
+        wind_sample: wind as a record of arrays.
+    """
+
+    times: Any
+    held: Sequence[Sequence[float]]
+    wind: Sequence[Sequence[float]]
+    noise: Sequence[Sequence[float]]
+    held_reference: Reference
+    reference: Reference
+    wind_sample: WindSample
+    reference_example: Reference
+    wind_example: WindSample
+    noise_example: tuple[Any, ...]
+
+
+def episode_inputs(scenario: Scenario) -> EpisodeInputs:
+    """Tables of everything that does not depend on the flight."""
+    ticks = np.arange(scenario.steps)
+    ratio = scenario.rates.control // scenario.rates.reference
+    # k / rate, not k * period: 1500 * 0.005 is not 7.5 in binary, and a gust must start on its tick
+    times = ticks / scenario.rates.control
+    held_times = (ticks // ratio) * ratio / scenario.rates.control
+    held, continuous = scenario.trajectory.at(held_times), scenario.trajectory.at(times)
+    blowing = wind(scenario.wind, times, _turbulence(scenario))
+    noise, noise_example = _noise(scenario)
+    return EpisodeInputs(
+        times=times,
+        held=_rows(held, scenario.steps),
+        wind=_rows(blowing, scenario.steps),
+        noise=noise,
+        held_reference=held,
+        reference=continuous,
+        wind_sample=blowing,
+        reference_example=_example(held),
+        wind_example=_example(blowing),
+        noise_example=noise_example,
+    )
+
+
+def _rows(record: Any, count: int) -> list[tuple[float, ...]]:
+    """A record of arrays as one tuple of floats per instant."""
+    columns = [np.broadcast_to(np.asarray(leaf, dtype=float), (count,)) for leaf in leaves(record)]
+    if not columns:
+        return [()] * count
+    return [tuple(row) for row in np.stack(columns, axis=1).tolist()]
+
+
+def _example(record: Any) -> Any:
+    """The record with every array replaced by one float; its structure stays."""
+    return rebuild(record, iter([0.0] * len(leaves(record))))
+
+
+def _noise(scenario: Scenario) -> tuple[list[tuple[float, ...]], tuple[Any, ...]]:
+    vehicle = scenario.world.vehicle
+    count = noise_count(vehicle.n, len(vehicle.rotors))
+    if not leaves(scenario.sensors):
+        return [()] * scenario.steps, (0,) * count
+    draws = normal(scenario.seed, scenario.episode, CHANNEL_SENSORS, np.arange(scenario.steps), count)
+    return [tuple(row) for row in draws.tolist()], (0.0,) * count
+
+
+def _turbulence(scenario: Scenario) -> Vec3:
+    """Turbulence velocity (arrays over the instants), stationary from the first on."""
+    par = scenario.wind.turbulence if isinstance(scenario.wind, Airspeed) else None
+    if par is None:
+        return ZERO3
+    period = 1.0 / scenario.rates.control
+    draws = normal(scenario.seed, scenario.episode, CHANNEL_TURBULENCE, np.arange(scenario.steps + 2), 3).tolist()
+    memory = dryden.start(Vec3(*draws[0]), Vec3(*draws[1]), period, par=par)
+    rows = []
+    for draw in draws[2:]:
+        memory, velocity = dryden.step(memory, Vec3(*draw), period, par=par)
+        rows.append(tuple(velocity))
+    return Vec3(*np.array(rows, dtype=float).T)

@@ -1,0 +1,212 @@
+"""The record of one episode, and its files."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import platform
+from dataclasses import dataclass, fields
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.compile import leaves
+from skyarm.files import write_atomically
+from skyarm.simulate.inputs import EpisodeInputs
+from skyarm.simulate.kinematics import level_tool, tool
+from skyarm.simulate.monitor import Ending
+from skyarm.simulate.scenario import Scenario
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Log:
+    """Everything that happened at N control instants; SI units, radians, world axes unless said.
+
+    Attributes:
+        time: (N,).
+        position, velocity: (N, 3). quaternion: (N, 4) wxyz. rate: (N, 3) body axes.
+        joints, joint_rates, efforts: (N, n); efforts are the commanded joint torques.
+        rotor_speeds, rotor_commands: (N, rotors).
+        position_held, velocity_held, joints_held, joint_rates_held, yaw_held: the reference as published and held.
+        position_reference, joints_reference, yaw_reference: the continuous reference.
+        tool: (N, 3) end effector. tool_held, tool_reference: where a level base on reference would put it.
+        wind_force, air_velocity: (N, 3).
+        measured_position, measured_joints: what the controller saw (undelayed).
+        info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground"), cause, end time.
+    """
+
+    time: Array
+    position: Array
+    quaternion: Array
+    velocity: Array
+    rate: Array
+    joints: Array
+    joint_rates: Array
+    efforts: Array
+    rotor_speeds: Array
+    rotor_commands: Array
+    position_held: Array
+    velocity_held: Array
+    joints_held: Array
+    joint_rates_held: Array
+    yaw_held: Array
+    position_reference: Array
+    joints_reference: Array
+    yaw_reference: Array
+    tool: Array
+    tool_held: Array
+    tool_reference: Array
+    wind_force: Array
+    air_velocity: Array
+    measured_position: Array
+    measured_joints: Array
+    info: dict[str, Any]
+
+    @property
+    def status(self) -> str:
+        """How the episode ended."""
+        return str(self.info["status"])
+
+    @property
+    def euler(self) -> Array:
+        """Roll, pitch, yaw (N, 3), ZYX, rad."""
+        w, x, y, z = self.quaternion.T
+        roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+        pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
+        yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        return np.stack([roll, pitch, yaw], axis=1)
+
+    def arrays(self) -> dict[str, Array]:
+        """Every array by name."""
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "info"}
+
+    def save_npz(self, path: str | os.PathLike[str]) -> Path:
+        """Write one compressed npz (arrays and ``info`` as JSON); the file appears whole or not at all."""
+        buffer = io.BytesIO()
+        arrays: dict[str, Any] = {**self.arrays(), "info": np.array(json.dumps(self.info))}
+        np.savez_compressed(buffer, **arrays)
+        return write_atomically(path, buffer.getvalue())
+
+    def save_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write one CSV: a column per component, a row per control instant; numbers round-trip."""
+        columns: dict[str, Array] = {}
+        for name, array in self.arrays().items():
+            if array.ndim == 1:
+                columns[name] = array
+            else:
+                columns |= {f"{name}_{i}": array[:, i] for i in range(array.shape[1])}
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(np.stack(list(columns.values()), axis=1).tolist())
+        return write_atomically(path, text.getvalue().encode())
+
+    @classmethod
+    def load_npz(cls, path: str | os.PathLike[str]) -> Log:
+        """Read a log written by :meth:`save_npz`."""
+        with np.load(path) as data:
+            arrays = {name: data[name] for name in data.files if name != "info"}
+            return cls(**arrays, info=json.loads(str(data["info"])))
+
+
+class Recorder:
+    """Collects rows while the episode flies."""
+
+    def __init__(self) -> None:
+        self._rows: list[tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]] = []
+
+    def add(self, state: tuple[float, ...], command: tuple[float, ...], reading: tuple[float, ...]) -> None:
+        """One control instant."""
+        self._rows.append((state, command, reading))
+
+    def finish(self, scenario: Scenario, inputs: EpisodeInputs, ending: Ending | None) -> Log:
+        """The log of what was collected."""
+        vehicle = scenario.world.vehicle
+        n, rotors, count = vehicle.n, len(vehicle.rotors), len(self._rows)
+        width = 13 + 2 * n + rotors
+        x = np.array([row[0] for row in self._rows], dtype=float).reshape(count, width)
+        u = np.array([row[1] for row in self._rows], dtype=float).reshape(count, rotors + n)
+        m = np.array([row[2] for row in self._rows], dtype=float).reshape(count, 1 + 16 + 2 * n + rotors)
+        held, free, wind = inputs.held_reference, inputs.reference, inputs.wind_sample
+
+        def table(record: Any) -> Array:
+            columns = [np.broadcast_to(np.asarray(c, dtype=float), (scenario.steps,))[:count] for c in record]
+            return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
+
+        position, quaternion, joints = x[:, 0:3], x[:, 3:7], x[:, 13 : 13 + n]
+        tables = {
+            "position_held": table(held.position),
+            "velocity_held": table(held.velocity),
+            "joints_held": table(held.joints),
+            "joint_rates_held": table(held.joint_rates),
+            "yaw_held": table((held.yaw,))[:, 0],
+            "position_reference": table(free.position),
+            "joints_reference": table(free.joints),
+            "yaw_reference": table((free.yaw,))[:, 0],
+            "wind_force": table(wind.force_W),
+            "air_velocity": table(wind.air_velocity_W),
+        }
+        for kind in ("held", "reference"):
+            goals = (tables[f"{name}_{kind}"] for name in ("position", "yaw", "joints"))
+            tables[f"tool_{kind}"] = level_tool(vehicle, *goals)
+        return Log(
+            time=inputs.times[:count],
+            position=position,
+            quaternion=quaternion,
+            velocity=x[:, 7:10],
+            rate=x[:, 10:13],
+            joints=joints,
+            joint_rates=x[:, 13 + n : 13 + 2 * n],
+            rotor_speeds=x[:, 13 + 2 * n :],
+            rotor_commands=u[:, :rotors],
+            efforts=u[:, rotors:],
+            tool=tool(vehicle, position, quaternion, joints),
+            measured_position=m[:, 1:4],
+            measured_joints=m[:, 17 : 17 + n],
+            info=describe(scenario, ending),
+            **tables,
+        )
+
+
+def versions() -> dict[str, str]:
+    """Versions that a result depends on."""
+    found = {"python": platform.python_version()}
+    for name in ("skyarm", "numpy", "mujoco"):
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def describe(scenario: Scenario, ending: Ending | None) -> dict[str, Any]:
+    """What a log says about itself."""
+    rates = scenario.rates
+    return {
+        "schema": 1,
+        "scenario": scenario.name,
+        "title": scenario.title,
+        "plant": scenario.plant,
+        "integrator": scenario.integrator,
+        "plant_vehicle": scenario.world.vehicle.name,
+        "plant_gravity": float(scenario.world.gravity),
+        "model_vehicle": scenario.controller.par.model.vehicle.name,
+        "model_gravity": float(scenario.controller.par.model.gravity),
+        "controller": scenario.controller.name,
+        "rates_hz": {"physics": rates.physics, "control": rates.control, "reference": rates.reference},
+        "duration": scenario.duration,
+        "seed": scenario.seed,
+        "episode": scenario.episode,
+        "sensor_noise_channels": len(leaves(scenario.sensors)),
+        "status": ending.status if ending else "completed",
+        "cause": ending.cause if ending else "",
+        "end_time": ending.time if ending else scenario.duration,
+        "versions": versions(),
+    }

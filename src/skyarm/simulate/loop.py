@@ -1,0 +1,132 @@
+"""Fly one episode: clock, sensors, controller, plant, log."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from skyarm.compile import leaves, trace
+from skyarm.dynamics import State
+from skyarm.plant.compiled import RigidBodyPlant, example_command, example_state
+from skyarm.plant.interface import Plant, flat
+from skyarm.plant.sensors import measure
+from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
+from skyarm.simulate.log import Log, Recorder
+from skyarm.simulate.monitor import Monitor
+from skyarm.simulate.scenario import Scenario, hover_trim
+
+Progress = Callable[[int, int], None]
+
+
+def make_plant(scenario: Scenario, inputs: EpisodeInputs) -> Plant:
+    """The scenario's plant."""
+    step = 1.0 / scenario.rates.physics
+    if scenario.plant == "mujoco":
+        from skyarm.plant.mujoco import MujocoPlant
+
+        return MujocoPlant(scenario.world, inputs.wind_example, scenario.integrator, step)
+    return RigidBodyPlant(scenario.world, inputs.wind_example, scenario.integrator, step)
+
+
+def first_state(scenario: Scenario) -> State:
+    """The scenario's initial state, or hover trim at the reference."""
+    if scenario.initial is not None:
+        return scenario.initial
+    start = scenario.trajectory.at(0.0)
+    return hover_trim(scenario.world, start.position, float(start.yaw), tuple(start.joints))
+
+
+class _Loop:
+    """Programs and buffers of one episode."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        self.inputs = episode_inputs(scenario)
+        self.plant = make_plant(scenario, self.inputs)
+        vehicle, controller = scenario.world.vehicle, scenario.controller
+        n, rotors = vehicle.n, len(vehicle.rotors)
+        state = example_state(n, rotors)
+        time = (0.0,)
+        noise = self.inputs.noise_example
+
+        def sense(clock: Any, x: State, force: Any, draws: Any) -> Any:
+            return measure(scenario.sensors, clock[0], x, force, draws)
+
+        self.sense = trace(sense, time, state, state.velocity, noise)
+        reading = self.sense.record(self.sense.flat((0.0, *flat(state), 0.0, 0.0, 9.81, *leaves(noise))))
+        period = 1.0 / scenario.rates.control
+
+        def control(memory: Any, measurement: Any, reference: Any) -> Any:
+            return controller.law(memory, measurement, reference, period, par=controller.par)
+
+        self.control = trace(control, controller.memory, reading, self.inputs.reference_example)
+        self.memory: tuple[float, ...] = tuple(leaves(controller.memory))
+        self.idle = (0.0,) * len(leaves(example_command(n, rotors)))
+        self.period = period
+
+    def command(self, reading: Sequence[float], reference: Sequence[float]) -> tuple[float, ...]:
+        result = self.control.flat((*self.memory, *reading, *reference))
+        split = len(self.memory)
+        self.memory = result[:split]
+        return result[split:]
+
+
+def run(scenario: Scenario, progress: Progress | None = None) -> Log:
+    """Fly the scenario's episode and return its log.
+
+    A diverging episode, a joint past its limit or ground contact ends the episode: the log's status, cause and end time
+    say so. ``progress(done, total)`` is called about a hundred times.
+    """
+    loop = _Loop(scenario)
+    x = flat(first_state(scenario))
+    n, rotors = scenario.world.vehicle.n, len(scenario.world.vehicle.rotors)
+    standing = (*x[13 + 2 * n : 13 + 2 * n + rotors], *((0.0,) * n))
+    pending = _CommandLine(scenario, standing)
+    readings: deque[tuple[float, ...]] = deque(maxlen=round(scenario.delays.measurement * scenario.rates.control) + 1)
+    recorder, monitor = Recorder(), Monitor(scenario)
+    total = scenario.steps
+    every = max(1, total // 100)
+    ending = None
+    for k in range(total):
+        if progress is not None and k % every == 0:
+            progress(k, total)
+        ending = monitor.ending(k * loop.period, x)
+        if ending is not None:
+            break
+        wind, reference = loop.inputs.wind[k], loop.inputs.held[k]
+        force = loop.plant.specific_force(x, pending.now, wind)
+        readings.append(loop.sense.flat((k / scenario.rates.control, *x, *force, *loop.inputs.noise[k])))
+        command = loop.command(readings[0], reference)
+        recorder.add(x, command, readings[-1])
+        for applied, seconds in pending.put(command):
+            x = loop.plant.advance(x, applied, wind, seconds)
+    else:
+        ending = monitor.ending(total * loop.period, x)
+    if progress is not None:
+        progress(total, total)
+    return recorder.finish(scenario, loop.inputs, ending)
+
+
+class _CommandLine:
+    """Commands on their way to the actuators: which one acts for how long within a control period."""
+
+    def __init__(self, scenario: Scenario, standing: tuple[float, ...]) -> None:
+        ratio = scenario.rates.physics // scenario.rates.control
+        steps = round(scenario.delays.command * scenario.rates.physics)
+        self._whole, part = divmod(steps, ratio)
+        self._period = 1.0 / scenario.rates.control
+        self._late = part / scenario.rates.physics
+        self._queue: deque[tuple[float, ...]] = deque([standing] * (self._whole + 1))
+        self.now = standing
+
+    def put(self, command: tuple[float, ...]) -> list[tuple[tuple[float, ...], float]]:
+        """Queue a command; return the (command, seconds) that act during this period."""
+        self._queue.append(command)
+        previous = self._queue.popleft()
+        current = self._queue[0]
+        self.now = current
+        if self._late == 0.0:
+            return [(current, self._period)]
+        return [(previous, self._late), (current, self._period - self._late)]
+

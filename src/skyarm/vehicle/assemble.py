@@ -1,0 +1,184 @@
+"""From a checked vehicle file to the records."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from skyarm.algebra import ZERO3, Mat3, Vec3
+from skyarm.vehicle import check, description
+from skyarm.vehicle.check import VehicleError, refuse
+from skyarm.vehicle.records import BASE, Body, BodyDrag, Frame, Joint, Link, Rotor, Vehicle
+from skyarm.vehicle.schema import (
+    Actuation,
+    BodyTable,
+    FrameTable,
+    JointOverride,
+    LinkTable,
+    PoseTable,
+    RotorDefaults,
+    RotorTable,
+    VehicleFile,
+)
+from skyarm.vehicle.urdf import RigidBodies
+
+DIRECTIONS = {"ccw": 1, "cw": -1}
+
+
+def assemble(file: VehicleFile, urdf: RigidBodies | None) -> Vehicle:
+    """Vehicle of a file; its rigid bodies come from ``urdf`` if the file names one."""
+    bodies = _own_bodies(file) if urdf is None else _urdf_bodies(file, urdf)
+    frames = tuple(_frame(table, bodies) for table in file.frames)
+    drag = BodyDrag()
+    if file.drag is not None:
+        drag = BodyDrag(area=description.vector(file.drag.area), air_density=file.drag.air_density)
+    return Vehicle(
+        name=file.name,
+        title=file.title,
+        base=bodies.base,
+        links=bodies.links,
+        rotors=tuple(_rotor(table, file.rotor_defaults) for table in file.rotors),
+        frames=(*bodies.frames, *frames),
+        end_effector=file.end_effector,
+        drag=drag,
+        sources=tuple(file.sources.items()),
+    )
+
+
+def _own_bodies(file: VehicleFile) -> RigidBodies:
+    if file.base is None:
+        raise VehicleError("base = (missing): must be a table, or 'urdf' the path of a URDF file")
+    if file.joints:
+        refuse(
+            "joints",
+            [each.name for each in file.joints],
+            "must stand in their links; only a URDF file's are changed here",
+        )
+    for field, names in (
+        ("links.name", [k.name for k in file.links]),
+        ("joints.name", [k.joint.name for k in file.links]),
+    ):
+        check.unique(field, names)
+    if "base" in [link.name for link in file.links]:
+        refuse("links.name", "base", "is the airframe's name")
+    tables = {link.name: link for link in file.links}
+    order = description.tree_order({k: table.parent for k, table in tables.items()}, "base", "links[{}].parent")
+    links = tuple(_link(tables[name], order) for name in order)
+    return RigidBodies(file.name, "base", _body("base", file.base), links, ())
+
+
+def _urdf_bodies(file: VehicleFile, urdf: RigidBodies) -> RigidBodies:
+    for field, given in (("base", file.base), ("links", file.links)):
+        if given:
+            refuse(field, "a table", "must not be given together with 'urdf'")
+    check.unique("joints.name", [each.name for each in file.joints])
+    changes = {each.name: each for each in file.joints}
+    known = [link.joint.name for link in urdf.links]
+    for name in changes:
+        if name not in known:
+            refuse("joints.name", name, f"must be one of {', '.join(known) or 'none'}")
+    links = tuple(replace(k, joint=_changed(k.joint, changes.get(k.joint.name))) for k in urdf.links)
+    return replace(urdf, links=links)
+
+
+def _changed(joint: Joint, change: JointOverride | None) -> Joint:
+    return joint if change is None else replace(joint, **_actuation(change))
+
+
+def _body(field: str, table: BodyTable) -> Body:
+    """Own mass and parts of a link as one body."""
+    check.unique(f"{field}.parts.name", [part.name for part in table.parts])
+    own: list[Body] = []
+    if table.mass is not None:
+        own.append(_piece(field, table.mass, table.com, table.inertia, table.planar))
+    elif table.com is not None or table.inertia is not None or not table.parts:
+        raise VehicleError(
+            f"{field}.mass = (missing): must be a finite number of at least 0, kg, unless there are parts only"
+        )
+    own += [_piece(f"{field}.parts[{p.name}]", p.mass, p.com, p.inertia, p.planar) for p in table.parts]
+    whole = description.body(own)
+    return replace(whole, planar=whole.planar or table.planar)
+
+
+def _piece(field: str, mass: float, com: list[float] | None, inertia: list[float] | None, planar: bool) -> Body:
+    entries = inertia or [0.0, 0.0, 0.0]
+    if len(entries) not in (3, 6):
+        refuse(f"{field}.inertia", entries, "must be three (xx yy zz) or six (xx yy zz xy xz yz) numbers, kg m^2")
+    at = ZERO3 if com is None else description.vector(com)
+    piece = Body(mass=mass, com=at, inertia=description.inertia(entries), planar=planar)
+    check.body(field, piece)
+    return piece
+
+
+def _link(table: LinkTable, order: list[str]) -> Link:
+    parent = BASE if table.parent == "base" else order.index(table.parent)
+    field = f"links[{table.name}]"
+    joint = table.joint
+    made = Joint(
+        name=joint.name,
+        kind=joint.kind,
+        axis=description.unit_axis(f"{field}.joint.axis", joint.axis),
+        position=description.vector(joint.position),
+        rotation=_rotation(f"{field}.joint", joint),
+        **_actuation(joint),
+    )
+    return Link(name=table.name, parent=parent, joint=made, body=_body(field, table))
+
+
+def _actuation(table: Actuation) -> dict[str, Any]:
+    """Fields that are given; damping and friction of exactly zero are structure."""
+    given = {name: getattr(table, name) for name in Actuation.model_fields}
+    found: dict[str, Any] = {name: float(value) for name, value in given.items() if value is not None}
+    for name in ("damping", "coulomb"):
+        if name in found:
+            found[name] = description.zero_is_structure(found[name])
+    return found
+
+
+def _rotation(field: str, table: PoseTable) -> Mat3:
+    if table.rpy is not None and table.quaternion_wxyz is not None:
+        refuse(f"{field}.rpy", table.rpy, "must not be given together with quaternion_wxyz")
+    if table.quaternion_wxyz is not None:
+        return description.rotation_quaternion(f"{field}.quaternion_wxyz", table.quaternion_wxyz)
+    return description.rotation_rpy(table.rpy) if table.rpy is not None else Mat3.identity()
+
+
+def _rotor(table: RotorTable, defaults: RotorDefaults) -> Rotor:
+    field = f"rotors[{table.name}]"
+    values: dict[str, Any] = {}
+    for name in RotorDefaults.model_fields:
+        own, default = getattr(table, name), getattr(defaults, name)
+        value = default if own is None else own
+        if value is not None:
+            values[name] = value
+    for name in ("thrust_coefficient", "moment_coefficient"):
+        if name not in values:
+            raise VehicleError(f"{field}.{name} = (missing): must stand here or in rotor_defaults")
+    for name in ("moment_coefficient", "drag_coefficient", "rolling_moment_coefficient"):
+        if name in values:
+            values[name] = description.zero_is_structure(values[name])
+    values["axis"] = description.unit_axis(f"{field}.axis", values.get("axis", [0.0, 0.0, 1.0]))
+    position: Vec3 = description.vector(table.position)
+    return Rotor(name=table.name, position=position, direction=DIRECTIONS[table.direction], **values)
+
+
+def _frame(table: FrameTable, bodies: RigidBodies) -> Frame:
+    """Frame in the moving body that carries the named link."""
+    field = f"frames[{table.name}]"
+    R, p = _rotation(field, table), description.vector(table.position)
+    names = [link.name for link in bodies.links]
+    if table.link in ("base", bodies.root):
+        return Frame(name=table.name, link=BASE, position=p, rotation=R)
+    if table.link in names:
+        return Frame(name=table.name, link=names.index(table.link), position=p, rotation=R)
+    for merged in bodies.frames:
+        if merged.name == table.link:
+            position = description.vector([float(c) for c in merged.position + merged.rotation.apply(p)])
+            return Frame(
+                name=table.name,
+                link=merged.link,
+                position=position,
+                rotation=description.rotation(merged.rotation @ R),
+            )
+    known = ["base", *names, *(merged.name for merged in bodies.frames)]
+    refuse(f"{field}.link", table.link, f"must be one of {', '.join(known)}")

@@ -1,0 +1,134 @@
+"""From the numbers of a file to records: exact zeros and ones become structure.
+
+What stands as 0 or 1 in a file, and what is computed from it to exactly 0.0 (a product of inertia of a symmetric
+body), is structure and folds away; every other number stays data (see :mod:`skyarm.scalars`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
+from skyarm.vehicle.check import TOLERANCE, refuse
+from skyarm.vehicle.records import Body
+
+ROUNDING = 1e-15
+"""Entries of a rotation nearer than this to 0, 1 or -1 are that number: sin(pi) is 1.2e-16 in floating point."""
+
+
+def zero_is_structure(value: float) -> int | float:
+    """An exact zero as structure, any other number as data."""
+    return 0 if value == 0.0 else float(value)
+
+
+def vector(values: Sequence[float]) -> Vec3:
+    """Three numbers."""
+    return Vec3.described([float(value) for value in values])
+
+
+def unit_axis(field: str, values: Sequence[float]) -> Vec3:
+    """Unit vector along any nonzero vector."""
+    length = math.hypot(*values)
+    if not (length > 0.0 and math.isfinite(length)):
+        refuse(field, list(values), "must have a direction (three finite numbers, not all zero; any length)")
+    if abs(length - 1.0) <= ROUNDING:
+        length = 1.0
+    return Vec3.described([value / length for value in values])
+
+
+def rotation(R: Mat3) -> Mat3:
+    """A rotation with the rounding of sin and cos taken off its zeros and ones."""
+    return Mat3.described([[_settled(float(entry)) for entry in row] for row in R.rows])
+
+
+def _settled(entry: float) -> float:
+    nearest = float(round(entry))
+    return nearest if abs(entry - nearest) <= ROUNDING else entry
+
+
+def rotation_rpy(rpy: Sequence[float]) -> Mat3:
+    """R = Rz(yaw) Ry(pitch) Rx(roll), rad: child axes to parent axes.
+
+    Source: URDF specification, element origin.
+    """
+    (sr, cr), (sp, cp), (sy, cy) = ((math.sin(angle), math.cos(angle)) for angle in rpy)
+    rows = (
+        (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
+        (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
+        (-sp, cp * sr, cp * cr),
+    )
+    return rotation(Mat3(*(Vec3(*row) for row in rows)))
+
+
+def rotation_quaternion(field: str, wxyz: Sequence[float]) -> Mat3:
+    """R of a quaternion that is of unit length to 1e-6."""
+    length = math.hypot(*wxyz)
+    if not abs(length - 1.0) <= TOLERANCE:
+        refuse(field, list(wxyz), f"must be of unit length within {TOLERANCE:g}; its length is {length:.9g}")
+    return rotation(Quaternion.of([float(value) for value in wxyz]).normalized().rotation())
+
+
+def inertia(values: Sequence[float]) -> Sym3:
+    """From xx yy zz or xx yy zz xy xz yz, kg m^2."""
+    return Sym3.described(*(float(value) for value in values))
+
+
+def body(parts: Sequence[Body]) -> Body:
+    """Parts of one link as one body, its exact zeros as structure."""
+    whole = parts[0] if len(parts) == 1 else Body.of_parts(parts)
+    mass: Any = whole.mass
+    return Body(
+        mass=float(mass),
+        com=vector([float(c) for c in whole.com]),
+        inertia=inertia([float(c) for c in whole.inertia.entries]),
+        planar=whole.planar,
+    )
+
+
+def tree_order(parents: Mapping[str, str], root: str, field: str) -> list[str]:
+    """Links in an order in which every parent precedes its children, else in the order given.
+
+    Args:
+        parents: name of each link's parent; ``root`` is the base.
+        root: the base's name.
+        field: how a link's parent is called in a message, with ``{}`` for the link.
+    Raises:
+        VehicleError: a parent that does not exist, or links that form a ring.
+    """
+    known = [root, *parents]
+    for name, parent in parents.items():
+        if parent not in known:
+            refuse(field.format(name), parent, f"must be one of {', '.join(known)}")
+    order: list[str] = []
+    waiting = list(parents)
+    while waiting:
+        ready = next((name for name in waiting if parents[name] == root or parents[name] in order), None)
+        if ready is None:
+            ring = _ring(parents, waiting[0])
+            refuse(field.format(ring[0]), parents[ring[0]], f"closed chains are not supported ({' -> '.join(ring)})")
+        order.append(ready)
+        waiting.remove(ready)
+    return order
+
+
+def _ring(parents: Mapping[str, str], start: str) -> list[str]:
+    """The ring that a walk from ``start`` to its parents ends in, first name repeated."""
+    walked = [start]
+    while parents[walked[-1]] not in walked:
+        walked.append(parents[walked[-1]])
+    return [*walked[walked.index(parents[walked[-1]]) :], parents[walked[-1]]]
+
+
+__all__ = [
+    "body",
+    "inertia",
+    "rotation",
+    "rotation_quaternion",
+    "rotation_rpy",
+    "tree_order",
+    "unit_axis",
+    "vector",
+    "zero_is_structure",
+]

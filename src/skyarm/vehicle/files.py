@@ -1,0 +1,88 @@
+"""Vehicles from files: the shipped library, TOML (see :mod:`skyarm.vehicle.schema`) and URDF."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from skyarm.vehicle import sources
+from skyarm.vehicle.assemble import assemble
+from skyarm.vehicle.check import VehicleError
+from skyarm.vehicle.records import Vehicle
+from skyarm.vehicle.schema import parse
+from skyarm.vehicle.urdf import read_urdf, urdf_vehicle
+
+LIBRARY = resources.files("skyarm.vehicle") / "library"
+
+
+def list_vehicles() -> tuple[str, ...]:
+    """Names of the shipped vehicles."""
+    return tuple(sorted(Path(entry.name).stem for entry in LIBRARY.iterdir() if entry.name.endswith(".toml")))
+
+
+def load_vehicle(name_or_path: str | os.PathLike[str]) -> Vehicle:
+    """Vehicle from the library by name, or from a .toml or .urdf file.
+
+    Args:
+        name_or_path: a name of :func:`list_vehicles`, or a path with the suffix .toml or .urdf.
+    Raises:
+        VehicleError: one line, ``file: field = value: what is allowed``.
+    """
+    text = os.fspath(name_or_path)
+    path = Path(text)
+    if text in list_vehicles():
+        entry = LIBRARY / f"{text}.toml"
+        return _located(text, lambda: _from_toml(entry.read_bytes(), None))
+    if path.suffix not in (".toml", ".urdf"):
+        known = ", ".join(list_vehicles())
+        raise VehicleError(f"vehicle = {text!r}: must be one of {known}, or the path of a .toml or .urdf file")
+    if not path.is_file():
+        raise VehicleError(f"vehicle = {text!r}: no such file; shipped vehicles are {', '.join(list_vehicles())}")
+    if path.suffix == ".urdf":
+        return _located(text, lambda: urdf_vehicle(read_urdf(path)))
+    return _located(text, lambda: _from_toml(path.read_bytes(), path.parent))
+
+
+def _located(file: str, read: Any) -> Vehicle:
+    """What ``read`` returns; its errors as one line that begins with the file."""
+    try:
+        vehicle: Vehicle = read()
+    except VehicleError as error:
+        raise VehicleError(f"{file}: {error}") from None
+    except OSError as error:
+        raise VehicleError(f"{file}: file = {error.strerror!r}: must be readable") from None
+    return vehicle
+
+
+def read_document(content: bytes) -> dict[str, Any]:
+    """TOML text as tables.
+
+    Raises:
+        VehicleError: not UTF-8, or a syntax error with its line.
+    """
+    try:
+        return tomllib.loads(content.decode("utf-8"))
+    except UnicodeDecodeError as error:
+        raise VehicleError(f"byte {error.start} = {content[error.start]:#04x}: must be UTF-8 text") from error
+    except tomllib.TOMLDecodeError as error:
+        raise VehicleError(f"TOML = {str(error)!r}: must be valid TOML") from error
+
+
+def _from_toml(content: bytes, folder: Path | None) -> Vehicle:
+    document: Mapping[str, Any] = read_document(content)
+    file = parse(document)
+    sources.check_keys(document, file.sources)
+    if file.urdf is None:
+        return assemble(file, None)
+    path = (folder or Path()) / file.urdf
+    if not path.is_file():
+        raise VehicleError(f"urdf = {file.urdf!r}: no such file ({path})")
+    try:
+        bodies = read_urdf(path)
+    except VehicleError as error:
+        raise VehicleError(f"urdf = {file.urdf!r}: {error}") from None
+    return assemble(file, bodies)

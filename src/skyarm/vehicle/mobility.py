@@ -1,0 +1,117 @@
+"""Does every joint move mass? A joint that moves none makes the mass matrix singular: its acceleration is not defined.
+
+A link whose inertia is positive definite always passes. Only vehicles with point masses, thin rods, planar links or
+massless links are tested, by eliminating joint after joint from the tips to the base at a few joint values.
+Source: Featherstone 2008, section 7.3 (articulated inertia), in 6x6 matrices; angular components first.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from skyarm.algebra import Mat3, Vec3
+
+if TYPE_CHECKING:
+    from skyarm.vehicle.records import Body, Joint, Vehicle
+
+SINGULAR = 1e-12
+"""Moved inertia, relative to that of the outer bodies, below which nothing is left but rounding (1e-16 times a few)."""
+
+GOLDEN = 0.6180339887498949
+
+
+def immobile(vehicle: Vehicle) -> tuple[str, tuple[float, ...]] | None:
+    """First field found whose motion moves no mass, with the joint values; None if the mass matrix is regular.
+
+    All numbers of the vehicle must be concrete.
+    """
+    if all(_solid(body) for body in vehicle.bodies):
+        return None
+    for turn in range(3):
+        joints = tuple(_joint_value(link.joint, turn, index) for index, link in enumerate(vehicle.links))
+        found = _eliminate(vehicle, joints)
+        if found:
+            return found, joints
+    return None
+
+
+def _solid(body: Body) -> bool:
+    """Positive mass and an inertia that is positive definite."""
+    import numpy as np
+
+    moments = np.linalg.eigvalsh(_matrix(body.inertia.full()))
+    return bool(body.mass > 0 and moments[0] > 1e-9 * moments[2])
+
+
+def _joint_value(joint: Joint, turn: int, index: int) -> float:
+    """Zero (or the limit next to it) first, then values without any symmetry."""
+    free = 0.0 if turn == 0 else 0.2 + ((turn * 7 + index * 3 + 1) * GOLDEN) % 1.0
+    lower, upper = _numbers(joint.lower, joint.upper)
+    return min(max(free, lower), upper)
+
+
+def _eliminate(vehicle: Vehicle, joints: Sequence[float]) -> str:
+    """Field of the first degree of freedom, from the tips, that moves no inertia; empty if there is none."""
+    import numpy as np
+
+    whole = [_rigid(body) for body in vehicle.bodies]
+    left = [inertia.copy() for inertia in whole]
+    for i in reversed(range(vehicle.n)):
+        joint, parent = vehicle.links[i].joint, vehicle.links[i].parent
+        X, S = _to_child(joint, joints[i]), _direction(joint)
+        outer, inner = whole[i + 1], left[i + 1]
+        size = np.trace(outer[:3, :3]) if joint.kind == "revolute" else outer[3, 3]
+        moved, pivot = float(S @ outer @ S), float(S @ inner @ S)
+        if not (moved > SINGULAR * size and pivot > SINGULAR * moved):
+            return f"joints[{joint.name}]"
+        U = inner @ S
+        left[parent + 1] += X.T @ (inner - np.outer(U, U) / pivot) @ X
+        whole[parent + 1] += X.T @ outer @ X
+    diagonal = np.diag(left[0])
+    if not np.all(diagonal > 0.0):
+        return "base.inertia"
+    scale = 1.0 / np.sqrt(diagonal)
+    smallest = float(np.linalg.eigvalsh(left[0] * np.outer(scale, scale))[0])
+    return "" if smallest > SINGULAR else "base.inertia"
+
+
+def _numbers(*values: Any) -> list[float]:
+    return [float(value) for value in values]
+
+
+def _matrix(m: Mat3) -> Any:
+    import numpy as np
+
+    return np.array([list(row) for row in m.rows], dtype=float)
+
+
+def _rigid(body: Body) -> Any:
+    """6x6 inertia about the link's origin."""
+    import numpy as np
+
+    S = _matrix(Mat3.cross(body.com))
+    (m,) = _numbers(body.mass)
+    return np.block([[_matrix(body.inertia.full()) - m * S @ S, m * S], [-m * S, m * np.eye(3)]])
+
+
+def _direction(joint: Joint) -> Any:
+    import numpy as np
+
+    axis = _numbers(*joint.axis)
+    return np.array([*axis, 0.0, 0.0, 0.0] if joint.kind == "revolute" else [0.0, 0.0, 0.0, *axis])
+
+
+def _to_child(joint: Joint, value: float) -> Any:
+    """6x6 map of a motion at the parent's origin to the child's."""
+    import numpy as np
+
+    R, p = _matrix(joint.rotation), np.array(_numbers(*joint.position))
+    axis = Vec3(*_numbers(*joint.axis))
+    if joint.kind == "revolute":
+        K = _matrix(Mat3.cross(axis))
+        R = R @ (np.eye(3) + math.sin(value) * K + (1.0 - math.cos(value)) * K @ K)
+    else:
+        p = p + R @ np.array(list(axis)) * value
+    return np.block([[R.T, np.zeros((3, 3))], [-R.T @ _matrix(Mat3.cross(Vec3(*p))), R.T]])

@@ -1,0 +1,240 @@
+"""Schema of a vehicle's TOML file (``schema = 1``), field by field.
+
+A field's description says what is allowed; it is the text of the error and of the documentation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, NoReturn, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from skyarm.vehicle.check import VehicleError, refuse
+
+CLOSURES = ("closures", "closure", "loops", "loop", "loop_joints", "loop_closures", "constraints", "equality")
+"""Tables in which other formats describe closed chains: refused by that name."""
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(allow_inf_nan=False, ge=0.0)]
+Positive = Annotated[float, Field(allow_inf_nan=False, gt=0.0)]
+Limit = Annotated[float, Field(gt=0.0)]
+Triple = Annotated[list[Finite], Field(min_length=3, max_length=3)]
+Quadruple = Annotated[list[Finite], Field(min_length=4, max_length=4)]
+Name = Annotated[str, Field(min_length=1)]
+
+NAME = "text that is not empty, unique in its table"
+TRIPLE_M = "three finite numbers, m"
+COEFFICIENT = "a finite number of at least 0"
+
+
+class Table(BaseModel):
+    """A TOML table: no unknown fields, no silent conversions."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class PartTable(Table):
+    """A rigid piece of a link; without inertia a point mass."""
+
+    name: Name = Field(description=NAME)
+    mass: NotNegative = Field(description="a finite number of at least 0, kg")
+    com: Triple = Field(default=[0.0, 0.0, 0.0], description=TRIPLE_M + ", in the link's frame")
+    inertia: list[Finite] = Field(
+        default=[0.0, 0.0, 0.0],
+        min_length=3,
+        max_length=6,
+        description="three (xx yy zz) or six (xx yy zz xy xz yz) finite numbers, kg m^2",
+    )
+    planar: bool = Field(default=False, description="true or false")
+
+
+class BodyTable(Table):
+    """Mass distribution of the base or a link."""
+
+    mass: NotNegative | None = Field(default=None, description="a finite number of at least 0, kg")
+    com: Triple | None = Field(default=None, description=TRIPLE_M + ", in the link's frame")
+    inertia: list[Finite] | None = Field(
+        default=None,
+        min_length=3,
+        max_length=6,
+        description="three (xx yy zz) or six (xx yy zz xy xz yz) finite numbers, kg m^2",
+    )
+    planar: bool = Field(default=False, description="true or false")
+    parts: list[PartTable] = Field(default=[], description="an array of tables")
+
+
+class PoseTable(Table):
+    """Where a frame sits in another one."""
+
+    position: Triple = Field(default=[0.0, 0.0, 0.0], description=TRIPLE_M)
+    rpy: Triple | None = Field(default=None, description="three finite numbers, rad: R = Rz(yaw) Ry(pitch) Rx(roll)")
+    quaternion_wxyz: Quadruple | None = Field(default=None, description="four finite numbers of unit length")
+
+
+class Actuation(Table):
+    """Limits and friction of a joint."""
+
+    lower: float | None = Field(default=None, description="a number, rad or m")
+    upper: float | None = Field(default=None, description="a number, rad or m")
+    effort_limit: Limit | None = Field(default=None, description="a number greater than 0, N m or N")
+    damping: NotNegative | None = Field(default=None, description=COEFFICIENT + ", N m s/rad or N s/m")
+    coulomb: NotNegative | None = Field(default=None, description=COEFFICIENT + ", N m or N")
+    coulomb_rate: Positive | None = Field(default=None, description="a finite number greater than 0, rad/s or m/s")
+
+
+class JointTable(PoseTable, Actuation):
+    """Joint between a link and its parent."""
+
+    name: Name = Field(description=NAME)
+    kind: Literal["revolute", "prismatic"] = Field(default="revolute", description="'revolute' or 'prismatic'")
+    axis: Triple = Field(
+        description="three finite numbers, not all zero, in the joint's frame; every joint has an axis"
+    )
+
+
+class LinkTable(BodyTable):
+    """Body that moves against its parent."""
+
+    name: Name = Field(description=NAME)
+    parent: Name = Field(description="the name of one parent, 'base' or a link (closed chains are not supported)")
+    joint: JointTable = Field(description="a table")
+
+
+class JointOverride(Actuation):
+    """Limits and friction of a joint that a URDF file describes."""
+
+    name: Name = Field(description=NAME)
+
+
+class RotorDefaults(Table):
+    """Values of every rotor that does not state its own."""
+
+    axis: Triple | None = Field(default=None, description="three finite numbers, not all zero, in the base frame")
+    thrust_coefficient: Positive | None = Field(default=None, description="a finite number greater than 0, N s^2/rad^2")
+    moment_coefficient: NotNegative | None = Field(default=None, description=COEFFICIENT + ", m")
+    drag_coefficient: NotNegative | None = Field(default=None, description=COEFFICIENT + ", N s^2/(rad m)")
+    rolling_moment_coefficient: NotNegative | None = Field(default=None, description=COEFFICIENT + ", N s^2/rad")
+    time_constant_up: Positive | None = Field(default=None, description="a finite number greater than 0, s")
+    time_constant_down: Positive | None = Field(default=None, description="a finite number greater than 0, s")
+    max_speed: Limit | None = Field(default=None, description="a number greater than 0, rad/s")
+
+
+class RotorTable(RotorDefaults):
+    """Rotor fixed to the base."""
+
+    name: Name = Field(description=NAME)
+    position: Triple = Field(description=TRIPLE_M + ", in the base frame")
+    direction: Literal["ccw", "cw"] = Field(description="'ccw' or 'cw', seen against the axis (from its tip)")
+
+
+class FrameTable(PoseTable):
+    """Named frame fixed to a link."""
+
+    name: Name = Field(description=NAME)
+    link: Name = Field(default="base", description="'base' or the name of a link")
+
+
+class DragTable(Table):
+    """Drag of the airframe."""
+
+    area: Annotated[list[NotNegative], Field(min_length=3, max_length=3)] = Field(
+        description="three finite numbers of at least 0, m^2"
+    )
+    air_density: NotNegative = Field(default=1.225, description="a finite number of at least 0, kg/m^3")
+
+
+class VehicleFile(Table):
+    """The whole file."""
+
+    schema_version: Literal[1] = Field(alias="schema", description="1")
+    name: Name = Field(description="text that is not empty")
+    title: str = Field(default="", description="text")
+    urdf: Name | None = Field(default=None, description="the path of a URDF file, relative to this file")
+    base: BodyTable | None = Field(default=None, description="a table")
+    links: list[LinkTable] = Field(default=[], description="an array of tables")
+    joints: list[JointOverride] = Field(default=[], description="an array of tables")
+    rotor_defaults: RotorDefaults = Field(default=RotorDefaults(), description="a table")
+    rotors: list[RotorTable] = Field(default=[], description="an array of tables")
+    frames: list[FrameTable] = Field(default=[], description="an array of tables")
+    end_effector: str = Field(default="", description="the name of a frame")
+    drag: DragTable | None = Field(default=None, description="a table")
+    sources: dict[str, str] = Field(default={}, description='a table of texts: field = "where its number comes from"')
+
+
+def parse(document: Mapping[str, Any]) -> VehicleFile:
+    """Check a TOML document field by field.
+
+    Raises:
+        VehicleError: one line with the first wrong field, its value and what is allowed.
+    """
+    try:
+        return VehicleFile.model_validate(document)
+    except ValidationError as error:
+        errors = error.errors(include_url=False, include_context=False)
+    # an unknown field first: it is often the misspelt name of one that is then said to be missing
+    _report(document, min(errors, key=lambda each: each["type"] != "extra_forbidden"))
+
+
+def _report(document: Mapping[str, Any], error: Any) -> NoReturn:
+    location = error["loc"]
+    field = path_text(document, location)
+    if error["type"] == "extra_forbidden":
+        if location[-1] in CLOSURES:
+            refuse(field, error["input"], "closed chains are not supported")
+        table = _fields(location[:-1])
+        refuse(field, error["input"], f"unknown field; allowed: {', '.join(table)}")
+    allowed = next((text for end in range(len(location), 0, -1) if (text := _allowed(location[:end]))), error["msg"])
+    if error["type"] == "missing":
+        raise VehicleError(f"{field} = (missing): must be {allowed}")
+    refuse(field, error["input"], f"must be {allowed}")
+
+
+def path_text(document: Any, location: tuple[int | str, ...]) -> str:
+    """``links[upper].joint.axis[0]``: array entries by their names where they have one."""
+    text, here = "", document
+    for step in location:
+        try:
+            here = here[step]
+        except (KeyError, IndexError, TypeError):
+            here = None
+        if isinstance(step, int):
+            name = here.get("name") if isinstance(here, dict) else None
+            text += f"[{name if isinstance(name, str) and name else step}]"
+        else:
+            text += f".{step}" if text else str(step)
+    return text
+
+
+def _fields(location: tuple[int | str, ...]) -> dict[str, Any]:
+    """Fields of the table at a location, by the names they have in a file."""
+    table: type[BaseModel] = VehicleFile
+    for step in location:
+        if isinstance(step, str):
+            found = _table_of(_named(table).get(step))
+            if found is None:
+                return {}
+            table = found
+    return _named(table)
+
+
+def _named(table: type[BaseModel]) -> dict[str, Any]:
+    return {info.alias or name: info for name, info in table.model_fields.items()}
+
+
+def _table_of(info: Any) -> type[BaseModel] | None:
+    waiting = [info.annotation] if info is not None else []
+    while waiting:
+        kind = waiting.pop()
+        if isinstance(kind, type) and issubclass(kind, BaseModel):
+            return kind
+        waiting.extend(get_args(kind))
+    return None
+
+
+def _allowed(location: tuple[int | str, ...]) -> str:
+    """Description of the field at a location."""
+    if not isinstance(location[-1], str):
+        return ""
+    info = _fields(location[:-1]).get(location[-1])
+    return (info.description or "") if info is not None else ""

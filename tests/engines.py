@@ -1,0 +1,51 @@
+"""One call over every engine: floats, NumPy, JAX, CasADi and the tracer, each as lists of Python floats in and out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+ENGINES = ("floats", "numpy", "jax", "casadi", "trace")
+
+
+def evaluate(engine: str, function: Callable[..., Sequence[Any]], lanes: Sequence[Sequence[float]]) -> np.ndarray:
+    """``function(*scalars) -> sequence of scalars`` at each lane; rows are lanes, columns outputs."""
+    return {"floats": _floats, "numpy": _numpy, "jax": _jax, "casadi": _casadi, "trace": _trace}[engine](function, lanes)
+
+
+def _floats(function: Any, lanes: Any) -> np.ndarray:
+    return np.array([[float(out) for out in function(*map(float, lane))] for lane in lanes])
+
+
+def _spread(outputs: Any, count: int) -> np.ndarray:
+    return np.array([np.broadcast_to(np.asarray(out, dtype=float), (count,)) for out in outputs]).T
+
+
+def _numpy(function: Any, lanes: Any) -> np.ndarray:
+    columns = np.array(lanes, dtype=float).T
+    return _spread(function(*columns), len(lanes))
+
+
+def _jax(function: Any, lanes: Any) -> np.ndarray:
+    jax = pytest.importorskip("jax")
+    with jax.enable_x64(True):
+        columns = [jax.numpy.asarray(column) for column in np.array(lanes, dtype=float).T]
+        return _spread(function(*columns), len(lanes))
+
+
+def _casadi(function: Any, lanes: Any) -> np.ndarray:
+    casadi = pytest.importorskip("casadi")
+    inputs = [casadi.SX.sym(f"x{i}") for i in range(len(lanes[0]))]
+    outputs = [casadi.SX(out) for out in function(*inputs)]
+    compiled = casadi.Function("f", inputs, [casadi.vertcat(*outputs)])
+    return np.array([np.array(compiled(*map(float, lane))).ravel() for lane in lanes])
+
+
+def _trace(function: Any, lanes: Any) -> np.ndarray:
+    from skyarm.compile import trace
+
+    program = trace(lambda *scalars: tuple(function(*scalars)), *(0.5 for _ in lanes[0]))
+    return np.array([[float(out) for out in program(*map(float, lane))] for lane in lanes])
