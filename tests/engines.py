@@ -13,7 +13,9 @@ ENGINES = ("floats", "numpy", "jax", "casadi", "trace")
 
 def evaluate(engine: str, function: Callable[..., Sequence[Any]], lanes: Sequence[Sequence[float]]) -> np.ndarray:
     """``function(*scalars) -> sequence of scalars`` at each lane; rows are lanes, columns outputs."""
-    return {"floats": _floats, "numpy": _numpy, "jax": _jax, "casadi": _casadi, "trace": _trace}[engine](function, lanes)
+    return {"floats": _floats, "numpy": _numpy, "jax": _jax, "casadi": _casadi, "trace": _trace}[engine](
+        function, lanes
+    )
 
 
 def _floats(function: Any, lanes: Any) -> np.ndarray:

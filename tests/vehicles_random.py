@@ -90,9 +90,7 @@ def _random_joint(rng: np.random.Generator, index: int, *, prismatic: bool) -> J
     )
 
 
-def random_vehicle(
-    rng: np.random.Generator, joints: int, *, prismatic: bool = True, branching: bool = True
-) -> Vehicle:
+def random_vehicle(rng: np.random.Generator, joints: int, *, prismatic: bool = True, branching: bool = True) -> Vehicle:
     """A vehicle with that many joints, and a tilted, offset frame on its base ("eye") and on every link ("tip<i>")."""
     links = []
     for i in range(joints):

@@ -6,10 +6,10 @@ import dataclasses
 
 import numpy as np
 import pytest
-from vehicles_random import random_quaternion, random_state, random_vehicle
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.dynamics import arrays
+from vehicles_random import random_quaternion, random_state, random_vehicle
 
 BATCH = 5
 
@@ -129,7 +129,7 @@ def test_a_quaternion_off_unit_length_raises(function, rng, length):
     inputs = list(batch_of(rng, 2))[:count]
     inputs[1] = inputs[1].copy()
     inputs[1][2] *= length
-    with pytest.raises(ValueError, match="quaternion_wxyz: length .*allowed 1 within 1e-06"):
+    with pytest.raises(ValueError, match=r"quaternion_wxyz: length .*allowed 1 within 1e-06"):
         call(vehicle, *inputs)
 
 

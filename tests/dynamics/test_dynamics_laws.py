@@ -6,6 +6,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+
+from skyarm.algebra import Sym3, Vec3
+from skyarm.dynamics import arrays
+from skyarm.vehicle.records import BASE, Body, Joint, Link, Vehicle
 from vehicles_random import (
     array3,
     inertia33,
@@ -15,10 +19,6 @@ from vehicles_random import (
     random_vehicle,
     rotation_matrix,
 )
-
-from skyarm.algebra import Sym3, Vec3
-from skyarm.dynamics import arrays
-from skyarm.vehicle.records import BASE, Body, Joint, Link, Vehicle
 
 JOINTS = range(8)
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from vehicles_random import TWINS, random_state, random_vehicle
 
 from skyarm.dynamics import arrays
+from vehicles_random import TWINS, random_state, random_vehicle
 
 # relative to the largest entry: three recursions of up to seven joints, in other orders, on three sets of axes
 TOLERANCE = 1e-10

@@ -140,11 +140,11 @@ def test_functions_without_the_inverse_work_at_ninety_degrees():
 def test_leading_axes_broadcast_and_a_batch_equals_a_loop_of_singles():
     q, qd = Q[:6].reshape(2, 3, 8), QD[0]
     for call, shape in (
-        (lambda a: el.mass_matrix(a), (8, 8)),
-        (lambda a: el.mass_matrix_derivative(a), (8, 8, 8)),
+        (el.mass_matrix, (8, 8)),
+        (el.mass_matrix_derivative, (8, 8, 8)),
         (lambda a: el.coriolis_matrix(a, qd), (8, 8)),
         (lambda a: el.coriolis_matrix_numeric(a, qd), (8, 8)),
-        (lambda a: el.gravity_vector(a), (8,)),
+        (el.gravity_vector, (8,)),
         (lambda a: el.gravity_vector(a, reduced=True), (8,)),
         (lambda a: el.body_torque(a, [0.1, 0.2, 0.3]), (3,)),
         (lambda a: el.euler_acceleration(a, qd, [0.1, 0.2, 0.3]), (3,)),

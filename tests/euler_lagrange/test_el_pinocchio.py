@@ -1,5 +1,7 @@
 """The 8x8 form against Pinocchio and against skyarm's own composite-body algorithm."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from lagrangian_twin import rotation, states, velocity_jacobians
@@ -130,22 +132,22 @@ def test_parameters_of_a_planar_vehicle_give_its_own_dynamics(tip):
     par = el.parameters_of(vehicle)
     assert par.mass == pytest.approx(0.796 + tip, abs=1e-15)
     assert (par.L1, par.L2) == (0.15, 0.15)
+    # the tip, joined to link 2 in the vehicle, is found again
+    assert (par.m2, par.lc2, par.me, par.I2yy) == pytest.approx((0.04, 0.075, tip, 7.5e-5), abs=1e-15)
     for q, qd in zip(Q[:5], QD[:5], strict=True):
         T = np.eye(8)
         T[3:6, 3:6] = velocity_jacobians(q)[1][:, 3:6]
         M = T.T @ arrays.mass_matrix(vehicle, q[:3], quaternion_wxyz(q), q[6:]) @ T
         np.testing.assert_allclose(el.mass_matrix(q, parameters=par), M, atol=1e-15)
-        if tip == 0.01:
+        if tip == el.TABLE_1.me:
             table = el.coriolis_matrix(q, qd)
             np.testing.assert_allclose(el.coriolis_matrix(q, qd, parameters=par), table, atol=1e-15)
 
 
 def changed(vehicle, index, **joint):
-    import dataclasses as dc
-
     links = list(vehicle.links)
-    links[index] = dc.replace(links[index], joint=dc.replace(links[index].joint, **joint))
-    return dc.replace(vehicle, links=tuple(links))
+    links[index] = dataclasses.replace(links[index], joint=dataclasses.replace(links[index].joint, **joint))
+    return dataclasses.replace(vehicle, links=tuple(links))
 
 
 @pytest.mark.parametrize(
@@ -155,10 +157,13 @@ def changed(vehicle, index, **joint):
         (lambda v: changed(v, 1, axis=Vec3(0, -1, 0)), "joint 'elbow', allowed revolute about"),
         (lambda v: changed(v, 0, position=Vec3(0, 0, -0.02)), "joint 1 position"),
         (lambda v: changed(v, 1, position=Vec3(0.01, 0, -0.15)), "joint 2 position.x and .y"),
-        (lambda _: planar_vehicle(rod=Sym3(7.5e-5, 7.5e-5, 1e-7)), "link 'upper' inertia apart from yy"),
+        (lambda _: planar_vehicle(rod=Sym3(7.5e-5, 7.5e-5, 1e-7)), "link 'upper' inertia.zz"),
+        (lambda _: planar_vehicle(rod=Sym3(7.5e-5, 7.5e-5, 0)), "link 'upper' inertia.xx"),
         (lambda v: Vehicle(name="planar", base=v.base), "0 joints, allowed 2"),
         (
-            lambda v: Vehicle(name="planar", base=Body(mass=1.0, com=Vec3(0, 0, 1e-3)), links=v.links),
+            lambda v: Vehicle(
+                name="planar", base=Body(mass=1.0, com=Vec3(0, 0, 1e-3), inertia=v.base.inertia), links=v.links
+            ),
             "base.com",
         ),
     ],

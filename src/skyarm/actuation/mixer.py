@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import Vec3, ldl_solve
-from skyarm.scalars import Scalar, add, divide, maximum, minimum, mul, sqrt, where
+from skyarm.scalars import Scalar, add, divide, maximum, minimum, mul, sqrt, sub, where
 from skyarm.vehicle.check import concrete
 from skyarm.vehicle.records import Vehicle
 
@@ -51,7 +51,8 @@ def make_mixer(vehicle: Vehicle, policy: str = "rotors_clip") -> Mixer:
     """Moore-Penrose inverse A^T (A A^T)^-1 of the vehicle's allocation matrix.
 
     Raises:
-        AllocationError: unknown policy, or the rotors do not span torque and thrust (rank below 4).
+        AllocationError: unknown policy, the rotors do not span torque and thrust (rank below 4), or, for "priority", a
+            rotor has no share in the thrust.
     """
     if policy not in POLICIES:
         raise AllocationError(f"mixer policy = {policy!r}: must be one of {list(POLICIES)}")
@@ -63,6 +64,8 @@ def make_mixer(vehicle: Vehicle, policy: str = "rotors_clip") -> Mixer:
         tuple(_dot([A[k][rotor] for k in range(4)], inverse_gram[j]) for j in range(4))
         for rotor in range(len(vehicle.rotors))
     )
+    if policy == "priority":
+        _require_thrust_shares(vehicle, [row[3] for row in rows])
     highest = tuple(rotor.max_speed * rotor.max_speed for rotor in vehicle.rotors)
     return Mixer(inverse=rows, highest=highest, policy=policy)
 
@@ -92,6 +95,18 @@ def _require_rank(vehicle: Vehicle, A: list[list[Any]]) -> None:
         )
 
 
+def _require_thrust_shares(vehicle: Vehicle, per_newton: Sequence[Any]) -> None:
+    """Every rotor must speed up with thrust: the priority policy makes room for torque by moving the thrust."""
+    if not concrete(*per_newton):
+        return
+    for rotor, value in zip(vehicle.rotors, per_newton, strict=True):
+        if value <= 1e-6 * max(per_newton):
+            raise AllocationError(
+                f"vehicle '{vehicle.name}': rotors[{rotor.name}] takes {value:.3g} (rad/s)^2 per N of thrust: must be "
+                "positive for the mixer policy 'priority'; use 'rotors_clip' or change the rotor's axis"
+            )
+
+
 def mix(mixer: Mixer, torque: Vec3, thrust: Any) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
     """Rotor speeds (rad/s) for a body torque (N m) and a thrust along body z (N).
 
@@ -106,32 +121,47 @@ def mix(mixer: Mixer, torque: Vec3, thrust: Any) -> tuple[tuple[Any, ...], tuple
 def _prioritized(mixer: Mixer, torque: Vec3, thrust: Any) -> tuple[Any, ...]:
     """Squared speeds within [0, highest]: roll and pitch torque first, then thrust, yaw torque last.
 
-    1. Thrust moves just enough to leave room for roll and pitch. 2. If no thrust leaves enough room, roll and pitch are
-    scaled down together at the best thrust. 3. Yaw takes the largest share of what remains.
+    1. Roll and pitch are scaled down together if no thrust at all leaves room for them. 2. Thrust moves just enough to
+    leave that room. 3. Yaw takes the largest share of what remains.
     """
-    tilt = [add(mul(row[0], torque.x), mul(row[1], torque.y)) for row in mixer.inverse]
-    lift = [mul(row[3], thrust) for row in mixer.inverse]
-    yaw = [mul(row[2], torque.z) for row in mixer.inverse]
     per_newton = [row[3] for row in mixer.inverse]
-    low, high = _shift_range([add(a, b) for a, b in zip(tilt, lift, strict=True)], per_newton, mixer.highest)
-    room = low < high
-    shift = where(room, minimum(maximum(0.0, low), high), 0.5 * (low + high))
-    lift = [add(value, mul(each, shift)) for value, each in zip(lift, per_newton, strict=True)]
-    share = where(room, 1.0, _largest_share(lift, tilt, mixer.highest))
-    kept = [add(a, mul(b, share)) for a, b in zip(lift, tilt, strict=True)]
+    tilt = [add(mul(row[0], torque.x), mul(row[1], torque.y)) for row in mixer.inverse]
+    yaw = [mul(row[2], torque.z) for row in mixer.inverse]
+    share = _tilt_share(tilt, per_newton, mixer.highest)
+    tilt = [mul(each, share) for each in tilt]
+    low, high = _thrust_range(tilt, per_newton, mixer.highest)
+    held = minimum(maximum(thrust, low), high)
+    kept = [add(mul(each, held), turn) for each, turn in zip(per_newton, tilt, strict=True)]
     yaw_share = _largest_share(kept, yaw, mixer.highest)
     wanted = [add(a, mul(b, yaw_share)) for a, b in zip(kept, yaw, strict=True)]
     return tuple(minimum(maximum(w, 0.0), top) for w, top in zip(wanted, mixer.highest, strict=True))
 
 
-def _shift_range(fixed: Sequence[Any], per_unit: Sequence[Any], highest: Sequence[Any]) -> tuple[Any, Any]:
-    """Smallest and largest s with 0 <= fixed_i + s per_unit_i <= highest_i for all i."""
-    low: Any = -1e300
-    high: Any = 1e300
-    for value, slope, top in zip(fixed, per_unit, highest, strict=True):
+def _tilt_share(tilt: Sequence[Any], per_newton: Sequence[Any], highest: Sequence[Any]) -> Any:
+    """Largest s in [0, 1] for which some thrust keeps s tilt_i + thrust per_newton_i within [0, highest_i] for all i.
+
+    Rotor i asks for thrust >= -s d_i and rotor j for thrust <= e_j - s d_j, with d = tilt / per_newton and
+    e = highest / per_newton: every pair must agree (Fourier-Motzkin elimination of the thrust).
+    """
+    d = [divide(value, slope) for value, slope in zip(tilt, per_newton, strict=True)]
+    e = [divide(top, slope) for top, slope in zip(highest, per_newton, strict=True)]
+    share: Any = 1.0
+    for j, d_j in enumerate(d):
+        for i, d_i in enumerate(d):
+            if i != j:
+                spread = sub(d_j, d_i)
+                share = minimum(share, where(spread > 0.0, divide(e[j], spread), 1.0))
+    return share
+
+
+def _thrust_range(tilt: Sequence[Any], per_newton: Sequence[Any], highest: Sequence[Any]) -> tuple[Any, Any]:
+    """Smallest and largest thrust (N) with 0 <= tilt_i + thrust per_newton_i <= highest_i for all i."""
+    low: Any = None
+    high: Any = None
+    for value, slope, top in zip(tilt, per_newton, highest, strict=True):
         at_zero, at_top = divide(0.0 - value, slope), divide(top - value, slope)
-        low = maximum(low, where(slope > 0.0, at_zero, where(slope < 0.0, at_top, -1e300)))
-        high = minimum(high, where(slope > 0.0, at_top, where(slope < 0.0, at_zero, 1e300)))
+        low = at_zero if low is None else maximum(low, at_zero)
+        high = at_top if high is None else minimum(high, at_top)
     return low, high
 
 

@@ -37,7 +37,7 @@ def rotor_force(rotor: Rotor, speed: Any, velocity: Vec3) -> Force:
     """
     n = rotor.axis
     thrust = rotor.thrust_coefficient * (speed * speed)
-    in_plane = velocity - n * velocity.dot(n)
+    in_plane = n.cross(velocity).cross(n)  # v - (v.n) n, written so that a structural axis leaves two components
     force = n * thrust - in_plane * mul(rotor.drag_coefficient, speed)
     drag_torque = n * mul(mul(-rotor.direction, rotor.moment_coefficient), thrust)
     rolling = in_plane * mul(rotor.rolling_moment_coefficient, speed)

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from skyarm.compile.records import leaves, rebuild, shaped_like
+from skyarm.compile.records import leaves, mismatch, rebuild, shaped_like
 from skyarm.compile.tracer import Graph, Node
 from skyarm.scalars import floats
 
@@ -26,15 +26,19 @@ class Program:
     returns plain sequences and is the fast way in. Results equal those of the traced function on floats bit for bit.
     """
 
-    def __init__(self, graph: Graph, inputs: Sequence[Node], result: Any) -> None:
+    def __init__(self, graph: Graph, inputs: Sequence[Node], result: Any, examples: tuple[Any, ...]) -> None:
         self.inputs = list(inputs)
+        self._examples = examples
         self._result = result
         self.outputs = [graph.lift(leaf) for leaf in leaves(result)]
         self.nodes = _live(self.outputs)
         self.flat: Callable[[Sequence[float]], tuple[float, ...]] = _emit_python(self)
 
     def __call__(self, *records: Any) -> Any:
-        """Evaluate on records of floats."""
+        """Evaluate on records of floats; raises ValueError where their structure is not that of the examples."""
+        different = mismatch(self._examples, records, "arguments")
+        if different:
+            raise ValueError(f"{different}: integers, text and None are structure; trace again to change them")
         values = [leaf for record in records for leaf in leaves(record)]
         return self.record(self.flat(values))
 
@@ -61,7 +65,7 @@ def trace(function: Callable[..., Any], *examples: Any) -> Program:
     inputs = [graph.input(f"x{i}") for i, _ in enumerate(leaf for example in examples for leaf in leaves(example))]
     iterator = iter(inputs)
     arguments = [rebuild(example, iterator) for example in examples]
-    return Program(graph, inputs, function(*arguments))
+    return Program(graph, inputs, function(*arguments), examples)
 
 
 def _live(outputs: Sequence[Node]) -> list[Node]:

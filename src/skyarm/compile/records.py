@@ -48,6 +48,21 @@ def _visit_only(record: Any, visit: Callable[[Any], Any]) -> None:
         visit(record)
 
 
+def mismatch(example: Any, record: Any, path: str) -> str | None:
+    """Describe where ``record`` has another structure than ``example``; None where they have the same."""
+    if isinstance(example, tuple) and isinstance(record, tuple) and len(example) == len(record):
+        pairs = [(a, b, f"{path}[{i}]") for i, (a, b) in enumerate(zip(example, record, strict=True))]
+    elif dataclasses.is_dataclass(example) and type(example) is type(record):
+        names = [field.name for field in dataclasses.fields(example)]
+        pairs = [(getattr(example, name), getattr(record, name), f"{path}.{name}") for name in names]
+    else:
+        kinds = (*_STRUCTURE, tuple)
+        shaped = any(isinstance(one, kinds) or dataclasses.is_dataclass(one) for one in (example, record))
+        same = type(example) is type(record) and example == record if shaped else True
+        return None if same else f"{path} is {record!r}, not {example!r}"
+    return next((found for a, b, name in pairs if (found := mismatch(a, b, name))), None)
+
+
 def rebuild(template: Record, values: Iterator[Any]) -> Record:
     """Return the template with its leaves replaced, in order, by ``values``."""
     result: Record = _map(template, lambda _leaf: next(values))

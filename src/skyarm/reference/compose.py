@@ -58,7 +58,7 @@ class Shifted(Signal):
         return self.signal.derivatives(t - self.delay)
 
     def switch_times(self) -> tuple[float, ...]:
-        """Times of the signal, later."""
+        """List the times of the signal, later."""
         return tuple(s + float(self.delay) for s in self.signal.switch_times())  # type: ignore[arg-type]
 
 

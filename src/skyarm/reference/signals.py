@@ -1,6 +1,6 @@
 """Signals: a scalar of time with its first four derivatives.
 
-``derivatives(t)`` gives (value, d1, d2, d3, d4) for any scalar t: a float, a NumPy array (a whole table), a traced time.
+``derivatives(t)`` gives (value, d1, d2, d3, d4) for any scalar t: float, NumPy array (a whole table), traced time.
 At a switch time the right-hand limit holds, in value and in every derivative; ``switch_times()`` lists those times.
 Derivatives are those of the smooth pieces: the impulse of a jump is not represented.
 """
@@ -30,7 +30,7 @@ class Signal(ABC):
 
     @abstractmethod
     def switch_times(self) -> tuple[float, ...]:
-        """List the times (s), in order, at which the value or a derivative jumps."""
+        """List the times (s), in order, at which the value or a derivative may jump."""
 
     def __add__(self, other: Signal) -> Signal:
         """Sum."""

@@ -92,7 +92,7 @@ class Trajectory:
         )
 
     def switch_times(self) -> tuple[float, ...]:
-        """List the times (s), in order, at which a signal or one of its derivatives jumps."""
+        """List the times (s), in order, at which a signal or one of its derivatives may jump."""
         return Sum((self.x, self.y, self.z, self.yaw, *self.joints)).switch_times()
 
     def with_joints(self, *joints: Signal | float) -> Trajectory:

@@ -181,4 +181,4 @@ def clip(value: Any, lower: Any, upper: Any) -> Any:
 
 def sign(x: Any) -> Any:
     """-1, 0 or +1."""
-    return where(x > 0.0, 1.0, where(x < 0.0, -1.0, 0.0 * x))
+    return where(x > 0.0, 1.0, where(x < 0.0, -1.0, x))  # what is left is a signed zero or NaN

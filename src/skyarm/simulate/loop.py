@@ -14,7 +14,7 @@ from skyarm.plant.sensors import measure
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
 from skyarm.simulate.log import Log, Recorder
 from skyarm.simulate.monitor import Monitor
-from skyarm.simulate.scenario import Scenario, hover_trim
+from skyarm.simulate.scenario import Scenario, trimmed_state
 
 Progress = Callable[[int, int], None]
 
@@ -34,7 +34,7 @@ def first_state(scenario: Scenario) -> State:
     if scenario.initial is not None:
         return scenario.initial
     start = scenario.trajectory.at(0.0)
-    return hover_trim(scenario.world, start.position, float(start.yaw), tuple(start.joints))
+    return trimmed_state(scenario.world, start.position, float(start.yaw), tuple(start.joints))
 
 
 class _Loop:

@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm import dynamics
-from skyarm.actuation import make_mixer, mix
-from skyarm.algebra import E_Z, ZERO3, Motion, Quaternion, Vec3
+from skyarm.actuation.hover import hover_trim
+from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.registry import Controller
 from skyarm.dynamics import State
 from skyarm.environment import NO_WIND, Wind
@@ -122,13 +121,11 @@ def _whole(field: str, seconds: float, rate: int, unit: str) -> None:
         raise ScenarioError(f"{field} = {seconds!r}: must be a whole number of {unit} of {1.0 / rate:g} s")
 
 
-def hover_trim(world: World, position: Vec3, yaw: float, joints: tuple[Any, ...]) -> State:
+def trimmed_state(world: World, position: Vec3, yaw: float, joints: tuple[Any, ...]) -> State:
     """The truth at rest and level with rotors at the speeds that hold its weight and its arm's torque."""
     vehicle = world.vehicle
+    trim = hover_trim(vehicle, joints, world.gravity)
     still = (0.0,) * vehicle.n
-    level = Motion(ZERO3, E_Z * world.gravity)
-    force, _ = dynamics.inverse_dynamics(vehicle, joints, ZERO3, still, level, still)
-    speeds, _ = mix(make_mixer(vehicle), force.torque, force.force.z)
     return State(
         position=Vec3(*(float(c) for c in position)),
         quaternion=Quaternion(math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw)),
@@ -136,5 +133,5 @@ def hover_trim(world: World, position: Vec3, yaw: float, joints: tuple[Any, ...]
         rate=Vec3(0.0, 0.0, 0.0),
         joints=tuple(float(q) for q in joints),
         joint_rates=still,
-        rotor_speeds=tuple(float(w) for w in speeds),
+        rotor_speeds=tuple(float(w) for w in trim.speeds),
     )

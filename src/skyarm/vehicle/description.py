@@ -77,14 +77,20 @@ def inertia(values: Sequence[float]) -> Sym3:
 
 def body(parts: Sequence[Body]) -> Body:
     """Parts of one link as one body, its exact zeros as structure."""
-    whole = parts[0] if len(parts) == 1 else Body.of_parts(parts)
+    # a part that weighs nothing would still move the centre of mass by a rounding error
+    weighed = [part for part in parts if not _nothing(part)] or parts[:1]
+    whole = weighed[0] if len(weighed) == 1 else Body.of_parts(weighed)
     mass: Any = whole.mass
     return Body(
         mass=float(mass),
         com=vector([float(c) for c in whole.com]),
         inertia=inertia([float(c) for c in whole.inertia.entries]),
-        planar=whole.planar,
+        planar=any(part.planar for part in parts),
     )
+
+
+def _nothing(part: Body) -> bool:
+    return all(value == 0.0 for value in (part.mass, *part.inertia.entries))
 
 
 def tree_order(parents: Mapping[str, str], root: str, field: str) -> list[str]:

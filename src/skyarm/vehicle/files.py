@@ -14,7 +14,7 @@ from skyarm.vehicle.assemble import assemble
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.records import Vehicle
 from skyarm.vehicle.schema import parse
-from skyarm.vehicle.urdf import read_urdf, urdf_vehicle
+from skyarm.vehicle.urdf import RigidBodies, read_urdf, urdf_vehicle
 
 LIBRARY = resources.files("skyarm.vehicle") / "library"
 
@@ -75,14 +75,16 @@ def read_document(content: bytes) -> dict[str, Any]:
 def _from_toml(content: bytes, folder: Path | None) -> Vehicle:
     document: Mapping[str, Any] = read_document(content)
     file = parse(document)
+    vehicle = assemble(file, None if file.urdf is None else _named_urdf(file.urdf, folder or Path()))
     sources.check_keys(document, file.sources)
-    if file.urdf is None:
-        return assemble(file, None)
-    path = (folder or Path()) / file.urdf
+    return vehicle
+
+
+def _named_urdf(name: str, folder: Path) -> RigidBodies:
+    path = folder / name
     if not path.is_file():
-        raise VehicleError(f"urdf = {file.urdf!r}: no such file ({path})")
+        raise VehicleError(f"urdf = {name!r}: no such file ({path})")
     try:
-        bodies = read_urdf(path)
+        return read_urdf(path)
     except VehicleError as error:
-        raise VehicleError(f"urdf = {file.urdf!r}: {error}") from None
-    return assemble(file, bodies)
+        raise VehicleError(f"urdf = {name!r}: {error}") from None

@@ -56,25 +56,42 @@ def _eliminate(vehicle: Vehicle, joints: Sequence[float]) -> str:
     """Field of the first degree of freedom, from the tips, that moves no inertia; empty if there is none."""
     import numpy as np
 
-    whole = [_rigid(body) for body in vehicle.bodies]
+    whole = [rigid_inertia(body) for body in vehicle.bodies]
     left = [inertia.copy() for inertia in whole]
     for i in reversed(range(vehicle.n)):
-        joint, parent = vehicle.links[i].joint, vehicle.links[i].parent
-        X, S = _to_child(joint, joints[i]), _direction(joint)
-        outer, inner = whole[i + 1], left[i + 1]
+        joint, outer, S = vehicle.links[i].joint, whole[i + 1], _direction(vehicle.links[i].joint)
         size = np.trace(outer[:3, :3]) if joint.kind == "revolute" else outer[3, 3]
-        moved, pivot = float(S @ outer @ S), float(S @ inner @ S)
-        if not (moved > SINGULAR * size and pivot > SINGULAR * moved):
+        moved = float(S @ outer @ S)
+        if not moved > SINGULAR * size or not pivot_into_parent(vehicle, i, joints[i], whole, left) > SINGULAR * moved:
             return f"joints[{joint.name}]"
-        U = inner @ S
-        left[parent + 1] += X.T @ (inner - np.outer(U, U) / pivot) @ X
-        whole[parent + 1] += X.T @ outer @ X
     diagonal = np.diag(left[0])
     if not np.all(diagonal > 0.0):
         return "base.inertia"
     scale = 1.0 / np.sqrt(diagonal)
     smallest = float(np.linalg.eigvalsh(left[0] * np.outer(scale, scale))[0])
     return "" if smallest > SINGULAR else "base.inertia"
+
+
+def pivot_into_parent(vehicle: Vehicle, i: int, value: float, whole: list[Any], left: list[Any]) -> float:
+    """Inertia that joint ``i`` feels with the joints outward of it free; adds its link to the parent.
+
+    Args:
+        vehicle: its links.
+        i: index of the joint; those outward of it are done.
+        value: of this joint, rad or m.
+        whole: 6x6 inertias of base and links with all joints locked, changed in place.
+        left: the same with the joints outward of each body free, changed in place.
+    """
+    import numpy as np
+
+    link = vehicle.links[i]
+    X, S = _to_child(link.joint, value), _direction(link.joint)
+    U = left[i + 1] @ S
+    pivot = float(S @ U)
+    if pivot > 0.0:
+        left[link.parent + 1] += X.T @ (left[i + 1] - np.outer(U, U) / pivot) @ X
+    whole[link.parent + 1] += X.T @ whole[i + 1] @ X
+    return pivot
 
 
 def _numbers(*values: Any) -> list[float]:
@@ -87,7 +104,7 @@ def _matrix(m: Mat3) -> Any:
     return np.array([list(row) for row in m.rows], dtype=float)
 
 
-def _rigid(body: Body) -> Any:
+def rigid_inertia(body: Body) -> Any:
     """6x6 inertia about the link's origin."""
     import numpy as np
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import Mat3, Sym3, Vec3
-from skyarm.scalars import Scalar, add, neg
+from skyarm.scalars import Scalar, add, divide, mul, neg, sub
 from skyarm.vehicle import check
-from skyarm.vehicle.records import BASE, Link, Vehicle
+from skyarm.vehicle.records import BASE, Body, Link, Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -63,10 +63,7 @@ TABLE_1 = PlanarArmParameters(
 
 
 def parameters_of(vehicle: Vehicle) -> PlanarArmParameters:
-    """Parameters of a vehicle that is the paper's: two y joints in a row, both links hanging along -z, planar inertias.
-
-    A tip that is already part of link 2 stays in it (mass, lever and inertia of the whole), and the point mass is zero:
-    the equations of motion are the same.
+    """Read the parameters of a vehicle that is the paper's: two y joints in a row, links along -z, planar inertias.
 
     Raises:
         ValueError: names the field by which the vehicle differs.
@@ -77,22 +74,38 @@ def parameters_of(vehicle: Vehicle) -> PlanarArmParameters:
     _zero(vehicle, "base.com", *vehicle.base.com)
     _zero(vehicle, "joint 1 position", *first.joint.position)
     _zero(vehicle, "joint 2 position.x and .y", second.joint.position.x, second.joint.position.y)
-    for link, parent in ((first, BASE), (second, 0)):
-        _planar(vehicle, link, parent)
+    _planar(vehicle, first, BASE)
+    _planar(vehicle, second, 0)
+    _zero(vehicle, f"link '{first.name}' inertia.xx", first.body.inertia.xx)
     reach = neg(vehicle.frame(vehicle.end_effector).position.z) if vehicle.end_effector else neg(second.body.com.z)
+    m2, lc2, me, I2yy = _without_tip(second.body, reach)
     return PlanarArmParameters(
         mb=vehicle.base.mass,
         Ib=vehicle.base.inertia,
         m1=first.body.mass,
-        m2=second.body.mass,
-        me=0,
+        m2=m2,
+        me=me,
         L1=neg(second.joint.position.z),
         L2=reach,
         lc1=neg(first.body.com.z),
-        lc2=neg(second.body.com.z),
+        lc2=lc2,
         I1yy=first.body.inertia.yy,
-        I2yy=second.body.inertia.yy,
+        I2yy=I2yy,
     )
+
+
+def _without_tip(body: Body, reach: Any) -> tuple[Any, Any, Any, Any]:
+    """Mass, lever and I_yy of link 2, and the point mass at ``reach`` that was joined to it.
+
+    A rod of the paper has no I_xx, so what the whole has about its centre of mass is m2 me / (m2 + me) d^2, with d the
+    distance of the two masses; with the whole's mass and lever that determines both.
+    """
+    mass, lever, inertia = body.mass, neg(body.com.z), body.inertia
+    if check.concrete(inertia.xx) and inertia.xx == 0:
+        return mass, lever, 0, inertia.yy
+    k = mul(mass, sub(reach, lever))  # = m2 d
+    m2 = divide(mul(k, k), add(inertia.xx, divide(mul(k, k), mass)))
+    return m2, sub(reach, divide(k, m2)), sub(mass, m2), sub(inertia.yy, inertia.xx)
 
 
 def _planar(vehicle: Vehicle, link: Link, parent: int) -> None:
@@ -102,8 +115,7 @@ def _planar(vehicle: Vehicle, link: Link, parent: int) -> None:
     if joint.kind != "revolute" or joint.axis != Vec3(0, 1, 0) or joint.rotation != Mat3.identity():
         raise _differs(vehicle, f"joint '{joint.name}'", "revolute about +y of the base axes")
     _zero(vehicle, f"link '{link.name}' com.x and .y", link.body.com.x, link.body.com.y)
-    others = (inertia.xx, inertia.zz, inertia.xy, inertia.xz, inertia.yz)
-    _zero(vehicle, f"link '{link.name}' inertia apart from yy", *others)
+    _zero(vehicle, f"link '{link.name}' inertia.zz, .xy, .xz, .yz", inertia.zz, inertia.xy, inertia.xz, inertia.yz)
 
 
 def _zero(vehicle: Vehicle, field: str, *values: Any) -> None:

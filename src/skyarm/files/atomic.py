@@ -24,3 +24,19 @@ def write_atomically(path: str | os.PathLike[str], content: bytes) -> Path:
         Path(temporary).unlink(missing_ok=True)
         raise
     return target
+
+
+def require_writable(folder: str | os.PathLike[str]) -> Path:
+    """Make an output folder and prove that a file can be written there, before any work is done.
+
+    Raises:
+        OSError: with one line that names the folder.
+    """
+    target = Path(folder)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=target):
+            pass
+    except OSError as error:
+        raise OSError(f"output folder = {str(target)!r}: must be writable ({error.strerror})") from None
+    return target

@@ -1,0 +1,40 @@
+"""Hover trim: the rotor speeds that hold a level vehicle still."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm import dynamics
+from skyarm.actuation.mixer import make_mixer, mix
+from skyarm.algebra import E_Z, ZERO3, Motion
+from skyarm.vehicle.records import Vehicle
+
+
+@dataclass(frozen=True, slots=True)
+class HoverTrim:
+    """A level hover.
+
+    Attributes:
+        speeds: rad/s, one per rotor. squared: the squared speeds the mixer asks for; negative means no such hover.
+        thrust: N, the vehicle's weight. efforts: joint torques that hold the arm.
+    """
+
+    speeds: tuple[Any, ...]
+    squared: tuple[Any, ...]
+    thrust: Any
+    efforts: tuple[Any, ...]
+
+
+def hover_trim(vehicle: Vehicle, joints: tuple[Any, ...], gravity: Any) -> HoverTrim:
+    """Rotor speeds and joint torques of a level, motionless vehicle with its arm at ``joints``."""
+    still = (0.0,) * vehicle.n
+    level = Motion(ZERO3, E_Z * gravity)
+    force, efforts = dynamics.inverse_dynamics(vehicle, joints, ZERO3, still, level, still)
+    speeds, squared = mix(make_mixer(vehicle), force.torque, force.force.z)
+    return HoverTrim(speeds, squared, force.force.z, efforts)
+
+
+def highest_thrust(vehicle: Vehicle) -> Any:
+    """Thrust along body z with every rotor at its highest speed, N."""
+    return sum(r.axis.z * r.thrust_coefficient * r.max_speed * r.max_speed for r in vehicle.rotors)

@@ -1,0 +1,1 @@
+"""The paper's experiments: cases, published numbers, tables, report."""

@@ -1,0 +1,138 @@
+"""All flights of the reproduction, on as many processes as asked, with progress."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, field
+from typing import Any
+
+from skyarm.experiments.paper import Flight, Metrics, flights, fly, metrics
+from skyarm.experiments.published import CONTROLLERS
+from skyarm.experiments.variations import Variation, variation, variations
+from skyarm.simulate import Log
+
+Progress = Callable[[int, int, str], None]
+"""Called with (jobs done, jobs in all, what was done last)."""
+
+Sensitivity = dict[str, dict[str, dict[str, dict[str, Metrics]]]]
+"""group -> value -> case -> controller -> metrics."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One episode, plain (group and value empty) or under a variation."""
+
+    flight: Flight
+    group: str = ""
+    value: str = ""
+
+    @property
+    def label(self) -> str:
+        """In words, for a progress bar."""
+        words = f"{self.flight.case} {self.flight.controller} {self.flight.plant}"
+        return f"{words}, {self.group} {self.value}" if self.group else words
+
+
+@dataclass(slots=True)
+class Campaign:
+    """What came out: a log per flight, and metrics per variation."""
+
+    logs: dict[str, dict[str, dict[str, Log]]] = field(default_factory=dict)
+    sensitivity: Sensitivity = field(default_factory=dict)
+
+    def measured(self) -> dict[tuple[str, str, str], Metrics]:
+        """Metrics by (case, controller, plant)."""
+        return {
+            (case, controller, plant): metrics(case, log)
+            for plant, cases in self.logs.items()
+            for case, controllers in cases.items()
+            for controller, log in controllers.items()
+        }
+
+    def all_logs(self) -> list[Log]:
+        """Every log."""
+        return [log for cases in self.logs.values() for pair in cases.values() for log in pair.values()]
+
+    def _file(self, group: str, value: str, flight: Flight, found: Metrics) -> None:
+        cases = self.sensitivity.setdefault(group, {}).setdefault(value, {})
+        cases.setdefault(flight.case, {})[flight.controller] = found
+
+
+def perform(job: Job) -> Log | Metrics:
+    """Fly one job: the log of a plain flight, the metrics of a varied one."""
+    if not job.group:
+        return fly(job.flight)
+    varied = variation(job.group, job.value)
+    return varied.measure(job.flight.case, fly(job.flight, varied.change))
+
+
+def run_campaign(
+    plants: Sequence[str], *, sensitivity: bool = True, workers: int = 1, progress: Progress | None = None
+) -> Campaign:
+    """Fly everything. Results do not depend on the number of workers.
+
+    Args:
+        plants: "rigid_body", "mujoco" or both; variations are flown on the first.
+        sensitivity: fly the variations too.
+        workers: processes; 1 flies in this one.
+        progress: called after every episode.
+    """
+    plain = [Job(flight) for flight in flights(plants)]
+    chosen = variations() if sensitivity else []
+    varied = [
+        Job(flight, each.group, each.value)
+        for each in chosen
+        if each.change is not None
+        for flight in flights(plants[:1])
+        if flight.case in each.cases
+    ]
+    done = _perform_all([*plain, *varied], workers, progress)
+    campaign = Campaign()
+    for job in plain:
+        cases = campaign.logs.setdefault(job.flight.plant, {}).setdefault(job.flight.case, {})
+        cases[job.flight.controller] = done[job]
+    for job in varied:
+        campaign._file(job.group, job.value, job.flight, done[job])
+    for each in chosen:
+        if each.change is None:
+            _measure_again(campaign, each, plants[0])
+    order = {each.group: None for each in chosen}
+    campaign.sensitivity = {
+        group: {each.value: campaign.sensitivity[group][each.value] for each in chosen if each.group == group}
+        for group in order
+    }
+    return campaign
+
+
+def _measure_again(campaign: Campaign, varied: Variation, plant: str) -> None:
+    """A variation that changes only how the plain flights are measured."""
+    for case in varied.cases:
+        for controller in CONTROLLERS:
+            log = campaign.logs[plant][case][controller]
+            campaign._file(varied.group, varied.value, Flight(case, controller, plant), varied.measure(case, log))
+
+
+def _perform_all(jobs: Sequence[Job], workers: int, progress: Progress | None) -> dict[Job, Any]:
+    done: dict[Job, Any] = {}
+
+    def note(job: Job, result: Any) -> None:
+        done[job] = result
+        if progress is not None:
+            progress(len(done), len(jobs), job.label)
+
+    if workers <= 1:
+        for job in jobs:
+            note(job, perform(job))
+        return done
+    # spawn, not fork: the parent may hold threads (a progress bar), and the same code runs on every system
+    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+        futures = {pool.submit(perform, job): job for job in jobs}
+        try:
+            for future in as_completed(futures):
+                note(futures[future], future.result())
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return done

@@ -1,0 +1,156 @@
+"""The paper's numbers.
+
+Source: Barakou, Tzafestas, Valavanis, Drones 2026, 10, 274: Table 2 (case1-3), section 5 text and Figures 9-11 (gust),
+16-18 (wind). The mean position error of PD in the wind is derived: 0.577 m / (1 - 0.14).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+Cells = Mapping[str, float]
+
+CASES = ("case1", "case2", "case3", "case2_gust", "case3_wind")
+CONTROLLERS = {"CT": "paper_ct", "PD": "paper_pd"}
+
+PAPER: Mapping[str, Mapping[str, Cells]] = {
+    "case1": {
+        "CT": {
+            "joint_error_mean": 0.019,
+            "joint_error_max": 0.265,
+            "position_error_mean": 0.04,
+            "position_error_max": 0.076,
+            "pitch_rms": 0.026,
+            "roll_rms": 0.0002,
+            "tau1_rms": 0.036,
+            "tau2_rms": 0.012,
+            "peak_pitch": 0.13,
+            "peak_position": 0.088,
+            "settling_time_upper_bound": 10,
+            "iae_position": 1.17,
+            "iae_joint": 2.17,
+        },
+        "PD": {
+            "joint_error_mean": 0.057,
+            "joint_error_max": 0.3,
+            "position_error_mean": 0.083,
+            "position_error_max": 0.14,
+            "pitch_rms": 0.012,
+            "roll_rms": 0.0001,
+            "tau1_rms": 0.041,
+            "tau2_rms": 0.01,
+            "peak_pitch": 0.012,
+            "peak_position": 0.035,
+            "settling_time_upper_bound": 10,
+            "iae_position": 2.33,
+            "iae_joint": 3.68,
+        },
+    },
+    "case2": {
+        "CT": {
+            "joint_error_mean": 0.036,
+            "joint_error_max": 0.105,
+            "position_error_mean": 0.031,
+            "position_error_max": 0.034,
+            "pitch_rms": 0.01,
+            "roll_rms": 0.0001,
+            "tau1_rms": 0.045,
+            "tau2_rms": 0.01,
+            "peak_pitch": 0.227,
+            "peak_position": 0.099,
+            "settling_time": 10,
+            "iae_position": 0.94,
+            "iae_joint": 2.42,
+        },
+        "PD": {
+            "joint_error_mean": 0.049,
+            "joint_error_max": 0.073,
+            "position_error_mean": 0.065,
+            "position_error_max": 0.089,
+            "pitch_rms": 0.056,
+            "roll_rms": 0.0007,
+            "tau1_rms": 0.056,
+            "tau2_rms": 0.009,
+            "peak_pitch": 0.003,
+            "peak_position": 0.037,
+            "settling_time": 23.5,
+            "iae_position": 1.47,
+            "iae_joint": 2.62,
+        },
+    },
+    "case3": {
+        "CT": {
+            "joint_error_mean": 0.012,
+            "joint_error_max": 0.025,
+            "position_error_mean": 0.035,
+            "position_error_max": 0.038,
+            "ee_error_mean": 0.036,
+            "ee_error_max": 0.041,
+            "pitch_rms": 0.01,
+            "roll_rms": 0.006,
+            "tau1_rms": 0.03,
+            "tau2_rms": 0.006,
+            "peak_pitch": 0.245,
+            "peak_position": 0.302,
+            "settling_time": 10,
+            "iae_position": 2.94,
+            "iae_joint": 1.26,
+        },
+        "PD": {
+            "joint_error_mean": 0.031,
+            "joint_error_max": 0.039,
+            "position_error_mean": 0.053,
+            "position_error_max": 0.083,
+            "ee_error_mean": 0.066,
+            "ee_error_max": 0.113,
+            "pitch_rms": 0.039,
+            "roll_rms": 0.007,
+            "tau1_rms": 0.033,
+            "tau2_rms": 0.006,
+            "peak_pitch": 0.012,
+            "peak_position": 0.303,
+            "settling_time": 24.5,
+            "iae_position": 3.89,
+            "iae_joint": 1.99,
+        },
+    },
+    "case2_gust": {
+        "CT": {
+            "peak_x": 0.55,
+            "position_error_mean": 0.13,
+            "pitch_rms": 0.121,
+            "iae_position": 2.04,
+            "iae_joint": 1.14,
+            "peak_pitch": -0.32,
+        },
+        "PD": {
+            "peak_x": 0.71,
+            "position_error_mean": 0.17,
+            "pitch_rms": 0.138,
+            "iae_position": 2.8,
+            "iae_joint": 1.34,
+            "peak_pitch": -0.4,
+        },
+    },
+    "case3_wind": {
+        "CT": {
+            "position_error_mean": 0.577,
+            "position_ripple": 0.01,
+            "ee_error_mean": 0.661,
+            "ee_error_max": 0.684,
+            "pitch_mean": -0.28,
+            "pitch_ripple": 0.02,
+            "peak_pitch": 0.647,
+        },
+        "PD": {
+            "position_error_mean": 0.671,
+            "position_min": 0.62,
+            "position_max": 0.73,
+            "ee_error_mean": 0.741,
+            "ee_error_max": 0.829,
+            "pitch_mean": -0.28,
+            "pitch_ripple": 0.06,
+            "peak_pitch": 0.381,
+        },
+    },
+}

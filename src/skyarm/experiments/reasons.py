@@ -1,0 +1,78 @@
+"""Why a cell differs from the paper: said only where a measured variation supports it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from decimal import Decimal
+from typing import Any
+
+from skyarm.experiments.campaign import Sensitivity
+from skyarm.experiments.variations import Variation, variations
+
+AGREEMENT = 0.05
+"""Relative difference that counts as agreement, beside the rounding of the published number."""
+
+WORTH_NAMING = 0.3
+"""A variation is named when it removes at least this share of the difference."""
+
+Reasons = dict[str, dict[str, dict[str, str]]]
+
+
+def rounding(paper: float) -> float:
+    """Half a unit of the last published digit."""
+    exponent = Decimal(repr(paper)).as_tuple().exponent
+    return 0.5 * 10.0 ** float(exponent) if isinstance(exponent, int) else 0.0
+
+
+def agrees(paper: float, ours: float) -> bool:
+    """Within 5 % or the rounding of the published number."""
+    return abs(ours - paper) <= max(AGREEMENT * abs(paper), rounding(paper))
+
+
+def reasons(results: Mapping[str, Any], sensitivity: Sensitivity) -> Reasons:
+    """One line for every cell that has a published number and does not agree with it."""
+    found: Reasons = {}
+    for case, controllers in results["experiments"].items():
+        for controller, cells in controllers.items():
+            lines = found.setdefault(case, {}).setdefault(controller, {})
+            for metric, cell in cells.items():
+                line = _line(case, controller, metric, cell, sensitivity)
+                if line:
+                    lines[metric] = line
+    return found
+
+
+def _line(case: str, controller: str, metric: str, cell: Mapping[str, Any], sensitivity: Sensitivity) -> str:
+    paper = cell["paper"]
+    if paper is None:
+        return ""
+    ours = cell["rigid_body"] if cell["rigid_body"] is not None else cell["mujoco"]
+    if metric == "settling_time_upper_bound":
+        return "" if ours is not None and ours <= paper else "the paper gives an upper bound; |e_p| leaves the band later"
+    if ours is None:
+        return "|e_p| never stays within 0.02 m of its steady mean; the paper's rule for settling is not published"
+    if agrees(paper, ours):
+        return ""
+    if metric == "settling_time":
+        return "the paper's rule is not published; its 10 s is where the steady window begins"
+    tried = _tried(case, controller, metric, sensitivity)
+    if not tried:
+        return "no variation was flown"
+    nearest, value = min(tried, key=lambda pair: abs(pair[1] - paper))
+    removed = 1.0 - abs(value - paper) / abs(ours - paper)
+    if agrees(paper, value):
+        return f"{nearest.label} gives {value:.3g}"
+    if removed >= WORTH_NAMING:
+        return f"{nearest.label} gives {value:.3g}, {100.0 * removed:.0f} % of the difference; the rest is open"
+    low, high = min(value for _, value in tried), max(value for _, value in tried)
+    return f"open: {low:.3g} ... {high:.3g} over all variations (damping, ramps, latency, time shifts)"
+
+
+def _tried(case: str, controller: str, metric: str, sensitivity: Sensitivity) -> list[tuple[Variation, float]]:
+    pairs = []
+    for each in variations():
+        measured = sensitivity.get(each.group, {}).get(each.value, {}).get(case, {}).get(controller, {})
+        value = measured.get(metric)
+        if value is not None:
+            pairs.append((each, value))
+    return pairs

@@ -1,0 +1,80 @@
+"""The paper reproduced: fly, measure, draw, write."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from skyarm.experiments.campaign import Campaign, Progress, run_campaign
+from skyarm.experiments.paper import PLANTS, results, settings
+from skyarm.experiments.reasons import Reasons, reasons
+from skyarm.experiments.report import report_html
+from skyarm.experiments.table import markdown
+from skyarm.experiments.variations import variations
+from skyarm.figures.paper import paper_figures
+from skyarm.files import require_writable, write_atomically
+
+Note = Callable[[str], None]
+
+
+def reproduce(
+    out: str | os.PathLike[str] = "out/paper",
+    *,
+    plants: Sequence[str] = PLANTS,
+    workers: int = 1,
+    progress: Progress | None = None,
+    note: Note | None = None,
+) -> dict[str, Any]:
+    """Fly the paper's five experiments with both controllers and write everything that comes of it.
+
+    Writes ``results.json``, ``sensitivity.json``, ``table2.md``, ``report.html``, ``figures/figure_03.png`` ...
+    ``figure_18.png`` (first plant) and ``logs/PLANT/CASE_CONTROLLER.npz``; each file appears whole or not at all.
+
+    Args:
+        out: folder, made if missing.
+        plants: "rigid_body", "mujoco" or both.
+        workers: processes that fly.
+        progress: called after every episode.
+        note: called with one line before each further stage.
+    Returns:
+        The content of ``results.json``.
+    Raises:
+        OSError: the folder cannot be written; raised before any flight.
+    """
+    folder = require_writable(out)
+    say = note or (lambda _line: None)
+    campaign = run_campaign(plants, workers=workers, progress=progress)
+    table = results(campaign.measured(), settings(campaign.all_logs()))
+    why = reasons(table, campaign.sensitivity)
+    say("writing tables and logs")
+    _write_data(folder, table, why, campaign)
+    say("drawing Figures 3-18")
+    figures = paper_figures(campaign.logs[plants[0]])
+    for index, figure in figures.items():
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="png", dpi=150, metadata={"Software": None})
+        write_atomically(folder / "figures" / f"figure_{index:02d}.png", buffer.getvalue())
+    say("writing report.html")
+    page = report_html(table, campaign.sensitivity, campaign.logs, why, figures)
+    write_atomically(folder / "report.html", page.encode())
+    return table
+
+
+def _json(value: Any) -> bytes:
+    return (json.dumps(value, indent=1, allow_nan=False) + "\n").encode()
+
+
+def _write_data(folder: Path, table: dict[str, Any], why: Reasons, campaign: Campaign) -> None:
+    write_atomically(folder / "results.json", _json(table))
+    labels = {f"{each.group}/{each.value}": each.label for each in variations()}
+    evidence = {"schema": 1, "labels": labels, "reasons": why, "variations": campaign.sensitivity}
+    write_atomically(folder / "sensitivity.json", _json(evidence))
+    write_atomically(folder / "table2.md", markdown(table, why).encode())
+    for plant, cases in campaign.logs.items():
+        for case, controllers in cases.items():
+            for controller, log in controllers.items():
+                log.save_npz(folder / "logs" / plant / f"{case}_{controller}.npz")

@@ -1,0 +1,101 @@
+"""Figures 3-18 of the paper from the logs of its five experiments, both controllers overlaid."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from skyarm.figures import style
+from skyarm.figures.catalogue import PAPER_CATALOGUE, PAPER_WINDOWS, Panel, PaperFigure
+from skyarm.figures.quantities import Quantity, gust_interval
+from skyarm.simulate.log import Log
+
+Array = npt.NDArray[np.float64]
+
+SMALLEST_SPAN = {"m": 0.02, "rad": 0.02}
+"""Extent of a value axis below which differences mean nothing in the paper's figures."""
+LARGEST_VALUE = {"m": 5.0, "rad": float(np.pi)}
+"""Where an axis stops growing with a diverged episode."""
+
+
+def paper_figures(
+    logs: Mapping[str, Mapping[str, Log]], windows: Mapping[str, tuple[float, float]] = PAPER_WINDOWS
+) -> dict[int, Figure]:
+    """Draw Figures 3-18.
+
+    Args:
+        logs: experiment ("case1", "case2", "case3", "case2_gust", "case3_wind") -> controller ("CT", "PD") -> log.
+        windows: interval of each experiment's metrics, s.
+
+    Returns:
+        The paper's number -> figure; figures whose experiment was not flown are left out.
+
+    Source: Barakou et al. 2026, Figures 3-18.
+    """
+    return {
+        number: draw(number, spec, logs[spec.case], windows.get(spec.case))
+        for number, spec in PAPER_CATALOGUE.items()
+        if logs.get(spec.case)
+    }
+
+
+def draw(number: int, spec: PaperFigure, logs: Mapping[str, Log], window: tuple[float, float] | None = None) -> Figure:
+    """Draw one figure of the paper."""
+    figure, axes = style.stacked(f"Figure {number}. {spec.title}", len(spec.panels))
+    handles: dict[str, Any] = {}
+    for ax, panel, ends in zip(axes, spec.panels, _limits(spec.panels, logs.values()), strict=True):
+        style.name_panel(ax, panel.shows.label, panel.shows.unit, panel.letter)
+        handles |= _draw_lines(ax, panel.shows, logs)
+        ax.set_ylim(*ends)
+    for ax in axes:
+        handles |= _shade(ax, logs.values(), window)
+    axes[-1].set_xlim(0.0, max((float(log.time[-1]) for log in logs.values() if log.time.size), default=1.0))
+    style.legend(figure, list(handles.values()), list(handles))
+    return figure
+
+
+def _draw_lines(ax: Axes, quantity: Quantity, logs: Mapping[str, Log]) -> dict[str, Any]:
+    """One line per controller, and the reference of the longest log; returns label -> line."""
+    handles: dict[str, Any] = {}
+    for i, (controller, log) in enumerate(logs.items()):
+        label = controller if log.status == "completed" else f"{controller} ({log.status.replace('_', ' ')})"
+        (handles[label],) = ax.plot(log.time, quantity.of(log), label=label, **style.look(controller, i).line)
+    if quantity.desired and logs:
+        longest = max(logs.values(), key=lambda log: log.time.size)
+        desired = quantity.desired(longest)
+        (handles["desired"],) = ax.plot(longest.time, desired, label="desired", **style.look("reference").line)
+    return handles
+
+
+def _shade(ax: Axes, logs: Collection[Log], window: tuple[float, float] | None) -> dict[str, Any]:
+    """Mark the window of the metrics and the gust; returns label -> patch."""
+    handles: dict[str, Any] = {}
+    if window:
+        handles[f"window [{window[0]:g}, {window[1]:g}) s"] = style.shade_window(ax, window)
+    gust = next((found for found in map(gust_interval, logs) if found), None)
+    if gust:
+        handles["gust"] = style.shade_gust(ax, gust)
+    return handles
+
+
+def _limits(panels: tuple[Panel, ...], logs: Collection[Log]) -> list[tuple[float, float]]:
+    """Limits of every panel; panels of one scale share theirs."""
+    curves: dict[str, list[Array]] = {}
+    keys = [panel.scale or f"panel {i}" for i, panel in enumerate(panels)]
+    for key, panel in zip(keys, panels, strict=True):
+        reads = [read for read in (panel.shows.of, panel.shows.desired) if read]
+        curves.setdefault(key, []).extend(read(log) for log in logs for read in reads)
+    return [
+        style.limits(
+            curves[key],
+            floor=panel.shows.magnitude,
+            span=SMALLEST_SPAN[panel.shows.unit],
+            cap=LARGEST_VALUE[panel.shows.unit],
+        )
+        for key, panel in zip(keys, panels, strict=True)
+    ]

@@ -1,0 +1,77 @@
+"""One table of a scenario file, read field by field."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+_REQUIRED: Any = object()
+
+
+class Fields:
+    """Reader of a table: checks each value it hands out, and refuses by name what nobody asked for.
+
+    Every error is a ValueError of one line: field, value, what is allowed.
+    """
+
+    def __init__(self, table: Any, where: str) -> None:
+        if not isinstance(table, dict):
+            raise ValueError(f"{where} = {table!r}: must be a table")
+        self.table, self.where = table, where
+        self._asked: list[str] = []
+
+    def at(self, name: str) -> str:
+        """Name of a field as messages show it."""
+        return f"{self.where}.{name}" if self.where else name
+
+    def take(self, name: str, default: Any = _REQUIRED) -> Any:
+        """Raw value of a field."""
+        self._asked.append(name)
+        if name in self.table:
+            return self.table[name]
+        if default is _REQUIRED:
+            raise ValueError(f"{self.at(name)}: is missing; there are {sorted(self.table) or 'no fields'}")
+        return default
+
+    def number(
+        self,
+        name: str,
+        default: Any = _REQUIRED,
+        *,
+        low: float = -math.inf,
+        strict: bool = False,
+        infinite: bool = False,
+    ) -> float:
+        """Check a number: finite unless told otherwise, not below ``low`` (above it if strict)."""
+        return number(self.take(name, default), self.at(name), low=low, strict=strict, infinite=infinite)
+
+    def vector(self, name: str, default: Any = _REQUIRED) -> tuple[float, float, float]:
+        """Three finite numbers."""
+        value, at = self.take(name, default), self.at(name)
+        if not isinstance(value, (list, tuple)) or len(value) != 3:
+            raise ValueError(f"{at} = {value!r}: must be three numbers")
+        x, y, z = (number(item, f"{at}[{index}]") for index, item in enumerate(value))
+        return x, y, z
+
+    def choice(self, name: str, options: tuple[str, ...], default: Any = _REQUIRED) -> str:
+        """One of several words."""
+        value = self.take(name, default)
+        if value not in options:
+            raise ValueError(f"{self.at(name)} = {value!r}: must be one of {', '.join(options)}")
+        return str(value)
+
+    def done(self) -> None:
+        """Refuse fields that were not asked for."""
+        for name in self.table:
+            if name not in self._asked:
+                raise ValueError(f"{self.at(name)} = {self.table[name]!r}: unknown field; allowed: {self._asked}")
+
+
+def number(value: Any, at: str, *, low: float = -math.inf, strict: bool = False, infinite: bool = False) -> float:
+    """Check a number: finite unless told otherwise, not below ``low`` (above it if strict)."""
+    good = isinstance(value, (int, float)) and not isinstance(value, bool) and not math.isnan(value)
+    if not good or (math.isinf(value) and not infinite):
+        raise ValueError(f"{at} = {value!r}: must be a {'number' if infinite else 'finite number'}")
+    if value < low or (strict and value == low):
+        raise ValueError(f"{at} = {value!r}: must be {'above' if strict else 'at least'} {low:g}")
+    return float(value)

@@ -1,0 +1,146 @@
+"""The integrators against SciPy's DOP853 on equations written a second time, and their measured orders."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, tumbling
+from independent_flight import Flight
+from vehicles_random import MujocoTwin, RandomState, random_vehicle
+
+from skyarm.compile import leaves
+from skyarm.environment import WindSample
+from skyarm.plant.compiled import RigidBodyPlant
+from skyarm.plant.interface import flat
+from skyarm.plant.mujoco import MujocoPlant
+from skyarm.plant.rigid_body import World
+
+G = 9.8
+SPEEDS = (HOVER + 60.0, HOVER - 150.0, HOVER - 20.0, 900.0)
+"""Rotors that rise, fall and meet their limit: the lag matters in every step."""
+
+
+def flown(plant, x, command, dt, seconds):
+    wind = leaves(WIND)
+    for _ in range(round(seconds / dt)):
+        x = plant.advance(x, command, wind, dt)
+    return np.array(x)
+
+
+def order(errors):
+    """Slope of log error over log step for steps that halve."""
+    return np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
+
+
+def problem(vehicle):
+    efforts = tuple(0.05 * (-1) ** i for i in range(vehicle.n))
+    x = flat(tumbling(vehicle))
+    return World(vehicle=vehicle, gravity=G), x, (*SPEEDS, *efforts), Flight(vehicle, G, WIND).fly(x, SPEEDS, efforts, 0.16)
+
+
+@pytest.fixture(scope="module", params=["hummingbird_arm", "random3"])
+def tumbled(request):
+    return problem(hummingbird_arm() if request.param == "hummingbird_arm" else random_flyer(3, 3))
+
+
+def test_runge_kutta_is_of_fourth_order_while_rotors_lag(tumbled):
+    world, x, command, end = tumbled
+    plant = RigidBodyPlant(world, WIND, "rk4")
+    errors = [np.abs(flown(plant, x, command, dt, 0.16) - end).max() for dt in (0.008, 0.004, 0.002, 0.001)]
+    assert errors[-1] > 1e-11  # above the reference's own error, or the slope would mean nothing
+    assert order(errors)[-1] == pytest.approx(4.0, abs=0.2)
+
+
+def test_semi_implicit_euler_is_of_first_order(tumbled):
+    world, x, command, end = tumbled
+    errors = []
+    for dt in (0.002, 0.001, 0.0005, 0.00025):
+        plant = RigidBodyPlant(world, WIND, "euler", physics_step=dt)
+        errors.append(np.abs(np.array(plant.advance(x, command, leaves(WIND), 0.16)) - end).max())
+    assert order(errors)[-1] == pytest.approx(1.0, abs=0.2)
+
+
+def test_mujocos_runge_kutta_under_held_forces_is_of_first_order_and_converges_to_the_same_flight(tumbled):
+    world, x, command, end = tumbled
+    errors = []
+    for dt in (0.002, 0.001, 0.0005, 0.00025):
+        plant = MujocoPlant(world, WIND, "rk4", physics_step=dt)
+        errors.append(np.abs(np.array(plant.advance(x, command, leaves(WIND), 0.16)) - end).max())
+    assert order(errors)[-1] == pytest.approx(1.0, abs=0.2)
+
+
+def test_control_periods_of_a_flight_are_those_of_dop853():
+    """Ten periods of 5 ms with changing commands; one Runge-Kutta step of 1.25 ms errs by less than 1e-9 each."""
+    vehicle = hummingbird_arm()
+    world, flight = World(vehicle=vehicle, gravity=G), Flight(vehicle, G, WIND)
+    plant = RigidBodyPlant(world, WIND, "rk4")
+    x = flat(hovering(vehicle))
+    reference = np.array(x)
+    rng = np.random.default_rng(9)
+    for _ in range(10):
+        speeds = tuple((HOVER + rng.normal(scale=30.0, size=4)).tolist())
+        efforts = tuple(rng.normal(scale=0.02, size=2).tolist())
+        reference = flight.fly(reference, speeds, efforts, 0.005)
+        for _ in range(4):
+            x = plant.advance(x, (*speeds, *efforts), leaves(WIND), 0.00125)
+    np.testing.assert_allclose(x, reference, rtol=0.0, atol=2e-9)
+    # the rotor speeds are solved exactly
+    np.testing.assert_allclose(x[-4:], reference[-4:], rtol=1e-11)
+
+
+def test_rotor_speeds_do_not_depend_on_the_step():
+    vehicle = hummingbird_arm()
+    plant = RigidBodyPlant(World(vehicle=vehicle, gravity=G), WIND, "rk4")
+    x, command = flat(tumbling(vehicle)), (*SPEEDS, 0.0, 0.0)
+    coarse, fine = flown(plant, x, command, 0.01, 0.05), flown(plant, x, command, 0.001, 0.05)
+    np.testing.assert_allclose(coarse[-4:], fine[-4:], rtol=1e-13)
+
+
+def test_the_quaternion_stays_of_unit_length():
+    vehicle = random_flyer(1, 3)
+    for kind in (RigidBodyPlant, MujocoPlant):
+        for integrator in ("rk4", "euler"):
+            plant = kind(World(vehicle=vehicle, gravity=G), WIND, integrator)
+            x = flat(tumbling(vehicle))
+            for _ in range(100):
+                x = plant.advance(x, (HOVER,) * 4 + (0.0,) * 3, leaves(WIND), 0.005)
+                # one normalisation: a few units in the last place
+                assert abs(np.linalg.norm(x[3:7]) - 1.0) < 1e-15
+
+
+def _random_state(x, n):
+    x = np.array(x)
+    return RandomState(x[:3], x[3:7], x[13 : 13 + n], np.concatenate([x[7:13], x[13 + n : 13 + 2 * n]]))
+
+
+@pytest.mark.parametrize(("kind", "dt"), [(RigidBodyPlant, 0.001), (MujocoPlant, 0.001)])
+@pytest.mark.parametrize("joints", [0, 2, 4])
+def test_free_fall_in_vacuum_keeps_energy_and_momentum(kind, dt, joints):
+    """No rotors, no air, no friction; energy and momentum are MuJoCo's. Runge-Kutta errs by about (rate dt)^4 a second."""
+    vehicle = random_vehicle(np.random.default_rng([5, joints]), joints)
+    plant, twin = kind(World(vehicle=vehicle, gravity=G), WindSample(), "rk4"), MujocoTwin(vehicle)
+    x = flat(tumbling(vehicle, seed=2))
+    before = _random_state(x, joints)
+    energy, momentum = twin.energy(before, G), twin.momentum(before)
+    seconds = 0.5
+    for _ in range(round(seconds / dt)):
+        x = plant.advance(x, (0.0,) * joints, (), dt)
+    after = _random_state(x, joints)
+    weight = np.array([0.0, 0.0, -sum(float(b.mass) for b in vehicle.bodies) * G * seconds, 0.0, 0.0, 0.0])
+    assert twin.energy(after, G) == pytest.approx(energy, abs=1e-7)
+    np.testing.assert_allclose(twin.momentum(after), momentum + weight, rtol=0.0, atol=1e-7)
+    assert np.abs(np.subtract(x[3:7], before.quaternion)).max() > 0.2  # it did turn
+
+
+def test_joint_damping_takes_energy():
+    """In free fall, with damped joints and nothing else, energy falls from step to step."""
+    vehicle = random_vehicle(np.random.default_rng([5, 3]), 3, prismatic=False).with_joints(
+        damping=0.05, coulomb=0.02, coulomb_rate=0.1
+    )
+    twin = MujocoTwin(vehicle)
+    for kind in (RigidBodyPlant, MujocoPlant):
+        plant, x, energies = kind(World(vehicle=vehicle, gravity=G), WindSample()), flat(tumbling(vehicle)), []
+        for _ in range(50):
+            energies.append(twin.energy(_random_state(x, 3), G))
+            x = plant.advance(x, (0.0,) * 3, (), 0.005)
+        assert np.all(np.diff(energies) < 0.0)
