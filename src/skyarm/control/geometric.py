@@ -29,7 +29,8 @@ def downward_acceleration(
     a_d = (Kp e_p + Kv e_v) / m - g e_3 - pdd_d
     """
     pull = gains.position.scaled(position_error) + gains.velocity.scaled(velocity_error)
-    return pull * divide(1.0, mass) - E_Z * gravity - acceleration
+    a_d: Vec3 = pull * divide(1.0, mass) - E_Z * gravity - acceleration
+    return a_d
 
 
 def desired_attitude(a_d: Vec3, yaw: Any, R_WB: Mat3) -> Mat3:

@@ -59,7 +59,11 @@ class RigidBodyPlant:
     def _step(self, dt: float) -> Program:
         if dt not in self._steps:
             law = STEP[self._integrator]
-            self._steps[dt] = trace(lambda *records: law(self._world, *records, dt), *self._examples)
+
+            def step(state: State, command: Command, wind: WindSample) -> State:
+                return law(self._world, state, command, wind, dt)
+
+            self._steps[dt] = trace(step, *self._examples)
         return self._steps[dt]
 
     def advance(self, state: Flat, command: Flat, wind: Flat, seconds: float) -> tuple[float, ...]:
