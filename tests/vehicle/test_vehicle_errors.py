@@ -236,6 +236,15 @@ def test_bytes_that_are_not_text_are_refused(tmp_path):
     assert refusal(path) == f"{path}: byte 19 = 0xff: must be UTF-8 text"
 
 
+def test_a_line_break_in_a_name_does_not_break_the_message(tmp_path):
+    document = changed((*ARM, "name"), "two\\nlines")
+    document["frames"][0]["link"] = "base"
+    document["links"][0]["joint"]["axis"] = [0.0, 0.0, 0.0]
+    assert "links[two lines].joint.axis = [0.0, 0.0, 0.0]: must have a direction" in refusal(
+        file_of(tmp_path, document)
+    )
+
+
 def test_a_folder_is_no_vehicle(tmp_path):
     folder = tmp_path / "v.toml"
     folder.mkdir()

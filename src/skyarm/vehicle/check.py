@@ -75,8 +75,8 @@ def inertia(field: str, inertia_com: Sym3, *, planar: bool) -> None:
     import numpy as np
 
     rows = [list(row) for row in inertia_com.full().rows]
-    moments = np.linalg.eigvalsh(np.array(rows, dtype=float))
-    slack = TOLERANCE * max(float(np.abs(moments).max()), 1e-300)
+    moments = np.linalg.eigvalsh(np.array(rows, dtype=float)).tolist()
+    slack = TOLERANCE * max(*(abs(moment) for moment in moments), 1e-300)
     shown = ", ".join(f"{m:.6g}" for m in moments)
     if moments[0] < -slack:
         refuse(field, f"principal moments {shown}", "must not be negative")

@@ -100,6 +100,7 @@ def tree_order(parents: Mapping[str, str], root: str, field: str) -> list[str]:
         parents: name of each link's parent; ``root`` is the base.
         root: the base's name.
         field: how a link's parent is called in a message, with ``{}`` for the link.
+
     Raises:
         VehicleError: a parent that does not exist, or links that form a ring.
     """

@@ -29,6 +29,7 @@ def load_vehicle(name_or_path: str | os.PathLike[str]) -> Vehicle:
 
     Args:
         name_or_path: a name of :func:`list_vehicles`, or a path with the suffix .toml or .urdf.
+
     Raises:
         VehicleError: one line, ``file: field = value: what is allowed``.
     """
@@ -52,7 +53,8 @@ def _located(file: str, read: Any) -> Vehicle:
     try:
         vehicle: Vehicle = read()
     except VehicleError as error:
-        raise VehicleError(f"{file}: {error}") from None
+        # a name in the file may hold line breaks
+        raise VehicleError(" ".join(f"{file}: {error}".split())) from None
     except OSError as error:
         raise VehicleError(f"{file}: file = {error.strerror!r}: must be readable") from None
     return vehicle

@@ -50,7 +50,7 @@ class Body:
         return cls(mass=mass, com=com, inertia=inertia, planar=any(part.planar for part in parts))
 
     def joined(self, other: Body) -> Body:
-        """This body and another one of the same link as one."""
+        """Body and another one of the same link as one."""
         return Body.of_parts((self, other))
 
 
@@ -214,7 +214,7 @@ class Vehicle:
         )
 
     def with_payload(self, mass: Scalar, frame: str | None = None) -> Vehicle:
-        """This vehicle with a point mass (kg) held at a frame (the end effector by default)."""
+        """Vehicle with a point mass (kg) held at a frame (the end effector by default)."""
         at = self.frame(frame or self.end_effector)
         load = Body(mass=mass, com=at.position)
         if at.link == BASE:
@@ -224,6 +224,6 @@ class Vehicle:
         return dataclasses.replace(self, links=tuple(links))
 
     def with_joints(self, **values: Any) -> Vehicle:
-        """This vehicle with fields of every joint replaced, for example ``with_joints(damping=0.005)``."""
+        """Vehicle with fields of every joint replaced, for example ``with_joints(damping=0.005)``."""
         links = tuple(dataclasses.replace(k, joint=dataclasses.replace(k.joint, **values)) for k in self.links)
         return dataclasses.replace(self, links=links)

@@ -56,7 +56,7 @@ def read_urdf(path: str | os.PathLike[str]) -> RigidBodies:
     """
     try:
         robot = ET.parse(path).getroot()
-    except ET.ParseError as error:
+    except (ET.ParseError, LookupError, ValueError) as error:  # the last two: encodings
         raise VehicleError(f"XML = {str(error)!r}: must be well-formed") from error
     if robot.tag != "robot":
         refuse("root element", robot.tag, "must be <robot>")
