@@ -64,7 +64,7 @@ def low_altitude(
     """Turbulence near the ground.
 
     Args:
-        altitude: above ground, m, 3.048 to 304.8 (10 to 1000 ft); the formulas are not meant for lower flight.
+        altitude: above ground, m, 3.048 to 304.8 (10 to 1000 ft); for lower flight take 3.048.
         wind_20ft: W20, mean wind at 20 ft, m/s: 7.7 light, 15.4 moderate, 23.2 severe.
         mean_wind: speed of the mean wind at the vehicle, m/s.
         direction_W: horizontal unit vector of the mean wind.

@@ -30,10 +30,10 @@ from typing import Any
 
 from skyarm.algebra import E_X, Vec3
 from skyarm.environment.dryden import HIGHEST, LOWEST, Dryden, low_altitude
-from skyarm.environment.fields import Fields
 from skyarm.environment.gust import SHAPES, Gust
 from skyarm.environment.payload import Payload
 from skyarm.environment.wind import NO_WIND, Airspeed, RotorsForce, Wind
+from skyarm.files import Fields
 
 _ZERO = (0.0, 0.0, 0.0)
 

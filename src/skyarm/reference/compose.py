@@ -38,7 +38,7 @@ class Windowed(Signal):
 
     def switch_times(self) -> tuple[float, ...]:
         """Both ends and the signal's own times between them."""
-        first, last = float(self.start), float(self.stop)  # type: ignore[arg-type]
+        first, last = float(self.start), float(self.stop)
         inner = [s for s in self.signal.switch_times() if first < s < last]
         return tuple(s for s in (first, *inner, last) if math.isfinite(s))
 
@@ -59,7 +59,7 @@ class Shifted(Signal):
 
     def switch_times(self) -> tuple[float, ...]:
         """List the times of the signal, later."""
-        return tuple(s + float(self.delay) for s in self.signal.switch_times())  # type: ignore[arg-type]
+        return tuple(s + float(self.delay) for s in self.signal.switch_times())
 
 
 @dataclass(frozen=True, slots=True)

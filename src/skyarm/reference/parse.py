@@ -44,8 +44,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from skyarm.files import Fields, number
 from skyarm.reference.compose import Shifted, Sum, Windowed, sequence
-from skyarm.reference.fields import Fields, number
 from skyarm.reference.signals import SHAPES, Constant, Ramp, Signal, Sine
 from skyarm.reference.trajectory import Trajectory, circle, hover
 

@@ -84,7 +84,7 @@ class Ramp(Signal):
     def derivatives(self, t: Any) -> Derivatives:
         """Value and derivatives.
 
-        Source: quintic of least jerk, Flash, Hogan 1985, eq. A8.
+        Source: the quintic is the rest-to-rest motion of least jerk, Flash, Hogan 1985.
         """
         rate = 1.0 / self.duration
         blend = _quintic if self.shape == "quintic" else _linear
@@ -102,7 +102,7 @@ class Ramp(Signal):
 
     def switch_times(self) -> tuple[float, ...]:
         """Both ends."""
-        return float(self.start), float(self.start + self.duration)  # type: ignore[arg-type]
+        return float(self.start), float(self.start + self.duration)
 
 
 def _linear(u: Any) -> Derivatives:
