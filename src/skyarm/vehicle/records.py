@@ -1,14 +1,15 @@
 """The vehicle: a rigid base with rotors and a tree of links.
 
 Plain frozen records of scalars: a mass may be a float, a lane of a batch, a traced node or a JAX array. Integers are
-structure (see :mod:`skyarm.scalars`). Concrete numbers are checked when a :class:`Vehicle` is made.
+structure (see :mod:`skyarm.scalars`). Where a record holds a vector or matrix it also takes plain sequences of numbers, whose
+exact zeros and ones become structure. Concrete numbers are checked when a :class:`Vehicle` is made.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,6 +19,19 @@ from skyarm.vehicle import check
 
 BASE = -1
 """Index that stands for the base where a link's index is asked for."""
+
+
+def _accept(record: Any, **kinds: Callable[[Any], Any]) -> None:
+    """Let a frozen record take plain sequences of numbers where it holds vectors and matrices."""
+    for name, make in kinds.items():
+        value = getattr(record, name)
+        if not isinstance(value, (Vec3, Mat3, Sym3)):
+            object.__setattr__(record, name, make(value))
+
+
+def _moments(values: Sequence[float]) -> Sym3:
+    """Three (xx yy zz) or six (xx yy zz xy xz yz) numbers."""
+    return Sym3.described(*values)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -36,6 +50,9 @@ class Body:
     com: Vec3 = ZERO3
     inertia: Sym3 = Sym3(0, 0, 0)
     planar: bool = False
+
+    def __post_init__(self) -> None:
+        _accept(self, com=Vec3.described, inertia=_moments)
 
     @classmethod
     def of_parts(cls, parts: Sequence[Body]) -> Body:
@@ -90,6 +107,9 @@ class Joint:
     coulomb: Scalar = 0
     coulomb_rate: Scalar = 0.01
 
+    def __post_init__(self) -> None:
+        _accept(self, axis=Vec3.described, position=Vec3.described, rotation=Mat3.described)
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Link:
@@ -129,6 +149,9 @@ class Rotor:
     time_constant_down: Scalar = 0.025
     max_speed: Scalar = math.inf
 
+    def __post_init__(self) -> None:
+        _accept(self, position=Vec3.described, axis=Vec3.described)
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Frame:
@@ -138,6 +161,9 @@ class Frame:
     link: int
     position: Vec3
     rotation: Mat3 = Mat3.identity()
+
+    def __post_init__(self) -> None:
+        _accept(self, position=Vec3.described, rotation=Mat3.described)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -151,6 +177,9 @@ class BodyDrag:
 
     area: Vec3 = ZERO3
     air_density: Scalar = 1.225
+
+    def __post_init__(self) -> None:
+        _accept(self, area=Vec3.described)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
