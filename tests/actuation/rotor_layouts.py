@@ -48,7 +48,14 @@ def ring(count: int, tilt: float = 0.0, radius: float = ARM) -> list[tuple[float
         a = 2.0 * math.pi * i / count
         lean = tilt * (-1) ** i
         found.append(
-            (radius * math.cos(a), radius * math.sin(a), 0.01, -1 if i % 2 == 0 else 1, lean * math.cos(a), lean * math.sin(a))
+            (
+                radius * math.cos(a),
+                radius * math.sin(a),
+                0.01,
+                -1 if i % 2 == 0 else 1,
+                lean * math.cos(a),
+                lean * math.sin(a),
+            )
         )
     return found
 

@@ -22,7 +22,7 @@ class Colour(Enum):
 class Thing:
     mass: float
     name: str = "thing"
-    place: Vec3 = Vec3(0, 0, 1)  # noqa: RUF009  a frozen record
+    place: Vec3 = Vec3(0, 0, 1)
     parts: tuple[Sym3, ...] = ()
     flag: bool = True
     colour: Colour = Colour.RED

@@ -115,6 +115,10 @@ def test_constants_are_computed_while_tracing():
     assert graph.call("div", graph.constant(1.0), 0.0).value == math.inf
     assert graph.call("where", True, graph.input("a"), 2.0).op == "input"
     assert math.isnan(graph.call("sqrt", -1.0).value)
+    assert [graph.call("lt", 1.0, b).value for b in (0.0, 1.0, 2.0)] == [False, False, True]
+    assert [graph.call("le", 1.0, b).value for b in (0.0, 1.0, 2.0)] == [False, True, True]
+    assert [graph.call(op, True, False).value for op in ("and", "or")] == [False, True]
+    assert graph.call("not", True).value is False
 
 
 def test_data_zeros_and_ones_are_not_folded():
@@ -211,6 +215,8 @@ def test_an_integer_example_is_structure_and_folds():
     ("record", "where"),
     [
         (Pair(0.5, 3.0), r"arguments\[0\].first is 0.5, not 0"),
+        (Pair(0.0, 3.0), r"arguments\[0\].first is 0.0, not 0"),
+        (Pair(False, 3.0), r"arguments\[0\].first is False, not 0"),
         (Pair(1, 3.0), r"arguments\[0\].first is 1, not 0"),
         (Pair(0, 3), r"arguments\[0\].second is 3, not 1.0"),
         (Pair(0, (1.0, 2.0)), r"arguments\[0\].second is"),

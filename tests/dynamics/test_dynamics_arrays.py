@@ -133,6 +133,13 @@ def test_a_quaternion_off_unit_length_raises(function, rng, length):
         call(vehicle, *inputs)
 
 
+def test_the_length_reported_is_that_of_the_worst_quaternion(rng):
+    vehicle, inputs = random_vehicle(rng, 1), list(batch_of(rng, 1))[:3]
+    inputs[1] = inputs[1] * np.array([1.0, 0.9, 1.2, 1.01, 0.5])[:, None]
+    with pytest.raises(ValueError, match=r"length 0\.5"):
+        arrays.mass_matrix(vehicle, *inputs)
+
+
 def test_a_quaternion_within_the_tolerance_is_normalised(function, rng):
     call, count = function
     vehicle, inputs = random_vehicle(rng, 2), list(batch_of(rng, 2, ()))[:count]

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from engines import ENGINES, evaluate
-from vehicles_random import random_state, random_vehicle
 
+from engines import ENGINES, evaluate
 from skyarm import dynamics
 from skyarm.algebra import Force, Motion, Quaternion, Vec3
 from skyarm.dynamics import State, arrays
+from vehicles_random import random_state, random_vehicle
 
-N = 3
+N = 2
 VEHICLE = random_vehicle(np.random.default_rng(31), N)
 
 

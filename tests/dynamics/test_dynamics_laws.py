@@ -7,11 +7,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from skyarm.algebra import Sym3, Vec3
-from skyarm.dynamics import arrays
+from skyarm.algebra import Mat3, Sym3, Vec3
+from skyarm.dynamics import Pose, arrays, forward_kinematics
 from skyarm.vehicle.records import BASE, Body, Joint, Link, Vehicle
 from vehicles_random import (
     array3,
+    array33,
     inertia33,
     random_body,
     random_quaternion,
@@ -195,6 +196,18 @@ def test_the_jacobian_is_the_rate_of_the_pose(n):
     # central difference: h^2 = 1e-10 of a third derivative of a few hundred
     assert np.allclose(twist[:3], (p1 - p0) / (2.0 * h), rtol=0.0, atol=1e-6)
     assert np.allclose(twist[3:], [spin[2, 1], spin[0, 2], spin[1, 0]], rtol=0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("n", [1, 4])
+def test_poses_carry_points_and_compose_like_homogeneous_matrices(n):
+    vehicle, state, rng = seeded(n, 13)
+    R, p, point = rotation_matrix(state.quaternion), state.position, rng.normal(size=3)
+    base = Pose(Mat3(*(Vec3(*row) for row in R.tolist())), Vec3(*p.tolist()))
+    assert np.allclose(array3(base.apply(Vec3(*point.tolist()))), p + R @ point, rtol=0.0, atol=1e-14)
+    found = forward_kinematics(vehicle, vehicle.frame("tip0"), base, tuple(state.joints.tolist()))
+    position, rotation = arrays.frame_pose_world(vehicle, *state.configuration, frame="tip0")
+    assert np.allclose(array3(found.p), position, rtol=0.0, atol=1e-13)
+    assert np.allclose(array33(found.R), rotation, rtol=0.0, atol=1e-13)
 
 
 def test_a_single_rigid_body_obeys_newton_and_euler():

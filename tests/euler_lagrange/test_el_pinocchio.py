@@ -9,6 +9,7 @@ from lagrangian_twin import rotation, states, velocity_jacobians
 from skyarm.algebra import Sym3, Vec3
 from skyarm.dynamics import arrays
 from skyarm.dynamics import euler_lagrange as el
+from skyarm.vehicle.files import load_vehicle
 from skyarm.vehicle.records import BASE, Body, Frame, Joint, Link, Vehicle
 
 Q, QD = states(20, seed=4)
@@ -142,6 +143,14 @@ def test_parameters_of_a_planar_vehicle_give_its_own_dynamics(tip):
         if tip == el.TABLE_1.me:
             table = el.coriolis_matrix(q, qd)
             np.testing.assert_allclose(el.coriolis_matrix(q, qd, parameters=par), table, atol=1e-15)
+
+
+def test_the_shipped_model_of_the_paper_has_the_parameters_of_table_1():
+    found = dataclasses.asdict(el.parameters_of(load_vehicle("hummingbird_arm2")))
+    table = dataclasses.asdict(el.TABLE_1)
+    inertia = found.pop("Ib"), table.pop("Ib")
+    assert inertia[0] == pytest.approx(inertia[1], abs=1e-17)
+    assert found == pytest.approx(table, abs=1e-16)
 
 
 def changed(vehicle, index, **joint):

@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from vehicles_random import random_vehicle
 
 from skyarm.algebra import Quaternion, Sym3, Vec3
 from skyarm.dynamics import State
 from skyarm.environment import WindSample
 from skyarm.vehicle.records import BASE, Body, BodyDrag, Frame, Joint, Link, Rotor, Vehicle
+from vehicles_random import random_vehicle
 
 HOVER = 485.08
 """rad/s: 0.82103 kg at 9.8 m/s^2."""
@@ -44,9 +44,7 @@ def hummingbird_arm(**joint_fields: float) -> Vehicle:
     fields = {"damping": 0.001} | joint_fields
     com = 4 * 0.009 * 0.01 / 0.73103
     steiner = 0.73103 * com * com
-    base = Body(
-        mass=0.73103, com=Vec3(0, 0, com), inertia=Sym3(0.0077174 - steiner, 0.0077174 - steiner, 0.0130804)
-    )
+    base = Body(mass=0.73103, com=Vec3(0, 0, com), inertia=Sym3(0.0077174 - steiner, 0.0077174 - steiner, 0.0130804))
     limb = Body(mass=0.045, com=Vec3(0, 0, -0.075), inertia=Sym3(8.6e-5, 8.6e-5, 3e-6))
     shoulder = Joint(name="shoulder", position=Vec3(0, 0, -0.05), **fields)
     elbow = Joint(name="elbow", position=Vec3(0, 0, -0.15), **fields)

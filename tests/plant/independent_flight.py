@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+
 from vehicles_random import MujocoTwin, RandomState, rotation_matrix
 
 

@@ -10,8 +10,9 @@ import pytest
 from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, tumbling
 
 from skyarm import dynamics
+from skyarm.actuation import Command
 from skyarm.algebra import Force, Quaternion, Vec3
-from skyarm.compile import leaves, trace
+from skyarm.compile import leaves, shaped_like, trace
 from skyarm.dynamics import State
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.environment import WindSample
@@ -20,8 +21,6 @@ from skyarm.plant.interface import flat
 from skyarm.plant.loads import applied_force
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.rigid_body import World, lagged
-from skyarm.actuation import Command
-from skyarm.compile import shaped_like
 
 # rounding of 2000 steps grows along a whirling arm; measured 4e-11 at worst
 TOLERANCE = 1e-9
@@ -54,7 +53,9 @@ def test_semi_implicit_euler_is_that_of_mujoco(name, start):
 def mixed(weights, vectors):
     """Weighted sum of vectors or of tuples."""
     if isinstance(vectors[0], tuple):
-        return tuple(sum(w * value for w, value in zip(weights, column, strict=True)) for column in zip(*vectors, strict=True))
+        return tuple(
+            sum(w * value for w, value in zip(weights, column, strict=True)) for column in zip(*vectors, strict=True)
+        )
     total = vectors[0] * weights[0]
     for w, v in zip(weights[1:], vectors[1:], strict=True):
         total = total + v * w
@@ -87,8 +88,10 @@ class ManifoldRungeKutta:
     def moved(self, x, weights, slopes):
         """The first state moved by weighted slopes, and its u."""
         change = [mixed([w * self.dt for w in weights], column) for column in zip(*slopes, strict=True)]
-        plus = [tuple(a + b for a, b in zip(start, more, strict=True)) for start, more in
-                ((x.joints, change[2]), (x.joint_rates, change[5]))]
+        plus = [
+            tuple(a + b for a, b in zip(start, more, strict=True))
+            for start, more in ((x.joints, change[2]), (x.joint_rates, change[5]))
+        ]
         state = State(
             position=x.position + change[0],
             quaternion=(x.quaternion * Quaternion.of_rotation_vector(change[1])).normalized(),
@@ -111,7 +114,9 @@ class ManifoldRungeKutta:
 
 
 @pytest.mark.skipif(int(mujoco.__version__.split(".")[0]) < 4, reason="MuJoCo 3 adds up rates, a method of lower order")
-@pytest.mark.parametrize(("name", "start"), [("hummingbird_arm", "hovering"), ("hummingbird_arm", "tumbling"), ("random3-0", "tumbling")])
+@pytest.mark.parametrize(
+    ("name", "start"), [("hummingbird_arm", "hovering"), ("hummingbird_arm", "tumbling"), ("random3-0", "tumbling")]
+)
 def test_a_twin_of_mujocos_runge_kutta_on_our_derivative_flies_the_same(name, start):
     vehicle = FLYERS[name]
     x = begin = flat(STARTS[start](vehicle))
@@ -153,8 +158,12 @@ def test_an_accelerometer_in_hover_reads_g_along_z(kind):
     reading = plant.specific_force(flat(still), (0.0,) * 6, ())
     assert reading == pytest.approx((0.0, 0.0, G), abs=1e-12)
     # and nothing in free fall: commands do not matter, only the rotors' present speeds
-    falling = State(**{name: getattr(still, name) for name in ("position", "quaternion", "velocity", "rate")},
-                    joints=(0.0, 0.0), joint_rates=(0.0, 0.0), rotor_speeds=(0.0,) * 4)
+    falling = State(
+        **{name: getattr(still, name) for name in ("position", "quaternion", "velocity", "rate")},
+        joints=(0.0, 0.0),
+        joint_rates=(0.0, 0.0),
+        rotor_speeds=(0.0,) * 4,
+    )
     assert plant.specific_force(flat(falling), (800.0,) * 4 + (0.0,) * 2, ()) == pytest.approx((0.0,) * 3, abs=1e-12)
 
 

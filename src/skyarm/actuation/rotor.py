@@ -1,7 +1,7 @@
 """One rotor: speed lag, thrust, drag torque, hub drag, rolling moment.
 
-Source: Furrer, Burri, Achtelik, Siegwart 2016 (RotorS), gazebo_motor_model.cpp at commit cd813b7a8c37. Left out: RotorS's
-delay of one physics step between a filtered speed and its force.
+Source: Furrer, Burri, Achtelik, Siegwart 2016 (RotorS), gazebo_motor_model.cpp at commit cd813b7a8c37. Left out:
+RotorS's delay of one physics step between a filtered speed and its force.
 """
 
 from __future__ import annotations

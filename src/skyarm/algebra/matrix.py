@@ -109,9 +109,7 @@ class Sym3:
     yz: Scalar = 0
 
     @classmethod
-    def described(  # noqa: PLR0917  the six entries, in the order of the fields
-        cls, xx: float, yy: float, zz: float, xy: float = 0.0, xz: float = 0.0, yz: float = 0.0
-    ) -> Sym3:
+    def described(cls, xx: float, yy: float, zz: float, xy: float = 0.0, xz: float = 0.0, yz: float = 0.0) -> Sym3:
         """From numbers of a description: exact zeros become structure, every other number stays data."""
         return cls(*(0 if value == 0.0 else float(value) for value in (xx, yy, zz, xy, xz, yz)))
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, NoReturn
 
 import typer
 from rich.console import Console
@@ -18,12 +18,17 @@ from skyarm.cli.progress import bar
 app = typer.Typer(
     name="skyarm",
     help="Aerial manipulation: multirotors that carry robot arms.",
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-console = Console()
+console = Console(markup=False, highlight=False, emoji=False)
+
+USAGE_ERROR: Any = typer.BadParameter.__mro__[2]
+"""ClickException: some versions of typer carry their own copy of click."""
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as shells count it."""
 
 Out = Annotated[Path, typer.Option("--out", help="folder for the results, made if missing")]
 
@@ -34,7 +39,11 @@ def reproduce(
     plant: Annotated[str, typer.Option(help="rigid_body, mujoco or both")] = "both",
     jobs: Annotated[int, typer.Option(help="processes that fly; 0 takes every core")] = 0,
 ) -> None:
-    """Fly the paper's five experiments on both plants; write tables, Figures 3-18 and a report."""
+    """Fly the paper; write tables, figures, report.
+
+    Five experiments with two controllers on two plants, and the variations behind the reasons: results.json, table2.md,
+    Figures 3-18 and one page, report.html.
+    """
     from skyarm.cli.show import headline
     from skyarm.experiments.paper import PLANTS
     from skyarm.experiments.reproduce import reproduce as perform
@@ -59,7 +68,7 @@ def run(
     seed: Annotated[int | None, typer.Option(help="seed of the noise, in place of the file's")] = None,
     duration: Annotated[float | None, typer.Option(help="seconds, in place of the file's")] = None,
 ) -> None:
-    """Fly one scenario; write its log (npz and CSV) and print what came out."""
+    """Fly a scenario; write its log (npz, CSV)."""
     from skyarm.cli.show import episode
     from skyarm.files import require_writable
     from skyarm.simulate import run as fly
@@ -76,7 +85,7 @@ def run(
 
 @app.command(name="list")
 def list_() -> None:
-    """List shipped vehicles, scenarios and controllers."""
+    """List vehicles, scenarios, controllers."""
     from skyarm.cli.show import library
 
     console.print(library(), soft_wrap=True)
@@ -87,33 +96,60 @@ def show(
     vehicle: Annotated[str, typer.Argument(help="a vehicle file (.toml, .urdf) or the name of a shipped one")],
     gravity: Annotated[float, typer.Option(help="m/s^2")] = 9.81,
 ) -> None:
-    """Show a vehicle: mass, centre of mass, hover speed and margin, arm reach, static torques."""
+    """Show a vehicle: mass, hover, arm reach.
+
+    Mass, centre of mass, hover speed and thrust margin, arm reach, static joint torques, sources of the numbers.
+    """
+    from skyarm.actuation import AllocationError
     from skyarm.cli.show import vehicle_sheet
     from skyarm.files import number
     from skyarm.vehicle.files import load_vehicle
 
     number(gravity, "--gravity", low=0.0, strict=True)
-    console.print(vehicle_sheet(load_vehicle(vehicle), gravity))
+    loaded = load_vehicle(vehicle)
+    try:
+        console.print(vehicle_sheet(loaded, gravity))
+    except AllocationError as error:
+        raise ValueError(f"{vehicle}: rotors = {error}") from None
 
 
 @app.callback(invoke_without_command=True)
-def top(version: Annotated[bool, typer.Option("--version", help="print the version and stop")] = False) -> None:
+def top(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="print the version and stop")] = False,
+) -> None:
     """Aerial manipulation: multirotors that carry robot arms."""
     if version:
         from skyarm import __version__
 
         console.print(__version__)
         raise typer.Exit
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
 
 
 def main() -> None:
     """Entry point: errors at the boundary become one line and exit code 2."""
     try:
-        app()
+        code = app(standalone_mode=False)
+    except USAGE_ERROR as error:
+        _fail(f"{error.format_message()} See 'skyarm --help'.")
+    except (typer.Abort, KeyboardInterrupt):
+        code = INTERRUPTED
+    except BrokenPipeError:
+        # who read our output has gone, as `skyarm list | head` does; nothing is left to flush into
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        code = 1
     except (ValueError, OSError) as error:
-        line = " ".join(str(error).split())
-        print(f"skyarm: {line}", file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
+        _fail(str(error))
+    except MemoryError:
+        _fail("not enough memory; fly fewer seconds or at a lower control rate")
+    if code == INTERRUPTED:
         print("skyarm: interrupted; finished files are whole", file=sys.stderr)
-        sys.exit(130)
+    sys.exit(code)
+
+
+def _fail(message: str) -> NoReturn:
+    """One line on standard error, exit code 2."""
+    print(f"skyarm: {' '.join(message.split())}", file=sys.stderr)
+    sys.exit(2)

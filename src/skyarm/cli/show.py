@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.table import Table
+from rich.text import Text
 
 from skyarm.actuation.hover import highest_thrust, hover_trim
 from skyarm.control.presets import PRESETS
 from skyarm.control.registry import LAWS
 from skyarm.dynamics.arrays import center_of_mass
 from skyarm.dynamics.workspace import reach, static_torques
-from skyarm.experiments.table import TITLES, difference, number
+from skyarm.experiments.table import difference, number
 from skyarm.simulate import Log
 from skyarm.simulate.scenario_file import list_scenarios, load_scenario
 from skyarm.vehicle.files import list_vehicles, load_vehicle
@@ -34,94 +36,123 @@ HEADLINE = (
 """Cells of the short table that ``reproduce`` prints; all others are in table2.md."""
 
 
-def _table(title: str, *columns: str) -> Table:
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+NOTHING = 1e-12
+"""Numbers below this are rounding and are shown as 0."""
+
+
+def _table(*columns: str, left: int = 1) -> Table:
+    """An open table whose first ``left`` columns hold words and whose others hold numbers."""
+    table = Table(box=None, pad_edge=False, show_header=any(columns), header_style="dim")
     for i, column in enumerate(columns):
-        table.add_column(column, justify="left" if i == 0 else "right")
+        table.add_column(Text(column), justify="left" if i < left else "right", overflow="fold")
     return table
+
+
+def _rows(table: Table, *cells: str) -> None:
+    """Add a row of plain text: rich would read [s] in a cell as markup."""
+    table.add_row(*(Text(cell) for cell in cells))
+
+
+def _titled(title: str, table: Table) -> RenderableType:
+    """A title as a line of its own: rich's would wrap at the width of the table."""
+    return Group(Text(title, style="bold"), table)
+
+
+def shown(value: float, digits: int = 3) -> str:
+    """Significant digits; rounding errors of zero as 0."""
+    return "0" if abs(value) < NOTHING else f"{value:.{digits}g}"
 
 
 def headline(results: Mapping[str, Any]) -> RenderableType:
     """A dozen numbers of the paper beside ours."""
-    table = _table("Paper and ours (m, rad)", "", "paper", "rigid_body", "mujoco", "difference")
+    table = _table("case", "", "metric", "paper", "rigid_body", "mujoco", "difference", left=3)
     for case, controller, metric in HEADLINE:
         cell = results["experiments"][case][controller][metric]
         cells = (number(cell[key]) for key in ("paper", "rigid_body", "mujoco"))
-        table.add_row(f"{TITLES[case]}: {controller} {metric}", *cells, difference(cell))
-    return table
+        _rows(table, case, controller, metric, *cells, difference(cell))
+    return _titled("paper and ours (m, rad)", table)
 
 
 def episode(log: Log) -> RenderableType:
-    """How an episode ended and its errors over the last third."""
+    """How an episode ended, and its errors against the continuous reference."""
     import numpy as np
 
-    table = _table(f"{log.info['scenario']}: {log.status}", "", "mean", "max")
-    if log.info["cause"]:
-        table.title = f"{log.info['scenario']}: {log.status} at {log.info['end_time']:g} s: {log.info['cause']}"
-    last = log.time >= 2.0 / 3.0 * log.info["duration"]
-    if last.any():
-        table.title = f"{table.title}; errors over the last third"
-        pairs = (
-            ("position, m", log.position - log.position_reference),
-            ("joints, rad or m", log.joints - log.joints_reference),
-            ("end effector, m", log.tool - log.tool_reference),
-        )
-        for name, error in pairs:
-            norm = np.linalg.norm(error[last], axis=1)
-            table.add_row(name, f"{norm.mean():.4g}", f"{norm.max():.4g}")
-    return table
+    name, status, end = log.info["scenario"], log.status, log.info["end_time"]
+    title = f"{name}: {status} at {end:g} s" + (f": {log.info['cause']}" if log.info["cause"] else "")
+    if not log.time.size:
+        return Text(title, style="bold")
+    last = log.time >= 2.0 / 3.0 * log.time[-1]
+    pairs = [("position, m", log.position - log.position_reference)]
+    if log.joints.shape[1]:
+        pairs.append(("joints, rad or m", log.joints - log.joints_reference))
+    if not np.array_equal(log.tool, log.position):
+        pairs.append(("end effector, m", log.tool - log.tool_reference))
+    table = _table("error", "mean, last third", "max, last third", "max, whole flight")
+    for label, error in pairs:
+        norm = np.linalg.norm(error, axis=1)
+        _rows(table, label, *(shown(float(value), 4) for value in (norm[last].mean(), norm[last].max(), norm.max())))
+    return _titled(title, table)
 
 
 def library() -> RenderableType:
     """Vehicles, scenarios and controllers there are."""
-    vehicles = _table("vehicles", "name", "mass kg", "rotors", "joints")
+    vehicles = _table("vehicle", "mass, kg", "rotors", "joints")
     for name in list_vehicles():
         v = load_vehicle(name)
         kind = " (model only)" if v.planar else ""
-        vehicles.add_row(name + kind, f"{float(v.mass):.3f}", str(len(v.rotors)), str(v.n))
-    scenarios = _table("\nscenarios", "name", "what")
+        _rows(vehicles, name + kind, f"{float(v.mass):.3f}", str(len(v.rotors)), str(v.n))
+    scenarios = _table("scenario", "what", left=2)
     for name in list_scenarios():
-        scenarios.add_row(name, load_scenario(name).title)
-    controllers = _table("\ncontrollers", "preset (published gains)", "law")
-    presets, laws = sorted(PRESETS), sorted(LAWS)
-    for i in range(max(len(presets), len(laws))):
-        controllers.add_row(presets[i] if i < len(presets) else "", laws[i] if i < len(laws) else "")
-    return Group(vehicles, scenarios, controllers)
+        _rows(scenarios, name, load_scenario(name).title)
+    presets, laws = _table("controller preset (published gains)"), _table("control law")
+    for table, names in ((presets, PRESETS), (laws, LAWS)):
+        for name in sorted(names):
+            _rows(table, name)
+    gap = Text("")
+    return Group(vehicles, gap, scenarios, gap, presets, gap, laws)
 
 
 def vehicle_sheet(vehicle: Vehicle, gravity: float) -> RenderableType:
     """Mass, centre of mass, hover, reach and static torques of a vehicle."""
     zero = tuple(0.0 for _ in vehicle.links)
     com = center_of_mass(vehicle, [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], zero)
-    table = _table(f"{vehicle.name}, g = {gravity:g} m/s^2, arm at zero", "", "")
-    table.add_row("mass", f"{float(vehicle.mass):.5g} kg")
-    table.add_row("centre of mass from base origin", ", ".join(f"{1e3 * c:.3g}" for c in com) + " mm")
+    table = _table("", "", left=2)
+    _rows(table, "mass", f"{shown(float(vehicle.mass), 5)} kg")
+    millimetres = ", ".join("0" if abs(c) < NOTHING else shown(1e3 * float(c)) for c in com)
+    _rows(table, "centre of mass from base origin", f"{millimetres} mm")
     if vehicle.planar:
-        table.add_row("inertia", "planar model: may be believed by a controller, not flown")
+        _rows(table, "inertia", "planar model: may be believed by a controller, not flown")
     _hover_rows(table, vehicle, gravity)
     if vehicle.links:
-        table.add_row("arm reach from its first joint", f"{reach(vehicle):.4g} m")
+        _rows(table, "arm reach from its first joint", f"{shown(reach(vehicle), 4)} m")
         for link, torque in zip(vehicle.links, static_torques(vehicle, gravity), strict=True):
             unit, limit = "N m" if link.joint.kind == "revolute" else "N", float(link.joint.effort_limit)
-            margin = f", limit {limit:g}, margin {limit / torque:.3g}" if torque > 0.0 and limit < 1e300 else ""
-            table.add_row(f"largest static effort of {link.joint.name}", f"{torque:.3g} {unit}{margin}")
-    sources = _table("\nsources", "field", "from")
-    sources.columns[1].justify = "left"
-    for field, text in vehicle.sources:
-        sources.add_row(field, text)
-    return Group(table, sources) if vehicle.sources else table
+            margin = f", limit {limit:g} {unit}" if limit < math.inf else ""
+            if margin and torque > NOTHING:
+                margin += f", margin {limit / torque:.3g}"
+            _rows(table, f"largest static effort of {link.joint.name}", f"{shown(torque)} {unit}{margin}")
+    sheet = _titled(f"{vehicle.name}, g = {gravity:g} m/s^2, arm at zero", table)
+    if not vehicle.sources:
+        return sheet
+    sources = _table("", "", left=2)
+    for field, source in vehicle.sources:
+        _rows(sources, field, source)
+    return Group(sheet, Text(""), _titled("sources", sources))
 
 
 def _hover_rows(table: Table, vehicle: Vehicle, gravity: float) -> None:
     if not vehicle.rotors:
-        table.add_row("rotors", "none")
+        _rows(table, "rotors", "none")
         return
     trim = hover_trim(vehicle, tuple(0.0 for _ in vehicle.links), gravity)
-    speeds = sorted({round(float(w), 2) for w in trim.speeds})
     if min(float(square) for square in trim.squared) < 0.0:
-        table.add_row("hover", "not possible level: a rotor would have to pull down")
+        _rows(table, "hover", "not possible level: a rotor would have to pull down")
         return
-    table.add_row("hover rotor speed", " ... ".join(f"{w:g}" for w in speeds[:: max(1, len(speeds) - 1)]) + " rad/s")
+    speeds = sorted({round(float(w), 2) for w in trim.speeds})
+    limits = [float(rotor.max_speed) for rotor in vehicle.rotors]
+    _rows(table, "hover rotor speed", " ... ".join(f"{w:g}" for w in dict.fromkeys((speeds[0], speeds[-1]))) + " rad/s")
+    if any(float(w) > limit for w, limit in zip(trim.speeds, limits, strict=True)):
+        _rows(table, "hover", "not possible: a rotor would have to turn faster than its limit")
     top = float(highest_thrust(vehicle))
-    if top < 1e300:
-        table.add_row("thrust margin", f"{top / float(trim.thrust):.3g} times its weight ({top:.4g} N)")
+    if top < math.inf:
+        _rows(table, "thrust margin", f"{shown(top / float(trim.thrust))} times its weight ({shown(top, 4)} N)")

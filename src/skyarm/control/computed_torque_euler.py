@@ -1,7 +1,8 @@
 """The hybrid computed torque in the paper's own Euler form, for the paper's planar two-joint arm.
 
-Equal to :func:`skyarm.control.laws.hybrid_computed_torque` away from a pitch of 90 degrees, where Euler rates do not exist;
-the simulation ends an episode that comes near with that cause. The body form has no such limit and is the default.
+Equal to :func:`skyarm.control.laws.hybrid_computed_torque` away from a pitch of 90 degrees, where Euler rates do not
+exist; the simulation ends an episode that comes near with that cause. The body form has no such limit and is the
+default. Of the ablations it knows those without C and without feed-forward.
 """
 
 from __future__ import annotations
@@ -45,9 +46,10 @@ def distance_to_singularity(quaternion: Quaternion) -> Any:
 def hybrid_computed_torque_euler(
     memory: Any, measurement: Measurement, reference: Reference, dt: Any, *, par: Parameters
 ) -> tuple[Any, Command]:
-    """tau = M(q) qdd_des + C(q, qd) qd in Euler coordinates, gravity once, inside qdd_des.
+    """Computed torque in Euler coordinates: tau = M(q) qdd_des + C(q, qd) qd, gravity once, inside qdd_des.
 
     qdd_des = [-a_d; Q^-1 (alpha_d - Qdot Phid); etadd_des] with (95); tau_quad = Q^-T tau_Phi with (94).
+
     Source: Barakou et al. 2026, eq. (86)-(96).
     """
     del dt

@@ -10,13 +10,7 @@ from typing import Any
 from skyarm import dynamics
 from skyarm.actuation import Command, mix
 from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Vec3
-from skyarm.control.geometric import (
-    angular_acceleration,
-    attitude_error,
-    desired_attitude,
-    downward_acceleration,
-    rate_error,
-)
+from skyarm.control.geometric import attitude_loop, body_thrust, downward_acceleration
 from skyarm.control.model import Model, Parameters
 from skyarm.dynamics.measurement import Measurement
 from skyarm.reference import Reference
@@ -33,13 +27,20 @@ def geometric_accelerations(
         par.gains,
         vehicle.mass,
         par.model.gravity,
-        measurement.position - reference.position,
-        measurement.velocity - reference.velocity,
-        reference.acceleration if feedforward else ZERO3,
+        position_error=measurement.position - reference.position,
+        velocity_error=measurement.velocity - reference.velocity,
+        acceleration=reference.acceleration if feedforward else ZERO3,
     )
-    R_d = desired_attitude(a_d, reference.yaw, R)
-    e_w = rate_error(measurement.rate, R, R_d, reference.yaw_rate, par.rate_error)
-    alpha = angular_acceleration(par.gains, vehicle.base.inertia, attitude_error(R, R_d), e_w)
+    alpha = attitude_loop(
+        par.gains,
+        vehicle.base.inertia,
+        a_d=a_d,
+        yaw=reference.yaw,
+        yaw_rate=reference.yaw_rate,
+        R_WB=R,
+        w_B=measurement.rate,
+        rate_form=par.rate_error,
+    )
     return R, a_d, alpha
 
 
@@ -58,13 +59,15 @@ def decoupled_pd(
     """The paper's baseline: RotorS's controller on the base, PD with reduced gravity on the joints.
 
     tau = Kp e + Kd ed + G(joints) at R = 1, limited to the joint's effort. Position and velocity references only.
+
     Source: Barakou et al. 2026, section 5 and Table A2.
     """
     del dt
     speeds = _base_speeds(par, measurement, reference, feedforward=False)
     weight = level_joint_gravity(par.model, measurement.joints)
     pull = _joint_pd(par, measurement, reference)
-    return memory, Command(rotor_speeds=speeds, efforts=limited(par, [add(a, b) for a, b in zip(pull, weight, strict=True)]))
+    efforts = [add(a, b) for a, b in zip(pull, weight, strict=True)]
+    return memory, Command(rotor_speeds=speeds, efforts=limited(par, efforts))
 
 
 def hybrid_computed_torque(
@@ -72,8 +75,9 @@ def hybrid_computed_torque(
 ) -> tuple[Any, Command]:
     """Geometric accelerations into the fully coupled inverse dynamics, in body coordinates (no Euler singularity).
 
-    [-a_d; alpha_d; etadd_d] -> recursive Newton-Euler = M qdd + C qd + G of (49), (88); thrust is the force along body z
-    (103), the torque goes to the rotors through the mixer, joint torques are limited.
+    [-a_d; alpha_d; etadd_d] -> recursive Newton-Euler = M qdd + C qd + G of (49), (88); thrust is the force along body
+    z (103), the torque goes to the rotors through the mixer, joint torques are limited.
+
     Source: Barakou et al. 2026, eq. (86)-(96). Gravity stands in -a_d once, for base and joints alike.
     """
     del dt
@@ -125,6 +129,11 @@ def joint_accelerations(par: Parameters, measurement: Measurement, reference: Re
 
 
 def _joint_pd(par: Parameters, measurement: Measurement, reference: Reference) -> tuple[Any, ...]:
+    """kp (q_d - q) + kd (qd_d - qd) per joint.
+
+    The difference of angles is not wrapped: encoders count turns, and a joint wound once past its reference is brought
+    back the way it came, so that cables unwind. Wrapping is the reference's choice, not the law's.
+    """
     gains = par.joint_gains
     return tuple(
         add(mul(kp, q_d - q), mul(kd, qd_d - qd))
@@ -146,8 +155,7 @@ def _base_speeds(
     """Rotor speeds of RotorS's controller: torque I_b alpha_d, thrust -m a_d . (R e_3)."""
     R, a_d, alpha = geometric_accelerations(par, measurement, reference, feedforward=feedforward)
     vehicle = par.model.vehicle
-    thrust = mul(-vehicle.mass, a_d.dot(R.column(2)))
-    speeds, _ = mix(par.mixer, vehicle.base.inertia.apply(alpha), thrust)
+    speeds, _ = mix(par.mixer, vehicle.base.inertia.apply(alpha), body_thrust(vehicle.mass, a_d, R))
     return speeds
 
 

@@ -46,8 +46,10 @@ class Terms:
     """Parts of the computed torque law that an ablation may take away.
 
     Attributes:
-        coriolis: velocity products C(q, qd) qd.
-        coupling: inertial blocks between base and arm, M_t_eta and M_r_eta.
+        coriolis: velocity products C(q, qd) qd. Body coordinates have other velocity products than Euler rates: the
+            body form without them takes rates for zero; the Euler form leaves the paper's C qd out, while (95) stays.
+        coupling: inertial blocks between base and arm in body coordinates, M_t_eta and M_r_eta: the base's acceleration
+            does not act on the joints and the joints' does not on the base. Weight and velocity products stay.
         full_gravity: gravity by the true attitude; False evaluates the joints' weight at R = 1 (the paper's eq. 78-79)
             and leaves the weight's torque on the base out.
         feedforward: accelerations of the reference.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -27,10 +28,18 @@ LAWS: Mapping[str, Law] = {
     "hybrid_computed_torque_euler": hybrid_computed_torque_euler,
 }
 
+ABLATIONS: Mapping[str, tuple[str, ...]] = {
+    "rotors_position": (),
+    "decoupled_pd": (),
+    "hybrid_computed_torque": ("coriolis", "coupling", "full_gravity", "feedforward"),
+    "hybrid_computed_torque_euler": ("coriolis", "feedforward"),
+}
+"""The terms of :class:`skyarm.control.model.Terms` that each law can leave out."""
+
 RATIO_POSITION, RATIO_VELOCITY = 4.0 / 0.806, 2.2 / 0.806
 RATIO_ATTITUDE, RATIO_RATE = (0.7 / 0.007, 0.7 / 0.007, 0.035 / 0.012), (0.1 / 0.007, 0.1 / 0.007, 0.025 / 0.012)
 ACCELERATION_GAINS = (150.0, 17.0)
-"""Default joint gains on acceleration, 1/s^2 and 1/s: 12.2 rad/s as the paper's joint 2 (Table A1), damping ratio 0.7."""
+"""Default joint gains on acceleration, 1/s^2 and 1/s: 12.2 rad/s as the paper's joint 2 (Table A1), damping 0.7."""
 
 
 class ControllerError(ValueError):
@@ -43,7 +52,8 @@ class Controller:
 
     Attributes:
         name: key of ``LAWS``. law: the step function. par: its constants. memory: its first memory.
-        margin: distance of an attitude (quaternion) to where the law is not defined, negative beyond; None if it always is.
+        margin: distance of an attitude (quaternion) to where the law is not defined, negative beyond; None if it is
+            defined everywhere.
         limit: that place in words.
     """
 
@@ -68,7 +78,11 @@ def default_gains(model: Model) -> GeometricGains:
 
 
 def default_joint_gains(name: str, model: Model) -> JointGains:
-    """Acceleration gains for the computed torque laws; the same times the joint's own inertia for torque PD."""
+    """Acceleration gains for the computed torque laws; the same times the joint's own inertia for torque PD.
+
+    Friction is not in the laws: a joint of inertia J with damping d lags by d rate / (J stiffness), which is large on a
+    light link behind a real gear. Give such joints their own gains.
+    """
     n = model.vehicle.n
     stiffness, damping = (ACCELERATION_GAINS[0],) * n, (ACCELERATION_GAINS[1],) * n
     if name != "decoupled_pd":
@@ -99,12 +113,15 @@ def make_controller(
     Args:
         name: a key of ``LAWS``.
         model: what it believes.
-        gains, joint_gains: constants; those of RotorS's Hummingbird scaled to the model if left out.
+        gains: of the base; RotorS's Hummingbird's scaled to the model if left out.
+        joint_gains: of the joints; :func:`default_joint_gains` if left out.
         mixer_policy: see :class:`skyarm.actuation.Mixer`.
         rate_error: see :func:`skyarm.control.geometric.rate_error`.
         terms: ablation of the computed torque.
+
     Raises:
-        ControllerError: unknown law or rate error, or gains that do not fit the joints.
+        ControllerError: unknown law or rate error, gains that do not fit the joints, or an ablation the law does not
+            know.
         AllocationError: the model's rotors do not span torque and thrust.
     """
     if name not in LAWS:
@@ -113,6 +130,7 @@ def make_controller(
         raise ControllerError(f"controller.rate_error = {rate_error!r}: must be one of {list(RATE_ERRORS)}")
     if name == "hybrid_computed_torque_euler":
         require_paper_vehicle(model.vehicle)
+    _require_known_terms(name, terms or Terms())
     gains = gains or default_gains(model)
     joint_gains = joint_gains or default_joint_gains(name, model)
     for field, values in (("stiffness", joint_gains.stiffness), ("damping", joint_gains.damping)):
@@ -131,6 +149,17 @@ def make_controller(
     if name == "hybrid_computed_torque_euler":
         return Controller(name=name, law=LAWS[name], par=par, margin=_euler_margin, limit=EULER_LIMIT)
     return Controller(name=name, law=LAWS[name], par=par)
+
+
+def _require_known_terms(name: str, terms: Terms) -> None:
+    """An ablation that a law would silently fly without is refused."""
+    taken = [field.name for field in dataclasses.fields(terms) if not getattr(terms, field.name)]
+    for field in taken:
+        if field not in ABLATIONS[name]:
+            raise ControllerError(
+                f"controller.terms.{field} = False: '{name}' has no such term to leave out; it can leave out "
+                f"{list(ABLATIONS[name]) or 'nothing'}"
+            )
 
 
 EULER_LIMIT = "pitch near 90 degrees: Euler angles are singular; use hybrid_computed_torque (body coordinates)"

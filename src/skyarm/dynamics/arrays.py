@@ -65,7 +65,7 @@ def _lead(*arrays: ArrayLike) -> tuple[int, ...]:
         raise ValueError(f"leading axes {shapes} do not broadcast") from error
 
 
-def inverse_dynamics(  # noqa: PLR0917  the state in the order of its names
+def inverse_dynamics(
     vehicle: Vehicle,
     position: ArrayLike,
     quaternion_wxyz: ArrayLike,
@@ -100,7 +100,7 @@ def inverse_dynamics(  # noqa: PLR0917  the state in the order of its names
     return _stack([*R.apply(force.force), *force.torque, *torques], lead)
 
 
-def forward_dynamics(  # noqa: PLR0917  the state in the order of its names
+def forward_dynamics(
     vehicle: Vehicle,
     position: ArrayLike,
     quaternion_wxyz: ArrayLike,

@@ -15,7 +15,7 @@ from skyarm.scalars import divide, mul, sub
 from skyarm.vehicle.records import BASE, Vehicle
 
 
-def forward_dynamics(  # noqa: PLR0917  state, then what acts
+def forward_dynamics(
     vehicle: Vehicle,
     joints: Sequence[Any],
     rate: Vec3,

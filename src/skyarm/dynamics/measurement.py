@@ -14,7 +14,8 @@ class Measurement:
 
     Attributes:
         time: when it was taken, s (older than now if the measurement is delayed).
-        position, quaternion, velocity: pose of the base and world velocity of its origin (motion capture, GNSS, odometry).
+        position, quaternion, velocity: pose of the base and world velocity of its origin (motion capture,
+            GNSS, odometry).
         rate: gyroscope, base axes, rad/s.
         specific_force: accelerometer at the base origin, base axes, m/s^2 (+g along z in hover).
         joints, joint_rates: encoders, rad or m, and per second.

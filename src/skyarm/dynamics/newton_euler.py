@@ -50,7 +50,7 @@ def motions(vehicle: Vehicle, places: Sequence[Pose], rate: Vec3, joint_rates: S
     return found
 
 
-def inverse_dynamics(  # noqa: PLR0917  state, then what acts
+def inverse_dynamics(
     vehicle: Vehicle,
     joints: Sequence[Any],
     rate: Vec3,

@@ -25,7 +25,7 @@ def _configurations(vehicle: Vehicle, rng: np.random.Generator, around: Array | 
     high = np.array([min(float(k.joint.upper), math.pi if k.joint.kind == "revolute" else 1.0) for k in vehicle.links])
     if around is None:
         return rng.uniform(low, high, (SAMPLES, vehicle.n))
-    return np.clip(around + spread * (high - low) * rng.normal(size=(256, vehicle.n)), low, high)
+    return np.asarray(np.clip(around + spread * (high - low) * rng.normal(size=(256, vehicle.n)), low, high))
 
 
 def _largest(vehicle: Vehicle, quantity: Any) -> tuple[float, Array]:
@@ -70,7 +70,7 @@ def static_torques(vehicle: Vehicle, gravity: float) -> list[float]:
     def holding(joint: int) -> Any:
         def torque(joints: Array) -> Array:
             _, torques = inverse_dynamics(vehicle, _columns(joints), ZERO3, still, level, still)
-            return np.abs(np.asarray(torques[joint], dtype=float)) * np.ones(joints.shape[0])
+            return np.asarray(np.abs(np.asarray(torques[joint], dtype=float)) * np.ones(joints.shape[0]))
 
         return torque
 

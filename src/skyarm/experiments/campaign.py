@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import multiprocessing
+import signal
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -114,6 +116,11 @@ def _measure_again(campaign: Campaign, varied: Variation, plant: str) -> None:
             campaign._file(varied.group, varied.value, Flight(case, controller, plant), varied.measure(case, log))
 
 
+def _leave_interrupts_to_parent() -> None:
+    """Ctrl-C reaches every process of a terminal: only the parent says so."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 def _perform_all(jobs: Sequence[Job], workers: int, progress: Progress | None) -> dict[Job, Any]:
     done: dict[Job, Any] = {}
 
@@ -127,11 +134,14 @@ def _perform_all(jobs: Sequence[Job], workers: int, progress: Progress | None) -
             note(job, perform(job))
         return done
     # spawn, not fork: the parent may hold threads (a progress bar), and the same code runs on every system
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=spawn, initializer=_leave_interrupts_to_parent) as pool:
         futures = {pool.submit(perform, job): job for job in jobs}
         try:
             for future in as_completed(futures):
                 note(futures[future], future.result())
+        except BrokenProcessPool as error:
+            raise OSError(f"workers = {workers}: a process ended unexpectedly (out of memory?); try 1") from error
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise

@@ -100,15 +100,18 @@ def settings(logs: Sequence[Log]) -> dict[str, Any]:
     return {
         **{name: info[name] for name in same},
         "integrators": {log.info["plant"]: log.info["integrator"] for log in logs},
-        "physics_step_s": {"rigid_body": 1.0 / info["rates_hz"]["control"], "mujoco": 1.0 / info["rates_hz"]["physics"]},
+        "physics_step_s": {
+            "rigid_body": 1.0 / info["rates_hz"]["control"],
+            "mujoco": 1.0 / info["rates_hz"]["physics"],
+        },
         "joint_damping": [float(link.joint.damping) for link in truth.links],
         "windows_s": {name: [w.start, w.stop] for name, w in windows.items()},
         "holds_s": [[w.start, w.stop] for w in HOLDS],
         "ramp_shape": "linear",
         "not_completed": [
-            f"{log.info['scenario']} {log.info['controller']} {log.info['plant']}: {log.info['status']}, {log.info['cause']}"
-            for log in logs
-            if log.status != "completed"
+            f"{end['scenario']} {end['controller']} {end['plant']}: {end['status']}, {end['cause']}"
+            for end in (log.info for log in logs)
+            if end["status"] != "completed"
         ],
         "versions": info["versions"],
     }

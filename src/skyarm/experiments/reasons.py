@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from decimal import Decimal
 from typing import Any
 
 from skyarm.experiments.campaign import Sensitivity
+from skyarm.experiments.published import rounding
 from skyarm.experiments.variations import Variation, variations
 
 AGREEMENT = 0.05
@@ -18,15 +18,9 @@ WORTH_NAMING = 0.3
 Reasons = dict[str, dict[str, dict[str, str]]]
 
 
-def rounding(paper: float) -> float:
-    """Half a unit of the last published digit."""
-    exponent = Decimal(repr(paper)).as_tuple().exponent
-    return 0.5 * 10.0 ** float(exponent) if isinstance(exponent, int) else 0.0
-
-
-def agrees(paper: float, ours: float) -> bool:
+def agrees(paper: float, ours: float, rounding: float) -> bool:
     """Within 5 % or the rounding of the published number."""
-    return abs(ours - paper) <= max(AGREEMENT * abs(paper), rounding(paper))
+    return abs(ours - paper) <= max(AGREEMENT * abs(paper), rounding)
 
 
 def reasons(results: Mapping[str, Any], sensitivity: Sensitivity) -> Reasons:
@@ -47,21 +41,34 @@ def _line(case: str, controller: str, metric: str, cell: Mapping[str, Any], sens
     if paper is None:
         return ""
     ours = cell["rigid_body"] if cell["rigid_body"] is not None else cell["mujoco"]
-    if metric == "settling_time_upper_bound":
-        return "" if ours is not None and ours <= paper else "the paper gives an upper bound; |e_p| leaves the band later"
+    if metric.startswith("settling_time"):
+        return _settling(metric, paper, ours)
+    if ours is None:
+        return "our flight ended before the window"
+    slack = rounding(case, controller, metric)
+    if agrees(paper, ours, slack):
+        return ""
+    return _supported(paper, ours, slack, _tried(case, controller, metric, sensitivity))
+
+
+def _settling(metric: str, paper: float, ours: float | None) -> str:
     if ours is None:
         return "|e_p| never stays within 0.02 m of its steady mean; the paper's rule for settling is not published"
-    if agrees(paper, ours):
+    if metric == "settling_time_upper_bound":
+        return "" if ours <= paper else "the paper gives an upper bound; |e_p| leaves the band later"
+    if abs(ours - paper) <= AGREEMENT * paper:
         return ""
-    if metric == "settling_time":
-        return "the paper's rule is not published; its 10 s is where the steady window begins"
-    tried = _tried(case, controller, metric, sensitivity)
+    return "the paper's rule is not published; its 10 s is where the steady window begins"
+
+
+def _supported(paper: float, ours: float, slack: float, tried: list[tuple[Variation, float]]) -> str:
+    """The variation that comes nearest, if it explains the difference or a good part of it."""
     if not tried:
         return "no variation was flown"
     nearest, value = min(tried, key=lambda pair: abs(pair[1] - paper))
-    removed = 1.0 - abs(value - paper) / abs(ours - paper)
-    if agrees(paper, value):
+    if agrees(paper, value, slack):
         return f"{nearest.label} gives {value:.3g}"
+    removed = 1.0 - abs(value - paper) / abs(ours - paper)
     if removed >= WORTH_NAMING:
         return f"{nearest.label} gives {value:.3g}, {100.0 * removed:.0f} % of the difference; the rest is open"
     low, high = min(value for _, value in tried), max(value for _, value in tried)

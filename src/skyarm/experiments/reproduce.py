@@ -40,12 +40,22 @@ def reproduce(
         workers: processes that fly.
         progress: called after every episode.
         note: called with one line before each further stage.
+
     Returns:
         The content of ``results.json``.
+
     Raises:
+        ValueError: an unknown plant.
         OSError: the folder cannot be written; raised before any flight.
     """
+    for plant in plants:
+        if plant not in PLANTS:
+            raise ValueError(f"plants = {list(plants)}: must be some of {', '.join(PLANTS)}")
+    if not plants:
+        raise ValueError(f"plants = []: must be one of {', '.join(PLANTS)} at least")
     folder = require_writable(out)
+    for inner in ("figures", *(f"logs/{plant}" for plant in plants)):
+        require_writable(folder / inner)
     say = note or (lambda _line: None)
     campaign = run_campaign(plants, workers=workers, progress=progress)
     table = results(campaign.measured(), settings(campaign.all_logs()))

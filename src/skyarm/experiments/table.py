@@ -35,7 +35,7 @@ def markdown(results: Mapping[str, Any], reasons: Reasons) -> str:
     lines = [
         "# Paper and ours",
         "",
-        "Paper: Barakou, Tzafestas, Valavanis, Drones 2026, 10, 274. Windows, metrics and assumptions: see report.html.",
+        "Paper: Barakou, Tzafestas, Valavanis, Drones 2026, 10, 274. Windows, metrics, assumptions: see report.html.",
         "Metrics against the held 50 Hz reference. m, rad, N m, s. Difference: rigid_body against the paper.",
     ]
     for case, controllers in results["experiments"].items():
@@ -52,4 +52,5 @@ def markdown(results: Mapping[str, Any], reasons: Reasons) -> str:
 
 def _row(name: str, controller: str, cell: Mapping[str, Any], why: str) -> str:
     values = (number(cell[key]) for key in ("paper", "rigid_body", "mujoco"))
-    return f"| {name} | {controller} | {' | '.join(values)} | {difference(cell)} | {why} |"
+    escaped = why.replace("|", "\\|")  # |e_p| would end the cell
+    return f"| {name} | {controller} | {' | '.join(values)} | {difference(cell)} | {escaped} |"

@@ -6,6 +6,7 @@ The variations are the evidence behind the reasons in the report; none of them e
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -17,10 +18,16 @@ from skyarm.reference import sequence
 from skyarm.simulate import Delays, Log, Scenario
 
 DAMPINGS = (0.0, 0.001, 0.005, 0.02, 0.05)
-"""N m s/rad on both joints; 0.001 is assumed in the table."""
+"""N m s/rad on both joints."""
+
+ASSUMED_DAMPING = 0.001
+"""What the shipped truth vehicle has: this one is the table itself."""
 
 TIME_SHIFTS = (-0.5, 0.5, 1.0)
 """s by which a recorded reference may be late (positive) or early against the recorded response."""
+
+STEP_RISE = 1e-3
+"""s; between two samples of a 50 Hz reference such a ramp is a step."""
 
 LATENCY = 0.003
 """s of command delay: RotorS's chain of about three physics steps of 1 ms."""
@@ -45,13 +52,25 @@ class Variation:
     measure: Callable[[str, Log], Metrics] = metrics
 
 
-def quintic_ramps(planned: Scenario) -> Scenario:
-    """Case 1 with quintic blends in place of linear ramps; same times, same heights."""
-    segments = ((1.0, 0.3), (5.0, 0.3), (1.0, 0.0), (1.0, -0.3), (5.0, -0.3), (1.0, 0.0))
-    moving = sequence(6.0, segments, shape="quintic")
+def reshaped_ramps(planned: Scenario, shape: str) -> Scenario:
+    """Case 1 with other ramps, same times and heights: quintic blends, or steps (only their ends published)."""
+    heights = (0.3, 0.3, 0.0, -0.3, -0.3, 0.0)
+    rise = 1.0 if shape == "quintic" else STEP_RISE
+    segments: list[tuple[float, float]] = []
+    for height, seconds in zip(heights, (1.0, 5.0, 1.0, 1.0, 5.0, 1.0), strict=True):
+        moving = min(rise, seconds)
+        segments += [(moving, height)] + ([(seconds - moving, height)] if seconds > moving else [])
     base = planned.trajectory
-    joints = (moving, *base.joints[1:])
-    return dataclasses.replace(planned, trajectory=dataclasses.replace(base, joints=joints))
+    first = sequence(6.0, segments, shape="quintic" if shape == "quintic" else "linear")
+    return dataclasses.replace(planned, trajectory=dataclasses.replace(base, joints=(first, *base.joints[1:])))
+
+
+def damped_first_joint(planned: Scenario) -> Scenario:
+    """0.05 N m s/rad on joint 1 only, what the published torques of joint 1 ask for."""
+    truth = planned.world.vehicle
+    first = dataclasses.replace(truth.links[0], joint=dataclasses.replace(truth.links[0].joint, damping=DAMPINGS[-1]))
+    vehicle = dataclasses.replace(truth, links=(first, *truth.links[1:]))
+    return dataclasses.replace(planned, world=dataclasses.replace(planned.world, vehicle=vehicle))
 
 
 def delayed(planned: Scenario) -> Scenario:
@@ -63,7 +82,9 @@ def shifted_bag(case: str, log: Log, shift: float) -> Metrics:
     """Metrics of a log whose recorded reference is ``shift`` seconds late against the response."""
     rate = log.info["rates_hz"]["control"]
     rows = np.clip(np.arange(log.time.size) - round(shift * rate), 0, log.time.size - 1)
-    names = [f"{quantity}_{form}" for quantity in ("position", "joints", "yaw", "tool") for form in ("held", "reference")]
+    names = [
+        f"{quantity}_{form}" for quantity in ("position", "joints", "yaw", "tool") for form in ("held", "reference")
+    ]
     return metrics(case, dataclasses.replace(log, **{name: getattr(log, name)[rows] for name in names}))
 
 
@@ -72,7 +93,7 @@ def _damped(damping: float) -> Variation:
         group="joint_damping",
         value=f"{damping:g}",
         label=f"joint damping {damping:g} N m s/rad",
-        change=lambda planned: with_damping(planned, damping),
+        change=None if damping == ASSUMED_DAMPING else lambda planned: with_damping(planned, damping),
     )
 
 
@@ -87,12 +108,21 @@ def _shifted(shift: float) -> Variation:
 
 def variations() -> list[Variation]:
     """All of them."""
-    ramps = [
-        Variation(group="ramp_shape", value="linear", label="linear ramps", cases=("case1",)),
-        Variation(group="ramp_shape", value="quintic", label="quintic ramps", cases=("case1",), change=quintic_ramps),
-    ]
-    late = Variation(group="command_latency", value=f"{LATENCY:g}", label=f"commands {1e3 * LATENCY:g} ms late", change=delayed)
-    return [*(_damped(damping) for damping in DAMPINGS), *ramps, late, *(_shifted(shift) for shift in TIME_SHIFTS)]
+    ramps = [Variation(group="ramp_shape", value="linear", label="linear ramps", cases=("case1",))]
+    for shape, label in (("quintic", "quintic ramps"), ("step", "ramps published as steps")):
+        change = functools.partial(reshaped_ramps, shape=shape)
+        ramps.append(Variation(group="ramp_shape", value=shape, label=label, cases=("case1",), change=change))
+    first = Variation(
+        group="joint_damping_first",
+        value=f"{DAMPINGS[-1]:g}",
+        label=f"joint damping {DAMPINGS[-1]:g} N m s/rad on joint 1 only",
+        change=damped_first_joint,
+    )
+    late = Variation(
+        group="command_latency", value=f"{LATENCY:g}", label=f"commands {1e3 * LATENCY:g} ms late", change=delayed
+    )
+    damped = [_damped(damping) for damping in DAMPINGS]
+    return [*damped, first, *ramps, late, *(_shifted(shift) for shift in TIME_SHIFTS)]
 
 
 def variation(group: str, value: str) -> Variation:

@@ -17,11 +17,12 @@ from skyarm.figures.quantities import (
     ROLL,
     TOOL_ERROR,
     Quantity,
+    by_hold,
     gust_interval,
     joint_error,
     position_error,
 )
-from skyarm.figures.style import WINDOW_FILL
+from skyarm.figures.style import SMALLEST_SPAN, WINDOW_FILL
 from skyarm.simulate.log import Log
 
 Array = npt.NDArray[np.float64]
@@ -29,10 +30,10 @@ Logs = Mapping[str, Mapping[str, Log]]
 Number = float | int | None
 Table = Mapping[str, Mapping[str, Mapping[str, Number]]]
 
-EVERY = 4
-"""Samples per point kept: 50 Hz from 200 Hz, the rate of the references."""
-DIGITS = 5
-"""Decimals kept: 10 um, 10 urad, far below a pixel."""
+DIGITS = 6
+"""Decimals kept: 1 um, 1 urad, far below a pixel unless one magnifies a hundred times."""
+PATH_STRIDE = 4
+"""Control instants per point of a path."""
 PANEL_PIXELS = 128
 LINES = {
     ("rigid_body", "CT"): {"color": "#08306b", "dash": "solid", "width": 1.6},
@@ -65,34 +66,39 @@ def experiment_figure(logs: Logs, window: tuple[float, float] | None = None) -> 
             for row, panel in enumerate(panels, start=1):
                 figure.add_trace(_curve(log, panel, plant, controller, plant == first, row == 1), row=row, col=1)
     for row, panel in enumerate(panels, start=1):
-        figure.update_yaxes(title_text=f"{panel.label}<br>[{panel.unit}]", row=row, col=1)
+        title, span = f"{panel.label}<br>[{panel.unit}]", SMALLEST_SPAN[panel.unit]
+        shown = [0.0, span] if panel.magnitude else [-0.5 * span, 0.5 * span]
+        figure.update_yaxes(title_text=title, autorangeoptions_include=shown, row=row, col=1)
     figure.update_xaxes(title_text="Time [s]", row=len(panels), col=1)
     figure.update_layout(**_layout(PANEL_PIXELS * len(panels) + 130), updatemenus=_plant_buttons(figure, list(logs)))
-    figure.update_traces(xaxis=f"x{len(panels)}") if len(panels) > 1 else None
     _shade(figure, window, "window", WINDOW_FILL)
     _shade(figure, next((found for found in map(gust_interval, flown) if found), None), "gust", "#d0d0d0")
     return _plain_axes(figure)
 
 
-def tool_path_figure(logs: Logs, start: float = 5.0, stop: float = 21.0) -> go.Figure:
+def tool_path_figure(logs: Logs, start: float = 7.5, stop: float = 21.0) -> go.Figure:
     """Show the path of the end effector in the world beside the desired one.
 
     Args:
         logs: plant -> controller -> log.
-        start, stop: interval shown, s.
+        start: beginning of what is shown, s.
+        stop: its end, s.
     """
     figure = go.Figure()
     first = next(iter(logs), "")
     for plant, by_controller in logs.items():
         for controller, log in by_controller.items():
-            at = slice(*np.searchsorted(log.time, [start, stop]), EVERY)
+            first_row, last_row = (int(row) for row in np.searchsorted(log.time, [start, stop]))
+            at = slice(first_row, last_row, PATH_STRIDE)
             if plant == first and not figure.data:
                 figure.add_trace(_path(log.tool_held[at], "desired", {"color": "#000000", "dash": "dot", "width": 3}))
             style = {**LINES.get((plant, controller), OTHER_LINE), "width": 4}
             path = _path(log.tool[at], f"{controller}, {plant}", style)
             figure.add_trace(path.update(visible=True if plant == first else "legendonly"))
     axes = {f"{axis}axis": {"title": {"text": f"{axis} [m]"}, "gridcolor": "#cccccc"} for axis in "xyz"}
-    figure.update_layout(**_layout(560), scene={**axes, "aspectmode": "cube", "dragmode": "turntable"})
+    shape = {"aspectmode": "manual", "aspectratio": {"x": 1.0, "y": 1.0, "z": 0.55}, "dragmode": "turntable"}
+    camera = {"eye": {"x": 1.05, "y": 1.05, "z": 0.55}}
+    figure.update_layout(**_layout(560), scene={**axes, **shape, "camera": camera})
     return figure
 
 
@@ -111,7 +117,8 @@ def damping_figure(
     values = sorted(damping, key=float)
     columns = min(3, len(metrics)) or 1
     titles = [title for _, _, title in metrics]
-    figure = make_subplots(rows=-(-len(metrics) // columns) or 1, cols=columns, subplot_titles=titles)
+    rows = -(-len(metrics) // columns) or 1
+    figure = make_subplots(rows=rows, cols=columns, subplot_titles=titles, vertical_spacing=0.36 / rows)
     for i, (case, metric, _) in enumerate(metrics):
         place = {"row": i // columns + 1, "col": i % columns + 1}
         for controller in ("CT", "PD"):
@@ -128,20 +135,21 @@ def damping_figure(
     # text categories: the values span 0 to 0.05, which neither a linear nor a logarithmic axis spreads
     figure.update_xaxes(type="category", title_text="Joint damping [N m s/rad]", title_standoff=4)
     figure.update_yaxes(rangemode="tozero")
-    figure.update_layout(**_layout(300 * (-(-len(metrics) // columns)) + 90))
+    figure.update_layout(**_layout(290 * rows + 100))
+    figure.update_layout(legend={"x": 0.0, "xanchor": "left", "y": 1.0 + 0.12 / rows})
     figure.update_annotations(font_size=12)
     return _plain_axes(figure)
 
 
 def _curve(log: Log, panel: Quantity, plant: str, controller: str, visible: bool, named: bool) -> go.Scatter:
-    """One decimated curve; the time axis is a start and a step, not a column."""
-    time = log.time[::EVERY]
-    step = float(time[1] - time[0]) if time.size > 1 else 1.0
+    """One curve, a point per hold of the reference; the time axis is a start and a step, not a column."""
+    curve = by_hold(log, panel.of(log))
+    step = float(curve.time[1] - curve.time[0]) if curve.time.size > 1 else 1.0
     name = f"{controller}, {plant}"
     return go.Scatter(
-        x0=float(time[0]) if time.size else 0.0,
+        x0=round(float(curve.time[0]), 9) if curve.time.size else 0.0,
         dx=round(step, 9),
-        y=_rounded(panel.of(log)[::EVERY]),
+        y=_rounded(curve.mean),
         name=name,
         legendgroup=name,
         showlegend=named,
@@ -208,6 +216,7 @@ def _layout(height: float) -> dict[str, Any]:
         "margin": {"l": 84, "r": 16, "t": 64, "b": 48},
         "legend": {"orientation": "h", "x": 1.0, "xanchor": "right", "y": 1.0, "yanchor": "bottom"},
         "hovermode": "x",
+        "modebar": {"bgcolor": "rgba(0,0,0,0)", "color": "#8a939c", "activecolor": "#222222"},
     }
 
 

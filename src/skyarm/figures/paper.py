@@ -12,13 +12,13 @@ from matplotlib.figure import Figure
 
 from skyarm.figures import style
 from skyarm.figures.catalogue import PAPER_CATALOGUE, PAPER_WINDOWS, Panel, PaperFigure
-from skyarm.figures.quantities import Quantity, gust_interval
+from skyarm.figures.quantities import Quantity, by_hold, end_time, gust_interval
 from skyarm.simulate.log import Log
 
 Array = npt.NDArray[np.float64]
 
-SMALLEST_SPAN = {"m": 0.02, "rad": 0.02}
-"""Extent of a value axis below which differences mean nothing in the paper's figures."""
+VISIBLE_RANGE = 0.01
+"""Share of a curve's extent above which its range within a hold is drawn; less would hide behind the line."""
 LARGEST_VALUE = {"m": 5.0, "rad": float(np.pi)}
 """Where an axis stops growing with a diverged episode."""
 
@@ -54,21 +54,25 @@ def draw(number: int, spec: PaperFigure, logs: Mapping[str, Log], window: tuple[
         ax.set_ylim(*ends)
     for ax in axes:
         handles |= _shade(ax, logs.values(), window)
-    axes[-1].set_xlim(0.0, max((float(log.time[-1]) for log in logs.values() if log.time.size), default=1.0))
+    axes[-1].set_xlim(0.0, max(map(end_time, logs.values())) or 1.0)
     style.legend(figure, list(handles.values()), list(handles))
     return figure
 
 
 def _draw_lines(ax: Axes, quantity: Quantity, logs: Mapping[str, Log]) -> dict[str, Any]:
-    """One line per controller, and the reference of the longest log; returns label -> line."""
+    """Draw a line per controller (mean and range of each hold) and the longest log's reference; label -> line."""
     handles: dict[str, Any] = {}
     for i, (controller, log) in enumerate(logs.items()):
         label = controller if log.status == "completed" else f"{controller} ({log.status.replace('_', ' ')})"
-        (handles[label],) = ax.plot(log.time, quantity.of(log), label=label, **style.look(controller, i).line)
+        curve, look = by_hold(log, quantity.of(log)), style.look(controller, i)
+        wide = (curve.high - curve.low) > VISIBLE_RANGE * (curve.high.max(initial=0.0) - curve.low.min(initial=0.0))
+        band = {"where": wide, "color": look.tint, "linewidth": 0.0, "zorder": look.layer - 1.0}
+        ax.fill_between(curve.time, curve.low, curve.high, **band)
+        (handles[label],) = ax.plot(curve.time, curve.mean, label=label, **look.line)
     if quantity.desired and logs:
         longest = max(logs.values(), key=lambda log: log.time.size)
-        desired = quantity.desired(longest)
-        (handles["desired"],) = ax.plot(longest.time, desired, label="desired", **style.look("reference").line)
+        curve = by_hold(longest, quantity.desired(longest))
+        (handles["desired"],) = ax.plot(curve.time, curve.mean, label="desired", **style.look("reference").line)
     return handles
 
 
@@ -94,7 +98,7 @@ def _limits(panels: tuple[Panel, ...], logs: Collection[Log]) -> list[tuple[floa
         style.limits(
             curves[key],
             floor=panel.shows.magnitude,
-            span=SMALLEST_SPAN[panel.shows.unit],
+            span=style.SMALLEST_SPAN[panel.shows.unit],
             cap=LARGEST_VALUE[panel.shows.unit],
         )
         for key, panel in zip(keys, panels, strict=True)

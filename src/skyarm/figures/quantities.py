@@ -71,7 +71,10 @@ def tool_error(i: int) -> Quantity:
 def tool_position(i: int) -> Quantity:
     """End effector along world axis i, m, with where a level base on reference would put it."""
     return Quantity(
-        label=f"End effector {AXES[i]}", unit="m", of=lambda log: log.tool[:, i], desired=lambda log: log.tool_held[:, i]
+        label=f"End effector {AXES[i]}",
+        unit="m",
+        of=lambda log: log.tool[:, i],
+        desired=lambda log: log.tool_held[:, i],
     )
 
 
@@ -83,7 +86,7 @@ def joint_error(i: int) -> Quantity:
 def joint_error_size(i: int) -> Quantity:
     """Absolute error of joint i, rad."""
     return Quantity(
-        label=f"|Joint {i + 1} error|",
+        label=f"Joint {i + 1} abs. error",
         unit="rad",
         of=lambda log: np.abs(log.joints - log.joints_held)[:, i],
         magnitude=True,
@@ -104,3 +107,35 @@ def gust_interval(log: Log) -> tuple[float, float] | None:
         return None
     end = min(int(blowing[-1]) + 1, log.time.size - 1)
     return float(log.time[blowing[0]]), float(log.time[end])
+
+
+@dataclass(frozen=True, slots=True)
+class Holds:
+    """A curve by holds of the reference: an error against held samples is a sawtooth, too fast for a line.
+
+    Attributes:
+        time: (K,) middle of each hold, s. mean, low, high: (K,) of the curve within it.
+    """
+
+    time: Array
+    mean: Array
+    low: Array
+    high: Array
+
+
+def by_hold(log: Log, values: Array) -> Holds:
+    """Reduce a curve (N,) at control instants to mean and range over each hold of the reference."""
+    rates = log.info["rates_hz"]
+    block = max(1, round(rates["control"] / rates["reference"]))
+    starts = np.arange(0, values.size, block)
+    if not starts.size:
+        return Holds(values, values, values, values)
+    counts = np.diff(np.append(starts, values.size))
+    time, total = np.add.reduceat(log.time, starts), np.add.reduceat(values, starts)
+    low, high = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
+    return Holds(time / counts, total / counts, low, high)
+
+
+def end_time(log: Log) -> float:
+    """End of the last control period of a log, s."""
+    return round(float(log.time[-1]) + 1.0 / float(log.info["rates_hz"]["control"]), 9) if log.time.size else 0.0

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
@@ -24,11 +25,13 @@ COLUMN_WIDTH = 3.5
 """in: one column of a two-column paper."""
 PANEL_HEIGHT = 1.12
 """in: one panel of a stack."""
-FURNITURE_HEIGHT = 0.62
+FURNITURE_HEIGHT = 0.58
 """in: title, time axis and legend together."""
 FONT = ["STIXGeneral", "DejaVu Serif"]
 TEXT_SIZE, SMALL_SIZE = 8.0, 7.0
 """pt."""
+SMALLEST_SPAN = {"m": 0.02, "rad": 0.02}
+"""Extent of a value axis below which differences mean nothing in the paper's figures."""
 FRAME, GRID = "#333333", "#d9d9d9"
 WINDOW_FILL, GUST_FILL, GUST_EDGE = "#f1f1f1", "#dcdcdc", "#9a9a9a"
 
@@ -38,10 +41,12 @@ class Look:
     """How one line is drawn.
 
     Attributes:
-        color: hex. dash: on-off lengths in line widths, empty for solid. width: pt. layer: larger is nearer.
+        color: hex. tint: light form, for ranges. dash: on-off lengths in line widths, empty for solid. width: pt.
+        layer: larger is nearer.
     """
 
     color: str
+    tint: str = "#e0e0e0"
     dash: tuple[float, ...] = ()
     width: float = 1.0
     layer: float = 3.0
@@ -55,8 +60,8 @@ class Look:
 
 # The lighter, dashed line lies over the dark, solid one: both stay visible where they agree.
 LOOKS = {
-    "CT": Look(color="#08306b", width=1.15, layer=3.0),
-    "PD": Look(color="#e6762b", dash=(3.2, 1.3), layer=3.2),
+    "CT": Look(color="#08306b", tint="#c3d2e6", width=1.15, layer=3.0),
+    "PD": Look(color="#e6762b", tint="#f8dcc8", dash=(3.2, 1.3), layer=3.2),
     "reference": Look(color="#000000", dash=(1.0, 1.4), width=0.75, layer=3.4),
 }
 OTHER_LOOKS = (
@@ -74,7 +79,8 @@ def look(name: str, position: int = 0) -> Look:
 def stacked(title: str, panels: int) -> tuple[Figure, list[Axes]]:
     """A figure of one column with panels stacked over one time axis."""
     size = (COLUMN_WIDTH, FURNITURE_HEIGHT + PANEL_HEIGHT * panels)
-    figure = Figure(figsize=size, layout="constrained", facecolor="white")
+    layout = ConstrainedLayoutEngine(w_pad=0.02, h_pad=0.02)
+    figure = Figure(figsize=size, layout=layout, facecolor="white")
     FigureCanvasAgg(figure)
     grid = figure.subplots(panels, 1, sharex=True, squeeze=False)
     figure.suptitle(title, fontsize=TEXT_SIZE, family=FONT)
@@ -102,10 +108,8 @@ def name_panel(ax: Axes, label: str, unit: str, letter: str) -> None:
     ax.set_ylabel(f"{label} [{unit}]", fontsize=SMALL_SIZE, family=FONT)
     if letter:
         box = {"boxstyle": "square,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
-        ax.text(
-            *(0.012, 0.95, f"({letter})"),
-            **{"transform": ax.transAxes, "va": "top", "fontsize": TEXT_SIZE, "family": FONT, "bbox": box, "zorder": 5},
-        )
+        written = ax.text(0.012, 0.95, f"({letter})", transform=ax.transAxes, fontsize=TEXT_SIZE, family=FONT)
+        written.set(verticalalignment="top", bbox=box, zorder=5)
 
 
 def shade_window(ax: Axes, span: tuple[float, float]) -> Patch:

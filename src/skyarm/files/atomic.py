@@ -2,28 +2,40 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import secrets
 import tempfile
 from pathlib import Path
 
 
 def write_atomically(path: str | os.PathLike[str], content: bytes) -> Path:
-    """Write to a temporary file beside the target, then rename; a cut-off run leaves no half file."""
+    """Write to a temporary file beside the target, then rename; a cut-off run leaves no half file.
+
+    Raises:
+        OSError: with one line that names the file.
+    """
     target = Path(path)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
+    # a name of its own for every writer; opened as an ordinary new file, so that the usual rights apply
+    temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.part")
     try:
-        with os.fdopen(handle, "wb") as stream:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with temporary.open("xb") as stream:
             stream.write(content)
-        # mkstemp makes files private; give the result the rights an ordinary new file would have
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(temporary, 0o666 & ~mask)
-        os.replace(temporary, target)
+        temporary.replace(target)
+    except OSError as error:
+        _forget(temporary)
+        raise OSError(f"file = {str(target)!r}: must be writable ({error.strerror})") from error
     except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+        _forget(temporary)
         raise
     return target
+
+
+def _forget(temporary: Path) -> None:
+    """Remove a temporary file if it is there; the error that led here is the one to report."""
+    with contextlib.suppress(OSError):
+        temporary.unlink()
 
 
 def require_writable(folder: str | os.PathLike[str]) -> Path:

@@ -1,4 +1,4 @@
-"""One table of a scenario file, read field by field."""
+"""One table of a file, read field by field."""
 
 from __future__ import annotations
 
@@ -6,6 +6,15 @@ import math
 from typing import Any
 
 _REQUIRED: Any = object()
+
+LONGEST = 100
+"""Characters of a value that a message shows."""
+
+
+def shown(value: Any) -> str:
+    """A value as messages show it: on one line, not for pages."""
+    text = repr(value)
+    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
 
 
 class Fields:
@@ -16,7 +25,7 @@ class Fields:
 
     def __init__(self, table: Any, where: str) -> None:
         if not isinstance(table, dict):
-            raise ValueError(f"{where} = {table!r}: must be a table")
+            raise ValueError(f"{where} = {shown(table)}: must be a table")
         self.table, self.where = table, where
         self._asked: list[str] = []
 
@@ -30,7 +39,8 @@ class Fields:
         if name in self.table:
             return self.table[name]
         if default is _REQUIRED:
-            raise ValueError(f"{self.at(name)}: is missing; there are {sorted(self.table) or 'no fields'}")
+            there = shown(sorted(self.table)) if self.table else "no fields"
+            raise ValueError(f"{self.at(name)}: is missing; there are {there}")
         return default
 
     def number(
@@ -49,7 +59,7 @@ class Fields:
         """Three finite numbers."""
         value, at = self.take(name, default), self.at(name)
         if not isinstance(value, (list, tuple)) or len(value) != 3:
-            raise ValueError(f"{at} = {value!r}: must be three numbers")
+            raise ValueError(f"{at} = {shown(value)}: must be three numbers")
         x, y, z = (number(item, f"{at}[{index}]") for index, item in enumerate(value))
         return x, y, z
 
@@ -57,21 +67,26 @@ class Fields:
         """One of several words."""
         value = self.take(name, default)
         if value not in options:
-            raise ValueError(f"{self.at(name)} = {value!r}: must be one of {', '.join(options)}")
+            raise ValueError(f"{self.at(name)} = {shown(value)}: must be one of {', '.join(options)}")
         return str(value)
 
     def done(self) -> None:
         """Refuse fields that were not asked for."""
         for name in self.table:
             if name not in self._asked:
-                raise ValueError(f"{self.at(name)} = {self.table[name]!r}: unknown field; allowed: {self._asked}")
+                raise ValueError(f"{self.at(name)} = {shown(self.table[name])}: unknown field; allowed: {self._asked}")
 
 
 def number(value: Any, at: str, *, low: float = -math.inf, strict: bool = False, infinite: bool = False) -> float:
     """Check a number: finite unless told otherwise, not below ``low`` (above it if strict)."""
-    good = isinstance(value, (int, float)) and not isinstance(value, bool) and not math.isnan(value)
-    if not good or (math.isinf(value) and not infinite):
-        raise ValueError(f"{at} = {value!r}: must be a {'number' if infinite else 'finite number'}")
-    if value < low or (strict and value == low):
-        raise ValueError(f"{at} = {value!r}: must be {'above' if strict else 'at least'} {low:g}")
-    return float(value)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise ValueError(f"{at} = {shown(value)}: must be a {'number' if infinite else 'finite number'}")
+    try:
+        held = float(value)
+    except OverflowError:  # a whole number beyond 1e308
+        held = math.inf
+    if math.isnan(held) or (math.isinf(held) and not infinite):
+        raise ValueError(f"{at} = {shown(value)}: must be a {'number' if infinite else 'finite number'}")
+    if held < low or (strict and held == low):
+        raise ValueError(f"{at} = {shown(value)}: must be {'above' if strict else 'at least'} {low:g}")
+    return held

@@ -1,4 +1,4 @@
-"""Everything that pushes on the vehicle but gravity: rotors, wind, body drag, joint drives. One formula for both plants."""
+"""What pushes on the vehicle but gravity: rotors, wind, body drag, joint drives. One formula for both plants."""
 
 from __future__ import annotations
 

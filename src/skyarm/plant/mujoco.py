@@ -1,7 +1,8 @@
-"""The second plant: MuJoCo's rigid bodies under the same rotors, wind and joint drives. It shares no rigid-body code."""
+"""The second plant: MuJoCo's rigid bodies under the same rotors, wind and joint drives; no shared rigid-body code."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,17 +17,24 @@ from skyarm.plant.interface import Flat, number, whole_steps
 from skyarm.plant.loads import applied_force
 from skyarm.plant.mujoco_model import INTEGRATORS, build_spec, joint_addresses
 from skyarm.plant.rigid_body import World, lagged
+from skyarm.plant.stiffness import friction_rate
 from skyarm.vehicle.check import require_plant
+
+FRICTION_STEP = 0.1
+"""Largest product of friction's decay rate and a step: held forces make friction first order, 5 % off at 0.1."""
 
 
 class MujocoPlant:
     """MuJoCo steps the bodies; forces are those of :mod:`skyarm.plant.loads`, held for each physics step.
 
+    Held forces make every integrator a method of first order in ``physics_step``. Not for two threads at once: each
+    call works in the same MuJoCo data, though nothing in it outlives the call.
+
     Args:
         world: true vehicle and gravity. A planar model is refused: no real body has its inertia.
         wind: a sample of the episode's wind; its structural zeros are folded away.
         integrator: MuJoCo's "rk4" or (semi-implicit) "euler".
-        physics_step: s.
+        physics_step: s; "rk4" takes shorter steps where joint friction, held for a step, would be stiff.
     """
 
     def __init__(self, world: World, wind: WindSample, integrator: str = "rk4", physics_step: float = 0.001) -> None:
@@ -34,9 +42,11 @@ class MujocoPlant:
         if integrator not in INTEGRATORS:
             raise ValueError(f"integrator = {integrator!r}: must be one of {list(INTEGRATORS)}")
         self.vehicle = world.vehicle
+        if integrator == "rk4":
+            physics_step /= max(1, math.ceil(friction_rate(world.vehicle) * physics_step / FRICTION_STEP))
         spec = build_spec(world.vehicle, float(world.gravity), timestep=physics_step, integrator=integrator)
         self.model = spec.compile()
-        self._world, self._physics_step, self._rk4 = world, physics_step, integrator == "rk4"
+        self._physics_step, self._rk4 = physics_step, integrator == "rk4"
         self._data = mujoco.MjData(self.model)
         self._qpos, self._qvel, self._force = self._data.qpos, self._data.qvel, self._data.qfrc_applied
         self._nq, self._nv = self.model.nq, self.model.nv
@@ -85,7 +95,7 @@ class MujocoPlant:
         return tuple(number(value) for value in (*ordered, *lagged(self.vehicle, state, command, self._physics_step)))
 
     def advance(self, state: Flat, command: Flat, wind: Flat, seconds: float) -> tuple[float, ...]:
-        """State after ``seconds`` of held command and wind; NaN once a number has become infinite."""
+        """State after ``seconds`` (whole physics steps) of held command and wind; a diverged state stays diverged."""
         x = [state[i] for i in self._to_mujoco]
         qpos, qvel = self._qpos, self._qvel
         split, nv = self._nq + self._nv, self._nv
@@ -101,12 +111,12 @@ class MujocoPlant:
                 mujoco.mj_RungeKutta(model, data, 4)
             else:
                 mujoco.mj_Euler(model, data)
-            speeds = result[nv:]
+            speeds = list(result[nv:])
             x = [*qpos.tolist(), *qvel.tolist(), *speeds]
         return tuple([x[i] for i in self._from_mujoco])
 
     def specific_force(self, state: Flat, command: Flat, wind: Flat) -> tuple[float, float, float]:
-        """Proper acceleration of the base origin, base axes, m/s^2: what MuJoCo's free joint accelerates with, plus g."""
+        """Proper acceleration of the base origin, base axes, m/s^2: the free joint's acceleration plus g."""
         x = [state[i] for i in self._to_mujoco]
         self._qpos[:], self._qvel[:] = x[: self._nq], x[self._nq : self._nq + self._nv]
         self._force[:] = self._loads((*x, *command, *wind))[: self._nv]

@@ -1,7 +1,7 @@
 """Our own multibody plant: the equations of motion of the tree and two integrators of them.
 
-RK4 takes one step per control period, the rotor lag solved exactly inside it; semi-implicit Euler at 1 kHz steps as MuJoCo
-and Gazebo do.
+RK4 takes one step per control period, the rotor lag solved exactly inside it; semi-implicit Euler at 1 kHz steps as
+MuJoCo and Gazebo do.
 """
 
 from __future__ import annotations

@@ -37,15 +37,28 @@ def noise_count(joints: int, rotors: int) -> int:
 
 
 def measure(par: SensorNoise, time: Any, state: State, specific_force: Vec3, noise: Sequence[Any]) -> Measurement:
-    """A measurement; ``noise`` holds :func:`noise_count` standard normal numbers (structural zeros for perfect sensors)."""
-    n, rotors = len(state.joints), len(state.rotor_speeds)
+    """A measurement of a state.
+
+    Args:
+        par: deviations.
+        time: s, when it is taken.
+        state: the truth.
+        specific_force: of the base origin, base axes, m/s^2.
+        noise: :func:`noise_count` standard normal numbers; structural zeros for perfect sensors.
+
+    Raises:
+        ValueError: another number of draws.
+    """
+    count = noise_count(len(state.joints), len(state.rotor_speeds))
+    if len(noise) != count:
+        raise ValueError(f"noise has {len(noise)} numbers: must be {count}, one a channel")
     draws = iter(noise)
 
     def vector(sigma: Any) -> Vec3:
         return Vec3(*(mul(sigma, next(draws)) for _ in range(3)))
 
-    def many(values: Sequence[Any], sigma: Any, count: int) -> tuple[Any, ...]:
-        return tuple(add(value, mul(sigma, next(draws))) for value, _ in zip(values, range(count), strict=True))
+    def many(values: Sequence[Any], sigma: Any) -> tuple[Any, ...]:
+        return tuple(add(value, mul(sigma, next(draws))) for value in values)
 
     position, velocity = state.position + vector(par.position), state.velocity + vector(par.velocity)
     turn = vector(par.attitude)
@@ -57,9 +70,9 @@ def measure(par: SensorNoise, time: Any, state: State, specific_force: Vec3, noi
         quaternion=tilted,
         rate=state.rate + vector(par.rate),
         specific_force=specific_force + vector(par.specific_force),
-        joints=many(state.joints, par.joints, n),
-        joint_rates=many(state.joint_rates, par.joint_rates, n),
-        rotor_speeds=many(state.rotor_speeds, par.rotor_speeds, rotors),
+        joints=many(state.joints, par.joints),
+        joint_rates=many(state.joint_rates, par.joint_rates),
+        rotor_speeds=many(state.rotor_speeds, par.rotor_speeds),
     )
 
 

@@ -26,13 +26,14 @@ class EpisodeInputs:
 
     Attributes:
         times: control instants, s.
-        held: leaves of the held reference. wind: leaves of the wind sample. noise: standard normal draws.
+        held: leaves of the held reference. goals: its position. wind: leaves of the wind sample. noise: standard normal draws.
         held_reference, reference: the same references as records of arrays, held and continuous.
         wind_sample: wind as a record of arrays.
     """
 
     times: Any
     held: Sequence[Sequence[float]]
+    goals: Sequence[Sequence[float]]
     wind: Sequence[Sequence[float]]
     noise: Sequence[Sequence[float]]
     held_reference: Reference
@@ -50,12 +51,15 @@ def episode_inputs(scenario: Scenario) -> EpisodeInputs:
     # k / rate, not k * period: 1500 * 0.005 is not 7.5 in binary, and a gust must start on its tick
     times = ticks / scenario.rates.control
     held_times = (ticks // ratio) * ratio / scenario.rates.control
-    held, continuous = scenario.trajectory.at(held_times), scenario.trajectory.at(times)
-    blowing = wind(scenario.wind, times, _turbulence(scenario))
+    # an absurd reference overflows to inf or NaN and ends the episode as diverged, without a warning here
+    with np.errstate(all="ignore"):
+        held, continuous = scenario.trajectory.at(held_times), scenario.trajectory.at(times)
+        blowing = wind(scenario.wind, times, _turbulence(scenario))
     noise, noise_example = _noise(scenario)
     return EpisodeInputs(
         times=times,
         held=_rows(held, scenario.steps),
+        goals=_rows(held.dense().position, scenario.steps),
         wind=_rows(blowing, scenario.steps),
         noise=noise,
         held_reference=held,

@@ -7,6 +7,7 @@ import io
 import json
 import os
 import platform
+import zipfile
 from dataclasses import dataclass, fields
 from importlib import metadata
 from pathlib import Path
@@ -38,8 +39,9 @@ class Log:
         position_reference, joints_reference, yaw_reference: the continuous reference.
         tool: (N, 3) end effector. tool_held, tool_reference: where a level base on reference would put it.
         wind_force, air_velocity: (N, 3).
-        measured_position, measured_joints: what the controller saw (undelayed).
-        info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground"), cause, end time.
+        measured_position, measured_joints: what the sensors said at this instant; a delayed controller saw it later.
+        info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground",
+            "controller_undefined"), cause, end time.
     """
 
     time: Array
@@ -110,10 +112,23 @@ class Log:
 
     @classmethod
     def load_npz(cls, path: str | os.PathLike[str]) -> Log:
-        """Read a log written by :meth:`save_npz`."""
-        with np.load(path) as data:
-            arrays = {name: data[name] for name in data.files if name != "info"}
-            return cls(**arrays, info=json.loads(str(data["info"])))
+        """Read a log written by :meth:`save_npz`.
+
+        Raises:
+            OSError: the file cannot be read.
+            ValueError: it is not such a log.
+        """
+        wanted = [f.name for f in fields(cls)]
+        content_of_file = Path(path).read_bytes()
+        try:
+            with np.load(io.BytesIO(content_of_file)) as data:
+                content = {name: data[name] for name in data.files}
+            info = json.loads(str(content["info"]))
+        except (ValueError, KeyError, EOFError, TypeError, AttributeError, zipfile.BadZipFile):
+            raise ValueError(f"log = {os.fspath(path)!r}: must be a log that save_npz wrote") from None
+        if sorted(content) != sorted(wanted) or info.get("schema") != 1:
+            raise ValueError(f"log = {os.fspath(path)!r}: must be a log of schema 1") from None
+        return cls(**{**content, "info": info})
 
 
 class Recorder:

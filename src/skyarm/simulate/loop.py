@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from skyarm.actuation.hover import hover_trim
 from skyarm.compile import leaves, trace
 from skyarm.dynamics import State
 from skyarm.plant.compiled import RigidBodyPlant, example_command, example_state
@@ -80,32 +81,43 @@ def run(scenario: Scenario, progress: Progress | None = None) -> Log:
     """
     loop = _Loop(scenario)
     x = flat(first_state(scenario))
-    n, rotors = scenario.world.vehicle.n, len(scenario.world.vehicle.rotors)
-    standing = (*x[13 + 2 * n : 13 + 2 * n + rotors], *((0.0,) * n))
-    pending = _CommandLine(scenario, standing)
+    pending = _CommandLine(scenario, _standing(scenario, x))
     readings: deque[tuple[float, ...]] = deque(maxlen=round(scenario.delays.measurement * scenario.rates.control) + 1)
     recorder, monitor = Recorder(), Monitor(scenario)
     total = scenario.steps
     every = max(1, total // 100)
     ending = None
+    goals = loop.inputs.goals
     for k in range(total):
         if progress is not None and k % every == 0:
             progress(k, total)
-        ending = monitor.ending(k * loop.period, x)
+        time = k / scenario.rates.control
+        ending = monitor.ending(time, x, goals[k])
         if ending is not None:
             break
         wind, reference = loop.inputs.wind[k], loop.inputs.held[k]
         force = loop.plant.specific_force(x, pending.now, wind)
-        readings.append(loop.sense.flat((k / scenario.rates.control, *x, *force, *loop.inputs.noise[k])))
+        readings.append(loop.sense.flat((time, *x, *force, *loop.inputs.noise[k])))
         command = loop.command(readings[0], reference)
+        ending = monitor.refused(time, command)
+        if ending is not None:
+            break
         recorder.add(x, command, readings[-1])
         for applied, seconds in pending.put(command):
             x = loop.plant.advance(x, applied, wind, seconds)
     else:
-        ending = monitor.ending(total * loop.period, x)
+        ending = monitor.ending(total / scenario.rates.control, x, goals[-1])
     if progress is not None:
         progress(total, total)
     return recorder.finish(scenario, loop.inputs, ending)
+
+
+def _standing(scenario: Scenario, x: Sequence[float]) -> tuple[float, ...]:
+    """What acts before the first command arrives: the rotors' own speeds and the torques that hold the arm."""
+    vehicle = scenario.world.vehicle
+    first = 13 + 2 * vehicle.n
+    efforts = hover_trim(vehicle, tuple(x[13 : 13 + vehicle.n]), scenario.world.gravity).efforts
+    return (*x[first : first + len(vehicle.rotors)], *(float(effort) for effort in efforts))
 
 
 class _CommandLine:
@@ -129,4 +141,3 @@ class _CommandLine:
         if self._late == 0.0:
             return [(current, self._period)]
         return [(previous, self._late), (current, self._period - self._late)]
-

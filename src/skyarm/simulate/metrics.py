@@ -105,7 +105,7 @@ def motion(log: Log, window: Window) -> dict[str, float]:
 
 
 def settling_time(log: Log, errors: Errors, steady: Window) -> float:
-    """First time after which |e_p| stays within 0.02 m of its steady mean to the end of the run; NaN if it never does."""
+    """First time after which |e_p| stays within 0.02 m of its steady mean to the end; NaN if it never does."""
     values = errors.position[steady.of(log)]
     if not values.size:
         return float("nan")
@@ -140,7 +140,7 @@ def gust(log: Log, errors: Errors, window: Window) -> dict[str, float]:
     at = window.of(log)
     pitch = log.euler[:, 1]
     return tracking(log, errors, window) | {
-        "peak_x": abs(_peak(errors.vector[at, 0])),
+        "peak_x": _peak(errors.vector[at, 0]),
         "pitch_rms": _rms(pitch[at]),
         "iae_position": _integral(log, errors.position[at]),
         "iae_joint": _integral(log, errors.joints[at]),

@@ -15,7 +15,10 @@ from skyarm.simulate.scenario import Scenario
 from skyarm.vehicle.records import BASE, Vehicle
 
 FAR = 1e4
-"""A position (m), speed (m/s), rate (rad/s) or joint (rad) beyond this is divergence, long before numbers overflow."""
+"""A speed (m/s), rate (rad/s) or joint (rad or m) beyond this is divergence, long before numbers overflow."""
+
+LOST = 1e3
+"""m from the reference: no controller of an aerial robot means to be there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +43,24 @@ def lowest_point(vehicle: Vehicle, state: State) -> Scalar:
     return lowest
 
 
+def _names(vehicle: Vehicle) -> tuple[list[str], list[str]]:
+    """Words for the leaves of a state and of a command, in order."""
+    axes = [("position", "xyz"), ("quaternion", "wxyz"), ("velocity", "xyz"), ("rate", "xyz")]
+    named = [f"{word}.{axis}" for word, letters in axes for axis in letters]
+    joints = [link.joint.name for link in vehicle.links]
+    named += [f"joint '{name}'" for name in joints] + [f"rate of joint '{name}'" for name in joints]
+    rotors = [f"speed of rotor '{rotor.name}'" for rotor in vehicle.rotors]
+    commands = [f"commanded {name}" for name in (*rotors, *(f"effort of joint '{name}'" for name in joints))]
+    return named + rotors, commands
+
+
 class Monitor:
     """Checks each state of an episode."""
 
     def __init__(self, scenario: Scenario) -> None:
         vehicle = scenario.world.vehicle
         self._joints = [link.joint for link in vehicle.links]
+        self._names, self._commands = _names(vehicle)
         self._ground = scenario.ground
         controller = scenario.controller
         self._limit = controller.limit
@@ -56,12 +71,24 @@ class Monitor:
 
         self._observe = trace(observe, example_state(vehicle.n, len(vehicle.rotors)))
 
-    def ending(self, time: float, x: Sequence[float]) -> Ending | None:
-        """The ending this state means, or None."""
-        largest = max(map(abs, x)) if all(map(math.isfinite, x)) else math.inf
-        if not largest < FAR:
-            what = "a state is not finite" if largest == math.inf else f"a state passed {FAR:g}"
-            return Ending("diverged", what, time)
+    def refused(self, time: float, command: Sequence[float]) -> Ending | None:
+        """The ending this command means, or None."""
+        for name, value in zip(self._commands, command, strict=True):
+            if not math.isfinite(value):
+                return Ending("diverged", f"{name} is not finite", time)
+        return None
+
+    def ending(self, time: float, x: Sequence[float], goal: Sequence[float]) -> Ending | None:
+        """The ending this state means, or None; ``goal`` is the held reference's position."""
+        for name, value in zip(self._names, x, strict=True):
+            if not math.isfinite(value):
+                return Ending("diverged", f"{name} is not finite", time)
+        for name, value in zip(self._names[7:], x[7:], strict=True):
+            if not -FAR < value < FAR:
+                return Ending("diverged", f"{name} passed {FAR:g}", time)
+        for name, value, wanted in zip(self._names, x[:3], goal, strict=False):
+            if not -LOST < value - wanted < LOST:
+                return Ending("diverged", f"{name} is over {LOST:g} m from the reference", time)
         for value, joint in zip(x[13:], self._joints, strict=False):
             if not joint.lower <= value <= joint.upper:
                 limits = f"[{joint.lower:g}, {joint.upper:g}]"

@@ -3,19 +3,31 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from typing import Any
 
+from skyarm.actuation import make_mixer
 from skyarm.actuation.hover import hover_trim
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.registry import Controller
 from skyarm.dynamics import State
 from skyarm.environment import NO_WIND, Wind
-from skyarm.plant.rigid_body import World
+from skyarm.files import number, shown
+from skyarm.plant.rigid_body import INTEGRATORS, World
 from skyarm.plant.sensors import SensorNoise
 from skyarm.reference import Trajectory
+from skyarm.vehicle.check import TOLERANCE, concrete, require_plant
 
 PLANTS = ("rigid_body", "mujoco")
+
+HIGHEST_RATE = 1_000_000
+"""Hz: a clock beyond this is a slip of units."""
+
+LONGEST_FLIGHT = 10_000_000
+"""Control periods of one episode, 14 h at 200 Hz: its log takes about 10 GB."""
+
+PERFECT_SENSORS = SensorNoise()
 
 
 class ScenarioError(ValueError):
@@ -33,8 +45,8 @@ class Rates:
     def __post_init__(self) -> None:
         for name in ("physics", "control", "reference"):
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-                raise ScenarioError(f"rates.{name} = {value!r}: must be a whole number of Hz, at least 1")
+            if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= HIGHEST_RATE:
+                raise ScenarioError(f"rates.{name} = {value!r}: must be a whole number of Hz from 1 to {HIGHEST_RATE}")
         for fast, slow in (("physics", "control"), ("control", "reference")):
             if getattr(self, fast) % getattr(self, slow):
                 raise ScenarioError(
@@ -83,7 +95,7 @@ class Scenario:
     controller: Controller
     trajectory: Trajectory
     wind: Wind = NO_WIND
-    sensors: SensorNoise = SensorNoise()
+    sensors: SensorNoise = PERFECT_SENSORS
     delays: Delays = Delays()
     initial: State | None = None
     seed: int = 0
@@ -100,24 +112,87 @@ class Scenario:
 
 
 def _check(scenario: Scenario) -> None:
-    if not 0.0 < scenario.duration < float("inf"):
-        raise ScenarioError(f"duration = {scenario.duration!r}: must be a finite number greater than 0")
-    _whole("duration", scenario.duration, scenario.rates.control, "control periods")
-    if scenario.plant not in PLANTS:
-        raise ScenarioError(f"plant.kind = {scenario.plant!r}: must be one of {list(PLANTS)}")
-    _whole("delays.measurement", scenario.delays.measurement, scenario.rates.control, "control periods")
-    _whole("delays.command", scenario.delays.command, scenario.rates.physics, "physics steps")
+    """Refuse what could not fly, before anything is built."""
+    check_name(scenario.name)
+    number(scenario.duration, "duration", low=0.0, strict=True)
+    if scenario.duration * scenario.rates.control > LONGEST_FLIGHT:
+        longest = LONGEST_FLIGHT / scenario.rates.control
+        raise ScenarioError(f"duration = {scenario.duration!r}: must be at most {longest:g} s at this control rate")
+    _require_whole("duration", scenario.duration, scenario.rates.control, "control periods")
+    for field, value, allowed in (
+        ("plant.kind", scenario.plant, PLANTS),
+        ("plant.integrator", scenario.integrator, INTEGRATORS),
+    ):
+        if value not in allowed:
+            raise ScenarioError(f"{field} = {value!r}: must be one of {', '.join(allowed)}")
+    rates = scenario.rates
+    for name, rate, unit in (
+        ("measurement", rates.control, "control periods"),
+        ("command", rates.physics, "physics steps"),
+    ):
+        delay = number(getattr(scenario.delays, name), f"delays.{name}", low=0.0)
+        if delay > scenario.duration:
+            raise ScenarioError(f"delays.{name} = {delay!r}: must not exceed the duration of {scenario.duration:g} s")
+        _require_whole(f"delays.{name}", delay, rate, unit)
+    for name in ("seed", "episode"):
+        check_key(name, getattr(scenario, name))
+    _check_vehicles(scenario)
+    if scenario.initial is not None:
+        _check_initial(scenario.initial, scenario.world.vehicle.n, len(scenario.world.vehicle.rotors))
+
+
+def check_name(name: str) -> None:
+    """A scenario's name becomes the name of its files."""
+    if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9 ._-]{0,99}", name):
+        raise ScenarioError(f"name = {shown(name)}: must be 1 to 100 letters, digits, '_', '-', '.' and blanks")
+
+
+def check_key(field: str, value: Any) -> None:
+    """A key of the noise generator."""
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**32:
+        raise ScenarioError(f"{field} = {shown(value)}: must be a whole number from 0 to 2**32 - 1")
+
+
+def _check_vehicles(scenario: Scenario) -> None:
+    """Truth and belief have the same joints and rotors, the reference fits them, and the truth can hover."""
     truth, belief = scenario.world.vehicle, scenario.controller.par.model.vehicle
+    try:
+        require_plant(truth)
+        make_mixer(truth)
+    except ValueError as error:
+        raise ScenarioError(f"plant.vehicle = {truth.name!r}: {error}") from None
     for what, ours, theirs in (("joints", truth.n, belief.n), ("rotors", len(truth.rotors), len(belief.rotors))):
         if ours != theirs:
             raise ScenarioError(
-                f"model.vehicle = '{belief.name}': has {theirs} {what}, must have {ours} as plant.vehicle '{truth.name}'"
+                f"model.vehicle = {belief.name!r}: has {theirs} {what}, must have {ours} as the plant {truth.name!r}"
             )
+    found = len(scenario.trajectory.joints)
+    if found != truth.n:
+        raise ScenarioError(f"reference.joints = {found} signals: must be {truth.n}, one for each joint")
 
 
-def _whole(field: str, seconds: float, rate: int, unit: str) -> None:
+def _check_initial(state: State, joints: int, rotors: int) -> None:
+    counts = (("joints", joints), ("joint_rates", joints), ("rotor_speeds", rotors))
+    for name, count in counts:
+        if len(getattr(state, name)) != count:
+            raise ScenarioError(f"initial.{name}: {len(getattr(state, name))} values, must be {count}")
+    check_quaternion(tuple(state.quaternion))
+
+
+def check_quaternion(values: tuple[Any, ...]) -> None:
+    """Four numbers of unit length."""
+    good = len(values) == 4
+    if good and concrete(*values):
+        good = abs(math.sqrt(sum(c * c for c in values)) - 1.0) <= TOLERANCE
+    if not good:
+        raise ScenarioError(
+            f"initial.quaternion_wxyz = {shown(list(values))}: must be four numbers of length 1 within {TOLERANCE:g}"
+        )
+
+
+def _require_whole(field: str, seconds: float, rate: int, unit: str) -> None:
     count = seconds * rate
-    if not seconds >= 0.0 or abs(count - round(count)) > 1e-6:
+    if abs(count - round(count)) > 1e-6 or (seconds > 0.0 and round(count) < 1):
         raise ScenarioError(f"{field} = {seconds!r}: must be a whole number of {unit} of {1.0 / rate:g} s")
 
 

@@ -1,8 +1,8 @@
 """The vehicle: a rigid base with rotors and a tree of links.
 
 Plain frozen records of scalars: a mass may be a float, a lane of a batch, a traced node or a JAX array. Integers are
-structure (see :mod:`skyarm.scalars`). Where a record holds a vector or matrix it also takes plain sequences of numbers, whose
-exact zeros and ones become structure. Concrete numbers are checked when a :class:`Vehicle` is made.
+structure (see :mod:`skyarm.scalars`). Where a record holds a vector or matrix it also takes plain sequences of
+numbers, whose exact zeros and ones become structure. Concrete numbers are checked when a :class:`Vehicle` is made.
 """
 
 from __future__ import annotations

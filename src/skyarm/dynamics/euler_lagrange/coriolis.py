@@ -33,7 +33,9 @@ def coriolis_matrix(par: PlanarArmParameters, q: Sequence[Any], qd: Sequence[Any
 def coriolis_central_differences(
     par: PlanarArmParameters, q: Sequence[Any], qd: Sequence[Any], *, step: Any = STEP
 ) -> Matrix:
-    """C(q, qd) from central differences of M, as the paper computes it; good to about 1e-9, not to rounding.
+    """C(q, qd) from central differences of M, as the paper computes it, whose step is not published.
+
+    At the default step the error is near 1e-11, with 1e-3 rad near 1e-8: small, but not rounding.
 
     Args:
         par: masses, lengths, inertias.

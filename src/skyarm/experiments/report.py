@@ -1,0 +1,207 @@
+"""The report: one HTML page that needs no network, from the results of the paper's experiments."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterable, Mapping
+from importlib import resources
+from string import Template
+from typing import TYPE_CHECKING, Any
+
+from skyarm.experiments import report_text as prose
+from skyarm.experiments.report_headlines import PLANTS, tally
+from skyarm.experiments.report_markup import bullets, details, known, section, table, text
+from skyarm.experiments.report_tables import (
+    TITLES,
+    definitions_table,
+    experiment_table,
+    headline_table,
+    sensitivity_tables,
+    summary_table,
+)
+from skyarm.figures.catalogue import PAPER_CATALOGUE, PAPER_WINDOWS
+from skyarm.figures.embed import image_bytes, plotly_library, plotly_spec
+from skyarm.figures.interactive import damping_figure, experiment_figure, tool_path_figure
+from skyarm.simulate.log import Log
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TITLE = "Computed torque for a flying arm: the paper and two simulations"
+
+Logs = Mapping[str, Mapping[str, Mapping[str, Log]]]
+"""plant -> experiment -> controller -> log."""
+
+DAMPING_PANELS = (
+    ("case2", "position_error_mean", "Case 2: position error, mean [m]"),
+    ("case2", "pitch_rms", "Case 2: pitch RMS [rad]"),
+    ("case2", "joint_error_mean", "Case 2: joint error, mean [rad]"),
+    ("case3", "ee_error_mean", "Case 3: end-effector error, mean [m]"),
+    ("case3", "pitch_rms", "Case 3: pitch RMS [rad]"),
+    ("case3", "tau1_rms", "Case 3: torque of joint 1, RMS [N m]"),
+)
+
+
+def report_html(
+    results: Mapping[str, Any],
+    sensitivity: Mapping[str, Any],
+    logs: Logs,
+    reasons: Mapping[str, Mapping[str, Mapping[str, str]]],
+    figures: Mapping[int, Figure] | None = None,
+) -> str:
+    """Write the report.
+
+    Args:
+        results: as in ``results.json``: "experiments" and "settings".
+        sensitivity: assumption -> its value -> experiment -> controller -> metric -> number or None.
+        logs: plant -> experiment -> controller -> log, for the interactive plots.
+        reasons: experiment -> controller -> metric -> why it differs from the paper, one line.
+        figures: the paper's number -> static figure, put into the page as images.
+
+    Returns:
+        A whole HTML document: scripts, styles and images inside, no address outside.
+    """
+    experiments = results.get("experiments", {})
+    plots = _Plots()
+    sections = [
+        ("verdict", "Verdict", f"{headline_table(experiments)}{summary_table(experiments)}"),
+        ("experiments", "Experiments", _experiments(experiments, reasons, logs, plots)),
+        ("sensitivity", "Sensitivity to assumptions", _sensitivity(sensitivity, experiments, plots)),
+        ("figures", "Figures 3-18", _paper_figures(figures or {})),
+        ("assumptions", "Assumptions", bullets(prose.ASSUMPTIONS)),
+        ("not-modelled", "What is not modelled", bullets(prose.NOT_MODELLED)),
+        ("definitions", "Definitions", f"<p>{text(prose.READING)}</p>{definitions_table()}"),
+        ("settings", "Settings and versions", _episodes(logs) + _settings(results.get("settings", {}))),
+    ]
+    return _template("report_page.html").substitute(
+        title=text(TITLE),
+        style=_resource("report.css"),
+        lead=text(prose.LEAD),
+        facts=text(_facts(experiments)),
+        contents="".join(f'<li><a href="#{name}">{text(title)}</a></li>' for name, title, _ in sections),
+        body="\n".join(section(name, title, content) for name, title, content in sections),
+        footer=f"Format of the results: schema {text(results.get('schema', 1))}. This page needs no network.",
+        data=plots.data(),
+        library=plotly_library(),
+        script=_resource("report.js"),
+    )
+
+
+class _Plots:
+    """Interactive plots of one page: holders in the text, data at its end."""
+
+    def __init__(self) -> None:
+        self._specs: list[str] = []
+
+    def add(self, figure: Any, caption: str) -> str:
+        """Place for a plot; its data are kept for the end of the page."""
+        name = f"plot-{len(self._specs)}"
+        self._specs.append(f'<script type="application/json" id="{name}">{plotly_spec(figure)}</script>')
+        height = int(figure.layout.height or 400)
+        holder = f'<div class="plot" data-plot="{name}" role="img" aria-label="{text(caption)}"'
+        hint = "<noscript><p>The interactive plots need JavaScript; the static figures do not.</p></noscript>"
+        body = f'{holder} style="min-height:{height}px">{hint}</div>'
+        return f'<figure class="interactive">{body}<figcaption>{text(caption)}</figcaption></figure>'
+
+    def data(self) -> str:
+        """All specifications."""
+        return "\n".join(self._specs)
+
+
+def _resource(name: str) -> str:
+    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+def _template(name: str) -> Template:
+    return Template(_resource(name))
+
+
+def _facts(experiments: Mapping[str, Any]) -> str:
+    parts = []
+    for plant in PLANTS:
+        met, judged = tally(experiments, plant)
+        if judged:
+            parts.append(f"{plant}: {met} of {judged} headline claims met.")
+    return " ".join(parts) or "No headline number was measured."
+
+
+def _experiments(experiments: Mapping[str, Any], reasons: Mapping[str, Any], logs: Logs, plots: _Plots) -> str:
+    parts = [f'<p class="note">{text(prose.READING)} {text(prose.LEGEND)}</p>']
+    for case, controllers in experiments.items():
+        title = TITLES.get(case, case)
+        parts.append(f'<h3 id="{text(case)}">{text(title)}</h3>')
+        parts.append(experiment_table(case, controllers, reasons.get(case, {})))
+        flown = {plant: cases[case] for plant, cases in logs.items() if cases.get(case)}
+        if flown:
+            figure = experiment_figure(flown, PAPER_WINDOWS.get(case))
+            parts.append(plots.add(figure, f"{title}: choose curves in the legend. {prose.HOLDS}"))
+        if flown and case == "case3":
+            parts.append(
+                plots.add(
+                    tool_path_figure(flown),
+                    f"{title}: path of the end effector, desired and flown; the vertical axis is stretched.",
+                )
+            )
+    return "".join(parts)
+
+
+def _sensitivity(sensitivity: Mapping[str, Any], experiments: Mapping[str, Any], plots: _Plots) -> str:
+    damping = sensitivity.get("joint_damping") or {}
+    if not damping:
+        return sensitivity_tables(sensitivity, experiments)
+    paper = {
+        case: {
+            controller: {name: known(cell.get("paper")) for name, cell in cells.items()}
+            for controller, cells in controllers.items()
+        }
+        for case, controllers in experiments.items()
+    }
+    figure = damping_figure(damping, paper, DAMPING_PANELS)
+    caption = "Six numbers over the assumed joint damping, rigid_body; dotted: the paper."
+    return plots.add(figure, caption) + sensitivity_tables(sensitivity, experiments)
+
+
+def _paper_figures(figures: Mapping[int, Figure]) -> str:
+    if not figures:
+        return "<p>No static figures were drawn.</p>"
+    parts = []
+    for number, figure in sorted(figures.items()):
+        spec = PAPER_CATALOGUE.get(number)
+        caption = f"Figure {number}. {spec.caption}" if spec else f"Figure {number}."
+        image = base64.b64encode(image_bytes(figure)).decode("ascii")
+        shown = f'<img src="data:image/png;base64,{image}" alt="{text(caption)}">'
+        parts.append(f'<figure id="figure-{number}">{shown}<figcaption>{text(caption)}</figcaption></figure>')
+    note = (
+        "Layout of the paper, rigid_body plant. CT solid and dark, PD dashed and lighter, grey: window of the metrics."
+    )
+    return f'<p class="note">{note} {text(prose.HOLDS)}</p><div class="paper">{"".join(parts)}</div>'
+
+
+def _episodes(logs: Logs) -> str:
+    flown = [
+        (f"{plant}, {TITLES.get(case, case)}, {controller}", log)
+        for plant, cases in logs.items()
+        for case, controllers in cases.items()
+        for controller, log in controllers.items()
+    ]
+    ended = [(name, log) for name, log in flown if log.status != "completed"]
+    if not ended:
+        return f"<p>All {len(flown)} episodes flew to their end.</p>" if flown else ""
+    lines = [f"{name}: {log.status} at {log.info['end_time']:g} s, {log.info['cause']}" for name, log in ended]
+    return f"<p>{len(ended)} of {len(flown)} episodes ended early:</p>{bullets(lines)}"
+
+
+def _settings(settings: Mapping[str, Any]) -> str:
+    rows = [
+        f'<th scope="row"><code>{text(name)}</code></th><td>{text(value)}</td>' for name, value in _flat(settings, "")
+    ]
+    return details("Everything the numbers depend on", table("Settings", ["Name", "Value"], [("", rows)], "text"))
+
+
+def _flat(settings: Mapping[str, Any], prefix: str) -> Iterable[tuple[str, Any]]:
+    """Nested settings as dotted names."""
+    for name, value in settings.items():
+        if isinstance(value, Mapping) and value:
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", "none" if value is None or value in ([], {}) else value

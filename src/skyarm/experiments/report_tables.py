@@ -1,0 +1,193 @@
+"""The tables of the report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from skyarm.experiments.report_headlines import CLAIMS, PLANTS, Experiments, claim_row, order_row
+from skyarm.experiments.report_markup import (
+    DASH,
+    FAIR,
+    NEAR,
+    bound_cell,
+    details,
+    difference,
+    difference_cell,
+    known,
+    number_cell,
+    table,
+    text,
+)
+from skyarm.experiments.report_metrics import CONTINUOUS, METRICS, metric
+
+Cells = Mapping[str, Mapping[str, Any]]
+Measured = Mapping[str, Mapping[str, Mapping[str, Any]]]
+Variants = Mapping[str, Measured]
+
+TITLES = {
+    "case1": "Case 1: hover, arm ramp",
+    "case2": "Case 2: hover, arm sinusoids",
+    "case3": "Case 3: circle, arm sinusoids",
+    "case2_gust": "Case 2 with a gust",
+    "case3_wind": "Case 3 in constant wind",
+}
+CONTROLLERS = {"CT": "CT: hybrid geometric computed torque", "PD": "PD: decoupled baseline"}
+GROUPS = {
+    "joint_damping": "Joint damping [N m s/rad]",
+    "ramp_shape": "Shape of the ramp, Case 1",
+    "command_latency": "Latency of commands [s]",
+    "time_shift": "Recorded reference later than the response by [s]",
+}
+ASSUMED = {"joint_damping": "0.001", "ramp_shape": "linear"}
+TELLING = 0.02
+"""Spread of relative differences below which no variant is called the nearest."""
+KEY_METRICS = ("position_error_mean", "ee_error_mean", "pitch_rms", "joint_error_mean", "tau1_rms")
+
+
+def headline_table(experiments: Experiments) -> str:
+    """Verdicts on the headline numbers."""
+    head = ["Claim", "Unit", ">Paper", ">Accepted", ">rigid_body", "Verdict", ">mujoco", "Verdict"]
+    rows = [*(claim_row(claim, experiments) for claim in CLAIMS), order_row(experiments)]
+    return table("Headline numbers against ranges fixed beforehand", head, [("", rows)], "verdicts")
+
+
+def summary_table(experiments: Experiments) -> str:
+    """How many of the paper's numbers each plant comes near."""
+    rows = []
+    for case, controllers in experiments.items():
+        cells = [f'<th scope="row">{text(TITLES.get(case, case))}</th>']
+        for plant in PLANTS:
+            found = [
+                difference(cell.get(plant), cell.get("paper")) for c in controllers.values() for cell in c.values()
+            ]
+            sizes = [abs(value) for value in found if value is not None]
+            counts = [sum(size <= limit for size in sizes) for limit in (NEAR, FAIR)]
+            cells += [f'<td class="num">{count if sizes else DASH}</td>' for count in (*counts, len(sizes))]
+        rows.append("".join(cells))
+    head = [
+        "Experiment",
+        *(f">{plant}: {label}" for plant in PLANTS for label in ("within 5 %", "within 20 %", "compared")),
+    ]
+    return table("How many published numbers lie near", head, [("", rows)], "summary")
+
+
+def experiment_table(case: str, controllers: Mapping[str, Cells], reasons: Mapping[str, Mapping[str, str]]) -> str:
+    """Everything measured in one experiment; the twins against the continuous reference are collapsed."""
+    head = [
+        "Metric",
+        "Unit",
+        ">Paper",
+        ">rigid_body",
+        ">mujoco",
+        ">rigid_body - paper",
+        ">mujoco - paper",
+        "Why it differs",
+    ]
+    held: list[tuple[str, list[str]]] = []
+    twins: list[tuple[str, list[str]]] = []
+    for controller, cells in controllers.items():
+        why = reasons.get(controller, {})
+        rows = {name: _metric_row(name, cell, why.get(name, "")) for name, cell in cells.items()}
+        title = CONTROLLERS.get(controller, controller)
+        held.append((title, [row for name, row in rows.items() if not name.endswith(CONTINUOUS)]))
+        twins.append((title, [row for name, row in rows.items() if name.endswith(CONTINUOUS)]))
+    title = text(TITLES.get(case, case))
+    page = table(f"{title}: errors against the held 50 Hz reference", head, held, "wide")
+    if any(rows for _, rows in twins):
+        inner = table(f"{title}: errors against the continuous reference", head, twins, "wide")
+        page += details("The same against the continuous reference", inner)
+    return page
+
+
+def _metric_row(name: str, cell: Mapping[str, Any], why: str) -> str:
+    meant, paper = metric(name), cell.get("paper")
+    label = f'<th scope="row"><abbr title="{text(meant.definition or name)}">{text(meant.label)}</abbr></th>'
+    compare = bound_cell if meant.bound else difference_cell
+    cells = [label, f'<td class="unit">{text(meant.unit)}</td>', number_cell(paper, _paper_digits(paper))]
+    cells += [number_cell(cell.get(plant), meant.digits) for plant in PLANTS]
+    cells += [compare(cell.get(plant), paper) for plant in PLANTS]
+    reason = why or ("" if meant.bound else _default_reason(cell, paper, meant.published))
+    return "".join([*cells, f'<td class="why">{text(reason)}</td>'])
+
+
+def _default_reason(cell: Mapping[str, Any], paper: Any, decimals: int) -> str:
+    """What stands where nobody gave a reason."""
+    published, values = known(paper), [known(cell.get(plant)) for plant in PLANTS]
+    if published is None or all(value is None for value in values):
+        return ""
+    gap = max(abs(value - published) for value in values if value is not None)
+    if gap <= NEAR * abs(published):
+        return ""
+    half_a_digit = 0.5 * 10.0 ** -max(decimals, _paper_digits(paper))
+    return "equal within the published rounding" if gap <= half_a_digit else "not explained"
+
+
+def _paper_digits(value: Any) -> int:
+    """As many decimals as the published number has."""
+    finite = known(value)
+    written = "" if finite is None else f"{finite:.10f}".rstrip("0")
+    return len(written.partition(".")[2])
+
+
+def sensitivity_tables(sensitivity: Mapping[str, Variants], experiments: Experiments) -> str:
+    """One table per assumption varied: the key metrics open, everything else collapsed."""
+    parts = []
+    for group, variants in sensitivity.items():
+        if not variants:
+            continue
+        title = GROUPS.get(group, group.replace("_", " "))
+        key, rest = (_variant_table(title, group, variants, experiments, key=key) for key in (True, False))
+        parts.append(f"<h3>{text(title)}</h3>")
+        parts.append(key if group in ASSUMED else details("Main metrics", key))
+        parts.append(details("Other metrics", rest))
+    return "".join(parts) or "<p>No variation was flown.</p>"
+
+
+def _variant_table(title: str, group: str, variants: Variants, experiments: Experiments, *, key: bool) -> str:
+    assumed = ASSUMED.get(group)
+    heads = [f">{name} (assumed)" if name == assumed else f">{name}" for name in variants]
+    groups = []
+    for case, controller, names in _cells_of(variants):
+        chosen = [n for n in names if n in KEY_METRICS] if key else [n for n in names if n not in KEY_METRICS]
+        rows = [_variant_row(case, controller, name, variants, experiments) for name in chosen]
+        if rows:
+            groups.append((f"{TITLES.get(case, case)}, {controller}", rows))
+    caption = f"{text(title)}, rigid_body; <strong>bold</strong>: nearest to the paper; dash: not measurable"
+    return table(caption, ["Metric", "Unit", ">Paper", *heads], groups, "variants")
+
+
+def _cells_of(variants: Variants) -> list[tuple[str, str, list[str]]]:
+    """(case, controller, metrics) in order of first appearance."""
+    found: dict[tuple[str, str], dict[str, None]] = {}
+    for cases in variants.values():
+        for case, controllers in cases.items():
+            for controller, values in controllers.items():
+                found.setdefault((case, controller), {}).update(dict.fromkeys(values))
+    return [(case, controller, list(names)) for (case, controller), names in found.items()]
+
+
+def _variant_row(case: str, controller: str, name: str, variants: Variants, experiments: Experiments) -> str:
+    meant = metric(name)
+    paper = experiments.get(case, {}).get(controller, {}).get(name, {}).get("paper")
+    values = [cases.get(case, {}).get(controller, {}).get(name) for cases in variants.values()]
+    distances = [abs(size) for value in values if (size := difference(value, paper)) is not None]
+    nearest, farthest = min(distances, default=0.0), max(distances, default=0.0)
+    cells = [f'<th scope="row">{text(meant.label)}</th><td class="unit">{text(meant.unit)}</td>']
+    cells.append(number_cell(paper, _paper_digits(paper)))
+    for value in values:
+        size = difference(value, paper)
+        telling = farthest - nearest > TELLING
+        mark = "strong" if telling and size is not None and abs(size) == nearest else ""
+        cells.append(number_cell(value, meant.digits, mark=mark))
+    return "".join(cells)
+
+
+def definitions_table() -> str:
+    """Definitions of every metric."""
+    rows = [
+        f'<th scope="row">{text(m.label)}</th><td><code>{text(name)}</code></td><td>{text(m.unit)}</td>'
+        f"<td>{text(m.definition)}</td>"
+        for name, m in METRICS.items()
+    ]
+    return table("Definitions; windows are half-open", ["Metric", "Name", "Unit", "Definition"], [("", rows)], "text")

@@ -1,0 +1,188 @@
+"""The tables of a scenario file, one reader each; the grammar is in :mod:`skyarm.simulate.scenario_file`."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import Any
+
+from skyarm.actuation import AllocationError
+from skyarm.actuation.mixer import POLICIES
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.control.geometric import RATE_ERRORS
+from skyarm.control.model import GeometricGains, JointGains, Model, Terms
+from skyarm.control.presets import preset
+from skyarm.control.registry import Controller, make_controller
+from skyarm.dynamics import State
+from skyarm.environment import payload_from
+from skyarm.files import Fields, number, shown
+from skyarm.plant.sensors import SensorNoise
+from skyarm.simulate.scenario import Delays, Rates, Scenario, check_quaternion, trimmed_state
+from skyarm.vehicle.files import list_vehicles, load_vehicle
+from skyarm.vehicle.records import Vehicle
+
+TERMS = tuple(field.name for field in dataclasses.fields(Terms))
+
+
+def text(fields: Fields, name: str, *default: str) -> str:
+    """Text; not empty where there is no default."""
+    value = fields.take(name, *default)
+    if not isinstance(value, str) or (not value and not default):
+        raise ValueError(f"{fields.at(name)} = {shown(value)}: must be text that is not empty")
+    return value
+
+
+def truth_value(fields: Fields, name: str, default: bool) -> bool:
+    """True or false."""
+    value = fields.take(name, default)
+    if not isinstance(value, bool):
+        raise ValueError(f"{fields.at(name)} = {shown(value)}: must be true or false")
+    return value
+
+
+def vehicle(fields: Fields, folder: Path) -> Vehicle:
+    """The named vehicle, as its file describes it."""
+    named = fields.take("vehicle")
+    if not isinstance(named, str):
+        raise ValueError(f"{fields.at('vehicle')} = {shown(named)}: must be a name of the library or a path")
+    try:
+        return load_vehicle(named if named in list_vehicles() else folder / named)
+    except ValueError as error:
+        raise ValueError(f"{fields.at('vehicle')} = {shown(named)}: {error}") from None
+
+
+def truth(plant: Fields, folder: Path) -> Vehicle:
+    """The plant's vehicle with payload and joint overrides."""
+    joints = _joint_overrides(plant)
+    found = with_payload(vehicle(plant, folder), plant)
+    return found.with_joints(**joints) if joints else found
+
+
+def with_payload(carrier: Vehicle, fields: Fields) -> Vehicle:
+    """The vehicle with the table's payload, if there is one."""
+    payload = fields.take("payload", None)
+    if payload is None:
+        return carrier
+    held = payload_from(payload, fields.at("payload"))
+    try:
+        return held.held_by(carrier)
+    except ValueError as error:
+        raise ValueError(f"{fields.at('payload')}: {error}") from None
+
+
+def gravity(fields: Fields) -> float:
+    """Gravity, m/s^2."""
+    return fields.number("gravity", 9.81, low=0.0)
+
+
+def _joint_overrides(plant: Fields) -> dict[str, float]:
+    table = Fields(plant.take("joints", {}), "plant.joints")
+    found = {}
+    for name, strict in (("damping", False), ("coulomb", False), ("coulomb_rate", True), ("effort_limit", True)):
+        value = table.take(name, None)
+        if value is not None:
+            found[name] = number(value, f"plant.joints.{name}", low=0.0, strict=strict)
+    table.done()
+    return found
+
+
+def rates(top: Fields) -> Rates:
+    """Clock rates."""
+    table = Fields(top.take("rates", {}), "rates")
+    defaults = Rates()
+    hertz = {name: table.take(name, getattr(defaults, name)) for name in ("physics", "control", "reference")}
+    table.done()
+    return Rates(**hertz)
+
+
+def controller(fields: Fields, model: Model, replaced: str | None) -> Controller:
+    """A preset or a law with its constants; ``replaced`` is a preset in place of the table's."""
+    try:
+        if replaced is not None:
+            return preset(replaced, model)
+        found = preset(text(fields, "preset"), model) if "preset" in fields.table else _law(fields, model)
+    except AllocationError as error:
+        raise ValueError(f"model.vehicle = {model.vehicle.name!r}: {error}") from None
+    fields.done()
+    return found
+
+
+def _law(fields: Fields, model: Model) -> Controller:
+    gains, joint_gains = fields.take("gains", None), fields.take("joint_gains", None)
+    without = fields.take("without", [])
+    if not isinstance(without, list) or any(name not in TERMS for name in without):
+        raise ValueError(f"controller.without = {shown(without)}: must be a list of {', '.join(TERMS)}")
+    return make_controller(
+        text(fields, "law"),
+        model,
+        gains=None if gains is None else _gains(Fields(gains, "controller.gains")),
+        joint_gains=None if joint_gains is None else _joint_gains(Fields(joint_gains, "controller.joint_gains")),
+        mixer_policy=fields.choice("mixer", POLICIES, "rotors_clip"),
+        rate_error=fields.choice("rate_error", RATE_ERRORS, "rotors"),
+        terms=Terms(**dict.fromkeys(without, False)),
+    )
+
+
+def _gains(fields: Fields) -> GeometricGains:
+    names = ("position", "velocity", "attitude", "rate")
+    vectors = {name: Vec3(*fields.vector(name)) for name in names}
+    fields.done()
+    for name, vector in vectors.items():
+        for axis, value in zip("xyz", vector, strict=True):
+            number(value, f"{fields.where}.{name}.{axis}", low=0.0)
+    return GeometricGains(**vectors)
+
+
+def _joint_gains(fields: Fields) -> JointGains:
+    rows = {name: _numbers(fields, name, low=0.0) for name in ("stiffness", "damping")}
+    fields.done()
+    return JointGains(**rows)
+
+
+def _numbers(fields: Fields, name: str, *default: Any, low: float = -math.inf) -> tuple[float, ...]:
+    values, at = fields.take(name, *default), fields.at(name)
+    if not isinstance(values, (list, tuple)):
+        raise ValueError(f"{at} = {shown(values)}: must be a list of numbers")
+    return tuple(number(value, f"{at}[{i}]", low=low) for i, value in enumerate(values))
+
+
+def sensors(top: Fields) -> SensorNoise:
+    """Standard deviations; a perfect sensor is structure."""
+    table = Fields(top.take("sensors", {}), "sensors")
+    names = tuple(field.name for field in dataclasses.fields(SensorNoise))
+    sigmas: dict[str, Any] = {name: table.number(name, 0.0, low=0.0) for name in names}
+    table.done()
+    return SensorNoise(**{name: sigma if sigma > 0.0 else 0 for name, sigma in sigmas.items()})
+
+
+def delays(top: Fields) -> Delays:
+    """Dead times."""
+    table = Fields(top.take("delays", {}), "delays")
+    seconds = {name: table.number(name, 0.0, low=0.0) for name in ("measurement", "command")}
+    table.done()
+    return Delays(**seconds)
+
+
+def initial(fields: Fields, scenario: Scenario) -> State:
+    """Hover trim at the reference with the given fields replaced."""
+    start = scenario.trajectory.at(0.0)
+    joints = _numbers(fields, "joints", [float(q) for q in start.joints])
+    n = scenario.world.vehicle.n
+    if len(joints) != n:
+        raise ValueError(f"initial.joints: {len(joints)} values, must be {n}, one for each joint")
+    trim = trimmed_state(scenario.world, start.position, float(start.yaw), joints)
+    quaternion = _numbers(fields, "quaternion_wxyz", list(trim.quaternion))
+    check_quaternion(quaternion)
+    length = math.sqrt(sum(c * c for c in quaternion))
+    state = State(
+        position=Vec3(*fields.vector("position", tuple(trim.position))),
+        quaternion=Quaternion.of([c / length for c in quaternion]),
+        velocity=Vec3(*fields.vector("velocity", tuple(trim.velocity))),
+        rate=Vec3(*fields.vector("rate", tuple(trim.rate))),
+        joints=joints,
+        joint_rates=_numbers(fields, "joint_rates", trim.joint_rates),
+        rotor_speeds=_numbers(fields, "rotor_speeds", trim.rotor_speeds, low=0.0),
+    )
+    fields.done()
+    return state

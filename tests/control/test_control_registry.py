@@ -1,0 +1,146 @@
+"""Controllers by name: choices are named in errors, defaults scale the published gains."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from flown import ARM2, G, MODEL, cases, controller, hovering, step
+
+import skyarm
+from skyarm.actuation.mixer import AllocationError
+from skyarm.control.model import JointGains, Model
+from skyarm.control.presets import ACCELERATION, HUMMINGBIRD, PRESETS, TORQUE, preset
+from skyarm.control.registry import (
+    ABLATIONS,
+    LAWS,
+    ControllerError,
+    default_gains,
+    default_joint_gains,
+    make_controller,
+)
+from skyarm.dynamics import arrays
+
+
+def test_an_unknown_law_is_refused_with_the_choices():
+    with pytest.raises(ControllerError, match=r"controller\.law = 'pid'.*'decoupled_pd', 'hybrid_computed_torque'"):
+        make_controller("pid", MODEL)
+
+
+def test_an_unknown_rate_error_is_refused_with_the_choices():
+    with pytest.raises(ControllerError, match=r"rate_error = 'lee': must be one of \['rotors', 'corrected'\]"):
+        make_controller("decoupled_pd", MODEL, rate_error="lee")
+
+
+def test_an_unknown_mixer_policy_is_refused_with_the_choices():
+    with pytest.raises(AllocationError, match=r"'clip': must be one of \['rotors_clip', 'priority'\]"):
+        make_controller("decoupled_pd", MODEL, mixer_policy="clip")
+
+
+def test_an_unknown_preset_is_refused_with_the_choices():
+    with pytest.raises(ControllerError, match=r"preset = 'paper'.*'paper_ct', 'paper_ct_euler', 'paper_pd'"):
+        preset("paper", MODEL)
+
+
+@pytest.mark.parametrize("field", ["stiffness", "damping"])
+def test_joint_gains_for_another_number_of_joints_are_refused_by_field(field):
+    gains = dataclasses.replace(ACCELERATION, **{field: (1.0,)})
+    with pytest.raises(ControllerError, match=rf"joint_gains\.{field}: 1 values, must be 2"):
+        make_controller("hybrid_computed_torque", MODEL, joint_gains=gains)
+
+
+def test_a_preset_refuses_a_vehicle_with_other_joints():
+    with pytest.raises(ControllerError, match=r"2 values, must be 6"):
+        preset("paper_ct", Model(vehicle=skyarm.load_vehicle("hexarotor_arm6")))
+
+
+def test_the_euler_form_refuses_a_vehicle_that_is_not_the_papers():
+    with pytest.raises(ValueError, match=r"'hexarotor_arm6' is not the paper's planar arm: 6 joints, allowed 2"):
+        make_controller("hybrid_computed_torque_euler", Model(vehicle=skyarm.load_vehicle("hexarotor_arm6")))
+
+
+def test_every_preset_flies_its_law_with_the_published_gains():
+    laws = {
+        "paper_ct": ("hybrid_computed_torque", ACCELERATION),
+        "paper_ct_euler": ("hybrid_computed_torque_euler", ACCELERATION),
+        "paper_pd": ("decoupled_pd", TORQUE),
+        "rotors_hummingbird": ("rotors_position", None),
+    }
+    assert set(laws) == set(PRESETS)
+    for name, (law, joint_gains) in laws.items():
+        found = preset(name, MODEL)
+        assert (found.name, found.law, found.par.gains) == (law, LAWS[law], HUMMINGBIRD)
+        assert joint_gains is None or found.par.joint_gains == joint_gains
+        assert found.par.rate_error == "rotors"
+        assert found.par.mixer.policy == "rotors_clip"
+
+
+def test_published_gains_are_those_of_the_papers_tables():
+    assert [tuple(v) for v in (HUMMINGBIRD.position, HUMMINGBIRD.velocity)] == [(4.0,) * 3, (2.2,) * 3]
+    assert [tuple(v) for v in (HUMMINGBIRD.attitude, HUMMINGBIRD.rate)] == [(0.7, 0.7, 0.035), (0.1, 0.1, 0.025)]
+    assert ACCELERATION == JointGains(stiffness=(350.0, 150.0), damping=(12.0, 10.0))
+    assert TORQUE == JointGains(stiffness=(1.0, 0.5), damping=(0.04, 0.02))
+
+
+def test_default_gains_are_the_hummingbirds_for_the_papers_vehicle():
+    found = default_gains(MODEL)
+    for name in ("position", "velocity", "attitude", "rate"):
+        np.testing.assert_allclose(tuple(getattr(found, name)), tuple(getattr(HUMMINGBIRD, name)), rtol=1e-15)
+
+
+def test_default_gains_give_every_vehicle_the_hummingbirds_accelerations():
+    """Per unit of mass and inertia nothing changes: the same poles for 2.4 kg as for 0.8 kg."""
+    for name in ("hexarotor_arm6", "octo_coaxial_two_arms", "tilted_hexarotor"):
+        vehicle = skyarm.load_vehicle(name)
+        gains, J = default_gains(Model(vehicle=vehicle)), vehicle.base.inertia
+        moments = np.array([J.xx, J.yy, J.zz])
+        np.testing.assert_allclose(np.array(tuple(gains.position)) / vehicle.mass, 4.0 / 0.806)
+        np.testing.assert_allclose(np.array(tuple(gains.velocity)) / vehicle.mass, 2.2 / 0.806)
+        np.testing.assert_allclose(np.array(tuple(gains.attitude)) / moments, (100.0, 100.0, 35 / 12))
+        np.testing.assert_allclose(np.array(tuple(gains.rate)) / moments, (100 / 7, 100 / 7, 25 / 12))
+
+
+def test_default_torque_gains_are_the_acceleration_gains_times_each_joints_own_inertia():
+    vehicle = skyarm.load_vehicle("octo_coaxial_two_arms")
+    M = arrays.mass_matrix(vehicle, np.zeros(3), [1.0, 0.0, 0.0, 0.0], np.zeros(vehicle.n))
+    own = np.diag(M)[6:]
+    torque = default_joint_gains("decoupled_pd", Model(vehicle=vehicle))
+    acceleration = default_joint_gains("hybrid_computed_torque", Model(vehicle=vehicle))
+    np.testing.assert_allclose(torque.stiffness, own * acceleration.stiffness)
+    np.testing.assert_allclose(torque.damping, own * acceleration.damping)
+
+
+def test_default_joint_gains_are_damped_by_seven_tenths():
+    gains = default_joint_gains("hybrid_computed_torque", MODEL)
+    for kp, kd in zip(gains.stiffness, gains.damping, strict=True):
+        assert kd / (2.0 * np.sqrt(kp)) == pytest.approx(0.7, abs=0.01)
+
+
+def test_options_reach_the_law():
+    case = cases(1, seed=41)[0]
+    inputs = case.measurement(), case.reference()
+    plain = step(controller("decoupled_pd"), *inputs)
+    assert step(controller("decoupled_pd", rate_error="corrected"), *inputs) != plain
+    assert step(controller("decoupled_pd", mixer_policy="priority"), *inputs) != plain
+
+
+def test_every_law_says_which_terms_it_can_leave_out():
+    assert set(ABLATIONS) == set(LAWS)
+
+
+def test_only_the_euler_form_has_a_place_where_it_is_undefined():
+    for name in LAWS:
+        found = make_controller(name, Model(vehicle=ARM2, gravity=G))
+        assert (found.margin is not None) == (name == "hybrid_computed_torque_euler")
+        assert bool(found.limit) == (found.margin is not None)
+
+
+def test_the_euler_forms_margin_is_the_squared_cosine_of_the_pitch_less_its_bound():
+    margin = controller("hybrid_computed_torque_euler").margin
+    for case in cases(10, seed=42):
+        assert margin(case.measurement().quaternion) == pytest.approx(np.cos(case.euler[1]) ** 2 - 1e-6, abs=1e-14)
+    steep = [hover_at(pitch) for pitch in (90.0 - 0.06, 90.0 - 0.05)]
+    assert margin(steep[0]) > 0.0 > margin(steep[1])  # 1e-3 rad is 0.0573 degrees
+
+
+def hover_at(pitch_degrees):
+    return hovering(euler=(0.0, np.radians(pitch_degrees), 0.0)).measurement().quaternion

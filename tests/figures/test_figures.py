@@ -1,0 +1,296 @@
+"""Figures: what they draw, read back from their artists; synthetic logs whose curves are known numbers."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import threading
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from logs_synthetic import CASES, all_logs, synthetic_log
+from skyarm.figures import PAPER_CATALOGUE, damping_figure, experiment_figure, paper_figures, tool_path_figure
+from skyarm.figures.embed import image_bytes, plotly_spec
+from skyarm.figures.quantities import POSITION_ERROR, TOOL_ERROR, by_hold, end_time, gust_interval, joint_error_size
+from skyarm.figures.style import LOOKS, OTHER_LOOKS, limits
+
+PANELS = {3: 2, 4: 4, 5: 1, 6: 2, 7: 4, 8: 2, 9: 1, 10: 3, 11: 2, 12: 3, 13: 3, 14: 3, 15: 3, 16: 1, 17: 2, 18: 1}
+"""Counted in the paper's captions."""
+WITH_REFERENCE = {4: (2, 3), 13: (0, 1, 2)}
+"""Panels, counted from the top, that show desired and actual."""
+
+
+@pytest.fixture(scope="module")
+def drawn() -> dict[int, Figure]:
+    return paper_figures(all_logs()["rigid_body"])
+
+
+def luminance(color: str) -> float:
+    """Relative luminance of a hex colour; Source: WCAG 2.2, relative luminance."""
+    channels = [int(color[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def contrast(a: str, b: str) -> float:
+    low, high = sorted((luminance(a), luminance(b)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def lines_of(ax: object) -> dict[str, object]:
+    return {line.get_label(): line for line in ax.get_lines() if not line.get_label().startswith("_")}
+
+
+def test_every_figure_of_the_paper_is_drawn_with_its_panels(drawn: dict[int, Figure]) -> None:
+    assert {number: len(figure.axes) for number, figure in drawn.items()} == PANELS
+
+
+@pytest.mark.parametrize("number", sorted(PANELS))
+def test_every_panel_overlays_both_controllers_and_the_reference_where_there_is_one(
+    number: int, drawn: dict[int, Figure]
+) -> None:
+    for i, ax in enumerate(drawn[number].axes):
+        expected = {"CT", "PD", "desired"} if i in WITH_REFERENCE.get(number, ()) else {"CT", "PD"}
+        assert set(lines_of(ax)) == expected
+
+
+@pytest.mark.parametrize("number", sorted(PANELS))
+def test_titles_name_the_number_and_labels_name_si_units(number: int, drawn: dict[int, Figure]) -> None:
+    figure = drawn[number]
+    assert figure.get_suptitle().startswith(f"Figure {number}. ")
+    assert all(ax.get_ylabel().endswith(("[m]", "[rad]")) for ax in figure.axes)
+    assert figure.axes[-1].get_xlabel() == "Time [s]"
+    entries = [entry.get_text() for entry in figure.legends[0].get_texts()]
+    assert entries[:2] == ["CT", "PD"]
+    assert ("gust" in entries) == (number in (9, 10, 11))
+
+
+@pytest.mark.parametrize("number", [4, 7, 12, 14])
+def test_figures_of_two_parts_carry_the_letters(number: int, drawn: dict[int, Figure]) -> None:
+    letters = [t.get_text() for ax in drawn[number].axes for t in ax.texts]
+    assert letters == ["(a)", "(b)"]
+
+
+def test_curves_are_the_known_errors(drawn: dict[int, Figure]) -> None:
+    """The synthetic logs are off by constants: 0.03 m in x, 0.04 m in z, 0.02 rad in joint 1; exact up to rounding."""
+
+    def level(number: int, panel: int, label: str) -> float:
+        values = lines_of(drawn[number].axes[panel])[label].get_ydata()
+        assert np.ptp(values) < 1e-12
+        return float(values[0])
+
+    assert level(5, 0, "CT") == pytest.approx(0.05, abs=1e-12)
+    assert level(7, 1, "CT") == pytest.approx(0.03, abs=1e-12)
+    assert level(7, 2, "CT") == pytest.approx(0.0, abs=1e-12)
+    assert level(7, 3, "CT") == pytest.approx(-0.04, abs=1e-12)
+    assert level(4, 0, "CT") == pytest.approx(-0.02, abs=1e-12)
+    assert level(4, 0, "PD") == pytest.approx(-0.04, abs=1e-12)
+    assert level(14, 0, "PD") == pytest.approx(0.04, abs=1e-12)
+    assert level(15, 1, "CT") == pytest.approx(0.01, abs=1e-12)
+    assert level(18, 0, "CT") == pytest.approx(0.01, abs=1e-12)
+    assert level(3, 0, "CT") == pytest.approx(0.05, abs=1e-12)
+    assert level(9, 0, "CT") == pytest.approx(0.10, abs=1e-12)
+
+
+def test_roll_and_pitch_share_their_limits(drawn: dict[int, Figure]) -> None:
+    for number in (3, 6, 17):
+        roll, pitch = drawn[number].axes
+        assert roll.get_ylim() == pitch.get_ylim()
+
+
+def test_magnitudes_begin_at_zero(drawn: dict[int, Figure]) -> None:
+    for number, panel in ((5, 0), (7, 0), (12, 0), (14, 0), (14, 2), (16, 0), (18, 0)):
+        assert drawn[number].axes[panel].get_ylim()[0] == 0.0
+
+
+def test_the_window_of_the_metrics_and_the_gust_are_shaded(drawn: dict[int, Figure]) -> None:
+    def spans(number: int) -> list[tuple[float, float]]:
+        return [(p.get_x(), p.get_x() + p.get_width()) for p in drawn[number].axes[0].patches]
+
+    assert spans(6) == [(10.0, 20.0)]
+    assert spans(16) == [(10.0, 20.0)]
+    window, gust = spans(10)
+    assert window == (5.0, 20.0)
+    assert gust == pytest.approx((7.5, 10.5), abs=1e-9)
+
+
+def test_controllers_differ_in_dash_and_in_lightness() -> None:
+    """Grey print: dash alone tells them apart, and so does lightness; 3 is the usual minimum for graphics."""
+    ct, pd, reference = LOOKS["CT"], LOOKS["PD"], LOOKS["reference"]
+    assert len({ct.dash, pd.dash, reference.dash}) == 3
+    assert ct.dash == ()
+    assert contrast(ct.color, pd.color) >= 3.0
+    assert contrast(pd.color, "#ffffff") >= 2.9
+    assert len({look.dash for look in OTHER_LOOKS}) == len(OTHER_LOOKS)
+
+
+def test_drawn_lines_keep_their_looks(drawn: dict[int, Figure]) -> None:
+    lines = lines_of(drawn[13].axes[0])
+    assert [lines[name].get_color() for name in ("CT", "PD", "desired")] == [
+        LOOKS[name].color for name in ("CT", "PD", "reference")
+    ]
+    assert [lines[name].is_dashed() for name in ("CT", "PD", "desired")] == [False, True, True]
+
+
+def test_nothing_of_a_figure_lies_outside_its_canvas(drawn: dict[int, Figure]) -> None:
+    for figure in drawn.values():
+        figure.canvas.draw()
+        renderer = figure.canvas.get_renderer()
+        width, height = figure.get_size_inches() * figure.dpi
+        boxes = [ax.get_tightbbox(renderer) for ax in figure.axes] + [figure.legends[0].get_window_extent(renderer)]
+        for box in boxes:
+            assert -1.0 <= box.x0 <= box.x1 <= width + 1.0
+            assert -1.0 <= box.y0 <= box.y1 <= height + 1.0
+        for upper, lower in itertools.pairwise(boxes):
+            assert lower.y1 <= upper.y0 + 1.0
+
+
+def test_drawing_changes_nothing_global() -> None:
+    before = dict(mpl.rcParams)
+    figures = paper_figures({"case1": all_logs()["rigid_body"]["case1"]})
+    assert sorted(figures) == [3, 4, 5]
+    assert dict(mpl.rcParams) == before
+
+
+def test_threads_draw_the_same_pixels() -> None:
+    logs = {"case1": all_logs()["rigid_body"]["case1"]}
+    found: list[bytes] = []
+
+    def work() -> None:
+        found.append(image_bytes(paper_figures(logs)[5], dpi=60))
+
+    threads = [threading.Thread(target=work) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(found) == 3
+    assert len(set(found)) == 1
+    assert found[0][:8] == b"\x89PNG\r\n\x1a\n"
+
+
+def test_a_diverged_episode_is_named_and_does_not_flatten_the_other() -> None:
+    good = synthetic_log("case1", "rigid_body", "CT")
+    wild = synthetic_log("case1", "rigid_body", "PD", seconds=12.0)
+    position = wild.position.copy()
+    position[-1] = [1e9, np.nan, np.inf]
+    wild = dataclasses.replace(wild, position=position, info={**wild.info, "status": "diverged"})
+    figure = paper_figures({"case1": {"CT": good, "PD": wild}})[5]
+    assert "PD (diverged)" in [entry.get_text() for entry in figure.legends[0].get_texts()]
+    assert figure.axes[0].get_ylim()[1] < 6.0
+    assert figure.axes[0].get_xlim() == pytest.approx((0.0, 30.0), abs=1e-9)
+    assert image_bytes(figure, dpi=50)
+
+
+def test_an_episode_that_ended_at_once_is_drawn() -> None:
+    empty = synthetic_log("case3", "rigid_body", "PD", seconds=0.0)
+    assert empty.time.size == 0
+    figures = paper_figures({"case3": {"CT": synthetic_log("case3", "rigid_body", "CT"), "PD": empty}})
+    assert sorted(figures) == [12, 13, 14, 15]
+
+
+def test_by_hold_gives_mean_and_range_of_four_control_instants() -> None:
+    log = synthetic_log("case1", "rigid_body", "CT", seconds=0.045)
+    values = np.arange(9.0)
+    holds = by_hold(log, values)
+    assert holds.mean.tolist() == [1.5, 5.5, 8.0]
+    assert holds.low.tolist() == [0.0, 4.0, 8.0]
+    assert holds.high.tolist() == [3.0, 7.0, 8.0]
+    assert holds.time == pytest.approx([0.0075, 0.0275, 0.04], abs=1e-12)
+    assert end_time(log) == 0.045
+
+
+def test_a_constant_wind_is_no_gust() -> None:
+    assert gust_interval(synthetic_log("case3_wind", "rigid_body", "CT")) is None
+    assert gust_interval(synthetic_log("case1", "rigid_body", "CT")) is None
+
+
+def test_quantities_are_errors_against_the_held_reference() -> None:
+    log = synthetic_log("case3", "rigid_body", "CT")
+    moved = dataclasses.replace(log, position_reference=log.position_reference + 7.0)
+    assert POSITION_ERROR.of(moved) == pytest.approx(np.full(log.time.size, 0.05), abs=1e-12)
+    assert TOOL_ERROR.of(log) == pytest.approx(np.full(log.time.size, 0.01), abs=1e-12)
+    assert joint_error_size(0).of(log) == pytest.approx(np.full(log.time.size, 0.02), abs=1e-12)
+
+
+def test_limits_keep_a_smallest_span_and_ignore_what_is_not_finite() -> None:
+    low, high = limits([np.array([1e-9, np.nan, np.inf])], floor=False, span=0.02, cap=5.0)
+    assert high - low >= 0.02
+    assert limits([], floor=True, span=0.02, cap=5.0) == pytest.approx((0.0, 0.02))
+    assert limits([np.array([1e6, -1e6])], floor=False, span=0.02, cap=5.0) == pytest.approx((-5.7, 5.7))
+
+
+def test_interactive_figure_holds_every_curve_of_both_plants() -> None:
+    logs = {plant: cases["case2_gust"] for plant, cases in all_logs().items()}
+    figure = experiment_figure(logs, (5.0, 20.0))
+    names = {trace.name for trace in figure.data}
+    assert names == {"CT, rigid_body", "PD, rigid_body", "CT, mujoco", "PD, mujoco"}
+    assert len(figure.data) == 4 * 7
+    assert sum(bool(trace.showlegend) for trace in figure.data) == 4
+    assert {trace.visible for trace in figure.data if trace.meta == "mujoco"} == {"legendonly"}
+    labels = [button.label for button in figure.layout.updatemenus[0].buttons]
+    assert labels == ["rigid_body", "mujoco", "both"]
+    both = figure.layout.updatemenus[0].buttons[2].args[1]
+    assert list(both) == [True] * len(figure.data)
+    only = figure.layout.updatemenus[0].buttons[1].args[1]
+    assert list(only) == [True if trace.meta == "mujoco" else "legendonly" for trace in figure.data]
+
+
+def test_interactive_curves_are_decimated_and_short() -> None:
+    logs = {"rigid_body": all_logs()["rigid_body"]["case1"]}
+    figure = experiment_figure(logs)
+    first = figure.data[0]
+    assert len(first.y) == 1500
+    assert first.x is None
+    assert (first.x0, first.dx) == (0.0075, 0.02)
+    assert first.y[0] == 0.05
+    assert len(plotly_spec(figure)) < 300_000
+    assert len(figure.layout.updatemenus) == 0
+
+
+def test_a_gap_stands_for_what_is_not_finite() -> None:
+    log = synthetic_log("case1", "rigid_body", "CT", seconds=1.0)
+    position = log.position.copy()
+    position[100:120] = np.nan
+    figure = experiment_figure({"rigid_body": {"CT": dataclasses.replace(log, position=position)}})
+    assert [i for i, v in enumerate(figure.data[0].y) if v is None] == [25, 26, 27, 28, 29]
+
+
+def test_tool_path_shows_one_reference_and_every_flight() -> None:
+    logs = {plant: cases["case3"] for plant, cases in all_logs().items()}
+    figure = tool_path_figure(logs, 10.0, 20.0)
+    assert [trace.name for trace in figure.data][:3] == ["desired", "CT, rigid_body", "PD, rigid_body"]
+    assert len(figure.data) == 5
+    desired, flown = figure.data[:2]
+    assert np.array(flown.y, dtype=float) - np.array(desired.y, dtype=float) == pytest.approx(np.full(500, 0.01))
+
+
+def test_damping_figure_draws_measured_points_and_the_published_level() -> None:
+    table = {
+        "0.05": {"case2": {"CT": {"pitch_rms": None}, "PD": {"pitch_rms": 5.0}}},
+        "0": {"case2": {"CT": {"pitch_rms": 1.0}, "PD": {"pitch_rms": 3.0}}},
+        "0.001": {"case2": {"CT": {"pitch_rms": 2.0}, "PD": {}}},
+    }
+    paper = {"case2": {"CT": {"pitch_rms": 1.5}, "PD": {}}}
+    figure = damping_figure(table, paper, [("case2", "pitch_rms", "Pitch")])
+    ct, ct_paper, pd, _ = figure.data
+    assert tuple(ct.x) == ("0", "0.001", "0.05")
+    assert tuple(ct.y) == (1.0, 2.0, None)
+    assert tuple(pd.y) == (3.0, None, 5.0)
+    assert tuple(ct_paper.y) == (1.5, 1.5, 1.5)
+    assert (ct.line.dash, pd.line.dash) == ("solid", "dash")
+    assert ct.marker.symbol != pd.marker.symbol
+
+
+def test_specification_cannot_close_a_script_element() -> None:
+    figure = tool_path_figure({"</script><b>": {"CT": synthetic_log("case3", "rigid_body", "CT", seconds=9.0)}})
+    assert "<" not in plotly_spec(figure)
+    assert "script" in plotly_spec(figure)
+
+
+def test_catalogue_names_only_the_papers_experiments() -> None:
+    assert {spec.case for spec in PAPER_CATALOGUE.values()} == set(CASES)
+    assert sorted(PAPER_CATALOGUE) == list(range(3, 19))
