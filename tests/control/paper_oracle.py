@@ -9,7 +9,7 @@ import itertools
 from typing import Any
 
 import numpy as np
-from flown import G, Case
+from flown import Case, G
 
 from skyarm.dynamics import euler_lagrange as el
 

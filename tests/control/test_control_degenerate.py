@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from flown import ARM2, G, LAWS, MODEL, cases, changed, controller, hovering, pushes, raw_squares, step, unclipped, vec
+from flown import ARM2, LAWS, MODEL, G, cases, changed, controller, hovering, pushes, raw_squares, step, unclipped, vec
 from scipy.spatial.transform import Rotation
 
 from skyarm.algebra import Mat3, Quaternion, Vec3

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from flown import ARM2, G, LAWS, MODEL, cases, changed, controller, hovering, raw_squares, stacked, step, unclipped
+from flown import ARM2, LAWS, MODEL, G, cases, changed, controller, hovering, raw_squares, stacked, step, unclipped
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves, rebuild, trace
@@ -20,7 +20,7 @@ def floats(flown, inputs=INPUTS):
 
 
 def close(found, expected):
-    """Engines differ by the last digits of their sin and cos; a speed near the clip is the root of a small difference."""
+    """Engines differ by last digits of sin and cos; a speed near the clip is the root of a small difference."""
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-6)
 
 

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from flown import ARM2, G, JOINT_GAINS, changed, controller, hovering, pushes, raw_squares, step, unclipped
+from flown import ARM2, JOINT_GAINS, G, changed, controller, hovering, pushes, raw_squares, step, unclipped
 from scipy.spatial.transform import Rotation
 
 import skyarm
@@ -127,7 +127,8 @@ def test_rotors_clip_recovers_from_120_degrees(law, axis):
 def test_rotors_law_stays_on_its_back_because_every_rotor_is_clipped_to_rest():
     """On its back the wanted thrust is negative: all four squared speeds are, and clipping them takes the torque too.
 
-    RotorS's own behaviour. The torque of 0.7 sin(roll) needs a rotor to turn: 0.7 sin(roll) / (2 0.17) > m g |cos(roll)| / 4.
+    RotorS's own behaviour. A rotor turns for the torque of 0.7 sin(roll) only while its share of that,
+    0.7 sin(roll) / (2 0.17), is above its share m g |cos(roll)| / 4 of the thrust: up to 135 degrees at rest.
     """
     inverted = hovering(euler=(math.radians(179.0), 0.0, 0.0))
     flown = controller("rotors_position")
@@ -159,9 +160,9 @@ def test_with_the_priority_mixer_the_computed_torque_recovers_from_its_back(axis
 def test_computed_torque_turns_the_wrong_way_when_it_wants_more_acceleration_than_rotors_can_give():
     """Nearly inverted about x, the arm's share of the torque is computed for an acceleration that is not flown.
 
-    The arm hangs 0.015 kg m below the base and asks for 0.015 |a_d| sin(roll) to be carried along; the attitude loop gives
-    -100 (J_xx + 0.0032) sin(roll) = -1.02 sin(roll). Beyond |a_d| = 68 m/s^2, a few metres below the target at 10 m/s,
-    the first wins: from 179 degrees of roll this law, which knows no limit of the rotors, does not recover.
+    The arm hangs 0.015 kg m below the base and asks for 0.015 |a_d| sin(roll) to be carried along; the attitude loop
+    gives -100 (J_xx + 0.0032) sin(roll) = -1.02 sin(roll). Beyond |a_d| = 68 m/s^2, a few metres below the target at
+    10 m/s, the first wins: from 179 degrees of roll this law, which knows no limit of the rotors, does not recover.
     """
     moment = 0.04 * 0.075 + 0.04 * 0.225 + 0.01 * 0.3
     carried = 0.007 + 0.04 * 0.075**2 + 0.04 * 0.225**2 + 0.01 * 0.3**2

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from flown import ARM2, G, LAWS, MODEL, cases, changed, controller, hovering, pushes, step, vec
+from flown import ARM2, LAWS, MODEL, G, cases, changed, controller, hovering, pushes, step, vec
 from scipy.spatial.transform import Rotation
 
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
@@ -17,8 +17,6 @@ from skyarm.control.geometric import (
 )
 from skyarm.control.presets import HUMMINGBIRD
 from skyarm.dynamics import euler_lagrange as el
-
-BASE_LAWS = ("rotors_position", "decoupled_pd")
 
 
 def torque_and_thrust(name, case):

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from flown import ARM2, G, MODEL, cases, controller, hovering, step
+from flown import ARM2, MODEL, G, cases, controller, hovering, step
 
 import skyarm
 from skyarm.actuation.mixer import AllocationError
@@ -77,8 +77,8 @@ def test_every_preset_flies_its_law_with_the_published_gains():
 def test_published_gains_are_those_of_the_papers_tables():
     assert [tuple(v) for v in (HUMMINGBIRD.position, HUMMINGBIRD.velocity)] == [(4.0,) * 3, (2.2,) * 3]
     assert [tuple(v) for v in (HUMMINGBIRD.attitude, HUMMINGBIRD.rate)] == [(0.7, 0.7, 0.035), (0.1, 0.1, 0.025)]
-    assert ACCELERATION == JointGains(stiffness=(350.0, 150.0), damping=(12.0, 10.0))
-    assert TORQUE == JointGains(stiffness=(1.0, 0.5), damping=(0.04, 0.02))
+    assert JointGains(stiffness=(350.0, 150.0), damping=(12.0, 10.0)) == ACCELERATION
+    assert JointGains(stiffness=(1.0, 0.5), damping=(0.04, 0.02)) == TORQUE
 
 
 def test_default_gains_are_the_hummingbirds_for_the_papers_vehicle():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from pathlib import Path
@@ -10,17 +11,17 @@ from typing import Any
 import pytest
 
 from skyarm.experiments.campaign import Campaign, run_campaign
-from skyarm.experiments.paper import CONTINUOUS, PLANTS, results, settings
+from skyarm.experiments.paper import CONTINUOUS, PLANTS, STEADY, Flight, results, scenario, settings
 from skyarm.experiments.published import CASES, CONTROLLERS, PAPER, PRINTED
-
-# twenty episodes of 30 s, flown once: all tests of this file share a worker
-pytestmark = pytest.mark.xdist_group("paper_acceptance")
+from skyarm.simulate import Rates, run
+from skyarm.simulate.metrics import motion
 
 TABLE2 = Path(__file__).parents[3] / "shared" / "paper" / "table2.json"
 
 
 @pytest.fixture(scope="module")
 def campaign() -> Campaign:
+    """Twenty episodes of 30 s, flown once a worker."""
     return run_campaign(PLANTS, sensitivity=False)
 
 
@@ -103,7 +104,23 @@ def test_both_plants_agree_to_one_percent(table: dict[str, Any], case: str, cont
             # a crossing of a band by a signal with a step in it: one control period either way
             assert ours == pytest.approx(theirs, abs=0.0051), metric
         else:
-            assert ours == pytest.approx(theirs, rel=0.01, abs=1e-6), metric
+            # MuJoCo holds its forces for 1 ms (see the next test): up to 0.13 mrad of CT's pitch of 10 mrad
+            assert ours == pytest.approx(theirs, rel=0.01, abs=2e-4 if "pitch" in metric else 1e-6), metric
+
+
+def test_the_plants_differ_by_the_hold_of_forces_alone() -> None:
+    def pitch(plant: str, integrator: str, physics: int) -> float:
+        planned = scenario(Flight("case2", "CT", plant))
+        planned = dataclasses.replace(planned, integrator=integrator, rates=Rates(physics=physics), duration=20.0)
+        return float(motion(run(planned), STEADY)["pitch_rms"])
+
+    exact = pitch("rigid_body", "rk4", 1000)
+    coarse, fine = pitch("mujoco", "rk4", 1000) - exact, pitch("mujoco", "rk4", 4000) - exact
+    assert 0.0 < coarse < 0.015 * exact
+    # a hold is an error of first order: a quarter of the step, a quarter of the difference
+    assert fine == pytest.approx(coarse / 4.0, rel=0.1)
+    # the same step on both plants leaves rounding alone, grown over 20 s of closed loop
+    assert pitch("rigid_body", "euler", 1000) == pytest.approx(pitch("mujoco", "euler", 1000), rel=1e-9)
 
 
 def test_every_episode_completes(campaign: Campaign, table: dict[str, Any]) -> None:

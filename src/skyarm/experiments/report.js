@@ -11,10 +11,19 @@
         "zoomIn2d", "zoomOut2d", "resetCameraLastSave3d", "tableRotation"]
     });
   }
-  var holders = document.querySelectorAll("[data-plot]");
-  if (!("IntersectionObserver" in window)) { holders.forEach(draw); return; }
-  var watcher = new IntersectionObserver(function (entries) {
-    entries.forEach(function (entry) { if (entry.isIntersecting) { watcher.unobserve(entry.target); draw(entry.target); } });
-  }, { rootMargin: "600px" });
-  holders.forEach(function (holder) { watcher.observe(holder); });
+  // one plot per turn, so that the page answers while it draws; what is looked at comes first
+  var holders = Array.prototype.slice.call(document.querySelectorAll("[data-plot]"));
+  function next() {
+    var holder = holders.shift();
+    if (holder) { draw(holder); window.setTimeout(next, 0); }
+  }
+  if ("IntersectionObserver" in window) {
+    var watcher = new IntersectionObserver(function (entries) {
+      entries.forEach(function (entry) {
+        if (entry.isIntersecting) { watcher.unobserve(entry.target); draw(entry.target); }
+      });
+    });
+    holders.forEach(function (holder) { watcher.observe(holder); });
+  }
+  window.setTimeout(next, 0);
 }());

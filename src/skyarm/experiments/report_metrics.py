@@ -44,7 +44,7 @@ METRICS = {
     "pitch_rms": Metric("Pitch, RMS", "rad", "Root mean square of pitch over the window."),
     "pitch_mean": Metric("Pitch, mean", "rad", "Mean of pitch over the window.", 4, 2),
     "pitch_ripple": Metric("Pitch, ripple", "rad", "Half of peak to peak of pitch in the window.", 4, 2),
-    "roll_rms": Metric("Roll, RMS", "rad", "Root mean square of roll over the window.", 5, 4),
+    "roll_rms": Metric("Roll, RMS", "rad", "Root mean square of roll over the window.", 5),
     "peak_pitch": Metric(
         "Peak pitch",
         "rad",

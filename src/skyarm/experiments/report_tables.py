@@ -35,6 +35,7 @@ TITLES = {
 CONTROLLERS = {"CT": "CT: hybrid geometric computed torque", "PD": "PD: decoupled baseline"}
 GROUPS = {
     "joint_damping": "Joint damping [N m s/rad]",
+    "joint_damping_first": "Damping of joint 1 only [N m s/rad]",
     "ramp_shape": "Shape of the ramp, Case 1",
     "command_latency": "Latency of commands [s]",
     "time_shift": "Recorded reference later than the response by [s]",

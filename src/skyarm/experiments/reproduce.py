@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import os
 from collections.abc import Callable, Sequence
@@ -15,10 +14,15 @@ from skyarm.experiments.reasons import Reasons, reasons
 from skyarm.experiments.report import report_html
 from skyarm.experiments.table import markdown
 from skyarm.experiments.variations import variations
+from skyarm.figures.embed import image_bytes
+from skyarm.figures.overview import overview_figure
 from skyarm.figures.paper import paper_figures
 from skyarm.files import require_writable, write_atomically
 
 Note = Callable[[str], None]
+
+DPI = 300
+"""Resolution of the figure files, sharp in print at their size of one column."""
 
 
 def reproduce(
@@ -32,7 +36,8 @@ def reproduce(
     """Fly the paper's five experiments with both controllers and write everything that comes of it.
 
     Writes ``results.json``, ``sensitivity.json``, ``table2.md``, ``report.html``, ``figures/figure_03.png`` ...
-    ``figure_18.png`` (first plant) and ``logs/PLANT/CASE_CONTROLLER.npz``; each file appears whole or not at all.
+    ``figure_18.png`` and ``overview.png`` (first plant), and ``logs/PLANT/CASE_CONTROLLER.npz``; each file appears whole
+    or not at all.
 
     Args:
         out: folder, made if missing.
@@ -63,11 +68,13 @@ def reproduce(
     say("writing tables and logs")
     _write_data(folder, table, why, campaign)
     say("drawing Figures 3-18")
-    figures = paper_figures(campaign.logs[plants[0]])
-    for index, figure in figures.items():
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=150, metadata={"Software": None})
-        write_atomically(folder / "figures" / f"figure_{index:02d}.png", buffer.getvalue())
+    first = campaign.logs[plants[0]]
+    figures = paper_figures(first)
+    for name, figure in {
+        **{f"figure_{n:02d}": f for n, f in figures.items()},
+        "overview": overview_figure(first),
+    }.items():
+        write_atomically(folder / "figures" / f"{name}.png", image_bytes(figure, dpi=DPI))
     say("writing report.html")
     page = report_html(table, campaign.sensitivity, campaign.logs, why, figures)
     write_atomically(folder / "report.html", page.encode())

@@ -54,3 +54,37 @@ def _row(name: str, controller: str, cell: Mapping[str, Any], why: str) -> str:
     values = (number(cell[key]) for key in ("paper", "rigid_body", "mujoco"))
     escaped = why.replace("|", "\\|")  # |e_p| would end the cell
     return f"| {name} | {controller} | {' | '.join(values)} | {difference(cell)} | {escaped} |"
+
+
+SHORT = (
+    ("hover_offset", "height offset in hover", (("case2", "CT"), ("case2", "PD")), ("0.035", "0.035")),
+    (
+        "held_position_error",
+        "Case 1, position while the arm is held",
+        (("case1", "CT"), ("case1", "PD")),
+        ("-", "0.13-0.14"),
+    ),
+    ("position_error_mean", "Case 2, position mean", (("case2", "CT"), ("case2", "PD")), ("-", "-")),
+    ("pitch_rms", "Case 2, pitch RMS (rad)", (("case2", "CT"), ("case2", "PD")), ("-", "-")),
+    ("position_error_mean", "Case 3, position mean", (("case3", "CT"), ("case3", "PD")), ("-", "-")),
+    ("ee_error_mean", "Case 3, end-effector mean", (("case3", "CT"), ("case3", "PD")), ("-", "-")),
+    ("peak_x", "Case 2 gust, peak along x", (("case2_gust", "CT"), ("case2_gust", "PD")), ("-", "-")),
+    ("position_error_mean", "Case 3 wind, position mean", (("case3_wind", "CT"), ("case3_wind", "PD")), ("-", "-")),
+    ("ee_error_mean", "Case 3 wind, end-effector mean", (("case3_wind", "CT"), ("case3_wind", "PD")), ("-", "-")),
+    ("ee_error_max", "Case 3 wind, end-effector max", (("case3_wind", "CT"), ("case3_wind", "PD")), ("-", "-")),
+)
+"""Rows of the README's table: metric, words, cells of CT and PD, what section 5 says where a table is silent."""
+
+
+def short_markdown(results: Mapping[str, Any]) -> str:
+    """The README's table: paper / rigid_body / mujoco for CT and PD."""
+    lines = ["| m | CT paper | CT ours | PD paper | PD ours |", "|---|---|---|---|---|"]
+    for metric, words, cells, text in SHORT:
+        row = [words]
+        for (case, controller), said in zip(cells, text, strict=True):
+            cell = results["experiments"][case][controller][metric]
+            paper = said if cell["paper"] is None else number(cell["paper"])
+            row += [paper, f"{number(cell['rigid_body'])} / {number(cell['mujoco'])}"]
+        lines.append(f"| {' | '.join(row)} |")
+    lines += ["", "Ours: rigid_body / mujoco plant."]
+    return "\n".join(lines)
