@@ -61,12 +61,11 @@ def worst_errors(vehicle, found_cases):
     return worst
 
 
-def rounded_angles(vehicle):
-    """RotorS's rotors stand at 1.57079632679 rad, not at pi/2."""
-    angles, length = GOLDEN["header"]["rotor_angle"], GOLDEN["header"]["arm_length"]
+def right_angles(vehicle):
+    """The same rotors at exactly 0, 90, 180 and 270 degrees; RotorS's stand at 1.57079632679 rad, not at pi/2."""
+    hubs = ((0.17, 0.0), (0.0, 0.17), (-0.17, 0.0), (0.0, -0.17))
     rotors = tuple(
-        dataclasses.replace(rotor, position=Vec3(length * math.cos(angle), length * math.sin(angle), 0))
-        for rotor, angle in zip(vehicle.rotors, angles, strict=True)
+        dataclasses.replace(rotor, position=Vec3(x, y, 0)) for rotor, (x, y) in zip(vehicle.rotors, hubs, strict=True)
     )
     return dataclasses.replace(vehicle, rotors=rotors)
 
@@ -78,22 +77,24 @@ def test_there_are_299_golden_cases_of_every_group():
     assert {"unnormalised_quaternions", "aggressive_any_attitude", "no_velocity_field", "yawrate_ref"} <= groups
 
 
-def test_every_golden_case_is_met_to_1e_9_of_each_outputs_scale():
+def test_every_golden_case_is_met_to_rounding():
     worst = worst_errors(VEHICLE, GOLDEN["cases"])
-    for name in ("acceleration", "angular_acceleration", "thrust"):
-        # rounding only: a handful of operations, thrust as a difference of numbers ten times its size
+    # rounding only: a handful of operations, thrust as a difference of numbers ten times its size
+    for name in ("acceleration", "angular_acceleration", "thrust", "squared_speeds"):
         assert worst[name] < 1e-12, worst
-    # RotorS's rotors stand 4.9e-12 rad beside ours (a rounded pi/2 in its yaml): roll leaks into pitch by that much
-    assert worst["squared_speeds"] < 1e-11, worst
     # a square root near the clip at zero divides that error by a small speed
-    assert worst["rotor_speeds"] < 1e-9, worst
+    assert worst["rotor_speeds"] < 1e-11, worst
 
 
-def test_the_rounded_right_angle_of_the_rotors_is_all_that_separates_the_squared_speeds():
-    exact = worst_errors(rounded_angles(VEHICLE), GOLDEN["cases"])
-    assert exact["squared_speeds"] < 1e-14, exact
-    assert exact["rotor_speeds"] < 1e-12, exact
-    assert worst_errors(VEHICLE, GOLDEN["cases"])["squared_speeds"] > 1e-12
+def test_every_rotor_speed_of_every_golden_case_is_met_to_1e_9_of_itself():
+    for case in GOLDEN["cases"]:
+        found, expected = command(case).rotor_speeds, case["out_rotor_vel"]
+        for ours, theirs in zip(found, expected, strict=True):
+            assert ours == pytest.approx(theirs, rel=1e-9), case["id"]
+
+
+def test_rotors_at_exact_right_angles_would_not_be_rotors_own():
+    assert worst_errors(right_angles(VEHICLE), GOLDEN["cases"])["squared_speeds"] > 1e-12
 
 
 def test_yaw_and_yaw_rate_of_the_reference_are_those_the_message_conversion_found():

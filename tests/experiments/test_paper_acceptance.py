@@ -153,7 +153,9 @@ def test_results_have_the_promised_structure(table: dict[str, Any]) -> None:
                     assert value is None or (isinstance(value, (int, float)) and math.isfinite(value))
             assert "hover_offset" in cells
             assert ("held_position_error" in cells) == (case == "case1")
-            assert {"position_error_mean_continuous", "joint_error_max_continuous", "iae_position_continuous"} <= set(cells)
+            assert {"position_error_mean_continuous", "joint_error_max_continuous", "iae_position_continuous"} <= set(
+                cells
+            )
             assert set(PAPER[case][controller]) <= set(cells)
     assert {"plant_vehicle", "model_vehicle", "rates_hz", "joint_damping", "windows_s", "versions"} <= set(
         written["settings"]

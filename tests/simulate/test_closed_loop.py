@@ -26,7 +26,14 @@ from skyarm.simulate.scenario_file import load_scenario, scenario_from
 NOISY = document(
     "case3_wind",
     reference__base__start=0.2,
-    sensors={"position": 0.003, "velocity": 0.02, "attitude": 0.004, "rate": 0.03, "joints": 0.002, "rotor_speeds": 1.0},
+    sensors={
+        "position": 0.003,
+        "velocity": 0.02,
+        "attitude": 0.004,
+        "rate": 0.03,
+        "joints": 0.002,
+        "rotor_speeds": 1.0,
+    },
     delays={"measurement": 0.015, "command": 0.008},
     seed=17,
     episode=4,
@@ -99,7 +106,9 @@ def test_noise_and_delays_act_in_the_slow_loop_the_same_bit_for_bit() -> None:
     log = run(scenario)
     states, _ = slow_loop(scenario)
     assert all(_logged(log, k) == tuple(float(v) for v in leaves(state)) for k, state in enumerate(states))
-    assert np.abs(log.position - run(load_scenario("case3_wind", duration=1.0)).position).max() > 1e-3, "noise was flown"
+    assert np.abs(log.position - run(load_scenario("case3_wind", duration=1.0)).position).max() > 1e-3, (
+        "noise was flown"
+    )
 
 
 def _same(a: Log, b: Log) -> bool:
@@ -132,7 +141,9 @@ def test_another_seed_or_episode_draws_other_noise(changed: dict[str, int]) -> N
 
 
 def test_sensor_noise_has_the_stated_deviation_and_no_bias() -> None:
-    scenario = scenario_from(document("case1", sensors={"position": 0.003, "joints": 0.002}), replaced={"duration": 5.0})
+    scenario = scenario_from(
+        document("case1", sensors={"position": 0.003, "joints": 0.002}), replaced={"duration": 5.0}
+    )
     log = run(scenario)
     noise, joints = log.measured_position - log.position, log.measured_joints - log.joints
     # 1000 draws an axis: the deviation is known to 2.2 %, the mean to 0.032 sigma; four of these are allowed

@@ -51,9 +51,7 @@ def test_gains_of_the_wrong_sign_diverge_with_time_and_cause(plant: str) -> None
 def test_a_controller_that_gives_nonsense_ends_as_diverged(plant: str, value: float) -> None:
     def law(memory: Any, measurement: Any, reference: Any, dt: Any, *, par: Any) -> tuple[Any, Command]:
         del reference, dt, par
-        return memory, Command(
-            rotor_speeds=(where(measurement.time > 0.0999, value, 485.0),) * 4, efforts=(0.0, 0.0)
-        )
+        return memory, Command(rotor_speeds=(where(measurement.time > 0.0999, value, 485.0),) * 4, efforts=(0.0, 0.0))
 
     base = load_scenario("case1", plant=plant, duration=0.5)
     log = run(dataclasses.replace(base, controller=dataclasses.replace(base.controller, law=law)))
@@ -102,9 +100,7 @@ def _pitched(degrees: float, controller: str) -> Scenario:
     high = document("case1", duration=4.0, reference__base__position=[0.0, 0.0, 100.0])
     base = scenario_from(high, replaced={"controller": controller})
     half = math.radians(degrees) / 2
-    start = dataclasses.replace(
-        first_state(base), quaternion=Quaternion(math.cos(half), 0.0, math.sin(half), 0.0)
-    )
+    start = dataclasses.replace(first_state(base), quaternion=Quaternion(math.cos(half), 0.0, math.sin(half), 0.0))
     return dataclasses.replace(base, initial=start)
 
 

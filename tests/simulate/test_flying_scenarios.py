@@ -19,11 +19,12 @@ FLYABLE = [name for name in list_vehicles() if not load_vehicle(name).planar]
 
 def _hover(vehicle: str, plant: str, law: str) -> dict[str, Any]:
     joints = load_vehicle(vehicle).n
-    moving = {"kind": "sine", "amplitude": 0.05, "frequency_hz": 0.5, "start": 0.5}
+    moving = {"kind": "sine", "amplitude": 0.015, "frequency_hz": 0.5, "start": 0.5}
     return {
         "name": "hover",
         "duration": 4.0,
-        "plant": {"vehicle": vehicle, "kind": plant},
+        # friction, which no law here compensates, would hold small wrists where they are
+        "plant": {"vehicle": vehicle, "kind": plant, "joints": {"coulomb": 0.0, "damping": 0.0}},
         "controller": {"law": law},
         "reference": {
             "base": {"kind": "circle", "radius": 0.1, "frequency_hz": 0.2, "center": [0.0, 0.0, 3.0], "start": 0.5},
@@ -42,7 +43,7 @@ def test_every_shipped_vehicle_flies_a_circle_with_moving_arms(vehicle: str, pla
     # truth and belief are the same vehicle: what is left is rotor lag and the step onto the circle
     assert error.max() < 0.05
     if log.joints.shape[1]:
-        assert np.abs(log.joints - log.joints_reference)[last].max() < 0.03
+        assert np.abs(log.joints - log.joints_reference)[last].max() < 0.01
 
 
 @pytest.mark.parametrize("vehicle", FLYABLE)
@@ -95,8 +96,8 @@ def test_turbulence_moves_the_vehicle_and_depends_on_the_seed_alone() -> None:
     assert np.array_equal(first.position, again.position)
     assert not np.array_equal(first.air_velocity, other.air_velocity)
     assert np.abs(first.position - other.position).max() > 1e-3
-    # 7.7 m/s at 20 ft and 10 m: sigma_u = 0.77 / (0.177 + 0.000823 * 32.8)^0.4 = 1.45 m/s; 5 s are few length scales
-    assert 0.3 < (first.air_velocity[:, 0] - 4.0).std() < 3.0
+    # 7.7 m/s at 20 ft: sigma_w = 0.77 m/s; 5 s are two scales of 10 m at 4 m/s
+    assert 0.2 < first.air_velocity[:, 2].std() < 1.6
     assert not first.wind_force.any(), "moving air pushes through drag, not as a force"
     assert first.position[-200:, 0].mean() > 0.005, "the wind blows towards +x"
 

@@ -34,7 +34,9 @@ def log(**arrays: Array | Callable[[Array], Array]) -> Log:
     shapes |= dict.fromkeys(("joints_reference", "measured_joints"), (n, 2))
     shapes |= dict.fromkeys(("rotor_speeds", "rotor_commands"), (n, 4))
     values: dict[str, Any] = {
-        field.name: np.zeros(shapes.get(field.name, (n, 3))) for field in dataclasses.fields(Log) if field.name != "info"
+        field.name: np.zeros(shapes.get(field.name, (n, 3)))
+        for field in dataclasses.fields(Log)
+        if field.name != "info"
     }
     values["time"] = t
     values["quaternion"][:, 0] = 1.0
@@ -197,9 +199,7 @@ def test_hover_offset_is_positive_below_the_reference() -> None:
 
 
 def test_held_position_error_is_the_mean_over_both_holds() -> None:
-    flight = log(
-        position=column(0, lambda t: np.select([(t >= 9) & (t < 12), (t >= 16) & (t < 19)], [0.1, -0.2], 7.0))
-    )
+    flight = log(position=column(0, lambda t: np.select([(t >= 9) & (t < 12), (t >= 16) & (t < 19)], [0.1, -0.2], 7.0)))
     assert m.held_position_error(flight, m.Errors.held(flight), HOLDS) == pytest.approx(0.15)
 
 

@@ -133,7 +133,7 @@ def main() -> None:
     try:
         code = app(standalone_mode=False)
     except USAGE_ERROR as error:
-        _fail(f"{error.format_message()} See 'skyarm --help'.")
+        _fail(f"{error.format_message().rstrip('.')}; see 'skyarm --help'")
     except (typer.Abort, KeyboardInterrupt):
         code = INTERRUPTED
     except BrokenPipeError:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -133,16 +135,33 @@ def _perform_all(jobs: Sequence[Job], workers: int, progress: Progress | None) -
         for job in jobs:
             note(job, perform(job))
         return done
+    before = set(multiprocessing.active_children())
     # spawn, not fork: the parent may hold threads (a progress bar), and the same code runs on every system
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, mp_context=spawn, initializer=_leave_interrupts_to_parent) as pool:
-        futures = {pool.submit(perform, job): job for job in jobs}
         try:
+            with _deaf_to_interrupts():
+                futures = {pool.submit(perform, job): job for job in jobs}
             for future in as_completed(futures):
                 note(futures[future], future.result())
         except BrokenProcessPool as error:
             raise OSError(f"workers = {workers}: a process ended unexpectedly (out of memory?); try 1") from error
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
+            for child in set(multiprocessing.active_children()) - before:
+                child.terminate()  # nobody waits for what still flies
             raise
     return done
+
+
+@contextmanager
+def _deaf_to_interrupts() -> Iterator[None]:
+    """Processes started here inherit the deafness, before they can ask for it themselves."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    usual = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, usual)

@@ -8,11 +8,15 @@ import numpy as np
 
 from skyarm.algebra import Mat3
 from skyarm.dynamics import mass_matrix
-from skyarm.vehicle.check import concrete
+from skyarm.vehicle.check import VehicleError, concrete
 from skyarm.vehicle.records import Vehicle
 
 SAMPLES = 64
 """Arm configurations that are looked at; the effective inertia of a joint changes with the others' angles."""
+
+
+FASTEST = 1e4
+"""1/s. A faster friction would need over 80 integration steps per control period of 5 ms."""
 
 
 def friction_rate(vehicle: Vehicle) -> float:
@@ -20,6 +24,9 @@ def friction_rate(vehicle: Vehicle) -> float:
 
     D holds damping plus the slope of the smooth Coulomb law at rest, its steepest place. Zero without friction, or
     where the numbers are not concrete.
+
+    Raises:
+        VehicleError: friction so stiff that no explicit integrator can afford it.
     """
     joints = [link.joint for link in vehicle.links]
     numbers = [value for joint in joints for value in (joint.damping, joint.coulomb, joint.coulomb_rate)]
@@ -36,4 +43,9 @@ def friction_rate(vehicle: Vehicle) -> float:
         # similar to inverse @ D, but symmetric
         root = np.sqrt(D)
         fastest = max(fastest, float(np.linalg.eigvalsh(root[:, None] * inverse * root[None, :])[-1]))
+    if fastest > FASTEST:
+        raise VehicleError(
+            f"vehicle '{vehicle.name}': joint friction decays at {fastest:.3g} 1/s: must be below {FASTEST:g}; "
+            "raise coulomb_rate, or lower damping or coulomb"
+        )
     return fastest

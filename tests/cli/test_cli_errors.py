@@ -1,0 +1,307 @@
+"""Wrong input at the command line: one line on standard error, exit code 2, no traceback, nothing flown."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from skyarm.cli.main import main
+from skyarm.simulate.scenario_file import LIBRARY as SCENARIOS
+from skyarm.vehicle.files import LIBRARY as VEHICLES
+
+CASE1 = (SCENARIOS / "case1.toml").read_text("utf-8")
+VEHICLE = (VEHICLES / "hummingbird_arm2_rotors.toml").read_text("utf-8")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    code: int
+    out: str
+    err: str
+
+
+def skyarm(*arguments: str) -> Outcome:
+    """The command as its entry point runs it, in this process."""
+    out, err, before = io.StringIO(), io.StringIO(), sys.argv
+    sys.argv = ["skyarm", *arguments]
+    try:
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), pytest.raises(SystemExit) as stop:
+            main()
+    finally:
+        sys.argv = before
+    code = stop.value.code
+    return Outcome(code if isinstance(code, int) else 0, out.getvalue(), err.getvalue())
+
+
+def refused(outcome: Outcome, *words: str) -> None:
+    assert outcome.code == 2, outcome
+    assert outcome.err.count("\n") == 1, outcome.err
+    assert outcome.err.startswith("skyarm: ")
+    assert "Traceback" not in outcome.err
+    for word in words:
+        assert word in outcome.err, (word, outcome.err)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def written(folder: Path, text: str, name: str = "flight.toml") -> str:
+    (folder / name).write_text(text)
+    return name
+
+
+def changed(text: str, old: str, new: str) -> str:
+    assert old in text, old
+    return text.replace(old, new, 1)
+
+
+BASE = (
+    'name = "f"\nduration = 0.1\n[controller]\n{controller}\n[plant]\n{plant}\n[model]\nvehicle = "hummingbird_arm2"\n'
+)
+LAW = 'law = "hybrid_computed_torque"'
+PLANT = 'vehicle = "hummingbird_arm2_rotors"'
+
+
+def small(controller: str = LAW, plant: str = PLANT, more: str = "") -> str:
+    return BASE.format(controller=controller, plant=plant) + more
+
+
+SCENARIO_ERRORS: list[tuple[str, str, tuple[str, ...]]] = [
+    ("unknown field", CASE1 + "\n[extra]\n", ("extra", "unknown field", "allowed", "duration")),
+    ("unknown field in a table", small(plant=PLANT + "\nmass = 3"), ("plant.mass = 3", "unknown field", "gravity")),
+    ("unknown vehicle", small(plant='vehicle = "nope"'), ("plant.vehicle = 'nope'", "hummingbird_arm2_rotors")),
+    ("missing vehicle file", small(plant='vehicle = "gone/x.toml"'), ("plant.vehicle = 'gone/x.toml'", "no such file")),
+    ("planar vehicle as plant", small(plant='vehicle = "hummingbird_arm2"'), ("plant.vehicle", "planar", "false")),
+    ("other number of joints", small(plant='vehicle = "hummingbird"'), ("model.vehicle", "2 joints", "must have 0")),
+    ("no name", changed(CASE1, 'name = "case1"', ""), ("name", "is missing")),
+    ("a path as name", changed(CASE1, 'name = "case1"', 'name = "../up"'), ("name = '../up'", "letters")),
+    ("no duration", changed(CASE1, "duration = 30.0", ""), ("duration", "is missing")),
+    ("negative duration", changed(CASE1, "duration = 30.0", "duration = -1.0"), ("duration = -1.0", "above 0")),
+    ("no time at all", changed(CASE1, "duration = 30.0", "duration = 0"), ("duration = 0", "above 0")),
+    ("endless", changed(CASE1, "duration = 30.0", "duration = inf"), ("duration = inf", "finite")),
+    ("not a number", changed(CASE1, "duration = 30.0", "duration = nan"), ("duration = nan", "finite")),
+    ("too long", changed(CASE1, "duration = 30.0", "duration = 1e9"), ("duration = 1000000000.0", "at most 50000")),
+    ("half a period", changed(CASE1, "duration = 30.0", "duration = 0.0025"), ("duration = 0.0025", "control periods")),
+    ("rates", changed(CASE1, "control = 200", "control = 300"), ("rates.control = 300", "divide rates.physics = 1000")),
+    ("reference rate", changed(CASE1, "reference = 50 ", "reference = 60 "), ("rates.reference = 60", "divide")),
+    ("zero rate", changed(CASE1, "control = 200", "control = 0"), ("rates.control = 0", "from 1")),
+    ("rate as text", changed(CASE1, "control = 200", 'control = "fast"'), ("rates.control = 'fast'", "whole number")),
+    ("seed", "seed = -1\n" + CASE1, ("seed = -1", "0 to 2**32 - 1")),
+    ("seed as float", "seed = 1.5\n" + CASE1, ("seed = 1.5", "whole number")),
+    (
+        "plant kind",
+        changed(CASE1, "gravity = 9.8 ", 'kind = "gazebo"\ngravity = 9.8 '),
+        ("plant.kind = 'gazebo'", "mujoco"),
+    ),
+    ("integrator", small(plant=PLANT + '\nintegrator = "rk5"'), ("plant.integrator = 'rk5'", "rk4, euler")),
+    ("gravity", changed(CASE1, "gravity = 9.8 ", "gravity = -9.8 "), ("plant.gravity = -9.8", "at least 0")),
+    ("preset", changed(CASE1, '"paper_ct"', '"paper_lqr"'), ("controller.preset = 'paper_lqr'", "paper_pd")),
+    ("law", small('law = "mpc"'), ("controller.law = 'mpc'", "decoupled_pd")),
+    ("mixer", small(LAW + '\nmixer = "qp"'), ("controller.mixer = 'qp'", "rotors_clip, priority")),
+    ("rate error", small(LAW + '\nrate_error = "x"'), ("controller.rate_error = 'x'", "rotors, corrected")),
+    ("ablation", small(LAW + '\nwithout = ["mass"]'), ("controller.without = ['mass']", "coriolis")),
+    (
+        "joint gains",
+        small(LAW + "\njoint_gains = { stiffness = [1, 2, 3], damping = [1, 2] }"),
+        ("controller.joint_gains.stiffness", "3 values", "must be 2"),
+    ),
+    (
+        "gain not a number",
+        small(LAW + "\njoint_gains = { stiffness = [1, nan], damping = [1, 2] }"),
+        ("controller.joint_gains.stiffness[1] = nan", "finite"),
+    ),
+    (
+        "negative gain",
+        small(
+            LAW + "\n[controller.gains]\nposition = [4,4,-4]\nvelocity = [2,2,2]\nattitude = [1,1,1]\nrate = [1,1,1]"
+        ),
+        ("controller.gains.position.z = -4.0", "at least 0"),
+    ),
+    ("reference kind", changed(CASE1, '"hover"', '"figure8"'), ("reference.base.kind = 'figure8'", "hover, circle")),
+    ("signal kind", changed(CASE1, '"sequence"', '"chirp"'), ("reference.joints[0].kind = 'chirp'", "sine")),
+    ("one signal only", small(more="[reference]\njoints = [0.1]"), ("reference.joints = 1 signals", "list of 2")),
+    ("wind mode", small(more='[environment.wind]\nmode = "gusty"'), ("environment.wind.mode = 'gusty'", "airspeed")),
+    (
+        "measurement delay",
+        small(more="[delays]\nmeasurement = 0.004"),
+        ("delays.measurement = 0.004", "control periods"),
+    ),
+    ("command delay", small(more="[delays]\ncommand = 0.0015"), ("delays.command = 0.0015", "physics steps")),
+    ("delay beyond the flight", small(more="[delays]\ncommand = 1.0"), ("delays.command = 1.0", "not exceed")),
+    ("sensor noise", small(more="[sensors]\nposition = -0.1"), ("sensors.position = -0.1", "at least 0")),
+    (
+        "attitude",
+        small(more="[initial]\nquaternion_wxyz = [1.0, 0.0, 0.002, 0.0]"),
+        ("initial.quaternion_wxyz = [1.0, 0.0, 0.002, 0.0]", "length 1 within 1e-06"),
+    ),
+    ("initial joints", small(more="[initial]\njoints = [0.1]"), ("initial.joints", "1 values", "must be 2")),
+    (
+        "payload frame",
+        small(plant=PLANT + '\npayload = { mass = 0.1, frame = "hook" }'),
+        ("plant.payload", "hook", "tip"),
+    ),
+    ("payload mass", small(plant=PLANT + "\npayload = { mass = -0.1 }"), ("plant.payload.mass = -0.1", "at least 0")),
+    ("schema", changed(CASE1, "schema = 1", "schema = 2"), ("schema = 2", "must be 1")),
+    ("empty file", "", ("is missing",)),
+    ("no TOML", "name = = 3", ("TOML", "line 1")),
+    ("nested too deep", "x = " + "[" * 5000 + "]" * 5000, ("deep",)),
+]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"), [row[1:] for row in SCENARIO_ERRORS], ids=[row[0] for row in SCENARIO_ERRORS]
+)
+def test_a_wrong_scenario_is_one_line_with_file_field_value_and_what_is_allowed(
+    folder: Path, text: str, words: tuple[str, ...]
+) -> None:
+    refused(skyarm("run", written(folder, text)), "flight.toml: ", *words)
+    assert not (folder / "out").exists(), "nothing may be made before the scenario is understood"
+
+
+VEHICLE_ERRORS: list[tuple[str, str, str, tuple[str, ...]]] = [
+    ("negative mass", "mass = 0.68", "mass = -0.68", ("mass = -0.68", "at least 0")),
+    ("mass not a number", "mass = 0.68", "mass = nan", ("mass = nan", "finite")),
+    ("unknown field", "schema = 1", "schema = 1\ncolour = 3", ("colour", "unknown")),
+    ("planar", 'name = "link1"', 'planar = true\nname = "link1"', ("links[link1].planar", "false")),
+]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"), [row[1:] for row in VEHICLE_ERRORS], ids=[row[0] for row in VEHICLE_ERRORS]
+)
+def test_a_wrong_vehicle_of_a_scenario_names_both_files(
+    folder: Path, old: str, new: str, words: tuple[str, ...]
+) -> None:
+    written(folder, changed(VEHICLE, old, new), "mine.toml")
+    name = written(folder, changed(CASE1, '"hummingbird_arm2_rotors"', '"mine.toml"'))
+    refused(skyarm("run", name), "flight.toml: plant.vehicle = ", *words)
+
+
+def test_an_inertia_no_body_has_is_refused_in_a_plant(folder: Path) -> None:
+    written(folder, _first_link_inertia(VEHICLE), "thin.toml")
+    refused(skyarm("show", "thin.toml"), "thin.toml: ", "inertia", "triangle inequality")
+    name = written(folder, changed(CASE1, '"hummingbird_arm2_rotors"', '"thin.toml"'))
+    refused(skyarm("run", name), "flight.toml: plant.vehicle = 'thin.toml'", "triangle inequality")
+
+
+def _first_link_inertia(text: str) -> str:
+    at = text.index('name = "link1"')
+    start = text.index("inertia = [", at)
+    return text[:start] + "inertia = [1e-6, 9e-5, 1e-6]" + text[text.index("]", start) + 1 :]
+
+
+def test_a_joint_without_an_axis_is_refused(folder: Path) -> None:
+    lines = VEHICLE.splitlines()
+    axis = next(i for i, line in enumerate(lines) if line.startswith("axis = "))
+    written(folder, "\n".join(lines[:axis] + lines[axis + 1 :]), "axis.toml")
+    refused(skyarm("show", "axis.toml"), "axis.toml: ", "axis")
+    lines[axis] = "axis = [0.0, 0.0, 0.0]"
+    written(folder, "\n".join(lines), "axis.toml")
+    refused(skyarm("show", "axis.toml"), "axis.toml: ", "axis", "zero")
+
+
+def test_a_quaternion_off_unit_length_in_a_vehicle_is_refused(folder: Path) -> None:
+    text = changed(VEHICLE, "[links.joint]", "[links.joint]\nquaternion_wxyz = [1.0, 0.0, 0.0, 0.01]")
+    written(folder, text, "turned.toml")
+    refused(skyarm("show", "turned.toml"), "turned.toml: ", "quaternion_wxyz", "unit length")
+
+
+def test_rotors_that_do_not_span_torque_and_thrust_are_refused(folder: Path) -> None:
+    lined = VEHICLE
+    for line in VEHICLE.splitlines():
+        if line.startswith("position = [0.0, 0.17") or line.startswith("position = [0.0, -0.17"):
+            lined = lined.replace(line, "position = [0.0, 0.0, 0.01]")
+    assert lined != VEHICLE
+    written(folder, lined, "line.toml")
+    refused(skyarm("show", "line.toml"), "line.toml: ", "rank 3", "must be 4")
+    name = written(folder, changed(CASE1, '"hummingbird_arm2_rotors"', '"line.toml"'))
+    refused(skyarm("run", name), "flight.toml: plant.vehicle = ", "rank 3", "must be 4")
+    believed = changed(CASE1, 'vehicle = "hummingbird_arm2"\n', 'vehicle = "line.toml"\n')
+    refused(skyarm("run", written(folder, believed)), "flight.toml: model.vehicle = ", "rank 3", "must be 4")
+
+
+@pytest.mark.parametrize("what", ["missing.toml", "case9", "nothing/at/all.toml", "", "case1.yaml"])
+def test_a_scenario_that_does_not_exist_names_the_shipped_ones(folder: Path, what: str) -> None:
+    refused(skyarm("run", what), f"scenario = {what!r}", "case1", "case3_wind")
+
+
+def test_a_folder_given_as_scenario_is_refused(folder: Path) -> None:
+    (folder / "dir.toml").mkdir()
+    refused(skyarm("run", "dir.toml"), "dir.toml", "directory")
+    (folder / "plain").mkdir()
+    refused(skyarm("run", "plain"), "plain", ".toml")
+
+
+@pytest.mark.parametrize("content", [bytes(range(256)), b"\xff\xfe\x00", b"\x00" * 100, b"\x93NUMPY\x01\xff\n[x]"])
+def test_binary_garbage_is_refused_as_scenario_and_vehicle(folder: Path, content: bytes) -> None:
+    (folder / "garbage.toml").write_bytes(content)
+    refused(skyarm("run", "garbage.toml"), "garbage.toml: ", "TOML")
+    refused(skyarm("show", "garbage.toml"), "garbage.toml: ")
+
+
+@pytest.mark.parametrize("command", [["run", "case1"], ["reproduce"]])
+def test_an_output_folder_that_cannot_be_written_is_refused_before_any_flight(
+    folder: Path, command: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder / "taken").write_text("a file in place of the folder")
+
+    def flown(*_: Any, **__: Any) -> None:
+        raise AssertionError("flown before the folder was checked")
+
+    monkeypatch.setattr("skyarm.simulate.run", flown)
+    monkeypatch.setattr("skyarm.experiments.reproduce.run_campaign", flown)
+    for out in ("taken", "taken/inner"):
+        refused(skyarm(*command, "--out", out), f"output folder = '{out}", "must be writable")
+    (folder / "half").mkdir()
+    (folder / "half" / "figures").write_text("in the way")
+    if command == ["reproduce"]:
+        refused(skyarm(*command, "--out", "half"), "output folder = 'half/figures'", "must be writable")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["bogus"], ("bogus",)),
+        (["--bogus"], ("--bogus",)),
+        (["run"], ("Missing argument",)),
+        (["run", "case1", "--seed", "x"], ("--seed", "valid")),
+        (["run", "case1", "--duration", "long"], ("--duration", "valid")),
+        (["run", "case1", "--nope"], ("--nope",)),
+        (["run", "case1", "case2"], ("case2",)),
+        (["reproduce", "--jobs"], ("--jobs",)),
+        (["reproduce", "--jobs", "-1"], ("--jobs = -1", "at least 0")),
+        (["reproduce", "--plant", "gazebo"], ("--plant = 'gazebo'", "rigid_body, mujoco or both")),
+        (["run", "case1", "--plant", "gazebo"], ("'gazebo'", "rigid_body, mujoco")),
+        (["run", "case1", "--controller", "lqr"], ("'lqr'", "paper_ct", "paper_pd")),
+        (["run", "case1", "--seed", "-1"], ("seed = -1", "from 0")),
+        (["run", "case1", "--duration", "-1"], ("duration = -1.0", "above 0")),
+        (["run", "case1", "--duration", "nan"], ("duration = nan", "finite")),
+        (["show"], ("Missing argument",)),
+        (["show", "nope"], ("vehicle = 'nope'", "hexarotor_arm6")),
+        (["show", "nope.urdf"], ("nope.urdf", "no such file")),
+        (["show", "hummingbird", "--gravity", "nan"], ("--gravity = nan", "finite")),
+        (["show", "hummingbird", "--gravity", "0"], ("--gravity = 0.0", "above 0")),
+    ],
+)
+def test_wrong_arguments_are_one_line(folder: Path, arguments: list[str], words: tuple[str, ...]) -> None:
+    refused(skyarm(*arguments), *words)
+    assert not list(folder.iterdir())
+
+
+def test_an_unexpected_error_inside_is_not_dressed_up_as_wrong_input(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: Any) -> None:
+        raise ZeroDivisionError("a bug")
+
+    monkeypatch.setattr("skyarm.vehicle.files.load_vehicle", broken)
+    with pytest.raises(ZeroDivisionError):
+        monkeypatch.setattr(sys, "argv", ["skyarm", "show", "hummingbird"])
+        main()

@@ -1,0 +1,167 @@
+"""The commands as a shell runs them."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.control.presets import PRESETS
+from skyarm.control.registry import LAWS
+from skyarm.simulate import Log
+from skyarm.simulate.scenario_file import list_scenarios
+from skyarm.vehicle.files import list_vehicles
+
+COMMAND = [sys.executable, "-W", "error", "-m", "skyarm"]
+
+
+def shell(*arguments: str, cwd: Path | None = None, columns: int = 80) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "COLUMNS": str(columns)}
+    return subprocess.run(
+        [*COMMAND, *arguments], capture_output=True, text=True, cwd=cwd, env=environment, timeout=120, check=False
+    )
+
+
+def succeeded(result: subprocess.CompletedProcess[str]) -> str:
+    assert result.returncode == 0, result.stderr
+    assert not result.stderr
+    assert "\x1b" not in result.stdout, "no colours into a pipe"
+    return result.stdout
+
+
+def test_the_version_is_printed() -> None:
+    assert succeeded(shell("--version")).strip() == skyarm.__version__
+
+
+@pytest.mark.parametrize("arguments", [["--help"], []])
+def test_help_names_every_command(arguments: list[str]) -> None:
+    text = succeeded(shell(*arguments))
+    for command in ("reproduce", "run", "list", "show"):
+        assert re.search(rf"^  {command} ", text, re.MULTILINE)
+    assert "..." not in text.split("Commands:")[1], "summaries fit on their lines"
+
+
+@pytest.mark.parametrize("command", ["reproduce", "run", "list", "show"])
+def test_every_command_has_help(command: str) -> None:
+    assert "Usage:" in succeeded(shell(command, "--help"))
+
+
+def test_list_names_everything_shipped() -> None:
+    text = succeeded(shell("list"))
+    for name in (*list_vehicles(), *list_scenarios(), *PRESETS, *LAWS):
+        assert re.search(rf"\b{name}\b", text), name
+    assert "hummingbird_arm2 (model only)" in text
+
+
+def test_show_prints_the_paper_s_vehicle() -> None:
+    text = succeeded(shell("show", "hummingbird_arm2_rotors", "--gravity", "9.8"))
+    assert "0.82103 kg" in text
+    assert "g = 9.8 m/s^2" in text
+    assert "0.3 m" in text
+    # both links horizontal: (0.045 0.075 + 0.045 0.225 + 0.005 0.3) 9.8 N m, see test_workspace
+    assert re.search(r"static effort of joint1 +0\.147 N m, limit 0\.5 N m, margin 3\.4", text)
+    speed = float(re.search(r"hover rotor speed +([0-9.]+) rad/s", text)[1])  # type: ignore[index]
+    assert speed == pytest.approx((0.82103 * 9.8 / 4 / 8.54858e-6) ** 0.5, abs=0.01)
+
+
+@pytest.mark.parametrize("vehicle", list_vehicles())
+@pytest.mark.parametrize("columns", [40, 80, 200])
+def test_every_shipped_vehicle_is_shown_on_any_terminal(vehicle: str, columns: int) -> None:
+    if columns != 80 and vehicle != "octo_coaxial_two_arms":
+        pytest.skip("one vehicle is enough for other widths")
+    text = succeeded(shell("show", vehicle, columns=columns))
+    assert text.splitlines()[0].startswith(vehicle)
+    assert "e-1" not in text, "rounding errors of zero are shown as 0"
+
+
+def test_square_brackets_of_a_source_are_printed_as_they_stand() -> None:
+    assert "[s sin a, -s cos a, cos 30 deg]" in succeeded(shell("show", "tilted_hexarotor", columns=200))
+
+
+def test_run_writes_the_log_and_prints_what_came_out(tmp_path: Path) -> None:
+    text = succeeded(shell("run", "case3", "--duration", "1", "--seed", "3", "--out", "made/here", cwd=tmp_path))
+    lines = text.splitlines()
+    assert lines[0] == "case3: completed at 1 s"
+    assert "made/here/case3.npz" in lines[-1]
+    log = Log.load_npz(tmp_path / "made" / "here" / "case3.npz")
+    assert (log.info["seed"], log.time.size) == (3, 200)
+    assert sorted(p.name for p in (tmp_path / "made" / "here").iterdir()) == ["case3.csv", "case3.npz"]
+    position = next(line for line in lines if line.startswith("position, m")).split()
+    norm = np.linalg.norm(log.position - log.position_reference, axis=1)
+    assert float(position[-1]) == pytest.approx(norm.max(), rel=1e-3)
+    assert float(position[-3]) == pytest.approx(norm[log.time >= 2 / 3 * log.time[-1]].mean(), rel=1e-3)
+
+
+def test_run_chooses_plant_and_controller(tmp_path: Path) -> None:
+    shell("run", "case1", "--duration", "0.1", "--plant", "mujoco", "--controller", "paper_pd", cwd=tmp_path)
+    log = Log.load_npz(tmp_path / "out" / "run" / "case1.npz")
+    assert (log.info["plant"], log.info["controller"]) == ("mujoco", "decoupled_pd")
+
+
+def test_a_flight_that_ends_early_is_a_result_with_its_cause(tmp_path: Path) -> None:
+    scenario = (
+        'name = "low"\nduration = 1.0\n[plant]\nvehicle = "hummingbird_arm2_rotors"\n[model]\n'
+        'vehicle = "hummingbird_arm2"\n[controller]\npreset = "paper_ct"\n[reference.base]\nkind = "hover"\n'
+        "position = [0, 0, 0.1]\n"
+    )
+    (tmp_path / "low.toml").write_text(scenario)
+    text = succeeded(shell("run", "low.toml", cwd=tmp_path))
+    assert text.startswith("low: ground at 0 s: lowest point at z = -0.2 m")
+
+
+def test_a_reader_that_leaves_is_no_error() -> None:
+    with subprocess.Popen([*COMMAND, "list"], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        errors = process.stderr.read().decode()
+        process.wait(timeout=60)
+    assert errors == ""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="shell redirections of POSIX")
+@pytest.mark.parametrize("redirect", [">&-", "2>&-", ">/dev/null </dev/null"])
+def test_closed_streams_are_no_error(redirect: str) -> None:
+    command = " ".join(f"'{part}'" for part in [*COMMAND, "list"])
+    result = subprocess.run(
+        f"{command} {redirect}", shell=True, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert result.returncode == 0
+    assert result.stderr == ""
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_a_full_disk_under_standard_output_is_one_line() -> None:
+    command = " ".join(f"'{part}'" for part in [*COMMAND, "list"])
+    result = subprocess.run(
+        f"{command} >/dev/full", shell=True, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert result.returncode == 2
+    assert result.stderr.count("\n") == 1
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.parametrize("arguments", [["run", "case3", "--duration", "2000"], ["reproduce", "--jobs", "2"]])
+def test_ctrl_c_is_one_line_and_leaves_no_part_of_a_file(tmp_path: Path, arguments: list[str]) -> None:
+    # a group of its own: a terminal sends the interrupt to every process of it, the workers too
+    with subprocess.Popen(
+        [*COMMAND, *arguments], cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+    ) as process:
+        folder = tmp_path / "out"
+        started = time.monotonic()
+        while not folder.exists() and time.monotonic() - started < 60:
+            time.sleep(0.05)
+        time.sleep(2.0)  # now it flies
+        os.killpg(process.pid, signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert errors.decode() == "skyarm: interrupted; finished files are whole\n"
+    assert not [path for path in folder.rglob("*") if path.is_file()]
