@@ -48,7 +48,7 @@ def test_the_code_shown_runs(capsys):
     exec(compile(code, "README.md", "exec"), {})
     words = capsys.readouterr().out.split()
     assert words[0] == "completed"
-    # the tool stays within the CT figure's 41 mm of its reference over the steady window (and an mm for the held samples)
+    # the paper's CT keeps the tool within 41 mm of its reference over the steady window
     assert float(words[1]) < 0.042
 
 

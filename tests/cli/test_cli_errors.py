@@ -302,6 +302,6 @@ def test_an_unexpected_error_inside_is_not_dressed_up_as_wrong_input(monkeypatch
         raise ZeroDivisionError("a bug")
 
     monkeypatch.setattr("skyarm.vehicle.files.load_vehicle", broken)
+    monkeypatch.setattr(sys, "argv", ["skyarm", "show", "hummingbird"])
     with pytest.raises(ZeroDivisionError):
-        monkeypatch.setattr(sys, "argv", ["skyarm", "show", "hummingbird"])
         main()

@@ -9,12 +9,20 @@ import pytest
 
 import skyarm
 from skyarm.actuation.hover import highest_thrust, hover_trim
+from skyarm.algebra import Vec3
 from skyarm.dynamics.workspace import reach, static_torques
 
 
 def test_the_reach_of_two_links_is_their_sum() -> None:
     # the search shrinks to 1e-9; the maximum is flat, so its value is better still
     assert reach(skyarm.load_vehicle("hummingbird_arm2")) == pytest.approx(0.3, abs=1e-9)
+
+
+def test_the_reach_counts_from_the_first_joint_wherever_that_is() -> None:
+    arm = skyarm.load_vehicle("hummingbird_arm2")
+    links = list(arm.links)
+    links[0] = dataclasses.replace(links[0], joint=dataclasses.replace(links[0].joint, position=Vec3(0.1, 0.2, -0.1)))
+    assert reach(dataclasses.replace(arm, links=tuple(links))) == pytest.approx(0.3, abs=1e-9)
 
 
 def test_joint_limits_bound_the_reach() -> None:

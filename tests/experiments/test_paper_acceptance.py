@@ -1,4 +1,4 @@
-"""What the reproduction must show, on both plants: every number of the acceptance table, the orderings, the agreement."""
+"""What the reproduction must show, on both plants: the numbers, the orderings, the agreement of the plants."""
 
 from __future__ import annotations
 

@@ -66,7 +66,5 @@ def test_mujoco_holds_stiff_friction_for_short_steps_only():
 
 def test_friction_beyond_any_explicit_integrator_is_refused_by_vehicle():
     sticky = TRUTH.with_joints(coulomb=0.1, coulomb_rate=1e-4)
-    with pytest.raises(
-        VehicleError, match=r"joint friction decays at .* raise coulomb_rate"
-    ):
+    with pytest.raises(VehicleError, match=r"joint friction decays at .* raise coulomb_rate"):
         RigidBodyPlant(World(vehicle=sticky), WindSample())

@@ -189,6 +189,12 @@ def test_a_gust_starts_and_stops_on_its_tick(plant: str) -> None:
     assert gusty.velocity[31, 0] - calm.velocity[31, 0] == pytest.approx(0.005 * pushed[0], rel=0.01)
 
 
+def test_control_instants_are_the_nearest_doubles_to_their_decimals() -> None:
+    times = run(load_scenario("case1", duration=5.0)).time
+    # 23 * 0.005 is 0.11499999999999999 in binary: a gust at 0.115 s would come a tick late
+    assert times.tolist() == [float(f"{5 * k}e-3") for k in range(1000)]
+
+
 def test_progress_is_told_about_a_hundred_times_and_ends_complete() -> None:
     told: list[tuple[int, int]] = []
     run(load_scenario("case1", duration=2.0), lambda done, total: told.append((done, total)))

@@ -126,6 +126,14 @@ def test_the_lowest_point_is_the_tip_of_a_hanging_arm_and_a_rotor_when_inverted(
     level, inverted = Quaternion(1.0, 0.0, 0.0, 0.0), Quaternion(0.0, 1.0, 0.0, 0.0)
     assert lowest_point(vehicle, State(quaternion=level, joints=(0.0, 0.0), **at)) == pytest.approx(1.7)
     assert lowest_point(vehicle, State(quaternion=level, joints=(math.pi / 2, 0.0), **at)) == pytest.approx(2.0)
+    # pitched by 0.3 rad with the arm held vertical the tip is under the base; left in line with it, 0.3 cos 0.3 below
+    pitched = Quaternion(math.cos(0.15), 0.0, math.sin(0.15), 0.0)
+    assert lowest_point(vehicle, State(quaternion=pitched, joints=(0.0, 0.0), **at)) == pytest.approx(
+        2.0 - 0.3 * math.cos(0.3)
+    )
+    # pitching nose down (+) lifts the tail: an arm swung by th backwards ends 0.3 cos(th + 0.3) below
+    swung = lowest_point(vehicle, State(quaternion=pitched, joints=(0.4, 0.0), **at))
+    assert swung == pytest.approx(2.0 - 0.3 * math.cos(0.7))
     # hubs sit 0.01 m above the base origin, and the arm points up
     assert lowest_point(vehicle, State(quaternion=inverted, joints=(0.0, 0.0), **at)) == pytest.approx(1.99)
 

@@ -42,7 +42,7 @@ def log(**arrays: Array | Callable[[Array], Array]) -> Log:
     values["quaternion"][:, 0] = 1.0
     for name, array in arrays.items():
         values[name] = array(t) if callable(array) else array
-    return Log(**values, info={"rates_hz": {"control": RATE, "reference": 50}})
+    return Log(**values, info={"status": "completed", "rates_hz": {"control": RATE, "reference": 50}})
 
 
 def column(i: int, function: Callable[[Array], Array], width: int = 3) -> Callable[[Array], Array]:
@@ -102,9 +102,18 @@ def test_errors_are_norms_of_actual_minus_desired() -> None:
 
 
 def test_held_and_continuous_are_taken_against_their_own_reference() -> None:
-    flight = log(position_held=column(0, lambda t: 0 * t + 1.0), position_reference=column(0, lambda t: 0 * t - 2.0))
-    assert m.Errors.held(flight).position[0] == 1.0
-    assert m.Errors.continuous(flight).position[0] == 2.0
+    flight = log(
+        **{f"{name}_held": column(0, lambda t: 0 * t + 1.0, width) for name, width in (("position", 3), ("joints", 2))},
+        **{
+            f"{name}_reference": column(0, lambda t: 0 * t - 2.0, width)
+            for name, width in (("position", 3), ("joints", 2))
+        },
+        tool_held=column(1, lambda t: 0 * t + 3.0),
+        tool_reference=column(1, lambda t: 0 * t - 4.0),
+    )
+    held, free = m.Errors.held(flight), m.Errors.continuous(flight)
+    assert (held.position[0], held.joints[0], held.tool[0]) == (1.0, 1.0, 3.0)
+    assert (free.position[0], free.joints[0], free.tool[0]) == (2.0, 2.0, 4.0)
     found = paper_metrics("case2", flight)
     assert found["position_error_mean"] == pytest.approx(1.0)
     assert found["position_error_mean_continuous"] == pytest.approx(2.0)
@@ -203,10 +212,14 @@ def test_held_position_error_is_the_mean_over_both_holds() -> None:
     assert m.held_position_error(flight, m.Errors.held(flight), HOLDS) == pytest.approx(0.15)
 
 
-def test_an_episode_cut_short_has_no_number_where_it_has_no_rows() -> None:
+def test_an_episode_that_ended_early_has_no_numbers() -> None:
     whole = log(position=column(0, lambda t: 0 * t + 0.1))
-    cut = dataclasses.replace(whole, **{name: array[:1000] for name, array in whole.arrays().items()})
-    found = paper_metrics("case2", cut)
+    cut = dataclasses.replace(whole, **{name: array[:3000] for name, array in whole.arrays().items()})
+    ended = dataclasses.replace(cut, info={**cut.info, "status": "ground"})
+    assert set(paper_metrics("case2", ended).values()) == {None}
+    # rows of a shorter flight that completed: a window without rows has no number either
+    short = dataclasses.replace(whole, **{name: array[:1000] for name, array in whole.arrays().items()})
+    found = paper_metrics("case2", short)
     assert found["position_error_mean"] is None
     assert found["settling_time"] is None
     assert found["peak_position"] == pytest.approx(0.1)

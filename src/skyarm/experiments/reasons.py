@@ -72,7 +72,7 @@ def _supported(paper: float, ours: float, slack: float, tried: list[tuple[Variat
     if removed >= WORTH_NAMING:
         return f"{nearest.label} gives {value:.3g}, {100.0 * removed:.0f} % of the difference; the rest is open"
     low, high = min(value for _, value in tried), max(value for _, value in tried)
-    return f"open: {low:.3g} ... {high:.3g} over all variations (damping, ramps, latency, time shifts)"
+    return f"open: {low:.3g} ... {high:.3g} over the {len(tried)} variations measured"
 
 
 def _tried(case: str, controller: str, metric: str, sensitivity: Sensitivity) -> list[tuple[Variation, float]]:

@@ -36,8 +36,8 @@ def reproduce(
     """Fly the paper's five experiments with both controllers and write everything that comes of it.
 
     Writes ``results.json``, ``sensitivity.json``, ``table2.md``, ``report.html``, ``figures/figure_03.png`` ...
-    ``figure_18.png`` and ``overview.png`` (first plant), and ``logs/PLANT/CASE_CONTROLLER.npz``; each file appears whole
-    or not at all.
+    ``figure_18.png`` and ``overview.png`` (first plant), ``logs/PLANT/CASE_CONTROLLER.npz``; each file appears whole or
+    not at all.
 
     Args:
         out: folder, made if missing.

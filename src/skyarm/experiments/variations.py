@@ -26,6 +26,9 @@ ASSUMED_DAMPING = 0.001
 TIME_SHIFTS = (-0.5, 0.5, 1.0)
 """s by which a recorded reference may be late (positive) or early against the recorded response."""
 
+BAG_STARTS = (2.0, 6.0, 8.0)
+"""s by which a recording may have begun before our t = 0: the PD bag shows no arm motion in its first 8 s."""
+
 STEP_RISE = 1e-3
 """s; between two samples of a 50 Hz reference such a ramp is a step."""
 
@@ -88,6 +91,11 @@ def shifted_bag(case: str, log: Log, shift: float) -> Metrics:
     return metrics(case, dataclasses.replace(log, **{name: getattr(log, name)[rows] for name in names}))
 
 
+def earlier_bag(case: str, log: Log, seconds: float) -> Metrics:
+    """Metrics of a log whose recording began ``seconds`` before t = 0: every window lies that much earlier."""
+    return metrics(case, dataclasses.replace(log, time=log.time + seconds))
+
+
 def _damped(damping: float) -> Variation:
     return Variation(
         group="joint_damping",
@@ -103,6 +111,15 @@ def _shifted(shift: float) -> Variation:
         value=f"{shift:g}",
         label=f"recorded reference {abs(shift):g} s {'late' if shift > 0.0 else 'early'}",
         measure=lambda case, log: shifted_bag(case, log, shift),
+    )
+
+
+def _begun(seconds: float) -> Variation:
+    return Variation(
+        group="bag_start",
+        value=f"{seconds:g}",
+        label=f"windows {seconds:g} s earlier",
+        measure=lambda case, log: earlier_bag(case, log, seconds),
     )
 
 
@@ -122,7 +139,8 @@ def variations() -> list[Variation]:
         group="command_latency", value=f"{LATENCY:g}", label=f"commands {1e3 * LATENCY:g} ms late", change=delayed
     )
     damped = [_damped(damping) for damping in DAMPINGS]
-    return [*damped, first, *ramps, late, *(_shifted(shift) for shift in TIME_SHIFTS)]
+    bags = [*(_shifted(shift) for shift in TIME_SHIFTS), *(_begun(seconds) for seconds in BAG_STARTS)]
+    return [*damped, first, *ramps, late, *bags]
 
 
 def variation(group: str, value: str) -> Variation:

@@ -26,7 +26,8 @@ class EpisodeInputs:
 
     Attributes:
         times: control instants, s.
-        held: leaves of the held reference. goals: its position. wind: leaves of the wind sample. noise: standard normal draws.
+        held: leaves of the held reference. goals: its position. wind: leaves of the wind sample.
+        noise: standard normal draws.
         held_reference, reference: the same references as records of arrays, held and continuous.
         wind_sample: wind as a record of arrays.
     """
