@@ -54,7 +54,7 @@ def reproduce(
         raise ValueError(f"--jobs = {jobs}: must be at least 0")
     plants = PLANTS if plant == "both" else (plant,)
     with bar("flying", console) as advance:
-        table = perform(out, plants=plants, workers=jobs or os.cpu_count() or 1, progress=advance, note=console.print)
+        table = perform(out, plants=plants, workers=jobs or _cores(), progress=advance, note=console.print)
     console.print(headline(table))
     console.print(f"results in {out}: report.html, table2.md, results.json, figures/", soft_wrap=True)
 
@@ -147,6 +147,13 @@ def main() -> None:
     if code == INTERRUPTED:
         print("skyarm: interrupted; finished files are whole", file=sys.stderr)
     sys.exit(code)
+
+
+def _cores() -> int:
+    """Cores this process may use; a container often has fewer than its machine."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def _fail(message: str) -> NoReturn:
