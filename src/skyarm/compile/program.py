@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from skyarm.compile.lower import Lowered, live, lower
 from skyarm.compile.records import leaves, mismatch, rebuild, shaped_like
 from skyarm.compile.tracer import Graph, Node
 from skyarm.scalars import floats
@@ -14,9 +15,11 @@ from skyarm.scalars import floats
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "lt": "<", "le": "<=", "and": "and", "or": "or"}
 _FORMS = {op: f"{{0}} {sign} {{1}}" for op, sign in _INFIX.items()}
 _FORMS |= {"neg": "-{0}", "not": "not {0}", "where": "{1} if {0} else {2}", "abs": "fabs({0})"}
-_CALLS = ("sin", "cos", "tan", "asin", "acos", "atan2", "sqrt", "exp", "log", "floor", "tanh")
-_FAST = {name: getattr(math, name) for name in _CALLS} | {"fabs": math.fabs, "floor": floats.floor}
-_SAFE = {name: getattr(floats, name) for name in _CALLS} | {"fabs": math.fabs, "div": floats.divide}
+# 3.5 // 1.0 is floor(3.5) with the sign of a zero kept; infinities are their own floor
+_FORMS["floor"] = "{0} // 1.0 if -1e300 < {0} < 1e300 else {0}"
+_BITS = {name: getattr(floats, name) for name in ("power_of_two", "exponent", "mantissa")} | {"copysign": math.copysign}
+_FAST = {"sqrt": math.sqrt, "fabs": math.fabs, **_BITS}
+_SAFE = {"sqrt": floats.sqrt, "fabs": math.fabs, "div": floats.divide, **_BITS}
 
 
 class Program:
@@ -31,8 +34,9 @@ class Program:
         self._examples = examples
         self._result = result
         self.outputs = [graph.lift(leaf) for leaf in leaves(result)]
-        self.nodes = _live(self.outputs)
-        self.flat: Callable[[Sequence[float]], tuple[float, ...]] = _emit_python(self)
+        self.nodes = live(self.outputs)
+        self.lowered = lower(self.inputs, self.nodes, self.outputs)
+        self.flat: Callable[[Sequence[float]], tuple[float, ...]] = python_function(self.lowered)
 
     def __call__(self, *records: Any) -> Any:
         """Evaluate on records of floats; raises ValueError where their structure is not that of the examples."""
@@ -68,18 +72,6 @@ def trace(function: Callable[..., Any], *examples: Any) -> Program:
     return Program(graph, inputs, function(*arguments), examples)
 
 
-def _live(outputs: Sequence[Node]) -> list[Node]:
-    """Nodes the outputs need, in order of creation."""
-    seen: dict[int, Node] = {}
-    stack = list(outputs)
-    while stack:
-        node = stack.pop()
-        if node.index not in seen:
-            seen[node.index] = node
-            stack.extend(node.args)
-    return [seen[index] for index in sorted(seen)]
-
-
 def _literal(value: Any) -> str:
     if isinstance(value, bool) or math.isfinite(value):
         return repr(value)
@@ -92,7 +84,7 @@ def _expression(node: Node, name: Callable[[Node], str], divide: str) -> str:
     return form.format(*args) if form else f"{node.op}({', '.join(args)})"
 
 
-def python_source(program: Program, divide: str = "{0} / {1}", name: str = "program") -> str:
+def python_source(program: Lowered, divide: str = "{0} / {1}", name: str = "program") -> str:
     """Straight-line Python of a program: one assignment an operation."""
 
     def variable(node: Node) -> str:
@@ -110,7 +102,7 @@ def python_source(program: Program, divide: str = "{0} / {1}", name: str = "prog
     return "\n".join([*lines, f"    return ({results})", ""])
 
 
-def _emit_python(program: Program) -> Callable[[Sequence[float]], tuple[float, ...]]:
+def python_function(program: Lowered) -> Callable[[Sequence[float]], tuple[float, ...]]:
     """Emit the program as a Python function that never raises on numbers.
 
     ``math`` and ``/`` are faster than their IEEE versions but raise; on the first such case the same program is run

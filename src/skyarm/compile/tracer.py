@@ -11,6 +11,7 @@ import sys
 from typing import Any
 
 from skyarm.scalars import floats, register
+from skyarm.scalars.elementary import COMPOSED
 
 _COMMUTATIVE = frozenset({"add", "mul", "and", "or"})
 
@@ -27,9 +28,10 @@ FOLD: dict[str, Any] = {
     "or": floats.logical_or,
     "not": floats.logical_not,
     "abs": floats.absolute,
-    **{name: getattr(floats, name) for name in ("sin", "cos", "tan", "asin", "acos", "atan2", "sqrt")},
-    **{name: getattr(floats, name) for name in ("exp", "log", "floor", "tanh")},
+    **{name: getattr(floats, name) for name in ("sqrt", "floor", "copysign", "power_of_two", "exponent", "mantissa")},
+    **COMPOSED,
 }
+"""Every operation of a program, on Python numbers."""
 
 
 class TracedBranchError(TypeError):

@@ -34,8 +34,10 @@ from skyarm.scalars.functions import (
     where,
 )
 from skyarm.scalars.protocol import Scalar
+from skyarm.scalars.python_numbers import NAMESPACE as PYTHON_NUMBERS
 
 __all__ = [
+    "PYTHON_NUMBERS",
     "Scalar",
     "absolute",
     "acos",

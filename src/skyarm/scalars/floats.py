@@ -1,4 +1,4 @@
-"""IEEE versions of the functions of ``math``: inf or NaN where ``math`` raises."""
+"""Basic operations on Python floats as IEEE defines them: inf or NaN where Python raises."""
 
 from __future__ import annotations
 
@@ -17,49 +17,9 @@ def divide(a: float, b: float) -> float:
     return math.copysign(INF, a) * math.copysign(1.0, b)
 
 
-def sin(x: float) -> float:
-    """Return sin x, NaN at infinity."""
-    return math.sin(x) if math.isfinite(x) else NAN
-
-
-def cos(x: float) -> float:
-    """Return cos x, NaN at infinity."""
-    return math.cos(x) if math.isfinite(x) else NAN
-
-
-def tan(x: float) -> float:
-    """Return tan x, NaN at infinity."""
-    return math.tan(x) if math.isfinite(x) else NAN
-
-
-def asin(x: float) -> float:
-    """Return asin x, NaN outside [-1, 1]."""
-    return math.asin(x) if -1.0 <= x <= 1.0 else NAN
-
-
-def acos(x: float) -> float:
-    """Return acos x, NaN outside [-1, 1]."""
-    return math.acos(x) if -1.0 <= x <= 1.0 else NAN
-
-
 def sqrt(x: float) -> float:
     """Square root, NaN below zero."""
     return math.sqrt(x) if x >= 0.0 else NAN
-
-
-def exp(x: float) -> float:
-    """e**x, +inf on overflow."""
-    try:
-        return math.exp(x)
-    except OverflowError:
-        return INF
-
-
-def log(x: float) -> float:
-    """Natural logarithm: -inf at zero, NaN below."""
-    if x > 0.0:
-        return math.log(x)
-    return -INF if x == 0.0 else NAN
 
 
 def floor(x: float) -> float:
@@ -68,9 +28,27 @@ def floor(x: float) -> float:
     return float(math.floor(x)) if math.isfinite(x) and x != 0.0 else float(x)
 
 
-atan2 = math.atan2
-tanh = math.tanh
 absolute = math.fabs
+
+
+def copysign(size: float, sign: float) -> float:
+    """|size| with the sign of the other, that of a zero too."""
+    return math.copysign(size, sign)
+
+
+def power_of_two(k: float) -> float:
+    """2**k for a whole k from -1022 to 1023, NaN for NaN."""
+    return math.ldexp(1.0, int(k)) if -1100.0 < k < 1100.0 else NAN
+
+
+def exponent(x: float) -> float:
+    """Whole e with |x| = m 2**e and 1 <= m < 2, for normal numbers."""
+    return float(math.frexp(x)[1] - 1) if math.isfinite(x) and x != 0.0 else NAN
+
+
+def mantissa(x: float) -> float:
+    """m of :func:`exponent`, with the sign of x."""
+    return 2.0 * math.frexp(x)[0] if math.isfinite(x) and x != 0.0 else NAN
 
 
 def where(condition: bool, a: float, b: float) -> float:

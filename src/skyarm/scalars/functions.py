@@ -10,10 +10,8 @@ import sys
 from types import SimpleNamespace
 from typing import Any
 
-from skyarm.scalars import floats
-
 _PYTHON = (float, int, bool)
-_NAMESPACES: dict[type, Any] = {float: floats, int: floats, bool: floats}
+_NAMESPACES: dict[type, Any] = {}
 
 
 def register(kind: type, namespace: Any) -> None:
@@ -35,8 +33,11 @@ def _array_namespace(xp: Any, wrap: Any = lambda function: function) -> SimpleNa
     names = {"asin": "arcsin", "acos": "arccos", "atan2": "arctan2", "absolute": "abs"}
     elementary = ("sin", "cos", "tan", "sqrt", "exp", "log", "floor", "tanh", "divide")
     same = (*elementary, "where", "logical_and", "logical_or", "logical_not")
-    table = {name: name for name in same} | names
-    return SimpleNamespace(**{ours: wrap(getattr(xp, theirs)) for ours, theirs in table.items()})
+    table = {name: name for name in (*same, "copysign")} | names
+    found = SimpleNamespace(**{ours: wrap(getattr(xp, theirs)) for ours, theirs in table.items()})
+    found.exponent = lambda x: xp.frexp(x)[1] - 1.0
+    found.mantissa = lambda x: 2.0 * xp.frexp(x)[0]
+    return found
 
 
 def _casadi_namespace(casadi: Any) -> SimpleNamespace:
@@ -75,6 +76,26 @@ def _namespace(*values: Any) -> Any:
     if found is None:
         found = _NAMESPACES[kind] = _discover(kind)
     return found
+
+
+def copysign(size: Any, sign: Any) -> Any:
+    """|size| with the sign of the other, that of a zero too; on floats, NumPy and traced nodes."""
+    return _namespace(size, sign).copysign(size, sign)
+
+
+def power_of_two(k: Any) -> Any:
+    """2**k for whole k, exact; on floats and traced nodes."""
+    return _namespace(k).power_of_two(k)
+
+
+def exponent(x: Any) -> Any:
+    """Whole e with |x| = m 2**e and 1 <= m < 2; on floats and traced nodes."""
+    return _namespace(x).exponent(x)
+
+
+def mantissa(x: Any) -> Any:
+    """m of :func:`exponent`, with the sign of x; on floats and traced nodes."""
+    return _namespace(x).mantissa(x)
 
 
 def sin(x: Any) -> Any:

@@ -1,0 +1,156 @@
+"""LLVM assembly of a stepped program: whole episodes of a block of lanes in one function.
+
+    void step_loop(carry*, parameters*, rows*, log*, keys*, first block, last block, steps, first step, lanes, log every)
+
+Lanes are the last axis of ``carry`` and ``parameters`` (structure of arrays); ``rows`` are shared by all lanes. What
+depends on parameters alone is computed once per block, before the loop.
+"""
+
+from __future__ import annotations
+
+from skyarm.compile.llvm_random import write_uniforms
+from skyarm.compile.llvm_text import Lanes, Writer
+from skyarm.compile.loop import Loop
+from skyarm.compile.tracer import Node
+
+NAME = "step_loop"
+
+
+def assembly(loop: Loop, lanes: Lanes, *, logging: bool) -> str:
+    """The module's text."""
+    writer = Writer(lanes)
+    inputs = loop.program.inputs
+    marks = (loop.carry, loop.carry + loop.parameters, loop.carry + loop.parameters + loop.row)
+    carry, parameters = inputs[: marks[0]], inputs[marks[0] : marks[1]]
+    rows, draws = inputs[marks[1] : marks[2]], inputs[marks[2] :]
+    invariant, varying = _split(loop.program.nodes, parameters)
+    writer.do(
+        f"define void @{NAME}(ptr noalias %carry, ptr noalias %parameters, ptr noalias %rows, ptr noalias %log, "
+        "ptr noalias %keys, i64 %first, i64 %last, i64 %steps, i64 %start, i64 %lanes, i64 %every) {"
+    )
+    _open_blocks(writer)
+    for i, node in enumerate(parameters):
+        writer.names[node.index] = _load(writer, "%parameters", i)
+    writer.program(invariant)
+    starts = [_load(writer, "%carry", i) for i in range(loop.carry)]
+    if loop.uniforms:
+        writer.do("  %episodes.at = getelementptr i64, ptr %keys, i64 %offset")
+        writer.do("  %episodes.ptr = getelementptr i64, ptr %episodes.at, i64 1")
+    writer.do("  br label %head")
+    writer.do("head:")
+    writer.do("  %i = phi i64 [ 0, %block ], [ %i.next, %latch ]")
+    for i, (node, start) in enumerate(zip(carry, starts, strict=True)):
+        writer.do(f"  %c{i} = phi {lanes.vector} [ {start}, %block ], [ %n{i}, %latch ]")
+        writer.names[node.index] = f"%c{i}"
+    writer.do("  %more = icmp slt i64 %i, %steps")
+    writer.do("  br i1 %more, label %body, label %store")
+    writer.do("body:")
+    writer.do("  %step = add i64 %i, %start")
+    used = {arg.index for node in varying for arg in node.args} | {node.index for node in loop.program.outputs}
+    for i, node in enumerate(rows):
+        if node.index in used:
+            writer.names[node.index] = _row(writer, i, loop.row)
+    if loop.uniforms:
+        for node, name in zip(draws, write_uniforms(writer, loop.uniforms), strict=True):
+            writer.names[node.index] = name
+    writer.program(varying)
+    results = [writer.names[node.index] for node in loop.program.outputs]
+    if logging and loop.logged:
+        _write_log(writer, results[loop.carry :])
+    writer.do("  br label %latch")
+    writer.do("latch:")
+    for i, name in enumerate(results[: loop.carry]):
+        # a value that is a constant or an input needs a name of its own here
+        writer.do(f"  %n{i} = select i1 true, {lanes.vector} {name}, {lanes.vector} {name}")
+    writer.do("  %i.next = add i64 %i, 1")
+    writer.do("  br label %head")
+    writer.do("store:")
+    for i in range(loop.carry):
+        _store(writer, "%carry", i, f"%c{i}")
+    writer.do("  br label %next")
+    _close_blocks(writer)
+    return "\n".join([*writer.lines, *sorted(writer.intrinsics), ""])
+
+
+def _split(nodes: tuple[Node, ...], parameters: tuple[Node, ...]) -> tuple[list[Node], list[Node]]:
+    """Operations that depend on parameters and constants alone, and the others."""
+    fixed = {node.index for node in parameters}
+    invariant, varying = [], []
+    for node in nodes:
+        if node.op == "input":
+            continue
+        if node.op == "const" or all(arg.index in fixed for arg in node.args):
+            fixed.add(node.index)
+            invariant.append(node)
+        else:
+            varying.append(node)
+    return invariant, varying
+
+
+def _open_blocks(writer: Writer) -> None:
+    writer.do("entry:")
+    writer.do("  br label %blocks")
+    writer.do("blocks:")
+    writer.do("  %b = phi i64 [ %first, %entry ], [ %b.next, %next ]")
+    writer.do("  %any = icmp slt i64 %b, %last")
+    writer.do("  br i1 %any, label %block, label %done")
+    writer.do("block:")
+    writer.do(f"  %offset = mul i64 %b, {writer.lanes.width}")
+
+
+def _close_blocks(writer: Writer) -> None:
+    writer.do("next:")
+    writer.do("  %b.next = add i64 %b, 1")
+    writer.do("  br label %blocks")
+    writer.do("done:")
+    writer.do("  ret void")
+    writer.do("}")
+
+
+def _address(writer: Writer, base: str, index: int) -> str:
+    """Address of variable ``index`` of this block."""
+    skip = writer.emit(f"mul i64 %lanes, {index}")
+    place = writer.emit(f"add i64 {skip}, %offset")
+    return writer.emit(f"getelementptr {writer.lanes.scalar}, ptr {base}, i64 {place}")
+
+
+def _load(writer: Writer, base: str, index: int) -> str:
+    lanes = writer.lanes
+    return writer.emit(f"load {lanes.vector}, ptr {_address(writer, base, index)}, align {lanes.bytes}")
+
+
+def _store(writer: Writer, base: str, index: int, name: str) -> None:
+    lanes = writer.lanes
+    address = _address(writer, base, index)
+    writer.do(f"  store {lanes.vector} {name}, ptr {address}, align {lanes.bytes}")
+
+
+def _row(writer: Writer, index: int, width: int) -> str:
+    """One shared input of this step in every lane."""
+    lanes = writer.lanes
+    line = writer.emit(f"mul i64 %i, {width}")
+    place = writer.emit(f"add i64 {line}, {index}")
+    address = writer.emit(f"getelementptr {lanes.scalar}, ptr %rows, i64 {place}")
+    value = writer.emit(f"load {lanes.scalar}, ptr {address}, align {lanes.bytes}")
+    first = writer.emit(f"insertelement {lanes.vector} poison, {lanes.scalar} {value}, i64 0")
+    zeros = lanes.splat("i32 0")
+    return writer.emit(f"shufflevector {lanes.vector} {first}, {lanes.vector} poison, <{lanes.width} x i32> {zeros}")
+
+
+def _write_log(writer: Writer, names: list[str]) -> None:
+    """Store the logged outputs of every ``%every``-th step: log[step / every][output][lane]."""
+    lanes = writer.lanes
+    rest = writer.emit("urem i64 %i, %every")
+    due = writer.emit(f"icmp eq i64 {rest}, 0")
+    writer.do(f"  br i1 {due}, label %write, label %written")
+    writer.do("write:")
+    entry = writer.emit("udiv i64 %i, %every")
+    line = writer.emit(f"mul i64 {entry}, {len(names)}")
+    for i, name in enumerate(names):
+        variable = writer.emit(f"add i64 {line}, {i}")
+        skip = writer.emit(f"mul i64 {variable}, %lanes")
+        place = writer.emit(f"add i64 {skip}, %offset")
+        address = writer.emit(f"getelementptr {lanes.scalar}, ptr %log, i64 {place}")
+        writer.do(f"  store {lanes.vector} {name}, ptr {address}, align {lanes.bytes}")
+    writer.do("  br label %written")
+    writer.do("written:")
