@@ -60,19 +60,32 @@ def test_a_cell_that_agrees_needs_no_reason() -> None:
 
 def test_a_variation_that_reaches_the_number_is_the_reason() -> None:
     tried = {("joint_damping", "0.05"): 0.0312, ("time_shift", "0.5"): 0.06}
-    assert reason(0.050, tried) == "joint damping 0.05 N m s/rad gives 0.0312"
+    assert reason(0.050, tried) == "consistent with joint damping 0.05 N m s/rad: 0.0312"
 
 
 def test_a_variation_that_explains_a_part_says_which() -> None:
     # 0.019 off; 0.009 off with damping: 53 % of it removed
     assert reason(0.050, {("joint_damping", "0.05"): 0.040}) == (
-        "joint damping 0.05 N m s/rad gives 0.04, 53 % of the difference; the rest is open"
+        "joint damping 0.05 N m s/rad: 0.04, 53 % of the difference; the rest is open"
     )
 
 
 def test_what_no_variation_explains_is_open() -> None:
     tried = {("joint_damping", "0.05"): 0.049, ("command_latency", "0.003"): 0.052}
     assert reason(0.050, tried).startswith("open: 0.049 ... 0.052 over the 2 variations")
+
+
+def test_a_variation_that_spoils_more_cells_than_it_mends_explains_none() -> None:
+    metrics = ("position_error_mean", "position_error_max", "pitch_rms")
+    paper = [PAPER["case2"]["CT"][metric] for metric in metrics]
+    cells = {m: {"paper": p, "rigid_body": 2.0 * p, "mujoco": None} for m, p in zip(metrics, paper, strict=True)}
+    varied = dict(zip(metrics, (paper[0], 5.0 * paper[1], 5.0 * paper[2]), strict=True))
+    sensitivity: Any = {"joint_damping": {"0.05": {"case2": {"CT": varied}}}}
+    found = reasons({"experiments": {"case2": {"CT": cells}}}, sensitivity)["case2"]["CT"]
+    assert all(line.startswith("open") for line in found.values())
+    varied["pitch_rms"] = paper[2]
+    found = reasons({"experiments": {"case2": {"CT": cells}}}, sensitivity)["case2"]["CT"]
+    assert found["position_error_mean"].startswith("consistent with joint damping 0.05")
 
 
 def test_without_flights_no_reason_is_made_up() -> None:

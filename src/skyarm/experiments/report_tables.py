@@ -83,7 +83,7 @@ def experiment_table(case: str, controllers: Mapping[str, Cells], reasons: Mappi
         ">mujoco",
         ">rigid_body - paper",
         ">mujoco - paper",
-        "Why it differs",
+        "What a measured variation says",
     ]
     held: list[tuple[str, list[str]]] = []
     twins: list[tuple[str, list[str]]] = []
