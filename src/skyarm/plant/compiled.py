@@ -73,14 +73,20 @@ class RigidBodyPlant:
             self._steps[dt] = trace(step, *self._examples)
         return self._steps[dt]
 
+    def substeps(self, seconds: float) -> int:
+        """Integration steps that an interval is cut into."""
+        if self._integrator == "rk4":
+            return max(1, math.ceil(seconds * self._per_second))
+        return whole_steps(seconds, self._physics_step)
+
     def advance(self, state: Flat, command: Flat, wind: Flat, seconds: float) -> tuple[float, ...]:
         """State after ``seconds`` of held command and wind."""
         inputs = (*command, *wind)
         rk4 = self._integrator == "rk4"
-        count = math.ceil(seconds * self._per_second) if rk4 else whole_steps(seconds, self._physics_step)
-        step = self._step(seconds / max(count, 1) if rk4 else self._physics_step)
+        count = self.substeps(seconds)
+        step = self._step(seconds / count if rk4 else self._physics_step)
         x = tuple(state)
-        for _ in range(max(count, 1)):
+        for _ in range(count):
             x = step.flat((*x, *inputs))
         return x
 

@@ -13,7 +13,8 @@ normal j   from the two uniforms ``a``, ``b`` of block ``j // 2``: ``sqrt(-2 log
            times ``sin(2 pi b)`` for odd j; the largest magnitude is sqrt(106 log 2) = 8.57
 =========  ==========================================================================================
 
-Words and uniforms are equal on all engines to the bit; normals to the last digits of the engine's log, sin and cos.
+Words, uniforms and normals are equal on all engines to the bit: log, sin and cos are those of
+:mod:`skyarm.scalars.elementary`.
 The step is a whole number of 32 bits: 49 days at 1 kHz.
 
 Source: Salmon, Moraes, Dror, Shaw 2011, "Parallel random numbers: as easy as 1, 2, 3", section 3.3; Box, Muller 1958.
@@ -26,10 +27,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from skyarm.scalars import elementary
+from skyarm.scalars.functions import sqrt
+
 ROUNDS = 10
 MULTIPLIERS = (0xD2511F53, 0xCD9E8D57)
 KEY_INCREMENTS = (0x9E3779B9, 0xBB67AE85)
 _WORD = 0xFFFFFFFF
+TWO_PI = 6.283185307179586
 
 Words = NDArray[np.uint64]
 
@@ -87,9 +92,17 @@ def normal(seed: int, episode: ArrayLike, channel: int, steps: ArrayLike, count:
     Source: Box, Muller 1958.
     """
     pairs = uniforms(seed, episode, channel, steps, count + count % 2)
-    radius, angle = np.sqrt(-2.0 * np.log(pairs[..., 0::2])), 2.0 * np.pi * pairs[..., 1::2]
-    both = np.stack((radius * np.cos(angle), radius * np.sin(angle)), axis=-1)
+    both = np.stack(normal_pair(pairs[..., 0::2], pairs[..., 1::2]), axis=-1)
     return both.reshape(*pairs.shape)[..., :count]
+
+
+def normal_pair(a: Any, b: Any) -> tuple[Any, Any]:
+    """Two independent standard normal numbers from two uniform ones, over any scalar, equal on all engines to the bit.
+
+    Source: Box, Muller 1958.
+    """
+    radius, angle = sqrt(-2.0 * elementary.log(a)), TWO_PI * b
+    return radius * elementary.cos(angle), radius * elementary.sin(angle)
 
 
 def _unit(low: Words, high: Words) -> NDArray[np.float64]:
