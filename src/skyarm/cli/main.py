@@ -1,4 +1,4 @@
-"""The command line: reproduce, run, list, show.
+"""The command line: reproduce, run, list, show, export-c.
 
 Wrong input gives one line on standard error and exit code 2, never a traceback.
 """
@@ -111,6 +111,23 @@ def show(
         console.print(vehicle_sheet(loaded, gravity))
     except AllocationError as error:
         raise ValueError(f"{vehicle}: rotors = {error}") from None
+
+
+@app.command(name="export-c")
+def export_c(
+    controller: Annotated[str, typer.Argument(help="a preset, a law, or a scenario (its controller and belief)")],
+    file: Annotated[Path, typer.Option("--out", "-o", help="the C file to write")],
+    vehicle: Annotated[str | None, typer.Option(help="the vehicle that a preset or law believes in")] = None,
+    gravity: Annotated[float, typer.Option(help="m/s^2, believed by a preset or law")] = 9.81,
+    rate: Annotated[float | None, typer.Option(help="Hz of the control; 200, or the scenario's")] = None,
+    name: Annotated[str | None, typer.Option(help="begins the names in the file")] = None,
+    single: Annotated[bool, typer.Option("--single", help="float in place of double")] = False,
+) -> None:
+    """Write a controller as one C99 file."""
+    from skyarm.cli.export import export
+
+    line = export(controller, file, vehicle=vehicle, gravity=gravity, rate=rate, name=name, single=single)
+    console.print(line, soft_wrap=True)
 
 
 @app.callback(invoke_without_command=True)

@@ -60,8 +60,12 @@ def _philox(writer: Writer, words: str, counter: list[str], keys: list[str], spl
     k0, k1 = keys
     for index in range(ROUNDS):
         if index:
-            k0 = writer.emit(f"and {words} {writer.emit(f'add {words} {k0}, {splat(KEY_INCREMENTS[0])}')}, {splat(LOW)}")
-            k1 = writer.emit(f"and {words} {writer.emit(f'add {words} {k1}, {splat(KEY_INCREMENTS[1])}')}, {splat(LOW)}")
+            k0 = writer.emit(
+                f"and {words} {writer.emit(f'add {words} {k0}, {splat(KEY_INCREMENTS[0])}')}, {splat(LOW)}"
+            )
+            k1 = writer.emit(
+                f"and {words} {writer.emit(f'add {words} {k1}, {splat(KEY_INCREMENTS[1])}')}, {splat(LOW)}"
+            )
         p0 = writer.emit(f"mul {words} {c0}, {splat(MULTIPLIERS[0])}")
         p1 = writer.emit(f"mul {words} {c2}, {splat(MULTIPLIERS[1])}")
         high0, high1 = (writer.emit(f"lshr {words} {p}, {splat(32)}") for p in (p0, p1))

@@ -39,7 +39,11 @@ class Loop:
 
 
 def trace_loop(
-    step: Callable[..., tuple[Any, Any]], carry: Any, parameters: Any, row: Any, uniforms: tuple[tuple[int, int], ...] = ()
+    step: Callable[..., tuple[Any, Any]],
+    carry: Any,
+    parameters: Any,
+    row: Any,
+    uniforms: tuple[tuple[int, int], ...] = (),
 ) -> Loop:
     """Trace step(carry, parameters, row, uniforms) -> (carry, log).
 
@@ -52,7 +56,10 @@ def trace_loop(
         ValueError: the step returns a carry with another number of scalars.
     """
     graph = Graph()
-    groups = [[graph.input(f"{name}{i}") for i, _ in enumerate(leaves(record))] for name, record in _named(carry, parameters, row)]
+    groups = [
+        [graph.input(f"{name}{i}") for i, _ in enumerate(leaves(record))]
+        for name, record in _named(carry, parameters, row)
+    ]
     draws = tuple(graph.input(f"u{i}") for i in range(sum(count for _, count in uniforms)))
     arguments = [rebuild(record, iter(group)) for record, group in zip((carry, parameters, row), groups, strict=True)]
     result = step(*arguments, draws)

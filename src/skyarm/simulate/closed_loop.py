@@ -13,7 +13,7 @@ from typing import Any
 from skyarm.actuation import Command
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.compile import leaves, rebuild
-from skyarm.dynamics import State
+from skyarm.dynamics import State, frame_pose
 from skyarm.dynamics.measurement import Measurement
 from skyarm.environment import Airspeed, DrydenMemory, WindSample, dryden, wind
 from skyarm.plant.rigid_body import STEP, accelerate
@@ -23,6 +23,7 @@ from skyarm.scalars import Scalar, absolute, logical_and, where
 from skyarm.scalars.philox import normal_pair
 from skyarm.simulate.monitor import FAR, LOST, lowest_point
 from skyarm.simulate.scenario import Scenario
+from skyarm.simulate.totals import Instant, Totals, Windows, counted, distance, joint_norm, roll_and_pitch
 
 CHANNEL_SENSORS, CHANNEL_TURBULENCE = 0, 1
 
@@ -50,10 +51,11 @@ class Carry:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Row:
-    """What a control instant is fed from outside: its time, the held reference and the goal position."""
+    """What a control instant is fed from outside: its time, the held reference and where that puts a level tool."""
 
     time: Scalar
     reference: Reference
+    tool: Vec3 = ZERO3
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -166,6 +168,36 @@ def make_period(scenario: Scenario, substeps: Callable[[float], int]) -> Period:
         )
         frozen = blend(alive, following, _ended(carry))
         return frozen, Sample(alive=where(alive, 1.0, 0.0), state=state, command=command, reading=now, wind=air)
+
+    return step
+
+
+def make_counting_period(
+    scenario: Scenario, substeps: Callable[[float], int], windows: Windows
+) -> Callable[[tuple[Carry, Totals], Row, tuple[Any, ...]], tuple[tuple[Carry, Totals], Sample]]:
+    """The function of one control period that also counts the metrics of a living episode."""
+    period = make_period(scenario, substeps)
+    vehicle = scenario.world.vehicle
+    frame = vehicle.frame(vehicle.end_effector) if vehicle.end_effector else None
+
+    def step(both: tuple[Carry, Totals], row: Row, uniforms: tuple[Any, ...]) -> tuple[tuple[Carry, Totals], Sample]:
+        carry, totals = both
+        following, sample = period(carry, row, uniforms)
+        state, wanted = sample.state, row.reference
+        tool = state.position
+        if frame is not None:
+            tool = tool + state.quaternion.rotation().apply(frame_pose(vehicle, frame, state.joints).p)
+        roll, pitch = roll_and_pitch(state.quaternion)
+        now = Instant(
+            position=distance(state.position, wanted.position),
+            joint=joint_norm(state.joints, wanted.joints),
+            tool=distance(tool, row.tool),
+            roll=roll,
+            pitch=pitch,
+            efforts=sample.command.efforts,
+        )
+        alive = sample.alive > 0.5
+        return (following, blend(alive, counted(totals, now, row.time, windows), totals)), sample
 
     return step
 

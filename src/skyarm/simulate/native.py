@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.actuation import Command
+from skyarm.actuation.hover import hover_trim
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm_text import Lanes
@@ -17,9 +19,8 @@ from skyarm.compile.native import Kernel
 from skyarm.dynamics import State
 from skyarm.dynamics.measurement import Measurement
 from skyarm.environment import Airspeed, DrydenMemory, dryden
-from skyarm.actuation import Command
-from skyarm.actuation.hover import hover_trim
 from skyarm.plant.compiled import RigidBodyPlant
+from skyarm.plant.interface import number
 from skyarm.scalars.philox import normal
 from skyarm.simulate.closed_loop import CHANNEL_TURBULENCE, Carry, Row, Sample, draws_needed, make_period, structure_of
 from skyarm.simulate.inputs import EpisodeInputs
@@ -33,7 +34,7 @@ def first_state(scenario: Scenario) -> State:
     if scenario.initial is not None:
         return scenario.initial
     start = scenario.trajectory.at(0.0)
-    return trimmed_state(scenario.world, start.position, float(start.yaw), tuple(start.joints))
+    return trimmed_state(scenario.world, start.position, number(start.yaw), tuple(start.joints))
 
 
 def first_carry(scenario: Scenario) -> Carry:
@@ -41,7 +42,7 @@ def first_carry(scenario: Scenario) -> Carry:
     state, rates = first_state(scenario), scenario.rates
     vehicle = scenario.world.vehicle
     efforts = hover_trim(vehicle, state.joints, scenario.world.gravity).efforts
-    standing = Command(rotor_speeds=state.rotor_speeds, efforts=tuple(float(effort) for effort in efforts))
+    standing = Command(rotor_speeds=state.rotor_speeds, efforts=tuple(number(effort) for effort in efforts))
     waiting = round(scenario.delays.command * rates.physics) // (rates.physics // rates.control)
     old = round(scenario.delays.measurement * rates.control)
     return Carry(

@@ -14,9 +14,11 @@ from skyarm.control.registry import Controller
 from skyarm.dynamics import State
 from skyarm.environment import NO_WIND, Wind
 from skyarm.files import number, shown
+from skyarm.plant.interface import number as data
 from skyarm.plant.rigid_body import INTEGRATORS, World
 from skyarm.plant.sensors import SensorNoise
 from skyarm.reference import Trajectory
+from skyarm.scalars import cos, sin
 from skyarm.vehicle.check import TOLERANCE, concrete, require_plant
 
 PLANTS = ("rigid_body", "mujoco")
@@ -202,11 +204,11 @@ def trimmed_state(world: World, position: Vec3, yaw: float, joints: tuple[Any, .
     trim = hover_trim(vehicle, joints, world.gravity)
     still = (0.0,) * vehicle.n
     return State(
-        position=Vec3(*(float(c) for c in position)),
-        quaternion=Quaternion(math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw)),
+        position=Vec3(*(data(c) for c in position)),
+        quaternion=Quaternion(cos(0.5 * yaw), 0.0, 0.0, sin(0.5 * yaw)),
         velocity=Vec3(0.0, 0.0, 0.0),
         rate=Vec3(0.0, 0.0, 0.0),
-        joints=tuple(float(q) for q in joints),
+        joints=tuple(data(q) for q in joints),
         joint_rates=still,
-        rotor_speeds=tuple(float(w) for w in trim.speeds),
+        rotor_speeds=tuple(data(w) for w in trim.speeds),
     )

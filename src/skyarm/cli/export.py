@@ -1,0 +1,84 @@
+"""``skyarm export-c``: which controller, for which vehicle, into which file."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from skyarm.actuation import AllocationError
+from skyarm.control.export import export_c
+from skyarm.control.model import Model
+from skyarm.control.presets import PRESETS, preset
+from skyarm.control.registry import LAWS, Controller, make_controller
+from skyarm.files import number, write_atomically
+from skyarm.simulate.scenario_file import list_scenarios, load_scenario
+from skyarm.vehicle.files import load_vehicle
+
+RATE = 200.0
+"""Hz, as the scenarios' own default."""
+
+
+def export(
+    controller: str,
+    file: Path,
+    *,
+    vehicle: str | None = None,
+    gravity: float = 9.81,
+    rate: float | None = None,
+    name: str | None = None,
+    single: bool = False,
+) -> str:
+    """Write a controller as a C file; returns one line on what was written.
+
+    Args:
+        controller: a preset or a law, built for the vehicle; or a scenario, whose controller is taken as it flies.
+        file: to write.
+        vehicle: what the controller believes in; a scenario brings its own.
+        gravity: m/s^2, believed; a scenario brings its own.
+        rate: Hz, of the control; 200, or the scenario's, if left out.
+        name: begins the names in the file; the controller's if left out.
+        single: float in place of double.
+
+    Raises:
+        ValueError, OSError: one line.
+    """
+    held = None if rate is None else number(rate, "--rate", low=0.0, strict=True)
+    if controller in PRESETS or controller in LAWS:
+        if vehicle is None:
+            raise ValueError(f"--vehicle: is missing; controller '{controller}' must know the vehicle it flies")
+        model = Model(vehicle=load_vehicle(vehicle), gravity=number(gravity, "--gravity", low=0.0))
+        chosen, title = _built(controller, model), controller
+    else:
+        if vehicle is not None:
+            _require_known(controller)
+            raise ValueError(f"--vehicle = {vehicle!r}: must be left out, scenario {controller!r} brings its own")
+        _require_known(controller)
+        planned = load_scenario(controller)
+        chosen, title = planned.controller, planned.name
+        held = held or float(planned.rates.control)
+    exported = export_c(chosen, name=name or _identifier(title), period=1.0 / (held or RATE), single=single)
+    written = write_atomically(file, exported.text.encode("ascii"))
+    return (
+        f"{written}: {exported.name}_step, {chosen.name} for {chosen.par.model.vehicle.name}, "
+        f"{exported.operations} operations in {'float' if single else 'double'}, {len(exported.parameters)} parameters"
+    )
+
+
+def _built(name: str, model: Model) -> Controller:
+    try:
+        return preset(name, model) if name in PRESETS else make_controller(name, model)
+    except AllocationError as error:
+        raise ValueError(f"--vehicle = {model.vehicle.name!r}: {error}") from None
+
+
+def _require_known(controller: str) -> None:
+    if controller not in list_scenarios() and Path(controller).suffix != ".toml":
+        raise ValueError(
+            f"controller = {controller!r}: must be a preset ({', '.join(sorted(PRESETS))}), a law "
+            f"({', '.join(sorted(LAWS))}), a scenario ({', '.join(list_scenarios())}) or a scenario's .toml file"
+        )
+
+
+def _identifier(title: str) -> str:
+    text = re.sub(r"[^A-Za-z0-9_]", "_", title)
+    return text if text[0].isalpha() else f"law_{text}"
