@@ -4,11 +4,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= out/paper
 
-.PHONY: reproduce test lint types clean help
+.PHONY: reproduce test bench lint types clean help
 
 help:
 	@echo "make reproduce   fly the paper's five experiments on both plants; results in $(OUT)"
 	@echo "make test        lint, types, import contract, every test"
+	@echo "make bench       measure every engine on this machine; numbers in out/bench.json"
 	@echo "make lint        ruff, mypy, import contract"
 
 $(VENV)/.core: pyproject.toml constraints.txt
@@ -31,6 +32,9 @@ lint: $(VENV)/.test
 
 test: lint
 	$(BIN)/pytest
+
+bench: $(VENV)/.core
+	$(BIN)/python -m skyarm bench --json out/bench.json
 
 clean:
 	rm -rf $(VENV) out build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

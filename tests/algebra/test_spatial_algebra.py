@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from engines import ENGINES, evaluate
-from skyarm.algebra import ArticulatedInertia, Force, Mat3, Motion, SpatialInertia, Sym3, Vec3
+from skyarm.algebra import ArticulatedInertia, Force, Mat3, Motion, SpatialInertia, Sym3, Vec3, axis_rotation
 from vehicles_random import array3, inertia33, random_body, random_quaternion, rotation_matrix
 
 ROUNDING = 1e-13
@@ -212,7 +212,7 @@ def test_a_joint_direction_is_eliminated_by_a_rank_one_update(engine):
         direction, a = Motion(Vec3(*x[21:24]), Vec3(*x[24:27])), Motion(Vec3(*x[27:30]), Vec3(*x[30:33]))
         A = articulated(x)
         U = A.apply(direction)
-        reduced = A.without(U, 1.0 / direction.dot(U))
+        reduced = A.without(direction, U, 1.0 / direction.dot(U))
         return [*wrench(reduced.apply(a)), *wrench(reduced.apply(direction))]
 
     found = evaluate(engine, function, lanes)
@@ -221,6 +221,50 @@ def test_a_joint_direction_is_eliminated_by_a_rank_one_update(engine):
         wanted = (A - np.outer(A @ s, A @ s) / (s @ A @ s)) @ a
         assert np.allclose(row[:6], wanted, rtol=0.0, atol=1e-12 * np.abs(A).max())
         assert np.allclose(row[6:], 0.0, rtol=0.0, atol=1e-12 * np.abs(A).max())
+
+
+@pytest.mark.parametrize("index", range(6))
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_coordinate_direction_is_eliminated_to_structural_zeros(engine, index, sign):
+    """What is left along the joint is nothing, exactly; the rest is the rank one update."""
+    rows, matrices = articulated_rows(3)
+    lanes = np.hstack([rows, RNG.normal(size=(3, 6))])
+    unit = [0] * 6
+    unit[index] = sign
+    direction = Motion(Vec3(*unit[:3]), Vec3(*unit[3:]))
+
+    def function(*x):
+        A, a = articulated(x), Motion(Vec3(*x[21:24]), Vec3(*x[24:27]))
+        U = A.apply(direction)
+        reduced = A.without(direction, U, 1.0 / direction.dot(U))
+        left = reduced.apply(direction)
+        assert all(type(c) is int and c == 0 for c in (*left.torque, *left.force))
+        return wrench(reduced.apply(a))
+
+    found = evaluate(engine, function, lanes)
+    for row, A, lane in zip(found, matrices, lanes, strict=True):
+        s, a = np.array(unit, dtype=float), lane[21:]
+        wanted = (A - np.outer(A @ s, A @ s) / (s @ A @ s)) @ a
+        assert np.allclose(row, wanted, rtol=0.0, atol=1e-12 * np.abs(A).max())
+
+
+@pytest.mark.parametrize("axis", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (0, -1, 0)])
+def test_an_articulated_inertia_turns_about_a_coordinate_axis_as_its_6x6_matrix(engine, axis):
+    """The shorter formulas for a rotation about a coordinate axis give what the general ones give."""
+    rows, matrices = articulated_rows(3)
+    lanes = np.hstack([rows, RNG.uniform(-3.0, 3.0, size=(3, 1)), RNG.normal(size=(3, 9))])
+
+    def function(*x):
+        R, p, a = axis_rotation(Vec3(*axis), x[21]), Vec3(*x[22:25]), Motion(Vec3(*x[25:28]), Vec3(*x[28:31]))
+        return wrench(articulated(x).into_parent(R, p).apply(a))
+
+    found = evaluate(engine, function, lanes)
+    Rotation = pytest.importorskip("scipy.spatial.transform").Rotation
+    for row, A, lane in zip(found, matrices, lanes, strict=True):
+        R = Rotation.from_rotvec(lane[21] * np.array(axis)).as_matrix()
+        X, a = motion_transform(R, lane[22:25]), lane[25:]
+        wanted = X.T @ A @ X @ a
+        assert np.allclose(row, wanted, rtol=0.0, atol=1e-12 * np.abs(wanted).max())
 
 
 def test_a_spatial_inertia_without_mass_needs_no_division():

@@ -88,6 +88,40 @@ class Mat3:
         """Transposed matrix times column."""
         return self.r0 * v.x + self.r1 * v.y + self.r2 * v.z
 
+    def cleared_row(self, i: int) -> Mat3:
+        """The matrix with a row of structural zeros."""
+        rows = list(self.rows)
+        rows[i] = Vec3(0, 0, 0)
+        return Mat3(*rows)
+
+    def turning_axis(self) -> int | None:
+        """Index of the coordinate axis that this rotation turns about by an angle that is data; None for any other.
+
+        A rotation of structural entries only, as the identity, is none: it folds away by itself.
+        """
+        rows = [tuple(row) for row in self.rows]
+        for k, (i, j) in enumerate(_OTHERS):
+            beside = (rows[k][i], rows[k][j], rows[i][k], rows[j][k])
+            still = type(rows[k][k]) is int and rows[k][k] == 1 and all(type(c) is int and c == 0 for c in beside)
+            if still and type(rows[i][i]) is not int:
+                return k
+        return None
+
+    def rotated(self, R: Mat3) -> Mat3:
+        """R A R^T; about a coordinate axis in two thirds of the operations, as trace and antisymmetry do not change."""
+        k = R.turning_axis()
+        if k is None:
+            return R @ self @ R.T
+        i, j = _OTHERS[k]
+        A, turn = [list(row) for row in self.rows], [tuple(row) for row in R.rows]
+        c, s = turn[i][i], turn[j][i]
+        antisymmetric = mul(0.5, sub(A[i][j], A[j][i]))
+        first, second, off = _turned(A[i][i], A[j][j], mul(0.5, add(A[i][j], A[j][i])), c, s)
+        A[i][i], A[j][j], A[i][j], A[j][i] = first, second, add(off, antisymmetric), sub(off, antisymmetric)
+        A[k][i], A[k][j] = _turned_pair(A[k][i], A[k][j], c, s)
+        A[i][k], A[j][k] = _turned_pair(A[i][k], A[j][k], c, s)
+        return Mat3(*(Vec3(*row) for row in A))
+
     def vee_antisymmetric(self) -> Vec3:
         """vee((A - A^T) / 2)."""
         return Vec3(
@@ -155,12 +189,42 @@ class Sym3:
         """Matrix times column."""
         return self.full().apply(v)
 
+    def cleared(self, i: int) -> Sym3:
+        """The matrix with a row and a column of structural zeros."""
+        full = self.full().cleared_row(i)
+        return Sym3.of_matrix(full.T.cleared_row(i).T)
+
     def rotated(self, R: Mat3) -> Sym3:
-        """R A R^T."""
+        """R A R^T; about a coordinate axis in half of the operations, as the trace does not change."""
+        k = R.turning_axis()
+        if k is not None:
+            i, j = _OTHERS[k]
+            A, turn = [list(row) for row in self.full().rows], [tuple(row) for row in R.rows]
+            c, s = turn[i][i], turn[j][i]
+            A[i][i], A[j][j], A[i][j] = _turned(A[i][i], A[j][j], A[i][j], c, s)
+            A[k][i], A[k][j] = _turned_pair(A[k][i], A[k][j], c, s)
+            A[j][i], A[i][k], A[j][k] = A[i][j], A[k][i], A[k][j]
+            return Sym3.of_matrix(Mat3(*(Vec3(*row) for row in A)))
         a = self.full() @ R.T
         r0, r1, r2 = R.rows
         c0, c1, c2 = (a.column(j) for j in range(3))
         return Sym3(r0.dot(c0), r1.dot(c1), r2.dot(c2), r0.dot(c1), r0.dot(c2), r1.dot(c2))
+
+
+_OTHERS = ((1, 2), (2, 0), (0, 1))
+"""The axes that a rotation about axis 0, 1, 2 turns into each other."""
+
+
+def _turned(first: Any, second: Any, off: Any, c: Any, s: Any) -> tuple[Any, Any, Any]:
+    """Entries of a symmetric 2x2 matrix turned by the angle with cosine c and sine s."""
+    cc, ss, cs = mul(c, c), mul(s, s), mul(c, s)
+    turned = sub(add(mul(cc, first), mul(ss, second)), mul(add(cs, cs), off))
+    return turned, sub(add(first, second), turned), add(mul(cs, sub(first, second)), mul(sub(cc, ss), off))
+
+
+def _turned_pair(x: Any, y: Any, c: Any, s: Any) -> tuple[Any, Any]:
+    """A vector of the plane turned by the angle with cosine c and sine s."""
+    return sub(mul(c, x), mul(s, y)), add(mul(s, x), mul(c, y))
 
 
 def axis_rotation(axis: Vec3, angle: Any) -> Mat3:

@@ -132,20 +132,26 @@ class ArticulatedInertia:
             self.J.apply(a.angular) + self.H.apply(a.linear), self.H.apply_T(a.angular) + self.M.apply(a.linear)
         )
 
-    def without(self, U: Force, inverse_d: Any) -> ArticulatedInertia:
-        """Joint direction eliminated: self - U U^T / d."""
+    def without(self, S: Motion, U: Force, inverse_d: Any) -> ArticulatedInertia:
+        """Joint direction S eliminated: self - U U^T / d with U = self S, d = S.U.
+
+        Nothing is left along S: where S is a coordinate axis, its row and column are exact zeros and become structure.
+        """
         n, f = U.torque, U.force
         ni, fi = n * inverse_d, f * inverse_d
-        return ArticulatedInertia(
-            self.J - _outer_symmetric(n, ni),
-            self.H - Mat3(f * ni.x, f * ni.y, f * ni.z),
-            self.M - _outer_symmetric(f, fi),
-        )
+        J, H = self.J - _outer_symmetric(n, ni), self.H - Mat3(f * ni.x, f * ni.y, f * ni.z)
+        M = self.M - _outer_symmetric(f, fi)
+        turning, sliding = S.angular.coordinate_axis(), S.linear.coordinate_axis()
+        if turning is not None:
+            return ArticulatedInertia(J.cleared(turning), H.cleared_row(turning), M)
+        if sliding is not None:
+            return ArticulatedInertia(J, H.T.cleared_row(sliding).T, M.cleared(sliding))
+        return ArticulatedInertia(J, H, M)
 
     def into_parent(self, R_PC: Mat3, p_PC: Vec3) -> ArticulatedInertia:
         """Move the inertia to the parent's origin, in parent axes."""
         J, M = self.J.rotated(R_PC), self.M.rotated(R_PC)
-        H = R_PC @ self.H @ R_PC.T
+        H = self.H.rotated(R_PC)
         S = Mat3.cross(p_PC)
         H_shifted = H + S @ M.full()
         # J' = J - H S - (H S)^T - S M S, with H' = H + S M:  J' = J + S H'^T ... written to use H' once

@@ -67,6 +67,12 @@ class Vec3:
             sub(mul(self.x, other.y), mul(self.y, other.x)),
         )
 
+    def coordinate_axis(self) -> int | None:
+        """Index of the axis this is, forwards or backwards, by structure; None for any other vector."""
+        marks = [type(c) is int and abs(c) for c in self]
+        zeros = sum(1 for c in self if type(c) is int and c == 0)
+        return marks.index(1) if zeros == 2 and 1 in marks else None
+
     def norm(self) -> Any:
         """Euclidean length."""
         return sqrt(self.dot(self))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from skyarm import __version__
 from skyarm.actuation import AllocationError
 from skyarm.control.export import export_c
 from skyarm.control.model import Model
@@ -23,7 +24,7 @@ def export(
     file: Path,
     *,
     vehicle: str | None = None,
-    gravity: float = 9.81,
+    gravity: float | None = None,
     rate: float | None = None,
     name: str | None = None,
     single: bool = False,
@@ -34,7 +35,7 @@ def export(
         controller: a preset or a law, built for the vehicle; or a scenario, whose controller is taken as it flies.
         file: to write.
         vehicle: what the controller believes in; a scenario brings its own.
-        gravity: m/s^2, believed; a scenario brings its own.
+        gravity: m/s^2, believed; 9.81 if left out, a scenario brings its own.
         rate: Hz, of the control; 200, or the scenario's, if left out.
         name: begins the names in the file; the controller's if left out.
         single: float in place of double.
@@ -45,18 +46,19 @@ def export(
     held = None if rate is None else number(rate, "--rate", low=0.0, strict=True)
     if controller in PRESETS or controller in LAWS:
         if vehicle is None:
-            raise ValueError(f"--vehicle: is missing; controller '{controller}' must know the vehicle it flies")
-        model = Model(vehicle=load_vehicle(vehicle), gravity=number(gravity, "--gravity", low=0.0))
-        chosen, title = _built(controller, model), controller
+            raise ValueError(f"--vehicle: is missing; controller {controller!r} must know the vehicle it flies")
+        felt = 9.81 if gravity is None else number(gravity, "--gravity", low=0.0)
+        chosen, title = _built(controller, Model(vehicle=load_vehicle(vehicle), gravity=felt)), controller
     else:
-        if vehicle is not None:
-            _require_known(controller)
-            raise ValueError(f"--vehicle = {vehicle!r}: must be left out, scenario {controller!r} brings its own")
         _require_known(controller)
+        for option, value in (("--vehicle", vehicle), ("--gravity", gravity)):
+            if value is not None:
+                raise ValueError(f"{option} = {value!r}: must be left out, scenario {controller!r} brings its own")
         planned = load_scenario(controller)
         chosen, title = planned.controller, planned.name
         held = held or float(planned.rates.control)
-    exported = export_c(chosen, name=name or _identifier(title), period=1.0 / (held or RATE), single=single)
+    period, generator = 1.0 / (held or RATE), f"skyarm {__version__}"
+    exported = export_c(chosen, name=name or _identifier(title), period=period, single=single, generator=generator)
     written = write_atomically(file, exported.text.encode("ascii"))
     return (
         f"{written}: {exported.name}_step, {chosen.name} for {chosen.par.model.vehicle.name}, "

@@ -1,4 +1,4 @@
-"""The command line: reproduce, run, list, show, export-c.
+"""The command line: reproduce, run, list, show, export-c, sweep, stats, bench.
 
 Wrong input gives one line on standard error and exit code 2, never a traceback.
 """
@@ -95,18 +95,22 @@ def list_() -> None:
 def show(
     vehicle: Annotated[str, typer.Argument(help="a vehicle file (.toml, .urdf) or the name of a shipped one")],
     gravity: Annotated[float, typer.Option(help="m/s^2")] = 9.81,
+    ops: Annotated[bool, typer.Option("--ops", help="count the operations of its equations instead")] = False,
 ) -> None:
     """Show a vehicle: mass, hover, arm reach.
 
     Mass, centre of mass, hover speed and thrust margin, arm reach, static joint torques, sources of the numbers.
     """
     from skyarm.actuation import AllocationError
-    from skyarm.cli.show import vehicle_sheet
+    from skyarm.cli.show import operations_sheet, vehicle_sheet
     from skyarm.files import number
     from skyarm.vehicle.files import load_vehicle
 
     number(gravity, "--gravity", low=0.0, strict=True)
     loaded = load_vehicle(vehicle)
+    if ops:
+        console.print(operations_sheet(loaded))
+        return
     try:
         console.print(vehicle_sheet(loaded, gravity))
     except AllocationError as error:
@@ -118,7 +122,7 @@ def export_c(
     controller: Annotated[str, typer.Argument(help="a preset, a law, or a scenario (its controller and belief)")],
     file: Annotated[Path, typer.Option("--out", "-o", help="the C file to write")],
     vehicle: Annotated[str | None, typer.Option(help="the vehicle that a preset or law believes in")] = None,
-    gravity: Annotated[float, typer.Option(help="m/s^2, believed by a preset or law")] = 9.81,
+    gravity: Annotated[float | None, typer.Option(help="m/s^2, believed by a preset or law; 9.81")] = None,
     rate: Annotated[float | None, typer.Option(help="Hz of the control; 200, or the scenario's")] = None,
     name: Annotated[str | None, typer.Option(help="begins the names in the file")] = None,
     single: Annotated[bool, typer.Option("--single", help="float in place of double")] = False,
@@ -128,6 +132,56 @@ def export_c(
 
     line = export(controller, file, vehicle=vehicle, gravity=gravity, rate=rate, name=name, single=single)
     console.print(line, soft_wrap=True)
+
+
+@app.command()
+def sweep(
+    study: Annotated[str, typer.Argument(help="a study file (.toml) or the name of a shipped one")],
+    out: Annotated[Path | None, typer.Option("--out", help="folder of the rows; out/NAME if left out")] = None,
+    threads: Annotated[int, typer.Option(help="threads that fly; 0 takes every core")] = 0,
+    ray: Annotated[str | None, typer.Option(help="address of a Ray cluster, or local")] = None,
+) -> None:
+    """Fly a study's episodes; rows as Parquet.
+
+    The same command continues what was interrupted.
+    """
+    from skyarm.cli.sweep import sweep as perform
+
+    if threads < 0:
+        raise ValueError(f"--threads = {threads}: must be at least 0")
+    perform(study, out, threads or _cores(), ray, console)
+
+
+@app.command()
+def stats(
+    folder: Annotated[Path, typer.Argument(help="folder that 'skyarm sweep' wrote")],
+    out: Annotated[Path | None, typer.Option("--out", help="folder of the results; FOLDER/stats if left out")] = None,
+    success: Annotated[
+        list[str] | None, typer.Option(help="METRIC=LARGEST of a success, in place of the study's")
+    ] = None,
+    map_: Annotated[tuple[str, str] | None, typer.Option("--map", help="two varied numbers, across and upward")] = None,
+    seed: Annotated[int, typer.Option(help="of the bootstrap")] = 0,
+) -> None:
+    """Success, quantiles, robustness maps of a sweep."""
+    from skyarm.cli.sweep import stats as perform
+
+    if seed < 0:
+        raise ValueError(f"--seed = {seed}: must be at least 0")
+    perform(folder, out, success, map_, seed, console)
+
+
+@app.command()
+def bench(
+    quick: Annotated[bool, typer.Option("--quick", help="fewer rounds, shorter flights: about a minute")] = False,
+    file: Annotated[Path | None, typer.Option("--json", help="write the numbers there too")] = None,
+) -> None:
+    """Measure every engine beside MuJoCo and others.
+
+    Speed as ratios from one interleaved run, accuracy, latency, start, operations; some minutes on an idle machine.
+    """
+    from skyarm.cli.bench import bench as perform
+
+    perform(file, quick, console)
 
 
 @app.callback(invoke_without_command=True)

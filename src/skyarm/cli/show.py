@@ -140,6 +140,16 @@ def vehicle_sheet(vehicle: Vehicle, gravity: float) -> RenderableType:
     return Group(sheet, Text(""), _titled("sources", sources))
 
 
+def operations_sheet(vehicle: Vehicle) -> RenderableType:
+    """Operations of a vehicle's equations and of a step of its plant."""
+    from skyarm.bench.counts import counts
+
+    table = _table("", "operations")
+    for what, count in counts(vehicle).items():
+        _rows(table, what, str(count))
+    return _titled(f"{vehicle.name}: additions, products, comparisons ... of one evaluation in calm air", table)
+
+
 def _hover_rows(table: Table, vehicle: Vehicle, gravity: float) -> None:
     if not vehicle.rotors:
         _rows(table, "rotors", "none")

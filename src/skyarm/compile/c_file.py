@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from skyarm.compile.c_source import FAST_MATH, Floats, helpers, statements
+from skyarm.compile.c_source import END_IEEE, KEEP_IEEE, Floats, helpers, statements
 from skyarm.compile.c_struct import Struct, comment, declaration, initialiser
 from skyarm.compile.lower import Lowered
 
@@ -78,7 +78,7 @@ class StepFile:
         body = [f"(void){key};" for key in (*read, self.output)]
         body += statements(self.program, floats, name, inputs, outputs)
         values = (structs["parameters"], structs["memory"])
-        lines = [f"#ifndef {name.upper()}_INTERFACE_ONLY", "#include <math.h>", "", FAST_MATH]
+        lines = [f"#ifndef {name.upper()}_INTERFACE_ONLY", "#include <math.h>", "", KEEP_IEEE]
         for constant, struct in zip(self._constants(), values, strict=True):
             lines += [f"{constant} = {initialiser(struct, floats)};", ""]
         lines += [
@@ -86,7 +86,7 @@ class StepFile:
             *(self._signature("step_with", tuned=True), "{", *(f"    {line}" for line in body), "}", ""),
             *(self._signature("step", tuned=False), "{"),
             f"    {name}_step_with(&{name}_default_parameters, {', '.join((*self.inputs, 'memory', self.output))});",
-            *("}", "#endif", ""),
+            *("}", "", END_IEEE, "#endif", ""),
         ]
         return "\n".join(lines)
 

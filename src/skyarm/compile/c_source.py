@@ -48,18 +48,34 @@ static {kind} {name}({kind} x)
 }}
 """,
 }
-"""Operations that C writes as a function; equal to those of :mod:`skyarm.scalars.floats`, subnormal numbers included."""
+"""Operations that C writes as a function, equal to :mod:`skyarm.scalars.floats`, subnormal numbers included."""
 
-FAST_MATH = """\
-#if defined(__FAST_MATH__)
-/* NaN must stay visible and every operation keep its rounding: fast-math is taken back for this file. */
+FAST = "#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)"
+
+KEEP_IEEE = f"""\
+{FAST}
+/* NaN must stay visible and every operation keep its rounding: fast-math is taken back for this code. */
 #if defined(__clang__)
+#pragma float_control(push)
 #pragma float_control(precise, on)
 #elif defined(__GNUC__)
+#pragma GCC push_options
 #pragma GCC optimize ("no-fast-math")
 #endif
 #endif
 """
+"""Before the code."""
+
+END_IEEE = f"""\
+{FAST}
+#if defined(__clang__)
+#pragma float_control(pop)
+#elif defined(__GNUC__)
+#pragma GCC pop_options
+#endif
+#endif
+"""
+"""After it: a program that includes the file keeps its own flags."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,6 +194,6 @@ def c_function(program: Lowered, name: str, *, single: bool = False) -> str:
     outputs = [f"y[{i}]" for i in range(len(program.outputs))]
     body = statements(program, floats, name, inputs, outputs)
     signature = f"void {name}(const {floats.kind} *x, {floats.kind} *y)"
-    lines = ["#include <math.h>", "", FAST_MATH, helpers(program, floats, name), f"{signature};", signature, "{"]
+    lines = ["#include <math.h>", "", KEEP_IEEE, helpers(program, floats, name), f"{signature};", signature, "{"]
     unused = ["    (void)x;", "    (void)y;"]  # a program of constants reads nothing
-    return "\n".join([*lines, *unused, *(f"    {line}" for line in body), "}", ""])
+    return "\n".join([*lines, *unused, *(f"    {line}" for line in body), "}", "", END_IEEE])

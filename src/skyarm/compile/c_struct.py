@@ -106,7 +106,9 @@ def make_struct(record: Any, notes: Mapping[str, str], name: Callable[[Place], s
     """Struct of a record.
 
     Args:
-        record: its leaves give the values. notes: comment by "Class.field". name: a member's name from a path.
+        record: its leaves give the values.
+        notes: comment by "Class.field".
+        name: a member's name from a path.
         keep: whether each leaf is wanted; a vector that is not wanted as a whole, or holds structure,
             falls into members of its own.
 

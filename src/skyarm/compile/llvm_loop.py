@@ -1,6 +1,7 @@
 """LLVM assembly of a stepped program: whole episodes of a block of lanes in one function.
 
-    void step_loop(carry*, parameters*, rows*, log*, keys*, first block, last block, steps, first step, lanes, log every)
+    void step_loop(carry*, parameters*, rows*, log*, keys*,
+                   first block, last block, steps, first step, lanes, log every)
 
 Lanes are the last axis of ``carry`` and ``parameters`` (structure of arrays); ``rows`` are shared by all lanes. What
 depends on parameters alone is computed once per block, before the loop.
@@ -13,7 +14,7 @@ from skyarm.compile.llvm_text import Lanes, Writer
 from skyarm.compile.loop import Loop
 from skyarm.compile.tracer import Node
 
-NAME = "step_loop"
+NAME, CALL = "step_loop", "step_call"
 
 
 def assembly(loop: Loop, lanes: Lanes, *, logging: bool) -> str:
@@ -26,7 +27,7 @@ def assembly(loop: Loop, lanes: Lanes, *, logging: bool) -> str:
     invariant, varying = _split(loop.program.nodes, parameters)
     writer.do(
         f"define void @{NAME}(ptr noalias %carry, ptr noalias %parameters, ptr noalias %rows, ptr noalias %log, "
-        "ptr noalias %keys, i64 %first, i64 %last, i64 %steps, i64 %start, i64 %lanes, i64 %every) {"
+        "ptr noalias %keys, i64 %first, i64 %last, i64 %steps, i64 %start, i64 %lanes, i64 %every) noinline {"
     )
     _open_blocks(writer)
     for i, node in enumerate(parameters):
@@ -69,7 +70,18 @@ def assembly(loop: Loop, lanes: Lanes, *, logging: bool) -> str:
         _store(writer, "%carry", i, f"%c{i}")
     writer.do("  br label %next")
     _close_blocks(writer)
-    return "\n".join([*writer.lines, *sorted(writer.intrinsics), ""])
+    return "\n".join([*writer.lines, *_call(), *sorted(writer.intrinsics), ""])
+
+
+def _call() -> list[str]:
+    """A second way in: one pointer to all eleven arguments, which a caller in a hurry prepares once."""
+    kinds = ["ptr"] * 5 + ["i64"] * 6
+    lines = [f"define void @{CALL}(ptr %arguments) {{"]
+    for k, kind in enumerate(kinds):
+        lines.append(f"  %at{k} = getelementptr i64, ptr %arguments, i64 {k}")
+        lines.append(f"  %a{k} = load {kind}, ptr %at{k}, align 8")
+    passed = ", ".join(f"{kind} %a{k}" for k, kind in enumerate(kinds))
+    return [*lines, f"  call void @{NAME}({passed})", "  ret void", "}"]
 
 
 def _split(nodes: tuple[Node, ...], parameters: tuple[Node, ...]) -> tuple[list[Node], list[Node]]:
@@ -79,7 +91,7 @@ def _split(nodes: tuple[Node, ...], parameters: tuple[Node, ...]) -> tuple[list[
     for node in nodes:
         if node.op == "input":
             continue
-        if node.op == "const" or all(arg.index in fixed for arg in node.args):
+        if node.op == "const" or (node.op != "slot" and all(arg.index in fixed for arg in node.args)):
             fixed.add(node.index)
             invariant.append(node)
         else:

@@ -23,8 +23,8 @@ def write_uniforms(writer: Writer, draws: Sequence[tuple[int, int]]) -> list[str
         writer: of the loop's function.
         draws: (channel, how many numbers) pairs.
 
-    The function has ``%keys`` = [seed, episode of every lane] as 64-bit integers, ``%episodes.ptr`` at this block's first
-    episode, and ``%step``.
+    The function has ``%keys`` = [seed, episode of every lane] as 64-bit integers, ``%episodes.ptr`` at this block's
+    first episode, and ``%step``.
     """
     width = writer.lanes.width
     words = f"<{width} x i64>"

@@ -6,6 +6,7 @@ import struct
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from skyarm.compile.repeat import arranged
 from skyarm.compile.tracer import Node
 
 ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
@@ -103,9 +104,37 @@ class Writer:
 
     def program(self, nodes: Iterable[Node]) -> None:
         """All operations of a lowered program; inputs must have names already."""
-        for node in nodes:
-            if node.index not in self.names:
+        for node, body in arranged(nodes):
+            if node.op == "repeat":
+                self._loop(node, body)
+            elif node.op == "item":
+                block = node.args[0]
+                self.names[node.index] = self.names[block.args[len(block.value[1]) + node.value].index]
+            elif node.index not in self.names:
                 self.names[node.index] = self._value(node)
+
+    def _loop(self, block: Node, body: Iterable[Node]) -> None:
+        """A repetition; its body is one basic block, and its results are the names of its last round."""
+        count, slots = block.value
+        label, vector = f"r{block.index}", self.lanes.vector
+        starts = [self.names[arg.index] for arg in block.args[: len(slots)]]
+        for k, slot in enumerate(slots):
+            self.names[slot.index] = f"%{label}.s{k}"
+        self.lines += [f"  br label %{label}.entry", f"{label}.entry:", f"  br label %{label}", f"{label}:"]
+        heads = len(self.lines)
+        self.program(body)
+        ends = [self.names[arg.index] for arg in block.args[len(slots) :]]
+        # phis come first in a block, but name what its end computes
+        phis = [f"  %{label}.i = phi i64 [ 1, %{label}.entry ], [ %{label}.next, %{label} ]"]
+        for k, (start, end) in enumerate(zip(starts, ends, strict=True)):
+            phis.append(f"  %{label}.s{k} = phi {vector} [ {start}, %{label}.entry ], [ {end}, %{label} ]")
+        self.lines[heads:heads] = phis
+        self.lines += [
+            f"  %{label}.next = add i64 %{label}.i, 1",
+            f"  %{label}.more = icmp slt i64 %{label}.i, {count}",
+            f"  br i1 %{label}.more, label %{label}, label %{label}.exit",
+            f"{label}.exit:",
+        ]
 
     def _value(self, node: Node) -> str:
         lanes, op = self.lanes, node.op
@@ -131,7 +160,8 @@ class Writer:
             return self.emit(f"select {lanes.mask} {args[0]}, {kind} {args[1]}, {kind} {args[2]}")
         if op in INTRINSIC:
             return self.intrinsic(INTRINSIC[op], *args)
-        return getattr(self, f"_{op}")(*args)
+        bitwise = {"power_of_two": self._power_of_two, "exponent": self._exponent, "mantissa": self._mantissa}
+        return bitwise[op](*args)
 
     def intrinsic(self, name: str, *args: str) -> str:
         """Call one of LLVM's vector intrinsics."""
@@ -144,6 +174,9 @@ class Writer:
         """2**k by writing k into the exponent; k + 1.5 * 2**(mantissa bits) has k in its lowest bits."""
         lanes = self.lanes
         shift, bias, magic = (23, 127, 12582912.0) if lanes.single else (52, 1023, 6755399441055744.0)
+        if lanes.single:
+            # exp halves k for the range of doubles; past that of floats it must be inf or 0, not a wrapped exponent
+            k = self.intrinsic("minnum", self.intrinsic("maxnum", k, lanes.constant(-127.0)), lanes.constant(128.0))
         moved = self.emit(f"fadd {lanes.vector} {k}, {lanes.constant(magic)}")
         bits = self.emit(f"bitcast {lanes.vector} {moved} to {lanes.integer}")
         up = self.emit(f"shl {lanes.integer} {bits}, {lanes.integers(shift)}")

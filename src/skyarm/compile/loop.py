@@ -44,18 +44,23 @@ def trace_loop(
     parameters: Any,
     row: Any,
     uniforms: tuple[tuple[int, int], ...] = (),
+    *,
+    loops: bool = False,
 ) -> Loop:
     """Trace step(carry, parameters, row, uniforms) -> (carry, log).
 
     Args:
         step: pure function of records; the carry it returns has the leaves of the one it takes.
-        carry, parameters, row: example records.
+        carry: example record of what a step hands to the next.
+        parameters: example record of constants per lane.
+        row: example record of the inputs of one step.
         uniforms: (channel, count) of the numbers uniform in (0, 1) that a step draws.
+        loops: keep repetitions as loops, for machine code and Python; other engines want them written out.
 
     Raises:
         ValueError: the step returns a carry with another number of scalars.
     """
-    graph = Graph()
+    graph = Graph(loops=loops)
     groups = [
         [graph.input(f"{name}{i}") for i, _ in enumerate(leaves(record))]
         for name, record in _named(carry, parameters, row)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from skyarm.compile.tracer import Graph, Node
 from skyarm.scalars.elementary import COMPOSED
@@ -24,16 +25,27 @@ class Lowered:
 
 def lower(inputs: Sequence[Node], nodes: Sequence[Node], outputs: Sequence[Node]) -> Lowered:
     """Write a program out in basic operations."""
-    target = Graph()
+    target = Graph(loops=True)
     made: dict[int, Node] = {node.index: target.input(node.value) for node in inputs}
     for node in nodes:
         args = [made[arg.index] for arg in node.args]
         if node.op == "const":
             made[node.index] = target.constant(node.value)
         elif node.op in COMPOSED:
-            made[node.index] = target.lift(COMPOSED[node.op](*args))
+            composed: Any = COMPOSED[node.op]
+            made[node.index] = target.lift(composed(*args))
         elif node.op in ("add", "sub", "mul", "neg"):
             made[node.index] = getattr(target, node.op)(*args)
+        elif node.op == "slot":
+            made[node.index] = target.slot()
+        elif node.op == "repeat":
+            count, slots = node.value
+            half = len(slots)
+            held = [made[slot.index] if slot.index in made else target.slot() for slot in slots]
+            items = target.repeat(count, held, args[:half], args[half:])
+            made[node.index] = items[0].args[0]
+        elif node.op == "item":
+            made[node.index] = target.item(args[0], node.value)
         elif node.op != "input":
             made[node.index] = target.call(node.op, *args)
     results = tuple(made[node.index] for node in outputs)

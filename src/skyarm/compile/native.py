@@ -1,7 +1,7 @@
 """Machine code: assembly compiled by LLVM for this processor, kept in a cache of object files, run on threads.
 
-Needs llvmlite, a core dependency. No C compiler is involved. The cache folder is ``SKYARM_CACHE`` if set, else the user's
-cache folder; an entry that is damaged or of another processor is simply built again.
+Needs llvmlite, a core dependency. No C compiler is involved. The cache folder is ``SKYARM_CACHE`` if set, else the
+user's cache folder; an entry that is damaged or of another processor is simply built again.
 """
 
 from __future__ import annotations
@@ -10,15 +10,17 @@ import ctypes
 import hashlib
 import os
 import sys
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
+from functools import lru_cache, partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.compile.llvm_loop import NAME, assembly
+from skyarm.compile.llvm_loop import CALL, NAME, assembly
 from skyarm.compile.llvm_text import Lanes
 from skyarm.compile.loop import Loop
 from skyarm.files import write_atomically
@@ -26,6 +28,8 @@ from skyarm.files import write_atomically
 Array = npt.NDArray[Any]
 
 SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 5, *[ctypes.c_int64] * 6)
+# keeps the interpreter's lock: giving it up and taking it again costs more than a step
+QUICK = ctypes.PYFUNCTYPE(None, ctypes.c_void_p)
 
 
 def _machine() -> Any:
@@ -55,13 +59,16 @@ def host_width(*, single: bool = False) -> int:
     return bits // (32 if single else 64)
 
 
-def cache_folder() -> Path:
-    """Where object files are kept."""
+def cache_folder() -> Path | None:
+    """Where object files are kept; None for a user without a home."""
     named = os.environ.get("SKYARM_CACHE")
     if named:
         return Path(named)
     home = os.environ.get("LOCALAPPDATA") if sys.platform == "win32" else os.environ.get("XDG_CACHE_HOME")
-    return Path(home) / "skyarm" if home else Path.home() / ".cache" / "skyarm"
+    try:
+        return Path(home) / "skyarm" if home else Path.home() / ".cache" / "skyarm"
+    except RuntimeError:
+        return None
 
 
 class Kernel:
@@ -78,6 +85,7 @@ class Kernel:
         self.logging = logging
         self._engine = _compiled(assembly(loop, self.lanes, logging=logging))
         self._call = SIGNATURE(self._engine.get_function_address(NAME))
+        self.quick = QUICK(self._engine.get_function_address(CALL))
 
     @property
     def dtype(self) -> Any:
@@ -99,8 +107,11 @@ class Kernel:
         """Step all lanes through all rows.
 
         Args:
-            carry: (carry, lanes). parameters: (parameters, lanes). rows: (steps, row).
-            seed, episodes: keys of the random numbers; lane k is episode k if left out.
+            carry: (carry, lanes).
+            parameters: (parameters, lanes).
+            rows: (steps, row), shared by all lanes.
+            seed: key of the random numbers.
+            episodes: (lanes,), the second key; lane k is episode k if left out.
             start: number of the first step, for the random numbers.
             threads: lanes are shared out in blocks; results do not depend on it.
             every: log each so many steps.
@@ -110,20 +121,20 @@ class Kernel:
         """
         lanes, width = carry.shape[1], self.lanes.width
         padded = -(-lanes // width) * width
-        c, p = self._padded(carry, self.loop.carry, padded), self._padded(parameters, self.loop.parameters, padded)
+        c = self._padded("carry", carry, (self.loop.carry, lanes), padded)
+        p = self._padded("parameters", parameters, (self.loop.parameters, lanes), padded)
         r = np.ascontiguousarray(rows, dtype=self.dtype)
         if r.ndim != 2 or r.shape[1] != self.loop.row:
             raise ValueError(f"rows: shape {r.shape}, allowed (steps, {self.loop.row})")
-        keys = np.zeros(1 + padded, dtype=np.uint64)
-        keys[0] = seed
-        numbers = np.arange(lanes) if episodes is None else np.asarray(episodes)
-        keys[1 : 1 + lanes] = numbers
+        if every < 1:
+            raise ValueError(f"every = {every}: must be at least 1")
+        keys = _keys(seed, np.arange(lanes) if episodes is None else np.asarray(episodes), lanes, padded)
         entries = -(-r.shape[0] // every) if self.logging else 0
         log = np.zeros((entries, self.loop.logged, padded), dtype=self.dtype)
         pointers = [a.ctypes.data for a in (c, p, r, log, keys)]
         blocks = padded // width
         shares = np.linspace(0, blocks, min(threads, blocks) * 4 + 1 if threads > 1 else 2).astype(int)
-        jobs = [(int(a), int(b)) for a, b in zip(shares[:-1], shares[1:], strict=True) if b > a]
+        jobs = [(int(a), int(b)) for a, b in pairwise(shares) if b > a]
 
         def work(job: tuple[int, int]) -> None:
             self._call(*pointers, *job, r.shape[0], start, padded, every)
@@ -136,14 +147,61 @@ class Kernel:
                 work(job)
         return c[:, :lanes], log[:, :, :lanes]
 
-    def _padded(self, values: Array, count: int, lanes: int) -> Array:
+    def _padded(self, name: str, values: Array, shape: tuple[int, int], lanes: int) -> Array:
         """A contiguous copy with the last lane repeated up to whole vectors."""
-        if values.ndim != 2 or values.shape[0] != count:
-            raise ValueError(f"shape {values.shape}, allowed ({count}, lanes)")
-        result = np.empty((count, lanes), dtype=self.dtype)
-        result[:, : values.shape[1]] = values
-        result[:, values.shape[1] :] = result[:, values.shape[1] - 1 : values.shape[1]]
+        if values.shape != shape:
+            raise ValueError(f"{name}: shape {values.shape}, allowed {shape}")
+        result = np.empty((shape[0], lanes), dtype=self.dtype)
+        result[:, : shape[1]] = values
+        result[:, shape[1] :] = result[:, shape[1] - 1 : shape[1]]
         return result
+
+
+class Stepper:
+    """One lane, one step a call, for a control loop in real time: about a microsecond, no memory is taken.
+
+    Args:
+        kernel: of width 1, with logging if outputs are wanted.
+        carry: first carry. parameters: constants.
+
+    Attributes:
+        carry, parameters, row, output: arrays that a step reads and writes in place.
+        step: the function without arguments that makes one. Random numbers are those of step 0 of seed and episode 0.
+    """
+
+    def __init__(self, kernel: Kernel, carry: Array, parameters: Array | None = None) -> None:
+        if kernel.lanes.width != 1:
+            raise ValueError(f"lanes.width = {kernel.lanes.width}: must be 1")
+        loop, dtype = kernel.loop, kernel.dtype
+        self.carry = np.array(carry, dtype=dtype)
+        self.parameters = np.array(() if parameters is None else parameters, dtype=dtype)
+        for name, values, count in (
+            ("carry", self.carry, loop.carry),
+            ("parameters", self.parameters, loop.parameters),
+        ):
+            if values.shape != (count,):
+                raise ValueError(f"{name}: shape {values.shape}, allowed ({count},)")
+        self.row, self.output = np.zeros(loop.row, dtype), np.zeros(loop.logged, dtype)
+        self._keys = np.zeros(2, dtype=np.uint64)
+        pointers = [a.ctypes.data for a in (self.carry, self.parameters, self.row, self.output, self._keys)]
+        # first block, last block, steps, first step, lanes, log every
+        self._arguments = np.array([*pointers, 0, 1, 1, 0, 1, 1], dtype=np.int64)
+        step = partial(kernel.quick, ctypes.c_void_p(self._arguments.ctypes.data))
+        # who keeps the function alone keeps its arrays and its machine code, too
+        step.__dict__["needs"] = (self, kernel)
+        self.step: Callable[[], None] = step
+
+
+def _keys(seed: int, episodes: Array, lanes: int, padded: int) -> Array:
+    """[seed, episode of every lane] as the generator takes them."""
+    if episodes.shape != (lanes,):
+        raise ValueError(f"episodes: shape {episodes.shape}, allowed ({lanes},)")
+    if lanes and (episodes.dtype.kind not in "iu" or episodes.min() < 0 or episodes.max() >= 2**32):
+        raise ValueError("episodes: must be whole numbers from 0 to 2**32 - 1")
+    keys = np.zeros(1 + padded, dtype=np.uint64)
+    keys[0] = seed
+    keys[1 : 1 + lanes] = episodes
+    return keys
 
 
 def _compiled(text: str) -> Any:
@@ -151,21 +209,32 @@ def _compiled(text: str) -> Any:
     import llvmlite
     import llvmlite.binding as llvm
 
-    machine = _machine()
-    identity = "\n".join((text, llvmlite.__version__, machine.triple, llvm.get_host_cpu_name(), _features()))
-    path = cache_folder() / f"{hashlib.sha256(identity.encode()).hexdigest()}.o"
-    content = _cached(path)
+    triple, cpu = llvm.get_default_triple(), llvm.get_host_cpu_name()
+    identity = "\n".join((text, llvmlite.__version__, triple, cpu, _features()))
+    folder = cache_folder()
+    path = folder / f"{hashlib.sha256(identity.encode()).hexdigest()}.o" if folder else None
+    content = _cached(path) if path else None
     if content is None:
-        module = llvm.parse_assembly(text)
-        module.verify()
-        builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=2))
-        builder.getModulePassManager().run(module, builder)
-        content = machine.emit_object(module)
-        _keep(path, content)
+        content = build(text)
+        if path:
+            _keep(path, content)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
     engine.add_object_file(llvm.ObjectFileRef.from_data(content))
     engine.finalize_object()
     return engine
+
+
+def build(text: str) -> bytes:
+    """Object code of a module for this processor."""
+    import llvmlite.binding as llvm
+
+    machine = _machine()
+    module = llvm.parse_assembly(text)
+    module.verify()
+    builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=2))
+    builder.getModulePassManager().run(module, builder)
+    content: bytes = machine.emit_object(module)
+    return content
 
 
 def _cached(path: Path) -> bytes | None:

@@ -9,6 +9,7 @@ from typing import Any
 
 from skyarm.compile.lower import Lowered, live, lower
 from skyarm.compile.records import leaves, mismatch, rebuild, shaped_like
+from skyarm.compile.repeat import arranged
 from skyarm.compile.tracer import Graph, Node
 from skyarm.scalars import floats
 
@@ -78,7 +79,19 @@ def _literal(value: Any) -> str:
     return "_nan" if math.isnan(value) else "_inf" if value > 0.0 else "(-_inf)"
 
 
+def _loop(block: Node, body: Sequence[Node], name: Callable[[Node], str], divide: str) -> list[str]:
+    """A repetition: its slots start, are read by the body and take what it made, all at once."""
+    count, slots = block.value
+    held = ", ".join(f"v{slot.index}" for slot in slots)
+    starts, ends = block.args[: len(slots)], block.args[len(slots) :]
+    lines = [f"    {held}, = {', '.join(map(name, starts))},", f"    for _ in range({count}):"]
+    lines += [f"        v{node.index} = {_expression(node, name, divide)}" for node in body]
+    return [*lines, f"        {held}, = {', '.join(map(name, ends))},"]
+
+
 def _expression(node: Node, name: Callable[[Node], str], divide: str) -> str:
+    if node.op == "item":
+        return f"v{node.args[0].value[1][node.value].index}"
     args = [name(arg) for arg in node.args]
     form = divide if node.op == "div" else _FORMS.get(node.op)
     return form.format(*args) if form else f"{node.op}({', '.join(args)})"
@@ -93,11 +106,11 @@ def python_source(program: Lowered, divide: str = "{0} / {1}", name: str = "prog
     live = {node.index for node in program.nodes}
     targets = ", ".join(f"v{node.index}" if node.index in live else "_" for node in program.inputs)
     lines = [f"def {name}(x):", f"    {targets}, = x"] if program.inputs else [f"def {name}(x):"]
-    lines += [
-        f"    v{node.index} = {_expression(node, variable, divide)}"
-        for node in program.nodes
-        if node.op not in ("input", "const")
-    ]
+    for node, body in arranged(program.nodes):
+        if node.op == "repeat":
+            lines += _loop(node, body, variable, divide)
+        elif node.op not in ("input", "const"):
+            lines.append(f"    v{node.index} = {_expression(node, variable, divide)}")
     results = "".join(f"{variable(node)}, " for node in program.outputs)
     return "\n".join([*lines, f"    return ({results})", ""])
 

@@ -145,10 +145,16 @@ class Node:
 
 
 class Graph:
-    """All nodes of one program, in the order of their creation, which is an order of evaluation."""
+    """All nodes of one program, in the order of their creation, which is an order of evaluation.
 
-    def __init__(self) -> None:
+    Args:
+        loops: keep a repetition (:mod:`skyarm.compile.repeat`) as a loop; else it is written out.
+    """
+
+    def __init__(self, *, loops: bool = False) -> None:
         self.nodes: list[Node] = []
+        self.loops = loops
+        self._loops_made = 0
         self._known: dict[Any, Node] = {}
 
     def input(self, name: str) -> Node:
@@ -212,6 +218,20 @@ class Graph:
         """Return -a; -(-a) becomes a."""
         x = self.lift(a)
         return x.args[0] if x.op == "neg" else self.call("neg", x)
+
+    def slot(self) -> Node:
+        """Make a place that holds a loop's start value, then what its last round left there."""
+        return self._make("slot", (), self._loops_made, ("slot", len(self.nodes)))
+
+    def repeat(self, count: int, slots: list[Node], starts: list[Node], ends: list[Node]) -> list[Node]:
+        """Close a loop over ``slots``; returns what its last round leaves in each."""
+        self._loops_made += 1
+        block = self._make("repeat", (*starts, *ends), (count, tuple(slots)), ("repeat", len(self.nodes)))
+        return [self.item(block, k) for k in range(len(slots))]
+
+    def item(self, block: Node, k: int) -> Node:
+        """What the last round of a loop left in its slot ``k``."""
+        return self._make("item", (block,), k, ("item", block.index, k))
 
     def _make(self, op: str, args: tuple[Node, ...], value: Any, key: Any) -> Node:
         found = self._known.get(key)

@@ -36,6 +36,8 @@ NOTES = {
     "Joint.position": "m, joint origin, axes of the parent link",
     "Joint.rotation": "joint axes to axes of the parent link",
     "Joint.effort_limit": "N m or N, largest effort of the joint",
+    "Frame.position": "m, a named frame (the tool), axes of its link",
+    "Frame.rotation": "axes of a named frame to those of its link",
     "GeometricGains.position": "N/m, Kp",
     "GeometricGains.velocity": "N s/m, Kv",
     "GeometricGains.attitude": "N m/rad, KR",

@@ -52,7 +52,7 @@ def forward_dynamics(
         U[i] = inertias[i].apply(S)
         inverse_d[i] = divide(1.0, S.dot(U[i]))
         u[i] = sub(joint_torques[i], S.dot(biases[i]))
-        reduced = inertias[i].without(U[i], inverse_d[i])
+        reduced = inertias[i].without(S, U[i], inverse_d[i])
         bias = biases[i] + reduced.apply(moving[i].products) + U[i] * mul(u[i], inverse_d[i])
         carried = reduced.into_parent(places[i].R, places[i].p)
         force = bias.into_parent(places[i].R, places[i].p)

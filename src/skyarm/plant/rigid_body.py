@@ -123,7 +123,7 @@ def step_euler(world: World, state: State, command: Command, wind: WindSample, d
     joint_rates = tuple(add(x, mul(dx, dt)) for x, dx in zip(state.joint_rates, rate.joint_rates, strict=True))
     return State(
         position=state.position + velocity * dt,
-        quaternion=(state.quaternion * Quaternion.of_rotation_vector(w * dt)).normalized(),
+        quaternion=(state.quaternion * Quaternion.of_small_rotation(w * dt)).renormalized(),
         velocity=velocity,
         rate=w,
         joints=tuple(add(x, mul(dx, dt)) for x, dx in zip(state.joints, joint_rates, strict=True)),

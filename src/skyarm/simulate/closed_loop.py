@@ -1,7 +1,7 @@
 """The closed loop as one pure function of a control period, for engines that step many episodes in native code.
 
-The same order as :func:`skyarm.simulate.loop.run`: check the state, read the sensors, run the law, count the metrics, let the
-commands that have arrived act for one period. An episode that has ended keeps the state it ended in.
+The same order as :func:`skyarm.simulate.loop.run`: check the state, read the sensors, run the law, count the metrics,
+let the commands that have arrived act for one period. An episode that has ended keeps the state it ended in.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import Any
 from skyarm.actuation import Command
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.compile import leaves, rebuild
+from skyarm.compile.repeat import repeat
 from skyarm.dynamics import State, frame_pose
 from skyarm.dynamics.measurement import Measurement
 from skyarm.environment import Airspeed, DrydenMemory, WindSample, dryden, wind
@@ -131,9 +132,9 @@ def make_period(scenario: Scenario, substeps: Callable[[float], int]) -> Period:
 
     def advance(state: State, command: Command, air: WindSample, seconds: float) -> State:
         count = substeps(seconds)
-        for _ in range(count):
-            state = STEP[scenario.integrator](scenario.world, state, command, air, seconds / count)
-        return state
+        return repeat(
+            count, lambda x: STEP[scenario.integrator](scenario.world, x, command, air, seconds / count), state
+        )
 
     def step(carry: Carry, row: Row, uniforms: tuple[Any, ...]) -> tuple[Carry, Sample]:
         state = carry.state

@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.compile import leaves, rebuild
+from skyarm.compile import leaves, rebuild, trace
+from skyarm.dynamics import State
 from skyarm.environment import Airspeed, WindSample, dryden, wind
+from skyarm.plant.interface import number
 from skyarm.plant.sensors import noise_count
 from skyarm.reference import Reference
 from skyarm.scalars.philox import normal
-from skyarm.simulate.scenario import Scenario
+from skyarm.simulate.scenario import Scenario, trimmed_state
 
 CHANNEL_SENSORS, CHANNEL_TURBULENCE = 0, 1
 """Channels of the noise generator; every engine draws the same numbers for (seed, episode, channel, step)."""
@@ -45,6 +47,14 @@ class EpisodeInputs:
     noise_example: tuple[Any, ...]
 
 
+def first_state(scenario: Scenario) -> State:
+    """The scenario's initial state, or hover trim at the reference."""
+    if scenario.initial is not None:
+        return scenario.initial
+    start = scenario.trajectory.at(0.0)
+    return trimmed_state(scenario.world, start.position, number(start.yaw), tuple(start.joints))
+
+
 def episode_inputs(scenario: Scenario) -> EpisodeInputs:
     """Tables of everything that does not depend on the flight."""
     ticks = np.arange(scenario.steps)
@@ -55,7 +65,7 @@ def episode_inputs(scenario: Scenario) -> EpisodeInputs:
     # an absurd reference overflows to inf or NaN and ends the episode as diverged, without a warning here
     with np.errstate(all="ignore"):
         held, continuous = scenario.trajectory.at(held_times), scenario.trajectory.at(times)
-        blowing = wind(scenario.wind, times, _turbulence(scenario))
+    blowing = _wind(scenario, times)
     noise, noise_example = _noise(scenario)
     return EpisodeInputs(
         times=times,
@@ -94,16 +104,32 @@ def _noise(scenario: Scenario) -> tuple[list[tuple[float, ...]], tuple[Any, ...]
     return [tuple(row) for row in draws.tolist()], (0.0,) * count
 
 
-def _turbulence(scenario: Scenario) -> Vec3:
-    """Turbulence velocity (arrays over the instants), stationary from the first on."""
+def _wind(scenario: Scenario, times: Any) -> WindSample:
+    """Wind as a record of arrays; in Python floats, whose cosine is that of every engine and not NumPy's."""
+    gusts = _turbulence(scenario)
+    program = trace(lambda clock, gust: wind(scenario.wind, clock[0], gust), (0.0,), _example(gusts[0]))
+    rows = [program.flat((time, *leaves(gust))) for time, gust in zip(times.tolist(), gusts, strict=True)]
+    sample: WindSample = program.record(rows[0])
+    return rebuild(sample, iter(np.array(rows, dtype=float).reshape(len(rows), -1).T))
+
+
+def _turbulence(scenario: Scenario) -> list[Vec3]:
+    """Turbulence velocity at each instant, stationary from the first on."""
     par = scenario.wind.turbulence if isinstance(scenario.wind, Airspeed) else None
     if par is None:
-        return ZERO3
+        return [ZERO3] * scenario.steps
     period = 1.0 / scenario.rates.control
-    draws = normal(scenario.seed, scenario.episode, CHANNEL_TURBULENCE, np.arange(scenario.steps + 2), 3).tolist()
-    memory = dryden.start(Vec3(*draws[0]), Vec3(*draws[1]), period, par=par)
-    rows = []
-    for draw in draws[2:]:
+    first, second = turbulence_start(scenario.seed, scenario.episode)
+    memory = dryden.start(first, second, period, par=par)
+    found = []
+    draws = normal(scenario.seed, scenario.episode, CHANNEL_TURBULENCE, np.arange(scenario.steps), 3)
+    for draw in draws.tolist():
         memory, velocity = dryden.step(memory, Vec3(*draw), period, par=par)
-        rows.append(tuple(velocity))
-    return Vec3(*np.array(rows, dtype=float).T)
+        found.append(velocity)
+    return found
+
+
+def turbulence_start(seed: int, episode: int) -> tuple[Vec3, Vec3]:
+    """Normal numbers that start the turbulence: steps -1 and -2 of its channel, the flight's own begin at step 0."""
+    draws = normal(seed, episode, CHANNEL_TURBULENCE, np.array([2**32 - 1, 2**32 - 2]), 3).tolist()
+    return Vec3(*draws[0]), Vec3(*draws[1])

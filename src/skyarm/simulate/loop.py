@@ -12,10 +12,10 @@ from skyarm.dynamics import State
 from skyarm.plant.compiled import RigidBodyPlant, example_command, example_state
 from skyarm.plant.interface import Plant, flat
 from skyarm.plant.sensors import measure
-from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
+from skyarm.simulate.inputs import EpisodeInputs, episode_inputs, first_state
 from skyarm.simulate.log import Log, Recorder
 from skyarm.simulate.monitor import Monitor
-from skyarm.simulate.scenario import Scenario, trimmed_state
+from skyarm.simulate.scenario import Scenario
 
 Progress = Callable[[int, int], None]
 
@@ -28,14 +28,6 @@ def make_plant(scenario: Scenario, inputs: EpisodeInputs) -> Plant:
 
         return MujocoPlant(scenario.world, inputs.wind_example, scenario.integrator, step)
     return RigidBodyPlant(scenario.world, inputs.wind_example, scenario.integrator, step)
-
-
-def first_state(scenario: Scenario) -> State:
-    """The scenario's initial state, or hover trim at the reference."""
-    if scenario.initial is not None:
-        return scenario.initial
-    start = scenario.trajectory.at(0.0)
-    return trimmed_state(scenario.world, start.position, float(start.yaw), tuple(start.joints))
 
 
 class _Loop:

@@ -21,20 +21,11 @@ from skyarm.dynamics.measurement import Measurement
 from skyarm.environment import Airspeed, DrydenMemory, dryden
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import number
-from skyarm.scalars.philox import normal
-from skyarm.simulate.closed_loop import CHANNEL_TURBULENCE, Carry, Row, Sample, draws_needed, make_period, structure_of
-from skyarm.simulate.inputs import EpisodeInputs
-from skyarm.simulate.scenario import Scenario, trimmed_state
+from skyarm.simulate.closed_loop import Carry, Row, Sample, draws_needed, make_period, structure_of
+from skyarm.simulate.inputs import EpisodeInputs, first_state, turbulence_start
+from skyarm.simulate.scenario import Scenario
 
 Array = npt.NDArray[np.float64]
-
-
-def first_state(scenario: Scenario) -> State:
-    """The scenario's initial state, or hover trim at the reference."""
-    if scenario.initial is not None:
-        return scenario.initial
-    start = scenario.trajectory.at(0.0)
-    return trimmed_state(scenario.world, start.position, number(start.yaw), tuple(start.joints))
 
 
 def first_carry(scenario: Scenario) -> Carry:
@@ -75,9 +66,7 @@ def _first_turbulence(scenario: Scenario) -> DrydenMemory | None:
     par = scenario.wind.turbulence if isinstance(scenario.wind, Airspeed) else None
     if par is None:
         return None
-    # steps -1 and -2 of the channel, so that the flight's own draws start at step 0
-    draws = normal(scenario.seed, scenario.episode, CHANNEL_TURBULENCE, np.array([2**32 - 1, 2**32 - 2]), 3).tolist()
-    return dryden.start(Vec3(*draws[0]), Vec3(*draws[1]), 1.0 / scenario.rates.control, par=par)
+    return dryden.start(*turbulence_start(scenario.seed, scenario.episode), 1.0 / scenario.rates.control, par=par)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +92,7 @@ def trace_scenario(scenario: Scenario, inputs: EpisodeInputs) -> Traced:
     def step(now: Carry, _parameters: Any, fed: Row, uniforms: Any) -> tuple[Carry, Sample]:
         return period(now, fed, uniforms)
 
-    loop = trace_loop(step, structure_of(carry), (), row, draws_needed(scenario))
+    loop = trace_loop(step, structure_of(carry), (), row, draws_needed(scenario), loops=True)
     return Traced(loop, carry, loop.result[1])
 
 
@@ -120,7 +109,8 @@ def fly(scenario: Scenario, inputs: EpisodeInputs, *, reference: bool = False) -
     """Fly one episode.
 
     Args:
-        scenario: on the rigid-body plant. inputs: its tables.
+        scenario: on the rigid-body plant.
+        inputs: its tables.
         reference: step in Python floats in place of machine code; the numbers are the same to the last bit.
     """
     traced = trace_scenario(scenario, inputs)

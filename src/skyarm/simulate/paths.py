@@ -1,9 +1,9 @@
 """Numbers of a scenario by dotted path, to vary them.
 
-A path starts with one of ``plant``, ``model``, ``controller``, ``environment.wind``, ``sensors``, ``initial``, ``reference`` and goes on
-through the fields of the records: ``plant.vehicle.base.mass``, ``plant.vehicle.links.forearm.joint.damping``,
-``controller.gains.position.x``, ``controller.joint_gains.stiffness.0``, ``environment.wind.force_W.x``. Items of a tuple
-are named by their number or, where they have one, by their name.
+A path starts with one of ``plant``, ``model``, ``controller``, ``environment.wind``, ``sensors``, ``initial``,
+``reference`` and goes on through the fields of the records: ``plant.vehicle.base.mass``,
+``plant.vehicle.links.forearm.joint.damping``, ``controller.gains.position.x``, ``controller.joint_gains.stiffness.0``,
+``environment.wind.force_W.x``. Items of a tuple are named by their number or, where they have one, by their name.
 """
 
 from __future__ import annotations
@@ -67,9 +67,14 @@ def number_at(scenario: Scenario, path: str) -> float:
 
 
 def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
-    """The scenario with other numbers at some paths; they may be traced. What is derived from them follows."""
+    """The scenario with other numbers at some paths; they may be traced. What is derived from them follows.
+
+    Raises:
+        ScenarioError: as :func:`number_at`.
+    """
     changed: Any = scenario
     for path, value in values.items():
+        number_at(scenario, path)
         changed = _replaced(changed, steps_of(path), value)
     if any(path.startswith("model.vehicle.rotors") for path in values):
         par = changed.controller.par

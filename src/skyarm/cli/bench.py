@@ -1,0 +1,28 @@
+"""``skyarm bench``: what it prints and writes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from rich.console import Console
+
+from skyarm.files import require_writable, write_atomically
+
+
+def bench(file: Path | None, quick: bool, console: Console) -> None:
+    """Measure, print, and write the numbers where they are wanted.
+
+    Raises:
+        OSError: the file cannot be written; said before anything is measured.
+    """
+    from skyarm.bench.report import measure, text
+
+    if file is not None:
+        require_writable(file.parent)
+    with console.status("measuring") as status:
+        found = measure(quick=quick, progress=lambda what: status.update(f"measuring: {what}"))
+    console.print(text(found), soft_wrap=True)
+    if file is not None:
+        write_atomically(file, (json.dumps(found, indent=1) + "\n").encode())
+        console.print(f"written: {file}", soft_wrap=True)

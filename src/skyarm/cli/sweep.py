@@ -1,0 +1,92 @@
+"""``skyarm sweep`` and ``skyarm stats``: what they print and write."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from skyarm.cli.progress import bar
+from skyarm.files import require_writable, write_atomically
+
+DPI = 160
+
+
+def sweep(study: str, out: Path | None, threads: int, ray: str | None, console: Console) -> None:
+    """Fly a study, or what is missing of it.
+
+    Raises:
+        ValueError, OSError: one line.
+    """
+    from skyarm.sweep import load_study, run_sweep
+
+    loaded = load_study(study)
+    folder = out or Path("out") / loaded.name
+    begin = time.perf_counter()
+    before: list[int] = []
+    with bar(loaded.name, console) as advance:
+
+        def progress(done: int, total: int) -> None:
+            if not before:
+                before.append(done)
+            rate = (done - before[0]) * len(loaded.scenarios) / max(time.perf_counter() - begin, 1e-9)
+            advance(done, total, f"{rate:.0f} flights/s")
+
+        summary = run_sweep(loaded, folder, threads=threads, ray=ray, progress=progress)
+    flights = summary.flown * len(loaded.scenarios)
+    known = f", {summary.found} episodes were there" if summary.found else ""
+    console.print(
+        f"{summary.rows} rows in {folder}: {loaded.episodes} episodes of {', '.join(loaded.scenarios)}; "
+        f"{flights} flights in {summary.seconds:.1f} s{known}",
+        soft_wrap=True,
+    )
+    console.print(f"next: skyarm stats {folder}", soft_wrap=True)
+
+
+def stats(
+    folder: Path,
+    out: Path | None,
+    success: list[str] | None,
+    paths: tuple[str, str] | None,
+    seed: int,
+    console: Console,
+) -> None:
+    """Write statistics of a study's rows: stats.json, report.html, a PNG for each map.
+
+    Raises:
+        ValueError, OSError: one line.
+    """
+    from skyarm.figures.embed import image_bytes
+    from skyarm.figures.robustness import robustness_figure
+    from skyarm.sweep.maps import robustness_maps
+    from skyarm.sweep.page import page
+    from skyarm.sweep.stats import Rows, parse_limits, statistics
+
+    rows = Rows(folder, parse_limits(success) if success else None)
+    maps = robustness_maps(rows, paths)
+    target = require_writable(out or folder / "stats")
+    found = statistics(rows, seed=seed)
+    images = {f"{each.controller}": image_bytes(robustness_figure(each), dpi=DPI) for each in maps}
+    for name, content in images.items():
+        write_atomically(target / f"map_{name}.png", content)
+    write_atomically(target / "stats.json", (json.dumps(found, indent=1, allow_nan=False) + "\n").encode())
+    write_atomically(target / "report.html", page(found, rows.manifest, images).encode())
+    console.print(_lines(found), soft_wrap=True)
+    console.print(f"statistics in {target}: report.html, stats.json{', map_*.png' if images else ''}", soft_wrap=True)
+
+
+def _lines(found: dict[str, Any]) -> str:
+    lines = []
+    for name, each in found["controllers"].items():
+        low, high = each["success_interval"]
+        ends = ", ".join(f"{count} {status}" for status, count in each["status"].items())
+        lines.append(f"{name}: success {each['success_rate']:.2%} [{low:.2%}, {high:.2%}]; {ends}")
+    for pair, each in found["paired"].items():
+        low, high = each["success_difference_interval"]
+        lines.append(f"{pair}: success {each['success_difference']:+.2%} [{low:+.2%}, {high:+.2%}] on the same draws")
+    if not found["complete"]:
+        lines.append(f"not complete yet: {found['episodes']} episodes so far")
+    return "\n".join(lines)

@@ -1,0 +1,98 @@
+"""Intervals of shares, quantiles and means: what a finite number of episodes lets one say."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from statistics import NormalDist
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+RESAMPLES = 2000
+
+GROUPS = 2**14
+"""Values that a mean is resampled from; more of them are first averaged in groups of equal size."""
+
+
+def wilson(successes: int, count: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Score interval of a share.
+
+    Args:
+        successes: of the trials.
+        count: of trials; the interval of none is (0, 1).
+        confidence: coverage.
+
+    Source: Wilson 1927, "Probable inference, the law of succession, and statistical inference".
+    """
+    if count == 0:
+        return 0.0, 1.0
+    z = NormalDist().inv_cdf(0.5 + 0.5 * confidence)
+    share = successes / count
+    scale = 1.0 + z * z / count
+    center = (share + z * z / (2.0 * count)) / scale
+    half = z / scale * math.sqrt(share * (1.0 - share) / count + z * z / (4.0 * count * count))
+    # at 0 and 1 the interval ends there; rounding may leave it 1e-17 off
+    low = 0.0 if successes == 0 else center - half
+    high = 1.0 if successes == count else center + half
+    return low, high
+
+
+def quantiles(values: Array, shares: Sequence[float]) -> list[float]:
+    """Quantiles as order statistics: of each, the smallest value that has at least this share at or below it."""
+    ordered = np.sort(values)
+    return [float(ordered[_rank(share, ordered.size) - 1]) for share in shares]
+
+
+def bootstrap_quantiles(
+    values: Array, shares: Sequence[float], seed: int = 0, confidence: float = 0.95, resamples: int = RESAMPLES
+) -> list[tuple[float, float]]:
+    """Percentile bootstrap intervals of quantiles.
+
+    The r-th smallest of n values drawn with replacement is the value at place ceil(n U) with U the r-th smallest of n
+    uniform numbers, which is Beta(r, n - r + 1): the resampled quantile is drawn without resampling the values.
+
+    Source: Efron 1979; Hutson, Ernst 2000, "The exact bootstrap mean and variance of an L-estimator".
+    """
+    ordered = np.sort(values)
+    n, generator = ordered.size, np.random.default_rng(seed)
+    found = []
+    for share in shares:
+        r = _rank(share, n)
+        places = np.ceil(n * generator.beta(r, n - r + 1, resamples)).astype(int)
+        found.append(_percentile(ordered[np.clip(places, 1, n) - 1], confidence))
+    return found
+
+
+def bootstrap_mean(
+    values: Array, seed: int = 0, confidence: float = 0.95, resamples: int = RESAMPLES
+) -> tuple[float, float]:
+    """Percentile bootstrap interval of a mean.
+
+    Source: Efron 1979.
+    """
+    groups = _grouped(values)
+    generator = np.random.default_rng(seed)
+    means = np.array([groups[generator.integers(0, groups.size, groups.size)].mean() for _ in range(resamples)])
+    return _percentile(means, confidence)
+
+
+def _rank(share: float, count: int) -> int:
+    return min(max(math.ceil(share * count), 1), count)
+
+
+def _percentile(resampled: Array, confidence: float) -> tuple[float, float]:
+    ordered = np.sort(resampled)
+    tail = 0.5 * (1.0 - confidence)
+    return float(ordered[_rank(tail, ordered.size) - 1]), float(ordered[_rank(1.0 - tail, ordered.size) - 1])
+
+
+def _grouped(values: Array) -> Array:
+    """The values, or means of neighbours; their spread of the mean is the same where neighbours are independent."""
+    size = -(-values.size // GROUPS)
+    if size == 1:
+        return values
+    whole = values.size // size * size
+    return np.asarray(values[:whole].reshape(-1, size).mean(axis=1))

@@ -1,0 +1,122 @@
+"""A study checked and compiled: what is known before the first episode flies."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.plant.stiffness import friction_rate
+from skyarm.simulate.batch import Batch
+from skyarm.simulate.paths import with_numbers
+from skyarm.simulate.scenario import Scenario
+from skyarm.sweep.design import extremes
+from skyarm.sweep.identity import identity
+from skyarm.sweep.study import Study, StudyError
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A study whose every extreme was checked; small, and sent whole to the processes that fly it.
+
+    Attributes:
+        study: as read.
+        stiffest: the plant whose joint friction bounds the integration step of all episodes.
+        facts: what the rows depend on: study, scenarios. digest: of the facts.
+    """
+
+    study: Study
+    stiffest: Scenario
+    facts: Mapping[str, Any]
+    digest: str
+
+    def batches(self) -> dict[str, Batch]:
+        """The closed loop of each controller in machine code."""
+        study = self.study
+        return {
+            label: Batch(
+                scenario,
+                study.paths,
+                windows=study.windows,
+                single=study.precision == "single",
+                exact=study.precision == "exact",
+                stiffest=self.stiffest,
+            )
+            for label, scenario in study.scenarios.items()
+        }
+
+
+def prepare(study: Study) -> Plan:
+    """Check the extremes that episodes of the study take.
+
+    Raises:
+        StudyError: a vehicle that cannot be, with the path and the value that make it so.
+    """
+    ends = extremes(study)
+    for scenario in study.scenarios.values():
+        for path, value in ((path, value) for path, pair in ends.items() for value in pair):
+            _changed(study, scenario, path, value)
+    facts = {
+        "study": json.loads(json.dumps(dict(study.document))),
+        "scenarios": {label: identity(scenario) for label, scenario in study.scenarios.items()},
+    }
+    # in the order of the file, since a number's place among the varied ones is the channel of its draws
+    digest = hashlib.sha256(json.dumps(facts).encode()).hexdigest()
+    return Plan(study, _stiffest(study, next(iter(study.scenarios.values())), ends), facts, digest)
+
+
+def _changed(study: Study, scenario: Scenario, path: str, value: float) -> Scenario:
+    try:
+        return with_numbers(scenario, {path: value})
+    except ValueError as error:
+        raise StudyError(f'{study.source}: vary."{path}" reaches {value:.6g}: {error}') from None
+
+
+def _stiffest(study: Study, scenario: Scenario, ends: Mapping[str, tuple[float, float]]) -> Scenario:
+    """The plant with the fastest joint friction, each number at the end that makes friction faster.
+
+    One end for each number is exact where friction grows or falls with each of them, as it does with damping and
+    masses; FRICTION_STEP leaves a margin of four for those that do neither.
+    """
+    worst: dict[str, float] = {}
+    rate = friction_rate(scenario.world.vehicle)
+    best, best_rate = scenario, rate
+    for path, pair in ends.items():
+        if not path.startswith("plant.vehicle."):
+            continue
+        for value in pair:
+            single = _changed(study, scenario, path, value)
+            found = _rate(study, path, value, single)
+            if found > rate:
+                worst[path] = value
+            if found > best_rate:
+                best, best_rate = single, found
+    for together in _valid(scenario, worst):
+        if _rate(study, "", 0.0, together) > best_rate:
+            best = together
+    return best
+
+
+def _rate(study: Study, path: str, value: float, scenario: Scenario) -> float:
+    try:
+        return friction_rate(scenario.world.vehicle)
+    except ValueError as error:
+        at = f'vary."{path}" reaches {value:.6g}' if path else "vary"
+        raise StudyError(f"{study.source}: {at}: {error}") from None
+
+
+def _valid(scenario: Scenario, values: Mapping[str, float]) -> Iterator[Scenario]:
+    """The scenario with these numbers, if such a vehicle can be: extremes of several need not come together."""
+    try:
+        yield with_numbers(scenario, values)
+    except ValueError:
+        return
+
+
+def at_episode(study: Study, label: str, values: Mapping[str, float], episode: int) -> Scenario:
+    """One episode of a study as a scenario of its own, for a single run that keeps its log."""
+    scenario = with_numbers(study.scenarios[label], {path: float(values[path]) for path in study.paths})
+    return dataclasses.replace(scenario, seed=study.seed, episode=episode)

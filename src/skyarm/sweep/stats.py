@@ -1,0 +1,187 @@
+"""Statistics of a study's rows: success, quantiles, and what one controller gains over another on the same draws."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Mapping
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.files import number, shown
+from skyarm.sweep.intervals import bootstrap_mean, bootstrap_quantiles, quantiles, wilson
+from skyarm.sweep.rows import arrow
+from skyarm.sweep.store import read_manifest, row_files
+from skyarm.sweep.study import StudyError
+
+Array = npt.NDArray[Any]
+
+SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
+
+BEFORE_METRICS = ("episode", "controller")
+AFTER_METRICS = ("status", "end_time")
+
+
+class Rows:
+    """A study's rows, read column by column; each column is ordered by episode.
+
+    Args:
+        folder: that ``skyarm sweep`` wrote.
+        success: metric -> largest value of a successful episode; the study's own if left out.
+
+    Raises:
+        StudyError: no such folder, no rows, or an unknown metric.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str], success: Mapping[str, float] | None = None) -> None:
+        arrow()
+        import pyarrow.dataset as ds
+
+        self.folder = Path(folder)
+        self.manifest = read_manifest(folder)
+        files = row_files(folder)
+        if not files:
+            raise StudyError(f"folder = {os.fspath(folder)!r}: must hold rows; 'skyarm sweep' has not finished a chunk")
+        self._data = ds.dataset([str(path) for path in files])
+        names = self._data.schema.names
+        self.parameters = tuple(self.manifest["study"].get("vary") or {})
+        skipped = (*BEFORE_METRICS, *self.parameters, *AFTER_METRICS)
+        self.metrics = tuple(name for name in names if name not in skipped)
+        self.controllers = tuple(self.manifest["scenarios"])
+        self.limits = dict(self.manifest["success"] if success is None else success)
+        for name in self.limits:
+            if name not in self.metrics:
+                raise StudyError(f"success.{name}: is no metric of these rows; there are {', '.join(self.metrics)}")
+        chosen = self._column("controller")
+        self._chosen = {controller: np.asarray(chosen == controller) for controller in self.controllers}
+        self.episodes = int(self._chosen[self.controllers[0]].sum())
+
+    def _column(self, name: str) -> Array:
+        column = self._data.to_table(columns=[name]).column(0)
+        return np.asarray(column.to_numpy(zero_copy_only=False))
+
+    def of(self, controller: str, name: str) -> Array:
+        """A column of one controller's rows."""
+        return np.asarray(self._column(name)[self._chosen[controller]])
+
+    def succeeded(self, controller: str) -> npt.NDArray[np.bool_]:
+        """True where the episode flew to its end within the limits."""
+        found = np.asarray(self.of(controller, "status") == "completed")
+        for name, limit in self.limits.items():
+            found = found & (self.of(controller, name) <= limit)
+        return np.asarray(found)
+
+
+def parse_limits(texts: list[str]) -> dict[str, float]:
+    """Limits of success from ``metric=value`` texts.
+
+    Raises:
+        StudyError: a text of another form.
+    """
+    found = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        try:
+            found[name.strip()] = number(float(value), name)
+        except ValueError:
+            raise StudyError(
+                f"--success = {shown(text)}: must be METRIC=LARGEST, such as position_error_mean=0.2"
+            ) from None
+    return found
+
+
+def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[str, Any]:
+    """Everything that is said about a study, as plain values.
+
+    Args:
+        rows: of the study.
+        seed: of the bootstrap.
+        confidence: coverage of all intervals.
+
+    Returns:
+        Success and quantiles of each controller, and differences of each pair. Metrics are those of episodes that flew
+        to their end; paired ones, of episodes that did so with both.
+    """
+    wins = {controller: rows.succeeded(controller) for controller in rows.controllers}
+    flew = {controller: rows.of(controller, "status") == "completed" for controller in rows.controllers}
+    found: dict[str, Any] = {
+        "schema": 1,
+        "study": rows.manifest["name"],
+        "complete": rows.manifest["complete"],
+        "episodes": rows.episodes,
+        "confidence": confidence,
+        "seed": seed,
+        "limits": rows.limits,
+        "controllers": {},
+        "paired": {},
+    }
+    for controller in rows.controllers:
+        counts = Counter(rows.of(controller, "status").tolist())
+        won = int(wins[controller].sum())
+        found["controllers"][controller] = {
+            "status": {status: counts[status] for status in sorted(counts)},
+            "successes": won,
+            "success_rate": won / rows.episodes,
+            "success_interval": wilson(won, rows.episodes, confidence),
+            "metrics": {},
+        }
+    pairs = list(combinations(rows.controllers, 2))
+    for one, other in pairs:
+        found["paired"][f"{one} - {other}"] = _success_difference(wins[one], wins[other], seed, confidence)
+    for metric in rows.metrics:
+        columns = {controller: rows.of(controller, metric) for controller in rows.controllers}
+        for controller, column in columns.items():
+            kept = column[flew[controller] & np.isfinite(column)]
+            found["controllers"][controller]["metrics"][metric] = _spread(kept, seed, confidence)
+        for one, other in pairs:
+            difference = columns[one] - columns[other]
+            kept = difference[flew[one] & flew[other] & np.isfinite(difference)]
+            found["paired"][f"{one} - {other}"]["metrics"][metric] = _paired(kept, seed, confidence)
+    return found
+
+
+def _spread(values: Array, seed: int, confidence: float) -> dict[str, Any] | None:
+    if not values.size:
+        return None
+    return {
+        "count": int(values.size),
+        "mean": float(values.mean()),
+        "quantiles": dict(zip(map(str, SHARES), quantiles(values, SHARES), strict=True)),
+        "intervals": dict(zip(map(str, SHARES), bootstrap_quantiles(values, SHARES, seed, confidence), strict=True)),
+    }
+
+
+def _paired(difference: Array, seed: int, confidence: float) -> dict[str, Any] | None:
+    """Mean and median of a difference, and how often the first is smaller (ties by half)."""
+    if not difference.size:
+        return None
+    smaller = int((difference < 0.0).sum()) + int((difference == 0.0).sum()) // 2
+    return {
+        "count": int(difference.size),
+        "mean": float(difference.mean()),
+        "mean_interval": bootstrap_mean(difference, seed, confidence),
+        "median": quantiles(difference, (0.5,))[0],
+        "median_interval": bootstrap_quantiles(difference, (0.5,), seed, confidence)[0],
+        "first_smaller": smaller / difference.size,
+        "first_smaller_interval": wilson(smaller, int(difference.size), confidence),
+    }
+
+
+def _success_difference(one: Array, other: Array, seed: int, confidence: float) -> dict[str, Any]:
+    counts = {
+        "both": int((one & other).sum()),
+        "only_first": int((one & ~other).sum()),
+        "only_second": int((~one & other).sum()),
+        "neither": int((~one & ~other).sum()),
+    }
+    difference = one.astype(float) - other.astype(float)
+    return {
+        "success": counts,
+        "success_difference": float(difference.mean()),
+        "success_difference_interval": bootstrap_mean(difference, seed, confidence),
+        "metrics": {},
+    }

@@ -1,0 +1,69 @@
+"""A study: which numbers of a scenario vary, how, and how many episodes fly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from skyarm.simulate.scenario import Scenario
+from skyarm.simulate.totals import Windows
+from skyarm.sweep.distributions import Distribution, Values
+
+DESIGNS = ("random", "grid", "sobol")
+PRECISIONS = ("double", "single", "exact")
+
+
+class StudyError(ValueError):
+    """A study's description is wrong, or its folder holds another one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """Everything that fixes the rows of a sweep.
+
+    Attributes:
+        name: short name. title: one line for people. source: what messages call it.
+        scenarios: label of the controller -> scenario it flies; all of them fly the same draws.
+        vary: dotted path -> its distribution, in the order of the file.
+        design: "random", "grid" or "sobol".
+        episodes: how many, numbered from 0. seed: of draws and noise. chunk: episodes of one file.
+        precision: "double", "single", or "exact" (double without fused multiply-add: the same bits on every processor).
+        windows: of the metrics.
+        success: metric -> largest value of a successful episode; it has to fly to its end in any case.
+        document: the fields that the rows depend on, as plain values.
+    """
+
+    name: str
+    title: str = ""
+    source: str = "study"
+    scenarios: Mapping[str, Scenario]
+    vary: Mapping[str, Distribution]
+    design: str = "random"
+    episodes: int
+    seed: int = 0
+    chunk: int = 4096
+    precision: str = "double"
+    windows: Windows = Windows()
+    success: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    document: Mapping[str, Any]
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """Dotted paths that vary, in order."""
+        return tuple(self.vary)
+
+    @property
+    def axes(self) -> dict[str, Values]:
+        """Paths whose values a grid design multiplies."""
+        return {path: d for path, d in self.vary.items() if isinstance(d, Values)} if self.design == "grid" else {}
+
+    @property
+    def chunks(self) -> int:
+        """How many files the rows take."""
+        return -(-self.episodes // self.chunk)
+
+    def span(self, index: int) -> range:
+        """Episodes of a chunk."""
+        return range(index * self.chunk, min((index + 1) * self.chunk, self.episodes))

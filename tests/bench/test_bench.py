@@ -1,0 +1,131 @@
+"""The benchmark's own arithmetic; what it measures is never asserted."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from skyarm.bench import contest as room
+from skyarm.bench import counts, machine, ours, report
+from skyarm.bench.accuracy import accuracy
+from skyarm.bench.contest import Contender, contest
+from skyarm.bench.latency import latency
+from skyarm.compile.llvm_text import Lanes
+from skyarm.compile.native import Kernel
+from skyarm.simulate.scenario_file import load_scenario
+from skyarm.vehicle.files import load_vehicle
+
+
+@pytest.fixture(autouse=True)
+def _cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("SKYARM_CACHE", str(tmp_path))
+
+
+def test_contenders_run_in_turn_and_ratios_are_taken_within_a_round(monkeypatch):
+    """A clock that we turn: B always takes a quarter of A's time, though the machine slows down by the round."""
+    now, order, slowness = [0.0], [], {"A": 1.0, "B": 0.25}
+    monkeypatch.setattr(room.time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(room.time, "process_time", lambda: 2.0 * now[0])
+
+    def runner(name):
+        def run():
+            order.append(name)
+            now[0] += slowness[name] * (1 + order.count(name))
+            return 6.0
+
+        return Contender(name, name, run)
+
+    a, b = contest([runner("A"), runner("B")], rounds=3)
+    assert order == ["A", "B"] * 4
+    assert (a.ratio, b.ratio, b.low, b.high) == (1.0, 4.0, 4.0, 4.0)
+    assert b.work_ratio == 4.0
+    assert a.work_rate == 0.5 * a.rate
+    # 6 s simulated; the first, uncounted round took 2 s, the others 3, 4, 5
+    assert a.rate == 6.0 / 4.0
+
+
+def test_a_flight_flies_its_lanes_through_the_whole_scenario():
+    scenario = load_scenario("case2", duration=0.1)
+    flight = ours.Flight.of(scenario, ours.steps_of(scenario))
+    carry, parameters = flight.lanes(5)
+    assert carry.shape[1] == parameters.shape[1] == 5
+    assert np.all(np.abs(parameters / flight.parameters[:, None] - 1.0) <= 0.02)
+    kernel = Kernel(flight.loop, Lanes(1))
+    end, _ = kernel.run(carry, parameters, flight.rows)
+    assert end[1].tolist() == [20.0] * 5
+    assert flight.runner(kernel, 5, 1)() == pytest.approx(0.5)
+
+
+def test_rk4_strays_less_than_euler_and_double_less_than_single():
+    found = accuracy(load_scenario("case2"), 0.5)
+    assert 0.0 < found["rk4 f64 exact"] < 1e-6
+    assert found["rk4 f64 exact"] < found["rk4 f32"]
+    assert found["rk4 f64 exact"] < 0.1 * found["euler f64 exact"]
+    assert found["euler f64 exact"] < 1e-2
+
+
+def test_latency_reports_medians_below_percentiles():
+    found = latency(load_scenario("case2"), 400)
+    assert set(found) == {"clock", "compiled", "python"}
+    assert all(0.0 < v["p50_us"] <= v["p99_us"] for v in found.values())
+
+
+def test_counts_fall_where_a_vehicle_has_no_arm():
+    bare, armed = counts.counts(load_vehicle("hummingbird")), counts.counts(load_vehicle("hummingbird_arm2_rotors"))
+    assert set(bare) == set(armed)
+    assert all(bare[name] < armed[name] for name in bare)
+    assert "euler step" not in counts.counts(load_vehicle("hummingbird_arm2"))
+
+
+def test_operations_of_the_truth_vehicle_do_not_creep_up():
+    """Budgets of the general tree code, measured when they were set: raise them only with a reason."""
+    found = counts.counts(load_vehicle("hummingbird_arm2_rotors"))
+    assert found["forward dynamics"] <= 350
+    assert found["inverse dynamics"] <= 233
+    assert found["euler step"] <= 793
+    assert found["rk4 step"] <= 2886
+
+
+def test_growth_measures_arms_of_any_length():
+    rows = counts.growth(load_vehicle("hexarotor_arm6"), (0, 1))
+    assert [row["joints"] for row in rows] == [0, 1]
+    assert rows[0]["operations"] < rows[1]["operations"]
+
+
+def test_the_machine_is_described():
+    found = machine.describe()
+    assert found["cores"] >= 1
+    assert found["processor"]
+    json.dumps(found)
+
+
+def test_the_report_shows_every_number_it_is_given():
+    score = {
+        "name": "engine",
+        "what": "words",
+        "rate": 10.0,
+        "ratio": 2.0,
+        "low": 1.5,
+        "high": 2.5,
+        "work_rate": 5.0,
+        "work_ratio": 3.0,
+    }
+    about = {"processor": "cpu", "llvm_processor": "x", "cores": 2, "lanes_f64": 8, "python": "3", "mujoco": "3"}
+    text = report.text(
+        {
+            "machine": about,
+            "scenario": {"name": "case", "rounds": 3},
+            "speed": [score],
+            "long_arm": [score],
+            "accuracy_m": {"rk4": 1.5e-9},
+            "latency": {"compiled": {"p50_us": 0.25, "p99_us": 0.31}},
+            "start_s": {"empty_cache": 0.5},
+            "operations": {"vehicle": {"euler step": 819}},
+            "growth": [{"joints": 12, "operations": 25000, "code_kB": 223, "trace_s": 0.24, "compile_s": 1.6}],
+            "not_installed": ["crazyflow"],
+        }
+    )
+    for piece in ("engine", "2x", "3x", "1.50e-09", "0.25", "0.31", "0.50", "819", "25000", "crazyflow"):
+        assert piece in text

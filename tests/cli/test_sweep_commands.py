@@ -1,0 +1,70 @@
+"""``skyarm sweep`` and ``skyarm stats`` as a user types them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from test_cli_errors import refused, skyarm
+
+pytest.importorskip("pyarrow")
+
+STUDY = """
+schema = 1
+name = "quick"
+scenario = "case3_wind"
+controllers = ["paper_ct", "paper_pd"]
+duration = 0.5
+episodes = 24
+chunk = 10
+[windows]
+steady = [0.2, 0.5]
+[vary]
+"plant.vehicle.base.mass" = { uniform = [0.6, 0.9] }
+"environment.wind.force_W.x" = { normal = [1.0, 0.5] }
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "study.toml").write_text(STUDY)
+    return tmp_path
+
+
+def test_a_study_is_flown_continued_and_summed_up(folder: Path) -> None:
+    first = skyarm("sweep", "study.toml", "--threads", "1")
+    assert first.code == 0, first.err
+    assert "48 rows in out/quick: 24 episodes of paper_ct, paper_pd; 48 flights" in first.out.replace("\\", "/")
+    (folder / "out" / "quick" / "rows" / "chunk_0000001.parquet").unlink()
+    second = skyarm("sweep", "study.toml")
+    assert "20 flights" in second.out
+    assert "14 episodes were there" in second.out
+    summed = skyarm("stats", "out/quick", "--success", "position_error_mean=0.5")
+    assert summed.code == 0, summed.err
+    assert "paper_ct - paper_pd: success" in summed.out
+    made = {path.name for path in (folder / "out" / "quick" / "stats").iterdir()}
+    assert made == {"report.html", "stats.json", "map_paper_ct.png", "map_paper_pd.png"}
+    found = json.loads((folder / "out" / "quick" / "stats" / "stats.json").read_text())
+    assert (found["schema"], found["episodes"], found["limits"]) == (1, 24, {"position_error_mean": 0.5})
+
+
+def test_wrong_input_is_one_line_and_flies_nothing(folder: Path) -> None:
+    refused(skyarm("sweep", "nothing"), "study = 'nothing'", "shipped studies are robustness")
+    refused(skyarm("sweep", "study.toml", "--threads", "-1"), "--threads = -1", "at least 0")
+    (folder / "wrong.toml").write_text(STUDY.replace("base.mass", "base.weight"))
+    refused(skyarm("sweep", "wrong.toml"), "wrong.toml", "base.weight", "there are mass, com")
+    (folder / "light.toml").write_text(STUDY.replace("[0.6, 0.9]", "[-0.6, 0.9]"))
+    refused(skyarm("sweep", "light.toml"), "light.toml", "base.mass", "reaches -0.", "at least 0")
+    refused(skyarm("stats", "nowhere"), "folder = 'nowhere'", "skyarm sweep")
+    assert not (folder / "out").exists()
+
+
+def test_a_changed_study_and_a_wrong_statistic_are_one_line(folder: Path) -> None:
+    assert skyarm("sweep", "study.toml").code == 0
+    (folder / "study.toml").write_text(STUDY.replace("episodes = 24", "episodes = 25"))
+    refused(skyarm("sweep", "study.toml"), "study.toml: episodes = 25: must be 24", "choose another --out")
+    refused(skyarm("stats", "out/quick", "--success", "speed=1"), "success.speed", "there are position_error_mean")
+    refused(skyarm("stats", "out/quick", "--map", "plant.vehicle.base.mass", "x"), "--map = 'x'", "varied number")
+    refused(skyarm("stats", "out/quick", "--seed", "-1"), "--seed = -1", "at least 0")

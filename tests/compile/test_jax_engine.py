@@ -1,0 +1,378 @@
+"""Stepped programs on JAX equal the Python floats, draw the same numbers, and have right derivatives."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+jax = pytest.importorskip("jax")
+
+# ruff: noqa: E402  the engine needs the library
+from skyarm.compile import shaped_like, trace
+from skyarm.compile.jax_engine import JaxKernel, jax_loop
+from skyarm.compile.jax_gradient import gradient
+from skyarm.compile.jax_operations import evaluate
+from skyarm.compile.jax_random import uniforms
+from skyarm.compile.loop import trace_loop
+from skyarm.compile.repeat import repeat
+from skyarm.scalars import absolute, acos, atan2, divide, exp, floor, philox, sqrt, tan, tanh, where
+from skyarm.scalars import log as ln
+from skyarm.scalars.functions import copysign
+from stepped_flights import (
+    CONSTANTS,
+    CONTROLLER,
+    DRAWS,
+    PENDULUM,
+    TILTED,
+    euler_step,
+    flight_lanes,
+    flight_row,
+    flight_rows,
+    flight_step,
+    flown_in_python,
+    lanes_of,
+    pendulum_step,
+    tracking,
+)
+
+
+@pytest.fixture(autouse=True)
+def _double():
+    with jax.enable_x64(True):
+        yield
+
+
+def pendulum(**options):
+    return jax_loop(pendulum_step, PENDULUM, CONSTANTS, (0.0,), DRAWS, **options)
+
+
+def pendulum_lanes(lanes):
+    return lanes_of(PENDULUM, 0.5, lanes, 1), lanes_of(CONSTANTS, 0.5, lanes, 2)
+
+
+TORQUES = np.sin(np.arange(120) / 7.0)[:, None]
+
+
+@pytest.mark.parametrize(("lanes", "block", "threads"), [(1, 64, 1), (5, 2, 1), (5, 2, 2), (7, None, 1)])
+def test_noisy_pendulums_equal_the_python_floats_lane_by_lane(lanes, block, threads):
+    """Tolerance: XLA may contract a * b + c; 120 damped steps of numbers below 3 gather a few hundred roundings."""
+    kernel = pendulum(lanes_per_block=block, logging=True)
+    carry, parameters = pendulum_lanes(lanes)
+    episodes = 4_000_000_000 + np.arange(lanes) * 3
+    keys = {"seed": 2**63 + 5, "start": 17}
+    found, log = kernel.run(carry, parameters, TORQUES, episodes=episodes, threads=threads, **keys)
+    assert log.shape == (120, 2, lanes)
+    for k in range(lanes):
+        expected, entries = flown_in_python(
+            kernel.loop, carry[:, k], parameters[:, k], TORQUES, episode=int(episodes[k]), **keys
+        )
+        np.testing.assert_allclose(found[:, k], expected, rtol=0, atol=1e-13)
+        np.testing.assert_allclose(log[:, :, k], entries, rtol=0, atol=1e-13)
+
+
+def test_a_lane_has_the_same_bits_in_any_company():
+    """Blocks of one width are one program: other lanes, their number and the threads change nothing."""
+    kernel = pendulum(lanes_per_block=4)
+    carry, parameters = pendulum_lanes(11)
+    alone = kernel.run(carry, parameters, TORQUES)[0]
+    assert np.array_equal(kernel.run(carry, parameters, TORQUES, threads=2)[0], alone)
+    few = kernel.run(carry[:, 3:7], parameters[:, 3:7], TORQUES, episodes=np.arange(3, 7))[0]
+    assert np.array_equal(few, alone[:, 3:7])
+
+
+def test_a_diverged_lane_stays_visible_and_leaves_its_neighbours_untouched():
+    kernel = pendulum(lanes_per_block=4)
+    carry, parameters = pendulum_lanes(6)
+    clean = kernel.run(carry, parameters, TORQUES)[0]
+    spoiled = parameters.copy()
+    spoiled[1, 2] = -1e9  # damping that doubles the rate a million times over
+    found = kernel.run(carry, spoiled, TORQUES)[0]
+    assert not np.isfinite(found[:, 2]).all()
+    others = [0, 1, 3, 4, 5]
+    assert np.array_equal(found[:, others], clean[:, others])
+
+
+@pytest.mark.parametrize("every", [3, 50, 1000])
+def test_a_decimated_log_holds_every_nth_entry(every):
+    kernel = pendulum(logging=True, lanes_per_block=2)
+    carry, parameters = pendulum_lanes(3)
+    (final, full), (same, log) = (kernel.run(carry, parameters, TORQUES, every=n) for n in (1, every))
+    assert np.array_equal(final, same)
+    assert np.array_equal(log, full[::every])
+
+
+def test_single_precision_needs_no_64_bit_numbers_and_stays_within_its_digits():
+    """Tolerance: 120 steps of 6e-8 each on numbers below 3."""
+    carry, parameters = pendulum_lanes(3)
+    with jax.enable_x64(False):
+        kernel = pendulum(single=True)
+        found = kernel.run(carry, parameters, TORQUES, seed=5)[0]
+    assert found.dtype == np.float32
+    for k in range(3):
+        expected, _ = flown_in_python(kernel.loop, carry[:, k], parameters[:, k], TORQUES, seed=5, episode=k)
+        np.testing.assert_allclose(found[:, k], expected, rtol=0, atol=3e-5)
+
+
+@pytest.mark.parametrize("single", [False, True])
+def test_uniform_numbers_equal_philox_to_the_bit(single):
+    """Single precision is the double rounded once."""
+    dtype = np.float32 if single else np.float64
+    episodes = np.array([0, 1, 7, 2**31, 2**32 - 1] * 400, dtype=np.uint32)
+    steps = np.arange(2000, dtype=np.uint32) * np.uint32(2_147_483)
+    seed = 0xFEDCBA9876543210
+    words = np.array([seed & 0xFFFFFFFF, seed >> 32], dtype=np.uint32)
+    with jax.enable_x64(not single):
+        draw = jax.vmap(lambda e, s: uniforms(words, e, s, ((2, 5), (9, 2)), dtype))
+        found = jax.jit(draw)(episodes, steps)
+    expected = [philox.uniforms(seed, episodes, channel, steps, count) for channel, count in ((2, 5), (9, 2))]
+    assert np.array_equal(np.array(found).T, np.concatenate(expected, axis=-1).astype(dtype))
+
+
+def test_single_uniforms_round_ties_and_tiny_numbers_as_the_double_does():
+    """Words chosen so that the 53 bits end just at, above and below a tie of 24 bits, at every magnitude."""
+    from skyarm.compile.jax_random import _unit32
+
+    rng = np.random.default_rng(8)
+    ones = [int(rng.integers(1, 2**24)) for _ in range(20)]
+    kept = {min(abs((one << shift) + d), 2**52 - 1) for one in ones for shift in range(28) for d in (-1, 0, 1)}
+    kept |= {0, 1, 2, 3, 2**52 - 1, 2**28 - 1, 2**20, 2**20 - 1}
+    k = np.array(sorted(kept), dtype=np.uint64)
+    expected = ((2 * k + 1).astype(np.float64) * 2.0**-53).astype(np.float32)
+    low, high = ((k << 12) & np.uint64(0xFFFFFFFF)).astype(np.uint32), (k >> 20).astype(np.uint32)
+    assert np.array_equal(np.asarray(jax.jit(jax.vmap(_unit32))(low, high)), expected)
+
+
+def everything(x, y):
+    bits = copysign(divide(x, y), y) + floor(3.0 * x)
+    logic = where(((x < 0.2) & (y > 0.1)) | (x < -0.5), x * y, x - y)
+    return atan2(y, x), exp(x), ln(absolute(y)), tanh(3.0 * x), tan(x), acos(0.9 * x), sqrt(absolute(x)), bits, logic
+
+
+def test_every_operation_equals_the_python_floats_on_ordinary_and_special_numbers():
+    """Tolerance: contraction changes the last digits of a value, by up to 2e-16 of each function's largest term."""
+    program = trace(everything, 0.5, 0.5)
+    special = [0.0, -0.0, 1.0, -1.0, 0.5, 1e-300, np.inf, -np.inf, np.nan]
+    rng = np.random.default_rng(4)
+    pairs = [(x, y) for x in special for y in special] + rng.uniform(-1.0, 1.0, (200, 2)).tolist()
+    lanes = np.array(pairs).T
+    found = np.array(jax.jit(jax.vmap(lambda x, y: evaluate(program.lowered, (x, y), np.float64)))(*lanes)).T
+    expected = np.array([program.flat(tuple(pair)) for pair in pairs])
+    np.testing.assert_allclose(found, expected, rtol=2e-15, atol=1e-15)
+    zeros = expected == 0.0
+    assert np.array_equal(np.signbit(found[zeros]), np.signbit(expected[zeros]))
+
+
+def test_a_nan_is_no_number_that_is_at_least_zero():
+    """XLA's own 0 <= x * x is true of a NaN, which would hide a crash."""
+    program = trace(lambda x: tuple(where(f(x) >= 0.0, 1.0, 2.0) for f in (absolute, exp, lambda x: x * x)), 0.5)
+    found = jax.jit(lambda x: evaluate(program.lowered, (x,), np.float64))
+    assert [float(one) for one in found(np.nan)] == [2.0] * 3 == list(program(np.nan))
+    assert [float(one) for one in found(0.0)] == [1.0] * 3 == list(program(0.0))
+
+
+STEPS, GRADIENT_STEPS = 160, 40
+"""0.8 s of flight with RK4, 0.2 s with Euler steps for the slopes."""
+
+FLIGHTS = """
+import sys
+from skyarm.compile.jax_engine import configure_cpu, jax_loop
+configure_cpu()
+import jax, numpy as np
+from skyarm.compile.jax_gradient import gradient
+from stepped_flights import *
+jax.config.update("jax_enable_x64", True)
+def flight(step):
+    return jax_loop(step, TILTED, CONTROLLER.par, flight_row(), lanes_per_block=3)
+carry, parameters = flight_lanes(4)
+carry[10, 2] = np.nan  # one lane's roll rate
+final, _ = flight(flight_step).run(carry, parameters, flight_rows(int(sys.argv[2])))
+slope = gradient(flight(euler_step), tracking)
+values, slopes = slope(*flight_lanes(2), flight_rows(int(sys.argv[3])))
+np.savez(sys.argv[1], final=final, values=values, slopes=slopes)
+"""
+"""In a process of its own: with the CPU flags the derivative compiles in seconds, without them in minutes."""
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    out = tmp_path_factory.mktemp("jax") / "flights.npz"
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path), "JAX_PLATFORMS": "cpu"}
+    command = [sys.executable, "-c", FLIGHTS, str(out), str(STEPS), str(GRADIENT_STEPS)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=600, check=False)
+    assert done.returncode == 0, done.stderr
+    return np.load(out)
+
+
+def test_the_controlled_vehicle_equals_the_python_floats_and_a_lost_one_harms_nobody(flown):
+    """Tolerance: the loop is stable, so roundings of 160 steps do not grow; rotor speeds are of order 500 rad/s."""
+    loop = trace_loop(flight_step, TILTED, CONTROLLER.par, flight_row())
+    carry, parameters = flight_lanes(4)
+    rows = flight_rows(STEPS)
+    found = flown["final"]
+    assert np.isnan(found[:3, 2]).all()
+    scale = np.where(np.arange(loop.carry) < 17, 1.0, 500.0)
+    for k in (0, 1, 3):
+        expected, _ = flown_in_python(loop, carry[:, k], parameters[:, k], rows)
+        np.testing.assert_allclose(found[:, k] / scale, expected / scale, rtol=0, atol=2e-12)
+        assert abs(expected[:3] - carry[:3, k]).max() > 0.05  # it flew
+
+
+def test_slopes_of_a_flown_metric_by_every_gain_mass_and_length_equal_central_differences(flown):
+    """Oracle: the Python floats, at parameters moved by 1e-5 of their size.
+
+    Tolerance: the difference quotient is right to h^2, relative, and to the metric's last digits divided by h.
+    """
+    loop = trace_loop(euler_step, TILTED, CONTROLLER.par, flight_row())
+    carry, parameters = flight_lanes(2)
+    rows, middle = flight_rows(GRADIENT_STEPS), parameters[:, 1]
+    values, slopes = flown["values"], flown["slopes"]
+
+    def metric(p):
+        end, _ = flown_in_python(loop, carry[:, 1], p, rows)
+        return tracking(shaped_like(loop.result[0], tuple(end)))
+
+    assert values[1] == pytest.approx(metric(middle), rel=1e-12)
+    assert slopes.shape == parameters.shape
+    for i, value in enumerate(middle):
+        if not np.isfinite(value):
+            continue  # a limit that is not there
+        h = 1e-5 * max(abs(value), 1e-3)
+        up, down = middle.copy(), middle.copy()
+        up[i], down[i] = value + h, value - h
+        quotient = (metric(up) - metric(down)) / (up[i] - down[i])
+        assert slopes[i, 1] == pytest.approx(quotient, rel=1e-6, abs=1e-14 / h), f"leaf {i}"
+    assert np.count_nonzero(slopes[:, 1]) > 20
+
+
+def test_slopes_of_noisy_pendulums_equal_central_differences_in_every_lane():
+    """Tolerance: h^2 of a smooth function; log of a uniform number has a slope through its bits."""
+    kernel = pendulum(lanes_per_block=2)
+    carry, parameters = pendulum_lanes(3)
+    values, slopes = gradient(kernel, lambda end: end.angle * end.angle + end.rate)(
+        carry, parameters, TORQUES, seed=9, start=4
+    )
+    for k in range(3):
+
+        def metric(p, k=k):
+            angle, rate = flown_in_python(kernel.loop, carry[:, k], p, TORQUES, seed=9, episode=k, start=4)[0]
+            return angle * angle + rate
+
+        assert values[k] == pytest.approx(metric(parameters[:, k]), abs=1e-13)
+        for i in range(3):
+            h = np.where(np.arange(3) == i, 1e-5, 0.0)
+            quotient = (metric(parameters[:, k] + h) - metric(parameters[:, k] - h)) / 2e-5
+            assert slopes[i, k] == pytest.approx(quotient, rel=1e-7, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("function", "x", "slope"),
+    [
+        (ln, 3.0, 1.0 / 3.0),
+        (ln, 0.07, 1.0 / 0.07),
+        (exp, 2.5, np.exp(2.5)),
+        (lambda x: atan2(x, 1.0), 0.0, 1.0),
+        (lambda x: atan2(x, -1.0), -0.0, -1.0),
+        (lambda x: atan2(x, -1.0), -0.3, -1.0 / 1.09),
+        (tanh, 0.0, 1.0),
+        (tanh, -1.3, 1.0 - np.tanh(1.3) ** 2),
+        (absolute, -2.0, -1.0),
+        (lambda x: divide(2.0, x), 0.5, -8.0),
+        (lambda x: divide(x, 4.0), 0.0, 0.25),
+        (sqrt, 0.25, 1.0),
+        (lambda x: sqrt(where(x < 0.0, 0.0, x)), -1.0, 0.0),
+        (lambda x: where(x > 0.0, divide(1.0, x), x), 0.0, 1.0),
+        (lambda x: where(x > 0.0, sqrt(x), 3.0 * x), 0.0, 3.0),
+        (lambda x: where(x < 1e-9, 1.0 - x, divide(sqrt(x * x), x)), 0.0, -1.0),
+    ],
+)
+def test_slopes_are_right_at_ordinary_points_and_finite_beside_a_branch_not_taken(function, x, slope):
+    """Forwards and backwards. Tolerance: a few roundings."""
+    program = trace(lambda x: (function(x),), 0.5).lowered
+
+    def f(x):
+        return evaluate(program, (x,), np.float64)[0]
+
+    assert float(jax.jit(jax.grad(f))(x)) == pytest.approx(slope, rel=1e-14)
+    assert float(jax.jit(lambda x: jax.jvp(f, (x,), (1.0,))[1])(x)) == pytest.approx(slope, rel=1e-14)
+
+
+def test_double_precision_that_jax_does_not_allow_is_refused_with_the_setting():
+    with jax.enable_x64(False), pytest.raises(ValueError, match=r'update\("jax_enable_x64", True\).*single=True'):
+        pendulum()
+
+
+def test_wrong_shapes_and_keys_are_refused_by_name():
+    kernel = pendulum()
+    carry, parameters = pendulum_lanes(2)
+    for bad, match in (
+        ((carry[:1], parameters, TORQUES), r"carry: shape \(1, 2\), allowed \(2, 2\)"),
+        ((carry, parameters[:, :1], TORQUES), r"parameters: shape \(3, 1\), allowed \(3, 2\)"),
+        ((carry, parameters, np.zeros((4, 2))), r"rows: shape \(4, 2\), allowed \(steps, 1\)"),
+    ):
+        with pytest.raises(ValueError, match=match):
+            kernel.run(*bad)
+    with pytest.raises(ValueError, match="seed = -1"):
+        kernel.run(carry, parameters, TORQUES, seed=-1)
+    with pytest.raises(ValueError, match="whole numbers below"):
+        kernel.run(carry, parameters, TORQUES, episodes=np.array([-1, 0]))
+
+
+def test_a_loop_without_parameters_rows_or_steps_runs():
+    kernel = JaxKernel(trace_loop(lambda x, p, r, u: ((2.0 * x[0], 1.5), ()), (1.0, 0.0), (), ()))
+    start = np.array([[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]])
+    assert kernel.run(start, np.zeros((0, 3)), np.zeros((3, 0)))[0].tolist() == [[8.0, 16.0, 24.0], [1.5] * 3]
+    assert np.array_equal(kernel.run(start, np.zeros((0, 3)), np.zeros((0, 0)))[0], start)
+
+
+def test_a_program_traced_with_loops_is_refused():
+    def step(carry, par, row, draws):
+        return repeat(3, lambda x: (x[0] * 0.5,), carry), ()
+
+    kernel = JaxKernel(trace_loop(step, (1.0,), (), (), loops=True))
+    with pytest.raises(ValueError, match="without loops for JAX"):
+        kernel.run(np.ones((1, 1)), np.zeros((0, 1)), np.zeros((1, 0)))
+    written_out = JaxKernel(trace_loop(step, (1.0,), (), ()))
+    assert written_out.run(np.ones((1, 1)), np.zeros((0, 1)), np.zeros((1, 0)))[0] == 0.125
+
+
+FRESH = """
+import os, sys
+from skyarm.compile.jax_engine import JaxStartedError, configure_cpu
+configure_cpu()
+flags = os.environ["XLA_FLAGS"]
+import jax, numpy as np
+jax.config.update("jax_enable_x64", True)
+print(jax.jit(lambda x: x + 1.0)(np.arange(3.0)).tolist())
+configure_cpu()
+assert os.environ["XLA_FLAGS"] == flags
+assert flags.startswith("--xla_cpu_enable_fast_math=false --xla_cpu_prefer_vector_width=512 "), flags
+del os.environ["XLA_FLAGS"]
+try:
+    configure_cpu()
+except JaxStartedError as error:
+    print(error)
+"""
+
+
+def test_the_cpu_flags_are_known_to_this_jaxlib_and_come_before_it_starts():
+    """A flag that jaxlib does not know would end the process; a user's own flags stay."""
+    environment = os.environ | {"XLA_FLAGS": "--xla_cpu_enable_fast_math=false", "JAX_PLATFORMS": "cpu"}
+    done = subprocess.run(
+        [sys.executable, "-c", FRESH], env=environment, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[0] == "[1.0, 2.0, 3.0]"
+    assert "call configure_cpu() before the first array" in done.stdout
+
+
+def test_a_missing_library_is_named_with_its_extra():
+    hidden = "import sys; sys.modules[{0!r}] = None; import skyarm.compile.{0}_engine"
+    for extra in ("jax", "casadi"):
+        done = subprocess.run(
+            [sys.executable, "-c", hidden.format(extra)], capture_output=True, text=True, timeout=60, check=False
+        )
+        assert f"ImportError: needs the extra '{extra}': pip install skyarm[{extra}]" in done.stderr

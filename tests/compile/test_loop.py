@@ -1,0 +1,60 @@
+"""A stepped program: what it keeps of the function it was traced from."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from programs_random import bits, oscillator
+
+from skyarm.compile.loop import trace_loop
+from skyarm.compile.lower import lower
+from skyarm.compile.tracer import FOLD, Graph
+from skyarm.scalars.elementary import COMPOSED
+
+BASIC = set(FOLD) - set(COMPOSED) | {"input", "const"}
+
+
+def test_a_step_in_python_is_the_function_itself():
+    loop = trace_loop(oscillator, (0.0, 0.0), (0.0,), (0.0,), ((0, 2),))
+    step = loop.stepper()
+    rng = np.random.default_rng(1)
+    for x, v, k, f, a, b in rng.normal(size=(50, 6)).tolist():
+        carry, log = oscillator((x, v), (k,), (f,), (a, b))
+        assert bits(step((x, v, k, f, a, b))) == bits((*carry, *log))
+
+
+def test_a_loop_counts_its_inputs_and_outputs():
+    loop = trace_loop(oscillator, (0.0, 0.0), (0.0,), (0.0,), ((0, 2), (4, 1)))
+    assert (loop.carry, loop.parameters, loop.row, loop.logged) == (2, 1, 1, 1)
+    assert loop.uniforms == ((0, 2), (4, 1))
+    assert len(loop.program.inputs) == 2 + 1 + 1 + 3
+
+
+def test_a_carry_of_another_size_is_refused():
+    with pytest.raises(ValueError, match="returns a carry of 1 scalars, took one of 2"):
+        trace_loop(lambda c, p, r, u: ((c[0],), ()), (0.0, 0.0), (), ())
+
+
+def test_a_lowered_program_holds_basic_operations_only():
+    graph = Graph()
+    x, y = graph.input("x"), graph.input("y")
+    outputs = [graph.call(name, x, y) if name == "atan2" else graph.call(name, x) for name in sorted(COMPOSED)]
+    program = lower([x, y], graph.nodes, outputs)
+    assert {node.op for node in program.nodes} <= BASIC
+    assert len(program.outputs) == len(COMPOSED)
+
+
+def test_a_lowered_program_holds_nothing_that_its_outputs_do_not_need():
+    graph = Graph()
+    x = graph.input("x")
+    graph.call("sin", x)
+    program = lower([x], graph.nodes, [graph.call("sqrt", x)])
+    assert [node.op for node in program.nodes] == ["input", "sqrt"]
+
+
+def test_angles_shared_by_sine_and_cosine_are_reduced_once():
+    graph = Graph()
+    x = graph.input("x")
+    sine, cosine = graph.call("sin", x), graph.call("cos", x)
+    both, one = lower([x], graph.nodes, [sine, cosine]), lower([x], graph.nodes, [sine])
+    assert len(both.nodes) - len(one.nodes) < 12

@@ -1,0 +1,74 @@
+"""Small studies for the tests of the sweep room."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skyarm.sweep import Study, run_sweep, study_from
+
+MASS, WIND = "plant.vehicle.base.mass", "environment.wind.force_W.x"
+
+
+def document(**fields: Any) -> dict[str, Any]:
+    """A study of short flights in which some crash; keywords replace its fields, None takes one out."""
+    small: dict[str, Any] = {
+        "schema": 1,
+        "name": "small",
+        "scenario": "case3_wind",
+        "controllers": ["paper_ct", "paper_pd"],
+        "duration": 1.0,
+        "episodes": 50,
+        "chunk": 16,
+        "seed": 3,
+        "windows": {"steady": [0.2, 1.0], "transient": [0.0, 0.3]},
+        "vary": {
+            MASS: {"uniform": [0.4, 6.0]},
+            WIND: {"normal": [1.0, 0.5]},
+            "sensors.position": {"uniform": [0.0, 0.01]},
+        },
+    }
+    return {key: value for key, value in (small | fields).items() if value is not None}
+
+
+def small_study(**fields: Any) -> Study:
+    return study_from(document(**fields))
+
+
+Columns = dict[str, np.ndarray]
+
+
+def flown(folder: Path, threads: int = 1, **fields: Any) -> dict[str, Columns]:
+    """Rows of a small study: controller -> column -> values in the order of the episodes."""
+    run_sweep(small_study(**fields), folder, threads=threads)
+    return read(folder)
+
+
+def read(folder: Path) -> dict[str, Columns]:
+    """Rows of a folder, read without the package."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    tables = [pq.read_table(path) for path in sorted((folder / "rows").iterdir())]
+    data = pa.concat_tables([table.replace_schema_metadata(None) for table in tables]).to_pydict()
+    whole = {name: np.array(values) for name, values in data.items()}
+    found = {}
+    for controller in dict.fromkeys(data["controller"]):
+        kept = np.flatnonzero(whole["controller"] == controller)
+        kept = kept[np.argsort(whole["episode"][kept])]
+        found[controller] = {name: values[kept] for name, values in whole.items()}
+    return found
+
+
+def same(a: Columns, b: Columns) -> bool:
+    """Equal to the bit; NaN where the other is NaN."""
+    return list(a) == list(b) and all(
+        np.array_equal(a[name], b[name], equal_nan=a[name].dtype.kind == "f") for name in a
+    )
+
+
+def files_of(folder: Path) -> dict[str, bytes]:
+    """Every file of a folder, hidden ones too, by its path."""
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
