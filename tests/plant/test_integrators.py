@@ -10,9 +10,8 @@ from independent_flight import Flight
 from skyarm.compile import leaves
 from skyarm.environment import WindSample
 from skyarm.plant.compiled import RigidBodyPlant
-from skyarm.plant.interface import flat
+from skyarm.plant.interface import World, flat
 from skyarm.plant.mujoco import MujocoPlant
-from skyarm.plant.rigid_body import World
 from vehicles_random import MujocoTwin, RandomState, random_vehicle
 
 G = 9.8

@@ -15,8 +15,7 @@ from skyarm.compile import leaves
 from skyarm.dynamics import arrays
 from skyarm.environment import WindSample
 from skyarm.plant.compiled import RigidBodyPlant
-from skyarm.plant.interface import flat, whole_steps
-from skyarm.plant.rigid_body import World
+from skyarm.plant.interface import World, flat, whole_steps
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.records import BASE, Body, Frame, Joint, Link, Vehicle
 from vehicles_random import random_state, random_vehicle

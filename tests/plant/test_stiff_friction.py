@@ -8,9 +8,8 @@ import pytest
 from skyarm.compile import leaves
 from skyarm.environment import WindSample
 from skyarm.plant.compiled import RigidBodyPlant, example_command
-from skyarm.plant.interface import flat
+from skyarm.plant.interface import World, flat
 from skyarm.plant.mujoco import MujocoPlant
-from skyarm.plant.rigid_body import World
 from skyarm.plant.stiffness import friction_rate
 from skyarm.simulate.scenario import trimmed_state
 from skyarm.vehicle import VehicleError

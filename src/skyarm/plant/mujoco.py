@@ -1,4 +1,7 @@
-"""The second plant: MuJoCo's rigid bodies under the same rotors, wind and joint drives; no shared rigid-body code."""
+"""The second plant: MuJoCo's rigid bodies under the same rotors, wind and joint drives; no shared rigid-body code.
+
+Only the length of a step where joint friction is stiff comes from our own mass matrix (:mod:`skyarm.plant.stiffness`).
+"""
 
 from __future__ import annotations
 
@@ -11,12 +14,11 @@ import mujoco
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import trace
-from skyarm.dynamics import State
+from skyarm.dynamics.state import State
 from skyarm.environment import WindSample
-from skyarm.plant.interface import Flat, number, whole_steps
-from skyarm.plant.loads import applied_force
+from skyarm.plant.interface import Flat, World, number, whole_steps
+from skyarm.plant.loads import applied_force, lagged
 from skyarm.plant.mujoco_model import INTEGRATORS, build_spec, joint_addresses
-from skyarm.plant.rigid_body import World, lagged
 from skyarm.plant.stiffness import friction_rate
 from skyarm.vehicle.check import require_plant
 

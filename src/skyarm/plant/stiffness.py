@@ -1,4 +1,7 @@
-"""How fast friction makes the joints, which bounds the integration step."""
+"""How fast friction makes the joints, which bounds the integration step of both plants.
+
+The mass matrix is our own, for MuJoCo's plant too: its numbers choose how long a step is, no force comes from them.
+"""
 
 from __future__ import annotations
 

@@ -14,7 +14,8 @@ from skyarm.control.registry import Controller
 from skyarm.dynamics import State
 from skyarm.environment import NO_WIND, Wind
 from skyarm.files import number, shown
-from skyarm.plant.rigid_body import INTEGRATORS, World
+from skyarm.plant.interface import World
+from skyarm.plant.rigid_body import INTEGRATORS
 from skyarm.plant.sensors import SensorNoise
 from skyarm.reference import Trajectory
 from skyarm.vehicle.check import TOLERANCE, concrete, require_plant

@@ -33,7 +33,7 @@ from typing import Any
 from skyarm.control.model import Model
 from skyarm.environment import NO_WIND, wind_from
 from skyarm.files import Fields, number, shown
-from skyarm.plant.rigid_body import World
+from skyarm.plant.interface import World
 from skyarm.reference import trajectory_from
 from skyarm.simulate import scenario_tables as tables
 from skyarm.simulate.scenario import Scenario, ScenarioError
