@@ -150,6 +150,16 @@ SCENARIO_ERRORS: list[tuple[str, str, tuple[str, ...]]] = [
         ("plant.payload", "hook", "tip"),
     ),
     ("payload mass", small(plant=PLANT + "\npayload = { mass = -0.1 }"), ("plant.payload.mass = -0.1", "at least 0")),
+    (
+        "stiff friction",
+        small(plant=PLANT + "\njoints = { coulomb = 0.1, coulomb_rate = 1e-4 }"),
+        ("plant.vehicle = 'hummingbird_arm2_rotors'", "joints[joint2].coulomb = 0.1", "1/s", "raise coulomb_rate"),
+    ),
+    (
+        "stiff damping",
+        small(plant=PLANT + '\nkind = "mujoco"\njoints = { damping = 1.0 }'),
+        ("plant.vehicle = 'hummingbird_arm2_rotors'", "joints[joint2].damping = 1.0", "lower damping"),
+    ),
     ("schema", changed(CASE1, "schema = 1", "schema = 2"), ("schema = 2", "must be 1")),
     ("empty file", "", ("is missing",)),
     ("no TOML", "name = = 3", ("TOML", "line 1")),

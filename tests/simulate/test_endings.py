@@ -93,7 +93,7 @@ def test_an_episode_that_ends_at_once_has_an_empty_log_that_can_be_saved(tmp_pat
     assert log.tool.shape == (0, 3)
     assert log.euler.shape == (0, 3)
     assert Log.load_npz(log.save_npz(tmp_path / "empty.npz")).joints.shape == (0, 2)
-    assert log.save_csv(tmp_path / "empty.csv").read_text().count("\n") == 1
+    assert log.save_csv(tmp_path / "empty.csv").read_text(encoding="utf-8").count("\n") == 1
 
 
 def _pitched(degrees: float, controller: str) -> Scenario:

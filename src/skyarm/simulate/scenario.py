@@ -17,7 +17,9 @@ from skyarm.files import number, shown
 from skyarm.plant.interface import World
 from skyarm.plant.rigid_body import INTEGRATORS
 from skyarm.plant.sensors import SensorNoise
+from skyarm.plant.stiffness import friction_rate
 from skyarm.reference import Trajectory
+from skyarm.scalars import minimum
 from skyarm.vehicle.check import TOLERANCE, concrete, require_plant
 
 PLANTS = ("rigid_body", "mujoco")
@@ -81,7 +83,7 @@ class Scenario:
         trajectory: reference.
         wind: environment.
         sensors, delays: measurement.
-        initial: state at t = 0; None is hover trim of the truth at the reference.
+        initial: state at t = 0; None is hover trim of the truth at the reference, as far as its rotors can turn.
         seed, episode: keys of all noise.
         ground: end the episode when the lowest point reaches z = 0.
     """
@@ -155,11 +157,15 @@ def check_key(field: str, value: Any) -> None:
 
 
 def _check_vehicles(scenario: Scenario) -> None:
-    """Truth and belief have the same joints and rotors, the reference fits them, and the truth can hover."""
+    """Truth and belief have the same joints and rotors, the reference fits them, and the truth can be simulated.
+
+    Its rotors must reach every torque and thrust; whether they are strong enough to carry it, the flight shows.
+    """
     truth, belief = scenario.world.vehicle, scenario.controller.par.model.vehicle
     try:
         require_plant(truth)
         make_mixer(truth)
+        friction_rate(truth)
     except ValueError as error:
         raise ScenarioError(f"plant.vehicle = {truth.name!r}: {error}") from None
     for what, ours, theirs in (("joints", truth.n, belief.n), ("rotors", len(truth.rotors), len(belief.rotors))):
@@ -198,7 +204,10 @@ def _require_whole(field: str, seconds: float, rate: int, unit: str) -> None:
 
 
 def trimmed_state(world: World, position: Vec3, yaw: float, joints: tuple[Any, ...]) -> State:
-    """The truth at rest and level with rotors at the speeds that hold its weight and its arm's torque."""
+    """The truth at rest and level, rotors at the speeds that hold its weight and its arm's torque.
+
+    No rotor turns faster than it can: a truth that is too heavy to hover starts at full speed and sinks.
+    """
     vehicle = world.vehicle
     trim = hover_trim(vehicle, joints, world.gravity)
     still = (0.0,) * vehicle.n
@@ -209,5 +218,5 @@ def trimmed_state(world: World, position: Vec3, yaw: float, joints: tuple[Any, .
         rate=Vec3(0.0, 0.0, 0.0),
         joints=tuple(float(q) for q in joints),
         joint_rates=still,
-        rotor_speeds=tuple(float(w) for w in trim.speeds),
+        rotor_speeds=tuple(float(minimum(w, r.max_speed)) for w, r in zip(trim.speeds, vehicle.rotors, strict=True)),
     )
