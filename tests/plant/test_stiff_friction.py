@@ -73,9 +73,9 @@ def rate_at(vehicle, angle):
     ],
 )
 def test_the_rate_is_the_largest_that_a_joints_own_travel_allows(kind, low, high, tried):
-    # a sliding link along the one before it moves that one's inertia by its square
-    axis = {"revolute": (0, 1, 0), "prismatic": (0, 0, 1)}[kind]
-    vehicle = bent(low, high, kind, axis=axis)
+    # a link that slides 2 m away along the one before it: the nearer it comes, the lighter the first joint turns
+    slide = {"axis": (0, 0, 1), "position": (0, 0, -2.0)} if kind == "prismatic" else {}
+    vehicle = bent(low, high, kind, **slide)
     largest = max(rate_at(vehicle, angle) for angle in np.linspace(*tried, 201))
     found = friction_rate(vehicle)
     # 64 samples and the place nearest to zero, against the largest of a fine scan
