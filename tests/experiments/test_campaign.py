@@ -178,7 +178,7 @@ def recorded(fields: dict[str, Any]) -> Log:
 
 
 def test_windows_of_an_earlier_bag_lie_earlier() -> None:
-    """x is off by t/100 m and the arm by 8 s: the window [10, 20) s of a bag begun 6 s before t = 0 is our [4, 14) s."""
+    """x is off by t/100 m: the window [10, 20) s of a bag begun 6 s before t = 0 is our [4, 14) s."""
     plain = recorded({})
     ramp = np.column_stack([plain.time / 100.0, np.zeros_like(plain.time), np.zeros_like(plain.time)])
     log = recorded({"position": plain.position_held + ramp})
@@ -209,7 +209,7 @@ def test_a_late_reference_is_compared_with_the_response_of_a_later_time() -> Non
 
 
 def test_a_late_reference_comes_later_and_not_earlier() -> None:
-    """The joints' reference steps at 20.2 s, outside [10, 20) s: recorded early by 0.5 s its step is inside, late not."""
+    """A step of the reference at 20.2 s lies outside [10, 20) s; recorded 0.5 s early it is inside, 0.5 s late not."""
     plain = recorded({})
     joints = np.column_stack([np.where(plain.time < 20.2, 0.0, 0.1), np.zeros_like(plain.time)])
     log = recorded({"joints": np.zeros_like(joints), "joints_held": joints, "joints_reference": joints})

@@ -45,8 +45,8 @@ def reproduce(
     Figures 3-18 and one page, report.html.
     """
     from skyarm.cli.show import headline
-    from skyarm.experiments.paper import PLANTS
     from skyarm.experiments.reproduce import reproduce as perform
+    from skyarm.simulate.scenario import PLANTS
 
     if plant not in (*PLANTS, "both"):
         raise ValueError(f"--plant = {plant!r}: must be one of {', '.join(PLANTS)} or both")

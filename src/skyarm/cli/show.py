@@ -15,8 +15,11 @@ from skyarm.control.presets import PRESETS
 from skyarm.control.registry import LAWS
 from skyarm.dynamics.arrays import center_of_mass
 from skyarm.dynamics.workspace import reach, static_torques
+from skyarm.experiments.paper import first_plant
+from skyarm.experiments.published import printed
 from skyarm.experiments.table import difference, number
 from skyarm.simulate import Log
+from skyarm.simulate.scenario import PLANTS
 from skyarm.simulate.scenario_file import list_scenarios, load_scenario
 from skyarm.vehicle.files import list_vehicles, load_vehicle
 from skyarm.vehicle.records import Vehicle
@@ -65,11 +68,12 @@ def shown(value: float, digits: int = 3) -> str:
 
 def headline(results: Mapping[str, Any]) -> RenderableType:
     """A dozen numbers of the paper beside ours."""
-    table = _table("case", "", "metric", "paper", "rigid_body", "mujoco", "difference", left=3)
+    table = _table("case", "", "metric", "paper", *PLANTS, "difference", left=3)
+    plant = first_plant(results)
     for case, controller, metric in HEADLINE:
         cell = results["experiments"][case][controller][metric]
-        cells = (number(cell[key]) for key in ("paper", "rigid_body", "mujoco"))
-        _rows(table, case, controller, metric, *cells, difference(cell))
+        ours = (number(cell[each]) for each in PLANTS)
+        _rows(table, case, controller, metric, printed(case, controller, metric) or "-", *ours, difference(cell, plant))
     return _titled("paper and ours (m, rad)", table)
 
 

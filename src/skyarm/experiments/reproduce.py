@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.experiments.campaign import Campaign, Progress, run_campaign
-from skyarm.experiments.paper import PLANTS, results, settings
+from skyarm.experiments.paper import STEADY, WINDOWS, results, settings
 from skyarm.experiments.reasons import Reasons, reasons
 from skyarm.experiments.report import report_html
 from skyarm.experiments.table import markdown
@@ -18,6 +18,7 @@ from skyarm.figures.embed import image_bytes
 from skyarm.figures.overview import overview_figure
 from skyarm.figures.paper import paper_figures
 from skyarm.files import require_writable, write_atomically
+from skyarm.simulate.scenario import PLANTS
 
 Note = Callable[[str], None]
 
@@ -69,10 +70,10 @@ def reproduce(
     _write_data(folder, table, why, campaign)
     say("drawing Figures 3-18")
     first = campaign.logs[plants[0]]
-    figures = paper_figures(first)
+    figures = paper_figures(first, WINDOWS)
     for name, figure in {
         **{f"figure_{n:02d}": f for n, f in figures.items()},
-        "overview": overview_figure(first),
+        "overview": overview_figure(first, STEADY),
     }.items():
         write_atomically(folder / "figures" / f"{name}.png", image_bytes(figure, dpi=DPI))
     say("writing report.html")
