@@ -99,7 +99,7 @@ def frame_pose_world(
 ) -> tuple[Array, Array]:
     """World position (..., 3) and rotation R_WF (..., 3, 3) of a frame (the end effector by default)."""
     base = Pose(unit_rotation(quaternion_wxyz), Vec3(*components("position", position, 3)))
-    named = vehicle.frame(frame or vehicle.end_effector)
+    named = vehicle.frame(frame)
     q = components("joints", joints, vehicle.n)
     lead = leading_axes(position, quaternion_wxyz, joints)
     pose = base @ frame_pose(vehicle, named, q)
@@ -113,7 +113,7 @@ def frame_jacobian(
     components("position", position, 3)
     R, q = unit_rotation(quaternion_wxyz), components("joints", joints, vehicle.n)
     lead = leading_axes(position, quaternion_wxyz, joints)
-    named = vehicle.frame(frame or vehicle.end_effector)
+    named = vehicle.frame(frame)
     turning = R @ Mat3.cross(-frame_pose(vehicle, named, q).p)
     columns = jacobian_columns(vehicle, named, q)
     linear = [tuple(R.apply(column.linear)) for column in columns]

@@ -29,7 +29,7 @@ def concrete(*values: Any) -> bool:
 
 def refuse(field: str, value: Any, allowed: str) -> NoReturn:
     """Raise with field, value and what is allowed, on one line."""
-    shown = repr(value)
+    shown = " ".join(repr(value).split())  # an array's text has several lines
     raise VehicleError(f"{field} = {shown if len(shown) <= 100 else shown[:97] + '...'}: {allowed}")
 
 
