@@ -1,7 +1,8 @@
 """URDF files: the rigid bodies and joints of a vehicle.
 
 The root link is the base. Fixed joints disappear: their child's mass joins the parent and its frame stays as a named
-frame. Source: URDF specification (ROS wiki, urdf/XML).
+frame. So do joints whose two limits are one number, by which simulators hang up sensors: they are fixed there.
+Source: URDF specification (ROS wiki, urdf/XML).
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from skyarm.algebra import ZERO3, Mat3, Vec3
+from skyarm.algebra import ZERO3, Mat3, Vec3, axis_rotation
 from skyarm.vehicle import description
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.records import BASE, Body, Frame, Joint, Link, Vehicle
@@ -92,7 +93,10 @@ def _tree(robot: ET.Element) -> RigidBodies:
         joint, seat = above[name], seats[parents[name]]
         R, p = _origin(joint, f"joint[{joint.get('name')}]")
         R, p = description.rotation(seat.rotation @ R), description.vector(list(seat.position + seat.rotation.apply(p)))
-        if _kind(joint) == "fixed":
+        locked = _locked(joint)
+        if locked is not None:
+            turn, shift = locked
+            R, p = description.rotation(R @ turn), description.vector(list(p + R.apply(shift)))
             seats[name] = _Seat(seat.body, R, p)
             parts[seat.body + 1] += [_seated(part, R, p) for part in _inertial(links[name])]
             frames.append(Frame(name=name, link=seat.body, position=p, rotation=R))
@@ -151,12 +155,30 @@ def _end(joint: ET.Element, tag: str, links: dict[str, ET.Element]) -> str:
     return name
 
 
+def _locked(joint: ET.Element) -> tuple[Mat3, Vec3] | None:
+    """R and p by which a joint that cannot move places its child in the joint's frame; None if it can move."""
+    kind, limit, field = _kind(joint), joint.find("limit"), f"joint[{joint.get('name')}]"
+    if kind == "fixed":
+        return Mat3.identity(), ZERO3
+    # limits left out are 0 by the specification, but more likely forgotten: such a joint is refused
+    if joint.get("type") == "continuous" or limit is None or None in (limit.get("lower"), limit.get("upper")):
+        return None
+    lower, upper = (_number(limit, name, f"{field}.limit", 0.0) for name in ("lower", "upper"))
+    if lower != upper:
+        return None
+    axis = _axis(joint)
+    return (axis_rotation(axis, lower), ZERO3) if kind == "revolute" else (Mat3.identity(), axis * lower)
+
+
+def _axis(joint: ET.Element) -> Vec3:
+    """Unit vector of a joint's axis; the specification's default is x."""
+    field = f"joint[{joint.get('name')}].axis"
+    return description.unit_axis(field, _numbers(joint.find("axis"), "xyz", field, (1.0, 0.0, 0.0)))
+
+
 def _joint(joint: ET.Element, R: Mat3, p: Vec3) -> Joint:
     name = joint.get("name", "")
     field = f"joint[{name}]"
-    axis = joint.find("axis")
-    # the specification's default axis is x
-    xyz = _numbers(axis, "xyz", f"{field}.axis", (1.0, 0.0, 0.0))
     values: dict[str, Any] = {}
     limit, dynamics = joint.find("limit"), joint.find("dynamics")
     if limit is not None:
@@ -169,8 +191,7 @@ def _joint(joint: ET.Element, R: Mat3, p: Vec3) -> Joint:
         refuse(f"{field}.limit", "(missing)", "is required for revolute and prismatic joints; 'continuous' has none")
     values["damping"] = description.zero_is_structure(_number(dynamics, "damping", f"{field}.dynamics", 0.0))
     values["coulomb"] = description.zero_is_structure(_number(dynamics, "friction", f"{field}.dynamics", 0.0))
-    unit = description.unit_axis(f"{field}.axis", xyz)
-    return Joint(name=name, kind=_kind(joint), axis=unit, position=p, rotation=R, **values)
+    return Joint(name=name, kind=_kind(joint), axis=_axis(joint), position=p, rotation=R, **values)
 
 
 def _inertial(link: ET.Element) -> list[Body]:
