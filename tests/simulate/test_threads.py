@@ -27,9 +27,8 @@ def episodes(plant: str) -> list[Scenario]:
     """Equal and unequal ones: noise, wind, delays, and the same vehicle under two controllers."""
     noisy = document("everything", duration=0.2, plant__kind=plant)
     found = [scenario_from(noisy, replaced={"seed": seed}) for seed in (3, 4, 3)]
-    for controller in ("paper_ct", "paper_pd"):
-        found.append(load_scenario("case3_wind", plant=plant, controller=controller, duration=0.2))
-    return found
+    paper = (load_scenario("case3_wind", plant=plant, controller=c, duration=0.2) for c in ("paper_ct", "paper_pd"))
+    return [*found, *paper]
 
 
 def same(one: Log, other: Log) -> bool:
