@@ -275,6 +275,16 @@ def test_an_output_folder_that_cannot_be_written_is_refused_before_any_flight(
     (folder / "half" / "figures").write_text("in the way")
     if command == ["reproduce"]:
         refused(skyarm(*command, "--out", "half"), "output folder = 'half/figures'", "must be writable")
+    files = ("case1.npz", "case1.csv") if command[0] == "run" else ("report.html", "figures/figure_18.png")
+    for number, file in enumerate(files):
+        (folder / f"named{number}" / file).mkdir(parents=True)
+        refused(skyarm(*command, "--out", f"named{number}"), f"named{number}/{file}", "there is a folder of this name")
+
+
+@pytest.mark.parametrize("command", [["run", "case1"], ["reproduce"]])
+def test_an_output_folder_without_a_name_is_refused(folder: Path, command: list[str]) -> None:
+    refused(skyarm(*command, "--out", ""), "output folder = ''", "must be the path of a folder")
+    assert not list(folder.iterdir())
 
 
 @pytest.mark.parametrize(

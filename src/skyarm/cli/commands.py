@@ -1,19 +1,20 @@
-"""The command line: reproduce, run, list, show.
+"""The commands: reproduce, run, list, show.
 
 Wrong input gives one line on standard error and exit code 2, never a traceback.
 """
 
 from __future__ import annotations
 
+import errno
 import os
-import sys
-from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 
+from skyarm.cli.lines import INTERRUPTED, WRONG_INPUT, printable, say
 from skyarm.cli.progress import bar
+from skyarm.files import shown
 
 app = typer.Typer(
     name="skyarm",
@@ -27,15 +28,16 @@ console = Console(markup=False, highlight=False, emoji=False)
 USAGE_ERROR: Any = typer.BadParameter.__mro__[2]
 """ClickException: some versions of typer carry their own copy of click."""
 
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, as shells count it."""
+NOT_COMPLETED = 3
+"""Exit code of a flight that ended before its time."""
 
-Out = Annotated[Path, typer.Option("--out", help="folder for the results, made if missing")]
+# text, not Path: an empty name would become the folder one stands in
+Out = Annotated[str, typer.Option("--out", help="folder for the results, made if missing")]
 
 
 @app.command()
 def reproduce(
-    out: Out = Path("out/paper"),
+    out: Out = "out/paper",
     plant: Annotated[str, typer.Option(help="rigid_body, mujoco or both")] = "both",
     jobs: Annotated[int, typer.Option(help="processes that fly; 0 takes every core")] = 0,
 ) -> None:
@@ -56,31 +58,39 @@ def reproduce(
     with bar("flying", console) as advance:
         table = perform(out, plants=plants, workers=jobs or _cores(), progress=advance, note=console.print)
     console.print(headline(table))
-    console.print(f"results in {out}: report.html, table2.md, results.json, figures/", soft_wrap=True)
+    _tell(f"results in {out}: report.html, table2.md, results.json, figures/")
 
 
 @app.command()
 def run(
     scenario: Annotated[str, typer.Argument(help="a scenario file (.toml) or the name of a shipped one")],
-    out: Out = Path("out/run"),
+    out: Out = "out/run",
     plant: Annotated[str | None, typer.Option(help="rigid_body or mujoco, in place of the file's")] = None,
     controller: Annotated[str | None, typer.Option(help="a controller preset, in place of the file's")] = None,
     seed: Annotated[int | None, typer.Option(help="seed of the noise, in place of the file's")] = None,
     duration: Annotated[float | None, typer.Option(help="seconds, in place of the file's")] = None,
 ) -> None:
-    """Fly a scenario; write its log (npz, CSV)."""
+    """Fly a scenario; write its log (npz, CSV).
+
+    Exit code: 0 if the flight was completed, 3 if it ended before its time (the log says why), 2 if the input was
+    wrong, 130 after Ctrl-C.
+    """
     from skyarm.cli.show import episode
-    from skyarm.files import require_writable
+    from skyarm.files import require_replaceable, require_writable
     from skyarm.simulate import run as fly
     from skyarm.simulate.scenario_file import load_scenario
 
     planned = load_scenario(scenario, plant=plant, controller=controller, seed=seed, duration=duration)
     folder = require_writable(out)
+    table, record = folder / f"{planned.name}.csv", folder / f"{planned.name}.npz"
+    require_replaceable(record, table)
     with bar(planned.name, console) as advance:
         log = fly(planned, lambda done, total: advance(done, total, ""))
-    written = [log.save_npz(folder / f"{planned.name}.npz"), log.save_csv(folder / f"{planned.name}.csv")]
+    written = [log.save_npz(record), log.save_csv(table)]
     console.print(episode(log))
-    console.print("log: " + ", ".join(str(path) for path in written), soft_wrap=True)
+    _tell("log: " + ", ".join(str(path) for path in written))
+    if log.status != "completed":
+        raise typer.Exit(NOT_COMPLETED)
 
 
 @app.command(name="list")
@@ -98,7 +108,8 @@ def show(
 ) -> None:
     """Show a vehicle: mass, hover, arm reach.
 
-    Mass, centre of mass, hover speed and thrust margin, arm reach, static joint torques, sources of the numbers.
+    Mass, centre of mass, hover speed and thrust margin, arm reach, static joint torques of a level base, sources of the
+    numbers.
     """
     from skyarm.actuation import AllocationError
     from skyarm.cli.show import vehicle_sheet
@@ -128,25 +139,37 @@ def top(
         typer.echo(context.get_help())
 
 
-def main() -> None:
-    """Entry point: errors at the boundary become one line and exit code 2."""
+def perform() -> int:
+    """Carry out the command line's words; wrong input becomes one line. Returns the exit code."""
     try:
-        code = app(standalone_mode=False)
+        return int(app(standalone_mode=False) or 0)
     except USAGE_ERROR as error:
-        _fail(f"{error.format_message().rstrip('.')}; see 'skyarm --help'")
+        return say(f"{error.format_message().rstrip('.')}; see 'skyarm --help'", WRONG_INPUT)
     except (typer.Abort, KeyboardInterrupt):
-        code = INTERRUPTED
+        return say("interrupted; finished files are whole", INTERRUPTED)
     except BrokenPipeError:
         # who read our output has gone, as `skyarm list | head` does; nothing is left to flush into
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        code = 1
-    except (ValueError, OSError) as error:
-        _fail(str(error))
+        return 1
+    except OSError as error:
+        return say(_unusable(error), WRONG_INPUT)
+    except ValueError as error:
+        return say(str(error), WRONG_INPUT)
     except MemoryError:
-        _fail("not enough memory; fly fewer seconds or at a lower control rate")
-    if code == INTERRUPTED:
-        print("skyarm: interrupted; finished files are whole", file=sys.stderr)
-    sys.exit(code)
+        return say("not enough memory; fly fewer seconds or at a lower control rate", WRONG_INPUT)
+
+
+def _unusable(error: OSError) -> str:
+    """What could not be read or written, in words."""
+    if error.errno is None:
+        return str(error)
+    what = "standard output" if error.filename is None else f"file = {shown(os.fspath(error.filename))}"
+    return f"{what}: must be usable ({error.strerror or errno.errorcode.get(error.errno, error.errno)})"
+
+
+def _tell(line: str) -> None:
+    """One line on standard output."""
+    console.print(printable(line), soft_wrap=True)
 
 
 def _cores() -> int:
@@ -154,9 +177,3 @@ def _cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-def _fail(message: str) -> NoReturn:
-    """One line on standard error, exit code 2."""
-    print(f"skyarm: {' '.join(message.split())}", file=sys.stderr)
-    sys.exit(2)
