@@ -27,7 +27,7 @@ TIME_SHIFTS = (-0.5, 0.5, 1.0)
 """s by which a recorded reference may be late (positive) or early against the recorded response."""
 
 BAG_STARTS = (2.0, 6.0, 8.0)
-"""s by which a recording may have begun before our t = 0: the PD bag shows no arm motion in its first 8 s."""
+"""s by which a recording may have begun before our t = 0: the published peaks of PD in [0, 8) s are those of hover."""
 
 STEP_RISE = 1e-3
 """s; between two samples of a 50 Hz reference such a ramp is a step."""
