@@ -1,6 +1,7 @@
 """URDF files: against Pinocchio's reader and dynamics, and what is refused."""
 
 import math
+import re
 import xml.etree.ElementTree as ET
 
 import numpy as np
@@ -246,6 +247,20 @@ def test_the_root_may_weigh_nothing_if_a_fixed_child_does(tmp_path):
     )
 
 
+def without(pattern):
+    """A link whose text lost what matches."""
+    text = re.sub(pattern, "", link("b"), count=1)
+    assert text != link("b")
+    return text
+
+
+def twice(tag):
+    """A link with an element that stands twice."""
+    text = re.sub(rf"<{tag}[ >].*(?:/{tag}>)|<{tag} [^>]*/>", lambda found: 2 * found[0], link("b"), count=1)
+    assert text.count(f"<{tag}>") + text.count(f"<{tag} ") == 2
+    return text
+
+
 REFUSED = {
     "floating": (
         robot(link("b"), link("a"), joint("j", "b", "a", "floating")),
@@ -286,6 +301,33 @@ REFUSED = {
     ),
     "limits missing": (robot(link("b"), link("a"), joint("j", "b", "a", more="")), "joint[j].limit = '(missing)'"),
     "negative mass": (robot(link("b", -1.0)), "link[b].inertial.mass = -1.0: must be at least 0"),
+    "no mass": (robot(without("<mass .*?/>")), "link[b].inertial.mass = '(missing)': must give value"),
+    "empty mass": (robot(without(' value="0.5"')), "link[b].inertial.mass.value = '(missing)': must be a number"),
+    "mass without a number": (robot(link("b", "")), "link[b].inertial.mass.value = '': must be a finite number"),
+    "no inertia": (robot(without("<inertia .*?/>")), "link[b].inertial.inertia = '(missing)': must give ixx, iyy"),
+    "no moment": (robot(without('iyy="0.01" ')), "link[b].inertial.inertia.iyy = '(missing)': must be a number"),
+    "no product": (robot(without(' iyz="0"')), "link[b].inertial.inertia.iyz = '(missing)': must be a number"),
+    "empty inertial": (robot('<link name="b"><inertial/></link>'), "link[b].inertial.mass = '(missing)'"),
+    "two inertials": (robot(twice("inertial")), "link[b].inertial = '2 elements <inertial>': must be at most one"),
+    "two masses": (robot(twice("mass")), "link[b].inertial.mass = '2 elements <mass>': must be at most one"),
+    "two inertias": (robot(twice("inertia")), "link[b].inertial.inertia = '2 elements <inertia>': must be at most one"),
+    "two origins": (robot(twice("origin")), "link[b].inertial.origin = '2 elements <origin>': must be at most one"),
+    "axis without a direction": (
+        robot(link("b"), link("a"), joint("j", "b", "a", "continuous", "<axis/>")),
+        "joint[j].axis.xyz = '(missing)': must be three numbers",
+    ),
+    "two axes": (
+        robot(link("b"), link("a"), joint("j", "b", "a", "continuous", '<axis xyz="0 0 1"/><axis xyz="0 1 0"/>')),
+        "joint[j].axis = '2 elements <axis>': must be at most one",
+    ),
+    "two limits": (
+        robot(link("b"), link("a"), joint("j", "b", "a", more='<limit lower="-1" upper="1"/><limit effort="3"/>')),
+        "joint[j].limit = '2 elements <limit>': must be at most one",
+    ),
+    "two parents in a joint": (
+        robot(link("b"), link("a"), joint("j", "b", "a", more='<parent link="a"/>')),
+        "joint[j].parent = '2 elements <parent>': must be at most one",
+    ),
     "nan mass": (robot(link("b", "nan")), "link[b].inertial.mass.value = 'nan': must be a finite number"),
     "triangle": (robot(link("b").replace('ixx="0.01"', 'ixx="0.05"')), "base.inertia = 'principal moments"),
     "two links of one name": (robot(link("b"), link("b")), "link.name = 'b': stands twice"),
