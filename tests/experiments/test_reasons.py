@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from skyarm.experiments.compare import difference as relative_difference
-from skyarm.experiments.compare import percent
+from skyarm.experiments.compare import percent, reversed_orders
 from skyarm.experiments.published import PAPER, PRINTED, rounding
 from skyarm.experiments.reasons import agrees, reasons, score
 from skyarm.experiments.table import difference, markdown, number
@@ -220,3 +220,15 @@ def test_the_markdown_compares_the_plant_that_flew() -> None:
     results["settings"] = {"plants": ["rigid_body", "mujoco"]}
     text = markdown(results, reasons(results, {}))
     assert "| 0.0200 |  | our flight ended before the window |" in text
+
+
+def test_an_order_is_reversed_where_the_better_controller_changes() -> None:
+    def cell(paper: float | None, ours: float | None) -> dict[str, float | None]:
+        return {"paper": paper, "rigid_body": ours, "mujoco": None}
+
+    ct = {"kept": cell(1.0, 1.0), "turned": cell(1.0, 3.0), "signed": cell(-1.0, -3.0), "missing": cell(1.0, None)}
+    pd = {"kept": cell(2.0, 5.0), "turned": cell(2.0, 2.0), "signed": cell(-2.0, -2.0), "missing": cell(2.0, 1.0)}
+    experiments = {"case1": {"CT": {**ct, "equal": cell(1.0, 9.0)}, "PD": {**pd, "equal": cell(1.0, 1.0)}}}
+    assert reversed_orders(experiments, "rigid_body") == [("case1", "turned"), ("case1", "signed")]
+    line = next(x for x in markdown({"experiments": experiments}, {}).splitlines() if x.startswith("Not reproduced"))
+    assert "Case 1 turned; Case 1 signed" in line

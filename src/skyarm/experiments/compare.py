@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 Number = float | int | None
 
@@ -25,6 +27,25 @@ def difference(ours: Number, paper: Number) -> float | None:
     """
     a, b = known(ours), known(paper)
     return None if a is None or not b else (a - b) / b
+
+
+def reversed_orders(experiments: Mapping[str, Any], plant: str) -> list[tuple[str, str]]:
+    """(case, metric) pairs in which the controller that is better in the paper is the worse one here.
+
+    Only metrics that are better when smaller in magnitude and that the paper gives for both controllers; equal numbers
+    have no order.
+    """
+    found = []
+    for case, controllers in experiments.items():
+        for name, cell in controllers.get("CT", {}).items():
+            other = controllers.get("PD", {}).get(name, {})
+            values = [known(c.get(column)) for column in ("paper", plant) for c in (cell, other)]
+            if None in values:
+                continue
+            theirs, ours = (abs(ct or 0.0) - abs(pd or 0.0) for ct, pd in (values[:2], values[2:]))
+            if theirs * ours < 0.0:
+                found.append((case, name))
+    return found
 
 
 def percent(relative: float) -> str:

@@ -18,6 +18,7 @@ from skyarm.experiments.report_tables import (
     definitions_table,
     experiment_table,
     headline_table,
+    reversed_table,
     sensitivity_tables,
     summary_table,
 )
@@ -66,8 +67,9 @@ def report_html(
     """
     experiments, plant = results.get("experiments", {}), first_plant(results)
     plots = _Plots()
+    verdict = headline_table(experiments) + reversed_table(experiments, plant) + summary_table(experiments)
     sections = [
-        ("verdict", "Verdict", f"{headline_table(experiments)}{summary_table(experiments)}"),
+        ("verdict", "Verdict", verdict),
         ("experiments", "Experiments", _experiments(experiments, reasons, logs, plots)),
         ("sensitivity", "Sensitivity to assumptions", _sensitivity(sensitivity, experiments, plant, plots)),
         ("figures", "Figures 3-18", _paper_figures(figures or {}, plant)),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from skyarm.experiments.compare import difference
+from skyarm.experiments.compare import difference, reversed_orders
 from skyarm.experiments.paper import CONTINUOUS
 from skyarm.experiments.published import TITLES, printed
 from skyarm.experiments.reasons import HEADING
@@ -44,6 +44,20 @@ def headline_table(experiments: Experiments) -> str:
     head = ["Claim", "Unit", ">Paper", ">Accepted", ">rigid_body", "Verdict", ">mujoco", "Verdict"]
     rows = [*(claim_row(claim, experiments) for claim in CLAIMS), order_row(experiments)]
     return table(VERDICT_CAPTION, head, [("", rows)], "verdicts")
+
+
+def reversed_table(experiments: Experiments, plant: str) -> str:
+    """Where the controller that is better in the paper is the worse one here."""
+    rows = []
+    for case, name in reversed_orders(experiments, plant):
+        ct, pd = (experiments[case][controller][name] for controller in ("CT", "PD"))
+        title = f"{TITLES.get(case, case)}: {metric(name).label}"
+        values = [number_cell(each.get(column)) for column in ("paper", plant) for each in (ct, pd)]
+        rows.append("".join([f'<th scope="row">{text(title)}</th>', f"<td>{text(metric(name).unit)}</td>", *values]))
+    head = ["Metric", "Unit", ">Paper CT", ">Paper PD", f">{plant} CT", f">{plant} PD"]
+    return table(
+        "Not reproduced: the better controller of the paper is the worse one here", head, [("", rows)], "reversed"
+    )
 
 
 def summary_table(experiments: Experiments) -> str:

@@ -40,6 +40,8 @@ def markdown(results: Mapping[str, Any], reasons: Reasons) -> str:
         f"Metrics against the held 50 Hz reference. Difference: {plant} against the paper, a larger magnitude is +.",
         "",
         ASSUMED,
+        "",
+        _reversals(results, plant),
     ]
     for case, controllers in results["experiments"].items():
         lines += ["", f"## {TITLES[case]}", "", head, "|---" * 8 + "|"]
@@ -50,6 +52,13 @@ def markdown(results: Mapping[str, Any], reasons: Reasons) -> str:
                     why = reasons.get(case, {}).get(controller, {}).get(name, "")
                     lines.append(_row(case, controller, name, cells[name], plant, why))
     return "\n".join([*lines, ""])
+
+
+def _reversals(results: Mapping[str, Any], plant: str) -> str:
+    """One line that names where the paper's order of CT and PD comes out the other way."""
+    pairs = compare.reversed_orders(results["experiments"], plant)
+    named = "; ".join(f"{TITLES[case].split(':')[0]} {name}" for case, name in pairs)
+    return f"Not reproduced, the better controller of the paper is the worse one here ({plant}): {named or 'nothing'}."
 
 
 def _row(case: str, controller: str, name: str, cell: Mapping[str, Any], plant: str, why: str) -> str:
@@ -64,8 +73,10 @@ SHORT = (
     ("case1", "held_position_error", "Case 1, position while the arm is held", ("-", "0.13-0.14")),
     ("case2", "position_error_mean", "Case 2, position mean", ("", "")),
     ("case2", "pitch_rms", "Case 2, pitch RMS", ("", "")),
+    ("case2", "joint_error_mean", "Case 2, joint error mean (order reversed)", ("", "")),
     ("case3", "position_error_mean", "Case 3, position mean", ("", "")),
     ("case3", "ee_error_mean", "Case 3, end-effector mean", ("", "")),
+    ("case3", "joint_error_mean", "Case 3, joint error mean (order reversed)", ("", "")),
     ("case2_gust", "peak_x", "Case 2 gust, peak along x", ("", "")),
     ("case3_wind", "position_error_mean", "Case 3 wind, position mean", ("", "")),
     ("case3_wind", "ee_error_mean", "Case 3 wind, end-effector mean", ("", "")),

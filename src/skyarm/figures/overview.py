@@ -55,7 +55,8 @@ def _path(ax: Axes, logs: Mapping[str, Log], steady: Window) -> dict[str, Any]:
         desired = log.tool_reference[at, :2]
     (handles["desired"],) = ax.plot(*desired.T, label="desired", **style.look("reference").line)
     ax.set_aspect("equal", adjustable="datalim")
-    _title(ax, "Case 3: tool path from above [m]", "x [m]")
+    _title(ax, "Case 3: tool from above, 10 to 20 s", "x [m]")
+    ax.set_ylabel("y [m]", fontsize=style.TEXT_SIZE, family=style.FONT)
     return handles
 
 
