@@ -16,6 +16,7 @@ from skyarm.dynamics.broadcast import (
     ArrayLike,
     components,
     leading_axes,
+    one_number,
     stacked,
     unit_quaternion,
     unit_rotation,
@@ -23,7 +24,16 @@ from skyarm.dynamics.broadcast import (
 from skyarm.dynamics.kinematics import IDENTITY, Pose, frame_pose, jacobian_columns
 from skyarm.dynamics.state import State, coordinate_acceleration, proper_acceleration
 from skyarm.scalars import add
+from skyarm.vehicle import coerce
 from skyarm.vehicle.records import Vehicle
+
+_vehicle = coerce.one(Vehicle)
+
+
+def _joint_count(vehicle: Vehicle) -> int:
+    """Number of joints of what must be a vehicle."""
+    found: Vehicle = _vehicle("vehicle", vehicle)
+    return found.n
 
 
 def inverse_dynamics(
@@ -48,15 +58,16 @@ def inverse_dynamics(
         gravity: m/s^2 along world -z.
 
     Raises:
-        ValueError: wrong shape, or a quaternion off unit length by more than 1e-6.
+        ValueError: no Vehicle, a wrong shape, numbers that are not finite, or a quaternion off unit length by more than
+            1e-6. As everywhere in this module, the message names the argument.
     """
-    n = vehicle.n
+    n = _joint_count(vehicle)
     components("position", position, 3)
     R, q = unit_rotation(quaternion_wxyz), components("joints", joints, n)
     v = components("velocity", velocity, 6 + n)
     a = components("acceleration", acceleration, 6 + n)
     lead = leading_axes(position, quaternion_wxyz, joints, velocity, acceleration)
-    base = proper_acceleration(R, Vec3(*a[:3]), Vec3(*a[3:6]), gravity)
+    base = proper_acceleration(R, Vec3(*a[:3]), Vec3(*a[3:6]), one_number("gravity", gravity))
     force, torques = dynamics.inverse_dynamics(vehicle, q, Vec3(*v[3:6]), v[6:], base, a[6:])
     return stacked([*R.apply(force.force), *force.torque, *torques], lead)
 
@@ -72,14 +83,14 @@ def forward_dynamics(
     gravity: float = 9.81,
 ) -> Array:
     """Generalized acceleration (..., 6+n) that ``force`` (..., 6+n) gives; arguments as :func:`inverse_dynamics`."""
-    n = vehicle.n
+    n = _joint_count(vehicle)
     components("position", position, 3)
     R, q = unit_rotation(quaternion_wxyz), components("joints", joints, n)
     v, f = components("velocity", velocity, 6 + n), components("force", force, 6 + n)
     lead = leading_axes(position, quaternion_wxyz, joints, velocity, force)
     applied = Force(Vec3(*f[3:6]), R.apply_T(Vec3(*f[:3])))
     base, qdd = dynamics.forward_dynamics(vehicle, q, Vec3(*v[3:6]), v[6:], applied, f[6:])
-    linear, angular = coordinate_acceleration(R, base, gravity)
+    linear, angular = coordinate_acceleration(R, base, one_number("gravity", gravity))
     return stacked([*linear, *angular, *qdd], lead)
 
 
@@ -87,9 +98,10 @@ def mass_matrix(
     vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, *, gravity: float = 9.81
 ) -> Array:
     """Mass matrix (..., 6+n, 6+n) of the generalized velocity; ``gravity`` is accepted for symmetry, without effect."""
-    del gravity
+    n = _joint_count(vehicle)
+    one_number("gravity", gravity)
     components("position", position, 3)
-    R, q = unit_rotation(quaternion_wxyz), components("joints", joints, vehicle.n)
+    R, q = unit_rotation(quaternion_wxyz), components("joints", joints, n)
     lead = leading_axes(position, quaternion_wxyz, joints)
     return stacked(dynamics.mass_matrix(vehicle, R, q), lead)
 
@@ -98,9 +110,10 @@ def frame_pose_world(
     vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, *, frame: str | None = None
 ) -> tuple[Array, Array]:
     """World position (..., 3) and rotation R_WF (..., 3, 3) of a frame (the end effector by default)."""
+    n = _joint_count(vehicle)
     base = Pose(unit_rotation(quaternion_wxyz), Vec3(*components("position", position, 3)))
     named = vehicle.frame(frame)
-    q = components("joints", joints, vehicle.n)
+    q = components("joints", joints, n)
     lead = leading_axes(position, quaternion_wxyz, joints)
     pose = base @ frame_pose(vehicle, named, q)
     return stacked(list(pose.p), lead), stacked([list(row) for row in pose.R.rows], lead)
@@ -110,8 +123,9 @@ def frame_jacobian(
     vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, *, frame: str | None = None
 ) -> Array:
     """Jacobian (..., 6, 6+n) of a frame: world linear velocity of its origin, then world angular velocity."""
+    n = _joint_count(vehicle)
     components("position", position, 3)
-    R, q = unit_rotation(quaternion_wxyz), components("joints", joints, vehicle.n)
+    R, q = unit_rotation(quaternion_wxyz), components("joints", joints, n)
     lead = leading_axes(position, quaternion_wxyz, joints)
     named = vehicle.frame(frame)
     turning = R @ Mat3.cross(-frame_pose(vehicle, named, q).p)
@@ -127,13 +141,14 @@ def _state(
     vehicle: Vehicle, position: ArrayLike, quaternion: ArrayLike, joints: ArrayLike, velocity: ArrayLike
 ) -> tuple[State, tuple[int, ...]]:
     """State as scalars, and the leading axes of its arrays."""
-    v = components("velocity", velocity, 6 + vehicle.n)
+    n = _joint_count(vehicle)
+    v = components("velocity", velocity, 6 + n)
     state = State(
         position=Vec3(*components("position", position, 3)),
         quaternion=unit_quaternion(quaternion),
         velocity=Vec3(*v[:3]),
         rate=Vec3(*v[3:6]),
-        joints=components("joints", joints, vehicle.n),
+        joints=components("joints", joints, n),
         joint_rates=v[6:],
     )
     return state, leading_axes(position, quaternion, joints, velocity)
@@ -150,13 +165,14 @@ def energy(
 ) -> Array:
     """Kinetic plus potential energy (...), J."""
     state, lead = _state(vehicle, position, quaternion_wxyz, joints, velocity)
-    total = add(dynamics.kinetic_energy(vehicle, state), dynamics.potential_energy(vehicle, state, gravity))
+    g = one_number("gravity", gravity)
+    total = add(dynamics.kinetic_energy(vehicle, state), dynamics.potential_energy(vehicle, state, g))
     return stacked(total, lead)
 
 
 def center_of_mass(vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike) -> Array:
     """Centre of mass in the world (..., 3), m."""
-    still = np.zeros(6 + vehicle.n)
+    still = np.zeros(6 + _joint_count(vehicle))
     state, lead = _state(vehicle, position, quaternion_wxyz, joints, still)
     return stacked(list(dynamics.center_of_mass(vehicle, state)), lead)
 

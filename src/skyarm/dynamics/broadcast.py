@@ -5,12 +5,14 @@ One state becomes plain floats, many become lanes, so that the fronts of the dyn
 
 from __future__ import annotations
 
+import numbers
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Mat3, Quaternion
+from skyarm.files import shown
 
 Array = npt.NDArray[np.float64]
 ArrayLike = npt.ArrayLike
@@ -23,14 +25,47 @@ def components(name: str, value: ArrayLike, size: int) -> tuple[Any, ...]:
     """Last axis as scalars: floats for one state, arrays over the leading axes for many.
 
     Raises:
-        ValueError: the last axis has not ``size`` entries; the message says ``name``.
+        ValueError: what is given are no finite numbers, or the last axis has not ``size`` entries; the message says
+            ``name``.
     """
-    array = np.asarray(value, dtype=float)
+    array = finite_numbers(name, value)
     if array.ndim == 0 or array.shape[-1] != size:
         raise ValueError(f"{name}: shape {array.shape}, allowed (..., {size})")
     if array.ndim == 1:
         return tuple(array.tolist())
     return tuple(array[..., i] for i in range(size))
+
+
+def finite_numbers(name: str, value: Any, allowed: str = "finite numbers") -> Array:
+    """Array of floats; text, truth values, complex numbers and what is not finite are refused by name.
+
+    Raises:
+        ValueError: says ``name`` and what was given.
+    """
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind == "O" and all(isinstance(each, numbers.Real) for each in array.flat):
+            array = array.astype(float)
+    except (TypeError, ValueError, OverflowError) as error:  # ragged rows; values of a trace
+        raise ValueError(f"{name} = {shown(value)}: must be {allowed}") from error
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"{name} = {shown(value)}: must be {allowed}")
+    array = array.astype(float, copy=False)
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} = {shown(value)}: must be {allowed}")
+    return array
+
+
+def one_number(name: str, value: Any) -> float:
+    """One finite number, such as gravity.
+
+    Raises:
+        ValueError: anything else.
+    """
+    array = finite_numbers(name, value, "one finite number")
+    if array.ndim:
+        raise ValueError(f"{name} = {shown(value)}: must be one finite number")
+    return float(array.item())
 
 
 def unit_quaternion(quaternion_wxyz: ArrayLike) -> Quaternion:
@@ -39,7 +74,7 @@ def unit_quaternion(quaternion_wxyz: ArrayLike) -> Quaternion:
     Raises:
         ValueError: wrong shape, or further off unit length.
     """
-    array = np.asarray(quaternion_wxyz, dtype=float)
+    array = finite_numbers("quaternion_wxyz", quaternion_wxyz)
     wxyz = components("quaternion_wxyz", array, 4)
     length = np.linalg.norm(array, axis=-1)
     if not np.all(np.abs(length - 1.0) <= QUATERNION_TOLERANCE):

@@ -2,5 +2,15 @@
 
 from skyarm.files.atomic import require_replaceable, require_writable, write_atomically
 from skyarm.files.fields import Fields, number, shown
+from skyarm.files.read import file_name, unreadable
 
-__all__ = ["Fields", "number", "require_replaceable", "require_writable", "shown", "write_atomically"]
+__all__ = [
+    "Fields",
+    "file_name",
+    "number",
+    "require_replaceable",
+    "require_writable",
+    "shown",
+    "unreadable",
+    "write_atomically",
+]

@@ -9,6 +9,8 @@ from typing import Any, Protocol
 from skyarm.compile import leaves
 from skyarm.dynamics.state import State
 from skyarm.scalars import Scalar
+from skyarm.vehicle import check, coerce
+from skyarm.vehicle.coerce import accept
 from skyarm.vehicle.records import Vehicle
 
 Flat = Sequence[float]
@@ -21,6 +23,10 @@ class World:
 
     vehicle: Vehicle
     gravity: Scalar = 9.81
+
+    def __post_init__(self) -> None:
+        accept(self, "world", vehicle=coerce.one(Vehicle), gravity=coerce.number)
+        check.number("world.gravity", self.gravity, low=0.0)
 
 
 class Plant(Protocol):

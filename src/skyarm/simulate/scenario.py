@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import numbers
 import re
 from dataclasses import dataclass
 from typing import Any
@@ -12,7 +13,7 @@ from skyarm.actuation.hover import hover_trim
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.registry import Controller
 from skyarm.dynamics import State
-from skyarm.environment import NO_WIND, Wind
+from skyarm.environment import NO_WIND, Airspeed, RotorsForce, Wind
 from skyarm.files import number, shown
 from skyarm.plant.interface import World
 from skyarm.plant.rigid_body import INTEGRATORS
@@ -37,6 +38,11 @@ class ScenarioError(ValueError):
     """A scenario's description is wrong."""
 
 
+def _whole(value: Any) -> int | None:
+    """A whole number, NumPy's too, as Python's; None for anything else."""
+    return int(value) if not isinstance(value, bool) and isinstance(value, numbers.Integral) else None
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Rates:
     """Clock rates in Hz; physics / control and control / reference must be whole numbers."""
@@ -48,8 +54,11 @@ class Rates:
     def __post_init__(self) -> None:
         for name in ("physics", "control", "reference"):
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= HIGHEST_RATE:
-                raise ScenarioError(f"rates.{name} = {value!r}: must be a whole number of Hz from 1 to {HIGHEST_RATE}")
+            held = _whole(value)
+            if held is None or not 1 <= held <= HIGHEST_RATE:
+                allowed = f"must be a whole number of Hz from 1 to {HIGHEST_RATE}"
+                raise ScenarioError(f"rates.{name} = {shown(value)}: {allowed}")
+            object.__setattr__(self, name, held)
         for fast, slow in (("physics", "control"), ("control", "reference")):
             if getattr(self, fast) % getattr(self, slow):
                 raise ScenarioError(
@@ -106,7 +115,14 @@ class Scenario:
     ground: bool = True
 
     def __post_init__(self) -> None:
-        _check(self)
+        try:
+            _check_kinds(self)
+            object.__setattr__(self, "duration", number(self.duration, "duration", low=0.0, strict=True))
+            for name in ("seed", "episode"):
+                object.__setattr__(self, name, noise_key(name, getattr(self, name)))
+            _check(self)
+        except ValueError as error:
+            raise ScenarioError(str(error)) from None
 
     @property
     def steps(self) -> int:
@@ -114,10 +130,28 @@ class Scenario:
         return round(self.duration * self.rates.control)
 
 
+def _check_kinds(scenario: Scenario) -> None:
+    """Every field holds a record of its kind: `dataclasses.replace` would take anything."""
+    kinds: dict[str, tuple[type, ...]] = {
+        **{"title": (str,), "rates": (Rates,), "world": (World,), "controller": (Controller,)},
+        **{
+            "trajectory": (Trajectory,),
+            "wind": (RotorsForce, Airspeed),
+            "sensors": (SensorNoise,),
+            "delays": (Delays,),
+        },
+        **{"initial": (State, type(None)), "ground": (bool,)},
+    }
+    for field, allowed in kinds.items():
+        value = getattr(scenario, field)
+        if not isinstance(value, allowed):
+            names = " or ".join("None" if each is type(None) else each.__name__ for each in allowed)
+            raise ScenarioError(f"{field} = {shown(value)}: must be a {names}")
+
+
 def _check(scenario: Scenario) -> None:
     """Refuse what could not fly, before anything is built."""
     check_name(scenario.name)
-    number(scenario.duration, "duration", low=0.0, strict=True)
     if scenario.duration * scenario.rates.control > LONGEST_FLIGHT:
         longest = LONGEST_FLIGHT / scenario.rates.control
         raise ScenarioError(f"duration = {scenario.duration!r}: must be at most {longest:g} s at this control rate")
@@ -127,7 +161,7 @@ def _check(scenario: Scenario) -> None:
         ("plant.integrator", scenario.integrator, INTEGRATORS),
     ):
         if value not in allowed:
-            raise ScenarioError(f"{field} = {value!r}: must be one of {', '.join(allowed)}")
+            raise ScenarioError(f"{field} = {shown(value)}: must be one of {', '.join(allowed)}")
     rates = scenario.rates
     for name, rate, unit in (
         ("measurement", rates.control, "control periods"),
@@ -137,8 +171,6 @@ def _check(scenario: Scenario) -> None:
         if delay > scenario.duration:
             raise ScenarioError(f"delays.{name} = {delay!r}: must not exceed the duration of {scenario.duration:g} s")
         _require_whole(f"delays.{name}", delay, rate, unit)
-    for name in ("seed", "episode"):
-        check_key(name, getattr(scenario, name))
     _check_vehicles(scenario)
     if scenario.initial is not None:
         _check_initial(scenario.initial, scenario.world.vehicle.n, len(scenario.world.vehicle.rotors))
@@ -150,10 +182,12 @@ def check_name(name: str) -> None:
         raise ScenarioError(f"name = {shown(name)}: must be 1 to 100 letters, digits, '_', '-', '.' and blanks")
 
 
-def check_key(field: str, value: Any) -> None:
+def noise_key(field: str, value: Any) -> int:
     """A key of the noise generator."""
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**32:
+    held = _whole(value)
+    if held is None or not 0 <= held < 2**32:
         raise ScenarioError(f"{field} = {shown(value)}: must be a whole number from 0 to 2**32 - 1")
+    return held
 
 
 def _check_vehicles(scenario: Scenario) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import Vec3
-from skyarm.dynamics.broadcast import Array, ArrayLike, components, leading_axes, stacked, unit_rotation
+from skyarm.dynamics.broadcast import Array, ArrayLike, components, leading_axes, one_number, stacked, unit_rotation
 from skyarm.dynamics.euler_lagrange import coriolis, gravity, mass, mass_derivative, transforms
 from skyarm.dynamics.euler_lagrange.parameters import TABLE_1, PlanarArmParameters
 
@@ -80,7 +80,9 @@ def gravity_vector(
 
     Source: Barakou, Tzafestas, Valavanis 2026, (71)-(77); reduced (78), (79).
     """
-    return stacked(_gravity(parameters, components("q", q, 8), gravity, reduced), leading_axes(q))
+    return stacked(
+        _gravity(parameters, components("q", q, 8), one_number("gravity", gravity), reduced), leading_axes(q)
+    )
 
 
 def euler_angles(quaternion_wxyz: ArrayLike) -> Array:
