@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= out/paper
 
-.PHONY: reproduce test bench lint types clean help
+.PHONY: reproduce test bench lint clean help
 
 help:
 	@echo "make reproduce   fly the paper's five experiments on both plants; results in $(OUT)"

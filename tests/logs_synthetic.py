@@ -6,9 +6,12 @@ from functools import cache
 
 import numpy as np
 
-from skyarm.simulate.log import Log
+from skyarm.simulate import Log, Window
 
-CASES = ("case1", "case2", "case3", "case2_gust", "case3_wind")
+STEADY = Window(10.0, 20.0)
+WINDOWS = {"case1": STEADY, "case2": STEADY, "case3": STEADY, "case2_gust": Window(5.0, 20.0), "case3_wind": STEADY}
+CASES = tuple(WINDOWS)
+"""As the paper states them, apart from the source."""
 ROLL, PITCH = 0.05, 0.10
 
 

@@ -15,7 +15,8 @@ from skyarm.control.presets import preset
 from skyarm.dynamics import State
 from skyarm.dynamics.measurement import Measurement
 from skyarm.environment import WindSample
-from skyarm.plant.rigid_body import World, step_euler, step_rk4
+from skyarm.plant.interface import World
+from skyarm.plant.rigid_body import step_euler, step_rk4
 from skyarm.reference import Constant, Reference, Sine, Trajectory
 from skyarm.scalars import cos, log, philox, sin, sqrt
 

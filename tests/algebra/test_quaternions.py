@@ -72,6 +72,22 @@ def test_the_quaternion_of_a_rotation_vector_is_that_of_scipy_also_near_zero(eng
     assert np.allclose(found, wanted, rtol=1e-13, atol=2e-16)
 
 
+@pytest.mark.parametrize("v", [[0.0, 0.0, 0.0], [3e-5, 0.0, -4e-5], [6e-5, 8.1e-5, 0.0], [0.3, -0.2, 0.9]])
+def test_the_gradient_of_a_rotation_vectors_quaternion_is_right_at_zero_and_beside_it(v):
+    jax = pytest.importorskip("jax")
+
+    def quaternion(vector):
+        return jax.numpy.stack([*Quaternion.of_rotation_vector(Vec3(*vector))])
+
+    with jax.enable_x64(True):
+        jacobian = np.array(jax.jacobian(quaternion)(np.array(v)))
+    h = 1e-4
+    for column, unit_vector in zip(jacobian.T, np.eye(3), strict=True):
+        ahead, behind = (np.roll(Rotation.from_rotvec(v + s * h * unit_vector).as_quat(), 1) for s in (1.0, -1.0))
+        # central difference: h^2 / 6 of a third derivative of at most 1/8, and rounding 1e-16 / h
+        assert np.allclose(column, (ahead - behind) / (2.0 * h), rtol=0.0, atol=1e-9)
+
+
 def test_normalisation_gives_unit_length_and_keeps_the_direction(engine):
     lanes = 3.0 * RNG.normal(size=(5, 4))
     found = evaluate(engine, lambda *q: list(Quaternion(*q).normalized()), lanes)

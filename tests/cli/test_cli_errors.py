@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -150,6 +151,16 @@ SCENARIO_ERRORS: list[tuple[str, str, tuple[str, ...]]] = [
         ("plant.payload", "hook", "tip"),
     ),
     ("payload mass", small(plant=PLANT + "\npayload = { mass = -0.1 }"), ("plant.payload.mass = -0.1", "at least 0")),
+    (
+        "stiff friction",
+        small(plant=PLANT + "\njoints = { coulomb = 0.1, coulomb_rate = 1e-4 }"),
+        ("plant.vehicle = 'hummingbird_arm2_rotors'", "joints[joint2].coulomb = 0.1", "1/s", "raise coulomb_rate"),
+    ),
+    (
+        "stiff damping",
+        small(plant=PLANT + '\nkind = "mujoco"\njoints = { damping = 1.0 }'),
+        ("plant.vehicle = 'hummingbird_arm2_rotors'", "joints[joint2].damping = 1.0", "lower damping"),
+    ),
     ("schema", changed(CASE1, "schema = 1", "schema = 2"), ("schema = 2", "must be 1")),
     ("empty file", "", ("is missing",)),
     ("no TOML", "name = = 3", ("TOML", "line 1")),
@@ -234,9 +245,75 @@ def test_a_scenario_that_does_not_exist_names_the_shipped_ones(folder: Path, wha
     refused(skyarm("run", what), f"scenario = {what!r}", "case1", "case3_wind")
 
 
+@pytest.mark.parametrize("command", ["run", "show"])
+@pytest.mark.parametrize("ending", ["", ".toml"])
+def test_a_name_of_five_thousand_letters_is_one_short_line(folder: Path, command: str, ending: str) -> None:
+    outcome = skyarm(command, "a" * 5000 + ending)
+    refused(outcome, "aaa...", "must be" if not ending else "too long")
+    assert len(outcome.err) < 400
+    assert "[Errno" not in outcome.err
+
+
+def test_a_byte_order_mark_is_no_error(folder: Path) -> None:
+    (folder / "mine.toml").write_bytes(b"\xef\xbb\xbf" + VEHICLE.encode())
+    flight = changed(changed(CASE1, '"hummingbird_arm2_rotors"', '"mine.toml"'), "duration = 30.0", "duration = 0.01")
+    (folder / "flight.toml").write_bytes(b"\xef\xbb\xbf" + flight.encode())
+    assert skyarm("show", "mine.toml").code == 0
+    assert skyarm("run", "flight.toml").code == 0
+
+
+HUGE = [
+    ("thrust_coefficient = 8.54858e-6", "thrust_coefficient = 1e300", ("rotors[front] gives 1e+300", "thrust_coeff")),
+    ("position = [0.17, 0.0, 0.01]", "position = [1e200, 0.0, 0.01]", ("rotors[front].position.x = 1e+200", "at most")),
+    ("position = [0.0, 0.0, -0.15]", "position = [0.0, 0.0, -1e200]", ("joints[joint2].position.z", "at most")),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "words"), HUGE, ids=["thrust", "rotor", "link"])
+def test_rotors_beyond_numbers_are_one_line(folder: Path, old: str, new: str, words: tuple[str, ...]) -> None:
+    """Warnings are errors in the tests: a warning of NumPy on the way would end in a traceback."""
+    written(folder, changed(VEHICLE, old, new), "mine.toml")
+    name = written(folder, changed(CASE1, '"hummingbird_arm2_rotors"', '"mine.toml"'))
+    refused(skyarm("show", "mine.toml"), "mine.toml: ", *words)
+    refused(skyarm("run", name), "flight.toml: plant.vehicle = ", *words)
+
+
+def test_a_base_too_heavy_for_numbers_is_blamed_for_its_mass(folder: Path) -> None:
+    planar = (VEHICLES / "hummingbird_arm2.toml").read_text("utf-8")
+    heavy = re.sub(r"mass = \S+", "mass = 1e308\ncom = [0.0, 0.0, 0.1]", planar, count=1)
+    written(folder, heavy, "heavy.toml")
+    refused(skyarm("show", "heavy.toml"), "heavy.toml: base.mass = 1e+308", "overflows")
+
+
+def test_a_law_or_preset_that_does_not_fit_the_vehicle_is_named(folder: Path) -> None:
+    three = VEHICLE.replace("[rotor_defaults]", THIRD_LINK + "[rotor_defaults]", 1)
+    written(folder, three, "three.toml")
+    plant = 'name = "f"\nduration = 0.1\n[plant]\nvehicle = "three.toml"\n[controller]\n'
+    for controller, words in (
+        ('preset = "paper_ct"', ("controller.preset = 'paper_ct'", "2 values, must be 3")),
+        ('law = "hybrid_computed_torque_euler"', ("controller.law = 'hybrid_computed_torque_euler'", "3 joints")),
+    ):
+        refused(skyarm("run", written(folder, plant + controller)), "flight.toml: ", *words)
+
+
+THIRD_LINK = """
+[[links]]
+name = "link3"
+parent = "link2"
+mass = 0.04
+com = [0.0, 0.0, -0.075]
+inertia = [7.5e-5, 7.5e-5, 5e-7]
+[links.joint]
+name = "joint3"
+axis = [0.0, 1.0, 0.0]
+position = [0.0, 0.0, -0.15]
+"""
+
+
 def test_a_folder_given_as_scenario_is_refused(folder: Path) -> None:
     (folder / "dir.toml").mkdir()
-    refused(skyarm("run", "dir.toml"), "dir.toml", "directory")
+    refused(skyarm("run", "dir.toml"), "dir.toml", "is a folder")
+    refused(skyarm("show", "dir.toml"), "dir.toml", "is a folder")
     (folder / "plain").mkdir()
     refused(skyarm("run", "plain"), "plain", ".toml")
 
@@ -265,6 +342,16 @@ def test_an_output_folder_that_cannot_be_written_is_refused_before_any_flight(
     (folder / "half" / "figures").write_text("in the way")
     if command == ["reproduce"]:
         refused(skyarm(*command, "--out", "half"), "output folder = 'half/figures'", "must be writable")
+    files = ("case1.npz", "case1.csv") if command[0] == "run" else ("report.html", "figures/figure_18.png")
+    for number, file in enumerate(files):
+        (folder / f"named{number}" / file).mkdir(parents=True)
+        refused(skyarm(*command, "--out", f"named{number}"), f"named{number}/{file}", "there is a folder of this name")
+
+
+@pytest.mark.parametrize("command", [["run", "case1"], ["reproduce"]])
+def test_an_output_folder_without_a_name_is_refused(folder: Path, command: list[str]) -> None:
+    refused(skyarm(*command, "--out", ""), "output folder = ''", "must be the path of a folder")
+    assert not list(folder.iterdir())
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.model import Model
 from skyarm.control.presets import HUMMINGBIRD
 from skyarm.control.registry import make_controller
-from skyarm.plant.rigid_body import World
+from skyarm.plant.interface import World
 from skyarm.reference import Constant, Sine, hover
 from skyarm.simulate import Scenario, run
 from skyarm.simulate.scenario import trimmed_state

@@ -18,7 +18,7 @@ from skyarm.control.model import Model
 from skyarm.control.presets import HUMMINGBIRD
 from skyarm.control.rotors_lee import rotors_lee_command
 
-GOLDEN = json.loads((Path(__file__).parents[1] / "data" / "lee_golden.json").read_text())
+GOLDEN = json.loads((Path(__file__).parents[1] / "data" / "lee_golden.json").read_text(encoding="utf-8"))
 VEHICLE = skyarm.load_vehicle("hummingbird")
 PAIRS = (
     ("acceleration", "out_acc_W"),

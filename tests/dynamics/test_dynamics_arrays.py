@@ -122,7 +122,7 @@ def test_leading_axes_of_different_joint_arguments_that_do_not_broadcast_raise_b
         arrays.forward_dynamics(vehicle, *inputs)
 
 
-@pytest.mark.parametrize("length", [0.0, 1.0 - 2e-6, 1.0 + 2e-6, 2.0, np.nan])
+@pytest.mark.parametrize("length", [0.0, 1.0 - 2e-6, 1.0 + 2e-6, 2.0])
 def test_a_quaternion_off_unit_length_raises(function, rng, length):
     call, count = function
     vehicle = random_vehicle(rng, 2)

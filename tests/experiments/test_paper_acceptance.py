@@ -11,12 +11,15 @@ from typing import Any
 import pytest
 
 from skyarm.experiments.campaign import Campaign, run_campaign
-from skyarm.experiments.paper import CONTINUOUS, PLANTS, STEADY, Flight, results, scenario, settings
+from skyarm.experiments.paper import CONTINUOUS, STEADY, Flight, results, scenario, settings
 from skyarm.experiments.published import CASES, CONTROLLERS, PAPER, PRINTED
+from skyarm.experiments.table import short_markdown
 from skyarm.simulate import Rates, run
 from skyarm.simulate.metrics import motion
+from skyarm.simulate.scenario import PLANTS
 
-TABLE2 = Path(__file__).parents[3] / "shared" / "paper" / "table2.json"
+TABLE2 = Path(__file__).parents[1] / "data" / "table2.json"
+README = Path(__file__).parents[2] / "README.md"
 
 
 @pytest.fixture(scope="module")
@@ -180,9 +183,29 @@ def test_the_hover_offset_is_the_imu_the_controller_does_not_know(table: dict[st
         assert _cell(table, case, "PD", "hover_offset", "rigid_body") == pytest.approx(expected, abs=3e-4)
 
 
-@pytest.mark.skipif(not TABLE2.is_file(), reason="the published table is not beside this checkout")
+def _rows(markdown: str) -> list[list[str]]:
+    lines = [line for line in markdown.splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+
+
+def test_the_readmes_table_is_what_flights_give(table: dict[str, Any]) -> None:
+    front = README.read_text(encoding="utf-8")
+    written = front.split("<!-- table:")[1].split("-->", 1)[1].split("<!-- /table -->")[0]
+    shown, flown = _rows(written), _rows(short_markdown(table))
+    assert len(shown) == len(flown)
+    for ours, fresh in zip(shown, flown, strict=True):
+        assert ours[:3] + ours[4:5] == fresh[:3] + fresh[4:5], "words, unit and the paper's numbers"
+        for column in (3, 5):
+            if " / " not in fresh[column] or fresh[column] == "CT ours":
+                assert ours[column] == fresh[column]
+                continue
+            numbers, wanted = ([float(n) for n in cell[column].split(" / ")] for cell in (ours, fresh))
+            # three digits are shown, half a unit of the last is up to 0.5 %
+            assert numbers == pytest.approx(wanted, rel=0.01), ours[0]
+
+
 def test_the_published_numbers_are_those_of_the_table() -> None:
-    raw = json.loads(TABLE2.read_text(), parse_float=str, parse_int=str)
+    raw = json.loads(TABLE2.read_text(encoding="utf-8"), parse_float=str, parse_int=str)
     cases = dict(raw["table2"])
     for name in ("case2_gust", "case3_wind"):
         cases[name] = {key: raw[name][key] for key in CONTROLLERS}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import json
 import math
@@ -12,10 +11,11 @@ from typing import Any
 
 import pytest
 
-from logs_synthetic import CASES, all_logs, synthetic_log
+from logs_synthetic import CASES, WINDOWS, all_logs, synthetic_log
 from skyarm.experiments.report import report_html
 from skyarm.experiments.report_headlines import CLAIMS, meets, ordered, tally
 from skyarm.experiments.report_markup import bound_cell, difference_cell, number_cell, shown
+from skyarm.experiments.variations import GROUPS, variations
 from skyarm.figures import paper_figures
 
 VOID = {"meta", "link", "img", "br", "hr", "input", "col"}
@@ -106,7 +106,7 @@ REASONS = {"case1": {"CT": {"position_error_mean": "because <i>x</i> & y"}}}
 @pytest.fixture(scope="module")
 def source() -> str:
     logs = all_logs()
-    figures = paper_figures({"case1": logs["rigid_body"]["case1"]})
+    figures = paper_figures({"case1": logs["rigid_body"]["case1"]}, WINDOWS)
     return report_html(some_results(), some_sensitivity(), logs, REASONS, figures)
 
 
@@ -173,8 +173,8 @@ def test_every_number_of_the_sensitivity_appears(page: Page) -> None:
 
 
 def test_missing_and_not_finite_numbers_are_dashes(page: Page) -> None:
-    assert number_cell(None, 4) == '<td class="num none">&ndash;</td>'
-    assert number_cell(float("nan"), 4) == number_cell(None, 4) == number_cell(float("inf"), 4)
+    assert number_cell(None) == '<td class="num none">&ndash;</td>'
+    assert number_cell(float("nan")) == number_cell(None) == number_cell(float("inf"))
     assert not any(value in ("nan", "inf", "None") for value in page.values)
     assert not re.search(r"\b(nan|NaN|None|inf)\b", page.text)
 
@@ -259,8 +259,10 @@ def test_difference_is_relative_signed_and_graded_without_colour() -> None:
     assert 'class="num near">+4&nbsp;% <span class="sign" aria-hidden="true">&#9679;' in difference_cell(1.04, 1.0)
     assert 'class="num fair">&minus;12&nbsp;%' in difference_cell(0.88, 1.0)
     assert 'class="num far">+100&nbsp;%' in difference_cell(2.0, 1.0)
-    assert "+50&nbsp;%" in difference_cell(-0.14, -0.28)
+    assert "&minus;50&nbsp;%" in difference_cell(-0.14, -0.28)
+    assert "+6&nbsp;%" in difference_cell(-0.339, -0.32)
     assert ">0&nbsp;%" in difference_cell(0.999999, 1.0)
+    assert ">0&nbsp;%" in difference_cell(1.000001, 1.0)
     assert "&ndash;" in difference_cell(1.0, 0.0)
     assert "(within 20 %)" in difference_cell(0.88, 1.0)
 
@@ -271,22 +273,53 @@ def test_a_bound_is_met_below_and_missed_above() -> None:
     assert "&ndash;" in bound_cell(None, 10)
 
 
-def test_small_numbers_are_not_shown_as_zero() -> None:
-    assert shown(0.00001, 4) == "1.0e&minus;05"
-    assert shown(0.0, 4) == "0.0000"
-    assert shown(-0.28, 3) == "&minus;0.280"
+def test_numbers_have_three_significant_digits_and_a_typographic_minus() -> None:
+    assert shown(0.00001) == "1.00e&minus;05"
+    assert shown(0.0) == "0"
+    assert shown(-0.28) == "&minus;0.280"
+    assert shown(123.4) == "123"
 
 
-def test_why_column_says_what_is_known() -> None:
-    results = copy.deepcopy(some_results())
-    cells = results["experiments"]["case1"]["CT"]
-    cells.clear()
-    cells["roll_rms"] = {"paper": 0.0001, "rigid_body": 0.00006, "mujoco": 0.00006}
-    cells["tau2_rms"] = {"paper": 0.01, "rigid_body": 0.0116, "mujoco": 0.0116}
-    cells["position_error_mean"] = {"paper": 0.035, "rigid_body": 0.0349, "mujoco": 0.0349}
-    text = report_html(results, {}, {}, {})
-    reasons = re.findall(r'<td class="why">(.*?)</td>', text)
-    assert reasons[:3] == ["equal within the published rounding", "not explained", ""]
+def test_published_numbers_keep_their_printed_digits() -> None:
+    cells = {"position_error_mean": {"paper": 0.04, "rigid_body": 0.0349, "mujoco": 0.0349}}
+    cells["pitch_rms"] = {"paper": 0.5, "rigid_body": 0.4, "mujoco": 0.4}
+    page = report_html({"schema": 1, "experiments": {"case1": {"CT": cells}}, "settings": {}}, {}, {}, {})
+    assert '<data value="0.04">0.040</data>' in page
+    assert '<data value="0.5">0.500</data>' in page, "a number that is not the printed one is not shown as if it were"
+
+
+def test_the_why_column_holds_the_reasons_given(source: str) -> None:
+    written = re.findall(r'<td class="why">(.*?)</td>', source)
+    assert [line for line in written if line] == ["because &lt;i&gt;x&lt;/i&gt; &amp; y"]
+    assert "Nearest variation (alternatives, not jointly true)" in source
+
+
+def test_captions_name_the_plant_that_flew() -> None:
+    results = some_results()
+    for controllers in results["experiments"].values():
+        for cells in controllers.values():
+            for cell in cells.values():
+                cell["rigid_body"] = None
+    logs = {"mujoco": all_logs()["mujoco"]}
+    figures = paper_figures({"case1": logs["mujoco"]["case1"]}, WINDOWS)
+    read = Page(report_html(results, some_sensitivity(), logs, {}, figures))
+    assert "Layout of the paper, mujoco plant" in read.text
+    assert "assumed joint damping, mujoco; dotted" in read.text
+    assert "Joint damping [N m s/rad], mujoco; bold" in read.text
+    # what is left are the headings of its empty columns and the lead, which says what the plants are
+    without_tables = re.sub(r"rigid_body(: within \d+ %|: compared| - paper|(?=mujoco|Verdict))", "", read.text)
+    assert without_tables.count("rigid_body") == 1
+    assert "rigid_body (this library" in without_tables
+
+
+def test_the_order_of_the_plants_decides_which_is_first() -> None:
+    results = some_results()
+    results["settings"]["plants"] = ["mujoco", "rigid_body"]
+    assert "assumed joint damping, mujoco" in report_html(results, some_sensitivity(), {}, {})
+
+
+def test_every_group_of_variations_has_a_title() -> None:
+    assert {each.group for each in variations()} == set(GROUPS)
 
 
 def test_an_episode_that_ended_early_is_named() -> None:

@@ -14,7 +14,8 @@ import skyarm
 from skyarm.experiments import reproduce as room
 from skyarm.experiments.campaign import Campaign, run_campaign
 from skyarm.experiments.paper import metrics, results, settings
-from skyarm.experiments.published import CASES
+from skyarm.experiments.published import CASES, PRINTED
+from skyarm.experiments.table import number
 from skyarm.experiments.variations import variations
 from skyarm.simulate import Log, run
 from skyarm.simulate.scenario_file import load_scenario
@@ -59,7 +60,7 @@ def test_every_promised_file_is_there_and_nothing_else(written: tuple[Path, dict
 
 def test_results_json_is_what_the_call_returns_and_strict(written: tuple[Path, dict[str, Any], list[str]]) -> None:
     folder, table, _ = written
-    read = json.loads((folder / "results.json").read_text(), parse_constant=_no_constant)
+    read = json.loads((folder / "results.json").read_text(encoding="utf-8"), parse_constant=_no_constant)
     assert read == table
     assert read["schema"] == 1
     cell = read["experiments"]["case2"]["CT"]["position_error_mean"]
@@ -69,7 +70,7 @@ def test_results_json_is_what_the_call_returns_and_strict(written: tuple[Path, d
 
 def test_every_cell_that_differs_has_a_reason(written: tuple[Path, dict[str, Any], list[str]]) -> None:
     folder, table, _ = written
-    evidence = json.loads((folder / "sensitivity.json").read_text(), parse_constant=_no_constant)
+    evidence = json.loads((folder / "sensitivity.json").read_text(encoding="utf-8"), parse_constant=_no_constant)
     differing = 0
     for case, controllers in table["experiments"].items():
         for controller, cells in controllers.items():
@@ -91,12 +92,14 @@ def test_every_cell_that_differs_has_a_reason(written: tuple[Path, dict[str, Any
 
 def test_the_markdown_holds_every_published_cell(written: tuple[Path, dict[str, Any], list[str]]) -> None:
     folder, table, _ = written
-    text = (folder / "table2.md").read_text()
-    for controllers in table["experiments"].values():
+    text = (folder / "table2.md").read_text(encoding="utf-8")
+    for case, controllers in table["experiments"].items():
         for controller, cells in controllers.items():
             for metric, cell in cells.items():
                 if cell["paper"] is not None:
-                    assert f"| {metric} | {controller} | {cell['paper']:.3g} |" in text
+                    assert (
+                        f"| {controller} | {PRINTED[case][controller][metric]} | {number(cell['rigid_body'])} |" in text
+                    )
 
 
 def test_logs_are_the_flights(written: tuple[Path, dict[str, Any], list[str]]) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from logs_synthetic import CASES, all_logs, synthetic_log
+from logs_synthetic import WINDOWS, all_logs, synthetic_log
 from skyarm.figures import PAPER_CATALOGUE, paper_figures
 from skyarm.figures.embed import image_bytes
 from skyarm.figures.quantities import POSITION_ERROR, TOOL_ERROR, by_hold, end_time, gust_interval, joint_error_size
@@ -25,7 +25,7 @@ WITH_REFERENCE = {4: (2, 3), 13: (0, 1, 2)}
 
 @pytest.fixture(scope="module")
 def drawn() -> dict[int, Figure]:
-    return paper_figures(all_logs()["rigid_body"])
+    return paper_figures(all_logs()["rigid_body"], WINDOWS)
 
 
 def luminance(color: str) -> float:
@@ -150,7 +150,7 @@ def test_nothing_of_a_figure_lies_outside_its_canvas(drawn: dict[int, Figure]) -
 
 def test_drawing_changes_nothing_global() -> None:
     before = dict(mpl.rcParams)
-    figures = paper_figures({"case1": all_logs()["rigid_body"]["case1"]})
+    figures = paper_figures({"case1": all_logs()["rigid_body"]["case1"]}, WINDOWS)
     assert sorted(figures) == [3, 4, 5]
     assert dict(mpl.rcParams) == before
 
@@ -160,7 +160,7 @@ def test_threads_draw_the_same_pixels() -> None:
     found: list[bytes] = []
 
     def work() -> None:
-        found.append(image_bytes(paper_figures(logs)[5], dpi=60))
+        found.append(image_bytes(paper_figures(logs, WINDOWS)[5], dpi=60))
 
     threads = [threading.Thread(target=work) for _ in range(3)]
     for thread in threads:
@@ -178,7 +178,7 @@ def test_a_diverged_episode_is_named_and_does_not_flatten_the_other() -> None:
     position = wild.position.copy()
     position[-1] = [1e9, np.nan, np.inf]
     wild = dataclasses.replace(wild, position=position, info={**wild.info, "status": "diverged"})
-    figure = paper_figures({"case1": {"CT": good, "PD": wild}})[5]
+    figure = paper_figures({"case1": {"CT": good, "PD": wild}}, WINDOWS)[5]
     assert "PD (diverged)" in [entry.get_text() for entry in figure.legends[0].get_texts()]
     assert figure.axes[0].get_ylim()[1] < 6.0
     assert figure.axes[0].get_xlim() == pytest.approx((0.0, 30.0), abs=1e-9)
@@ -188,7 +188,7 @@ def test_a_diverged_episode_is_named_and_does_not_flatten_the_other() -> None:
 def test_an_episode_that_ended_at_once_is_drawn() -> None:
     empty = synthetic_log("case3", "rigid_body", "PD", seconds=0.0)
     assert empty.time.size == 0
-    figures = paper_figures({"case3": {"CT": synthetic_log("case3", "rigid_body", "CT"), "PD": empty}})
+    figures = paper_figures({"case3": {"CT": synthetic_log("case3", "rigid_body", "CT"), "PD": empty}}, {})
     assert sorted(figures) == [12, 13, 14, 15]
 
 
@@ -224,5 +224,5 @@ def test_limits_keep_a_smallest_span_and_ignore_what_is_not_finite() -> None:
 
 
 def test_catalogue_names_only_the_papers_experiments() -> None:
-    assert {spec.case for spec in PAPER_CATALOGUE.values()} == set(CASES)
+    assert {spec.case for spec in PAPER_CATALOGUE.values()} == set(WINDOWS)
     assert sorted(PAPER_CATALOGUE) == list(range(3, 19))

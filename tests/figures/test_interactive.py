@@ -10,11 +10,13 @@ import pytest
 from logs_synthetic import all_logs, synthetic_log
 from skyarm.figures import damping_figure, experiment_figure, tool_path_figure
 from skyarm.figures.embed import plotly_spec
+from skyarm.simulate import Window
 
 
 def test_interactive_figure_holds_every_curve_of_both_plants() -> None:
     logs = {plant: cases["case2_gust"] for plant, cases in all_logs().items()}
-    figure = experiment_figure(logs, (5.0, 20.0))
+    figure = experiment_figure(logs, Window(5.0, 20.0))
+    assert (figure.layout.shapes[0].x0, figure.layout.shapes[0].x1) == (5.0, 20.0)
     names = {trace.name for trace in figure.data}
     assert names == {"CT, rigid_body", "PD, rigid_body", "CT, mujoco", "PD, mujoco"}
     assert len(figure.data) == 4 * 7

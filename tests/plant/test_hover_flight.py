@@ -12,9 +12,8 @@ from flying_vehicles import hovering, hummingbird_arm
 from skyarm.actuation.hover import highest_thrust, hover_trim
 from skyarm.environment import WindSample
 from skyarm.plant.compiled import RigidBodyPlant
-from skyarm.plant.interface import flat
+from skyarm.plant.interface import World, flat
 from skyarm.plant.mujoco import MujocoPlant
-from skyarm.plant.rigid_body import World
 
 G = 9.8
 

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, tumbling
 from independent_flight import Flight
 
+from skyarm.actuation import Command
+from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves
 from skyarm.environment import WindSample
 from skyarm.plant.compiled import RigidBodyPlant
-from skyarm.plant.interface import flat
+from skyarm.plant.interface import World, flat
 from skyarm.plant.mujoco import MujocoPlant
-from skyarm.plant.rigid_body import World
+from skyarm.plant.rigid_body import step_euler, step_rk4
 from vehicles_random import MujocoTwin, RandomState, random_vehicle
 
 G = 9.8
@@ -152,3 +156,23 @@ def test_joint_damping_takes_energy():
             energies.append(twin.energy(_random_state(x, 3), G))
             x = plant.advance(x, (0.0,) * 3, (), 0.005)
         assert np.all(np.diff(energies) < 0.0)
+
+
+def test_both_steps_have_gradients_where_nothing_moves():
+    jax = pytest.importorskip("jax")
+    vehicle, dt = hummingbird_arm(), 0.001
+    # falling freely with rotors at rest: neither a rate nor an angular acceleration, so the step's turn is zero
+    still = replace(
+        hovering(vehicle), joint_rates=(0.0, 0.0), rotor_speeds=(0.0,) * 4, quaternion=Quaternion(1.0, 0.0, 0.0, 0.0)
+    )
+    command, world = Command(rotor_speeds=(0.0,) * 4, efforts=(0.0, 0.0)), World(vehicle=vehicle, gravity=G)
+    for law in (step_euler, step_rk4):
+
+        def turned(rate, law=law):
+            moved = law(world, replace(still, rate=Vec3(*rate)), command, WindSample(), dt)
+            return jax.numpy.stack([*moved.quaternion])
+
+        with jax.enable_x64(True):
+            gradient = np.array(jax.jacobian(turned)(np.zeros(3)))
+        # half the angle of a turn by w dt; the arm's own motion bends it by no more than dt^2
+        assert np.allclose(gradient, 0.5 * dt * np.eye(4)[:, 1:], rtol=0.0, atol=1e-12), law.__name__

@@ -15,8 +15,7 @@ from skyarm.compile import leaves
 from skyarm.dynamics import arrays
 from skyarm.environment import WindSample
 from skyarm.plant.compiled import RigidBodyPlant
-from skyarm.plant.interface import flat, whole_steps
-from skyarm.plant.rigid_body import World
+from skyarm.plant.interface import World, flat, whole_steps
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.records import BASE, Body, Frame, Joint, Link, Vehicle
 from vehicles_random import random_state, random_vehicle
@@ -234,3 +233,29 @@ def test_the_specific_force_of_a_bare_body_in_vacuum_is_zero():
         plant = kind(World(vehicle=vehicle, gravity=G), WindSample())
         reading = plant.specific_force(flat(replace(tumbling(vehicle), rate=Vec3(0.0, 0.0, 0.0))), (), ())
         assert reading == pytest.approx((0.0, 0.0, 0.0), abs=1e-13)
+
+
+def test_what_mujoco_warns_of_is_not_printed_and_leaves_no_file(tmp_path, monkeypatch, capfd):
+    """A mass beyond all measure: "Inertia matrix is too close to singular"."""
+    monkeypatch.chdir(tmp_path)
+    vehicle = hummingbird_arm()
+    vehicle = replace(vehicle, base=replace(vehicle.base, mass=1e200))
+    plant = MujocoPlant(World(vehicle=vehicle, gravity=G), WindSample())
+    state, command = flat(hovering(vehicle)), (0.0,) * 6
+    warned = []
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(warned.append)
+    try:
+        plant.specific_force(state, command, leaves(WindSample()))
+        plant.advance(state, command, leaves(WindSample()), 0.005)
+        assert warned == []
+        # the user's own MuJoCo is heard again
+        mujoco.mj_resetData(plant.model, plant._data)
+        plant._qpos[:] = [*state[:7], *state[13:15]]
+        mujoco.mj_forward(plant.model, plant._data)
+        assert len(warned) == 1
+        assert "singular" in warned[0]
+    finally:
+        mujoco.set_mju_user_warning(before)
+    assert capfd.readouterr() == ("", "")
+    assert list(tmp_path.iterdir()) == []

@@ -17,10 +17,9 @@ from skyarm.dynamics import State
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.environment import WindSample
 from skyarm.plant.compiled import RigidBodyPlant, example_state
-from skyarm.plant.interface import flat
-from skyarm.plant.loads import applied_force
+from skyarm.plant.interface import World, flat
+from skyarm.plant.loads import applied_force, lagged
 from skyarm.plant.mujoco import MujocoPlant
-from skyarm.plant.rigid_body import World, lagged
 
 # rounding of 2000 steps grows along a whirling arm; measured 4e-11 at worst
 TOLERANCE = 1e-9

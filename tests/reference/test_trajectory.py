@@ -19,8 +19,6 @@ from skyarm.reference import (
     Windowed,
     circle,
     hover,
-    row,
-    sample_table,
 )
 
 
@@ -151,16 +149,11 @@ def test_rates_that_do_not_divide_are_refused(control, reference):
         Publisher(control_rate=control, reference_rate=reference)
 
 
-def test_a_table_equals_a_loop_of_samples():
-    times = np.arange(0.0, 25.0, 0.05)
-    for trajectory in (CASE3, hover((1.0, 2.0, 3.0), joints=(0.5,))):
-        table = sample_table(trajectory, times)
-        assert all(column.shape == times.shape and column.flags.writeable for column in leaves(table))
-        for k in range(0, len(times), 17):
-            single = trajectory.at(float(times[k])).dense()
-            # rounding of NumPy's sin and cos against the C library's
-            np.testing.assert_allclose(leaves(row(table, k)), leaves(single), rtol=1e-14, atol=1e-15)
-            assert all(type(value) is float for value in leaves(row(table, k)))
+def test_ticks_of_an_array_hold_what_each_tick_holds():
+    publisher = Publisher(control_rate=1000, reference_rate=250)
+    ticks = np.arange(30_000)
+    wanted = [publisher.held_time(k) for k in range(30_000)]
+    assert publisher.held_time(ticks).tolist() == wanted  # bit for bit: one division each
 
 
 def test_a_sample_names_every_field_of_the_control_laws():

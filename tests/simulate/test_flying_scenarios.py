@@ -55,6 +55,17 @@ def test_hover_trim_is_an_equilibrium_of_the_closed_loop(vehicle: str) -> None:
     assert np.abs(log.joints).max(initial=0.0) < 1e-6
 
 
+@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
+def test_a_truth_too_heavy_to_hover_starts_at_full_speed_and_sinks(plant: str) -> None:
+    heavy = _hover("hummingbird_arm2_rotors", plant, "hybrid_computed_torque")
+    heavy["plant"]["payload"] = {"mass": 5.0}
+    log = run(scenario_from(heavy, replaced={"duration": 0.5}))
+    top = load_vehicle("hummingbird_arm2_rotors").rotors[0].max_speed
+    assert log.rotor_speeds[0].tolist() == [top] * 4
+    assert log.rotor_speeds.max() <= top
+    assert log.position[-1, 2] < 2.9
+
+
 def test_semi_implicit_euler_at_1_khz_is_near_rk4_at_the_control_rate() -> None:
     fine = load_scenario("case3_wind", duration=5.0)
     coarse = dataclasses.replace(fine, integrator="euler")

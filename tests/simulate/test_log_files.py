@@ -66,6 +66,17 @@ def test_euler_angles_are_those_of_the_quaternion() -> None:
     assert np.abs(turned.euler - angles).max() < 1e-12  # rounding, some digits lost near 90 degrees
 
 
+@pytest.mark.parametrize("short_of", [1e-3, 1e-6, 1e-7])
+def test_euler_angles_keep_their_digits_near_a_pitch_of_90_degrees(short_of: float) -> None:
+    rotation = pytest.importorskip("scipy.spatial.transform").Rotation
+    flight = run(load_scenario("case1", duration=0.25))
+    pitch = 0.5 * np.pi - short_of
+    x, y, z, w = rotation.from_euler("ZYX", [0.3, pitch, -0.4]).as_quat()
+    turned = dataclasses.replace(flight, quaternion=np.tile([w, x, y, z], (flight.time.size, 1)))
+    # a few roundings of the quaternion; an arcsine would turn them into 1e-16 / short_of
+    assert np.abs(turned.euler[:, 1] - pitch).max() < 1e-15
+
+
 @pytest.mark.parametrize("existing", [None, b"old"])
 def test_a_write_that_is_cut_off_leaves_what_was_there(
     tmp_path: Path, existing: bytes | None, monkeypatch: pytest.MonkeyPatch

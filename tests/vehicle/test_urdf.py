@@ -1,6 +1,7 @@
 """URDF files: against Pinocchio's reader and dynamics, and what is refused."""
 
 import math
+import re
 import xml.etree.ElementTree as ET
 
 import numpy as np
@@ -112,6 +113,73 @@ def test_the_random_trees_exercise_every_kind_of_joint_and_merged_links():
     assert all(f'type="{kind}"' in text for kind in ("revolute", "continuous", "prismatic", "fixed"))
 
 
+def random_trunk_and_stalk(kind, limits, seed):
+    rng = np.random.default_rng(seed)
+    return (
+        f'<robot name="r"><link name="trunk">{inertial(rng)}</link><link name="stalk">{inertial(rng)}</link>'
+        f'<joint name="swing" type="revolute"><parent link="trunk"/><child link="stalk"/>{origin(rng)}'
+        f'<axis xyz="0 0.6 0.8"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+        f'<link name="sensor">{inertial(rng)}</link>'
+        f'<joint name="mount" type="{kind}"><parent link="stalk"/><child link="sensor"/>{origin(rng)}'
+        f'<axis xyz="0.48 0.6 0.64"/>{limits}</joint></robot>'
+    )
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+@pytest.mark.parametrize("value", [0.0, 0.7, -2.5])
+def test_a_joint_whose_limits_are_one_number_is_fixed_there(tmp_path, kind, value):
+    """Against Pinocchio's moving joint, held at that value."""
+    pin = pytest.importorskip("pinocchio")
+    limits = f'<limit lower="{value}" upper="{value}" effort="0" velocity="0"/>'
+    vehicle = loaded(tmp_path, random_trunk_and_stalk(kind, limits, 5))
+    assert [each.joint.name for each in vehicle.links] == ["swing"]
+    model = pin.buildModelFromXML(
+        random_trunk_and_stalk(kind, limits.replace("lower", "x"), 5), pin.JointModelFreeFlyer()
+    )
+    data = model.createData()
+    q = pin.neutral(model)
+    for name, at in (("swing", 0.4), ("mount", value)):
+        q[model.joints[model.getJointId(name)].idx_q] = at
+    still = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.4]))
+    M = pin.crba(model, data, q)
+    M = (np.triu(M) + np.triu(M, 1).T)[:7, :7]
+    np.testing.assert_allclose(arrays.mass_matrix(vehicle, *still), M, rtol=0, atol=1e-13 * np.abs(M).max())
+    pin.framesForwardKinematics(model, data, q)
+    place = data.oMf[model.getFrameId("sensor")]
+    position, attitude = arrays.frame_pose_world(vehicle, *still, frame="sensor")
+    np.testing.assert_allclose(position, place.translation, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(attitude, place.rotation, rtol=0, atol=1e-14)
+
+
+ROTORS_IMU = """
+<robot name="hummingbird">
+  <link name="hummingbird/base_link"><inertial><mass value="0.68"/>
+    <inertia ixx="0.007" iyy="0.007" izz="0.012" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="hummingbird/imu_link"><inertial><mass value="0.015"/><origin xyz="0 0 0" rpy="0 0 0"/>
+    <inertia ixx="0.0001" ixy="0" ixz="0" iyy="0.000002" iyz="0" izz="0.000002"/></inertial></link>
+  <joint name="hummingbird/imu_joint" type="revolute"><parent link="hummingbird/base_link"/>
+    <child link="hummingbird/imu_link"/><origin xyz="0 0 0.02" rpy="0 0 0"/>
+    <limit effort="0" lower="0" upper="0" velocity="0"/></joint>
+</robot>
+"""
+
+
+def test_a_sensor_hung_as_gazebo_models_hang_it_joins_the_base(tmp_path):
+    vehicle = loaded(tmp_path, ROTORS_IMU)
+    assert vehicle.n == 0
+    assert vehicle.base.mass == pytest.approx(0.695, abs=1e-15)
+    assert vehicle.base.com.z == pytest.approx(0.015 * 0.02 / 0.695, rel=1e-14)
+    (imu,) = vehicle.frames
+    assert (imu.name, imu.link, tuple(imu.position)) == ("hummingbird/imu_link", -1, (0, 0, 0.02))
+
+
+@pytest.mark.parametrize("limits", ['effort="1"', 'effort="1" lower="0"', 'effort="1" upper="0"'])
+def test_limits_left_out_are_no_reason_to_fix_a_joint(tmp_path, limits):
+    text = random_trunk_and_stalk("revolute", f"<limit {limits}/>", 5)
+    with pytest.raises(VehicleError, match=r"joints\[mount\].lower = 0.0: must be below upper = 0.0"):
+        loaded(tmp_path, text)
+
+
 def link(name, mass=0.5, at="0 0 -0.1"):
     return (
         f'<link name="{name}"><inertial><origin xyz="{at}"/><mass value="{mass}"/>'
@@ -179,6 +247,20 @@ def test_the_root_may_weigh_nothing_if_a_fixed_child_does(tmp_path):
     )
 
 
+def without(pattern):
+    """A link whose text lost what matches."""
+    text = re.sub(pattern, "", link("b"), count=1)
+    assert text != link("b")
+    return text
+
+
+def twice(tag):
+    """A link with an element that stands twice."""
+    text = re.sub(rf"<{tag}[ >].*(?:/{tag}>)|<{tag} [^>]*/>", lambda found: 2 * found[0], link("b"), count=1)
+    assert text.count(f"<{tag}>") + text.count(f"<{tag} ") == 2
+    return text
+
+
 REFUSED = {
     "floating": (
         robot(link("b"), link("a"), joint("j", "b", "a", "floating")),
@@ -219,6 +301,33 @@ REFUSED = {
     ),
     "limits missing": (robot(link("b"), link("a"), joint("j", "b", "a", more="")), "joint[j].limit = '(missing)'"),
     "negative mass": (robot(link("b", -1.0)), "link[b].inertial.mass = -1.0: must be at least 0"),
+    "no mass": (robot(without("<mass .*?/>")), "link[b].inertial.mass = '(missing)': must give value"),
+    "empty mass": (robot(without(' value="0.5"')), "link[b].inertial.mass.value = '(missing)': must be a number"),
+    "mass without a number": (robot(link("b", "")), "link[b].inertial.mass.value = '': must be a finite number"),
+    "no inertia": (robot(without("<inertia .*?/>")), "link[b].inertial.inertia = '(missing)': must give ixx, iyy"),
+    "no moment": (robot(without('iyy="0.01" ')), "link[b].inertial.inertia.iyy = '(missing)': must be a number"),
+    "no product": (robot(without(' iyz="0"')), "link[b].inertial.inertia.iyz = '(missing)': must be a number"),
+    "empty inertial": (robot('<link name="b"><inertial/></link>'), "link[b].inertial.mass = '(missing)'"),
+    "two inertials": (robot(twice("inertial")), "link[b].inertial = '2 elements <inertial>': must be at most one"),
+    "two masses": (robot(twice("mass")), "link[b].inertial.mass = '2 elements <mass>': must be at most one"),
+    "two inertias": (robot(twice("inertia")), "link[b].inertial.inertia = '2 elements <inertia>': must be at most one"),
+    "two origins": (robot(twice("origin")), "link[b].inertial.origin = '2 elements <origin>': must be at most one"),
+    "axis without a direction": (
+        robot(link("b"), link("a"), joint("j", "b", "a", "continuous", "<axis/>")),
+        "joint[j].axis.xyz = '(missing)': must be three numbers",
+    ),
+    "two axes": (
+        robot(link("b"), link("a"), joint("j", "b", "a", "continuous", '<axis xyz="0 0 1"/><axis xyz="0 1 0"/>')),
+        "joint[j].axis = '2 elements <axis>': must be at most one",
+    ),
+    "two limits": (
+        robot(link("b"), link("a"), joint("j", "b", "a", more='<limit lower="-1" upper="1"/><limit effort="3"/>')),
+        "joint[j].limit = '2 elements <limit>': must be at most one",
+    ),
+    "two parents in a joint": (
+        robot(link("b"), link("a"), joint("j", "b", "a", more='<parent link="a"/>')),
+        "joint[j].parent = '2 elements <parent>': must be at most one",
+    ),
     "nan mass": (robot(link("b", "nan")), "link[b].inertial.mass.value = 'nan': must be a finite number"),
     "triangle": (robot(link("b").replace('ixx="0.01"', 'ixx="0.05"')), "base.inertia = 'principal moments"),
     "two links of one name": (robot(link("b"), link("b")), "link.name = 'b': stands twice"),

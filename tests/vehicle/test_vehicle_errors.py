@@ -248,7 +248,7 @@ def test_a_line_break_in_a_name_does_not_break_the_message(tmp_path):
 def test_a_folder_is_no_vehicle(tmp_path):
     folder = tmp_path / "v.toml"
     folder.mkdir()
-    assert "no such file" in refusal(folder)
+    assert "is a folder" in refusal(folder)
 
 
 @pytest.mark.parametrize(

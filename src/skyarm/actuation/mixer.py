@@ -17,6 +17,10 @@ from skyarm.vehicle.records import Vehicle
 POLICIES = ("rotors_clip", "priority")
 
 
+LARGEST = 1e100
+"""Thrust (N) or torque (N m) per squared speed ((rad/s)^2) beyond which the squares of their sums overflow."""
+
+
 class AllocationError(ValueError):
     """The rotors cannot produce independent torques and thrust."""
 
@@ -84,6 +88,12 @@ def _require_rank(vehicle: Vehicle, A: list[list[Any]]) -> None:
     import numpy as np
 
     matrix = np.array(A, dtype=float).reshape(4, len(vehicle.rotors))
+    for rotor, column in zip(vehicle.rotors, np.abs(matrix).max(axis=0, initial=0.0), strict=True):
+        if not column < LARGEST:
+            raise AllocationError(
+                f"vehicle '{vehicle.name}': rotors[{rotor.name}] gives {column:.3g} N or N m per (rad/s)^2: must be "
+                f"below {LARGEST:g}; check its thrust_coefficient and position"
+            )
     # rows are scaled to unit length, because torque and thrust have different units
     lengths = np.linalg.norm(matrix, axis=1, keepdims=True) if matrix.size else np.zeros((4, 1))
     scaled = matrix / np.where(lengths > 0.0, lengths, 1.0)

@@ -10,7 +10,6 @@ from skyarm.algebra.matrix import Mat3
 from skyarm.algebra.vector import Vec3
 from skyarm.scalars import Scalar, cos, divide, sin, sqrt, where
 
-
 SINC = (1.0, -1 / 6, 1 / 120, -1 / 5040, 1 / 362880, -1 / 39916800, 1 / 6227020800)
 """Taylor series of sin(y) / y in y^2."""
 
@@ -35,13 +34,15 @@ class Quaternion:
 
     @classmethod
     def of_rotation_vector(cls, v: Vec3) -> Quaternion:
-        """Quaternion of the rotation by |v| rad about v, smooth at zero."""
+        """Quaternion of the rotation by |v| rad about v; value and derivative are smooth at zero."""
         angle_squared = v.dot(v)
-        angle = sqrt(angle_squared)
         small = angle_squared < 1e-8
-        # sin(a/2)/a and cos(a/2) by series below 1e-4 rad, where the quotient loses digits; next terms are below 1e-19
-        factor = where(small, 0.5 - angle_squared / 48.0, divide(sin(0.5 * angle), angle))
-        return cls(cos(0.5 * angle), factor * v.x, factor * v.y, factor * v.z)
+        # the root never sees zero, where its derivative is infinite and would turn the gradient into NaN
+        angle = sqrt(where(small, 1.0, angle_squared))
+        # sin(a/2)/a and cos(a/2) by series below 1e-4 rad, where the quotient loses digits; next terms are below 1e-18
+        factor = where(small, 0.5 - angle_squared / 48.0, sin(0.5 * angle) / angle)
+        w = where(small, 1.0 - angle_squared / 8.0, cos(0.5 * angle))
+        return cls(w, factor * v.x, factor * v.y, factor * v.z)
 
     @classmethod
     def of_small_rotation(cls, v: Vec3) -> Quaternion:

@@ -17,7 +17,8 @@ from skyarm.compile.native import build, host_width
 from skyarm.compile.repeat import operations
 from skyarm.environment import NO_WIND, wind
 from skyarm.plant.compiled import example_command, example_state
-from skyarm.plant.rigid_body import STEP, World, derivative
+from skyarm.plant.interface import World
+from skyarm.plant.rigid_body import STEP, derivative
 from skyarm.vehicle.records import Vehicle
 
 

@@ -1,233 +1,24 @@
-"""The command line: reproduce, run, list, show, export-c, sweep, stats, bench.
-
-Wrong input gives one line on standard error and exit code 2, never a traceback.
-"""
+"""Entry point of the command line. Light, so that a signal that comes while libraries load ends with a line too."""
 
 from __future__ import annotations
 
-import os
 import sys
-from pathlib import Path
-from typing import Annotated, Any, NoReturn
 
-import typer
-from rich.console import Console
-
-from skyarm.cli.progress import bar
-
-app = typer.Typer(
-    name="skyarm",
-    help="Aerial manipulation: multirotors that carry robot arms.",
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-)
-console = Console(markup=False, highlight=False, emoji=False)
-
-USAGE_ERROR: Any = typer.BadParameter.__mro__[2]
-"""ClickException: some versions of typer carry their own copy of click."""
-
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, as shells count it."""
-
-Out = Annotated[Path, typer.Option("--out", help="folder for the results, made if missing")]
-
-
-@app.command()
-def reproduce(
-    out: Out = Path("out/paper"),
-    plant: Annotated[str, typer.Option(help="rigid_body, mujoco or both")] = "both",
-    jobs: Annotated[int, typer.Option(help="processes that fly; 0 takes every core")] = 0,
-) -> None:
-    """Fly the paper; write tables, figures, report.
-
-    Five experiments with two controllers on two plants, and the variations behind the reasons: results.json, table2.md,
-    Figures 3-18 and one page, report.html.
-    """
-    from skyarm.cli.show import headline
-    from skyarm.experiments.paper import PLANTS
-    from skyarm.experiments.reproduce import reproduce as perform
-
-    if plant not in (*PLANTS, "both"):
-        raise ValueError(f"--plant = {plant!r}: must be one of {', '.join(PLANTS)} or both")
-    if jobs < 0:
-        raise ValueError(f"--jobs = {jobs}: must be at least 0")
-    plants = PLANTS if plant == "both" else (plant,)
-    with bar("flying", console) as advance:
-        table = perform(out, plants=plants, workers=jobs or _cores(), progress=advance, note=console.print)
-    console.print(headline(table))
-    console.print(f"results in {out}: report.html, table2.md, results.json, figures/", soft_wrap=True)
-
-
-@app.command()
-def run(
-    scenario: Annotated[str, typer.Argument(help="a scenario file (.toml) or the name of a shipped one")],
-    out: Out = Path("out/run"),
-    plant: Annotated[str | None, typer.Option(help="rigid_body or mujoco, in place of the file's")] = None,
-    controller: Annotated[str | None, typer.Option(help="a controller preset, in place of the file's")] = None,
-    seed: Annotated[int | None, typer.Option(help="seed of the noise, in place of the file's")] = None,
-    duration: Annotated[float | None, typer.Option(help="seconds, in place of the file's")] = None,
-) -> None:
-    """Fly a scenario; write its log (npz, CSV)."""
-    from skyarm.cli.show import episode
-    from skyarm.files import require_writable
-    from skyarm.simulate import run as fly
-    from skyarm.simulate.scenario_file import load_scenario
-
-    planned = load_scenario(scenario, plant=plant, controller=controller, seed=seed, duration=duration)
-    folder = require_writable(out)
-    with bar(planned.name, console) as advance:
-        log = fly(planned, lambda done, total: advance(done, total, ""))
-    written = [log.save_npz(folder / f"{planned.name}.npz"), log.save_csv(folder / f"{planned.name}.csv")]
-    console.print(episode(log))
-    console.print("log: " + ", ".join(str(path) for path in written), soft_wrap=True)
-
-
-@app.command(name="list")
-def list_() -> None:
-    """List vehicles, scenarios, controllers."""
-    from skyarm.cli.show import library
-
-    console.print(library(), soft_wrap=True)
-
-
-@app.command()
-def show(
-    vehicle: Annotated[str, typer.Argument(help="a vehicle file (.toml, .urdf) or the name of a shipped one")],
-    gravity: Annotated[float, typer.Option(help="m/s^2")] = 9.81,
-    ops: Annotated[bool, typer.Option("--ops", help="count the operations of its equations instead")] = False,
-) -> None:
-    """Show a vehicle: mass, hover, arm reach.
-
-    Mass, centre of mass, hover speed and thrust margin, arm reach, static joint torques, sources of the numbers.
-    """
-    from skyarm.actuation import AllocationError
-    from skyarm.cli.show import operations_sheet, vehicle_sheet
-    from skyarm.files import number
-    from skyarm.vehicle.files import load_vehicle
-
-    number(gravity, "--gravity", low=0.0, strict=True)
-    loaded = load_vehicle(vehicle)
-    if ops:
-        console.print(operations_sheet(loaded))
-        return
-    try:
-        console.print(vehicle_sheet(loaded, gravity))
-    except AllocationError as error:
-        raise ValueError(f"{vehicle}: rotors = {error}") from None
-
-
-@app.command(name="export-c")
-def export_c(
-    controller: Annotated[str, typer.Argument(help="a preset, a law, or a scenario (its controller and belief)")],
-    file: Annotated[Path, typer.Option("--out", "-o", help="the C file to write")],
-    vehicle: Annotated[str | None, typer.Option(help="the vehicle that a preset or law believes in")] = None,
-    gravity: Annotated[float | None, typer.Option(help="m/s^2, believed by a preset or law; 9.81")] = None,
-    rate: Annotated[float | None, typer.Option(help="Hz of the control; 200, or the scenario's")] = None,
-    name: Annotated[str | None, typer.Option(help="begins the names in the file")] = None,
-    single: Annotated[bool, typer.Option("--single", help="float in place of double")] = False,
-) -> None:
-    """Write a controller as one C99 file."""
-    from skyarm.cli.export import export
-
-    line = export(controller, file, vehicle=vehicle, gravity=gravity, rate=rate, name=name, single=single)
-    console.print(line, soft_wrap=True)
-
-
-@app.command()
-def sweep(
-    study: Annotated[str, typer.Argument(help="a study file (.toml) or the name of a shipped one")],
-    out: Annotated[Path | None, typer.Option("--out", help="folder of the rows; out/NAME if left out")] = None,
-    threads: Annotated[int, typer.Option(help="threads that fly; 0 takes every core")] = 0,
-    ray: Annotated[str | None, typer.Option(help="address of a Ray cluster, or local")] = None,
-) -> None:
-    """Fly a study's episodes; rows as Parquet.
-
-    The same command continues what was interrupted.
-    """
-    from skyarm.cli.sweep import sweep as perform
-
-    if threads < 0:
-        raise ValueError(f"--threads = {threads}: must be at least 0")
-    perform(study, out, threads or _cores(), ray, console)
-
-
-@app.command()
-def stats(
-    folder: Annotated[Path, typer.Argument(help="folder that 'skyarm sweep' wrote")],
-    out: Annotated[Path | None, typer.Option("--out", help="folder of the results; FOLDER/stats if left out")] = None,
-    success: Annotated[
-        list[str] | None, typer.Option(help="METRIC=LARGEST of a success, in place of the study's")
-    ] = None,
-    map_: Annotated[tuple[str, str] | None, typer.Option("--map", help="two varied numbers, across and upward")] = None,
-    seed: Annotated[int, typer.Option(help="of the bootstrap")] = 0,
-) -> None:
-    """Success, quantiles, robustness maps of a sweep."""
-    from skyarm.cli.sweep import stats as perform
-
-    if seed < 0:
-        raise ValueError(f"--seed = {seed}: must be at least 0")
-    perform(folder, out, success, map_, seed, console)
-
-
-@app.command()
-def bench(
-    quick: Annotated[bool, typer.Option("--quick", help="fewer rounds, shorter flights: about a minute")] = False,
-    file: Annotated[Path | None, typer.Option("--json", help="write the numbers there too")] = None,
-) -> None:
-    """Measure every engine beside MuJoCo and others.
-
-    Speed as ratios from one interleaved run, accuracy, latency, start, operations; some minutes on an idle machine.
-    """
-    from skyarm.cli.bench import bench as perform
-
-    perform(file, quick, console)
-
-
-@app.callback(invoke_without_command=True)
-def top(
-    context: typer.Context,
-    version: Annotated[bool, typer.Option("--version", help="print the version and stop")] = False,
-) -> None:
-    """Aerial manipulation: multirotors that carry robot arms."""
-    if version:
-        from skyarm import __version__
-
-        console.print(__version__)
-        raise typer.Exit
-    if context.invoked_subcommand is None:
-        typer.echo(context.get_help())
+from skyarm.cli.endings import WORDS, endings
+from skyarm.cli.lines import say
 
 
 def main() -> None:
-    """Entry point: errors at the boundary become one line and exit code 2."""
-    try:
-        code = app(standalone_mode=False)
-    except USAGE_ERROR as error:
-        _fail(f"{error.format_message().rstrip('.')}; see 'skyarm --help'")
-    except (typer.Abort, KeyboardInterrupt):
-        code = INTERRUPTED
-    except BrokenPipeError:
-        # who read our output has gone, as `skyarm list | head` does; nothing is left to flush into
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        code = 1
-    except (ValueError, OSError) as error:
-        _fail(str(error))
-    except MemoryError:
-        _fail("not enough memory; fly fewer seconds or at a lower control rate")
-    if code == INTERRUPTED:
-        print("skyarm: interrupted; finished files are whole", file=sys.stderr)
+    """Carry out a command: 0 done, 2 wrong input, 3 a flight not completed, 128 + n ended by signal n."""
+    with endings() as came:
+        try:
+            from skyarm.cli.commands import perform
+
+            code = perform()
+        except BaseException:
+            # a library that a signal cut off while it loaded may have turned it into an error of its own
+            if not came:
+                raise
+    if came:
+        code = say(f"{WORDS[came[0].name]}; finished files are whole", 128 + came[0])
     sys.exit(code)
-
-
-def _cores() -> int:
-    """Cores this process may use; a container often has fewer than its machine."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
-def _fail(message: str) -> NoReturn:
-    """One line on standard error, exit code 2."""
-    print(f"skyarm: {' '.join(message.split())}", file=sys.stderr)
-    sys.exit(2)

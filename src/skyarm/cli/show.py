@@ -11,15 +11,19 @@ from rich.table import Table
 from rich.text import Text
 
 from skyarm.actuation.hover import highest_thrust, hover_trim
+from skyarm.cli.lines import printable
 from skyarm.control.presets import PRESETS
 from skyarm.control.registry import LAWS
 from skyarm.dynamics.arrays import center_of_mass
 from skyarm.dynamics.workspace import reach, static_torques
+from skyarm.experiments.paper import first_plant
+from skyarm.experiments.published import printed
 from skyarm.experiments.table import difference, number
 from skyarm.simulate import Log
+from skyarm.simulate.scenario import PLANTS
 from skyarm.simulate.scenario_file import list_scenarios, load_scenario
 from skyarm.vehicle.files import list_vehicles, load_vehicle
-from skyarm.vehicle.records import Vehicle
+from skyarm.vehicle.records import BASE, Vehicle
 
 HEADLINE = (
     ("case1", "PD", "held_position_error"),
@@ -50,12 +54,12 @@ def _table(*columns: str, left: int = 1) -> Table:
 
 def _rows(table: Table, *cells: str) -> None:
     """Add a row of plain text: rich would read [s] in a cell as markup."""
-    table.add_row(*(Text(cell) for cell in cells))
+    table.add_row(*(Text(printable(cell)) for cell in cells))
 
 
 def _titled(title: str, table: Table) -> RenderableType:
     """A title as a line of its own: rich's would wrap at the width of the table."""
-    return Group(Text(title, style="bold"), table)
+    return Group(Text(printable(title), style="bold"), table)
 
 
 def shown(value: float, digits: int = 3) -> str:
@@ -65,11 +69,12 @@ def shown(value: float, digits: int = 3) -> str:
 
 def headline(results: Mapping[str, Any]) -> RenderableType:
     """A dozen numbers of the paper beside ours."""
-    table = _table("case", "", "metric", "paper", "rigid_body", "mujoco", "difference", left=3)
+    table = _table("case", "", "metric", "paper", *PLANTS, "difference", left=3)
+    plant = first_plant(results)
     for case, controller, metric in HEADLINE:
         cell = results["experiments"][case][controller][metric]
-        cells = (number(cell[key]) for key in ("paper", "rigid_body", "mujoco"))
-        _rows(table, case, controller, metric, *cells, difference(cell))
+        ours = (number(cell[each]) for each in PLANTS)
+        _rows(table, case, controller, metric, printed(case, controller, metric) or "-", *ours, difference(cell, plant))
     return _titled("paper and ours (m, rad)", table)
 
 
@@ -80,7 +85,7 @@ def episode(log: Log) -> RenderableType:
     name, status, end = log.info["scenario"], log.status, log.info["end_time"]
     title = f"{name}: {status} at {end:g} s" + (f": {log.info['cause']}" if log.info["cause"] else "")
     if not log.time.size:
-        return Text(title, style="bold")
+        return Text(printable(title), style="bold")
     last = log.time >= 2.0 / 3.0 * log.time[-1]
     pairs = [("position, m", log.position - log.position_reference)]
     if log.joints.shape[1]:
@@ -124,13 +129,14 @@ def vehicle_sheet(vehicle: Vehicle, gravity: float) -> RenderableType:
         _rows(table, "inertia", "planar model: may be believed by a controller, not flown")
     _hover_rows(table, vehicle, gravity)
     if vehicle.links:
-        _rows(table, "arm reach from its first joint", f"{shown(reach(vehicle), 4)} m")
+        _rows(table, "arm reach from its first joint", _reach(vehicle))
         for link, torque in zip(vehicle.links, static_torques(vehicle, gravity), strict=True):
             unit, limit = "N m" if link.joint.kind == "revolute" else "N", float(link.joint.effort_limit)
             margin = f", limit {limit:g} {unit}" if limit < math.inf else ""
             if margin and torque > NOTHING:
                 margin += f", margin {limit / torque:.3g}"
             _rows(table, f"largest static effort of {link.joint.name}", f"{shown(torque)} {unit}{margin}")
+        _rows(table, "static efforts", "for a level base, over all joint values")
     sheet = _titled(f"{vehicle.name}, g = {gravity:g} m/s^2, arm at zero", table)
     if not vehicle.sources:
         return sheet
@@ -148,6 +154,15 @@ def operations_sheet(vehicle: Vehicle) -> RenderableType:
     for what, count in counts(vehicle).items():
         _rows(table, what, str(count))
     return _titled(f"{vehicle.name}: additions, products, comparisons ... of one evaluation in calm air", table)
+
+
+def _reach(vehicle: Vehicle) -> str:
+    """Reach of an arm in words."""
+    if not vehicle.end_effector:
+        return "unknown: no end effector"
+    if vehicle.frame().link == BASE:
+        return "none: the end effector is fixed to the base"
+    return f"{shown(reach(vehicle), 4)} m"
 
 
 def _hover_rows(table: Table, vehicle: Vehicle, gravity: float) -> None:

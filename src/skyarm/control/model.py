@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from skyarm.actuation import Mixer
 from skyarm.algebra import Vec3
 from skyarm.scalars import Scalar
+from skyarm.vehicle import check, coerce
+from skyarm.vehicle.coerce import accept
 from skyarm.vehicle.records import Vehicle
 
 
@@ -16,6 +18,10 @@ class Model:
 
     vehicle: Vehicle
     gravity: Scalar = 9.81
+
+    def __post_init__(self) -> None:
+        accept(self, "model", vehicle=coerce.one(Vehicle), gravity=coerce.number)
+        check.number("model.gravity", self.gravity, low=0.0)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from skyarm.algebra import Vec3
 from skyarm.control.model import GeometricGains, JointGains, Model
 from skyarm.control.registry import Controller, ControllerError, make_controller
+from skyarm.files import shown
 
 HUMMINGBIRD = GeometricGains(
     position=Vec3(4.0, 4.0, 4.0),
@@ -53,6 +54,9 @@ def preset(name: str, model: Model) -> Controller:
     Raises:
         ControllerError: unknown name, or gains for another number of joints.
     """
-    if name not in PRESETS:
-        raise ControllerError(f"controller.preset = {name!r}: must be one of {sorted(PRESETS)}")
-    return PRESETS[name](model)
+    if not isinstance(name, str) or name not in PRESETS:
+        raise ControllerError(f"controller.preset = {shown(name)}: must be one of {sorted(PRESETS)}")
+    try:
+        return PRESETS[name](model)
+    except ControllerError as error:
+        raise ControllerError(f"controller.preset = {name!r}: does not fit this model ({error})") from None

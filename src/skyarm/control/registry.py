@@ -18,6 +18,7 @@ from skyarm.control.computed_torque_euler import (
 )
 from skyarm.control.geometric import RATE_ERRORS
 from skyarm.control.model import GeometricGains, JointGains, Model, Parameters, Terms
+from skyarm.files import shown
 
 Law = Callable[..., tuple[Any, Any]]
 
@@ -124,12 +125,17 @@ def make_controller(
             know.
         AllocationError: the model's rotors do not span torque and thrust.
     """
-    if name not in LAWS:
-        raise ControllerError(f"controller.law = {name!r}: must be one of {sorted(LAWS)}")
+    if not isinstance(name, str) or name not in LAWS:
+        raise ControllerError(f"controller.law = {shown(name)}: must be one of {sorted(LAWS)}")
+    if not isinstance(model, Model):
+        raise ControllerError(f"model = {shown(model)}: must be a Model of vehicle and gravity")
     if rate_error not in RATE_ERRORS:
         raise ControllerError(f"controller.rate_error = {rate_error!r}: must be one of {list(RATE_ERRORS)}")
     if name == "hybrid_computed_torque_euler":
-        require_paper_vehicle(model.vehicle)
+        try:
+            require_paper_vehicle(model.vehicle)
+        except ValueError as error:
+            raise ControllerError(f"controller.law = {name!r}: {error}") from None
     _require_known_terms(name, terms or Terms())
     gains = gains or default_gains(model)
     joint_gains = joint_gains or default_joint_gains(name, model)

@@ -9,10 +9,9 @@ from skyarm.dynamics.composite_body import mass_matrix
 from skyarm.dynamics.energy import Momentum, center_of_mass, kinetic_energy, momentum, potential_energy
 from skyarm.dynamics.kinematics import Pose, forward_kinematics, frame_pose, joint_placement, link_poses
 from skyarm.dynamics.newton_euler import JointMotion, inverse_dynamics
-from skyarm.dynamics.state import Acceleration, State, proper_acceleration
+from skyarm.dynamics.state import State, proper_acceleration
 
 __all__ = [
-    "Acceleration",
     "JointMotion",
     "Momentum",
     "Pose",

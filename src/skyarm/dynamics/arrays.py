@@ -7,62 +7,33 @@ torque about, the base origin, then joint torques. Rigid body only: no rotors, d
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
 from skyarm import dynamics
-from skyarm.algebra import Force, Mat3, Quaternion, Vec3
+from skyarm.algebra import Force, Mat3, Vec3
+from skyarm.dynamics.broadcast import (
+    Array,
+    ArrayLike,
+    components,
+    leading_axes,
+    one_number,
+    stacked,
+    unit_quaternion,
+    unit_rotation,
+)
 from skyarm.dynamics.kinematics import IDENTITY, Pose, frame_pose, jacobian_columns
 from skyarm.dynamics.state import State, coordinate_acceleration, proper_acceleration
 from skyarm.scalars import add
+from skyarm.vehicle import coerce
 from skyarm.vehicle.records import Vehicle
 
-Array = npt.NDArray[np.float64]
-ArrayLike = npt.ArrayLike
-
-QUATERNION_TOLERANCE = 1e-6
+_vehicle = coerce.one(Vehicle)
 
 
-def _components(name: str, value: ArrayLike, size: int) -> tuple[Any, ...]:
-    """Last axis as scalars: floats for one state, arrays over the leading axes for many."""
-    array = np.asarray(value, dtype=float)
-    if array.ndim == 0 or array.shape[-1] != size:
-        raise ValueError(f"{name}: shape {array.shape}, allowed (..., {size})")
-    if array.ndim == 1:
-        return tuple(array.tolist())
-    return tuple(array[..., i] for i in range(size))
-
-
-def _rotation(quaternion_wxyz: ArrayLike) -> Mat3:
-    return _unit_quaternion(quaternion_wxyz).rotation()
-
-
-def _unit_quaternion(quaternion_wxyz: ArrayLike) -> Quaternion:
-    array = np.asarray(quaternion_wxyz, dtype=float)
-    components = _components("quaternion_wxyz", array, 4)
-    length = np.linalg.norm(array, axis=-1)
-    if not np.all(np.abs(length - 1.0) <= QUATERNION_TOLERANCE):
-        worst = float(np.ravel(length)[np.argmax(np.abs(np.ravel(length) - 1.0))])
-        raise ValueError(f"quaternion_wxyz: length {worst:.9g}, allowed 1 within {QUATERNION_TOLERANCE:g}")
-    return Quaternion.of(components).normalized()
-
-
-def _stack(values: Any, lead: tuple[int, ...]) -> Array:
-    """Nested lists of scalars as one array with the leading axes first."""
-    if isinstance(values, (list, tuple)):
-        parts = [_stack(value, lead) for value in values]
-        return np.stack(parts, axis=len(lead)) if parts else np.zeros((*lead, 0))
-    return np.broadcast_to(np.asarray(values, dtype=float), lead)
-
-
-def _lead(*arrays: ArrayLike) -> tuple[int, ...]:
-    shapes = [np.asarray(a, dtype=float).shape[:-1] for a in arrays]
-    try:
-        return np.broadcast_shapes(*shapes)
-    except ValueError as error:
-        raise ValueError(f"leading axes {shapes} do not broadcast") from error
+def _joint_count(vehicle: Vehicle) -> int:
+    """Number of joints of what must be a vehicle."""
+    found: Vehicle = _vehicle("vehicle", vehicle)
+    return found.n
 
 
 def inverse_dynamics(
@@ -87,17 +58,18 @@ def inverse_dynamics(
         gravity: m/s^2 along world -z.
 
     Raises:
-        ValueError: wrong shape, or a quaternion off unit length by more than 1e-6.
+        ValueError: no Vehicle, a wrong shape, numbers that are not finite, or a quaternion off unit length by more than
+            1e-6. As everywhere in this module, the message names the argument.
     """
-    n = vehicle.n
-    _components("position", position, 3)
-    R, q = _rotation(quaternion_wxyz), _components("joints", joints, n)
-    v = _components("velocity", velocity, 6 + n)
-    a = _components("acceleration", acceleration, 6 + n)
-    lead = _lead(position, quaternion_wxyz, joints, velocity, acceleration)
-    base = proper_acceleration(R, Vec3(*a[:3]), Vec3(*a[3:6]), gravity)
+    n = _joint_count(vehicle)
+    components("position", position, 3)
+    R, q = unit_rotation(quaternion_wxyz), components("joints", joints, n)
+    v = components("velocity", velocity, 6 + n)
+    a = components("acceleration", acceleration, 6 + n)
+    lead = leading_axes(position, quaternion_wxyz, joints, velocity, acceleration)
+    base = proper_acceleration(R, Vec3(*a[:3]), Vec3(*a[3:6]), one_number("gravity", gravity))
     force, torques = dynamics.inverse_dynamics(vehicle, q, Vec3(*v[3:6]), v[6:], base, a[6:])
-    return _stack([*R.apply(force.force), *force.torque, *torques], lead)
+    return stacked([*R.apply(force.force), *force.torque, *torques], lead)
 
 
 def forward_dynamics(
@@ -111,71 +83,75 @@ def forward_dynamics(
     gravity: float = 9.81,
 ) -> Array:
     """Generalized acceleration (..., 6+n) that ``force`` (..., 6+n) gives; arguments as :func:`inverse_dynamics`."""
-    n = vehicle.n
-    _components("position", position, 3)
-    R, q = _rotation(quaternion_wxyz), _components("joints", joints, n)
-    v, f = _components("velocity", velocity, 6 + n), _components("force", force, 6 + n)
-    lead = _lead(position, quaternion_wxyz, joints, velocity, force)
+    n = _joint_count(vehicle)
+    components("position", position, 3)
+    R, q = unit_rotation(quaternion_wxyz), components("joints", joints, n)
+    v, f = components("velocity", velocity, 6 + n), components("force", force, 6 + n)
+    lead = leading_axes(position, quaternion_wxyz, joints, velocity, force)
     applied = Force(Vec3(*f[3:6]), R.apply_T(Vec3(*f[:3])))
     base, qdd = dynamics.forward_dynamics(vehicle, q, Vec3(*v[3:6]), v[6:], applied, f[6:])
-    linear, angular = coordinate_acceleration(R, base, gravity)
-    return _stack([*linear, *angular, *qdd], lead)
+    linear, angular = coordinate_acceleration(R, base, one_number("gravity", gravity))
+    return stacked([*linear, *angular, *qdd], lead)
 
 
 def mass_matrix(
     vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, *, gravity: float = 9.81
 ) -> Array:
     """Mass matrix (..., 6+n, 6+n) of the generalized velocity; ``gravity`` is accepted for symmetry, without effect."""
-    del gravity
-    _components("position", position, 3)
-    R, q = _rotation(quaternion_wxyz), _components("joints", joints, vehicle.n)
-    lead = _lead(position, quaternion_wxyz, joints)
-    return _stack(dynamics.mass_matrix(vehicle, R, q), lead)
+    n = _joint_count(vehicle)
+    one_number("gravity", gravity)
+    components("position", position, 3)
+    R, q = unit_rotation(quaternion_wxyz), components("joints", joints, n)
+    lead = leading_axes(position, quaternion_wxyz, joints)
+    return stacked(dynamics.mass_matrix(vehicle, R, q), lead)
 
 
 def frame_pose_world(
     vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, *, frame: str | None = None
 ) -> tuple[Array, Array]:
     """World position (..., 3) and rotation R_WF (..., 3, 3) of a frame (the end effector by default)."""
-    base = Pose(_rotation(quaternion_wxyz), Vec3(*_components("position", position, 3)))
-    named = vehicle.frame(frame or vehicle.end_effector)
-    q = _components("joints", joints, vehicle.n)
-    lead = _lead(position, quaternion_wxyz, joints)
+    n = _joint_count(vehicle)
+    base = Pose(unit_rotation(quaternion_wxyz), Vec3(*components("position", position, 3)))
+    named = vehicle.frame(frame)
+    q = components("joints", joints, n)
+    lead = leading_axes(position, quaternion_wxyz, joints)
     pose = base @ frame_pose(vehicle, named, q)
-    return _stack(list(pose.p), lead), _stack([list(row) for row in pose.R.rows], lead)
+    return stacked(list(pose.p), lead), stacked([list(row) for row in pose.R.rows], lead)
 
 
 def frame_jacobian(
     vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike, *, frame: str | None = None
 ) -> Array:
     """Jacobian (..., 6, 6+n) of a frame: world linear velocity of its origin, then world angular velocity."""
-    _components("position", position, 3)
-    R, q = _rotation(quaternion_wxyz), _components("joints", joints, vehicle.n)
-    lead = _lead(position, quaternion_wxyz, joints)
-    named = vehicle.frame(frame or vehicle.end_effector)
+    n = _joint_count(vehicle)
+    components("position", position, 3)
+    R, q = unit_rotation(quaternion_wxyz), components("joints", joints, n)
+    lead = leading_axes(position, quaternion_wxyz, joints)
+    named = vehicle.frame(frame)
     turning = R @ Mat3.cross(-frame_pose(vehicle, named, q).p)
     columns = jacobian_columns(vehicle, named, q)
     linear = [tuple(R.apply(column.linear)) for column in columns]
     angular = [tuple(R.apply(column.angular)) for column in columns]
     rows = [[*IDENTITY.R.rows[i], *turning.rows[i], *(c[i] for c in linear)] for i in range(3)]
     rows += [[0, 0, 0, *R.rows[i], *(c[i] for c in angular)] for i in range(3)]
-    return _stack(rows, lead)
+    return stacked(rows, lead)
 
 
 def _state(
     vehicle: Vehicle, position: ArrayLike, quaternion: ArrayLike, joints: ArrayLike, velocity: ArrayLike
 ) -> tuple[State, tuple[int, ...]]:
     """State as scalars, and the leading axes of its arrays."""
-    v = _components("velocity", velocity, 6 + vehicle.n)
+    n = _joint_count(vehicle)
+    v = components("velocity", velocity, 6 + n)
     state = State(
-        position=Vec3(*_components("position", position, 3)),
-        quaternion=_unit_quaternion(quaternion),
+        position=Vec3(*components("position", position, 3)),
+        quaternion=unit_quaternion(quaternion),
         velocity=Vec3(*v[:3]),
         rate=Vec3(*v[3:6]),
-        joints=_components("joints", joints, vehicle.n),
+        joints=components("joints", joints, n),
         joint_rates=v[6:],
     )
-    return state, _lead(position, quaternion, joints, velocity)
+    return state, leading_axes(position, quaternion, joints, velocity)
 
 
 def energy(
@@ -189,15 +165,16 @@ def energy(
 ) -> Array:
     """Kinetic plus potential energy (...), J."""
     state, lead = _state(vehicle, position, quaternion_wxyz, joints, velocity)
-    total = add(dynamics.kinetic_energy(vehicle, state), dynamics.potential_energy(vehicle, state, gravity))
-    return _stack(total, lead)
+    g = one_number("gravity", gravity)
+    total = add(dynamics.kinetic_energy(vehicle, state), dynamics.potential_energy(vehicle, state, g))
+    return stacked(total, lead)
 
 
 def center_of_mass(vehicle: Vehicle, position: ArrayLike, quaternion_wxyz: ArrayLike, joints: ArrayLike) -> Array:
     """Centre of mass in the world (..., 3), m."""
-    still = np.zeros(6 + vehicle.n)
+    still = np.zeros(6 + _joint_count(vehicle))
     state, lead = _state(vehicle, position, quaternion_wxyz, joints, still)
-    return _stack(list(dynamics.center_of_mass(vehicle, state)), lead)
+    return stacked(list(dynamics.center_of_mass(vehicle, state)), lead)
 
 
 def momentum(
@@ -206,4 +183,4 @@ def momentum(
     """Linear and angular momentum about the centre of mass (..., 6), world axes."""
     state, lead = _state(vehicle, position, quaternion_wxyz, joints, velocity)
     found = dynamics.momentum(vehicle, state)
-    return _stack([*found.linear, *found.angular], lead)
+    return stacked([*found.linear, *found.angular], lead)

@@ -1,4 +1,4 @@
-"""State and acceleration of a vehicle."""
+"""State of a vehicle, and accelerations with and without gravity."""
 
 from __future__ import annotations
 
@@ -29,15 +29,6 @@ class State:
     joints: tuple[Scalar, ...] = ()
     joint_rates: tuple[Scalar, ...] = ()
     rotor_speeds: tuple[Scalar, ...] = ()
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Acceleration:
-    """Plain time derivative of the generalized velocity [v_W, w_B, joint rates]."""
-
-    linear: Vec3
-    angular: Vec3
-    joints: tuple[Scalar, ...] = ()
 
 
 def proper_acceleration(R_WB: Mat3, linear_W: Vec3, angular_B: Vec3, gravity: Any) -> Motion:

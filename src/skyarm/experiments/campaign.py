@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -118,9 +119,18 @@ def _measure_again(campaign: Campaign, varied: Variation, plant: str) -> None:
             campaign._file(varied.group, varied.value, Flight(case, controller, plant), varied.measure(case, log))
 
 
-def _leave_interrupts_to_parent() -> None:
-    """Ctrl-C reaches every process of a terminal: only the parent says so."""
+def _serve_parent() -> None:
+    """What a worker does first: leave Ctrl-C, which reaches every process of a terminal, to the parent; end with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True, name="end with parent").start()
+
+
+def _end_with_parent() -> None:
+    """Wait for the parent's end, however it comes: a killed parent cannot tell its workers, who would wait for ever."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _perform_all(jobs: Sequence[Job], workers: int, progress: Progress | None) -> dict[Job, Any]:
@@ -138,7 +148,7 @@ def _perform_all(jobs: Sequence[Job], workers: int, progress: Progress | None) -
     before = set(multiprocessing.active_children())
     # spawn, not fork: the parent may hold threads (a progress bar), and the same code runs on every system
     spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=spawn, initializer=_leave_interrupts_to_parent) as pool:
+    with ProcessPoolExecutor(workers, mp_context=spawn, initializer=_serve_parent) as pool:
         try:
             with _deaf_to_interrupts():
                 futures = {pool.submit(perform, job): job for job in jobs}

@@ -11,6 +11,13 @@ from collections.abc import Mapping
 Cells = Mapping[str, float]
 
 CASES = ("case1", "case2", "case3", "case2_gust", "case3_wind")
+TITLES: Mapping[str, str] = {
+    "case1": "Case 1: hover, arm ramps",
+    "case2": "Case 2: hover, arm sinusoids",
+    "case3": "Case 3: circle, arm sinusoids",
+    "case2_gust": "Case 2 in a gust of 3 s",
+    "case3_wind": "Case 3 in constant wind",
+}
 CONTROLLERS = {"CT": "paper_ct", "PD": "paper_pd"}
 
 PRINTED: Mapping[str, Mapping[str, Mapping[str, str]]] = {
@@ -166,3 +173,8 @@ def rounding(case: str, controller: str, metric: str) -> float:
     """Half a unit of the last printed digit."""
     _, _, decimals = PRINTED[case][controller][metric].partition(".")
     return 0.5 * 10.0 ** -len(decimals)
+
+
+def printed(case: str, controller: str, metric: str) -> str:
+    """The published number as printed; "" where there is none."""
+    return PRINTED.get(case, {}).get(controller, {}).get(metric, "")

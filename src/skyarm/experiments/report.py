@@ -9,20 +9,24 @@ from string import Template
 from typing import TYPE_CHECKING, Any
 
 from skyarm.experiments import report_text as prose
-from skyarm.experiments.report_headlines import PLANTS, tally
-from skyarm.experiments.report_markup import bullets, details, known, section, table, text
+from skyarm.experiments.compare import known
+from skyarm.experiments.paper import WINDOWS, first_plant
+from skyarm.experiments.published import TITLES
+from skyarm.experiments.report_headlines import tally
+from skyarm.experiments.report_markup import bullets, details, section, table, text
 from skyarm.experiments.report_tables import (
-    TITLES,
     definitions_table,
     experiment_table,
     headline_table,
+    reversed_table,
     sensitivity_tables,
     summary_table,
 )
-from skyarm.figures.catalogue import PAPER_CATALOGUE, PAPER_WINDOWS
+from skyarm.figures.catalogue import PAPER_CATALOGUE
 from skyarm.figures.embed import image_bytes, plotly_library, plotly_spec
 from skyarm.figures.interactive import damping_figure, experiment_figure, tool_path_figure
 from skyarm.simulate.log import Log
+from skyarm.simulate.scenario import PLANTS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -61,13 +65,14 @@ def report_html(
     Returns:
         A whole HTML document: scripts, styles and images inside, no address outside.
     """
-    experiments = results.get("experiments", {})
+    experiments, plant = results.get("experiments", {}), first_plant(results)
     plots = _Plots()
+    verdict = headline_table(experiments) + reversed_table(experiments, plant) + summary_table(experiments)
     sections = [
-        ("verdict", "Verdict", f"{headline_table(experiments)}{summary_table(experiments)}"),
+        ("verdict", "Verdict", verdict),
         ("experiments", "Experiments", _experiments(experiments, reasons, logs, plots)),
-        ("sensitivity", "Sensitivity to assumptions", _sensitivity(sensitivity, experiments, plots)),
-        ("figures", "Figures 3-18", _paper_figures(figures or {})),
+        ("sensitivity", "Sensitivity to assumptions", _sensitivity(sensitivity, experiments, plant, plots)),
+        ("figures", "Figures 3-18", _paper_figures(figures or {}, plant)),
         ("assumptions", "Assumptions", bullets(prose.ASSUMPTIONS)),
         ("not-modelled", "What is not modelled", bullets(prose.NOT_MODELLED)),
         ("definitions", "Definitions", f"<p>{text(prose.READING)}</p>{definitions_table()}"),
@@ -122,6 +127,8 @@ def _facts(experiments: Mapping[str, Any]) -> str:
         met, judged = tally(experiments, plant)
         if judged:
             parts.append(f"{plant}: {met} of {judged} headline claims met.")
+    if parts:
+        parts.append("The accepted ranges are this project's own.")
     return " ".join(parts) or "No headline number was measured."
 
 
@@ -133,7 +140,7 @@ def _experiments(experiments: Mapping[str, Any], reasons: Mapping[str, Any], log
         parts.append(experiment_table(case, controllers, reasons.get(case, {})))
         flown = {plant: cases[case] for plant, cases in logs.items() if cases.get(case)}
         if flown:
-            figure = experiment_figure(flown, PAPER_WINDOWS.get(case))
+            figure = experiment_figure(flown, WINDOWS.get(case))
             parts.append(plots.add(figure, f"{title}: choose curves in the legend. {prose.HOLDS}"))
         if flown and case == "case3":
             parts.append(
@@ -145,10 +152,10 @@ def _experiments(experiments: Mapping[str, Any], reasons: Mapping[str, Any], log
     return "".join(parts)
 
 
-def _sensitivity(sensitivity: Mapping[str, Any], experiments: Mapping[str, Any], plots: _Plots) -> str:
+def _sensitivity(sensitivity: Mapping[str, Any], experiments: Mapping[str, Any], plant: str, plots: _Plots) -> str:
     damping = sensitivity.get("joint_damping") or {}
     if not damping:
-        return sensitivity_tables(sensitivity, experiments)
+        return sensitivity_tables(sensitivity, experiments, plant)
     paper = {
         case: {
             controller: {name: known(cell.get("paper")) for name, cell in cells.items()}
@@ -157,11 +164,11 @@ def _sensitivity(sensitivity: Mapping[str, Any], experiments: Mapping[str, Any],
         for case, controllers in experiments.items()
     }
     figure = damping_figure(damping, paper, DAMPING_PANELS)
-    caption = "Six numbers over the assumed joint damping, rigid_body; dotted: the paper."
-    return plots.add(figure, caption) + sensitivity_tables(sensitivity, experiments)
+    caption = f"{len(DAMPING_PANELS)} numbers over the assumed joint damping, {plant}; dotted: the paper."
+    return plots.add(figure, caption) + sensitivity_tables(sensitivity, experiments, plant)
 
 
-def _paper_figures(figures: Mapping[int, Figure]) -> str:
+def _paper_figures(figures: Mapping[int, Figure], plant: str) -> str:
     if not figures:
         return "<p>No static figures were drawn.</p>"
     parts = []
@@ -171,9 +178,8 @@ def _paper_figures(figures: Mapping[int, Figure]) -> str:
         image = base64.b64encode(image_bytes(figure)).decode("ascii")
         shown = f'<img src="data:image/png;base64,{image}" alt="{text(caption)}">'
         parts.append(f'<figure id="figure-{number}">{shown}<figcaption>{text(caption)}</figcaption></figure>')
-    note = (
-        "Layout of the paper, rigid_body plant. CT solid and dark, PD dashed and lighter, grey: window of the metrics."
-    )
+    look = "CT solid and dark, PD dashed and lighter, grey: window of the metrics."
+    note = f"Layout of the paper, {text(plant)} plant. {look}"
     return f'<p class="note">{note} {text(prose.HOLDS)}</p><div class="paper">{"".join(parts)}</div>'
 
 

@@ -6,12 +6,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.experiments.report_markup import DASH, known, shown, text
+from skyarm.experiments.compare import known
+from skyarm.experiments.published import CASES, printed
+from skyarm.experiments.report_markup import DASH, shown, text, typographic
 from skyarm.experiments.report_metrics import metric
+from skyarm.simulate.scenario import PLANTS
 
 Experiments = Mapping[str, Mapping[str, Mapping[str, Mapping[str, Any]]]]
-PLANTS = ("rigid_body", "mujoco")
-CASES = ("case1", "case2", "case3", "case2_gust", "case3_wind")
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +37,7 @@ def _around(title: str, name: str, case: str, controller: str, middle: float, sh
 _CALM = tuple((case, controller) for case in CASES[:4] for controller in ("CT", "PD"))
 _WINDY = (("case3_wind", "CT"), ("case3_wind", "PD"))
 
-# Ranges were fixed before this program flew: an independent prototype reached them with the same assumptions.
+# Ranges are this project's own: an earlier, independent prototype reached them with the same assumptions.
 CLAIMS = (
     Claim("Hover offset, all cases without constant wind", "hover_offset", _CALM, 0.0338, 0.0358),
     _within("Case 1, PD: position error, arm held", "held_position_error", "case1", "PD", 0.125, 0.140),
@@ -100,12 +101,12 @@ def ordered(experiments: Experiments, plant: str) -> tuple[int, int]:
 
 def claim_row(claim: Claim, experiments: Experiments) -> str:
     """Cells of one claim: title, unit, paper, accepted range, value and verdict of each plant."""
-    digits = metric(claim.name).digits
-    paper = _span((_value(experiments, *cell, claim.name, "paper") for cell in claim.cells), digits)
+    paper = dict.fromkeys(printed(*cell, claim.name) for cell in claim.cells if printed(*cell, claim.name))
     cells = [f'<th scope="row">{text(claim.title)}</th><td>{text(metric(claim.name).unit)}</td>']
-    cells += [f'<td class="num">{paper}</td>', f'<td class="num">{_span((claim.low, claim.high), digits)}</td>']
+    cells.append(f'<td class="num">{" &hellip; ".join(map(typographic, paper)) or DASH}</td>')
+    cells.append(f'<td class="num">{_span((claim.low, claim.high))}</td>')
     for plant in PLANTS:
-        values = _span((_value(experiments, *cell, claim.name, plant) for cell in claim.cells), digits)
+        values = _span(_value(experiments, *cell, claim.name, plant) for cell in claim.cells)
         cells.append(f'<td class="num">{values}</td><td>{VERDICTS[meets(claim, experiments, plant)]}</td>')
     return "".join(cells)
 
@@ -131,10 +132,10 @@ def tally(experiments: Experiments, plant: str) -> tuple[int, int]:
     return sum(verdict is True for verdict in verdicts), sum(verdict is not None for verdict in verdicts)
 
 
-def _span(values: Iterable[float | None], digits: int) -> str:
+def _span(values: Iterable[float | None]) -> str:
     """One number if all look alike, else smallest to largest."""
     found = sorted(value for value in values if value is not None)
     if not found:
         return DASH
-    low, high = shown(found[0], digits), shown(found[-1], digits)
+    low, high = shown(found[0]), shown(found[-1])
     return low if low == high else f"{low} &hellip; {high}"

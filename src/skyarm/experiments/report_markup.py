@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import html
-import math
 from collections.abc import Iterable, Sequence
 
-Number = float | int | None
+from skyarm.experiments.compare import Number, difference, digits, known, percent
 
 DASH = "&ndash;"
 NEAR, FAIR = 0.05, 0.20
@@ -18,36 +17,31 @@ def text(value: object) -> str:
     return html.escape(str(value), quote=True)
 
 
-def known(value: Number) -> float | None:
-    """Return the value as a float; None if it is missing or not finite."""
-    return float(value) if value is not None and math.isfinite(value) else None
+def shown(value: float) -> str:
+    """Three significant digits, typographic minus."""
+    return typographic(digits(value))
 
 
-def shown(value: float, digits: int) -> str:
-    """Fixed decimals, typographic minus; what they would round to zero is shown with an exponent."""
-    fixed = f"{value:.{digits}f}"
-    if value != 0.0 and float(fixed) == 0.0:
-        fixed = f"{value:.1e}"
-    return fixed.replace("-", "&minus;")
+def typographic(number: str) -> str:
+    """A written number with a typographic minus."""
+    return number.replace("-", "&minus;")
 
 
-def number_cell(value: Number, digits: int, *, mark: str = "") -> str:
-    """Table cell of a number: rounded for reading, whole for machines; a dash if it is missing or not finite."""
+def number_cell(value: Number, *, written: str = "", mark: str = "") -> str:
+    """Table cell of a number: as written, or rounded for reading; whole for machines.
+
+    A dash if it is missing or not finite.
+    """
     finite = known(value)
     if finite is None:
         return f'<td class="num none">{DASH}</td>'
-    return f'<td class="num"><data value="{value!r}">{mark_up(shown(finite, digits), mark)}</data></td>'
+    words = typographic(written) if written else shown(finite)
+    return f'<td class="num"><data value="{value!r}">{mark_up(words, mark)}</data></td>'
 
 
 def mark_up(content: str, element: str) -> str:
     """Wrap markup in an element; as it is if the element is empty."""
     return f"<{element}>{content}</{element}>" if element else content
-
-
-def difference(ours: Number, paper: Number) -> float | None:
-    """Relative difference from the paper; None where either is missing or the paper's is zero."""
-    a, b = known(ours), known(paper)
-    return None if a is None or not b else (a - b) / abs(b)
 
 
 GRADES = {"near": ("&#9679;", "within 5 %"), "fair": ("&#9680;", "within 20 %"), "far": ("&#9675;", "beyond 20 %")}
@@ -67,8 +61,7 @@ def difference_cell(ours: Number, paper: Number) -> str:
     if relative is None:
         return f'<td class="num none">{DASH}</td>'
     grade = "near" if abs(relative) <= NEAR else "fair" if abs(relative) <= FAIR else "far"
-    percent = f"{round(100.0 * relative):+d}".replace("-", "&minus;").replace("+0", "0")
-    return graded_cell(f"{percent}&nbsp;%", grade)
+    return graded_cell(typographic(percent(relative)).replace(" ", "&nbsp;"), grade)
 
 
 def bound_cell(ours: Number, paper: Number) -> str:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-CONTINUOUS = "_continuous"
-"""Suffix of a metric taken against the continuous reference in place of the held 50 Hz samples."""
+from skyarm.experiments.paper import CONTINUOUS
 
 
 @dataclass(frozen=True, slots=True)
@@ -13,26 +12,23 @@ class Metric:
     """One row of a table.
 
     Attributes:
-        label: words. unit: SI. definition: one sentence. digits: decimals of ours shown.
-        published: decimals the paper gives, its trailing zeros included.
+        label: words. unit: SI. definition: one sentence.
         bound: the paper states an upper bound only.
     """
 
     label: str
     unit: str
     definition: str
-    digits: int = 4
-    published: int = 3
     bound: bool = False
 
 
 METRICS = {
     "position_error_mean": Metric("Position error, mean", "m", "Mean of |e_p| over the window; e_p = p - p_d."),
     "position_error_max": Metric("Position error, largest", "m", "Largest |e_p| in the window."),
-    "position_min": Metric("Position error, low end", "m", "Smallest |e_p| in the window.", 4, 2),
-    "position_max": Metric("Position error, high end", "m", "Largest |e_p| in the window.", 4, 2),
-    "position_ripple": Metric("Position error, ripple", "m", "Half of peak to peak of |e_p| in the window.", 4, 2),
-    "peak_x": Metric("Peak along x", "m", "Largest magnitude of the x component of e_p in the window.", 4, 2),
+    "position_min": Metric("Position error, low end", "m", "Smallest |e_p| in the window."),
+    "position_max": Metric("Position error, high end", "m", "Largest |e_p| in the window."),
+    "position_ripple": Metric("Position error, ripple", "m", "Half of peak to peak of |e_p| in the window."),
+    "peak_x": Metric("Peak along x", "m", "Largest magnitude of the x component of e_p in the window."),
     "ee_error_mean": Metric(
         "End-effector error, mean",
         "m",
@@ -42,9 +38,9 @@ METRICS = {
     "joint_error_mean": Metric("Joint error, mean", "rad", "Mean over the window of the norm of both joint errors."),
     "joint_error_max": Metric("Joint error, largest", "rad", "Largest norm of both joint errors in the window."),
     "pitch_rms": Metric("Pitch, RMS", "rad", "Root mean square of pitch over the window."),
-    "pitch_mean": Metric("Pitch, mean", "rad", "Mean of pitch over the window.", 4, 2),
-    "pitch_ripple": Metric("Pitch, ripple", "rad", "Half of peak to peak of pitch in the window.", 4, 2),
-    "roll_rms": Metric("Roll, RMS", "rad", "Root mean square of roll over the window.", 5),
+    "pitch_mean": Metric("Pitch, mean", "rad", "Mean of pitch over the window."),
+    "pitch_ripple": Metric("Pitch, ripple", "rad", "Half of peak to peak of pitch in the window."),
+    "roll_rms": Metric("Roll, RMS", "rad", "Root mean square of roll over the window."),
     "peak_pitch": Metric(
         "Peak pitch",
         "rad",
@@ -57,20 +53,17 @@ METRICS = {
         "Settling time",
         "s",
         "First time after which |e_p| stays within 0.02 m of its steady mean to the end; a dash if it never does.",
-        2,
-        1,
     ),
     "settling_time_upper_bound": Metric(
-        "Settling time, upper bound", "s", "As the settling time; the paper states only that it is less.", 2, 1, True
+        "Settling time, upper bound", "s", "As the settling time; the paper states only that it is less.", True
     ),
     "iae_position": Metric(
-        "Integral of position error", "m s", "Integral of |e_p| over the run; in the gust over its window.", 3, 2
+        "Integral of position error", "m s", "Integral of |e_p| over the run; in the gust over its window."
     ),
     "iae_joint": Metric(
         "Integral of joint error",
         "rad s",
         "Integral of the joint error norm over the run; in the gust over its window.",
-        3,
     ),
     "hover_offset": Metric("Hover offset", "m", "Mean of z_d - z over t in [4, 5.9) s, before the motion starts."),
     "held_position_error": Metric(

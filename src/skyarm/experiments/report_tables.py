@@ -5,44 +5,37 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from skyarm.experiments.report_headlines import CLAIMS, PLANTS, Experiments, claim_row, order_row
+from skyarm.experiments.compare import difference, reversed_orders
+from skyarm.experiments.paper import CONTINUOUS
+from skyarm.experiments.published import TITLES, printed
+from skyarm.experiments.reasons import HEADING
+from skyarm.experiments.report_headlines import CLAIMS, Experiments, claim_row, order_row
 from skyarm.experiments.report_markup import (
     DASH,
     FAIR,
     NEAR,
     bound_cell,
     details,
-    difference,
     difference_cell,
-    known,
     number_cell,
     table,
     text,
 )
-from skyarm.experiments.report_metrics import CONTINUOUS, METRICS, metric
+from skyarm.experiments.report_metrics import METRICS, metric
+from skyarm.experiments.variations import GROUPS, variations
+from skyarm.simulate.scenario import PLANTS
 
 Cells = Mapping[str, Mapping[str, Any]]
 Measured = Mapping[str, Mapping[str, Mapping[str, Any]]]
 Variants = Mapping[str, Measured]
 
-TITLES = {
-    "case1": "Case 1: hover, arm ramp",
-    "case2": "Case 2: hover, arm sinusoids",
-    "case3": "Case 3: circle, arm sinusoids",
-    "case2_gust": "Case 2 with a gust",
-    "case3_wind": "Case 3 in constant wind",
-}
 CONTROLLERS = {"CT": "CT: hybrid geometric computed torque", "PD": "PD: decoupled baseline"}
-GROUPS = {
-    "joint_damping": "Joint damping [N m s/rad]",
-    "joint_damping_first": "Damping of joint 1 only [N m s/rad]",
-    "ramp_shape": "Shape of the ramp, Case 1",
-    "command_latency": "Latency of commands [s]",
-    "time_shift": "Recorded reference later than the response by [s]",
-}
-ASSUMED = {"joint_damping": "0.001", "ramp_shape": "linear"}
 TELLING = 0.02
 """Spread of relative differences below which no variant is called the nearest."""
+VERDICT_CAPTION = (
+    "Headline numbers against accepted ranges, which are this project's own: an earlier, independent prototype reached "
+    "them with the same assumptions"
+)
 KEY_METRICS = ("position_error_mean", "ee_error_mean", "pitch_rms", "joint_error_mean", "tau1_rms")
 
 
@@ -50,7 +43,21 @@ def headline_table(experiments: Experiments) -> str:
     """Verdicts on the headline numbers."""
     head = ["Claim", "Unit", ">Paper", ">Accepted", ">rigid_body", "Verdict", ">mujoco", "Verdict"]
     rows = [*(claim_row(claim, experiments) for claim in CLAIMS), order_row(experiments)]
-    return table("Headline numbers against ranges fixed beforehand", head, [("", rows)], "verdicts")
+    return table(VERDICT_CAPTION, head, [("", rows)], "verdicts")
+
+
+def reversed_table(experiments: Experiments, plant: str) -> str:
+    """Where the controller that is better in the paper is the worse one here."""
+    rows = []
+    for case, name in reversed_orders(experiments, plant):
+        ct, pd = (experiments[case][controller][name] for controller in ("CT", "PD"))
+        title = f"{TITLES.get(case, case)}: {metric(name).label}"
+        values = [number_cell(each.get(column)) for column in ("paper", plant) for each in (ct, pd)]
+        rows.append("".join([f'<th scope="row">{text(title)}</th>', f"<td>{text(metric(name).unit)}</td>", *values]))
+    head = ["Metric", "Unit", ">Paper CT", ">Paper PD", f">{plant} CT", f">{plant} PD"]
+    return table(
+        "Not reproduced: the better controller of the paper is the worse one here", head, [("", rows)], "reversed"
+    )
 
 
 def summary_table(experiments: Experiments) -> str:
@@ -83,13 +90,13 @@ def experiment_table(case: str, controllers: Mapping[str, Cells], reasons: Mappi
         ">mujoco",
         ">rigid_body - paper",
         ">mujoco - paper",
-        "What a measured variation says",
+        HEADING.capitalize(),
     ]
     held: list[tuple[str, list[str]]] = []
     twins: list[tuple[str, list[str]]] = []
     for controller, cells in controllers.items():
         why = reasons.get(controller, {})
-        rows = {name: _metric_row(name, cell, why.get(name, "")) for name, cell in cells.items()}
+        rows = {name: _metric_row(case, controller, name, cell, why.get(name, "")) for name, cell in cells.items()}
         title = CONTROLLERS.get(controller, controller)
         held.append((title, [row for name, row in rows.items() if not name.endswith(CONTINUOUS)]))
         twins.append((title, [row for name, row in rows.items() if name.endswith(CONTINUOUS)]))
@@ -101,52 +108,40 @@ def experiment_table(case: str, controllers: Mapping[str, Cells], reasons: Mappi
     return page
 
 
-def _metric_row(name: str, cell: Mapping[str, Any], why: str) -> str:
+def _metric_row(case: str, controller: str, name: str, cell: Mapping[str, Any], why: str) -> str:
     meant, paper = metric(name), cell.get("paper")
     label = f'<th scope="row"><abbr title="{text(meant.definition or name)}">{text(meant.label)}</abbr></th>'
     compare = bound_cell if meant.bound else difference_cell
-    cells = [label, f'<td class="unit">{text(meant.unit)}</td>', number_cell(paper, _paper_digits(paper))]
-    cells += [number_cell(cell.get(plant), meant.digits) for plant in PLANTS]
+    cells = [label, f'<td class="unit">{text(meant.unit)}</td>', _paper_cell(case, controller, name, paper)]
+    cells += [number_cell(cell.get(plant)) for plant in PLANTS]
     cells += [compare(cell.get(plant), paper) for plant in PLANTS]
-    reason = why or ("" if meant.bound else _default_reason(cell, paper, meant.published))
-    return "".join([*cells, f'<td class="why">{text(reason)}</td>'])
+    return "".join([*cells, f'<td class="why">{text(why)}</td>'])
 
 
-def _default_reason(cell: Mapping[str, Any], paper: Any, decimals: int) -> str:
-    """What stands where nobody gave a reason."""
-    published, values = known(paper), [known(cell.get(plant)) for plant in PLANTS]
-    if published is None or all(value is None for value in values):
-        return ""
-    gap = max(abs(value - published) for value in values if value is not None)
-    if gap <= NEAR * abs(published):
-        return ""
-    half_a_digit = 0.5 * 10.0 ** -max(decimals, _paper_digits(paper))
-    return "equal within the published rounding" if gap <= half_a_digit else "not explained"
+def _paper_cell(case: str, controller: str, name: str, paper: Any) -> str:
+    """The published number with the digits it was printed with."""
+    written = printed(case, controller, name)
+    return number_cell(paper, written=written if written and float(written) == paper else "")
 
 
-def _paper_digits(value: Any) -> int:
-    """As many decimals as the published number has."""
-    finite = known(value)
-    written = "" if finite is None else f"{finite:.10f}".rstrip("0")
-    return len(written.partition(".")[2])
-
-
-def sensitivity_tables(sensitivity: Mapping[str, Variants], experiments: Experiments) -> str:
-    """One table per assumption varied: the key metrics open, everything else collapsed."""
+def sensitivity_tables(sensitivity: Mapping[str, Variants], experiments: Experiments, plant: str) -> str:
+    """One table per assumption varied on a plant: the key metrics open, everything else collapsed."""
     parts = []
+    assumed = {each.group: each.value for each in variations() if each.assumed}
     for group, variants in sensitivity.items():
         if not variants:
             continue
         title = GROUPS.get(group, group.replace("_", " "))
-        key, rest = (_variant_table(title, group, variants, experiments, key=key) for key in (True, False))
+        caption = f"{text(title)}, {text(plant)}; <strong>bold</strong>: nearest to the paper; dash: not measurable"
+        own = assumed.get(group, "")
+        key, rest = (_variant_table(caption, own, variants, experiments, key=key) for key in (True, False))
         parts.append(f"<h3>{text(title)}</h3>")
-        parts.append(key if group in ASSUMED else details("Main metrics", key))
+        parts.append(key if own else details("Main metrics", key))
         parts.append(details("Other metrics", rest))
     return "".join(parts) or "<p>No variation was flown.</p>"
 
 
-def _variant_table(title: str, group: str, variants: Variants, experiments: Experiments, *, key: bool) -> str:
-    assumed = ASSUMED.get(group)
+def _variant_table(caption: str, assumed: str, variants: Variants, experiments: Experiments, *, key: bool) -> str:
     heads = [f">{name} (assumed)" if name == assumed else f">{name}" for name in variants]
     groups = []
     for case, controller, names in _cells_of(variants):
@@ -154,7 +149,6 @@ def _variant_table(title: str, group: str, variants: Variants, experiments: Expe
         rows = [_variant_row(case, controller, name, variants, experiments) for name in chosen]
         if rows:
             groups.append((f"{TITLES.get(case, case)}, {controller}", rows))
-    caption = f"{text(title)}, rigid_body; <strong>bold</strong>: nearest to the paper; dash: not measurable"
     return table(caption, ["Metric", "Unit", ">Paper", *heads], groups, "variants")
 
 
@@ -175,12 +169,12 @@ def _variant_row(case: str, controller: str, name: str, variants: Variants, expe
     distances = [abs(size) for value in values if (size := difference(value, paper)) is not None]
     nearest, farthest = min(distances, default=0.0), max(distances, default=0.0)
     cells = [f'<th scope="row">{text(meant.label)}</th><td class="unit">{text(meant.unit)}</td>']
-    cells.append(number_cell(paper, _paper_digits(paper)))
+    cells.append(_paper_cell(case, controller, name, paper))
     for value in values:
         size = difference(value, paper)
         telling = farthest - nearest > TELLING
         mark = "strong" if telling and size is not None and abs(size) == nearest else ""
-        cells.append(number_cell(value, meant.digits, mark=mark))
+        cells.append(number_cell(value, mark=mark))
     return "".join(cells)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.experiments.campaign import Campaign, Progress, run_campaign
-from skyarm.experiments.paper import PLANTS, results, settings
+from skyarm.experiments.paper import STEADY, WINDOWS, flights, results, settings
 from skyarm.experiments.reasons import Reasons, reasons
 from skyarm.experiments.report import report_html
 from skyarm.experiments.table import markdown
@@ -17,7 +17,8 @@ from skyarm.experiments.variations import variations
 from skyarm.figures.embed import image_bytes
 from skyarm.figures.overview import overview_figure
 from skyarm.figures.paper import paper_figures
-from skyarm.files import require_writable, write_atomically
+from skyarm.files import require_replaceable, require_writable, write_atomically
+from skyarm.simulate.scenario import PLANTS
 
 Note = Callable[[str], None]
 
@@ -51,7 +52,7 @@ def reproduce(
 
     Raises:
         ValueError: an unknown plant.
-        OSError: the folder cannot be written; raised before any flight.
+        OSError: the folder or a file in it cannot be written; raised before any flight.
     """
     for plant in plants:
         if plant not in PLANTS:
@@ -61,6 +62,7 @@ def reproduce(
     folder = require_writable(out)
     for inner in ("figures", *(f"logs/{plant}" for plant in plants)):
         require_writable(folder / inner)
+    require_replaceable(*_files(folder, plants))
     say = note or (lambda _line: None)
     campaign = run_campaign(plants, workers=workers, progress=progress)
     table = results(campaign.measured(), settings(campaign.all_logs()))
@@ -69,16 +71,27 @@ def reproduce(
     _write_data(folder, table, why, campaign)
     say("drawing Figures 3-18")
     first = campaign.logs[plants[0]]
-    figures = paper_figures(first)
+    figures = paper_figures(first, WINDOWS)
     for name, figure in {
         **{f"figure_{n:02d}": f for n, f in figures.items()},
-        "overview": overview_figure(first),
+        "overview": overview_figure(first, STEADY),
     }.items():
         write_atomically(folder / "figures" / f"{name}.png", image_bytes(figure, dpi=DPI))
     say("writing report.html")
     page = report_html(table, campaign.sensitivity, campaign.logs, why, figures)
     write_atomically(folder / "report.html", page.encode())
     return table
+
+
+def _files(folder: Path, plants: Sequence[str]) -> list[Path]:
+    """Every file that will be written."""
+    pages = [folder / name for name in ("results.json", "sensitivity.json", "table2.md", "report.html")]
+    drawn = [folder / "figures" / f"{name}.png" for name in (*(f"figure_{n:02d}" for n in range(3, 19)), "overview")]
+    return (
+        pages
+        + drawn
+        + [folder / "logs" / each.plant / f"{each.case}_{each.controller}.npz" for each in flights(plants)]
+    )
 
 
 def _json(value: Any) -> bytes:

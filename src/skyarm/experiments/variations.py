@@ -27,13 +27,27 @@ TIME_SHIFTS = (-0.5, 0.5, 1.0)
 """s by which a recorded reference may be late (positive) or early against the recorded response."""
 
 BAG_STARTS = (2.0, 6.0, 8.0)
-"""s by which a recording may have begun before our t = 0: the PD bag shows no arm motion in its first 8 s."""
+"""s by which a recording may have begun before our t = 0: the published peaks of PD in [0, 8) s are those of hover."""
 
 STEP_RISE = 1e-3
 """s; between two samples of a 50 Hz reference such a ramp is a step."""
 
 LATENCY = 0.003
 """s of command delay: RotorS's chain of about three physics steps of 1 ms."""
+
+
+GROUPS = {
+    "joint_damping": "Joint damping [N m s/rad]",
+    "joint_damping_first": "Damping of joint 1 only [N m s/rad]",
+    "ramp_shape": "Shape of the ramp, Case 1",
+    "command_latency": "Latency of commands [s]",
+    "time_shift": "Recorded reference later than the response by [s]",
+    "bag_start": "Recording begun before our t = 0 by [s]",
+}
+"""What is varied, in words."""
+
+ALIGNMENTS = ("time_shift", "bag_start")
+"""Groups that say how one bag was aligned: a recording has one alignment, so at most one of them is true of it."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -53,6 +67,11 @@ class Variation:
     cases: tuple[str, ...] = CASES
     change: Callable[[Scenario], Scenario] | None = None
     measure: Callable[[str, Log], Metrics] = metrics
+
+    @property
+    def assumed(self) -> bool:
+        """True for what the table itself assumes: flown and measured as it is."""
+        return self.change is None and self.measure is metrics
 
 
 def reshaped_ramps(planned: Scenario, shape: str) -> Scenario:

@@ -1,12 +1,11 @@
 """Figures from logs: data in, Figure out. Nothing here simulates, saves or changes global state."""
 
-from skyarm.figures.catalogue import PAPER_CATALOGUE, PAPER_WINDOWS
+from skyarm.figures.catalogue import PAPER_CATALOGUE
 from skyarm.figures.interactive import damping_figure, experiment_figure, tool_path_figure
 from skyarm.figures.paper import paper_figures
 
 __all__ = [
     "PAPER_CATALOGUE",
-    "PAPER_WINDOWS",
     "damping_figure",
     "experiment_figure",
     "paper_figures",

@@ -23,17 +23,6 @@ from skyarm.figures.quantities import (
     tool_position,
 )
 
-PAPER_WINDOWS: Mapping[str, tuple[float, float]] = MappingProxyType(
-    {
-        "case1": (10.0, 20.0),
-        "case2": (10.0, 20.0),
-        "case3": (10.0, 20.0),
-        "case2_gust": (5.0, 20.0),
-        "case3_wind": (10.0, 20.0),
-    }
-)
-"""Half-open interval over which each experiment's metrics are taken, s."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Panel:

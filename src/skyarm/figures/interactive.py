@@ -23,7 +23,7 @@ from skyarm.figures.quantities import (
     position_error,
 )
 from skyarm.figures.style import SMALLEST_SPAN, WINDOW_FILL
-from skyarm.simulate.log import Log
+from skyarm.simulate import Log, Window
 
 Array = npt.NDArray[np.float64]
 Logs = Mapping[str, Mapping[str, Log]]
@@ -45,12 +45,12 @@ OTHER_LINE = {"color": "#6b6b6b", "dash": "longdash", "width": 1.4}
 FONT = {"family": "system-ui, sans-serif", "size": 12, "color": "#222222"}
 
 
-def experiment_figure(logs: Logs, window: tuple[float, float] | None = None) -> go.Figure:
+def experiment_figure(logs: Logs, window: Window | None = None) -> go.Figure:
     """Overlay controllers and plants of one experiment, a panel per quantity over one time axis.
 
     Args:
         logs: plant -> controller -> log. The first plant is drawn, the others wait in the legend.
-        window: interval of the metrics, s, shaded.
+        window: where the metrics are taken; shaded.
 
     Returns:
         A figure whose legend and buttons choose the curves.
@@ -71,7 +71,7 @@ def experiment_figure(logs: Logs, window: tuple[float, float] | None = None) -> 
         figure.update_yaxes(title_text=title, autorangeoptions_include=shown, row=row, col=1)
     figure.update_xaxes(title_text="Time [s]", row=len(panels), col=1)
     figure.update_layout(**_layout(PANEL_PIXELS * len(panels) + 130), updatemenus=_plant_buttons(figure, list(logs)))
-    _shade(figure, window, "window", WINDOW_FILL)
+    _shade(figure, (window.start, window.stop) if window else None, "window", WINDOW_FILL)
     _shade(figure, next((found for found in map(gust_interval, flown) if found), None), "gust", "#d0d0d0")
     return _plain_axes(figure)
 

@@ -13,27 +13,25 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from skyarm.figures import style
 from skyarm.figures.quantities import TOOL_ERROR, by_hold, gust_interval, position_error
-from skyarm.simulate.log import Log
+from skyarm.simulate import Log, Window
 
 WIDTH, HEIGHT = 9.0, 2.9
 """in: the width of a web page's column."""
 
-STEADY = (10.0, 20.0)
-"""s: the paper's steady window."""
-
 MILLIMETRES = 1e3
 
 
-def overview_figure(logs: Mapping[str, Mapping[str, Log]]) -> Figure:
+def overview_figure(logs: Mapping[str, Mapping[str, Log]], steady: Window) -> Figure:
     """Draw three panels: tool path seen from above (Case 3), tool error (Case 3), base along the gust (Case 2).
 
     Args:
         logs: experiment ("case3", "case2_gust") -> controller -> log.
+        steady: part of the flight whose path is drawn.
     """
     figure = Figure(figsize=(WIDTH, HEIGHT), layout=ConstrainedLayoutEngine(w_pad=0.05, h_pad=0.03), facecolor="white")
     FigureCanvasAgg(figure)
     axes = [style.dress(ax) for ax in figure.subplots(1, 3)]
-    handles = _path(axes[0], logs["case3"])
+    handles = _path(axes[0], logs["case3"], steady)
     _curves(axes[1], logs["case3"], TOOL_ERROR.of, "Case 3: tool error [mm]", (7.5, 20.5))
     _curves(axes[2], logs["case2_gust"], position_error(0).of, "Case 2, 2 N gust: base x error [mm]", (5.0, 17.0))
     gust = gust_interval(next(iter(logs["case2_gust"].values())))
@@ -48,16 +46,17 @@ def _title(ax: Axes, text: str, across: str) -> None:
     ax.set_xlabel(across, fontsize=style.TEXT_SIZE, family=style.FONT)
 
 
-def _path(ax: Axes, logs: Mapping[str, Log]) -> dict[str, Any]:
+def _path(ax: Axes, logs: Mapping[str, Log], steady: Window) -> dict[str, Any]:
     """Path of the tool over the steady window, seen from above; label -> line."""
     handles: dict[str, Any] = {}
     for i, (controller, log) in enumerate(logs.items()):
-        at = (log.time >= STEADY[0]) & (log.time < STEADY[1])
+        at = steady.of(log)
         (handles[controller],) = ax.plot(*log.tool[at, :2].T, label=controller, **style.look(controller, i).line)
         desired = log.tool_reference[at, :2]
     (handles["desired"],) = ax.plot(*desired.T, label="desired", **style.look("reference").line)
     ax.set_aspect("equal", adjustable="datalim")
-    _title(ax, "Case 3: tool path from above [m]", "x [m]")
+    _title(ax, "Case 3: tool from above, 10 to 20 s", "x [m]")
+    ax.set_ylabel("y [m]", fontsize=style.TEXT_SIZE, family=style.FONT)
     return handles
 
 

@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from skyarm.figures import style
-from skyarm.figures.catalogue import PAPER_CATALOGUE, PAPER_WINDOWS, Panel, PaperFigure
+from skyarm.figures.catalogue import PAPER_CATALOGUE, Panel, PaperFigure
 from skyarm.figures.quantities import Quantity, by_hold, end_time, gust_interval
-from skyarm.simulate.log import Log
+from skyarm.simulate import Log, Window
 
 Array = npt.NDArray[np.float64]
 
@@ -23,14 +23,12 @@ LARGEST_VALUE = {"m": 5.0, "rad": float(np.pi)}
 """Where an axis stops growing with a diverged episode."""
 
 
-def paper_figures(
-    logs: Mapping[str, Mapping[str, Log]], windows: Mapping[str, tuple[float, float]] = PAPER_WINDOWS
-) -> dict[int, Figure]:
+def paper_figures(logs: Mapping[str, Mapping[str, Log]], windows: Mapping[str, Window]) -> dict[int, Figure]:
     """Draw Figures 3-18.
 
     Args:
         logs: experiment ("case1", "case2", "case3", "case2_gust", "case3_wind") -> controller ("CT", "PD") -> log.
-        windows: interval of each experiment's metrics, s.
+        windows: where each experiment is measured; shaded.
 
     Returns:
         The paper's number -> figure; figures whose experiment was not flown are left out.
@@ -44,7 +42,7 @@ def paper_figures(
     }
 
 
-def draw(number: int, spec: PaperFigure, logs: Mapping[str, Log], window: tuple[float, float] | None = None) -> Figure:
+def draw(number: int, spec: PaperFigure, logs: Mapping[str, Log], window: Window | None = None) -> Figure:
     """Draw one figure of the paper."""
     figure, axes = style.stacked(f"Figure {number}. {spec.title}", len(spec.panels))
     handles: dict[str, Any] = {}
@@ -76,11 +74,11 @@ def _draw_lines(ax: Axes, quantity: Quantity, logs: Mapping[str, Log]) -> dict[s
     return handles
 
 
-def _shade(ax: Axes, logs: Collection[Log], window: tuple[float, float] | None) -> dict[str, Any]:
+def _shade(ax: Axes, logs: Collection[Log], window: Window | None) -> dict[str, Any]:
     """Mark the window of the metrics and the gust; returns label -> patch."""
     handles: dict[str, Any] = {}
     if window:
-        handles[f"window [{window[0]:g}, {window[1]:g}) s"] = style.shade_window(ax, window)
+        handles[f"window [{window.start:g}, {window.stop:g}) s"] = style.shade_window(ax, (window.start, window.stop))
     gust = next((found for found in map(gust_interval, logs) if found), None)
     if gust:
         handles["gust"] = style.shade_gust(ax, gust)

@@ -1,6 +1,16 @@
 """Reading tables field by field, and writing files that appear whole or not at all. Knows nothing of flying."""
 
-from skyarm.files.atomic import require_writable, write_atomically
+from skyarm.files.atomic import require_replaceable, require_writable, write_atomically
 from skyarm.files.fields import Fields, number, shown
+from skyarm.files.read import file_name, unreadable
 
-__all__ = ["Fields", "number", "require_writable", "shown", "write_atomically"]
+__all__ = [
+    "Fields",
+    "file_name",
+    "number",
+    "require_replaceable",
+    "require_writable",
+    "shown",
+    "unreadable",
+    "write_atomically",
+]

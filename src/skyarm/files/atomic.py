@@ -8,6 +8,8 @@ import secrets
 import tempfile
 from pathlib import Path
 
+from skyarm.files.fields import shown
+
 
 def write_atomically(path: str | os.PathLike[str], content: bytes) -> Path:
     """Write to a temporary file beside the target, then rename; a cut-off run leaves no half file.
@@ -42,13 +44,27 @@ def require_writable(folder: str | os.PathLike[str]) -> Path:
     """Make an output folder and prove that a file can be written there, before any work is done.
 
     Raises:
+        ValueError: no name at all.
         OSError: with one line that names the folder.
     """
+    if not isinstance(folder, (str, os.PathLike)) or not os.fspath(folder):
+        raise ValueError(f"output folder = {folder!r}: must be the path of a folder")
     target = Path(folder)
     try:
         target.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=target):
             pass
     except OSError as error:
-        raise OSError(f"output folder = {str(target)!r}: must be writable ({error.strerror})") from None
+        raise OSError(f"output folder = {shown(str(target))}: must be writable ({error.strerror})") from None
     return target
+
+
+def require_replaceable(*files: Path) -> None:
+    """Refuse names of files to come that are taken by folders, before any work is done.
+
+    Raises:
+        OSError: with one line that names the first of them.
+    """
+    for file in files:
+        if file.is_dir():
+            raise OSError(f"file = {shown(str(file))}: must be writable (there is a folder of this name)")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import numbers
 from typing import Any
 
 _REQUIRED: Any = object()
@@ -13,7 +14,7 @@ LONGEST = 100
 
 def shown(value: Any) -> str:
     """A value as messages show it: on one line, not for pages."""
-    text = repr(value)
+    text = " ".join(repr(value).split())  # an array's text has several lines
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
 
 
@@ -79,7 +80,7 @@ class Fields:
 
 def number(value: Any, at: str, *, low: float = -math.inf, strict: bool = False, infinite: bool = False) -> float:
     """Check a number: finite unless told otherwise, not below ``low`` (above it if strict)."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):  # NumPy's numbers are Real too
         raise ValueError(f"{at} = {shown(value)}: must be a {'number' if infinite else 'finite number'}")
     try:
         held = float(value)

@@ -9,8 +9,8 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import Program, trace
 from skyarm.dynamics import State
 from skyarm.environment import WindSample
-from skyarm.plant.interface import Flat, number, whole_steps
-from skyarm.plant.rigid_body import INTEGRATORS, STEP, World, accelerate
+from skyarm.plant.interface import Flat, World, number, whole_steps
+from skyarm.plant.rigid_body import INTEGRATORS, STEP, accelerate
 from skyarm.plant.stiffness import friction_rate
 from skyarm.vehicle.check import require_plant
 

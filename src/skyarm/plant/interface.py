@@ -3,14 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 from skyarm.compile import leaves
-from skyarm.dynamics import State
+from skyarm.dynamics.state import State
+from skyarm.scalars import Scalar
+from skyarm.vehicle import check, coerce
+from skyarm.vehicle.coerce import accept
 from skyarm.vehicle.records import Vehicle
 
 Flat = Sequence[float]
 """Leaves of a record (:func:`skyarm.compile.leaves`): State, Command or WindSample."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class World:
+    """What is simulated: the true vehicle and gravity (m/s^2)."""
+
+    vehicle: Vehicle
+    gravity: Scalar = 9.81
+
+    def __post_init__(self) -> None:
+        accept(self, "world", vehicle=coerce.one(Vehicle), gravity=coerce.number)
+        check.number("world.gravity", self.gravity, low=0.0)
 
 
 class Plant(Protocol):

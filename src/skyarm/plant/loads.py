@@ -1,13 +1,13 @@
-"""What pushes on the vehicle but gravity: rotors, wind, body drag, joint drives. One formula for both plants."""
+"""What pushes on the vehicle but gravity: rotors and their lag, wind, body drag, joint drives; for both plants."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.actuation import joint_force, rotor_force
+from skyarm.actuation import Command, joint_force, rotor_force, speed_after
 from skyarm.algebra import ZERO3, Force
-from skyarm.dynamics import State
+from skyarm.dynamics.state import State
 from skyarm.environment import WindSample, body_drag
 from skyarm.vehicle.records import Vehicle
 
@@ -35,3 +35,11 @@ def applied_force(
         for link, effort, rate in zip(vehicle.links, efforts, state.joint_rates, strict=True)
     )
     return total, torques
+
+
+def lagged(vehicle: Vehicle, state: State, command: Command, dt: Any) -> tuple[Any, ...]:
+    """Rotor speeds after ``dt`` seconds of a held command."""
+    return tuple(
+        speed_after(rotor, speed, wanted, dt)
+        for rotor, speed, wanted in zip(vehicle.rotors, state.rotor_speeds, command.rotor_speeds, strict=True)
+    )

@@ -1,8 +1,13 @@
-"""The second plant: MuJoCo's rigid bodies under the same rotors, wind and joint drives; no shared rigid-body code."""
+"""The second plant: MuJoCo's rigid bodies under the same rotors, wind and joint drives; no shared rigid-body code.
+
+Only the length of a step where joint friction is stiff comes from our own mass matrix (:mod:`skyarm.plant.stiffness`).
+"""
 
 from __future__ import annotations
 
 import math
+import threading
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,17 +16,46 @@ import mujoco
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import trace
-from skyarm.dynamics import State
+from skyarm.dynamics.state import State
 from skyarm.environment import WindSample
-from skyarm.plant.interface import Flat, number, whole_steps
-from skyarm.plant.loads import applied_force
+from skyarm.plant.interface import Flat, World, number, whole_steps
+from skyarm.plant.loads import applied_force, lagged
 from skyarm.plant.mujoco_model import INTEGRATORS, build_spec, joint_addresses
-from skyarm.plant.rigid_body import World, lagged
 from skyarm.plant.stiffness import friction_rate
 from skyarm.vehicle.check import require_plant
 
 FRICTION_STEP = 0.1
 """Largest product of friction's decay rate and a step: held forces make friction first order, 5 % off at 0.1."""
+
+
+class _Quiet:
+    """While any plant steps, MuJoCo's warnings go nowhere: they print, and write a log file beside the user's work.
+
+    An episode that diverges says so itself. MuJoCo has one handler for all threads; the caller's comes back.
+    """
+
+    def __init__(self) -> None:
+        self._lock, self._inside, self._usual = threading.Lock(), 0, None
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if self._inside == 0:
+                self._usual = mujoco.get_mju_user_warning()
+                mujoco.set_mju_user_warning(_ignore)
+            self._inside += 1
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._inside -= 1
+            if self._inside == 0:
+                mujoco.set_mju_user_warning(self._usual)
+
+
+def _ignore(_message: str) -> None:
+    pass
+
+
+QUIET = _Quiet()
 
 
 class MujocoPlant:
@@ -45,7 +79,9 @@ class MujocoPlant:
         if integrator == "rk4":
             physics_step /= max(1, math.ceil(friction_rate(world.vehicle) * physics_step / FRICTION_STEP))
         spec = build_spec(world.vehicle, float(world.gravity), timestep=physics_step, integrator=integrator)
-        self.model = spec.compile()
+        with QUIET, warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of masses beyond measure, whose flight ends as diverged
+            self.model = spec.compile()
         self._physics_step, self._rk4 = physics_step, integrator == "rk4"
         self._data = mujoco.MjData(self.model)
         self._qpos, self._qvel, self._force = self._data.qpos, self._data.qvel, self._data.qfrc_applied
@@ -102,17 +138,18 @@ class MujocoPlant:
         speeds, inputs = x[split:], (*command, *wind)
         model, data, loads = self.model, self._data, self._loads
         qpos[:], qvel[:] = x[: self._nq], x[self._nq : split]
-        for _ in range(whole_steps(seconds, self._physics_step)):
-            result = loads((*x, *inputs))
-            self._force[:] = result[:nv]
-            # mj_step without its checks: those write a log file beside the user's work when a flight diverges
-            mujoco.mj_forward(model, data)
-            if self._rk4:
-                mujoco.mj_RungeKutta(model, data, 4)
-            else:
-                mujoco.mj_Euler(model, data)
-            speeds = list(result[nv:])
-            x = [*qpos.tolist(), *qvel.tolist(), *speeds]
+        with QUIET:
+            for _ in range(whole_steps(seconds, self._physics_step)):
+                result = loads((*x, *inputs))
+                self._force[:] = result[:nv]
+                # mj_step without its checks: the monitor of the episode says what went wrong
+                mujoco.mj_forward(model, data)
+                if self._rk4:
+                    mujoco.mj_RungeKutta(model, data, 4)
+                else:
+                    mujoco.mj_Euler(model, data)
+                speeds = list(result[nv:])
+                x = [*qpos.tolist(), *qvel.tolist(), *speeds]
         return tuple([x[i] for i in self._from_mujoco])
 
     def specific_force(self, state: Flat, command: Flat, wind: Flat) -> tuple[float, float, float]:
@@ -120,7 +157,8 @@ class MujocoPlant:
         x = [state[i] for i in self._to_mujoco]
         self._qpos[:], self._qvel[:] = x[: self._nq], x[self._nq : self._nq + self._nv]
         self._force[:] = self._loads((*x, *command, *wind))[: self._nv]
-        mujoco.mj_forward(self.model, self._data)
+        with QUIET:
+            mujoco.mj_forward(self.model, self._data)
         proper_W = self._data.qacc[:3] - self.model.opt.gravity
         fx, fy, fz = (self._data.xmat[1].reshape(3, 3).T @ proper_W).tolist()
         return fx, fy, fz

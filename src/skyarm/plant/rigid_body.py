@@ -11,24 +11,16 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from skyarm import dynamics
-from skyarm.actuation import Command, speed_after
+from skyarm.actuation import Command
 from skyarm.algebra import Motion, Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.environment import WindSample
-from skyarm.plant.loads import applied_force
+from skyarm.plant.interface import World
+from skyarm.plant.loads import applied_force, lagged
 from skyarm.scalars import Scalar, add, mul
-from skyarm.vehicle.records import Vehicle
 
 INTEGRATORS = ("rk4", "euler")
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class World:
-    """What is simulated: the true vehicle and gravity (m/s^2)."""
-
-    vehicle: Vehicle
-    gravity: Scalar = 9.81
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -64,14 +56,6 @@ def derivative(
         rate=angular,
         joints=state.joint_rates,
         joint_rates=joint_accelerations,
-    )
-
-
-def lagged(vehicle: Vehicle, state: State, command: Command, dt: Any) -> tuple[Any, ...]:
-    """Rotor speeds after ``dt`` seconds of a held command."""
-    return tuple(
-        speed_after(rotor, speed, wanted, dt)
-        for rotor, speed, wanted in zip(vehicle.rotors, state.rotor_speeds, command.rotor_speeds, strict=True)
     )
 
 

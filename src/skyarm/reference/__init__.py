@@ -2,7 +2,7 @@
 
 from skyarm.reference.compose import Shifted, Sum, Windowed, sequence
 from skyarm.reference.parse import signal_from, trajectory_from
-from skyarm.reference.publisher import Publisher, row, sample_table
+from skyarm.reference.publisher import Publisher
 from skyarm.reference.signals import Constant, Ramp, Signal, Sine
 from skyarm.reference.trajectory import Reference, Trajectory, circle, hover
 
@@ -19,8 +19,6 @@ __all__ = [
     "Windowed",
     "circle",
     "hover",
-    "row",
-    "sample_table",
     "sequence",
     "signal_from",
     "trajectory_from",

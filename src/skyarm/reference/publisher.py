@@ -37,29 +37,14 @@ class Publisher:
         """Control ticks per sample."""
         return round(self.control_rate / self.reference_rate)
 
-    def held_tick(self, tick: int) -> int:
-        """Control tick (0, 1, 2 ...) at which the sample held at ``tick`` was taken."""
+    def held_tick(self, tick: Any) -> Any:
+        """Control tick (0, 1, 2 ...) at which the sample held at ``tick`` was taken; an array gives an array."""
         return tick // self.ratio * self.ratio
 
-    def held_time(self, tick: int) -> float:
+    def held_time(self, tick: Any) -> Any:
         """Time of that sample, s; one division, so that 10.5 s is 10.5 and meets the switch times."""
         return self.held_tick(tick) / self.control_rate
 
     def held(self, trajectory: Trajectory, tick: int) -> Reference:
         """Sample the controller sees at a tick, as data."""
         return trajectory.at(self.held_time(tick)).dense()
-
-
-def sample_table(trajectory: Trajectory, times: Any) -> Reference:
-    """All samples at once: a Reference whose scalars are NumPy arrays shaped like ``times`` (s)."""
-    import numpy as np
-
-    t = np.asarray(times, dtype=np.float64)
-    return trajectory.at(t).mapped(
-        lambda value: np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), t.shape))
-    )
-
-
-def row(table: Reference, index: Any) -> Reference:
-    """One sample of a table, as data."""
-    return table.mapped(lambda column: float(column[index]))

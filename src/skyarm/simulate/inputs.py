@@ -14,7 +14,7 @@ from skyarm.dynamics import State
 from skyarm.environment import Airspeed, WindSample, dryden, wind
 from skyarm.plant.interface import number
 from skyarm.plant.sensors import noise_count
-from skyarm.reference import Reference
+from skyarm.reference import Publisher, Reference
 from skyarm.scalars.philox import normal
 from skyarm.simulate.scenario import Scenario, trimmed_state
 
@@ -57,11 +57,10 @@ def first_state(scenario: Scenario) -> State:
 
 def episode_inputs(scenario: Scenario) -> EpisodeInputs:
     """Tables of everything that does not depend on the flight."""
-    ticks = np.arange(scenario.steps)
-    ratio = scenario.rates.control // scenario.rates.reference
+    ticks, rates = np.arange(scenario.steps), scenario.rates
     # k / rate, not k * period: 1500 * 0.005 is not 7.5 in binary, and a gust must start on its tick
-    times = ticks / scenario.rates.control
-    held_times = (ticks // ratio) * ratio / scenario.rates.control
+    times = ticks / rates.control
+    held_times = Publisher(control_rate=rates.control, reference_rate=rates.reference).held_time(ticks)
     # an absurd reference overflows to inf or NaN and ends the episode as diverged, without a warning here
     with np.errstate(all="ignore"):
         held, continuous = scenario.trajectory.at(held_times), scenario.trajectory.at(times)

@@ -16,11 +16,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.algebra import Quaternion
 from skyarm.compile import leaves
+from skyarm.dynamics.euler_lagrange.transforms import euler_angles
 from skyarm.files import write_atomically
 from skyarm.simulate.inputs import EpisodeInputs
 from skyarm.simulate.kinematics import level_tool, tool
 from skyarm.simulate.monitor import Ending
+from skyarm.simulate.plain import digest, plain
 from skyarm.simulate.scenario import Scenario
 
 Array = npt.NDArray[np.float64]
@@ -41,7 +44,8 @@ class Log:
         wind_force, air_velocity: (N, 3).
         measured_position, measured_joints: what the sensors said at this instant; a delayed controller saw it later.
         info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground",
-            "controller_undefined"), cause, end time.
+            "controller_undefined"), cause, end time; ``scenario_record`` is all that was flown as plain data, and
+            ``digest`` its SHA-256: logs of one digest, and of the same versions, are of the same flight.
     """
 
     time: Array
@@ -79,11 +83,7 @@ class Log:
     @property
     def euler(self) -> Array:
         """Roll, pitch, yaw (N, 3), ZYX, rad."""
-        w, x, y, z = self.quaternion.T
-        roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-        pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
-        yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        return np.stack([roll, pitch, yaw], axis=1)
+        return np.stack(euler_angles(Quaternion(*self.quaternion.T).rotation()), axis=1)
 
     def arrays(self) -> dict[str, Array]:
         """Every array by name."""
@@ -203,7 +203,7 @@ def versions() -> dict[str, str]:
 
 def describe(scenario: Scenario, ending: Ending | None) -> dict[str, Any]:
     """What a log says about itself."""
-    rates = scenario.rates
+    rates, whole = scenario.rates, plain(scenario)
     return {
         "schema": 1,
         "scenario": scenario.name,
@@ -224,4 +224,6 @@ def describe(scenario: Scenario, ending: Ending | None) -> dict[str, Any]:
         "cause": ending.cause if ending else "",
         "end_time": ending.time if ending else scenario.duration,
         "versions": versions(),
+        "scenario_record": whole,
+        "digest": digest(whole),
     }

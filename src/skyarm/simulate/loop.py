@@ -9,13 +9,14 @@ from typing import Any
 from skyarm.actuation.hover import hover_trim
 from skyarm.compile import leaves, trace
 from skyarm.dynamics import State
+from skyarm.files import shown
 from skyarm.plant.compiled import RigidBodyPlant, example_command, example_state
 from skyarm.plant.interface import Plant, flat
 from skyarm.plant.sensors import measure
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs, first_state
 from skyarm.simulate.log import Log, Recorder
 from skyarm.simulate.monitor import Monitor
-from skyarm.simulate.scenario import Scenario
+from skyarm.simulate.scenario import Scenario, ScenarioError
 
 Progress = Callable[[int, int], None]
 
@@ -71,6 +72,8 @@ def run(scenario: Scenario, progress: Progress | None = None) -> Log:
     A diverging episode, a joint past its limit or ground contact ends the episode: the log's status, cause and end time
     say so. ``progress(done, total)`` is called about a hundred times.
     """
+    if not isinstance(scenario, Scenario):
+        raise ScenarioError(f"scenario = {shown(scenario)}: must be a Scenario; load_scenario(name) makes one")
     loop = _Loop(scenario)
     x = flat(first_state(scenario))
     pending = _CommandLine(scenario, _standing(scenario, x))

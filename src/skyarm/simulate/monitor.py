@@ -54,6 +54,15 @@ def _names(vehicle: Vehicle) -> tuple[list[str], list[str]]:
     return named + rotors, commands
 
 
+def apart(value: float, limit: float) -> tuple[str, str]:
+    """Two different numbers with as many digits (at least four) as tell them apart."""
+    for digits in range(4, 18):
+        texts = f"{value:.{digits}g}", f"{limit:.{digits}g}"
+        if texts[0] != texts[1]:
+            return texts
+    return repr(value), repr(limit)
+
+
 class Monitor:
     """Checks each state of an episode."""
 
@@ -91,8 +100,8 @@ class Monitor:
                 return Ending("diverged", f"{name} is over {LOST:g} m from the reference", time)
         for value, joint in zip(x[13:], self._joints, strict=False):
             if not joint.lower <= value <= joint.upper:
-                limits = f"[{joint.lower:g}, {joint.upper:g}]"
-                return Ending("joint_limit", f"joint '{joint.name}' at {value:.4g} passed {limits}", time)
+                limit = float(joint.upper if value > joint.upper else joint.lower)
+                return Ending("joint_limit", f"joint '{joint.name}' at {' passed '.join(apart(value, limit))}", time)
         lowest, margin = self._observe.flat(x)
         if margin < 0.0:
             return Ending("controller_undefined", self._limit, time)

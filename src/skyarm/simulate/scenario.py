@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import numbers
 import re
 from dataclasses import dataclass
 from typing import Any
@@ -12,13 +13,15 @@ from skyarm.actuation.hover import hover_trim
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.registry import Controller
 from skyarm.dynamics import State
-from skyarm.environment import NO_WIND, Wind
+from skyarm.environment import NO_WIND, Airspeed, RotorsForce, Wind
 from skyarm.files import number, shown
+from skyarm.plant.interface import World
 from skyarm.plant.interface import number as data
-from skyarm.plant.rigid_body import INTEGRATORS, World
+from skyarm.plant.rigid_body import INTEGRATORS
 from skyarm.plant.sensors import SensorNoise
+from skyarm.plant.stiffness import friction_rate
 from skyarm.reference import Trajectory
-from skyarm.scalars import cos, sin
+from skyarm.scalars import cos, minimum, sin
 from skyarm.vehicle.check import TOLERANCE, concrete, require_plant
 
 PLANTS = ("rigid_body", "mujoco")
@@ -36,6 +39,11 @@ class ScenarioError(ValueError):
     """A scenario's description is wrong."""
 
 
+def _whole(value: Any) -> int | None:
+    """A whole number, NumPy's too, as Python's; None for anything else."""
+    return int(value) if not isinstance(value, bool) and isinstance(value, numbers.Integral) else None
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Rates:
     """Clock rates in Hz; physics / control and control / reference must be whole numbers."""
@@ -47,8 +55,11 @@ class Rates:
     def __post_init__(self) -> None:
         for name in ("physics", "control", "reference"):
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= HIGHEST_RATE:
-                raise ScenarioError(f"rates.{name} = {value!r}: must be a whole number of Hz from 1 to {HIGHEST_RATE}")
+            held = _whole(value)
+            if held is None or not 1 <= held <= HIGHEST_RATE:
+                allowed = f"must be a whole number of Hz from 1 to {HIGHEST_RATE}"
+                raise ScenarioError(f"rates.{name} = {shown(value)}: {allowed}")
+            object.__setattr__(self, name, held)
         for fast, slow in (("physics", "control"), ("control", "reference")):
             if getattr(self, fast) % getattr(self, slow):
                 raise ScenarioError(
@@ -82,7 +93,7 @@ class Scenario:
         trajectory: reference.
         wind: environment.
         sensors, delays: measurement.
-        initial: state at t = 0; None is hover trim of the truth at the reference.
+        initial: state at t = 0; None is hover trim of the truth at the reference, as far as its rotors can turn.
         seed, episode: keys of all noise.
         ground: end the episode when the lowest point reaches z = 0.
     """
@@ -105,7 +116,14 @@ class Scenario:
     ground: bool = True
 
     def __post_init__(self) -> None:
-        _check(self)
+        try:
+            _check_kinds(self)
+            object.__setattr__(self, "duration", number(self.duration, "duration", low=0.0, strict=True))
+            for name in ("seed", "episode"):
+                object.__setattr__(self, name, noise_key(name, getattr(self, name)))
+            _check(self)
+        except ValueError as error:
+            raise ScenarioError(str(error)) from None
 
     @property
     def steps(self) -> int:
@@ -113,10 +131,28 @@ class Scenario:
         return round(self.duration * self.rates.control)
 
 
+def _check_kinds(scenario: Scenario) -> None:
+    """Every field holds a record of its kind: `dataclasses.replace` would take anything."""
+    kinds: dict[str, tuple[type, ...]] = {
+        **{"title": (str,), "rates": (Rates,), "world": (World,), "controller": (Controller,)},
+        **{
+            "trajectory": (Trajectory,),
+            "wind": (RotorsForce, Airspeed),
+            "sensors": (SensorNoise,),
+            "delays": (Delays,),
+        },
+        **{"initial": (State, type(None)), "ground": (bool,)},
+    }
+    for field, allowed in kinds.items():
+        value = getattr(scenario, field)
+        if not isinstance(value, allowed):
+            names = " or ".join("None" if each is type(None) else each.__name__ for each in allowed)
+            raise ScenarioError(f"{field} = {shown(value)}: must be a {names}")
+
+
 def _check(scenario: Scenario) -> None:
     """Refuse what could not fly, before anything is built."""
     check_name(scenario.name)
-    number(scenario.duration, "duration", low=0.0, strict=True)
     if scenario.duration * scenario.rates.control > LONGEST_FLIGHT:
         longest = LONGEST_FLIGHT / scenario.rates.control
         raise ScenarioError(f"duration = {scenario.duration!r}: must be at most {longest:g} s at this control rate")
@@ -126,7 +162,7 @@ def _check(scenario: Scenario) -> None:
         ("plant.integrator", scenario.integrator, INTEGRATORS),
     ):
         if value not in allowed:
-            raise ScenarioError(f"{field} = {value!r}: must be one of {', '.join(allowed)}")
+            raise ScenarioError(f"{field} = {shown(value)}: must be one of {', '.join(allowed)}")
     rates = scenario.rates
     for name, rate, unit in (
         ("measurement", rates.control, "control periods"),
@@ -136,8 +172,6 @@ def _check(scenario: Scenario) -> None:
         if delay > scenario.duration:
             raise ScenarioError(f"delays.{name} = {delay!r}: must not exceed the duration of {scenario.duration:g} s")
         _require_whole(f"delays.{name}", delay, rate, unit)
-    for name in ("seed", "episode"):
-        check_key(name, getattr(scenario, name))
     _check_vehicles(scenario)
     if scenario.initial is not None:
         _check_initial(scenario.initial, scenario.world.vehicle.n, len(scenario.world.vehicle.rotors))
@@ -149,18 +183,24 @@ def check_name(name: str) -> None:
         raise ScenarioError(f"name = {shown(name)}: must be 1 to 100 letters, digits, '_', '-', '.' and blanks")
 
 
-def check_key(field: str, value: Any) -> None:
+def noise_key(field: str, value: Any) -> int:
     """A key of the noise generator."""
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**32:
+    held = _whole(value)
+    if held is None or not 0 <= held < 2**32:
         raise ScenarioError(f"{field} = {shown(value)}: must be a whole number from 0 to 2**32 - 1")
+    return held
 
 
 def _check_vehicles(scenario: Scenario) -> None:
-    """Truth and belief have the same joints and rotors, the reference fits them, and the truth can hover."""
+    """Truth and belief have the same joints and rotors, the reference fits them, and the truth can be simulated.
+
+    Its rotors must reach every torque and thrust; whether they are strong enough to carry it, the flight shows.
+    """
     truth, belief = scenario.world.vehicle, scenario.controller.par.model.vehicle
     try:
         require_plant(truth)
         make_mixer(truth)
+        friction_rate(truth)
     except ValueError as error:
         raise ScenarioError(f"plant.vehicle = {truth.name!r}: {error}") from None
     for what, ours, theirs in (("joints", truth.n, belief.n), ("rotors", len(truth.rotors), len(belief.rotors))):
@@ -199,7 +239,10 @@ def _require_whole(field: str, seconds: float, rate: int, unit: str) -> None:
 
 
 def trimmed_state(world: World, position: Vec3, yaw: float, joints: tuple[Any, ...]) -> State:
-    """The truth at rest and level with rotors at the speeds that hold its weight and its arm's torque."""
+    """The truth at rest and level, rotors at the speeds that hold its weight and its arm's torque.
+
+    No rotor turns faster than it can: a truth that is too heavy to hover starts at full speed and sinks.
+    """
     vehicle = world.vehicle
     trim = hover_trim(vehicle, joints, world.gravity)
     still = (0.0,) * vehicle.n
@@ -210,5 +253,5 @@ def trimmed_state(world: World, position: Vec3, yaw: float, joints: tuple[Any, .
         rate=Vec3(0.0, 0.0, 0.0),
         joints=tuple(data(q) for q in joints),
         joint_rates=still,
-        rotor_speeds=tuple(data(w) for w in trim.speeds),
+        rotor_speeds=tuple(data(minimum(w, r.max_speed)) for w, r in zip(trim.speeds, vehicle.rotors, strict=True)),
     )

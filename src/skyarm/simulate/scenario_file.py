@@ -32,8 +32,8 @@ from typing import Any
 
 from skyarm.control.model import Model
 from skyarm.environment import NO_WIND, wind_from
-from skyarm.files import Fields, number, shown
-from skyarm.plant.rigid_body import World
+from skyarm.files import Fields, file_name, number, shown, unreadable
+from skyarm.plant.interface import World
 from skyarm.reference import trajectory_from
 from skyarm.simulate import scenario_tables as tables
 from skyarm.simulate.scenario import Scenario, ScenarioError
@@ -66,14 +66,17 @@ def load_scenario(
     Raises:
         ScenarioError: one line, ``file: field = value: what is allowed``.
     """
-    text = os.fspath(name_or_path)
+    try:
+        text = file_name(name_or_path, "scenario")
+    except ValueError as error:
+        raise ScenarioError(str(error)) from None
     if text in list_scenarios():
         content, folder = (LIBRARY / f"{text}.toml").read_bytes(), Path()
     else:
         content, folder = _read(text), Path(text).parent
     replaced = {"plant": plant, "controller": controller, "seed": seed, "duration": duration}
     try:
-        document = tomllib.loads(content.decode("utf-8"))
+        document = tomllib.loads(content.decode("utf-8-sig"))
         return scenario_from(document, folder, {k: v for k, v in replaced.items() if v is not None})
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ScenarioError(f"{text}: TOML = {str(error)!r}: must be valid TOML in UTF-8") from None
@@ -87,11 +90,14 @@ def _read(text: str) -> bytes:
     path = Path(text)
     known = f"shipped scenarios are {', '.join(list_scenarios())}"
     if path.suffix != ".toml":
-        raise ScenarioError(f"scenario = {text!r}: must be the path of a .toml file or a name; {known}")
+        raise ScenarioError(f"scenario = {shown(text)}: must be the path of a .toml file or a name; {known}")
+    reason = unreadable(path)
+    if reason:
+        raise ScenarioError(f"scenario = {shown(text)}: {reason}; {known}")
     try:
         return path.read_bytes()
     except OSError as error:
-        raise ScenarioError(f"scenario = {text!r}: must be a readable file ({error.strerror}); {known}") from None
+        raise ScenarioError(f"scenario = {shown(text)}: must be readable ({error.strerror}); {known}") from None
 
 
 def scenario_from(
@@ -107,6 +113,8 @@ def scenario_from(
     Raises:
         ScenarioError: one line with field, value and what is allowed.
     """
+    if not isinstance(document, Mapping):
+        raise ScenarioError(f"document = {shown(document)}: must be a table")
     try:
         return _scenario(Fields(dict(document), ""), Path(folder), replaced or {})
     except ValueError as error:

@@ -33,7 +33,7 @@ from typing import Any
 from skyarm.files import Fields, number, shown
 from skyarm.simulate.inputs import first_state
 from skyarm.simulate.paths import ROOTS, number_at, with_numbers
-from skyarm.simulate.scenario import Scenario, check_key, check_name
+from skyarm.simulate.scenario import Scenario, check_name, noise_key
 from skyarm.simulate.scenario_file import list_scenarios, load_scenario
 from skyarm.simulate.totals import Windows, metrics, nothing_yet
 from skyarm.sweep.distributions import Distribution, Values, distribution_from
@@ -110,7 +110,7 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
     design = top.choice("design", DESIGNS, "random")
     vary = _vary(top.take("vary", {}), design)
     seed = top.take("seed", 0)
-    check_key("seed", seed)
+    noise_key("seed", seed)
     chosen: dict[str, Any] = {
         "design": design,
         "episodes": _episodes(top, design, vary),

@@ -18,6 +18,10 @@ TOLERANCE = 1e-6
 """Relative slack for unit lengths, orthogonality and the triangle inequality (rounding of published numbers)."""
 
 
+LONGEST = 1e100
+"""m, a length whose square overflows far beyond it."""
+
+
 class VehicleError(ValueError):
     """A vehicle's description is wrong."""
 
@@ -29,7 +33,7 @@ def concrete(*values: Any) -> bool:
 
 def refuse(field: str, value: Any, allowed: str) -> NoReturn:
     """Raise with field, value and what is allowed, on one line."""
-    shown = repr(value)
+    shown = " ".join(repr(value).split())  # an array's text has several lines
     raise VehicleError(f"{field} = {shown if len(shown) <= 100 else shown[:97] + '...'}: {allowed}")
 
 
@@ -47,6 +51,8 @@ def vector(field: str, v: Vec3, *, unit: bool = False) -> None:
     """Three finite numbers, of unit length if asked."""
     for name, value in zip("xyz", v, strict=True):
         number(f"{field}.{name}", value)
+        if concrete(value) and not abs(value) <= LONGEST:
+            refuse(f"{field}.{name}", value, f"must be at most {LONGEST:g} m in size")
     if unit and concrete(*v):
         length = math.sqrt(sum(c * c for c in v))
         if abs(length - 1.0) > TOLERANCE:
@@ -171,10 +177,21 @@ def mobile(value: Vehicle) -> None:
     if found:
         field, joints = found
         at = ", ".join(f"{q:g}" for q in joints)
+        if field == "base.inertia" and value.base.mass > 0 and _definite(value.base):
+            # the base alone moves along and about every axis: only rounding hides that
+            allowed = "must not hide the base's inertia (the mass matrix is singular to rounding or overflows)"
+            refuse("base.mass", value.base.mass, allowed)
         allowed = f"must move mass outward of it (the mass matrix is singular at joint values [{at}])"
         if field == "base.inertia":
             allowed = "must leave no axis without inertia (the mass matrix of the whole vehicle is singular)"
         refuse(field, _moved(value, field), allowed)
+
+
+def _definite(value: Body) -> bool:
+    """True if the body resists turning about every axis."""
+    import numpy as np
+
+    return bool(np.linalg.eigvalsh(np.array([list(row) for row in value.inertia.full().rows], dtype=float))[0] > 0.0)
 
 
 def _moved(value: Vehicle, field: str) -> str:

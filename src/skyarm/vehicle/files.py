@@ -9,6 +9,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from skyarm.files import file_name, shown, unreadable
 from skyarm.vehicle import sources
 from skyarm.vehicle.assemble import assemble
 from skyarm.vehicle.check import VehicleError
@@ -33,16 +34,19 @@ def load_vehicle(name_or_path: str | os.PathLike[str]) -> Vehicle:
     Raises:
         VehicleError: one line, ``file: field = value: what is allowed``.
     """
-    text = os.fspath(name_or_path)
-    path = Path(text)
+    try:
+        text = file_name(name_or_path, "vehicle")
+    except ValueError as error:
+        raise VehicleError(str(error)) from None
+    path, known = Path(text), ", ".join(list_vehicles())
     if text in list_vehicles():
         entry = LIBRARY / f"{text}.toml"
         return _located(text, lambda: _from_toml(entry.read_bytes(), None))
     if path.suffix not in (".toml", ".urdf"):
-        known = ", ".join(list_vehicles())
-        raise VehicleError(f"vehicle = {text!r}: must be one of {known}, or the path of a .toml or .urdf file")
-    if not path.is_file():
-        raise VehicleError(f"vehicle = {text!r}: no such file; shipped vehicles are {', '.join(list_vehicles())}")
+        raise VehicleError(f"vehicle = {shown(text)}: must be one of {known}, or the path of a .toml or .urdf file")
+    reason = unreadable(path)
+    if reason:
+        raise VehicleError(f"vehicle = {shown(text)}: {reason}; shipped vehicles are {known}")
     if path.suffix == ".urdf":
         return _located(text, lambda: urdf_vehicle(read_urdf(path)))
     return _located(text, lambda: _from_toml(path.read_bytes(), path.parent))
@@ -61,13 +65,13 @@ def _located(file: str, read: Any) -> Vehicle:
 
 
 def read_document(content: bytes) -> dict[str, Any]:
-    """TOML text as tables.
+    """TOML text as tables; a byte order mark before it is skipped, as editors on Windows write one.
 
     Raises:
         VehicleError: not UTF-8, or a syntax error with its line.
     """
     try:
-        return tomllib.loads(content.decode("utf-8"))
+        return tomllib.loads(content.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         raise VehicleError(f"byte {error.start} = {content[error.start]:#04x}: must be UTF-8 text") from error
     except tomllib.TOMLDecodeError as error:
@@ -84,8 +88,9 @@ def _from_toml(content: bytes, folder: Path | None) -> Vehicle:
 
 def _named_urdf(name: str, folder: Path) -> RigidBodies:
     path = folder / name
-    if not path.is_file():
-        raise VehicleError(f"urdf = {name!r}: no such file ({path})")
+    reason = unreadable(path)
+    if reason:
+        raise VehicleError(f"urdf = {shown(name)}: {reason} ({shown(str(path))[1:-1]})")
     try:
         return read_urdf(path)
     except VehicleError as error:

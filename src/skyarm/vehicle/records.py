@@ -1,37 +1,25 @@
 """The vehicle: a rigid base with rotors and a tree of links.
 
 Plain frozen records of scalars: a mass may be a float, a lane of a batch, a traced node or a JAX array. Integers are
-structure (see :mod:`skyarm.scalars`). Where a record holds a vector or matrix it also takes plain sequences of
-numbers, whose exact zeros and ones become structure. Concrete numbers are checked when a :class:`Vehicle` is made.
+structure (see :mod:`skyarm.scalars`). Where a record holds a vector, matrix or tuple it also takes plain sequences and
+arrays (:mod:`skyarm.vehicle.coerce`). Concrete numbers are checked when a :class:`Vehicle` is made.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Sym3, Vec3
 from skyarm.scalars import Scalar, add, divide, where
-from skyarm.vehicle import check
+from skyarm.vehicle import check, coerce
+from skyarm.vehicle.coerce import accept
 
 BASE = -1
 """Index that stands for the base where a link's index is asked for."""
-
-
-def _accept(record: Any, **kinds: Callable[[Any], Any]) -> None:
-    """Let a frozen record take plain sequences of numbers where it holds vectors and matrices."""
-    for name, make in kinds.items():
-        value = getattr(record, name)
-        if not isinstance(value, (Vec3, Mat3, Sym3)):
-            object.__setattr__(record, name, make(value))
-
-
-def _moments(values: Sequence[float]) -> Sym3:
-    """Three (xx yy zz) or six (xx yy zz xy xz yz) numbers."""
-    return Sym3.described(*values)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -52,7 +40,7 @@ class Body:
     planar: bool = False
 
     def __post_init__(self) -> None:
-        _accept(self, com=Vec3.described, inertia=_moments)
+        accept(self, "body", mass=coerce.coefficient, com=coerce.vector, inertia=coerce.inertia, planar=coerce.flag)
 
     @classmethod
     def of_parts(cls, parts: Sequence[Body]) -> Body:
@@ -108,7 +96,11 @@ class Joint:
     coulomb_rate: Scalar = 0.01
 
     def __post_init__(self) -> None:
-        _accept(self, axis=Vec3.described, position=Vec3.described, rotation=Mat3.described)
+        accept(self, "joint", name=coerce.text, kind=coerce.text)
+        where = f"joints[{self.name}]"
+        accept(self, where, axis=coerce.vector, position=coerce.vector, rotation=coerce.matrix)
+        accept(self, where, lower=coerce.number, upper=coerce.number, effort_limit=coerce.number)
+        accept(self, where, damping=coerce.coefficient, coulomb=coerce.coefficient, coulomb_rate=coerce.number)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -119,6 +111,18 @@ class Link:
     parent: int
     joint: Joint
     body: Body
+
+    def __post_init__(self) -> None:
+        accept(self, "link", name=coerce.text)
+        accept(self, f"links[{self.name}]", parent=coerce.whole, joint=coerce.one(Joint), body=coerce.one(Body))
+
+
+_ROTOR: dict[str, coerce.Rule] = {
+    **dict.fromkeys(("position", "axis"), coerce.vector),
+    **dict.fromkeys(("thrust_coefficient", "time_constant_up", "time_constant_down", "max_speed"), coerce.number),
+    **dict.fromkeys(("moment_coefficient", "drag_coefficient", "rolling_moment_coefficient"), coerce.coefficient),
+    "direction": coerce.whole,
+}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -150,7 +154,8 @@ class Rotor:
     max_speed: Scalar = math.inf
 
     def __post_init__(self) -> None:
-        _accept(self, position=Vec3.described, axis=Vec3.described)
+        accept(self, "rotor", name=coerce.text)
+        accept(self, f"rotors[{self.name}]", **_ROTOR)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -163,7 +168,9 @@ class Frame:
     rotation: Mat3 = Mat3.identity()
 
     def __post_init__(self) -> None:
-        _accept(self, position=Vec3.described, rotation=Mat3.described)
+        accept(self, "frame", name=coerce.text)
+        where = f"frames[{self.name}]"
+        accept(self, where, link=coerce.whole, position=coerce.vector, rotation=coerce.matrix)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -179,7 +186,7 @@ class BodyDrag:
     air_density: Scalar = 1.225
 
     def __post_init__(self) -> None:
-        _accept(self, area=Vec3.described)
+        accept(self, "drag", area=coerce.vector, air_density=coerce.coefficient)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -208,6 +215,9 @@ class Vehicle:
     sources: tuple[tuple[str, str], ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
+        accept(self, "vehicle", name=coerce.text, title=coerce.text, base=coerce.one(Body), drag=coerce.one(BodyDrag))
+        accept(self, "vehicle", links=coerce.several(Link), rotors=coerce.several(Rotor), frames=coerce.several(Frame))
+        accept(self, "vehicle", end_effector=coerce.text, sources=coerce.pairs)
         check.vehicle(self)
 
     @property
@@ -233,18 +243,20 @@ class Vehicle:
         """True if a body is a planar model: such a vehicle can be believed but not flown."""
         return any(body.planar for body in self.bodies)
 
-    def frame(self, name: str) -> Frame:
-        """Frame by name; raises VehicleError that lists the frames there are."""
+    def frame(self, name: str | None = None) -> Frame:
+        """Frame by name, the end effector by default; raises VehicleError that lists the frames there are."""
+        wanted = name or self.end_effector
         for candidate in self.frames:
-            if candidate.name == name:
+            if candidate.name == wanted:
                 return candidate
+        problem = f"no frame '{wanted}'" if wanted else "no end_effector; name a frame"
         raise check.VehicleError(
-            f"vehicle '{self.name}': no frame '{name}'; there are {[f.name for f in self.frames] or 'none'}"
+            f"vehicle '{self.name}': {problem}; there are {[f.name for f in self.frames] or 'none'}"
         )
 
     def with_payload(self, mass: Scalar, frame: str | None = None) -> Vehicle:
         """Vehicle with a point mass (kg) held at a frame (the end effector by default)."""
-        at = self.frame(frame or self.end_effector)
+        at = self.frame(frame)
         load = Body(mass=mass, com=at.position)
         if at.link == BASE:
             return dataclasses.replace(self, base=self.base.joined(load))

@@ -1,7 +1,8 @@
 """URDF files: the rigid bodies and joints of a vehicle.
 
 The root link is the base. Fixed joints disappear: their child's mass joins the parent and its frame stays as a named
-frame. Source: URDF specification (ROS wiki, urdf/XML).
+frame. So do joints whose two limits are one number, by which simulators hang up sensors: they are fixed there.
+Source: URDF specification (ROS wiki, urdf/XML).
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from skyarm.algebra import ZERO3, Mat3, Vec3
+from skyarm.algebra import ZERO3, Mat3, Vec3, axis_rotation
 from skyarm.vehicle import description
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.records import BASE, Body, Frame, Joint, Link, Vehicle
@@ -92,7 +93,10 @@ def _tree(robot: ET.Element) -> RigidBodies:
         joint, seat = above[name], seats[parents[name]]
         R, p = _origin(joint, f"joint[{joint.get('name')}]")
         R, p = description.rotation(seat.rotation @ R), description.vector(list(seat.position + seat.rotation.apply(p)))
-        if _kind(joint) == "fixed":
+        locked = _locked(joint)
+        if locked is not None:
+            turn, shift = locked
+            R, p = description.rotation(R @ turn), description.vector(list(p + R.apply(shift)))
             seats[name] = _Seat(seat.body, R, p)
             parts[seat.body + 1] += [_seated(part, R, p) for part in _inertial(links[name])]
             frames.append(Frame(name=name, link=seat.body, position=p, rotation=R))
@@ -125,7 +129,7 @@ def _joints_above(links: dict[str, ET.Element], joints: dict[str, ET.Element]) -
     above: dict[str, ET.Element] = {}
     for name, joint in joints.items():
         _kind(joint)
-        mimic = joint.find("mimic")
+        mimic = _child(joint, "mimic", f"joint[{name}]")
         if mimic is not None:
             refuse(f"joint[{name}].mimic", mimic.get("joint", ""), "mimic joints are not supported")
         child = _end(joint, "child", links)
@@ -144,21 +148,43 @@ def _kind(joint: ET.Element) -> str:
 
 
 def _end(joint: ET.Element, tag: str, links: dict[str, ET.Element]) -> str:
-    element = joint.find(tag)
+    element = _child(joint, tag, f"joint[{joint.get('name')}]")
     name = element.get("link", "") if element is not None else ""
     if name not in links:
         refuse(f"joint[{joint.get('name')}].{tag}", name, f"must be one of {', '.join(links)}")
     return name
 
 
+def _locked(joint: ET.Element) -> tuple[Mat3, Vec3] | None:
+    """R and p by which a joint that cannot move places its child in the joint's frame; None if it can move."""
+    field = f"joint[{joint.get('name')}]"
+    kind, limit = _kind(joint), _child(joint, "limit", field)
+    if kind == "fixed":
+        return Mat3.identity(), ZERO3
+    # limits left out are 0 by the specification, but more likely forgotten: such a joint is refused
+    if joint.get("type") == "continuous" or limit is None or None in (limit.get("lower"), limit.get("upper")):
+        return None
+    lower, upper = (_number(limit, name, f"{field}.limit", 0.0) for name in ("lower", "upper"))
+    if lower != upper:
+        return None
+    axis = _axis(joint)
+    return (axis_rotation(axis, lower), ZERO3) if kind == "revolute" else (Mat3.identity(), axis * lower)
+
+
+def _axis(joint: ET.Element) -> Vec3:
+    """Unit vector of a joint's axis; the specification's default is x, where there is no <axis> at all."""
+    field = f"joint[{joint.get('name')}]"
+    axis = _child(joint, "axis", field)
+    if axis is not None and axis.get("xyz") is None:
+        refuse(f"{field}.axis.xyz", "(missing)", "must be three numbers")
+    return description.unit_axis(f"{field}.axis", _numbers(axis, "xyz", f"{field}.axis", (1.0, 0.0, 0.0)))
+
+
 def _joint(joint: ET.Element, R: Mat3, p: Vec3) -> Joint:
     name = joint.get("name", "")
     field = f"joint[{name}]"
-    axis = joint.find("axis")
-    # the specification's default axis is x
-    xyz = _numbers(axis, "xyz", f"{field}.axis", (1.0, 0.0, 0.0))
     values: dict[str, Any] = {}
-    limit, dynamics = joint.find("limit"), joint.find("dynamics")
+    limit, dynamics = _child(joint, "limit", field), _child(joint, "dynamics", field)
     if limit is not None:
         if joint.get("type") != "continuous":
             # the specification's default of both is 0
@@ -169,22 +195,19 @@ def _joint(joint: ET.Element, R: Mat3, p: Vec3) -> Joint:
         refuse(f"{field}.limit", "(missing)", "is required for revolute and prismatic joints; 'continuous' has none")
     values["damping"] = description.zero_is_structure(_number(dynamics, "damping", f"{field}.dynamics", 0.0))
     values["coulomb"] = description.zero_is_structure(_number(dynamics, "friction", f"{field}.dynamics", 0.0))
-    unit = description.unit_axis(f"{field}.axis", xyz)
-    return Joint(name=name, kind=_kind(joint), axis=unit, position=p, rotation=R, **values)
+    return Joint(name=name, kind=_kind(joint), axis=_axis(joint), position=p, rotation=R, **values)
 
 
 def _inertial(link: ET.Element) -> list[Body]:
-    """Body of one link in its own axes; none if the file gives no inertial."""
-    inertial = link.find("inertial")
+    """Body of one link in its own axes; none if the file gives no inertial. An inertial must be whole."""
+    inertial = _child(link, "inertial", f"link[{link.get('name')}]")
     if inertial is None:
         return []
     field = f"link[{link.get('name')}].inertial"
-    mass = _number(inertial.find("mass"), "value", f"{field}.mass", 0.0)
+    mass = _required(inertial, "mass", ("value",), field)[0]
     if mass < 0.0:
         refuse(f"{field}.mass", mass, "must be at least 0")
-    element = inertial.find("inertia")
-    names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-    entries = [_number(element, name, f"{field}.inertia", 0.0) for name in names]
+    entries = _required(inertial, "inertia", ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), field)
     R, p = _origin(inertial, field)
     return [Body(mass=mass, com=p, inertia=description.inertia(entries).rotated(R))]
 
@@ -195,10 +218,29 @@ def _seated(body: Body, R: Mat3, p: Vec3) -> Body:
 
 
 def _origin(element: ET.Element, field: str) -> tuple[Mat3, Vec3]:
-    origin = element.find("origin")
+    origin = _child(element, "origin", field)
     xyz = _numbers(origin, "xyz", f"{field}.origin", (0.0, 0.0, 0.0))
     rpy = _numbers(origin, "rpy", f"{field}.origin", (0.0, 0.0, 0.0))
     return description.rotation_rpy(rpy), description.vector(xyz)
+
+
+def _child(element: ET.Element, tag: str, field: str) -> ET.Element | None:
+    """The child element of a kind of which there may be one."""
+    found = element.findall(tag)
+    if len(found) > 1:
+        refuse(f"{field}.{tag}", f"{len(found)} elements <{tag}>", "must be at most one")
+    return found[0] if found else None
+
+
+def _required(element: ET.Element, tag: str, names: Sequence[str], field: str) -> list[float]:
+    """Numbers of a child element that must be there, with all of them."""
+    child = _child(element, tag, field)
+    if child is None:
+        refuse(f"{field}.{tag}", "(missing)", f"must give {', '.join(names)}; a link without mass has no <inertial>")
+    for name in names:
+        if child.get(name) is None:
+            refuse(f"{field}.{tag}.{name}", "(missing)", "must be a number")
+    return [_finite(child.get(name, ""), f"{field}.{tag}.{name}") for name in names]
 
 
 def _number(element: ET.Element | None, name: str, field: str, default: float) -> float:

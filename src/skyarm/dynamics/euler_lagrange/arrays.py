@@ -9,15 +9,11 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import Vec3
-from skyarm.dynamics.arrays import _components, _lead, _rotation, _stack
+from skyarm.dynamics.broadcast import Array, ArrayLike, components, leading_axes, one_number, stacked, unit_rotation
 from skyarm.dynamics.euler_lagrange import coriolis, gravity, mass, mass_derivative, transforms
 from skyarm.dynamics.euler_lagrange.parameters import TABLE_1, PlanarArmParameters
-
-Array = npt.NDArray[np.float64]
-ArrayLike = npt.ArrayLike
 
 PITCH_MARGIN = 1e-6
 """Distance to a pitch of 90 degrees, rad, below which Euler rates are refused."""
@@ -35,7 +31,7 @@ def mass_matrix(q: ArrayLike, *, parameters: PlanarArmParameters = TABLE_1) -> A
 
     Source: Barakou, Tzafestas, Valavanis 2026, (51)-(66).
     """
-    return _stack(mass.mass_matrix(parameters, _components("q", q, 8)), _lead(q))
+    return stacked(mass.mass_matrix(parameters, components("q", q, 8)), leading_axes(q))
 
 
 def mass_matrix_derivative(q: ArrayLike, *, parameters: PlanarArmParameters = TABLE_1) -> Array:
@@ -43,7 +39,7 @@ def mass_matrix_derivative(q: ArrayLike, *, parameters: PlanarArmParameters = TA
 
     Source: Barakou, Tzafestas, Valavanis 2026, Appendix C, completed for every block.
     """
-    return _stack(mass_derivative.mass_matrix_partials(parameters, _components("q", q, 8)), _lead(q))
+    return stacked(mass_derivative.mass_matrix_partials(parameters, components("q", q, 8)), leading_axes(q))
 
 
 def coriolis_matrix(q: ArrayLike, qd: ArrayLike, *, parameters: PlanarArmParameters = TABLE_1) -> Array:
@@ -51,8 +47,8 @@ def coriolis_matrix(q: ArrayLike, qd: ArrayLike, *, parameters: PlanarArmParamet
 
     Source: Barakou, Tzafestas, Valavanis 2026, (67), (68).
     """
-    lead = _lead(q, qd)
-    return _stack(coriolis.coriolis_matrix(parameters, _components("q", q, 8), _components("qd", qd, 8)), lead)
+    lead = leading_axes(q, qd)
+    return stacked(coriolis.coriolis_matrix(parameters, components("q", q, 8), components("qd", qd, 8)), lead)
 
 
 def coriolis_matrix_numeric(
@@ -62,9 +58,9 @@ def coriolis_matrix_numeric(
 
     Source: Barakou, Tzafestas, Valavanis 2026, Appendix C.
     """
-    lead = _lead(q, qd)
-    configuration, rates = _components("q", q, 8), _components("qd", qd, 8)
-    return _stack(coriolis.coriolis_central_differences(parameters, configuration, rates, step=step), lead)
+    lead = leading_axes(q, qd)
+    configuration, rates = components("q", q, 8), components("qd", qd, 8)
+    return stacked(coriolis.coriolis_central_differences(parameters, configuration, rates, step=step), lead)
 
 
 def gravity_vector(
@@ -84,7 +80,9 @@ def gravity_vector(
 
     Source: Barakou, Tzafestas, Valavanis 2026, (71)-(77); reduced (78), (79).
     """
-    return _stack(_gravity(parameters, _components("q", q, 8), gravity, reduced), _lead(q))
+    return stacked(
+        _gravity(parameters, components("q", q, 8), one_number("gravity", gravity), reduced), leading_axes(q)
+    )
 
 
 def euler_angles(quaternion_wxyz: ArrayLike) -> Array:
@@ -93,7 +91,7 @@ def euler_angles(quaternion_wxyz: ArrayLike) -> Array:
     Raises:
         ValueError: wrong shape, not of unit length, or a pitch within 1e-6 rad of 90 degrees.
     """
-    angles = _stack(list(transforms.euler_angles(_rotation(quaternion_wxyz))), _lead(quaternion_wxyz))
+    angles = stacked(list(transforms.euler_angles(unit_rotation(quaternion_wxyz))), leading_axes(quaternion_wxyz))
     refuse_singular_pitch(angles[..., 1])
     return angles
 
@@ -107,8 +105,8 @@ def body_torque(q: ArrayLike, euler_torque: ArrayLike) -> Array:
     Source: Barakou, Tzafestas, Valavanis 2026, (94).
     """
     angles = _regular_angles(q)
-    found = transforms.body_torque(angles, Vec3(*_components("euler_torque", euler_torque, 3)))
-    return _stack(list(found), _lead(q, euler_torque))
+    found = transforms.body_torque(angles, Vec3(*components("euler_torque", euler_torque, 3)))
+    return stacked(list(found), leading_axes(q, euler_torque))
 
 
 def euler_acceleration(q: ArrayLike, qd: ArrayLike, angular_acceleration: ArrayLike) -> Array:
@@ -119,9 +117,9 @@ def euler_acceleration(q: ArrayLike, qd: ArrayLike, angular_acceleration: ArrayL
 
     Source: Barakou, Tzafestas, Valavanis 2026, (95).
     """
-    angles, rates = _regular_angles(q), _components("qd", qd, 8)[3:6]
-    alpha = Vec3(*_components("angular_acceleration", angular_acceleration, 3))
-    return _stack(list(transforms.euler_acceleration(angles, rates, alpha)), _lead(q, qd, angular_acceleration))
+    angles, rates = _regular_angles(q), components("qd", qd, 8)[3:6]
+    alpha = Vec3(*components("angular_acceleration", angular_acceleration, 3))
+    return stacked(list(transforms.euler_acceleration(angles, rates, alpha)), leading_axes(q, qd, angular_acceleration))
 
 
 def refuse_singular_pitch(pitch: ArrayLike) -> None:
@@ -142,6 +140,6 @@ def _gravity(par: PlanarArmParameters, q: tuple[Any, ...], magnitude: float, red
 
 
 def _regular_angles(q: ArrayLike) -> tuple[Any, ...]:
-    angles = _components("q", q, 8)[3:6]
+    angles = components("q", q, 8)[3:6]
     refuse_singular_pitch(angles[1])
     return angles

@@ -1,0 +1,111 @@
+"""What the pages under docs show is true: their examples load, run and fly, and the choices there are stand on them."""
+
+import dataclasses
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.control.geometric import RATE_ERRORS
+from skyarm.control.model import Terms
+from skyarm.control.presets import PRESETS
+from skyarm.control.registry import LAWS
+from skyarm.reference import parse as reference_parse
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+
+
+def page(name):
+    return (DOCS / name).read_text(encoding="utf-8")
+
+
+def blocks(name, language):
+    return re.findall(rf"```{language}\n(.*?)```", page(name), re.DOTALL)
+
+
+def test_the_scenario_shown_loads_and_flies(tmp_path):
+    (text,) = blocks("scenario_files.md", "toml")
+    path = tmp_path / "flight.toml"
+    path.write_text(text, encoding="utf-8")
+    log = skyarm.run(skyarm.load_scenario(path, duration=1.0))
+    assert log.status == "completed"
+    assert log.time.size == 200
+    # it starts 0.1 m beside its reference
+    assert np.abs(log.position[0] - [0.1, 0.0, 2.0]).max() < 1e-3
+
+
+def test_the_scenario_shown_says_what_its_comments_say():
+    document = tomllib.loads(blocks("scenario_files.md", "toml")[0])
+    scenario = skyarm.scenario_from(document)
+    truth, belief = scenario.world.vehicle, scenario.controller.par.model.vehicle
+    assert float(truth.mass) == pytest.approx(float(skyarm.load_vehicle("hummingbird_arm2_rotors").mass) + 0.02)
+    assert float(belief.mass) == pytest.approx(float(skyarm.load_vehicle("hummingbird_arm2").mass))
+    assert {float(link.joint.damping) for link in truth.links} == {0.002}
+    # circle at its right-most point 2 m up, raised by 0.5 m from 5 to 7 s
+    assert [float(c) for c in scenario.trajectory.at(2.0).position] == pytest.approx([0.3, 0.0, 2.0])
+    assert float(scenario.trajectory.at(7.5).position.z) == pytest.approx(2.5)
+
+
+def test_every_table_of_a_scenario_is_in_the_example():
+    document = tomllib.loads(blocks("scenario_files.md", "toml")[0])
+    tables = re.findall(r"^\| `(\w+)` \|", page("scenario_files.md").split("## Reference")[0], re.MULTILINE)
+    assert set(tables) == {name for name, value in document.items() if isinstance(value, dict)}
+
+
+def test_every_choice_is_on_the_page():
+    text = page("scenario_files.md")
+    kinds = [*reference_parse._MOTIONS, *reference_parse._SIGNALS]
+    fields = [field.name for record in (skyarm.Rates, skyarm.Delays, skyarm.SensorNoise, Terms)
+              for field in dataclasses.fields(record)]  # fmt: skip
+    for name in (*kinds, *fields, *PRESETS, *LAWS):
+        assert f"`{name}`" in text or f'`"{name}"`' in text, name
+    assert all(f'`"{name}"`' in text for name in RATE_ERRORS)
+
+
+def test_the_python_shown_runs(capsys):
+    first, second = blocks("python_api.md", "python")
+    assert len(first.strip().splitlines()) <= 32
+    names = {}
+    exec(compile(first, "python_api.md", "exec"), names)
+    status, error = capsys.readouterr().out.split()
+    assert status == "completed"
+    # truth and belief are the same vehicle but for its friction: the tool of a 0.2 m arm stays within 4 cm
+    assert float(error) < 0.04
+    exec(compile(second, "python_api.md", "exec"), names)
+    errors = [float(line.split()[1]) for line in capsys.readouterr().out.splitlines()]
+    assert len(errors) == 3
+    assert errors == sorted(errors), "more friction, larger errors"
+    assert names["late"].delays.command == 0.003
+    assert names["noisy"].sensors.position == 0.002
+    assert (names["coarse"].plant, names["coarse"].rates.control) == ("mujoco", 100)
+    assert names["late"].controller is names["scenario"].controller
+
+
+def test_a_log_holds_what_the_page_says():
+    log = skyarm.run(skyarm.load_scenario("case2", duration=0.1))
+    named = re.findall(r"`(\w+)`", page("python_api.md").split("## What a log holds")[1])
+    assert len(named) > 15
+    for name in named:
+        assert name in log.arrays(), name
+
+
+@pytest.mark.parametrize("name", skyarm.__all__)
+def test_every_public_name_is_there(name):
+    assert getattr(skyarm, name) is not None
+
+
+def test_import_stays_light():
+    code = "import sys, skyarm; print([m for m in sys.modules if m.startswith('skyarm.') or m in ('numpy', 'mujoco')])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("name", sorted(path.name for path in DOCS.rglob("*.md") if path.parent == DOCS))
+def test_links_between_pages_lead_to_files(name):
+    for target in re.findall(r"\]\(([^)#:]+)\)", page(name)):
+        assert (DOCS / target).exists(), target
