@@ -10,7 +10,6 @@ from skyarm.algebra.matrix import Mat3
 from skyarm.algebra.vector import Vec3
 from skyarm.scalars import Scalar, cos, divide, sin, sqrt, where
 
-
 SINC = (1.0, -1 / 6, 1 / 120, -1 / 5040, 1 / 362880, -1 / 39916800, 1 / 6227020800)
 """Taylor series of sin(y) / y in y^2."""
 
