@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 import subprocess
 import sys
 import threading
@@ -183,6 +184,21 @@ def test_contraction_rounds_once_and_stays_close():
     exact, _ = fly(Kernel(spring(), Lanes(8)), steps=500)
     contracted, _ = fly(Kernel(spring(), Lanes(8, contract=True)), steps=500)
     assert np.max(np.abs(contracted - exact)) < 1e-12  # 500 steps of a stable spring, a rounding each
+
+
+def test_only_contraction_flushes_numbers_below_the_normal_range_and_no_caller_notices():
+    loop = trace_loop(lambda c, p, r, u: ((c[0] * 0.5,), ()), (0.0,), (), ())
+    smallest = np.array([[2.2250738585072014e-308]])
+    ends = {}
+    for contract in (False, True):
+        kernel = Kernel(loop, Lanes(1, contract=contract))
+        ends[contract] = kernel.run(smallest, np.zeros((0, 1)), np.zeros((1, 0)))[0][0, 0]
+        stepper = native.Stepper(kernel, smallest[:, 0])
+        stepper.step()
+        assert stepper.carry[0] == ends[contract]
+        assert float(smallest[0, 0]) * 0.5 > 0.0
+    assert ends[False] == 0.5 * 2.2250738585072014e-308
+    assert ends[True] == (0.0 if platform.machine() in ("x86_64", "AMD64") else ends[False])
 
 
 def test_a_branch_on_a_traced_value_names_file_and_line_and_the_remedy():

@@ -27,6 +27,8 @@ class Score:
 
     Attributes:
         ratio: median of the ratios within each round. low, high: their smallest and largest.
+        work_rate, work_ratio: the same per second of processor time of all threads, which other programs on the
+            machine hardly disturb.
     """
 
     name: str
@@ -35,6 +37,8 @@ class Score:
     ratio: float
     low: float
     high: float
+    work_rate: float
+    work_ratio: float
 
 
 def contest(
@@ -42,17 +46,32 @@ def contest(
 ) -> list[Score]:
     """Let everyone run in turn; the first is the baseline of the ratios. A first round that is not counted warms up."""
     rates: list[list[float]] = [[] for _ in contenders]
+    works: list[list[float]] = [[] for _ in contenders]
     for number in range(rounds + 1):
-        for contender, found in zip(contenders, rates, strict=True):
+        for contender, rate, work in zip(contenders, rates, works, strict=True):
             progress(contender.name)
-            begin = time.perf_counter()
+            begin, worked = time.perf_counter(), time.process_time()
             seconds = contender.run()
-            spent = time.perf_counter() - begin
+            spent, done = time.perf_counter() - begin, time.process_time() - worked
             if number:
-                found.append(seconds / spent)
+                rate.append(seconds / spent)
+                work.append(seconds / done)
     scores = []
-    for contender, found in zip(contenders, rates, strict=True):
-        ratios = [a / b for a, b in zip(found, rates[0], strict=True)]
-        middle = statistics.median(ratios)
-        scores.append(Score(contender.name, contender.what, statistics.median(found), middle, min(ratios), max(ratios)))
+    for contender, rate, work in zip(contenders, rates, works, strict=True):
+        ratios = _against(rate, rates[0])
+        score = Score(
+            name=contender.name,
+            what=contender.what,
+            rate=statistics.median(rate),
+            ratio=statistics.median(ratios),
+            low=min(ratios),
+            high=max(ratios),
+            work_rate=statistics.median(work),
+            work_ratio=statistics.median(_against(work, works[0])),
+        )
+        scores.append(score)
     return scores
+
+
+def _against(rates: Sequence[float], baseline: Sequence[float]) -> list[float]:
+    return [a / b for a, b in zip(rates, baseline, strict=True)]

@@ -86,7 +86,8 @@ def text(found: dict[str, Any]) -> str:
         f"{about['processor']} ({about['llvm_processor']}), {about['cores']} cores, {about['lanes_f64']} lanes f64, "
         f"load {about.get('load_before', 'unknown')}, Python {about['python']}, MuJoCo {about['mujoco']}",
         "",
-        f"simulated seconds per second, {found['scenario']['name']}, medians of {found['scenario']['rounds']} rounds",
+        f"simulated seconds per second, {found['scenario']['name']}, medians of {found['scenario']['rounds']} rounds:",
+        "  rate, against the first in each round (smallest ... largest), the same per second of processor time",
     ]
     lines += [*_speeds(found["speed"]), "", "hexarotor with a six-joint arm", *_speeds(found["long_arm"])]
     lines += ["", "largest distance from RK4 at 0.125 ms, m"]
@@ -108,6 +109,7 @@ def text(found: dict[str, Any]) -> str:
 
 def _speeds(scores: list[dict[str, Any]]) -> list[str]:
     return [
-        f"  {s['name']:<28} {s['rate']:12.4g}  {s['ratio']:8.4g}x  ({s['low']:.3g} ... {s['high']:.3g})  {s['what']}"
+        f"  {s['name']:<26} {s['rate']:10.4g} {s['ratio']:8.4g}x ({s['low']:.3g} ... {s['high']:.3g}) "
+        f"{s['work_ratio']:8.4g}x  {s['what']}"
         for s in scores
     ]

@@ -21,7 +21,8 @@ class Lanes:
 
     Attributes:
         width: lanes per vector. single: 32-bit floats in place of 64-bit ones.
-        contract: let a * b + c become one rounding (faster, not bit-equal to Python).
+        contract: let a * b + c become one rounding and, on x86, numbers below the normal range zero (faster, not
+            bit-equal to Python).
     """
 
     width: int
