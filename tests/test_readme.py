@@ -24,14 +24,14 @@ SHOWN = [line for line in LINES if line.startswith("skyarm ")]
 
 
 def test_the_readme_shows_commands():
-    assert {shlex.split(line)[1] for line in SHOWN} == {"list", "show", "run", "reproduce"}
+    assert {shlex.split(line)[1] for line in SHOWN} == {"list", "show", "run", "reproduce", "sweep", "stats", "export-c", "bench"}
 
 
 @pytest.mark.parametrize("line", SHOWN)
 def test_every_command_shown_runs(line, tmp_path):
     words = shlex.split(line)[1:]
-    if words[0] == "reproduce":
-        # the whole reproduction takes a minute and has its own tests; here only its options must be understood
+    if words[0] in ("reproduce", "sweep", "stats", "bench"):
+        # these take a minute or need the one before, and have their own tests; here only their options must be understood
         words = [*words, "--help"]
     elif words[0] == "run":
         words = [*words, "--duration", "1", "--out", str(tmp_path)]
