@@ -24,7 +24,16 @@ SHOWN = [line for line in LINES if line.startswith("skyarm ")]
 
 
 def test_the_readme_shows_commands():
-    assert {shlex.split(line)[1] for line in SHOWN} == {"list", "show", "run", "reproduce", "sweep", "stats", "export-c", "bench"}
+    assert {shlex.split(line)[1] for line in SHOWN} == {
+        "list",
+        "show",
+        "run",
+        "reproduce",
+        "sweep",
+        "stats",
+        "export-c",
+        "bench",
+    }
 
 
 @pytest.mark.parametrize("line", SHOWN)
