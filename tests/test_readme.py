@@ -40,7 +40,7 @@ def test_the_readme_shows_commands():
 def test_every_command_shown_runs(line, tmp_path):
     words = shlex.split(line)[1:]
     if words[0] in ("reproduce", "sweep", "stats", "bench"):
-        # these take a minute or need the one before, and have their own tests; here only their options must be understood
+        # these take a minute or need the one before, and have tests of their own; here their options must be understood
         words = [*words, "--help"]
     elif words[0] == "run":
         words = [*words, "--duration", "1", "--out", str(tmp_path)]
