@@ -328,7 +328,9 @@ def test_a_loop_without_parameters_rows_or_steps_runs():
     assert np.array_equal(kernel.run(start, np.zeros((0, 3)), np.zeros((0, 0)))[0], start)
 
 
-def test_a_program_traced_with_loops_is_refused():
+def test_a_program_traced_with_loops_is_refused(monkeypatch):
+    monkeypatch.setattr("skyarm.compile.repeat.WRITTEN_OUT", 0)
+
     def step(carry, par, row, draws):
         return repeat(3, lambda x: (x[0] * 0.5,), carry), ()
 
