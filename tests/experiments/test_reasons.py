@@ -228,7 +228,9 @@ def test_an_order_is_reversed_where_the_better_controller_changes() -> None:
 
     ct = {"kept": cell(1.0, 1.0), "turned": cell(1.0, 3.0), "signed": cell(-1.0, -3.0), "missing": cell(1.0, None)}
     pd = {"kept": cell(2.0, 5.0), "turned": cell(2.0, 2.0), "signed": cell(-2.0, -2.0), "missing": cell(2.0, 1.0)}
-    experiments = {"case1": {"CT": {**ct, "equal": cell(1.0, 9.0)}, "PD": {**pd, "equal": cell(1.0, 1.0)}}}
+    ct |= {"equal": cell(1.0, 9.0), "near": cell(1.0, 2.01)}
+    pd |= {"equal": cell(1.0, 1.0), "near": cell(2.0, 2.0)}
+    experiments = {"case1": {"CT": ct, "PD": pd}}
     assert reversed_orders(experiments, "rigid_body") == [("case1", "turned"), ("case1", "signed")]
     line = next(x for x in markdown({"experiments": experiments}, {}).splitlines() if x.startswith("Not reproduced"))
     assert "Case 1 turned; Case 1 signed" in line

@@ -32,8 +32,8 @@ def difference(ours: Number, paper: Number) -> float | None:
 def reversed_orders(experiments: Mapping[str, Any], plant: str) -> list[tuple[str, str]]:
     """(case, metric) pairs in which the controller that is better in the paper is the worse one here.
 
-    Only metrics that are better when smaller in magnitude and that the paper gives for both controllers; equal numbers
-    have no order.
+    Only metrics that are better when smaller in magnitude and that the paper gives for both controllers; numbers within
+    1 % of each other have no order.
     """
     found = []
     for case, controllers in experiments.items():
@@ -42,10 +42,15 @@ def reversed_orders(experiments: Mapping[str, Any], plant: str) -> list[tuple[st
             values = [known(c.get(column)) for column in ("paper", plant) for c in (cell, other)]
             if None in values:
                 continue
-            theirs, ours = (abs(ct or 0.0) - abs(pd or 0.0) for ct, pd in (values[:2], values[2:]))
-            if theirs * ours < 0.0:
+            theirs, ours = (_order(abs(ct or 0.0), abs(pd or 0.0)) for ct, pd in (values[:2], values[2:]))
+            if theirs * ours < 0:
                 found.append((case, name))
     return found
+
+
+def _order(a: float, b: float) -> int:
+    """-1 if a is the smaller, 1 if b is, 0 within 1 % of the larger."""
+    return 0 if abs(a - b) <= 0.01 * max(a, b) else 1 if a > b else -1
 
 
 def percent(relative: float) -> str:
