@@ -9,15 +9,9 @@ from flown import ARM2, MODEL, G, cases, controller, hovering, step
 import skyarm
 from skyarm.actuation.mixer import AllocationError
 from skyarm.control.model import JointGains, Model
+from skyarm.control.paper import ABLATIONS, PAPER_LAWS, default_gains, default_joint_gains
 from skyarm.control.presets import ACCELERATION, HUMMINGBIRD, PRESETS, TORQUE, preset
-from skyarm.control.registry import (
-    ABLATIONS,
-    LAWS,
-    ControllerError,
-    default_gains,
-    default_joint_gains,
-    make_controller,
-)
+from skyarm.control.registry import LAWS, ControllerError, make_controller
 from skyarm.dynamics import arrays
 
 
@@ -68,7 +62,7 @@ def test_every_preset_flies_its_law_with_the_published_gains():
     assert set(laws) == set(PRESETS)
     for name, (law, joint_gains) in laws.items():
         found = preset(name, MODEL)
-        assert (found.name, found.law, found.par.gains) == (law, LAWS[law], HUMMINGBIRD)
+        assert (found.name, found.law, found.par.gains) == (law, PAPER_LAWS[law], HUMMINGBIRD)
         assert joint_gains is None or found.par.joint_gains == joint_gains
         assert found.par.rate_error == "rotors"
         assert found.par.mixer.policy == "rotors_clip"
@@ -123,8 +117,19 @@ def test_options_reach_the_law():
     assert step(controller("decoupled_pd", mixer_policy="priority"), *inputs) != plain
 
 
-def test_every_law_says_which_terms_it_can_leave_out():
-    assert set(ABLATIONS) == set(LAWS)
+def test_every_law_of_the_paper_says_which_terms_it_can_leave_out():
+    assert set(ABLATIONS) == set(PAPER_LAWS)
+
+
+def test_an_option_that_a_law_does_not_have_is_refused_with_those_it_has():
+    with pytest.raises(
+        ControllerError, match=r"controller\.horizon: law 'decoupled_pd' has no such option.*joint_gains"
+    ):
+        make_controller("decoupled_pd", MODEL, horizon=3)
+
+
+def test_every_law_has_a_line_that_says_what_it_is():
+    assert all(len(entry.title) > 20 for entry in LAWS.values())
 
 
 def test_only_the_euler_form_has_a_place_where_it_is_undefined():

@@ -109,10 +109,11 @@ def library() -> RenderableType:
     scenarios = _table("scenario", "what", left=2)
     for name in list_scenarios():
         _rows(scenarios, name, load_scenario(name).title)
-    presets, laws = _table("controller preset (published gains)"), _table("control law")
-    for table, names in ((presets, PRESETS), (laws, LAWS)):
-        for name in sorted(names):
-            _rows(table, name)
+    presets, laws = _table("controller preset (published gains)"), _table("control law", "what", left=2)
+    for name in sorted(PRESETS):
+        _rows(presets, name)
+    for name, entry in LAWS.items():
+        _rows(laws, name, entry.title)
     gap = Text("")
     return Group(vehicles, gap, scenarios, gap, presets, gap, laws)
 

@@ -18,8 +18,8 @@ from skyarm.compile import Program, leaves, trace
 from skyarm.compile.c_file import StepFile
 from skyarm.compile.c_source import Floats
 from skyarm.compile.c_struct import Place, Struct, make_struct
+from skyarm.control.controller import Controller
 from skyarm.control.export_units import NOTES, STRUCTS, TORQUE_NOTES
-from skyarm.control.registry import Controller
 from skyarm.dynamics.measurement import Measurement
 from skyarm.reference import Reference
 

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from skyarm.actuation import make_mixer
-from skyarm.control.registry import Controller
+from skyarm.control.controller import Controller
 from skyarm.simulate.scenario import Scenario, ScenarioError
 
 ROOTS: Mapping[str, tuple[str, ...]] = {

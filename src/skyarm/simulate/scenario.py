@@ -11,7 +11,7 @@ from typing import Any
 from skyarm.actuation import make_mixer
 from skyarm.actuation.hover import hover_trim
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.control.registry import Controller
+from skyarm.control.controller import Controller
 from skyarm.dynamics import State
 from skyarm.environment import NO_WIND, Airspeed, RotorsForce, Wind
 from skyarm.files import number, shown

@@ -10,10 +10,12 @@ from typing import Any
 from skyarm.actuation import AllocationError
 from skyarm.actuation.mixer import POLICIES
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.control.controller import Controller
 from skyarm.control.geometric import RATE_ERRORS
 from skyarm.control.model import GeometricGains, JointGains, Model, Terms
+from skyarm.control.paper import PAPER_LAWS
 from skyarm.control.presets import preset
-from skyarm.control.registry import Controller, make_controller
+from skyarm.control.registry import make_controller
 from skyarm.dynamics import State
 from skyarm.environment import payload_from
 from skyarm.files import Fields, number, shown
@@ -109,12 +111,20 @@ def controller(fields: Fields, model: Model, replaced: str | None) -> Controller
 
 
 def _law(fields: Fields, model: Model) -> Controller:
+    name = text(fields, "law")
+    if name in PAPER_LAWS:
+        return _paper_law(name, fields, model)
+    options = {option: fields.take(option) for option in fields.table if option != "law"}
+    return make_controller(name, model, **options)
+
+
+def _paper_law(name: str, fields: Fields, model: Model) -> Controller:
     gains, joint_gains = fields.take("gains", None), fields.take("joint_gains", None)
     without = fields.take("without", [])
     if not isinstance(without, list) or any(name not in TERMS for name in without):
         raise ValueError(f"controller.without = {shown(without)}: must be a list of {', '.join(TERMS)}")
     return make_controller(
-        text(fields, "law"),
+        name,
         model,
         gains=None if gains is None else _gains(Fields(gains, "controller.gains")),
         joint_gains=None if joint_gains is None else _joint_gains(Fields(joint_gains, "controller.joint_gains")),
