@@ -17,7 +17,7 @@ from skyarm.simulate.native import fly, trace_scenario
 from skyarm.simulate.scenario_file import load_scenario
 
 pytest.importorskip("unicorn", reason="unicorn emulates the ARM processor")
-from arm64_machine import Arm64, compiled  # noqa: E402
+from arm64_machine import Arm64, compiled
 
 NOISE = SensorNoise(position=0.003, attitude=0.004, rate=0.03, joint_rates=0.02)
 
