@@ -21,6 +21,10 @@ LOST = 1e3
 """m from the reference: no controller of an aerial robot means to be there."""
 
 
+LONG = 2.0
+"""A quaternion with a part beyond this has lost its unit length."""
+
+
 @dataclass(frozen=True, slots=True)
 class Ending:
     """Why an episode stopped: status, cause in words, time in s."""
@@ -92,6 +96,9 @@ class Monitor:
         for name, value in zip(self._names, x, strict=True):
             if not math.isfinite(value):
                 return Ending("diverged", f"{name} is not finite", time)
+        for name, value in zip(self._names[3:7], x[3:7], strict=True):
+            if not -LONG < value < LONG:
+                return Ending("diverged", f"{name} passed {LONG:g}", time)
         for name, value in zip(self._names[7:], x[7:], strict=True):
             if not -FAR < value < FAR:
                 return Ending("diverged", f"{name} passed {FAR:g}", time)
