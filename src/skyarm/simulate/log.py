@@ -9,6 +9,7 @@ import os
 import platform
 import zipfile
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -195,6 +196,11 @@ def assemble(scenario: Scenario, inputs: EpisodeInputs, flown: Samples, ending: 
 
 def versions() -> dict[str, str]:
     """Versions that a result depends on."""
+    return dict(_versions())
+
+
+@lru_cache(maxsize=1)
+def _versions() -> dict[str, str]:
     found = {"python": platform.python_version()}
     for name in ("skyarm", "numpy", "mujoco"):
         try:
