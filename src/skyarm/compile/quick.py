@@ -1,4 +1,4 @@
-"""A function of numbers as fast as one call from Python can be: machine code, or straight-line Python where none can be made."""
+"""A function of numbers, called often: machine code, or straight-line Python where none can be made."""
 
 from __future__ import annotations
 

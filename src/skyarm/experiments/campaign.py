@@ -27,21 +27,6 @@ Sensitivity = dict[str, dict[str, dict[str, dict[str, Metrics]]]]
 """group -> value -> case -> controller -> metrics."""
 
 
-@dataclass(frozen=True, slots=True)
-class Job:
-    """One episode, plain (group and value empty) or under a variation."""
-
-    flight: Flight
-    group: str = ""
-    value: str = ""
-
-    @property
-    def label(self) -> str:
-        """In words, for a progress bar."""
-        words = f"{self.flight.case} {self.flight.controller} {self.flight.plant}"
-        return f"{words}, {self.group} {self.value}" if self.group else words
-
-
 @dataclass(slots=True)
 class Effort:
     """What the flights took.
@@ -61,13 +46,28 @@ class Effort:
         return f"{self.flights.total()} flights in {self.wall:.1f} s; summed over processes: {plants}"
 
 
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One episode, plain (group and value empty) or under a variation."""
+
+    flight: Flight
+    group: str = ""
+    value: str = ""
+
+    @property
+    def label(self) -> str:
+        """In words, for a progress bar."""
+        words = f"{self.flight.case} {self.flight.controller} {self.flight.plant}"
+        return f"{words}, {self.group} {self.value}" if self.group else words
+
+
 @dataclass(slots=True)
 class Campaign:
     """What came out: a log per flight, metrics per variation, and what it took."""
 
     logs: dict[str, dict[str, dict[str, Log]]] = field(default_factory=dict)
     sensitivity: Sensitivity = field(default_factory=dict)
-    effort: Effort = field(default_factory=lambda: Effort())
+    effort: Effort = field(default_factory=Effort)
 
     def measured(self) -> dict[tuple[str, str, str], Metrics]:
         """Metrics by (case, controller, plant)."""

@@ -27,7 +27,7 @@ CHANNEL_SENSORS, CHANNEL_TURBULENCE = 0, 1
 
 @dataclass(frozen=True)
 class EpisodeInputs:
-    """Tables of one row a control instant, made when they are asked for, and example records that carry their structure.
+    """Tables of a row an instant, made when they are asked for, and example records that carry their structure.
 
     Attributes:
         scenario: whose inputs these are.
@@ -47,7 +47,9 @@ class EpisodeInputs:
 
     def rows(self, start: int, stop: int) -> Array:
         """What the closed loop is fed at these instants: time and held reference."""
-        return np.column_stack([self.times[start:stop], self.held[start:stop]])
+        columns = (np.asarray(leaf, dtype=float) for leaf in (self.times, *leaves(self.held_reference)))
+        count = stop - start
+        return np.stack([c[start:stop] if c.ndim else np.broadcast_to(c, (count,)) for c in columns], axis=1)
 
     @cached_property
     def goals(self) -> Array:
