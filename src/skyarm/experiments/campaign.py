@@ -6,7 +6,6 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -33,17 +32,17 @@ class Effort:
 
     Attributes:
         wall: s from the first take-off to the last landing, with the start of the processes.
-        flights, seconds: by plant, how many and their s summed over all processes: read, fly, measure.
+        seconds: by plant, the s of each flight in its process: read, fly, measure.
     """
 
     wall: float = 0.0
-    flights: Counter[str] = field(default_factory=Counter)
-    seconds: Counter[str] = field(default_factory=Counter)
+    seconds: dict[str, list[float]] = field(default_factory=dict)
 
     def words(self) -> str:
         """One line for people."""
-        plants = ", ".join(f"{count} on {plant} {self.seconds[plant]:.1f} s" for plant, count in self.flights.items())
-        return f"{self.flights.total()} flights in {self.wall:.1f} s; summed over processes: {plants}"
+        plants = ", ".join(f"{len(each)} on {plant} {sum(each):.1f} s" for plant, each in self.seconds.items())
+        count = sum(len(each) for each in self.seconds.values())
+        return f"{count} flights in {self.wall:.1f} s; summed over processes: {plants}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,8 +170,7 @@ def _perform_all(
 
     def note(job: Job, timed: tuple[Any, float]) -> None:
         done[job], seconds = timed
-        effort.flights[job.flight.plant] += 1
-        effort.seconds[job.flight.plant] += seconds
+        effort.seconds.setdefault(job.flight.plant, []).append(seconds)
         if progress is not None:
             progress(len(done), len(jobs), job.label)
 

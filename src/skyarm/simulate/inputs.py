@@ -32,13 +32,17 @@ class EpisodeInputs:
     Attributes:
         scenario: whose inputs these are.
         times: control instants, s.
-        held_reference, reference: the same references as records of arrays, held and continuous.
+        held_reference: the reference as published and held, as a record of arrays.
     """
 
     scenario: Scenario
     times: Any
     held_reference: Reference
-    reference: Reference
+
+    @property
+    def reference(self) -> Reference:
+        """The continuous reference, as a record of arrays."""
+        return _sampled(self.scenario, self.times)
 
     @cached_property
     def held(self) -> Array:
@@ -109,10 +113,14 @@ def episode_inputs(scenario: Scenario) -> EpisodeInputs:
     # k / rate, not k * period: 1500 * 0.005 is not 7.5 in binary, and a gust must start on its tick
     times = ticks / rates.control
     held_times = Publisher(control_rate=rates.control, reference_rate=rates.reference).held_time(ticks)
+    return EpisodeInputs(scenario, times, _sampled(scenario, held_times))
+
+
+def _sampled(scenario: Scenario, times: Any) -> Reference:
+    """The scenario's reference at these times."""
     # an absurd reference overflows to inf or NaN and ends the episode as diverged, without a warning here
     with np.errstate(all="ignore"):
-        held, continuous = scenario.trajectory.at(held_times), scenario.trajectory.at(times)
-    return EpisodeInputs(scenario, times, held, continuous)
+        return scenario.trajectory.at(times)
 
 
 def _rows(record: Any, count: int) -> Array:

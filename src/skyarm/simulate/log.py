@@ -159,7 +159,7 @@ def assemble(scenario: Scenario, inputs: EpisodeInputs, flown: Samples, ending: 
     vehicle = scenario.world.vehicle
     n, rotors, count = vehicle.n, len(vehicle.rotors), len(flown.states)
     x, u, m = flown.states, flown.commands, flown.readings
-    held, free, wind = inputs.held_reference, inputs.reference, flown.wind
+    held, wind = inputs.held_reference, flown.wind
 
     def table(record: Any) -> Array:
         columns = [np.asarray(c, dtype=float) for c in record]
@@ -167,6 +167,7 @@ def assemble(scenario: Scenario, inputs: EpisodeInputs, flown: Samples, ending: 
         return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
     position, quaternion, joints = x[:, 0:3], x[:, 3:7], x[:, 13 : 13 + n]
+    free = inputs.reference
     tables = {
         "position_held": table(held.position),
         "velocity_held": table(held.velocity),
@@ -179,6 +180,7 @@ def assemble(scenario: Scenario, inputs: EpisodeInputs, flown: Samples, ending: 
         "wind_force": table(wind.force_W),
         "air_velocity": table(wind.air_velocity_W),
     }
+    del free  # its derivatives take more memory than the log of it
     for kind in ("held", "reference"):
         goals = (tables[f"{name}_{kind}"] for name in ("position", "yaw", "joints"))
         tables[f"tool_{kind}"] = level_tool(vehicle, *goals)

@@ -68,14 +68,13 @@ class _Loop:
         self.memory = result[:split]
         return result[split:]
 
-    def samples(self, rows: list[tuple[tuple[float, ...], ...]]) -> Samples:
-        """States, commands and readings as tables."""
-        tables = [[row[i] for row in rows] for i in range(len(self.widths))]
-        arrays = [
-            np.array(table, dtype=float).reshape(len(rows), width)
-            for table, width in zip(tables, self.widths, strict=True)
-        ]
-        return Samples(*arrays, self.inputs.wind_sample)
+    def samples(self, rows: Sequence[tuple[tuple[float, ...], ...]]) -> Samples:
+        """(state, command, reading) of each instant as tables."""
+        states, commands, readings = (
+            np.array([row[i] for row in rows], dtype=float).reshape(len(rows), width)
+            for i, width in enumerate(self.widths)
+        )
+        return Samples(states, commands, readings, self.inputs.wind_sample)
 
 
 def run(scenario: Scenario, progress: Progress | None = None) -> Log:
@@ -107,7 +106,8 @@ def run_in_python(scenario: Scenario, progress: Progress | None = None) -> Log:
     x = flat(first_state(scenario))
     pending = _CommandLine(scenario, _standing(scenario, x))
     readings: deque[tuple[float, ...]] = deque(maxlen=round(scenario.delays.measurement * scenario.rates.control) + 1)
-    monitor, rows = Monitor(scenario), []
+    monitor = Monitor(scenario)
+    rows: list[tuple[tuple[float, ...], ...]] = []
     total = scenario.steps
     every = max(1, total // 100)
     ending = None

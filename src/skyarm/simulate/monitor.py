@@ -88,7 +88,7 @@ class Monitor:
             return lowest_point(vehicle, x), margin
 
         example = example_state(vehicle.n, len(vehicle.rotors))
-        self._observe: Callable[[Sequence[float]], Sequence[float]]
+        self._observe: Callable[[Sequence[float]], tuple[Scalar, ...]]
         if often:
             self._observe = trace(observe, example).flat
         else:

@@ -193,10 +193,10 @@ def _in_machine_code(loop: Loop, scenario: Scenario) -> Advance:
         kernel = Kernel(loop, Lanes(1), logging=True, effort=0 if short else 2)
     except NO_MACHINE_CODE as error:
         raise NoMachineCodeError(str(error)) from error
-    keys = {"seed": scenario.seed, "episodes": np.array([scenario.episode])}
+    seed, episodes = scenario.seed, np.array([scenario.episode])
 
     def advance(carry: Array, rows: Array, first: int) -> tuple[Array, Array]:
-        after, logged = kernel.run(carry[:, None], np.zeros((0, 1)), rows, start=first, **keys)
+        after, logged = kernel.run(carry[:, None], np.zeros((0, 1)), rows, start=first, seed=seed, episodes=episodes)
         return after[:, 0], logged[:, :, 0]
 
     return advance
