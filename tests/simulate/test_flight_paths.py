@@ -290,3 +290,27 @@ def test_a_csv_is_what_a_csv_writer_writes(tmp_path: Any) -> None:
 def test_a_column_of_equal_numbers_is_not_one_of_zeros_of_both_signs() -> None:
     assert log._texts(np.array([0.0, -0.0]), {}) == ["0.0", "-0.0"]
     assert log._texts(np.array([2.5, 2.5]), {}) == ["2.5", "2.5"]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "sizes"),
+    # a period of 0.03 s: three of them are the longest stretch below 0.1 s
+    [(0.03, [1, *[3] * 66, 1]), (1.0, [1] * 200), (1e-6, [1, 8, 64, 127])],
+)
+def test_machine_code_runs_for_a_tenth_of_a_second_at_a_stretch(
+    monkeypatch: pytest.MonkeyPatch, seconds: float, sizes: list[int]
+) -> None:
+    scenario, clock, flown = planned(duration=1.0), [0.0], []
+
+    def pretend(loop: Any, _scenario: Scenario) -> Any:
+        def advance(carry: Any, rows: Any, _first: int) -> Any:
+            clock[0] += seconds * len(rows)
+            flown.append(len(rows))
+            return carry, np.zeros((len(rows), loop.logged))
+
+        return advance
+
+    monkeypatch.setattr(native, "_in_machine_code", pretend)
+    monkeypatch.setattr(native, "perf_counter", lambda: clock[0])
+    native.fly(scenario, episode_inputs(scenario))
+    assert flown == sizes
