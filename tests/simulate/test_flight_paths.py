@@ -290,6 +290,7 @@ def test_a_csv_is_what_a_csv_writer_writes(tmp_path: Any) -> None:
 def test_a_column_of_equal_numbers_is_not_one_of_zeros_of_both_signs() -> None:
     assert log._texts(np.array([0.0, -0.0]), {}) == ["0.0", "-0.0"]
     assert log._texts(np.array([2.5, 2.5]), {}) == ["2.5", "2.5"]
+    assert log._texts(np.array([]), {}) == []
 
 
 @pytest.mark.parametrize(

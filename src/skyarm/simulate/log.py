@@ -136,7 +136,8 @@ def _texts(column: Array, known: dict[bytes, list[str]]) -> list[str]:
     bits = column.tobytes()
     if bits not in known:
         same = bits == bits[:8] * column.size
-        known[bits] = [repr(float(column[0]))] * column.size if same else list(map(repr, column.tolist()))
+        texts = list(map(repr, (column[:1] if same else column).tolist()))
+        known[bits] = texts * column.size if same else texts
     return known[bits]
 
 
