@@ -226,6 +226,17 @@ def test_shapes_that_do_not_fit_are_refused():
         kernel.run(np.zeros((2, 3)), np.zeros((1, 3)), np.zeros((5, 1)), every=0)
 
 
+def test_code_made_in_a_hurry_has_the_bits_of_the_other_and_an_entry_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.setenv("SKYARM_CACHE", str(tmp_path))
+    loop, rng = spring(), np.random.default_rng(5)
+    carry, parameters, rows = (rng.normal(size=s) for s in ((loop.carry, 3), (loop.parameters, 3), (50, loop.row)))
+    flights = [
+        Kernel(loop, Lanes(2), logging=True, effort=effort).run(carry, parameters, rows, seed=3) for effort in (2, 0)
+    ]
+    assert all(same_bits(a, b) for a, b in zip(*flights, strict=True))
+    assert len(list(tmp_path.iterdir())) == 2
+
+
 def test_no_lanes_are_no_error():
     carry, log = Kernel(spring(), logging=True).run(np.zeros((2, 0)), np.zeros((1, 0)), np.zeros((5, 1)))
     assert carry.shape == (2, 0)

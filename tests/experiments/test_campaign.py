@@ -6,6 +6,7 @@ import dataclasses
 import os
 import signal
 import threading
+import time
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 
 from logs_synthetic import synthetic_log
 from skyarm.experiments import campaign as room
-from skyarm.experiments.campaign import Job, _perform_all, perform, run_campaign
+from skyarm.experiments.campaign import Effort, Job, _perform_all, perform, run_campaign
 from skyarm.experiments.paper import Flight, flights, metrics, scenario, with_damping
 from skyarm.experiments.published import CASES
 from skyarm.experiments.variations import (
@@ -52,6 +53,17 @@ def test_two_workers_give_the_bits_of_one() -> None:
         assert _equal(alone[job], shared[job]), job.label
     assert [t[:2] for t in told] == [(1, 3), (2, 3), (3, 3)]
     assert {t[2] for t in told} == {job.label for job in FEW}
+
+
+def test_what_the_flights_took_is_said_by_plant() -> None:
+    effort = Effort()
+    begun = time.perf_counter()
+    _perform_all(FEW, 1, None, effort)
+    effort.wall = time.perf_counter() - begun
+    assert {plant: len(each) for plant, each in effort.seconds.items()} == {"rigid_body": 2, "mujoco": 1}
+    assert 0.0 < sum(map(sum, effort.seconds.values())) <= effort.wall
+    effort = Effort(1.25, {"rigid_body": [0.5, 0.75], "mujoco": [1.04]})
+    assert effort.words() == "3 flights in 1.2 s; summed over processes: 2 on rigid_body 1.2 s, 1 on mujoco 1.0 s"
 
 
 def _killed(job: Job) -> None:

@@ -55,7 +55,8 @@ def test_every_promised_file_is_there_and_nothing_else(written: tuple[Path, dict
     wanted |= {f"logs/rigid_body/{case}_{controller}.npz" for case in CASES for controller in ("CT", "PD")}
     assert {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()} == wanted
     assert all((folder / name).stat().st_size > 0 for name in wanted)
-    assert len(notes) == 3
+    assert len(notes) == 4
+    assert notes[0].startswith("10 flights in ")
 
 
 def test_results_json_is_what_the_call_returns_and_strict(written: tuple[Path, dict[str, Any], list[str]]) -> None:

@@ -95,7 +95,7 @@ def text(found: dict[str, Any]) -> str:
     lines += ["", "one control step, microseconds: median, 99th percentile"]
     lines += [f"  {name:<12} {v['p50_us']:8.2f} {v['p99_us']:8.2f}" for name, v in found["latency"].items()]
     lines += ["", "first 30 s episode of a new process, s"]
-    lines += [f"  {name:<14} {value:.2f}" for name, value in found["start_s"].items()]
+    lines += [f"  {name:<20} {value:.2f}" for name, value in found["start_s"].items()]
     for vehicle, table in found["operations"].items():
         lines += ["", f"operations, {vehicle}", *(f"  {name:<22} {value}" for name, value in table.items())]
     if found["growth"]:

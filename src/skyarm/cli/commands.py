@@ -76,7 +76,7 @@ def run(
     Exit code: 0 if the flight was completed, 3 if it ended before its time (the log says why), 2 if the input was
     wrong, 130 after Ctrl-C.
     """
-    from skyarm.cli.show import episode
+    from skyarm.cli.flight import episode
     from skyarm.files import require_replaceable, require_writable
     from skyarm.simulate import run as fly
     from skyarm.simulate.scenario_file import load_scenario

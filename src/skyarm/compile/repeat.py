@@ -64,12 +64,12 @@ def arranged(nodes: Iterable[Node]) -> list[tuple[Node, list[Node]]]:
             loop = node.value[1][0].value
             found.append((node, bodies.pop(loop, [])))
         else:
-            loops = [inside[arg.index] for arg in node.args if arg.index in inside]
-            if loops:
-                inside[node.index] = loops[0]
-                bodies[loops[0]].append(node)
-            else:
+            loop = next((inside[arg.index] for arg in node.args if arg.index in inside), None) if inside else None
+            if loop is None:
                 found.append((node, []))
+            else:
+                inside[node.index] = loop
+                bodies[loop].append(node)
     return found
 
 

@@ -178,14 +178,15 @@ class Graph:
 
     def call(self, op: str, *values: Any) -> Node:
         """Apply an operation: an equal node that exists is returned, constants are computed at once."""
-        args = tuple(self.lift(value) for value in values)
+        # lists, not generators: this runs ten thousand times a trace
+        args = tuple([self.lift(value) for value in values])
         if op == "where" and args[0].op == "const":
             return args[1] if args[0].value else args[2]
-        if all(arg.op == "const" for arg in args):
+        if args[0].op == "const" and all(arg.op == "const" for arg in args):
             return self.constant(FOLD[op](*(arg.value for arg in args)))
         if op in _COMMUTATIVE and args[1].index < args[0].index:
             args = (args[1], args[0])
-        return self._make(op, args, None, (op, *(arg.index for arg in args)))
+        return self._make(op, args, None, (op, *[arg.index for arg in args]))
 
     def add(self, a: Any, b: Any) -> Node:
         """Return a + b; a + (-b) becomes a - b."""

@@ -11,6 +11,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from time import perf_counter
 from typing import Any
 
 from skyarm.experiments.paper import Flight, Metrics, flights, fly, metrics
@@ -23,6 +24,25 @@ Progress = Callable[[int, int, str], None]
 
 Sensitivity = dict[str, dict[str, dict[str, dict[str, Metrics]]]]
 """group -> value -> case -> controller -> metrics."""
+
+
+@dataclass(slots=True)
+class Effort:
+    """What the flights took.
+
+    Attributes:
+        wall: s from the first take-off to the last landing, with the start of the processes.
+        seconds: by plant, the s of each flight in its process: read, fly, measure.
+    """
+
+    wall: float = 0.0
+    seconds: dict[str, list[float]] = field(default_factory=dict)
+
+    def words(self) -> str:
+        """One line for people."""
+        plants = ", ".join(f"{len(each)} on {plant} {sum(each):.1f} s" for plant, each in self.seconds.items())
+        count = sum(len(each) for each in self.seconds.values())
+        return f"{count} flights in {self.wall:.1f} s; summed over processes: {plants}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,10 +62,11 @@ class Job:
 
 @dataclass(slots=True)
 class Campaign:
-    """What came out: a log per flight, and metrics per variation."""
+    """What came out: a log per flight, metrics per variation, and what it took."""
 
     logs: dict[str, dict[str, dict[str, Log]]] = field(default_factory=dict)
     sensitivity: Sensitivity = field(default_factory=dict)
+    effort: Effort = field(default_factory=Effort)
 
     def measured(self) -> dict[tuple[str, str, str], Metrics]:
         """Metrics by (case, controller, plant)."""
@@ -73,6 +94,12 @@ def perform(job: Job) -> Log | Metrics:
     return varied.measure(job.flight.case, fly(job.flight, varied.change))
 
 
+def _timed(work: Callable[[Job], Any], job: Job) -> tuple[Any, float]:
+    """What a job gives and the seconds it takes."""
+    begun = perf_counter()
+    return work(job), perf_counter() - begun
+
+
 def run_campaign(
     plants: Sequence[str], *, sensitivity: bool = True, workers: int = 1, progress: Progress | None = None
 ) -> Campaign:
@@ -93,8 +120,10 @@ def run_campaign(
         for flight in flights(plants[:1])
         if flight.case in each.cases
     ]
-    done = _perform_all([*plain, *varied], workers, progress)
     campaign = Campaign()
+    begun = perf_counter()
+    done = _perform_all([*plain, *varied], workers, progress, campaign.effort)
+    campaign.effort.wall = perf_counter() - begun
     for job in plain:
         cases = campaign.logs.setdefault(job.flight.plant, {}).setdefault(job.flight.case, {})
         cases[job.flight.controller] = done[job]
@@ -133,17 +162,21 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _perform_all(jobs: Sequence[Job], workers: int, progress: Progress | None) -> dict[Job, Any]:
+def _perform_all(
+    jobs: Sequence[Job], workers: int, progress: Progress | None, effort: Effort | None = None
+) -> dict[Job, Any]:
     done: dict[Job, Any] = {}
+    effort = effort or Effort()
 
-    def note(job: Job, result: Any) -> None:
-        done[job] = result
+    def note(job: Job, timed: tuple[Any, float]) -> None:
+        done[job], seconds = timed
+        effort.seconds.setdefault(job.flight.plant, []).append(seconds)
         if progress is not None:
             progress(len(done), len(jobs), job.label)
 
     if workers <= 1:
         for job in jobs:
-            note(job, perform(job))
+            note(job, _timed(perform, job))
         return done
     before = set(multiprocessing.active_children())
     # spawn, not fork: the parent may hold threads (a progress bar), and the same code runs on every system
@@ -151,7 +184,7 @@ def _perform_all(jobs: Sequence[Job], workers: int, progress: Progress | None) -
     with ProcessPoolExecutor(workers, mp_context=spawn, initializer=_serve_parent) as pool:
         try:
             with _deaf_to_interrupts():
-                futures = {pool.submit(perform, job): job for job in jobs}
+                futures = {pool.submit(_timed, perform, job): job for job in jobs}
             for future in as_completed(futures):
                 note(futures[future], future.result())
         except BrokenProcessPool as error:

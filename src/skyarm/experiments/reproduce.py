@@ -45,7 +45,7 @@ def reproduce(
         plants: "rigid_body", "mujoco" or both.
         workers: processes that fly.
         progress: called after every episode.
-        note: called with one line before each further stage.
+        note: called with one line on the flights and one before each further stage.
 
     Returns:
         The content of ``results.json``.
@@ -65,6 +65,7 @@ def reproduce(
     require_replaceable(*_files(folder, plants))
     say = note or (lambda _line: None)
     campaign = run_campaign(plants, workers=workers, progress=progress)
+    say(campaign.effort.words())
     table = results(campaign.measured(), settings(campaign.all_logs()))
     why = reasons(table, campaign.sensitivity)
     say("writing tables and logs")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
@@ -56,7 +57,10 @@ class RigidBodyPlant:
         self._examples = (example_state(n, rotors), example_command(n, rotors), wind)
         self._steps: dict[float, Program] = {}
         self._per_second = friction_rate(world.vehicle) / FRICTION_STEP
-        self._accelerometer = trace(self._reading, *self._examples)
+
+    @cached_property
+    def _accelerometer(self) -> Program:
+        return trace(self._reading, *self._examples)
 
     def _reading(self, state: State, command: Command, wind: WindSample) -> Vec3:
         base, _ = accelerate(self._world, state, state.rotor_speeds, command.efforts, wind)

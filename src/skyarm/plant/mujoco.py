@@ -15,7 +15,7 @@ import mujoco
 
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.compile import trace
+from skyarm.compile.quick import Quick
 from skyarm.dynamics.state import State
 from skyarm.environment import WindSample
 from skyarm.plant.interface import Flat, World, number, whole_steps
@@ -90,7 +90,7 @@ class MujocoPlant:
         self._to_mujoco, self._from_mujoco = self._orders()
         zeros = (0.0,) * (self._nq + self._nv + self._rotors)
         efforts = (0.0,) * world.vehicle.n
-        self._loads = trace(self._forces_and_speeds, zeros, (0.0,) * self._rotors, efforts, wind).flat
+        self._loads = Quick(self._forces_and_speeds, zeros, (0.0,) * self._rotors, efforts, wind)
 
     def _orders(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
         """Permutations of a flat state: ours to [qpos, qvel, rotor speeds] and back."""
@@ -132,31 +132,36 @@ class MujocoPlant:
 
     def advance(self, state: Flat, command: Flat, wind: Flat, seconds: float) -> tuple[float, ...]:
         """State after ``seconds`` (whole physics steps) of held command and wind; a diverged state stays diverged."""
-        x = [state[i] for i in self._to_mujoco]
-        qpos, qvel = self._qpos, self._qvel
-        split, nv = self._nq + self._nv, self._nv
-        speeds, inputs = x[split:], (*command, *wind)
-        model, data, loads = self.model, self._data, self._loads
-        qpos[:], qvel[:] = x[: self._nq], x[self._nq : split]
+        self._set(state, command, wind)
+        model, data, step, outputs = self.model, self._data, self._loads.step, self._loads.outputs
+        split, end = self._nq + self._nv, self._nq + self._nv + self._rotors
+        qpos, qvel, speeds = (self._loads.inputs[a:b] for a, b in ((0, self._nq), (self._nq, split), (split, end)))
+        forces, turned = outputs[: self._nv], outputs[self._nv :]
         with QUIET:
             for _ in range(whole_steps(seconds, self._physics_step)):
-                result = loads((*x, *inputs))
-                self._force[:] = result[:nv]
+                step()
+                self._force[:] = forces
                 # mj_step without its checks: the monitor of the episode says what went wrong
                 mujoco.mj_forward(model, data)
                 if self._rk4:
                     mujoco.mj_RungeKutta(model, data, 4)
                 else:
                     mujoco.mj_Euler(model, data)
-                speeds = list(result[nv:])
-                x = [*qpos.tolist(), *qvel.tolist(), *speeds]
+                qpos[:], qvel[:], speeds[:] = self._qpos, self._qvel, turned
+        x = self._loads.inputs[:end].tolist()
         return tuple([x[i] for i in self._from_mujoco])
+
+    def _set(self, state: Flat, command: Flat, wind: Flat) -> None:
+        """Numbers of an instant to where MuJoCo and the loads read them."""
+        x = [state[i] for i in self._to_mujoco]
+        self._qpos[:], self._qvel[:] = x[: self._nq], x[self._nq : self._nq + self._nv]
+        self._loads.inputs[:] = (*x, *command, *wind)
 
     def specific_force(self, state: Flat, command: Flat, wind: Flat) -> tuple[float, float, float]:
         """Proper acceleration of the base origin, base axes, m/s^2: the free joint's acceleration plus g."""
-        x = [state[i] for i in self._to_mujoco]
-        self._qpos[:], self._qvel[:] = x[: self._nq], x[self._nq : self._nq + self._nv]
-        self._force[:] = self._loads((*x, *command, *wind))[: self._nv]
+        self._set(state, command, wind)
+        self._loads.step()
+        self._force[:] = self._loads.outputs[: self._nv]
         with QUIET:
             mujoco.mj_forward(self.model, self._data)
         proper_W = self._data.qacc[:3] - self.model.opt.gravity

@@ -17,12 +17,13 @@ from skyarm.compile.repeat import repeat
 from skyarm.dynamics import State, frame_pose
 from skyarm.dynamics.measurement import Measurement
 from skyarm.environment import Airspeed, DrydenMemory, WindSample, dryden, wind
+from skyarm.plant.interface import number
 from skyarm.plant.rigid_body import STEP, accelerate
 from skyarm.plant.sensors import measure, noise_count
 from skyarm.reference import Reference
 from skyarm.scalars import Scalar, absolute, logical_and, where
 from skyarm.scalars.philox import normal_pair
-from skyarm.simulate.monitor import FAR, LOST, lowest_point
+from skyarm.simulate.monitor import FAR, LONG, LOST, lowest_point
 from skyarm.simulate.scenario import Scenario
 from skyarm.simulate.totals import Instant, Totals, Windows, counted, distance, joint_norm, roll_and_pitch
 
@@ -101,9 +102,9 @@ def blend(condition: Any, new: Any, old: Any) -> Any:
 def healthy(scenario: Scenario, state: State, goal: Vec3) -> Any:
     """True while no ending of :class:`skyarm.simulate.monitor.Monitor` has come; NaN compares false."""
     # any comparison with NaN is false, so that a state that is not finite is not healthy
-    fine = absolute(state.quaternion.w) < 2.0
+    fine = absolute(state.quaternion.w) < LONG
     for value in list(state.quaternion)[1:]:
-        fine = logical_and(fine, absolute(value) < 2.0)
+        fine = logical_and(fine, absolute(value) < LONG)
     for value in (*state.velocity, *state.rate, *state.joints, *state.joint_rates, *state.rotor_speeds):
         fine = logical_and(fine, absolute(value) < FAR)
     for value, wanted in zip(state.position, goal, strict=True):
@@ -147,7 +148,9 @@ def make_period(scenario: Scenario, substeps: Callable[[float], int]) -> Period:
         force, _ = accelerate(scenario.world, state, state.rotor_speeds, carry.queue[0].efforts, air)
         n, rotors = len(state.joints), len(state.rotor_speeds)
         draws = _normals(uniforms[:sensor_draws]) if sensor_draws else [0] * (noise_count(n, rotors))
-        now = measure(scenario.sensors, row.time, state, force.linear, draws[: noise_count(n, rotors)])
+        # where nothing pushes the reading is a structural zero
+        proper = Vec3(*(number(c) for c in force.linear))
+        now = measure(scenario.sensors, row.time, state, proper, draws[: noise_count(n, rotors)])
         # until the first measurement has arrived the law sees that one
         seen = (*(blend(carry.ticks < 0.5, now, reading) for reading in carry.readings), now)
         memory, command = controller.law(carry.memory, seen[0], row.reference, period, par=controller.par)

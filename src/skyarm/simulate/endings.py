@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.dynamics import State
-from skyarm.simulate.monitor import FAR, LOST, lowest_point
+from skyarm.simulate.monitor import FAR, LONG, LOST, lowest_point
 from skyarm.simulate.paths import with_numbers
 from skyarm.simulate.scenario import Scenario
 
@@ -50,7 +50,7 @@ def _conditions(scenario: Scenario, state: State, goals: Array, slack: float) ->
     # written so that NaN is not sound
     sound = np.ones(lanes, dtype=bool)
     for value in state.quaternion:
-        sound &= np.abs(value) < 2.0
+        sound &= np.abs(value) < LONG
     for value in (*state.velocity, *state.rate, *state.joints, *state.joint_rates, *state.rotor_speeds):
         sound &= np.abs(value) < FAR
     for value, wanted in zip(state.position, goals.T, strict=True):

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.compile import leaves, rebuild, trace
+from skyarm.compile import Program, leaves, rebuild, trace
 from skyarm.dynamics import State
 from skyarm.environment import Airspeed, WindSample, dryden, wind
 from skyarm.plant.interface import number
@@ -18,33 +19,84 @@ from skyarm.reference import Publisher, Reference
 from skyarm.scalars.philox import normal
 from skyarm.simulate.scenario import Scenario, trimmed_state
 
+Array = npt.NDArray[Any]
+
 CHANNEL_SENSORS, CHANNEL_TURBULENCE = 0, 1
 """Channels of the noise generator; every engine draws the same numbers for (seed, episode, channel, step)."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class EpisodeInputs:
-    """Rows of leaves per control instant, and example records that carry their structure.
+    """Tables of a row an instant, made when they are asked for, and example records that carry their structure.
 
     Attributes:
+        scenario: whose inputs these are.
         times: control instants, s.
-        held: leaves of the held reference. goals: its position. wind: leaves of the wind sample.
-        noise: standard normal draws.
-        held_reference, reference: the same references as records of arrays, held and continuous.
-        wind_sample: wind as a record of arrays.
+        held_reference: the reference as published and held, as a record of arrays.
     """
 
+    scenario: Scenario
     times: Any
-    held: Sequence[Sequence[float]]
-    goals: Sequence[Sequence[float]]
-    wind: Sequence[Sequence[float]]
-    noise: Sequence[Sequence[float]]
     held_reference: Reference
-    reference: Reference
-    wind_sample: WindSample
-    reference_example: Reference
-    wind_example: WindSample
-    noise_example: tuple[Any, ...]
+
+    @property
+    def reference(self) -> Reference:
+        """The continuous reference, as a record of arrays."""
+        return _sampled(self.scenario, self.times)
+
+    @cached_property
+    def held(self) -> Array:
+        """Leaves of the held reference."""
+        return _rows(self.held_reference, self.scenario.steps)
+
+    def rows(self, start: int, stop: int) -> Array:
+        """What the closed loop is fed at these instants: time and held reference."""
+        columns = (np.asarray(leaf, dtype=float) for leaf in (self.times, *leaves(self.held_reference)))
+        count = stop - start
+        return np.stack([c[start:stop] if c.ndim else np.broadcast_to(c, (count,)) for c in columns], axis=1)
+
+    @cached_property
+    def goals(self) -> Array:
+        """Position of the held reference, m."""
+        return _rows(self.held_reference.dense().position, self.scenario.steps)
+
+    @cached_property
+    def wind_sample(self) -> WindSample:
+        """Wind as a record of arrays."""
+        return _wind(self.scenario, self.times)
+
+    @property
+    def wind(self) -> Array:
+        """Leaves of the wind sample."""
+        return _rows(self.wind_sample, self.scenario.steps)
+
+    @property
+    def noise(self) -> Array:
+        """Standard normal draws of the sensors; no columns for perfect ones."""
+        if not leaves(self.scenario.sensors):
+            return np.zeros((self.scenario.steps, 0))
+        keys = self.scenario.seed, self.scenario.episode, CHANNEL_SENSORS
+        return normal(*keys, np.arange(self.scenario.steps), len(self.noise_example))
+
+    @cached_property
+    def reference_example(self) -> Reference:
+        """A held reference of one instant."""
+        example: Reference = _example(self.held_reference)
+        return example
+
+    @cached_property
+    def wind_example(self) -> WindSample:
+        """A wind sample of one instant."""
+        program = _wind_program(self.scenario)
+        sample: WindSample = program.record([0.0] * len(program.outputs))
+        return sample
+
+    @cached_property
+    def noise_example(self) -> tuple[Any, ...]:
+        """The draws of one instant; structural zeros for perfect sensors."""
+        vehicle = self.scenario.world.vehicle
+        draw = 0.0 if leaves(self.scenario.sensors) else 0
+        return (draw,) * noise_count(vehicle.n, len(vehicle.rotors))
 
 
 def first_state(scenario: Scenario) -> State:
@@ -61,32 +113,20 @@ def episode_inputs(scenario: Scenario) -> EpisodeInputs:
     # k / rate, not k * period: 1500 * 0.005 is not 7.5 in binary, and a gust must start on its tick
     times = ticks / rates.control
     held_times = Publisher(control_rate=rates.control, reference_rate=rates.reference).held_time(ticks)
+    return EpisodeInputs(scenario, times, _sampled(scenario, held_times))
+
+
+def _sampled(scenario: Scenario, times: Any) -> Reference:
+    """The scenario's reference at these times."""
     # an absurd reference overflows to inf or NaN and ends the episode as diverged, without a warning here
     with np.errstate(all="ignore"):
-        held, continuous = scenario.trajectory.at(held_times), scenario.trajectory.at(times)
-    blowing = _wind(scenario, times)
-    noise, noise_example = _noise(scenario)
-    return EpisodeInputs(
-        times=times,
-        held=_rows(held, scenario.steps),
-        goals=_rows(held.dense().position, scenario.steps),
-        wind=_rows(blowing, scenario.steps),
-        noise=noise,
-        held_reference=held,
-        reference=continuous,
-        wind_sample=blowing,
-        reference_example=_example(held),
-        wind_example=_example(blowing),
-        noise_example=noise_example,
-    )
+        return scenario.trajectory.at(times)
 
 
-def _rows(record: Any, count: int) -> list[tuple[float, ...]]:
-    """A record of arrays as one tuple of floats per instant."""
+def _rows(record: Any, count: int) -> Array:
+    """A record of arrays as one row of leaves per instant."""
     columns = [np.broadcast_to(np.asarray(leaf, dtype=float), (count,)) for leaf in leaves(record)]
-    if not columns:
-        return [()] * count
-    return [tuple(row) for row in np.stack(columns, axis=1).tolist()]
+    return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
 
 def _example(record: Any) -> Any:
@@ -94,19 +134,16 @@ def _example(record: Any) -> Any:
     return rebuild(record, iter([0.0] * len(leaves(record))))
 
 
-def _noise(scenario: Scenario) -> tuple[list[tuple[float, ...]], tuple[Any, ...]]:
-    vehicle = scenario.world.vehicle
-    count = noise_count(vehicle.n, len(vehicle.rotors))
-    if not leaves(scenario.sensors):
-        return [()] * scenario.steps, (0,) * count
-    draws = normal(scenario.seed, scenario.episode, CHANNEL_SENSORS, np.arange(scenario.steps), count)
-    return [tuple(row) for row in draws.tolist()], (0.0,) * count
+def _wind_program(scenario: Scenario) -> Program:
+    """Wind of a time and a gust of turbulence."""
+    turbulent = isinstance(scenario.wind, Airspeed) and scenario.wind.turbulence is not None
+    gust = Vec3(0.0, 0.0, 0.0) if turbulent else ZERO3
+    return trace(lambda clock, gust: wind(scenario.wind, clock[0], gust), (0.0,), gust)
 
 
 def _wind(scenario: Scenario, times: Any) -> WindSample:
     """Wind as a record of arrays; in Python floats, whose cosine is that of every engine and not NumPy's."""
-    gusts = _turbulence(scenario)
-    program = trace(lambda clock, gust: wind(scenario.wind, clock[0], gust), (0.0,), _example(gusts[0]))
+    program, gusts = _wind_program(scenario), _turbulence(scenario)
     rows = [program.flat((time, *leaves(gust))) for time, gust in zip(times.tolist(), gusts, strict=True)]
     sample: WindSample = program.record(rows[0])
     return rebuild(sample, iter(np.array(rows, dtype=float).reshape(len(rows), -1).T))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 import os
 import platform
 import zipfile
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ import numpy.typing as npt
 from skyarm.algebra import Quaternion
 from skyarm.compile import leaves
 from skyarm.dynamics.euler_lagrange.transforms import euler_angles
+from skyarm.environment import WindSample
 from skyarm.files import write_atomically
 from skyarm.simulate.inputs import EpisodeInputs
 from skyarm.simulate.kinematics import level_tool, tool
@@ -104,11 +105,10 @@ class Log:
                 columns[name] = array
             else:
                 columns |= {f"{name}_{i}": array[:, i] for i in range(array.shape[1])}
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows(np.stack(list(columns.values()), axis=1).tolist())
-        return write_atomically(path, text.getvalue().encode())
+        known: dict[bytes, list[str]] = {}
+        rows = zip(*(_texts(column, known) for column in columns.values()), strict=True)
+        lines = "".join(f"{','.join(row)}\n" for row in rows)
+        return write_atomically(path, f"{','.join(columns)}\n{lines}".encode())
 
     @classmethod
     def load_npz(cls, path: str | os.PathLike[str]) -> Log:
@@ -131,67 +131,86 @@ class Log:
         return cls(**{**content, "info": info})
 
 
-class Recorder:
-    """Collects rows while the episode flies."""
+def _texts(column: Array, known: dict[bytes, list[str]]) -> list[str]:
+    """Shortest texts that round-trip, made once for equal columns and once for a number that stays."""
+    bits = column.tobytes()
+    if bits not in known:
+        same = bits == bits[:8] * column.size
+        texts = list(map(repr, (column[:1] if same else column).tolist()))
+        known[bits] = texts * column.size if same else texts
+    return known[bits]
 
-    def __init__(self) -> None:
-        self._rows: list[tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]] = []
 
-    def add(self, state: tuple[float, ...], command: tuple[float, ...], reading: tuple[float, ...]) -> None:
-        """One control instant."""
-        self._rows.append((state, command, reading))
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """What a flight left, one row an instant: leaves of State, Command and Measurement, and the wind.
 
-    def finish(self, scenario: Scenario, inputs: EpisodeInputs, ending: Ending | None) -> Log:
-        """The log of what was collected."""
-        vehicle = scenario.world.vehicle
-        n, rotors, count = vehicle.n, len(vehicle.rotors), len(self._rows)
-        width = 13 + 2 * n + rotors
-        x = np.array([row[0] for row in self._rows], dtype=float).reshape(count, width)
-        u = np.array([row[1] for row in self._rows], dtype=float).reshape(count, rotors + n)
-        m = np.array([row[2] for row in self._rows], dtype=float).reshape(count, 1 + 16 + 2 * n + rotors)
-        held, free, wind = inputs.held_reference, inputs.reference, inputs.wind_sample
+    Attributes:
+        wind: its scalars (N,) or longer; numbers that stand for every instant.
+    """
 
-        def table(record: Any) -> Array:
-            columns = [np.broadcast_to(np.asarray(c, dtype=float), (scenario.steps,))[:count] for c in record]
-            return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
+    states: Array
+    commands: Array
+    readings: Array
+    wind: WindSample
 
-        position, quaternion, joints = x[:, 0:3], x[:, 3:7], x[:, 13 : 13 + n]
-        tables = {
-            "position_held": table(held.position),
-            "velocity_held": table(held.velocity),
-            "joints_held": table(held.joints),
-            "joint_rates_held": table(held.joint_rates),
-            "yaw_held": table((held.yaw,))[:, 0],
-            "position_reference": table(free.position),
-            "joints_reference": table(free.joints),
-            "yaw_reference": table((free.yaw,))[:, 0],
-            "wind_force": table(wind.force_W),
-            "air_velocity": table(wind.air_velocity_W),
-        }
-        for kind in ("held", "reference"):
-            goals = (tables[f"{name}_{kind}"] for name in ("position", "yaw", "joints"))
-            tables[f"tool_{kind}"] = level_tool(vehicle, *goals)
-        return Log(
-            time=inputs.times[:count],
-            position=position,
-            quaternion=quaternion,
-            velocity=x[:, 7:10],
-            rate=x[:, 10:13],
-            joints=joints,
-            joint_rates=x[:, 13 + n : 13 + 2 * n],
-            rotor_speeds=x[:, 13 + 2 * n :],
-            rotor_commands=u[:, :rotors],
-            efforts=u[:, rotors:],
-            tool=tool(vehicle, position, quaternion, joints),
-            measured_position=m[:, 1:4],
-            measured_joints=m[:, 17 : 17 + n],
-            info=describe(scenario, ending),
-            **tables,
-        )
+
+def assemble(scenario: Scenario, inputs: EpisodeInputs, flown: Samples, ending: Ending | None) -> Log:
+    """The log of a flight."""
+    vehicle = scenario.world.vehicle
+    n, rotors, count = vehicle.n, len(vehicle.rotors), len(flown.states)
+    x, u, m = flown.states, flown.commands, flown.readings
+    held, wind = inputs.held_reference, flown.wind
+
+    def table(record: Any) -> Array:
+        columns = [np.asarray(c, dtype=float) for c in record]
+        columns = [c[:count] if c.ndim else np.broadcast_to(c, (count,)) for c in columns]
+        return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
+
+    position, quaternion, joints = x[:, 0:3], x[:, 3:7], x[:, 13 : 13 + n]
+    free = inputs.reference
+    tables = {
+        "position_held": table(held.position),
+        "velocity_held": table(held.velocity),
+        "joints_held": table(held.joints),
+        "joint_rates_held": table(held.joint_rates),
+        "yaw_held": table((held.yaw,))[:, 0],
+        "position_reference": table(free.position),
+        "joints_reference": table(free.joints),
+        "yaw_reference": table((free.yaw,))[:, 0],
+        "wind_force": table(wind.force_W),
+        "air_velocity": table(wind.air_velocity_W),
+    }
+    del free  # its derivatives take more memory than the log of it
+    for kind in ("held", "reference"):
+        goals = (tables[f"{name}_{kind}"] for name in ("position", "yaw", "joints"))
+        tables[f"tool_{kind}"] = level_tool(vehicle, *goals)
+    return Log(
+        time=inputs.times[:count],
+        position=position,
+        quaternion=quaternion,
+        velocity=x[:, 7:10],
+        rate=x[:, 10:13],
+        joints=joints,
+        joint_rates=x[:, 13 + n : 13 + 2 * n],
+        rotor_speeds=x[:, 13 + 2 * n :],
+        rotor_commands=u[:, :rotors],
+        efforts=u[:, rotors:],
+        tool=tool(vehicle, position, quaternion, joints),
+        measured_position=m[:, 1:4],
+        measured_joints=m[:, 17 : 17 + n],
+        info=describe(scenario, ending),
+        **tables,
+    )
 
 
 def versions() -> dict[str, str]:
     """Versions that a result depends on."""
+    return dict(_versions())
+
+
+@lru_cache(maxsize=1)
+def _versions() -> dict[str, str]:
     found = {"python": platform.python_version()}
     for name in ("skyarm", "numpy", "mujoco"):
         try:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
 from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any
+
+import numpy as np
 
 from skyarm.actuation.hover import hover_trim
 from skyarm.compile import leaves, trace
@@ -13,8 +16,9 @@ from skyarm.files import shown
 from skyarm.plant.compiled import RigidBodyPlant, example_command, example_state
 from skyarm.plant.interface import Plant, flat
 from skyarm.plant.sensors import measure
+from skyarm.simulate import native
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs, first_state
-from skyarm.simulate.log import Log, Recorder
+from skyarm.simulate.log import Log, Samples, assemble
 from skyarm.simulate.monitor import Monitor
 from skyarm.simulate.scenario import Scenario, ScenarioError
 
@@ -56,8 +60,7 @@ class _Loop:
 
         self.control = trace(control, controller.memory, reading, self.inputs.reference_example)
         self.memory: tuple[float, ...] = tuple(leaves(controller.memory))
-        self.idle = (0.0,) * len(leaves(example_command(n, rotors)))
-        self.period = period
+        self.widths = [len(leaves(each)) for each in (state, example_command(n, rotors), reading)]
 
     def command(self, reading: Sequence[float], reference: Sequence[float]) -> tuple[float, ...]:
         result = self.control.flat((*self.memory, *reading, *reference))
@@ -65,46 +68,71 @@ class _Loop:
         self.memory = result[:split]
         return result[split:]
 
+    def samples(self, rows: Sequence[tuple[tuple[float, ...], ...]]) -> Samples:
+        """(state, command, reading) of each instant as tables."""
+        states, commands, readings = (
+            np.array([row[i] for row in rows], dtype=float).reshape(len(rows), width)
+            for i, width in enumerate(self.widths)
+        )
+        return Samples(states, commands, readings, self.inputs.wind_sample)
+
 
 def run(scenario: Scenario, progress: Progress | None = None) -> Log:
     """Fly the scenario's episode and return its log.
 
     A diverging episode, a joint past its limit or ground contact ends the episode: the log's status, cause and end time
     say so. ``progress(done, total)`` is called about a hundred times.
+
+    The rigid-body plant flies in machine code. Where that cannot be made a warning says so, and the episode flies in
+    Python: about a hundred times slower, the same numbers to the last bit.
     """
     if not isinstance(scenario, Scenario):
         raise ScenarioError(f"scenario = {shown(scenario)}: must be a Scenario; load_scenario(name) makes one")
+    if scenario.plant == "rigid_body":
+        inputs = episode_inputs(scenario)
+        try:
+            flown = native.fly(scenario, inputs, progress=progress)
+        except native.NoMachineCodeError as error:
+            warnings.warn(f"no machine code here ({error}): flying in Python", RuntimeWarning, stacklevel=2)
+        else:
+            return assemble(scenario, inputs, native.samples(flown), native.ending(scenario, inputs, flown))
+    return run_in_python(scenario, progress)
+
+
+def run_in_python(scenario: Scenario, progress: Progress | None = None) -> Log:
+    """Fly an episode as :func:`run` does, period by period in Python, on either plant."""
     loop = _Loop(scenario)
+    inputs = loop.inputs
     x = flat(first_state(scenario))
     pending = _CommandLine(scenario, _standing(scenario, x))
     readings: deque[tuple[float, ...]] = deque(maxlen=round(scenario.delays.measurement * scenario.rates.control) + 1)
-    recorder, monitor = Recorder(), Monitor(scenario)
+    monitor = Monitor(scenario)
+    rows: list[tuple[tuple[float, ...], ...]] = []
     total = scenario.steps
     every = max(1, total // 100)
     ending = None
-    goals = loop.inputs.goals
-    for k in range(total):
+    tables = (inputs.goals, inputs.wind, inputs.held, inputs.noise)
+    for k, (goal, wind, reference, noise) in enumerate(zip(*(table.tolist() for table in tables), strict=True)):
         if progress is not None and k % every == 0:
             progress(k, total)
         time = k / scenario.rates.control
-        ending = monitor.ending(time, x, goals[k])
+        ending = monitor.ending(time, x, goal)
         if ending is not None:
             break
-        wind, reference = loop.inputs.wind[k], loop.inputs.held[k]
         force = loop.plant.specific_force(x, pending.now, wind)
-        readings.append(loop.sense.flat((time, *x, *force, *loop.inputs.noise[k])))
+        readings.append(loop.sense.flat((time, *x, *force, *noise)))
         command = loop.command(readings[0], reference)
         ending = monitor.refused(time, command)
         if ending is not None:
             break
-        recorder.add(x, command, readings[-1])
+        rows.append((x, command, readings[-1]))
         for applied, seconds in pending.put(command):
             x = loop.plant.advance(x, applied, wind, seconds)
     else:
-        ending = monitor.ending(total / scenario.rates.control, x, goals[-1])
+        ending = monitor.ending(total / scenario.rates.control, x, goal)
     if progress is not None:
         progress(total, total)
-    return recorder.finish(scenario, loop.inputs, ending)
+    return assemble(scenario, inputs, loop.samples(rows), ending)
 
 
 def _standing(scenario: Scenario, x: Sequence[float]) -> tuple[float, ...]:

@@ -1,0 +1,317 @@
+"""A flight in machine code leaves the log of the loop in Python, whole and to the last bit, however it is cut up."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import io
+import math
+import os
+import signal
+import sys
+import threading
+import tracemalloc
+from typing import Any
+
+import numpy as np
+import pytest
+from simulate_flights import document
+
+from skyarm.actuation import Command
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.compile import leaves
+from skyarm.scalars import where
+from skyarm.simulate import Log, Scenario, inputs, log, native, run
+from skyarm.simulate.inputs import episode_inputs, first_state
+from skyarm.simulate.loop import run_in_python
+from skyarm.simulate.scenario_file import load_scenario, scenario_from
+
+NOISE = {"position": 0.003, "velocity": 0.02, "attitude": 0.004, "rate": 0.03, "joints": 0.002, "rotor_speeds": 1.0}
+TURBULENT = {
+    "mode": "airspeed",
+    "velocity": [1.0, 0.5, 0.0],
+    "gust": {"velocity": [0.0, 1.0, 0.0], "start": 0.3, "duration": 0.5, "shape": "one_minus_cosine"},
+    "turbulence": {"altitude": 6.0, "wind_20ft": 7.7},
+}
+GUST = {"mode": "rotors_force", "gust": {"force": [2.0, 0.0, 0.0], "start": 0.15, "duration": 0.1}}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _cache(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SKYARM_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+def planned(name: str = "case2", **changes: Any) -> Scenario:
+    return scenario_from(document(name, **changes), "test")
+
+
+def with_joint_limits(scenario: Scenario, limit: float) -> Scenario:
+    vehicle = scenario.world.vehicle
+    links = [
+        dataclasses.replace(k, joint=dataclasses.replace(k.joint, lower=-limit, upper=limit)) for k in vehicle.links
+    ]
+    world = dataclasses.replace(scenario.world, vehicle=dataclasses.replace(vehicle, links=tuple(links)))
+    return dataclasses.replace(scenario, world=world)
+
+
+def with_law(scenario: Scenario, value: float) -> Scenario:
+    """A controller whose first rotor is asked for ``value`` from 0.1 s on."""
+
+    def law(memory: Any, measurement: Any, reference: Any, dt: Any, *, par: Any) -> tuple[Any, Command]:
+        del reference, dt, par
+        late = where(measurement.time > 0.0999, value, 485.0)
+        return memory, Command(rotor_speeds=(late, 485.0, 485.0, 485.0), efforts=(0.0, 0.0))
+
+    return dataclasses.replace(scenario, controller=dataclasses.replace(scenario.controller, law=law))
+
+
+def with_gains_of_the_wrong_sign(scenario: Scenario) -> Scenario:
+    par = scenario.controller.par
+    gains = dataclasses.replace(par.gains, position=par.gains.position * -4.0, velocity=par.gains.velocity * -4.0)
+    controller = dataclasses.replace(scenario.controller, par=dataclasses.replace(par, gains=gains))
+    return dataclasses.replace(scenario, controller=controller, ground=False)
+
+
+def pitched(degrees: float, rate: float) -> Scenario:
+    """The Euler form started at a pitch and turning: it passes 90 degrees in flight."""
+    high = document("case1", duration=0.5, reference__base__position=[0.0, 0.0, 100.0])
+    base = scenario_from(high, replaced={"controller": "paper_ct_euler"})
+    half = math.radians(degrees) / 2
+    start = dataclasses.replace(first_state(base), quaternion=Quaternion(math.cos(half), 0.0, math.sin(half), 0.0))
+    return dataclasses.replace(base, initial=dataclasses.replace(start, rate=Vec3(0.0, rate, 0.0)))
+
+
+def on(vehicle: str, joints: int) -> Scenario:
+    return planned(
+        "case3",
+        duration=0.2,
+        plant={"vehicle": vehicle},
+        model={"vehicle": vehicle},
+        controller={"law": "hybrid_computed_torque", "mixer": "priority"},
+        reference={"base": {"kind": "hover", "position": [0.0, 0.0, 2.0]}, "joints": [0.1] * joints},
+        sensors=NOISE,
+    )
+
+
+FLIGHTS: dict[str, tuple[str, Any]] = {
+    **{
+        name: ("completed", lambda name=name: load_scenario(name, duration=1.0)) for name in ("case1", "case2", "case3")
+    },
+    "gust of force": ("completed", lambda: planned(duration=0.5, environment__wind=GUST)),
+    "every table": ("completed", lambda: planned("everything", duration=0.3)),
+    "noise, delays, turbulence": (
+        "completed",
+        lambda: planned(
+            "case3_wind",
+            duration=1.0,
+            sensors=NOISE,
+            delays={"measurement": 0.005, "command": 0.003},
+            environment__wind=TURBULENT,
+            seed=2**32 - 1,
+            episode=7,
+        ),
+    ),
+    "euler": ("completed", lambda: planned(duration=0.5, plant__integrator="euler")),
+    "one period": ("completed", lambda: planned(duration=0.005)),
+    "no joints": ("completed", lambda: on("hummingbird", 0)),
+    "six joints": ("completed", lambda: on("hexarotor_arm6", 6)),
+    "gains of the wrong sign": (
+        "diverged",
+        lambda: with_gains_of_the_wrong_sign(load_scenario("case2_gust", duration=30.0)),
+    ),
+    "infinite command": ("diverged", lambda: with_law(planned(duration=0.5), math.inf)),
+    "undefined command": ("diverged", lambda: with_law(planned(duration=0.5), math.nan)),
+    "undefined at once": ("diverged", lambda: planned(duration=0.5, initial={"velocity": [1e5, 0.0, 0.0]})),
+    "ground": (
+        "ground",
+        lambda: planned(duration=0.5, initial={"position": [0.0, 0.0, 0.35], "velocity": [0.0, 0.0, -1.0]}),
+    ),
+    "under the ground at once": ("ground", lambda: planned(duration=0.5, reference__base__position=[0.0, 0.0, 0.1])),
+    "joint limit": (
+        "joint_limit",
+        lambda: with_joint_limits(planned(duration=0.5, initial={"joint_rates": [4.0, 0.0]}), 0.1),
+    ),
+    "law undefined": ("controller_undefined", lambda: pitched(90.0 - math.degrees(0.015), 3.0)),
+}
+
+
+def assert_same(ours: Log, theirs: Log) -> None:
+    assert ours.info == theirs.info
+    for name, array in ours.arrays().items():
+        other = theirs.arrays()[name]
+        assert array.shape == other.shape, name
+        assert array.tobytes() == other.tobytes(), name
+
+
+@pytest.mark.parametrize("what", FLIGHTS)
+def test_the_log_of_machine_code_is_that_of_python_to_the_bit(what: str) -> None:
+    status, make = FLIGHTS[what]
+    scenario = make()
+    ours = run(scenario)
+    assert ours.status == status
+    assert_same(ours, run_in_python(scenario))
+
+
+@pytest.mark.parametrize("longest", [1, 7, 64])
+@pytest.mark.parametrize("what", ["every table", "joint limit", "infinite command"])
+def test_where_a_flight_is_cut_does_not_matter(what: str, longest: int) -> None:
+    scenario = FLIGHTS[what][1]()
+    tables = episode_inputs(scenario)
+    whole, cut = native.fly(scenario, tables), native.fly(scenario, tables, longest=longest)
+    assert whole.rows.tobytes() == cut.rows.tobytes()
+    assert repr(leaves(whole.carry)) == repr(leaves(cut.carry))
+    assert (whole.ended is None) == (cut.ended is None) == (what == "every table")
+
+
+def test_code_made_in_a_hurry_gives_the_same_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = FLIGHTS["noise, delays, turbulence"][1]()
+    hurried = run(scenario)
+    monkeypatch.setattr(native, "SHORT", 0)
+    assert_same(hurried, run(scenario))
+
+
+def test_the_effort_follows_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    efforts: list[int] = []
+    kernel = native.Kernel
+    monkeypatch.setattr(native, "Kernel", lambda *a, effort, **k: efforts.append(effort) or kernel(*a, **k))
+    native._in_machine_code(native.trace_scenario(s := planned(), episode_inputs(s)).loop, s)
+    long = dataclasses.replace(s, duration=5000.0)
+    native._in_machine_code(native.trace_scenario(s, episode_inputs(s)).loop, long)
+    assert efforts == [0, 2]
+
+
+@pytest.mark.parametrize("error", [ImportError("No module named 'llvmlite'"), RuntimeError("no such CPU")])
+def test_without_a_compiler_it_flies_in_python_and_says_so(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
+    scenario = planned(duration=0.25, sensors=NOISE)
+    ours = run(scenario)
+
+    def refuse(*_: Any, **__: Any) -> None:
+        raise error
+
+    monkeypatch.setattr(native, "Kernel", refuse)
+    with pytest.warns(RuntimeWarning, match=rf"no machine code here \({error}\): flying in Python"):
+        assert_same(ours, run(scenario))
+
+
+def told_by(scenario: Scenario) -> list[tuple[int, int]]:
+    told: list[tuple[int, int]] = []
+    run(scenario, lambda done, total: told.append((done, total)))
+    return told
+
+
+def test_progress_grows_and_ends_complete_also_for_a_flight_that_ends_early() -> None:
+    for what in ("every table", "ground", "one period", "under the ground at once"):
+        scenario = FLIGHTS[what][1]()
+        told = told_by(scenario)
+        done = [d for d, _ in told]
+        assert told[0] == (0, scenario.steps), what
+        assert told[-1] == (scenario.steps, scenario.steps), what
+        assert done == sorted(set(done)), what
+        assert len(told) <= 101
+
+
+def test_an_exception_of_the_listener_ends_the_flight() -> None:
+    def stop(done: int, _total: int) -> None:
+        if done > 100:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run(planned(duration=5.0), stop)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_ctrl_c_is_heard_while_machine_code_flies() -> None:
+    """5000 Euler steps a period, over a second for each of the hundred calls of progress: heard in between."""
+    slow = planned(duration=1000.0, plant__integrator="euler", rates={"physics": 1000000, "control": 200})
+    told: list[int] = []
+    # pressed only once the flight is on its way, whatever the machine
+    timer = threading.Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGINT))
+
+    def note(done: int, _total: int) -> None:
+        if not told:
+            timer.start()
+        told.append(done)
+
+    with pytest.raises(KeyboardInterrupt):
+        run(slow, note)
+    assert told[-1] < slow.steps / 2
+
+
+def test_nothing_is_made_that_machine_code_makes_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*_: Any) -> None:
+        raise AssertionError("tables of Python floats in a flight of machine code")
+
+    monkeypatch.setattr(inputs, "_wind", never)
+    monkeypatch.setattr(inputs, "normal", never)
+    monkeypatch.setattr(native, "turbulence_start", lambda *_: (Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0)))
+    assert run(FLIGHTS["noise, delays, turbulence"][1]()).status == "completed"
+
+
+def test_a_long_flight_needs_little_more_memory_than_its_log() -> None:
+    """100 000 periods; the tables that fed it and the rows it left are what is more than the log: below 3 of it."""
+    scenario = planned("case3_wind", duration=500.0, sensors=NOISE)
+    run(dataclasses.replace(scenario, duration=0.1))
+    tracemalloc.start()
+    try:
+        flown = run(scenario)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert flown.time.size == 100_000
+    assert peak < 3.0 * sum(array.nbytes for array in flown.arrays().values())
+
+
+def test_machine_code_and_monitor_that_disagree_are_an_error_and_no_completed_flight(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(native.Monitor, "ending", lambda *_: None)
+    with pytest.raises(RuntimeError, match="the monitor finds nothing wrong"):
+        run(FLIGHTS["ground"][1]())
+
+
+def test_a_csv_is_what_a_csv_writer_writes(tmp_path: Any) -> None:
+    flown = run(FLIGHTS["noise, delays, turbulence"][1]())
+    strange = flown.position.copy()
+    strange[:6, 0] = [math.nan, math.inf, -math.inf, -0.0, 5e-324, 1e22]
+    flown = dataclasses.replace(flown, position=strange, velocity=-strange)
+    columns: dict[str, Any] = {}
+    for name, array in flown.arrays().items():
+        parts = {name: array} if array.ndim == 1 else {f"{name}_{i}": array[:, i] for i in range(array.shape[1])}
+        columns |= parts
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(np.stack(list(columns.values()), axis=1).tolist())
+    assert flown.save_csv(tmp_path / "log.csv").read_text(encoding="utf-8") == text.getvalue()
+
+
+def test_a_column_of_equal_numbers_is_not_one_of_zeros_of_both_signs() -> None:
+    assert log._texts(np.array([0.0, -0.0]), {}) == ["0.0", "-0.0"]
+    assert log._texts(np.array([2.5, 2.5]), {}) == ["2.5", "2.5"]
+    assert log._texts(np.array([]), {}) == []
+
+
+@pytest.mark.parametrize(
+    ("seconds", "sizes"),
+    # a period of 0.03 s: three of them are the longest stretch below 0.1 s
+    [(0.03, [1, *[3] * 66, 1]), (1.0, [1] * 200), (1e-6, [1, 8, 64, 127])],
+)
+def test_machine_code_runs_for_a_tenth_of_a_second_at_a_stretch(
+    monkeypatch: pytest.MonkeyPatch, seconds: float, sizes: list[int]
+) -> None:
+    scenario, clock, flown = planned(duration=1.0), [0.0], []
+
+    def pretend(loop: Any, _scenario: Scenario) -> Any:
+        def advance(carry: Any, rows: Any, _first: int) -> Any:
+            clock[0] += seconds * len(rows)
+            flown.append(len(rows))
+            return carry, np.zeros((len(rows), loop.logged))
+
+        return advance
+
+    monkeypatch.setattr(native, "_in_machine_code", pretend)
+    monkeypatch.setattr(native, "perf_counter", lambda: clock[0])
+    native.fly(scenario, episode_inputs(scenario))
+    assert flown == sizes
