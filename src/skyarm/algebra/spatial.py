@@ -92,6 +92,10 @@ class SpatialInertia:
         """Gyroscopic and centrifugal force of a body that turns with ``w`` about an unaccelerated origin."""
         return Force(w.cross(self.inertia.apply(w)), w.cross(w.cross(self.moment)))
 
+    def rotated(self, R: Mat3) -> SpatialInertia:
+        """The body in axes turned by R about its origin."""
+        return SpatialInertia(self.mass, R.apply(self.moment), self.inertia.rotated(R))
+
     def into_parent(self, R_PC: Mat3, p_PC: Vec3) -> SpatialInertia:
         """Move the body to the parent's origin, in parent axes.
 
