@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.algebra import Force, Motion, Vec3
+from skyarm.algebra import Force, Motion, Vec3, centripetal
 from skyarm.dynamics.kinematics import Pose, joint_direction
 from skyarm.dynamics.working_axes import members, spatial_inertia
 from skyarm.vehicle.records import BASE, Joint, Vehicle
@@ -31,10 +31,10 @@ def joint_motion(joint: Joint, placement: Pose, parent_rate: Vec3, joint_rate: A
     """
     carried = placement.R.apply_T(parent_rate)
     slide = joint.axis * joint_rate
-    centripetal = placement.R.apply_T(parent_rate.cross(parent_rate.cross(placement.p)))
+    inward = placement.R.apply_T(centripetal(parent_rate, placement.p))
     if joint.kind == "revolute":
-        return JointMotion(carried + slide, Motion(carried.cross(slide), centripetal))
-    return JointMotion(carried, Motion(Vec3(0, 0, 0), centripetal + carried.cross(slide) * 2.0))
+        return JointMotion(carried + slide, Motion(carried.cross(slide), inward))
+    return JointMotion(carried, Motion(Vec3(0, 0, 0), inward + carried.cross(slide) * 2.0))
 
 
 def motions(vehicle: Vehicle, places: Sequence[Pose], rate: Vec3, joint_rates: Sequence[Any]) -> list[JointMotion]:
