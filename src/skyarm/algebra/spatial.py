@@ -58,6 +58,10 @@ class Force:
         """Product with a scalar."""
         return Force(self.torque * scalar, self.force * scalar)
 
+    def moved(self, p: Vec3) -> Force:
+        """The force, which acts at ``p``, as it acts at the origin."""
+        return Force(self.torque + p.cross(self.force), self.force)
+
     def into_parent(self, R_PC: Mat3, p_PC: Vec3) -> Force:
         """Move the force to the parent's origin, in parent axes."""
         force = R_PC.apply(self.force)

@@ -17,7 +17,7 @@ from typing import Any
 
 from skyarm.algebra import Mat3, SpatialInertia, axis_rotation
 from skyarm.dynamics.kinematics import Pose
-from skyarm.scalars import add
+from skyarm.scalars import add, same
 from skyarm.vehicle.records import BASE, Body, Joint, Vehicle
 
 _SAME = Mat3.identity()
@@ -74,8 +74,4 @@ def _parallel(parent: Joint, child: Joint) -> bool:
     entries = [entry for row in child.rotation.rows for entry in row]
     straight = all(type(entry) is int for entry in entries) and entries == [1, 0, 0, 0, 1, 0, 0, 0, 1]
     hinges = parent.kind == child.kind == "revolute"
-    return hinges and straight and all(map(_equal, parent.axis, child.axis))
-
-
-def _equal(a: Any, b: Any) -> bool:
-    return a is b or (type(a) in (int, float) and type(b) in (int, float) and a == b)
+    return hinges and straight and all(map(same, parent.axis, child.axis))
