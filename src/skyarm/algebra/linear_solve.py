@@ -35,6 +35,7 @@ def _groups(A: Sequence[Sequence[Any]]) -> list[list[int]]:
 
 
 def _solve_group(A: list[list[Any]], b: list[Any]) -> list[Any]:
+    """Solve a system whose matrix and right-hand side are the function's to overwrite."""
     n = len(b)
     first = max(0, n - 2)
     L: list[list[Any]] = [[0] * n for _ in range(n)]
@@ -47,7 +48,7 @@ def _solve_group(A: list[list[Any]], b: list[Any]) -> list[Any]:
             for k in range(j + 1, i + 1):
                 A[i][k] = sub(A[i][k], mul(L[i][j], A[k][j]))
     x = [mul(value, pivot) for value, pivot in zip(b, inverse, strict=False)]
-    x += _solve_two(A, b) if n > 1 else [divide(b[0], A[0][0])]
+    x += _solve_two(A, b) if n > 1 else [mul(b[0], divide(1.0, A[0][0]))]
     for i in reversed(range(first)):
         for k in range(i + 1, n):
             x[i] = sub(x[i], mul(L[k][i], x[k]))
@@ -55,7 +56,7 @@ def _solve_group(A: list[list[Any]], b: list[Any]) -> list[Any]:
 
 
 def _solve_two(A: list[list[Any]], b: list[Any]) -> list[Any]:
-    """The last two unknowns of a reduced system; coupled, as they are in one group, but for cancelled structure."""
+    """The last two unknowns of a reduced system, by their determinant."""
     p, q, r = A[-2][-2], A[-1][-2], A[-1][-1]
     inverse = divide(1.0, sub(mul(p, r), mul(q, q)))
     return [
