@@ -138,7 +138,7 @@ def test_a_quaternion_is_read_as_wxyz():
 )
 @pytest.mark.parametrize("seconds", [1.0, 0.001])
 def test_a_small_rotation_is_the_exact_one_up_to_a_radian_and_near_it_up_to_ten(engine, size, tolerance, seconds):
-    """Against SciPy; past 1 rad the first terms that the series leave out: (angle / 4)^12 / 13! twice, times the angle."""
+    """Against SciPy; past 1 rad the first term that the series leave out, (angle / 4)^12 / 13!, times the angle."""
     Rotation = pytest.importorskip("scipy.spatial.transform").Rotation
     directions = np.random.default_rng(4).normal(size=(6, 3))
     lanes = size * directions / np.linalg.norm(directions, axis=1)[:, None]

@@ -116,14 +116,14 @@ class SpatialInertia:
 
         w x (I w) in products of rates and differences of moments, which bodies with a common axis share.
         """
-        I = self.inertia
+        J = self.inertia
         p, q, r = w
         pq, qr, pr = mul(p, q), mul(q, r), mul(p, r)
         pp, qq, rr = mul(p, p), mul(q, q), mul(r, r)
         torque = Vec3(
-            _sum(mul(sub(I.zz, I.yy), qr), mul(I.yz, sub(qq, rr)), mul(I.xz, pq), neg(mul(I.xy, pr))),
-            _sum(mul(sub(I.xx, I.zz), pr), mul(I.xz, sub(rr, pp)), mul(I.xy, qr), neg(mul(I.yz, pq))),
-            _sum(mul(sub(I.yy, I.xx), pq), mul(I.xy, sub(pp, qq)), mul(I.yz, pr), neg(mul(I.xz, qr))),
+            _sum(mul(sub(J.zz, J.yy), qr), mul(J.yz, sub(qq, rr)), mul(J.xz, pq), neg(mul(J.xy, pr))),
+            _sum(mul(sub(J.xx, J.zz), pr), mul(J.xz, sub(rr, pp)), mul(J.xy, qr), neg(mul(J.yz, pq))),
+            _sum(mul(sub(J.yy, J.xx), pq), mul(J.xy, sub(pp, qq)), mul(J.yz, pr), neg(mul(J.xz, qr))),
         )
         return Force(torque, centripetal(w, self.moment))
 

@@ -1,10 +1,10 @@
 """The axes in which the recursions hold each link, chosen so that little has to be turned.
 
-A recursion may express a link in any axes at its origin. A hinge leaves its own axis where it is, so that the link can
-also be held in the axes that it has at joint angle zero. Hinges with one common direction then share their axes: nothing
-that passes between such links is rotated, only their mass distributions are, by the sum of the angles. The last link of
-an arm is held so, too: a rigid body is cheaper to turn than what the recursions carry inwards. Every other link is held
-in its own axes.
+A recursion may express a link in any axes at its origin. A hinge leaves its own axis where it is, so the link can be
+held in the axes that it has at joint angle zero. Hinges with one common direction then share their axes: nothing that
+passes between such links is rotated, only their mass distributions are, by the sum of the angles. The last link of an
+arm is held so, too: a rigid body is cheaper to turn than what the recursions carry inwards. Every other link is held in
+its own axes.
 
 Source: absolute angles of parallel hinges, as Craig 2005, section 3.6.
 """

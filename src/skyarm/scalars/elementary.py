@@ -83,7 +83,7 @@ def _polynomial(z: Any, coefficients: Sequence[float]) -> Any:
 
 
 def _even(z: Any, c: Sequence[float]) -> Any:
-    """c0 + c1 z + ... + c5 z^5 in pairs (Estrin): as many operations as Horner's rule where z^2 is known, half as deep."""
+    """c0 + c1 z + ... + c5 z^5 in pairs (Estrin): as many operations as Horner's rule but for z^2, half as deep."""
     square = z * z
     return (c[0] + c[1] * z) + square * ((c[2] + c[3] * z) + square * (c[4] + c[5] * z))
 
