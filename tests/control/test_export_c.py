@@ -256,7 +256,7 @@ def test_a_law_with_memory_keeps_it_in_its_struct_and_reads_the_period(tmp_path)
 def test_single_precision_is_near(tmp_path):
     """1e-4 of a command's size: 618 operations of 6e-8 each, and the conditioning of the attitude error.
 
-    Rotors are compared by the squares of their speeds, which the mixer sums, against that of the fastest speed: the root
+    Rotors are compared by the squares of their speeds, which the mixer sums, against that of the highest: the root
     of a difference of large squares has few digits left where a rotor nearly stands.
     """
     controller = built("hummingbird_arm2", "paper_ct")
