@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 from rotor_layouts import HUMMINGBIRD, K_F, K_M, hummingbird_rotor
 
-from skyarm.actuation import rotor_force, speed_after
+from skyarm.actuation import rotor_force, rotor_forces, speed_after
 from skyarm.algebra import Vec3
 from skyarm.compile import trace
+from skyarm.vehicle.files import load_vehicle
 
 ROTOR = hummingbird_rotor()
 UP = [(0.01, 0.449329), (0.005, 0.670320), (0.002, 0.852144), (0.001, 0.923116)]
@@ -171,3 +173,28 @@ def test_an_upright_rotor_needs_few_products():
 
 def test_the_coefficients_are_those_of_the_spec():
     assert (K_F, K_M) == (8.54858e-6, 0.016)
+
+
+def vectors_of(rotor, speed, velocity, rate):
+    """Torque and force of one rotor in NumPy, straight from the motor plugin's lines."""
+    r, n = array(rotor.position), array(rotor.axis)
+    hub = velocity + np.cross(rate, r)
+    across = hub - (hub @ n) * n
+    thrust = rotor.thrust_coefficient * speed**2
+    force = thrust * n - rotor.drag_coefficient * speed * across
+    torque = -rotor.direction * rotor.moment_coefficient * thrust * n
+    return np.cross(r, force) + torque - rotor.rolling_moment_coefficient * speed * across, force
+
+
+@pytest.mark.parametrize("name", ["hummingbird", "hexarotor_arm6", "octo_coaxial_two_arms", "tilted_hexarotor"])
+def test_forces_of_many_rotors_are_the_sum_of_each_ones(name):
+    """Alike, coaxial, tilted, and one of them with a drag of its own; rounding only."""
+    rng = np.random.default_rng(8)
+    rotors = load_vehicle(name).rotors
+    for vehicle in (rotors, (dataclasses.replace(rotors[0], drag_coefficient=3e-4), *rotors[1:])):
+        speeds, velocity, rate = rng.uniform(200.0, 700.0, len(rotors)), rng.normal(size=3) * 5.0, rng.normal(size=3)
+        found = rotor_forces(vehicle, speeds.tolist(), Vec3(*velocity.tolist()), Vec3(*rate.tolist()))
+        each = [vectors_of(rotor, speed, velocity, rate) for rotor, speed in zip(vehicle, speeds, strict=True)]
+        torque, force = (sum(parts) for parts in zip(*each, strict=True))
+        assert np.allclose(array(found.torque), torque, rtol=0.0, atol=1e-13)
+        assert np.allclose(array(found.force), force, rtol=0.0, atol=1e-13)

@@ -3,7 +3,7 @@
 from skyarm.actuation.command import Command
 from skyarm.actuation.joint import joint_force
 from skyarm.actuation.mixer import AllocationError, Mixer, allocation_matrix, make_mixer, mix
-from skyarm.actuation.rotor import rotor_force, speed_after
+from skyarm.actuation.rotor import rotor_force, rotor_forces, speed_after
 
 __all__ = [
     "AllocationError",
@@ -14,5 +14,6 @@ __all__ = [
     "make_mixer",
     "mix",
     "rotor_force",
+    "rotor_forces",
     "speed_after",
 ]

@@ -6,10 +6,11 @@ RotorS's delay of one physics step between a filtered speed and its force.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
-from skyarm.algebra import Force, Vec3
-from skyarm.scalars import divide, exp, minimum, mul, where
+from skyarm.algebra import ZERO3, Force, Vec3
+from skyarm.scalars import add, divide, exp, minimum, mul, same, sub, where
 from skyarm.vehicle.records import Rotor
 
 
@@ -35,10 +36,72 @@ def rotor_force(rotor: Rotor, speed: Any, velocity: Vec3) -> Force:
     thrust k_f W^2 along the axis; drag torque k_m thrust against the direction of rotation; hub drag -c_d |W| v_perp;
     rolling moment -c_r |W| v_perp, with v_perp the velocity in the rotor's plane.
     """
-    n = rotor.axis
-    thrust = rotor.thrust_coefficient * (speed * speed)
-    in_plane = n.cross(velocity).cross(n)  # v - (v.n) n, written so that a structural axis leaves two components
-    force = n * thrust - in_plane * mul(rotor.drag_coefficient, speed)
-    drag_torque = n * mul(mul(-rotor.direction, rotor.moment_coefficient), thrust)
-    rolling = in_plane * mul(rotor.rolling_moment_coefficient, speed)
-    return Force(rotor.position.cross(force) + drag_torque - rolling, force)
+    return _alike([rotor], [speed], [ZERO3], velocity, ZERO3).moved(rotor.position)
+
+
+def rotor_forces(rotors: Sequence[Rotor], speeds: Sequence[Any], velocity: Vec3, rate: Vec3) -> Force:
+    """Sum of :func:`rotor_force` over all rotors of a base.
+
+    Rotors with one axis and one set of coefficients are summed before their coefficients enter, about a point that has
+    what their positions have in common.
+
+    Args:
+        rotors: poses and coefficients.
+        speeds: rad/s, unsigned.
+        velocity: of the base origin against the air, base axes, m/s.
+        rate: angular velocity of the base, base axes, rad/s.
+    """
+    total = Force(ZERO3, ZERO3)
+    left = list(zip(rotors, speeds, strict=True))
+    while left:
+        first = left[0][0]
+        group = [pair for pair in left if _similar(pair[0], first)]
+        left = [pair for pair in left if not _similar(pair[0], first)]
+        center = Vec3(*(c if all(same(c, other) for other in rest) else 0 for c, *rest in _components(group)))
+        beside = [_beside(rotor.position, center) for rotor, _ in group]
+        alike, turning = zip(*group, strict=True)
+        hub = _alike(alike, turning, beside, velocity + rate.cross(center), rate)
+        total = total + hub.moved(center)
+    return total
+
+
+def _components(group: Sequence[tuple[Rotor, Any]]) -> list[tuple[Any, ...]]:
+    """All x, all y and all z of the rotors' positions."""
+    return list(zip(*(rotor.position for rotor, _ in group), strict=True))
+
+
+def _beside(position: Vec3, center: Vec3) -> Vec3:
+    """Position from the centre, whose components are the position's own or structural zeros."""
+    return Vec3(*(0 if same(a, b) else a for a, b in zip(position, center, strict=True)))
+
+
+def _similar(a: Rotor, b: Rotor) -> bool:
+    """Whether two rotors have one axis and one set of coefficients."""
+
+    def numbers(rotor: Rotor) -> tuple[Any, ...]:
+        drags = (rotor.drag_coefficient, rotor.rolling_moment_coefficient)
+        return (*rotor.axis, rotor.thrust_coefficient, rotor.moment_coefficient, *drags)
+
+    return all(map(same, numbers(a), numbers(b)))
+
+
+def _alike(
+    rotors: Sequence[Rotor], speeds: Sequence[Any], positions: Sequence[Vec3], velocity: Vec3, rate: Vec3
+) -> Force:
+    """Torque about the origin and force of rotors that differ in position and direction of rotation only.
+
+    v_perp = v - (v.n) n is written so that a structural axis leaves two components.
+    """
+    like = rotors[0]
+    n = like.axis
+    push, twist, arm = 0, 0, ZERO3  # sums of W^2, of W^2 against the direction of rotation, of r W^2
+    drag, drag_arm = ZERO3, ZERO3  # sums of W v_perp and of r x (W v_perp)
+    for rotor, speed, r in zip(rotors, speeds, positions, strict=True):
+        square = speed * speed
+        push, twist, arm = add(push, square), sub(twist, mul(rotor.direction, square)), arm + r * square
+        slip = n.cross(velocity + rate.cross(r)).cross(n) * speed
+        drag, drag_arm = drag + slip, drag_arm + r.cross(slip)
+    k, c = like.thrust_coefficient, like.drag_coefficient
+    force = n * mul(k, push) - drag * c
+    torque = arm.cross(n) * k + n * mul(mul(k, like.moment_coefficient), twist)
+    return Force(torque - drag_arm * c - drag * like.rolling_moment_coefficient, force)

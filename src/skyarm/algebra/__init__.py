@@ -3,7 +3,7 @@
 from skyarm.algebra.linear_solve import ldl_solve
 from skyarm.algebra.matrix import Mat3, Sym3, axis_rotation
 from skyarm.algebra.quaternion import Quaternion
-from skyarm.algebra.spatial import ArticulatedInertia, Force, Motion, SpatialInertia
+from skyarm.algebra.spatial import ArticulatedInertia, Force, Motion, SpatialInertia, centripetal
 from skyarm.algebra.vector import E_X, E_Y, E_Z, ZERO3, Vec3
 
 __all__ = [
@@ -20,5 +20,6 @@ __all__ = [
     "Sym3",
     "Vec3",
     "axis_rotation",
+    "centripetal",
     "ldl_solve",
 ]

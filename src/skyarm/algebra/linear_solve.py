@@ -11,31 +11,55 @@ from skyarm.scalars import divide, mul, sub
 def ldl_solve(A: Sequence[Sequence[Any]], b: Sequence[Any]) -> list[Any]:
     """Solve A x = b for a symmetric positive definite A (its lower triangle is read), without pivoting.
 
-    A = L D L^T column by column; structural zeros of A fold. An indefinite A gives the algebraic solution or NaN.
+    Unknowns that structural zeros keep apart are solved apart. A = L D L^T column by column; the last two unknowns
+    together by their determinant, one division for two that would wait for each other. An indefinite A gives the
+    algebraic solution or NaN.
     Source: Golub, Van Loan 2013, algorithm 4.1.2.
     """
+    x: list[Any] = [0] * len(b)
+    for group in _groups(A):
+        block = [[A[max(i, j)][min(i, j)] for j in group] for i in group]
+        for i, value in zip(group, _solve_group(block, [b[i] for i in group]), strict=True):
+            x[i] = value
+    return x
+
+
+def _groups(A: Sequence[Sequence[Any]]) -> list[list[int]]:
+    """Indices of unknowns that are coupled, however indirectly."""
+    groups: list[list[int]] = []
+    for i, row in enumerate(A):
+        coupled = [g for g in groups if any(not (type(row[j]) is int and row[j] == 0) for j in g)]
+        groups = [g for g in groups if g not in coupled]
+        groups.append(sorted([i, *(j for g in coupled for j in g)]))
+    return groups
+
+
+def _solve_group(A: list[list[Any]], b: list[Any]) -> list[Any]:
+    """Solve a system whose matrix and right-hand side are the function's to overwrite."""
     n = len(b)
+    first = max(0, n - 2)
     L: list[list[Any]] = [[0] * n for _ in range(n)]
-    D: list[Any] = []
     inverse: list[Any] = []
-    for j in range(n):
-        v = [mul(L[j][k], D[k]) for k in range(j)]
-        pivot = A[j][j]
-        for k in range(j):
-            pivot = sub(pivot, mul(L[j][k], v[k]))
-        D.append(pivot)
-        inverse.append(divide(1.0, pivot))
+    for j in range(first):
+        inverse.append(divide(1.0, A[j][j]))
         for i in range(j + 1, n):
-            entry = A[i][j]
-            for k in range(j):
-                entry = sub(entry, mul(L[i][k], v[k]))
-            L[i][j] = mul(entry, inverse[j])
-    x = list(b)
-    for i in range(n):
-        for k in range(i):
-            x[i] = sub(x[i], mul(L[i][k], x[k]))
-    x = [mul(x[i], inverse[i]) for i in range(n)]
-    for i in reversed(range(n)):
+            L[i][j] = mul(A[i][j], inverse[j])
+            b[i] = sub(b[i], mul(L[i][j], b[j]))
+            for k in range(j + 1, i + 1):
+                A[i][k] = sub(A[i][k], mul(L[i][j], A[k][j]))
+    x = [mul(value, pivot) for value, pivot in zip(b, inverse, strict=False)]
+    x += _solve_two(A, b) if n > 1 else [mul(b[0], divide(1.0, A[0][0]))]
+    for i in reversed(range(first)):
         for k in range(i + 1, n):
             x[i] = sub(x[i], mul(L[k][i], x[k]))
     return x
+
+
+def _solve_two(A: list[list[Any]], b: list[Any]) -> list[Any]:
+    """The last two unknowns of a reduced system, by their determinant."""
+    p, q, r = A[-2][-2], A[-1][-2], A[-1][-1]
+    inverse = divide(1.0, sub(mul(p, r), mul(q, q)))
+    return [
+        mul(sub(mul(r, b[-2]), mul(q, b[-1])), inverse),
+        mul(sub(mul(p, b[-1]), mul(q, b[-2])), inverse),
+    ]

@@ -108,16 +108,14 @@ class Mat3:
         return None
 
     def rotated(self, R: Mat3) -> Mat3:
-        """R A R^T; about a coordinate axis in two thirds of the operations, as trace and antisymmetry do not change."""
+        """R A R^T; about a coordinate axis in half of the operations, as trace and antisymmetry do not change."""
         k = R.turning_axis()
         if k is None:
             return R @ self @ R.T
         i, j = _OTHERS[k]
         A, turn = [list(row) for row in self.rows], [tuple(row) for row in R.rows]
         c, s = turn[i][i], turn[j][i]
-        antisymmetric = mul(0.5, sub(A[i][j], A[j][i]))
-        first, second, off = _turned(A[i][i], A[j][j], mul(0.5, add(A[i][j], A[j][i])), c, s)
-        A[i][i], A[j][j], A[i][j], A[j][i] = first, second, add(off, antisymmetric), sub(off, antisymmetric)
+        A[i][i], A[j][j], A[i][j], A[j][i] = _turned(A[i][i], A[j][j], A[i][j], A[j][i], c, s)
         A[k][i], A[k][j] = _turned_pair(A[k][i], A[k][j], c, s)
         A[i][k], A[j][k] = _turned_pair(A[i][k], A[j][k], c, s)
         return Mat3(*(Vec3(*row) for row in A))
@@ -195,15 +193,15 @@ class Sym3:
         return Sym3.of_matrix(full.T.cleared_row(i).T)
 
     def rotated(self, R: Mat3) -> Sym3:
-        """R A R^T; about a coordinate axis in half of the operations, as the trace does not change."""
+        """R A R^T; about a coordinate axis in a third of the operations, as the trace does not change."""
         k = R.turning_axis()
         if k is not None:
             i, j = _OTHERS[k]
             A, turn = [list(row) for row in self.full().rows], [tuple(row) for row in R.rows]
             c, s = turn[i][i], turn[j][i]
-            A[i][i], A[j][j], A[i][j] = _turned(A[i][i], A[j][j], A[i][j], c, s)
+            A[i][i], A[j][j], A[i][j], A[j][i] = _turned(A[i][i], A[j][j], A[i][j], A[j][i], c, s)
             A[k][i], A[k][j] = _turned_pair(A[k][i], A[k][j], c, s)
-            A[j][i], A[i][k], A[j][k] = A[i][j], A[k][i], A[k][j]
+            A[i][k], A[j][k] = A[k][i], A[k][j]
             return Sym3.of_matrix(Mat3(*(Vec3(*row) for row in A)))
         a = self.full() @ R.T
         r0, r1, r2 = R.rows
@@ -215,11 +213,14 @@ _OTHERS = ((1, 2), (2, 0), (0, 1))
 """The axes that a rotation about axis 0, 1, 2 turns into each other."""
 
 
-def _turned(first: Any, second: Any, off: Any, c: Any, s: Any) -> tuple[Any, Any, Any]:
-    """Entries of a symmetric 2x2 matrix turned by the angle with cosine c and sine s."""
-    cc, ss, cs = mul(c, c), mul(s, s), mul(c, s)
-    turned = sub(add(mul(cc, first), mul(ss, second)), mul(add(cs, cs), off))
-    return turned, sub(add(first, second), turned), add(mul(cs, sub(first, second)), mul(sub(cc, ss), off))
+def _turned(first: Any, second: Any, above: Any, below: Any, c: Any, s: Any) -> tuple[Any, Any, Any, Any]:
+    """Entries xx, yy, xy, yx of a 2x2 matrix turned by the angle with cosine c and sine s.
+
+    What is not symmetric and the trace stay; the rest turns by the double angle, which is c and s applied in turn.
+    """
+    change = sub(mul(c, sub(first, second)), mul(s, add(above, below)))
+    along, across = mul(c, change), mul(s, change)
+    return add(second, along), sub(first, along), add(above, across), add(below, across)
 
 
 def _turned_pair(x: Any, y: Any, c: Any, s: Any) -> tuple[Any, Any]:

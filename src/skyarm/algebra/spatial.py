@@ -12,7 +12,7 @@ from typing import Any
 
 from skyarm.algebra.matrix import Mat3, Sym3
 from skyarm.algebra.vector import Vec3
-from skyarm.scalars import Scalar, add
+from skyarm.scalars import Scalar, add, mul, neg, sub
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,10 +58,33 @@ class Force:
         """Product with a scalar."""
         return Force(self.torque * scalar, self.force * scalar)
 
+    def moved(self, p: Vec3) -> Force:
+        """The force, which acts at ``p``, as it acts at the origin."""
+        return Force(self.torque + p.cross(self.force), self.force)
+
     def into_parent(self, R_PC: Mat3, p_PC: Vec3) -> Force:
         """Move the force to the parent's origin, in parent axes."""
         force = R_PC.apply(self.force)
         return Force(R_PC.apply(self.torque) + p_PC.cross(force), force)
+
+
+def centripetal(w: Vec3, r: Vec3) -> Vec3:
+    """w x (w x r) in products of rates: r (w w^T - w.w 1)."""
+    p, q, s = w
+    pq, qs, ps = mul(p, q), mul(q, s), mul(p, s)
+    pp, qq, ss = mul(p, p), mul(q, q), mul(s, s)
+    return Vec3(
+        _sum(mul(pq, r.y), mul(ps, r.z), neg(mul(add(qq, ss), r.x))),
+        _sum(mul(qs, r.z), mul(pq, r.x), neg(mul(add(pp, ss), r.y))),
+        _sum(mul(ps, r.x), mul(qs, r.y), neg(mul(add(pp, qq), r.z))),
+    )
+
+
+def _sum(*terms: Any) -> Any:
+    total: Any = 0
+    for term in terms:
+        total = add(total, term)
+    return total
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,8 +112,24 @@ class SpatialInertia:
         )
 
     def velocity_force(self, w: Vec3) -> Force:
-        """Gyroscopic and centrifugal force of a body that turns with ``w`` about an unaccelerated origin."""
-        return Force(w.cross(self.inertia.apply(w)), w.cross(w.cross(self.moment)))
+        """Gyroscopic and centrifugal force of a body that turns with ``w`` about an unaccelerated origin.
+
+        w x (I w) in products of rates and differences of moments, which bodies with a common axis share.
+        """
+        J = self.inertia
+        p, q, r = w
+        pq, qr, pr = mul(p, q), mul(q, r), mul(p, r)
+        pp, qq, rr = mul(p, p), mul(q, q), mul(r, r)
+        torque = Vec3(
+            _sum(mul(sub(J.zz, J.yy), qr), mul(J.yz, sub(qq, rr)), mul(J.xz, pq), neg(mul(J.xy, pr))),
+            _sum(mul(sub(J.xx, J.zz), pr), mul(J.xz, sub(rr, pp)), mul(J.xy, qr), neg(mul(J.yz, pq))),
+            _sum(mul(sub(J.yy, J.xx), pq), mul(J.xy, sub(pp, qq)), mul(J.yz, pr), neg(mul(J.xz, qr))),
+        )
+        return Force(torque, centripetal(w, self.moment))
+
+    def rotated(self, R: Mat3) -> SpatialInertia:
+        """The body in axes turned by R about its origin."""
+        return SpatialInertia(self.mass, R.apply(self.moment), self.inertia.rotated(R))
 
     def into_parent(self, R_PC: Mat3, p_PC: Vec3) -> SpatialInertia:
         """Move the body to the parent's origin, in parent axes.

@@ -50,7 +50,7 @@ def crazyflow(worlds: int = 4096, steps: int = 50) -> Contender:
         sim.data.states.pos.block_until_ready()
         return worlds * steps / float(sim.freq)
 
-    return Contender("crazyflow", f"closed loop of its own drone, no arm, 500 Hz, f32, {worlds} worlds", run)
+    return Contender(f"crazyflow {worlds}", f"closed loop of its own drone, no arm, 500 Hz, f32, {worlds} worlds", run)
 
 
 def mjx(vehicle: Vehicle, worlds: int = 256, steps: int = 20) -> Contender:

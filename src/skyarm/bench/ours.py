@@ -104,6 +104,34 @@ def six_joints(duration: float) -> Scenario:
     )
 
 
+BARE_RATE = 500
+"""Hz, of physics and control of the bare quadrotor: crazyflow's own."""
+
+
+def bare_quadrotor(duration: float, threads: int, blocks: int) -> Contender:
+    """The Hummingbird without an arm in hover under its geometric controller, at the rates that crazyflow steps with.
+
+    The whole controller runs at every step; crazyflow's runs its position loop at every fifth.
+    """
+    scenario = scenario_from(
+        {
+            "schema": 1,
+            "name": "bare_quadrotor",
+            "duration": duration,
+            "rates": {"physics": BARE_RATE, "control": BARE_RATE, "reference": 100},
+            "plant": {"vehicle": "hummingbird", "integrator": "euler"},
+            "controller": {"law": "rotors_position"},
+            "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}},
+        },
+        "bare_quadrotor",
+    )
+    flight = Flight.of(scenario, lambda seconds: round(BARE_RATE * seconds))
+    lanes = Lanes(host_width(single=True), single=True, contract=True)
+    run = flight.runner(Kernel(flight.loop, lanes), blocks * lanes.width, threads)
+    what = f"closed loop of a quadrotor without an arm, Euler and control at {BARE_RATE} Hz, f32"
+    return Contender("bare f32", what, run)
+
+
 def steps_of(scenario: Scenario) -> Callable[[float], int]:
     """One RK4 step a control period, or 1 kHz Euler."""
     return (lambda _seconds: 1) if scenario.integrator == "rk4" else lambda seconds: round(1000.0 * seconds)

@@ -10,7 +10,7 @@ from skyarm.bench import machine, others, ours
 from skyarm.bench.accuracy import accuracy
 from skyarm.bench.contest import Contender, Score, contest
 from skyarm.bench.counts import counts, growth
-from skyarm.bench.guests import guests, installed
+from skyarm.bench.guests import crazyflow, guests, installed
 from skyarm.bench.latency import latency
 from skyarm.bench.start import start
 from skyarm.compile.jax_cpu import configure_cpu
@@ -19,6 +19,7 @@ from skyarm.vehicle.files import load_vehicle
 
 SCENARIO = "case2_gust"
 LONG_ARM = "hexarotor_arm6"
+CRAZYFLOW_WORLDS = (1024, 4096, 16384)
 NOT_COMPARED = ("crazyflow", "rotorpy", "mujoco.mjx")
 
 Progress = Callable[[str], None]
@@ -57,6 +58,7 @@ def measure(*, quick: bool = False, progress: Progress = lambda _: None) -> dict
         "scenario": {"name": scenario.name, "seconds": scenario.duration, "rounds": rounds, "threads": threads},
         "speed": [dataclasses.asdict(score) for score in scores],
         "long_arm": [dataclasses.asdict(score) for score in _long_arm(threads, rounds, quick, progress)],
+        "bare": [dataclasses.asdict(score) for score in _bare(threads, rounds, quick, progress)],
         "not_installed": [name for name in NOT_COMPARED if not installed(name)],
     }
     progress("accuracy")
@@ -79,6 +81,14 @@ def _long_arm(threads: int, rounds: int, quick: bool, progress: Progress) -> lis
     return contest([*rivals, *ours.native(flown, threads, 8 * threads)], rounds, progress)
 
 
+def _bare(threads: int, rounds: int, quick: bool, progress: Progress) -> list[Score]:
+    """A quadrotor without an arm, like for like, against crazyflow with several numbers of worlds."""
+    if not installed("crazyflow"):
+        return []
+    rivals = [crazyflow(worlds) for worlds in CRAZYFLOW_WORLDS]
+    return contest([*rivals, ours.bare_quadrotor(5.0 if quick else 30.0, threads, 64 * threads)], rounds, progress)
+
+
 def text(found: dict[str, Any]) -> str:
     """The measurements for people: ratios first."""
     about = found["machine"]
@@ -90,6 +100,8 @@ def text(found: dict[str, Any]) -> str:
         "  rate, against the first in each round (smallest ... largest), the same per second of processor time",
     ]
     lines += [*_speeds(found["speed"]), "", "hexarotor with a six-joint arm", *_speeds(found["long_arm"])]
+    if found.get("bare"):
+        lines += ["", "a quadrotor without an arm, closed loop", *_speeds(found["bare"])]
     lines += ["", "largest distance from RK4 at 0.125 ms, m"]
     lines += [f"  {name:<44} {value:.2e}" for name, value in found["accuracy_m"].items()]
     lines += ["", "one control step, microseconds: median, 99th percentile"]

@@ -9,8 +9,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import ArticulatedInertia, Force, Motion, Vec3, ldl_solve
-from skyarm.dynamics.kinematics import joint_direction, placements
-from skyarm.dynamics.newton_euler import motions, spatial_inertia
+from skyarm.dynamics.kinematics import joint_direction
+from skyarm.dynamics.newton_euler import motions
+from skyarm.dynamics.working_axes import members, spatial_inertia
 from skyarm.scalars import divide, mul, sub
 from skyarm.vehicle.records import BASE, Vehicle
 
@@ -37,9 +38,9 @@ def forward_dynamics(
         Proper acceleration of the base (base axes) and the joint accelerations.
     """
     n, links = vehicle.n, vehicle.links
-    places = placements(vehicle, joints)
+    held = members(vehicle, joints)
+    places, rigid = [member.place for member in held], [member.inertia for member in held]
     moving = motions(vehicle, places, rate, joint_rates)
-    rigid = [spatial_inertia(link.body) for link in links]
     inertias = [body.articulated() for body in rigid]
     biases = [body.velocity_force(motion.rate) for body, motion in zip(rigid, moving, strict=True)]
     base = spatial_inertia(vehicle.base)

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import Mat3, SpatialInertia
-from skyarm.dynamics.kinematics import joint_direction, placements
-from skyarm.dynamics.newton_euler import spatial_inertia
+from skyarm.dynamics.kinematics import joint_direction
+from skyarm.dynamics.working_axes import members, spatial_inertia
 from skyarm.vehicle.records import BASE, Vehicle
 
 
@@ -22,8 +22,8 @@ def mass_matrix(vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Any]) -> list[lis
         R_WB: attitude; it turns the translation-rotation and translation-joint blocks into world axes.
         joints: rad or m.
     """
-    places = placements(vehicle, joints)
-    composite = [spatial_inertia(link.body) for link in vehicle.links]
+    held = members(vehicle, joints)
+    places, composite = [member.place for member in held], [member.inertia for member in held]
     whole = spatial_inertia(vehicle.base)
     for i in reversed(range(vehicle.n)):
         carried = composite[i].into_parent(places[i].R, places[i].p)

@@ -9,22 +9,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.algebra import Force, Motion, SpatialInertia, Vec3
-from skyarm.dynamics.kinematics import Pose, joint_direction, placements
-from skyarm.vehicle.records import BASE, Body, Joint, Vehicle
+from skyarm.algebra import Force, Motion, Vec3, centripetal
+from skyarm.dynamics.kinematics import Pose, joint_direction
+from skyarm.dynamics.working_axes import members, spatial_inertia
+from skyarm.vehicle.records import BASE, Joint, Vehicle
 
 
 @dataclass(frozen=True, slots=True)
 class JointMotion:
-    """A link's angular velocity and the velocity products its joint adds to its acceleration, link axes."""
+    """A link's angular velocity and the velocity products its joint adds to its acceleration, working axes."""
 
     rate: Vec3
     products: Motion
-
-
-def spatial_inertia(body: Body) -> SpatialInertia:
-    """Inertia of a body about its link's origin."""
-    return SpatialInertia.of_body(body.mass, body.com, body.inertia)
 
 
 def joint_motion(joint: Joint, placement: Pose, parent_rate: Vec3, joint_rate: Any) -> JointMotion:
@@ -35,10 +31,10 @@ def joint_motion(joint: Joint, placement: Pose, parent_rate: Vec3, joint_rate: A
     """
     carried = placement.R.apply_T(parent_rate)
     slide = joint.axis * joint_rate
-    centripetal = placement.R.apply_T(parent_rate.cross(parent_rate.cross(placement.p)))
+    inward = placement.R.apply_T(centripetal(parent_rate, placement.p))
     if joint.kind == "revolute":
-        return JointMotion(carried + slide, Motion(carried.cross(slide), centripetal))
-    return JointMotion(carried, Motion(Vec3(0, 0, 0), centripetal + carried.cross(slide) * 2.0))
+        return JointMotion(carried + slide, Motion(carried.cross(slide), inward))
+    return JointMotion(carried, Motion(Vec3(0, 0, 0), inward + carried.cross(slide) * 2.0))
 
 
 def motions(vehicle: Vehicle, places: Sequence[Pose], rate: Vec3, joint_rates: Sequence[Any]) -> list[JointMotion]:
@@ -71,18 +67,18 @@ def inverse_dynamics(
     Returns:
         Force on the base (torque about and force at its origin, base axes) and the joint torques or forces.
     """
-    places = placements(vehicle, joints)
+    held = members(vehicle, joints)
+    places = [member.place for member in held]
     moving = motions(vehicle, places, rate, joint_rates)
     inertia = spatial_inertia(vehicle.base)
     total = inertia.apply(base) + inertia.velocity_force(rate)
     accelerations: list[Motion] = []
     forces: list[Force] = []
-    for link, place, motion, qdd in zip(vehicle.links, places, moving, joint_accelerations, strict=True):
+    for link, member, motion, qdd in zip(vehicle.links, held, moving, joint_accelerations, strict=True):
         parent = base if link.parent == BASE else accelerations[link.parent]
-        a = parent.into_child(place.R, place.p) + motion.products + joint_direction(link.joint) * qdd
-        inertia = spatial_inertia(link.body)
+        a = parent.into_child(member.place.R, member.place.p) + motion.products + joint_direction(link.joint) * qdd
         accelerations.append(a)
-        forces.append(inertia.apply(a) + inertia.velocity_force(motion.rate))
+        forces.append(member.inertia.apply(a) + member.inertia.velocity_force(motion.rate))
     torques: list[Any] = [0] * vehicle.n
     for i in reversed(range(vehicle.n)):
         link = vehicle.links[i]

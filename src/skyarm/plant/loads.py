@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.actuation import Command, joint_force, rotor_force, speed_after
+from skyarm.actuation import Command, joint_force, rotor_forces, speed_after
 from skyarm.algebra import ZERO3, Force
 from skyarm.dynamics.state import State
 from skyarm.environment import WindSample, body_drag
@@ -28,8 +28,7 @@ def applied_force(
     v_air = R.apply_T(state.velocity - wind.air_velocity_W)
     push = R.apply_T(wind.force_W)
     total = Force(wind.point_B.cross(push), push) + Force(ZERO3, body_drag(vehicle.drag, v_air))
-    for rotor, speed in zip(vehicle.rotors, rotor_speeds, strict=True):
-        total = total + rotor_force(rotor, speed, v_air + state.rate.cross(rotor.position))
+    total = total + rotor_forces(vehicle.rotors, rotor_speeds, v_air, state.rate)
     torques = tuple(
         joint_force(link.joint, effort, rate)
         for link, effort, rate in zip(vehicle.links, efforts, state.joint_rates, strict=True)

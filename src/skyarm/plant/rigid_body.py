@@ -99,7 +99,7 @@ def step_euler(world: World, state: State, command: Command, wind: WindSample, d
     """One semi-implicit Euler step: velocities first, then positions with the new velocities.
 
     The attitude moves by the exponential of the new rate, as MuJoCo's manifold update does, so that both plants make
-    the same step. First order.
+    the same step; its length is corrected before it turns, when nothing waits for it. First order.
     """
     rate = derivative(world, state, state.rotor_speeds, command.efforts, wind)
     velocity = state.velocity + rate.velocity * dt
@@ -107,7 +107,7 @@ def step_euler(world: World, state: State, command: Command, wind: WindSample, d
     joint_rates = tuple(add(x, mul(dx, dt)) for x, dx in zip(state.joint_rates, rate.joint_rates, strict=True))
     return State(
         position=state.position + velocity * dt,
-        quaternion=(state.quaternion * Quaternion.of_small_rotation(w * dt)).renormalized(),
+        quaternion=state.quaternion.renormalized() * Quaternion.of_small_rotation(w, dt),
         velocity=velocity,
         rate=w,
         joints=tuple(add(x, mul(dx, dt)) for x, dx in zip(state.joints, joint_rates, strict=True)),

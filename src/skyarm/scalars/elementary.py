@@ -82,18 +82,24 @@ def _polynomial(z: Any, coefficients: Sequence[float]) -> Any:
     return total
 
 
-def _quarter(x: Any) -> tuple[Any, Any, Any]:
-    """sin and cos of the remainder of x modulo pi/2, and the number of quarter turns modulo 4."""
+def _even(z: Any, c: Sequence[float]) -> Any:
+    """c0 + c1 z + ... + c5 z^5 in pairs (Estrin): as many operations as Horner's rule but for z^2, half as deep."""
+    square = z * z
+    return (c[0] + c[1] * z) + square * ((c[2] + c[3] * z) + square * (c[4] + c[5] * z))
+
+
+def _quarter(x: Any) -> tuple[Any, Any, Any, Any]:
+    """sin and cos of the remainder of x modulo pi/2; is the number of quarter turns odd, is that of half turns."""
     turns = f.floor(x * TWO_OVER_PI + 0.5)
     r = x
     for part in HALF_PI_PARTS:
         r = r - turns * part
     z = r * r
-    sine = r + (r * z) * _polynomial(z, SIN)
-    half = 0.5 * z
-    w = 1.0 - half
-    cosine = w + (((1.0 - w) - half) + (z * z) * _polynomial(z, COS))
-    return sine, cosine, turns - 4.0 * f.floor(0.25 * turns)
+    # the sign of a zero is the remainder's
+    sine = f.copysign(r + (r * z) * _even(z, SIN), r)
+    cosine = 1.0 - (0.5 * z - (z * z) * _even(z, COS))
+    halves = f.floor(0.5 * turns)
+    return sine, cosine, turns - 2.0 * halves > 0.5, halves - 2.0 * f.floor(0.5 * halves) > 0.5
 
 
 def _odd(x: Any, value: Any) -> Any:
@@ -103,18 +109,16 @@ def _odd(x: Any, value: Any) -> Any:
 
 def sin(x: Any) -> Any:
     """sin x."""
-    sine, cosine, quarter = _quarter(x)
-    odd = f.logical_or(f.logical_and(quarter > 0.5, quarter < 1.5), quarter > 2.5)
+    sine, cosine, odd, turned = _quarter(x)
     value = f.where(odd, cosine, sine)
-    return _odd(x, f.where(quarter > 1.5, -value, value))
+    return f.where(turned, -value, value)
 
 
 def cos(x: Any) -> Any:
     """cos x."""
-    sine, cosine, quarter = _quarter(x)
-    odd = f.logical_or(f.logical_and(quarter > 0.5, quarter < 1.5), quarter > 2.5)
-    value = f.where(odd, sine, cosine)
-    return f.where(f.logical_and(quarter > 0.5, quarter < 2.5), -value, value)
+    sine, cosine, odd, turned = _quarter(x)
+    value = f.where(odd, -sine, cosine)
+    return f.where(turned, -value, value)
 
 
 def tan(x: Any) -> Any:

@@ -14,6 +14,11 @@ def structural(value: float) -> int | float:
     return int(value) if value in (0.0, 1.0, -1.0) else float(value)
 
 
+def same(a: Any, b: Any) -> bool:
+    """Whether two scalars are one: the same object, or equal plain numbers of one kind."""
+    return a is b or (type(a) is type(b) and type(a) in (int, float) and a == b)
+
+
 def add(a: Any, b: Any) -> Any:
     """Return a + b, a structural zero folded."""
     if type(a) is int and a == 0:
