@@ -10,9 +10,9 @@ from simulate_flights import document
 
 from skyarm.simulate import Window, run
 from skyarm.simulate.batch import Batch
+from skyarm.simulate.measures import Windows
 from skyarm.simulate.paths import with_numbers
 from skyarm.simulate.scenario_file import scenario_from
-from skyarm.simulate.measures import Windows
 
 NOISE = {"position": 0.003, "velocity": 0.02, "attitude": 0.004, "rate": 0.03, "joint_rates": 0.02, "rotor_speeds": 1.0}
 MASS, GAIN, DAMPING = (

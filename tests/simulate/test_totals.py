@@ -53,7 +53,7 @@ def flight(**changes):
 
 @pytest.fixture(scope="module")
 def pairs(tmp_path_factory):
-    """Metrics on the fly, and the log, of a flight to its end, and of one that meets the ground after the gust began."""
+    """Metrics on the fly, and the log, of a flight to its end, and of one that meets the ground in the gust."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SKYARM_CACHE", str(tmp_path_factory.mktemp("cache")))
         found = {}

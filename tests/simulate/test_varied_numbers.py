@@ -1,4 +1,4 @@
-"""Every kind of number that a scenario file has may differ from lane to lane, and each lane is the flight of its file."""
+"""Every kind of number of a scenario file may differ from lane to lane; each lane is the flight of its file."""
 
 from __future__ import annotations
 
@@ -30,7 +30,14 @@ TEXT = document(
     duration=0.25,
     reference={
         "base": [
-            {"kind": "circle", "radius": 0.3, "frequency_hz": 0.6, "center": [0.0, 0.1, 1.0], "start": 0.1, "stop": 2.0},
+            {
+                "kind": "circle",
+                "radius": 0.3,
+                "frequency_hz": 0.6,
+                "center": [0.0, 0.1, 1.0],
+                "start": 0.1,
+                "stop": 2.0,
+            },
             {"kind": "hover", "position": [0.01, 0.0, 0.02]},
             {"kind": "signals", "z": {"kind": "ramp", "start": 0.05, "duration": 0.2, "height": 0.1}},
         ],
@@ -116,7 +123,7 @@ def rewritten(path, value, text=TEXT):
 
 
 def fingerprint(scenario, start=None):
-    """Digest of all that would be flown, from a given state if one is named: a state that a file sets stays as it is."""
+    """Digest of all that would be flown, from a named state if there is one: what a file sets stays as it is."""
     return digest(plain(dataclasses.replace(scenario, name="same", initial=start or scenario.initial)))
 
 

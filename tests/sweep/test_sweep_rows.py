@@ -16,11 +16,11 @@ from skyarm.simulate import Window, run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.endings import STATUSES, endings
 from skyarm.simulate.inputs import first_state
+from skyarm.simulate.measures import Windows
 from skyarm.simulate.metrics import Errors, constant_wind, motion, tracking
 from skyarm.simulate.monitor import Monitor
 from skyarm.simulate.paths import with_numbers
 from skyarm.simulate.scenario_file import load_scenario, scenario_from
-from skyarm.simulate.measures import Windows
 from skyarm.sweep.design import values
 from skyarm.sweep.plan import at_episode, prepare
 from skyarm.sweep.study import Study

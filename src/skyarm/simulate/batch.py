@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Vec3
-from skyarm.compile import leaves, rebuild, trace
+from skyarm.compile import rebuild, trace
 from skyarm.compile.arrays import evaluate
 from skyarm.compile.llvm_text import Lanes
 from skyarm.compile.loop import trace_loop
@@ -71,8 +71,9 @@ class Batch:
         windows: of the metrics. single: 32-bit floats. exact: every lane equals the Python floats bit for bit; else a
             multiplication and an addition may be rounded once.
         stiffest: a scenario with the stiffest joint friction of the batch, which fixes the integration steps.
-        log_every: keep state, command and reference of each so many control periods; they take
-            lanes * samples * (13 + 3 joints + 2 rotors + reference) * 8 bytes, twice while they are sorted. 0 keeps none.
+        log_every: keep state, command and reference of each so many control periods; 0 keeps none. A lane's sample takes
+            8 bytes (4 if single) a number, 14 + 3 joints + 2 rotors + the reference's: 0.3 to 0.5 kB for two joints and
+            four rotors. All of it is there twice while it is sorted.
     """
 
     def __init__(
@@ -102,7 +103,7 @@ class Batch:
         self.rows = self._feed.rows
         self._gusty = isinstance(scenario.wind, Airspeed) and scenario.wind.turbulence is not None
         self._first = trace(self._start, tuple(self.base.tolist()), (0.0,) * (6 * self._gusty))
-        self._example = (first_carry(scenario), first_totals(self._wanted))
+        self._example: tuple[Carry, tuple[Any, ...]] = (first_carry(scenario), first_totals(self._wanted))
 
         def step(both: Any, values: tuple[Any, ...], fed: Any, uniforms: Any) -> tuple[Any, Any]:
             varied = self._varied(values)
@@ -166,7 +167,7 @@ class Batch:
             threads=threads,
             every=max(1, self._log_every),
         )
-        ended: tuple[Carry, tuple[Array, ...]] = rebuild(self._example, iter(list(carry.astype(float))))
+        ended = rebuild(self._example, iter(list(carry.astype(float))))
         ticks = np.asarray(ended[0].ticks).astype(int)
         completed = ticks >= self.scenario.steps
         named = dict(zip(self.paths, columns, strict=True))

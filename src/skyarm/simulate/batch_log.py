@@ -47,7 +47,9 @@ def batch_log(example: Logged, rows: Array, time: Array) -> BatchLog:
     """Sort what a kernel logged.
 
     Args:
-        example: the record that was logged. rows: (samples, leaves, lanes). time: (samples,), s.
+        example: the record that was logged.
+        rows: (samples, leaves, lanes).
+        time: (samples,), s.
     """
     columns = np.ascontiguousarray(rows.transpose(1, 2, 0))
     count = len(leaves(example))

@@ -210,7 +210,8 @@ def values(
         names: of the metrics.
         totals: at the end of each flight.
         instants: window -> how many instants of each flight lie in it.
-        joints: of the arm. period: s.
+        joints: of the arm.
+        period: s.
     """
     known, found = measures(joints), {}
     with np.errstate(all="ignore"):

@@ -174,7 +174,7 @@ def held_position_error(log: Log, errors: Errors, holds: tuple[Window, ...]) -> 
 
 
 def calmness(log: Log, errors: Errors, window: Window) -> dict[str, float]:
-    """How hard the vehicle works: over a window but for the largest tilt and altitude error, which are of the whole run.
+    """How hard the vehicle works, over a window; the largest tilt and altitude error are of the whole run.
 
     ``rotor_jitter`` is the RMS over instants and rotors of the change of commanded speed since a control period ago
     (rad/s; none at the first instant), ``rate_rms`` that of the norm of the body rate (rad/s), ``tilt_rms`` that of the

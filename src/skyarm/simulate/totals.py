@@ -1,8 +1,8 @@
 """Running sums and extremes from which metrics follow, counted while an episode flies, over any scalar.
 
-The same definitions as :mod:`skyarm.simulate.metrics`, for engines that keep no log. A total is a sum, a sum of squares,
-a largest or smallest value, or the value of largest magnitude with its sign, of one quantity over one window. Only the
-totals that the wanted metrics need are counted; what they do not need is not even traced.
+The same definitions as :mod:`skyarm.simulate.metrics`, for engines that keep no log. A total is a sum, a sum of
+squares, a largest or smallest value, or the value of largest magnitude with its sign, of one quantity over one window.
+Only the totals that the wanted metrics need are counted; what they do not need is not even traced.
 """
 
 from __future__ import annotations
@@ -126,7 +126,8 @@ def counted(
     """Totals with one more control instant.
 
     Args:
-        totals: so far. wanted: what each of them is.
+        totals: so far.
+        wanted: what each of them is.
         now: the instant.
         inside: window -> whether the instant counts for it, a condition.
     """

@@ -42,8 +42,9 @@ def names(record: Any) -> dict[str, tuple[Place, ...] | Tree]:
         }
     if not dataclasses.is_dataclass(record):
         return found
-    if isinstance(record, Signal):
-        return _signal(record)
+    signal: Any = record
+    if isinstance(signal, Signal):
+        return _signal(signal)
     found |= {field.name: ((field.name,),) for field in dataclasses.fields(record)}
     if isinstance(record, (Vec3, Quaternion)):
         found |= {str(i): ((field.name,),) for i, field in enumerate(dataclasses.fields(record))}
@@ -111,7 +112,9 @@ def _motions(motion: Trajectory) -> Tree:
     if all(_is_list(axis) for axis in axes):
         each = zip(*(_items(axis) for axis in axes), strict=False)
         return {
-            str(i): _motion(tuple(a for a, _ in item), tuple((letter, *at) for letter, (_, at) in zip("xyz", item, strict=True)))
+            str(i): _motion(
+                tuple(a for a, _ in item), tuple((letter, *at) for letter, (_, at) in zip("xyz", item, strict=True))
+            )
             for i, item in enumerate(each)
         }
     return _motion(axes, (("x",), ("y",), ("z",)))
@@ -130,7 +133,8 @@ def _items(signal: Any) -> list[tuple[Signal, Place]]:
     """Terms of such a sum in the order of the file, with their places."""
 
     def backwards() -> Iterator[tuple[Signal, Place]]:
-        rest, at = signal, ()
+        rest: Any = signal
+        at: Place = ()
         while isinstance(rest, Sum):
             yield rest.signals[1], (*at, "signals", "1")
             rest, at = rest.signals[0], (*at, "signals", "0")
