@@ -71,7 +71,7 @@ class Batch:
         windows: of the metrics. single: 32-bit floats. exact: every lane equals the Python floats bit for bit; else a
             multiplication and an addition may be rounded once.
         stiffest: a scenario with the stiffest joint friction of the batch, which fixes the integration steps.
-        log_every: keep state, command and reference of each so many control periods; 0 keeps none. A lane's sample takes
+        log_every: keep state, command and reference of each so many control periods; 0 keeps none. A sample takes
             8 bytes (4 if single) a number, 14 + 3 joints + 2 rotors + the reference's: 0.3 to 0.5 kB for two joints and
             four rotors. All of it is there twice while it is sorted.
     """

@@ -14,8 +14,8 @@ Some numbers are not a field of any record:
   vehicle;
 * ``environment.wind.turbulence.altitude``, ``.wind_20ft``, ``.minimum_airspeed``: the turbulence is made anew from the
   three and the mean wind of the scenario as it was, whose direction and speed past the vehicle it keeps;
-* ``initial.roll``, ``.pitch``, ``.yaw``: ZYX angles (rad) in place of the quaternion, whose components are scaled to unit
-  length together once one of them is replaced.
+* ``initial.roll``, ``.pitch``, ``.yaw``: ZYX angles (rad) in place of the quaternion, whose components are scaled to
+  unit length together once one of them is replaced.
 
 A state that a scenario sets stays as it is, whatever else changes. A *sequence* of the file is the sum of its first
 value and its ramps, and varies as those: ``reference.joints.0.1.height``.
