@@ -17,7 +17,7 @@ from skyarm.simulate.batch import Batch
 from skyarm.simulate.endings import STATUSES, endings
 from skyarm.simulate.inputs import first_state
 from skyarm.simulate.measures import Windows
-from skyarm.simulate.metrics import Errors, constant_wind, motion, tracking
+from skyarm.simulate.metrics import Errors, calmness, constant_wind, gust, last, motion, tracking
 from skyarm.simulate.monitor import Monitor
 from skyarm.simulate.paths import with_numbers
 from skyarm.simulate.scenario_file import load_scenario, scenario_from
@@ -250,3 +250,26 @@ def _toml(table: dict[str, Any]) -> str:
 
 def test_the_document_of_the_small_study_is_complete() -> None:
     assert small_study().document["vary"] == document()["vary"]
+
+
+def test_rows_hold_the_metrics_of_the_study_and_a_varied_reference_is_flown(tmp_path: Path) -> None:
+    radius = "reference.base.radius"
+    windows = {"steady": [0.2, 1.0], "transient": [0.0, 0.3], "gust": [0.1, 0.9], "last": 0.4}
+    fields: dict[str, Any] = {
+        "vary": {radius: {"uniform": [0.1, 0.5]}, "reference.base.start": {"list": [0.1, 0.4]}},
+        "metrics": ["gust", "rotor_jitter", "ee_error_last_mean_continuous"],
+        "windows": windows,
+        "controllers": ["paper_ct"],
+        "episodes": 8,
+        "precision": "exact",
+    }
+    rows, study = flown(tmp_path, **fields)["paper_ct"], small_study(**fields)
+    assert list(rows)[2:4] == list(study.paths)
+    assert list(rows)[4:-2] == list(study.metrics)
+    for episode in (0, 5):
+        log = single(study, "paper_ct", rows, episode)
+        wanted = {f"gust_{k}": v for k, v in gust(log, Errors.held(log), Window(0.1, 0.9)).items()}
+        wanted |= calmness(log, Errors.held(log), STEADY)
+        wanted["ee_error_last_mean_continuous"] = last(log, Errors.continuous(log), 0.4)["ee_error_last_mean"]
+        for name in set(study.metrics) & set(wanted):
+            assert rows[name][episode] == pytest.approx(wanted[name], rel=1e-12), name
