@@ -11,13 +11,17 @@ from simulate_flights import document
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import State
+from skyarm.reference import Reference
 from skyarm.simulate import Window, run
 from skyarm.simulate import metrics as of_log
 from skyarm.simulate.batch import Batch
+from skyarm.simulate.closed_loop import goal_of
+from skyarm.simulate.kinematics import level_tool
 from skyarm.simulate.measures import GROUPS, Windows, measures, metric_names, needed, values
 from skyarm.simulate.metrics import Errors
 from skyarm.simulate.scenario_file import scenario_from
 from skyarm.simulate.totals import Goal, Instant, counted, first_totals, roll_and_pitch, tilt
+from skyarm.vehicle.files import load_vehicle
 
 WINDOWS = Windows(
     steady=Window(0.8, 1.6),
@@ -111,6 +115,27 @@ def test_every_metric_is_compared_and_differs_from_its_twin(pairs):
     for name in NAMES:
         if f"{name}_continuous" in NAMES and ("mean" in name or "iae" in name):
             assert ours[name] != ours[f"{name}_continuous"], name
+
+
+def test_the_first_command_of_a_flight_is_no_change(tmp_path, monkeypatch):
+    """What the rotors did before is no command."""
+    monkeypatch.setenv("SKYARM_CACHE", str(tmp_path))
+    scenario, window = flight(duration=0.1, sensors={}), Window(0.0, 0.05)
+    batch = Batch(scenario, metrics=("rotor_jitter",), windows=Windows(steady=window), exact=True)
+    log = run(scenario)
+    wanted = of_log.calmness(log, Errors.held(log), window)["rotor_jitter"]
+    assert batch.fly({}).metrics["rotor_jitter"][0] == pytest.approx(wanted, rel=1e-12)
+
+
+def test_a_level_tool_is_where_the_table_of_a_log_has_it():
+    """An arm that leaves its plane, at any heading: the other formula turns by a quaternion."""
+    vehicle = load_vehicle("hexarotor_arm6")
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        position, joints, yaw = rng.normal(size=3), rng.uniform(-1.0, 1.0, 6), rng.uniform(-3.0, 3.0)
+        reference = Reference(position=Vec3(*position.tolist()), yaw=float(yaw), joints=tuple(joints.tolist()))
+        wanted = level_tool(vehicle, position[None], np.array([yaw]), joints[None])[0]
+        assert tuple(goal_of(vehicle, reference).tool) == pytest.approx(wanted, abs=1e-14)
 
 
 def test_the_settling_time_is_refused_and_what_there_is_is_told():

@@ -233,6 +233,15 @@ def test_the_integration_step_is_that_of_the_stiffest_episode_whatever_the_chunk
     assert prepare(light).stiffest.world.vehicle.base.mass == values(light, np.arange(50))[MASS].min()
 
 
+def test_friction_of_every_joint_at_once_and_a_payload_count_for_the_stiffest_plant() -> None:
+    every, load = "plant.joints.damping", "plant.payload.mass"
+    study = small_study(vary={every: {"uniform": [0.001, 0.02]}, load: {"uniform": [0.0, 0.05]}})
+    stiffest, drawn = prepare(study).stiffest.world.vehicle, values(study, np.arange(50))
+    assert [link.joint.damping for link in stiffest.links] == [drawn[every].max()] * 2
+    # what hangs on the tip makes the last link slower to stop
+    assert stiffest.mass == study.scenarios["paper_ct"].world.vehicle.mass
+
+
 def test_a_study_without_varied_numbers_flies_other_noise_in_each_episode(tmp_path: Path) -> None:
     noisy = {**document_of_case1(), "sensors": {"position": 0.01}}
     path = tmp_path / "noisy.toml"

@@ -134,10 +134,10 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
     Raises:
         ScenarioError: as :func:`number_at`.
     """
-    changed: Any = scenario
     loads: list[tuple[Any, ...]] = []
     start: dict[str, Any] = {}
     air: dict[str, Any] = {}
+    fields: dict[str, Any] = {}
     for path, value in values.items():
         number_at(scenario, path)
         load = _payload(scenario, path)
@@ -149,11 +149,14 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
             air[path.removeprefix(TURBULENCE)] = value
         else:
             for place in places_of(scenario, path):
-                changed = replaced(changed, place, value)
+                _put(fields, scenario, place, value)
     if air:
-        changed = replaced(changed, ("wind", "turbulence"), _turbulence(scenario, air))
+        _put(fields, scenario, ("wind", "turbulence"), _turbulence(scenario, air))
     for place, frame, mass in loads:
-        changed = replaced(changed, place, part(changed, place).with_payload(mass, frame))
+        held = part(fields.get(place[0], getattr(scenario, place[0])), place[1:])
+        _put(fields, scenario, place, held.with_payload(mass, frame))
+    # a scenario is checked whenever it is made: once
+    changed: Any = dataclasses.replace(scenario, **fields) if fields else scenario
     if any(path.startswith("model.vehicle.rotors") for path in values):
         par = changed.controller.par
         mixer = make_mixer(par.model.vehicle, par.mixer.policy)
@@ -162,6 +165,12 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
         changed = dataclasses.replace(changed, initial=_start(changed, start))
     result: Scenario = changed
     return result
+
+
+def _put(fields: dict[str, Any], scenario: Scenario, place: Place, value: Any) -> None:
+    """Set a number in the changed fields of a scenario, which are its own where nothing changed yet."""
+    record = fields.get(place[0], getattr(scenario, place[0]))
+    fields[place[0]] = replaced(record, place[1:], value)
 
 
 def _with_par(controller: Controller, **fields: Any) -> Controller:
