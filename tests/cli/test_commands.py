@@ -16,6 +16,7 @@ from skyarm.control.presets import PRESETS
 from skyarm.control.registry import LAWS
 from skyarm.simulate import Log
 from skyarm.simulate.scenario_file import list_scenarios
+from skyarm.sweep import list_studies
 from skyarm.vehicle.files import LIBRARY as VEHICLES
 from skyarm.vehicle.files import list_vehicles
 
@@ -55,7 +56,7 @@ def test_every_command_has_help(command: str) -> None:
 
 def test_list_names_everything_shipped() -> None:
     text = succeeded(shell("list"))
-    for name in (*list_vehicles(), *list_scenarios(), *PRESETS, *LAWS):
+    for name in (*list_vehicles(), *list_scenarios(), *list_studies(), *PRESETS, *LAWS):
         assert re.search(rf"\b{name}\b", text), name
     assert "hummingbird_arm2 (model only)" in text
 

@@ -16,11 +16,11 @@ from skyarm.simulate import Window, run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.endings import STATUSES, endings
 from skyarm.simulate.inputs import first_state
-from skyarm.simulate.metrics import Errors, constant_wind, motion, tracking
+from skyarm.simulate.measures import Windows
+from skyarm.simulate.metrics import Errors, calmness, constant_wind, gust, last, motion, tracking
 from skyarm.simulate.monitor import Monitor
 from skyarm.simulate.paths import with_numbers
 from skyarm.simulate.scenario_file import load_scenario, scenario_from
-from skyarm.simulate.totals import Windows
 from skyarm.sweep.design import values
 from skyarm.sweep.plan import at_episode, prepare
 from skyarm.sweep.study import Study
@@ -97,7 +97,7 @@ def test_turbulence_starts_anew_in_every_episode_as_in_a_single_run() -> None:
     air = {"mode": "airspeed", "velocity": [3.0, 0.0, 0.0], "turbulence": {"altitude": 20.0, "wind_20ft": 7.7}}
     text = dict(document_of_case1(), duration=0.5, environment={"wind": air}, sensors={"rate": 0.01})
     scenario = scenario_from(text)
-    windows = Windows(steady_start=0.2, steady_stop=1.0, transient_start=0.0, transient_stop=0.3)
+    windows = Windows(steady=Window(0.2, 1.0), transient=Window(0.0, 0.3))
     batch = Batch(scenario, [MASS], windows=windows, exact=True)
     masses = np.array([0.7, 0.75, 0.7])
     outcome = batch.fly({MASS: masses}, seed=8, episodes=np.array([5, 9, 6]))
@@ -137,7 +137,7 @@ def test_each_ending_has_the_status_and_time_of_a_single_run(
     scenario = scenario_from({**document_of_case1(), **fields}, replaced={"controller": controller, "duration": 1.0})
     if scenario.initial is None:
         scenario = dataclasses.replace(scenario, initial=first_state(scenario))
-    windows = Windows(steady_start=0.8, steady_stop=1.0, transient_start=0.0, transient_stop=0.8)
+    windows = Windows(steady=Window(0.8, 1.0), transient=Window(0.0, 0.8))
     log = run(with_numbers(scenario, numbers))
     assert log.status == status, log.info["cause"]
     outcome = Batch(scenario, list(numbers), windows=windows, single=single_).fly(
@@ -233,6 +233,15 @@ def test_the_integration_step_is_that_of_the_stiffest_episode_whatever_the_chunk
     assert prepare(light).stiffest.world.vehicle.base.mass == values(light, np.arange(50))[MASS].min()
 
 
+def test_friction_of_every_joint_at_once_and_a_payload_count_for_the_stiffest_plant() -> None:
+    every, load = "plant.joints.damping", "plant.payload.mass"
+    study = small_study(vary={every: {"uniform": [0.001, 0.02]}, load: {"uniform": [0.0, 0.05]}})
+    stiffest, drawn = prepare(study).stiffest.world.vehicle, values(study, np.arange(50))
+    assert [link.joint.damping for link in stiffest.links] == [drawn[every].max()] * 2
+    # what hangs on the tip makes the last link slower to stop
+    assert stiffest.mass == study.scenarios["paper_ct"].world.vehicle.mass
+
+
 def test_a_study_without_varied_numbers_flies_other_noise_in_each_episode(tmp_path: Path) -> None:
     noisy = {**document_of_case1(), "sensors": {"position": 0.01}}
     path = tmp_path / "noisy.toml"
@@ -250,3 +259,26 @@ def _toml(table: dict[str, Any]) -> str:
 
 def test_the_document_of_the_small_study_is_complete() -> None:
     assert small_study().document["vary"] == document()["vary"]
+
+
+def test_rows_hold_the_metrics_of_the_study_and_a_varied_reference_is_flown(tmp_path: Path) -> None:
+    radius = "reference.base.radius"
+    windows = {"steady": [0.2, 1.0], "transient": [0.0, 0.3], "gust": [0.1, 0.9], "last": 0.4}
+    fields: dict[str, Any] = {
+        "vary": {radius: {"uniform": [0.1, 0.5]}, "reference.base.start": {"list": [0.1, 0.4]}},
+        "metrics": ["gust", "rotor_jitter", "ee_error_last_mean_continuous"],
+        "windows": windows,
+        "controllers": ["paper_ct"],
+        "episodes": 8,
+        "precision": "exact",
+    }
+    rows, study = flown(tmp_path, **fields)["paper_ct"], small_study(**fields)
+    assert list(rows)[2:4] == list(study.paths)
+    assert list(rows)[4:-2] == list(study.metrics)
+    for episode in (0, 5):
+        log = single(study, "paper_ct", rows, episode)
+        wanted = {f"gust_{k}": v for k, v in gust(log, Errors.held(log), Window(0.1, 0.9)).items()}
+        wanted |= calmness(log, Errors.held(log), STEADY)
+        wanted["ee_error_last_mean_continuous"] = last(log, Errors.continuous(log), 0.4)["ee_error_last_mean"]
+        for name in set(study.metrics) & set(wanted):
+            assert rows[name][episode] == pytest.approx(wanted[name], rel=1e-12), name

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Mapping
 from typing import Any
 
@@ -51,7 +52,10 @@ def headline(results: Mapping[str, Any]) -> RenderableType:
 
 
 def library() -> RenderableType:
-    """Vehicles, scenarios and controllers there are."""
+    """Vehicles, scenarios, studies and controllers there are."""
+    from skyarm.sweep.study_file import LIBRARY as STUDIES
+    from skyarm.sweep.study_file import list_studies
+
     vehicles = table_of("vehicle", "mass, kg", "rotors", "joints")
     for name in list_vehicles():
         v = load_vehicle(name)
@@ -60,13 +64,17 @@ def library() -> RenderableType:
     scenarios = table_of("scenario", "what", left=2)
     for name in list_scenarios():
         add(scenarios, name, load_scenario(name).title)
+    studies = table_of("study (skyarm sweep NAME)", "what", left=2)
+    for name in list_studies():
+        # its title alone: reading the study would read its scenario, too
+        add(studies, name, str(tomllib.loads((STUDIES / f"{name}.toml").read_text("utf-8")).get("title", "")))
     presets, laws = table_of("controller preset (published gains)"), table_of("control law", "what", left=2)
     for name in sorted(PRESETS):
         add(presets, name)
     for name, entry in LAWS.items():
         add(laws, name, entry.title)
     gap = Text("")
-    return Group(vehicles, gap, scenarios, gap, presets, gap, laws)
+    return Group(vehicles, gap, scenarios, gap, studies, gap, presets, gap, laws)
 
 
 def vehicle_sheet(vehicle: Vehicle, gravity: float) -> RenderableType:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.compile import Program, leaves, rebuild, trace
+from skyarm.compile.arrays import evaluate
 from skyarm.dynamics import State
 from skyarm.environment import Airspeed, WindSample, dryden, wind
 from skyarm.plant.interface import number
@@ -42,7 +43,9 @@ class EpisodeInputs:
     @property
     def reference(self) -> Reference:
         """The continuous reference, as a record of arrays."""
-        return _sampled(self.scenario, self.times)
+        program = _motion(self.scenario)
+        sampled: Reference = program.record(list(evaluate(program, [self.times], self.scenario.steps)))
+        return sampled
 
     @cached_property
     def held(self) -> Array:
@@ -108,19 +111,19 @@ def first_state(scenario: Scenario) -> State:
 
 
 def episode_inputs(scenario: Scenario) -> EpisodeInputs:
-    """Tables of everything that does not depend on the flight."""
+    """Tables of everything that does not depend on the flight, with the bits of Python floats, not of NumPy's sine."""
     ticks, rates = np.arange(scenario.steps), scenario.rates
     # k / rate, not k * period: 1500 * 0.005 is not 7.5 in binary, and a gust must start on its tick
     times = ticks / rates.control
-    held_times = Publisher(control_rate=rates.control, reference_rate=rates.reference).held_time(ticks)
-    return EpisodeInputs(scenario, times, _sampled(scenario, held_times))
+    publisher = Publisher(control_rate=rates.control, reference_rate=rates.reference)
+    program = _motion(scenario)
+    samples = evaluate(program, [times], scenario.steps)
+    return EpisodeInputs(scenario, times, program.record(list(samples[:, publisher.held_tick(ticks)])))
 
 
-def _sampled(scenario: Scenario, times: Any) -> Reference:
-    """The scenario's reference at these times."""
-    # an absurd reference overflows to inf or NaN and ends the episode as diverged, without a warning here
-    with np.errstate(all="ignore"):
-        return scenario.trajectory.at(times)
+def _motion(scenario: Scenario) -> Program:
+    """The reference at a time; an absurd one overflows to inf or NaN and ends the episode as diverged."""
+    return trace(lambda clock: scenario.trajectory.at(clock[0]), (0.0,))
 
 
 def _rows(record: Any, count: int) -> Array:
@@ -142,11 +145,11 @@ def _wind_program(scenario: Scenario) -> Program:
 
 
 def _wind(scenario: Scenario, times: Any) -> WindSample:
-    """Wind as a record of arrays; in Python floats, whose cosine is that of every engine and not NumPy's."""
+    """Wind as a record of arrays."""
     program, gusts = _wind_program(scenario), _turbulence(scenario)
-    rows = [program.flat((time, *leaves(gust))) for time, gust in zip(times.tolist(), gusts, strict=True)]
-    sample: WindSample = program.record(rows[0])
-    return rebuild(sample, iter(np.array(rows, dtype=float).reshape(len(rows), -1).T))
+    columns = list(zip(*(leaves(gust) for gust in gusts), strict=True))
+    sample: WindSample = program.record(list(evaluate(program, [times, *columns], len(gusts))))
+    return sample
 
 
 def _turbulence(scenario: Scenario) -> list[Vec3]:

@@ -17,6 +17,9 @@ from skyarm.sweep.design import extremes
 from skyarm.sweep.identity import identity
 from skyarm.sweep.study import Study, StudyError
 
+PLANT = ("plant.vehicle.", "plant.joints.", "plant.payload.")
+"""Beginnings of the paths on which the plant's joint friction depends."""
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -40,6 +43,7 @@ class Plan:
             label: Batch(
                 scenario,
                 study.paths,
+                metrics=study.metrics,
                 windows=study.windows,
                 single=study.precision == "single",
                 exact=study.precision == "exact",
@@ -85,7 +89,7 @@ def _stiffest(study: Study, scenario: Scenario, ends: Mapping[str, tuple[float, 
     rate = friction_rate(scenario.world.vehicle)
     best, best_rate = scenario, rate
     for path, pair in ends.items():
-        if not path.startswith("plant.vehicle."):
+        if not path.startswith(PLANT):
             continue
         for value in pair:
             single = _changed(study, scenario, path, value)

@@ -55,7 +55,7 @@ def fly_chunk(plan: Plan, batches: Mapping[str, Batch], index: int, threads: int
             "controller": _words(pa, np.full(len(episodes), position), list(batches)),
             **{path: np.asarray(column, dtype=float) for path, column in drawn.items()},
             **{name: np.asarray(column, dtype=float) for name, column in outcome.metrics.items()},
-            "status": _words(pa, np.array([STATUSES.index(status) for status in outcome.status]), list(STATUSES)),
+            "status": _words(pa, _places(outcome.status), list(STATUSES)),
             "end_time": outcome.end_time,
         }
         tables.append(pa.table(columns))
@@ -63,6 +63,11 @@ def fly_chunk(plan: Plan, batches: Mapping[str, Batch], index: int, threads: int
     sink = io.BytesIO()
     pq.write_table(table, sink, compression="zstd", use_dictionary=["controller", "status"])
     return sink.getvalue()
+
+
+def _places(status: Any) -> Any:
+    """Number of each status in ``STATUSES``."""
+    return np.argmax([status == word for word in STATUSES], axis=0)
 
 
 def _words(pa: Any, indices: Any, words: list[str]) -> Any:
