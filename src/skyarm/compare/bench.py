@@ -30,7 +30,8 @@ def perform(
     """Cells by (condition, case, entrant).
 
     Args:
-        entrants, conditions: what flies and under what.
+        entrants: what flies, in order.
+        conditions: under what.
         folder: of the cells; an interrupted bench goes on where it stopped.
         seed: of plants and noise.
         plant: "rigid_body", or "mujoco", which flies one episode after the other.

@@ -114,7 +114,7 @@ class Cells:
     def put(self, flights: Flights, cell: Cell) -> None:
         """Keep a cell."""
         stream = io.BytesIO()
-        arrays = {f"metric.{name}": values for name, values in cell.metrics.items()}
+        arrays: dict[str, Any] = {f"metric.{name}": values for name, values in cell.metrics.items()}
         np.savez_compressed(stream, identity=np.array(key(flights)), status=cell.status, **arrays)
         write_atomically(self._path(flights), stream.getvalue())
 

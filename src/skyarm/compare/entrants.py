@@ -40,3 +40,8 @@ class Entrant:
         if noisy and "delay" in LAWS[self.law].options():
             options["delay"] = DELAY
         return make_controller(self.law, model, **options)
+
+    @property
+    def title(self) -> str:
+        """The law in one line."""
+        return LAWS[PRESETS[self.law].law if self.law in PRESETS else self.law].title

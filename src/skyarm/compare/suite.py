@@ -50,9 +50,7 @@ class Case:
         world = found.world
         if self.payload:
             world = dataclasses.replace(world, vehicle=world.vehicle.with_payload(self.payload))
-        return dataclasses.replace(
-            found, name=self.name, wind=turned(blowing, self.wind), world=world, ground=GROUND
-        )
+        return dataclasses.replace(found, name=self.name, wind=turned(blowing, self.wind), world=world, ground=GROUND)
 
 
 def turned(wind: RotorsForce, angle: float) -> RotorsForce:
@@ -133,7 +131,8 @@ def conditions(plants: int = 1000, seeds: int = 8) -> dict[str, Condition]:
     """The columns of the suite.
 
     Args:
-        plants: perturbed plants. seeds: noisy flights of the truth.
+        plants: perturbed plants.
+        seeds: noisy flights of the truth.
     """
     every = tuple(CASES)
     found = (

@@ -40,9 +40,7 @@ def truth_rows(
     return rows
 
 
-def plants_rows(
-    summaries: Mapping[str, Any], entrants: Mapping[str, Entrant], cases: Sequence[str]
-) -> list[list[str]]:
+def plants_rows(summaries: Mapping[str, Any], entrants: Mapping[str, Entrant], cases: Sequence[str]) -> list[list[str]]:
     """One row per entrant: success with its interval and tip error (mean, 95th percentile) of each case."""
     rows = []
     for name in entrants:
@@ -55,17 +53,22 @@ def plants_rows(
             low, high = found["success_interval"]
             spread = found["metrics"].get(SUCCESS_METRIC)
             cells.append(f"{found['success_rate']:.1%} [{low:.1%}, {high:.1%}]")
-            cells.append(
-                DASH if spread is None else f"{number(spread['mean'] * 1e3)} / {number(spread['p95'] * 1e3)}"
-            )
+            cells.append(DASH if spread is None else f"{number(spread['mean'] * 1e3)} / {number(spread['p95'] * 1e3)}")
         if any(cell != DASH for cell in cells):
             rows.append([name, *cells])
     return rows
 
 
-def report(
-    found: Mapping[str, Any], entrants: Mapping[str, Entrant], conditions: Mapping[str, Condition]
-) -> str:
+def step_rows(found: Mapping[str, Any]) -> list[list[str]]:
+    """One row per law: median and 99th percentile of a control step, microseconds."""
+    times = found.get("step_times") or {}
+    return [
+        [name, *(DASH,) * 2] if each is None else [name, f"{each['p50_us']:.2f}", f"{each['p99_us']:.2f}"]
+        for name, each in times.items()
+    ]
+
+
+def report(found: Mapping[str, Any], entrants: Mapping[str, Entrant], conditions: Mapping[str, Condition]) -> str:
     """Every table, one section per condition.
 
     Args:
@@ -84,16 +87,10 @@ def report(
             parts.append(markdown(head, plants_rows(summaries, entrants, condition.cases)))
             continue
         columns = WRONG if condition.change else TRACKING
-        parts.append(
-            markdown(["law", *(c.head for c in columns)], truth_rows(summaries, entrants, columns))
-        )
+        parts.append(markdown(["law", *(c.head for c in columns)], truth_rows(summaries, entrants, columns)))
         rows = truth_rows(summaries, entrants, COST)
         parts.append(markdown(["law", *(c.head for c in COST)], rows))
-    times = found.get("step_times") or {}
-    rows = [
-        [name, *(DASH,) * 2] if each is None else [name, f"{each['p50_us']:.2f}", f"{each['p99_us']:.2f}"]
-        for name, each in times.items()
-    ]
+    rows = step_rows(found)
     if rows:
         parts.append("## One control step, microseconds\n\n" + markdown(["law", "median", "99 %"], rows))
     parts.append("## Cases\n\n" + "\n".join(f"* {case.name}: {case.title}" for case in CASES.values()))
