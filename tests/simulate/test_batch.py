@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from simulate_flights import document
 
-from skyarm.simulate import run
+from skyarm.simulate import Window, run
 from skyarm.simulate.batch import Batch
+from skyarm.simulate.measures import Windows
 from skyarm.simulate.paths import with_numbers
-from skyarm.simulate.scenario import ScenarioError
 from skyarm.simulate.scenario_file import scenario_from
-from skyarm.simulate.totals import Windows
 
 NOISE = {"position": 0.003, "velocity": 0.02, "attitude": 0.004, "rate": 0.03, "joint_rates": 0.02, "rotor_speeds": 1.0}
 MASS, GAIN, DAMPING = (
@@ -22,7 +21,7 @@ MASS, GAIN, DAMPING = (
     "plant.vehicle.links.link1.joint.damping",
 )
 PATHS = (MASS, GAIN, DAMPING)
-WINDOWS = Windows(steady_start=0.5, steady_stop=1.0, transient_start=0.0, transient_stop=0.5)
+WINDOWS = Windows(steady=Window(0.5, 1.0), transient=Window(0.0, 0.5))
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -137,8 +136,3 @@ def test_every_lane_flies_through_turbulence_of_its_own():
         alone = run(dataclasses.replace(scenario, episode=k, duration=0.205))
         assert [float(c[k]) for c in outcome.state.position] == alone.position[-1].tolist()
     assert len(set(outcome.state.position.x.tolist())) == 3
-
-
-def test_the_reference_cannot_vary_from_lane_to_lane(scenario):
-    with pytest.raises(ScenarioError, match="the reference is shared by all lanes"):
-        Batch(scenario, ("reference.z.value",))

@@ -48,7 +48,7 @@ def _at(record: Any, k: int) -> Any:
 def slow_loop(scenario: Scenario) -> tuple[list[State], list[Command]]:
     """Fly with plain floats: 200 Hz control, 50 Hz reference, RK4 over each stretch of one command."""
     ticks = np.arange(scenario.steps)
-    held = scenario.trajectory.at((ticks - ticks % 4) / 200)
+    held = [scenario.trajectory.at((k - k % 4) / 200) for k in range(scenario.steps)]
     blowing = scenario.wind.sample(ticks / 200)
     world, controller = scenario.world, scenario.controller
     n, rotors = world.vehicle.n, len(world.vehicle.rotors)
@@ -68,7 +68,7 @@ def slow_loop(scenario: Scenario) -> tuple[list[State], list[Command]]:
         noise = tuple(float(d) for d in draws[k]) if draws is not None else (0,) * (15 + 2 * n + rotors)
         readings.append(measure(scenario.sensors, k / 200, x, Vec3(*base.linear), noise))
         reading = readings[max(0, k - late_readings)]
-        memory, command = controller.law(memory, reading, _at(held, k), 0.005, par=controller.par)
+        memory, command = controller.law(memory, reading, held[k], 0.005, par=controller.par)
         states.append(x)
         commands.append(command)
         acting += [command] * 5

@@ -16,11 +16,11 @@ from skyarm.simulate import Window, run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.endings import STATUSES, endings
 from skyarm.simulate.inputs import first_state
+from skyarm.simulate.measures import Windows
 from skyarm.simulate.metrics import Errors, constant_wind, motion, tracking
 from skyarm.simulate.monitor import Monitor
 from skyarm.simulate.paths import with_numbers
 from skyarm.simulate.scenario_file import load_scenario, scenario_from
-from skyarm.simulate.totals import Windows
 from skyarm.sweep.design import values
 from skyarm.sweep.plan import at_episode, prepare
 from skyarm.sweep.study import Study
@@ -97,7 +97,7 @@ def test_turbulence_starts_anew_in_every_episode_as_in_a_single_run() -> None:
     air = {"mode": "airspeed", "velocity": [3.0, 0.0, 0.0], "turbulence": {"altitude": 20.0, "wind_20ft": 7.7}}
     text = dict(document_of_case1(), duration=0.5, environment={"wind": air}, sensors={"rate": 0.01})
     scenario = scenario_from(text)
-    windows = Windows(steady_start=0.2, steady_stop=1.0, transient_start=0.0, transient_stop=0.3)
+    windows = Windows(steady=Window(0.2, 1.0), transient=Window(0.0, 0.3))
     batch = Batch(scenario, [MASS], windows=windows, exact=True)
     masses = np.array([0.7, 0.75, 0.7])
     outcome = batch.fly({MASS: masses}, seed=8, episodes=np.array([5, 9, 6]))
@@ -137,7 +137,7 @@ def test_each_ending_has_the_status_and_time_of_a_single_run(
     scenario = scenario_from({**document_of_case1(), **fields}, replaced={"controller": controller, "duration": 1.0})
     if scenario.initial is None:
         scenario = dataclasses.replace(scenario, initial=first_state(scenario))
-    windows = Windows(steady_start=0.8, steady_stop=1.0, transient_start=0.0, transient_stop=0.8)
+    windows = Windows(steady=Window(0.8, 1.0), transient=Window(0.0, 0.8))
     log = run(with_numbers(scenario, numbers))
     assert log.status == status, log.info["cause"]
     outcome = Batch(scenario, list(numbers), windows=windows, single=single_).fly(

@@ -96,7 +96,7 @@ def run(
 
 @app.command(name="list")
 def list_() -> None:
-    """List vehicles, scenarios, controllers."""
+    """List vehicles, scenarios, studies, controllers."""
     from skyarm.cli.show import library
 
     console.print(library(), soft_wrap=True)

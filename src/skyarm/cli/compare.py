@@ -52,9 +52,7 @@ def compare(
     folder = require_writable(out or Path("out") / "compare")
     require_writable(folder / "cells")
     with bar(suite, console) as advance:
-        cells = perform(
-            entrants, flown, folder / "cells", seed=seed, plant=plant, threads=threads, progress=advance
-        )
+        cells = perform(entrants, flown, folder / "cells", seed=seed, plant=plant, threads=threads, progress=advance)
     found: dict[str, Any] = {"schema": 1, "suite": suite, "seed": seed, "plant": plant, "summaries": table(cells)}
     found["step_times"] = step_times(entrants, next(iter(flown.values())))
     _write(folder, found, entrants, flown)

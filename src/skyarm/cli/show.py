@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Mapping
 from typing import Any
 
@@ -100,7 +101,10 @@ def episode(log: Log) -> RenderableType:
 
 
 def library() -> RenderableType:
-    """Vehicles, scenarios and controllers there are."""
+    """Vehicles, scenarios, studies and controllers there are."""
+    from skyarm.sweep.study_file import LIBRARY as STUDIES
+    from skyarm.sweep.study_file import list_studies
+
     vehicles = _table("vehicle", "mass, kg", "rotors", "joints")
     for name in list_vehicles():
         v = load_vehicle(name)
@@ -109,13 +113,17 @@ def library() -> RenderableType:
     scenarios = _table("scenario", "what", left=2)
     for name in list_scenarios():
         _rows(scenarios, name, load_scenario(name).title)
+    studies = _table("study (skyarm sweep NAME)", "what", left=2)
+    for name in list_studies():
+        # its title alone: reading the study would read its scenario, too
+        _rows(studies, name, str(tomllib.loads((STUDIES / f"{name}.toml").read_text("utf-8")).get("title", "")))
     presets, laws = _table("controller preset (published gains)"), _table("control law", "what", left=2)
     for name in sorted(PRESETS):
         _rows(presets, name)
     for name, entry in LAWS.items():
         _rows(laws, name, entry.title)
     gap = Text("")
-    return Group(vehicles, gap, scenarios, gap, presets, gap, laws)
+    return Group(vehicles, gap, scenarios, gap, studies, gap, presets, gap, laws)
 
 
 def vehicle_sheet(vehicle: Vehicle, gravity: float) -> RenderableType:

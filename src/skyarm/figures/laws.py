@@ -46,9 +46,7 @@ def laws_figure(
         error_label: of the axis of errors.
         share_label: of the axis of shares.
     """
-    figure = Figure(
-        figsize=(WIDTH, MARGIN + ROW * len(names)), layout=ConstrainedLayoutEngine(w_pad=0.04, h_pad=0.04)
-    )
+    figure = Figure(figsize=(WIDTH, MARGIN + ROW * len(names)), layout=ConstrainedLayoutEngine(w_pad=0.04, h_pad=0.04))
     figure.set_facecolor("white")
     FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2, sharey=True, gridspec_kw={"width_ratios": [3, 2]})
@@ -70,7 +68,13 @@ def _errors(ax: Axes, errors: Mapping[str, Sequence[float | None]], label: str) 
     ax.set_xscale("log")
     ax.xaxis.set_major_formatter(ScalarFormatter())
     ax.set_xlabel(label, fontsize=style.SMALL_SIZE, family=style.FONT)
-    ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, frameon=False, prop={"size": style.SMALL_SIZE, "family": style.FONT})
+    ax.legend(
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=3,
+        frameon=False,
+        prop={"size": style.SMALL_SIZE, "family": style.FONT},
+    )
 
 
 def _shares(ax: Axes, shares: Sequence[Share | None], label: str) -> None:

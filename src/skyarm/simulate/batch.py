@@ -1,4 +1,4 @@
-"""Many episodes of one scenario in machine code: other numbers per lane, metrics counted on the fly, no log."""
+"""Many episodes of one scenario in machine code: other numbers per lane, metrics counted on the fly."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Vec3
-from skyarm.compile import leaves, rebuild, trace
+from skyarm.compile import rebuild, trace
+from skyarm.compile.arrays import evaluate
 from skyarm.compile.llvm_text import Lanes
 from skyarm.compile.loop import trace_loop
 from skyarm.compile.native import Kernel, host_width
@@ -19,22 +20,23 @@ from skyarm.dynamics import State
 from skyarm.environment import Airspeed, dryden
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.scalars.philox import normal
+from skyarm.simulate.batch_log import BatchLog, Logged, batch_log
+from skyarm.simulate.batch_rows import Feed
 from skyarm.simulate.closed_loop import (
     CHANNEL_TURBULENCE,
     Carry,
-    Row,
-    Sample,
     draws_needed,
     make_counting_period,
     structure_of,
 )
 from skyarm.simulate.endings import endings
 from skyarm.simulate.inputs import episode_inputs
-from skyarm.simulate.kinematics import level_tool
+from skyarm.simulate.measures import Windows, metric_names, needed
+from skyarm.simulate.measures import values as metric_values
 from skyarm.simulate.native import first_carry
 from skyarm.simulate.paths import number_at, with_numbers
-from skyarm.simulate.scenario import Scenario, ScenarioError
-from skyarm.simulate.totals import Totals, Windows, metrics, nothing_yet
+from skyarm.simulate.scenario import Scenario
+from skyarm.simulate.totals import first_totals
 
 Array = npt.NDArray[Any]
 
@@ -48,6 +50,7 @@ class Outcome:
         completed: True where the episode flew its whole duration. end_time: s.
         status: "completed", or why it ended (:mod:`skyarm.simulate.endings`).
         state: the last one of each lane.
+        log: of a batch that keeps one, else None.
     """
 
     metrics: dict[str, Array]
@@ -55,6 +58,7 @@ class Outcome:
     end_time: Array
     status: Array
     state: State
+    log: BatchLog | None = None
 
 
 class Batch:
@@ -63,9 +67,13 @@ class Batch:
     Args:
         scenario: on the rigid-body plant; its other numbers are constants of the code.
         paths: numbers that differ from lane to lane (:mod:`skyarm.simulate.paths`).
+        metrics: names and groups of :mod:`skyarm.simulate.measures`; what is not asked for costs nothing.
         windows: of the metrics. single: 32-bit floats. exact: every lane equals the Python floats bit for bit; else a
             multiplication and an addition may be rounded once.
         stiffest: a scenario with the stiffest joint friction of the batch, which fixes the integration steps.
+        log_every: keep state, command and reference of each so many control periods; 0 keeps none. A sample takes
+            8 bytes (4 if single) a number, 14 + 3 joints + 2 rotors + the reference's: 0.3 to 0.5 kB for two joints and
+            four rotors. All of it is there twice while it is sorted.
     """
 
     def __init__(
@@ -73,49 +81,50 @@ class Batch:
         scenario: Scenario,
         paths: Sequence[str] = (),
         *,
+        metrics: Sequence[str] = ("standard",),
         windows: Windows | None = None,
         single: bool = False,
         exact: bool = False,
         stiffest: Scenario | None = None,
         width: int | None = None,
+        log_every: int = 0,
     ) -> None:
         self.scenario, self.paths, self.windows = scenario, tuple(paths), windows or Windows()
-        if any(path.startswith("reference.") for path in paths):
-            raise ScenarioError("paths: the reference is shared by all lanes; vary anything else")
+        self.names = metric_names(metrics, scenario.world.vehicle.n)
         self.base = np.array([number_at(scenario, path) for path in paths])
+        self._wanted = needed(self.names, scenario.world.vehicle.n)
+        self._log_every = log_every
         inputs = episode_inputs(scenario)
         step_s = 1.0 / scenario.rates.physics
         plant = RigidBodyPlant((stiffest or scenario).world, inputs.wind_example, scenario.integrator, step_s)
-        held = inputs.held_reference.dense()
-        table = [np.broadcast_to(np.asarray(c, dtype=float), (scenario.steps,)) for c in held.position]
-        joints = [np.broadcast_to(np.asarray(c, dtype=float), (scenario.steps,)) for c in held.joints]
-        self._goals = np.stack(table, axis=1)
-        yaw = np.broadcast_to(np.asarray(held.yaw, dtype=float), (scenario.steps,))
-        goal = level_tool(
-            scenario.world.vehicle,
-            self._goals,
-            yaw,
-            np.stack(joints, axis=1) if joints else np.zeros((scenario.steps, 0)),
-        )
-        self.rows = np.column_stack([inputs.times, np.array(inputs.held).reshape(scenario.steps, -1), goal])
-        row = Row(time=0.0, reference=inputs.reference_example, tool=Vec3(0.0, 0.0, 0.0))
+        self._masks = self.windows.masks(inputs.times, scenario.duration)
+        used = dict.fromkeys(window for _, window, _ in self._wanted)
+        self._feed = Feed(scenario, self.paths, inputs, {name: self._masks[name] for name in used})
+        self.rows = self._feed.rows
         self._gusty = isinstance(scenario.wind, Airspeed) and scenario.wind.turbulence is not None
         self._first = trace(self._start, tuple(self.base.tolist()), (0.0,) * (6 * self._gusty))
-        totals = nothing_yet(scenario.world.vehicle.n)
-        self._example: tuple[Carry, Totals] = (first_carry(scenario), totals)
+        self._example: tuple[Carry, tuple[Any, ...]] = (first_carry(scenario), first_totals(self._wanted))
 
-        def step(both: Any, values: tuple[Any, ...], fed: Row, uniforms: Any) -> tuple[Any, Sample]:
-            varied = with_numbers(scenario, dict(zip(self.paths, values, strict=True)))
-            return make_counting_period(varied, plant.substeps, self.windows)(both, fed, uniforms)
+        def step(both: Any, values: tuple[Any, ...], fed: Any, uniforms: Any) -> tuple[Any, Any]:
+            varied = self._varied(values)
+            row, goals, inside = self._feed.read(varied, fed)
+            period = make_counting_period(varied, plant.substeps, self._wanted)
+            following, sample = period(both, row, goals, inside, uniforms)
+            kept = Logged(alive=sample.alive, state=sample.state, command=sample.command, reference=row.reference)
+            return following, kept if log_every else ()
 
-        draws = draws_needed(scenario)
-        loop = trace_loop(step, structure_of(self._example), tuple(self.base.tolist()), row, draws, loops=True)
+        example, fed = structure_of(self._example), self._feed.example
+        loop = trace_loop(step, example, tuple(self.base.tolist()), fed, draws_needed(scenario), loops=True)
+        self._logged = loop.result[1]
         lanes = Lanes(width or host_width(single=single), single=single, contract=not exact)
-        self.kernel = Kernel(loop, lanes)
+        self.kernel = Kernel(loop, lanes, logging=log_every > 0)
+
+    def _varied(self, values: Sequence[Any]) -> Scenario:
+        return with_numbers(self.scenario, dict(zip(self.paths, values, strict=True)))
 
     def _start(self, values: tuple[Any, ...], draws: tuple[Any, ...]) -> Any:
         """First carry of a lane; six normal numbers start its turbulence."""
-        varied = with_numbers(self.scenario, dict(zip(self.paths, values, strict=True)))
+        varied = self._varied(values)
         carry = first_carry(varied)
         if not isinstance(varied.wind, Airspeed) or varied.wind.turbulence is None:
             return carry
@@ -130,9 +139,7 @@ class Batch:
             # steps -1 and -2 of the channel, as in a single run
             draws = normal(seed, episodes[:, None], CHANNEL_TURBULENCE, np.array([2**32 - 1, 2**32 - 2]), 3)
             columns += [*draws.reshape(-1, 6).T]
-        if not columns:
-            return np.repeat(np.array(self._first.flat(()))[:, None], len(episodes), axis=1)
-        return np.array([self._first.flat(lane) for lane in np.stack(columns, axis=1).tolist()]).T
+        return evaluate(self._first, columns, len(episodes))
 
     def fly(
         self, values: Mapping[str, Array], *, seed: int = 0, episodes: Array | None = None, threads: int = 1
@@ -149,38 +156,36 @@ class Batch:
         count = columns[0].size if columns else 1 if episodes is None else len(episodes)
         parameters = np.stack(columns) if columns else np.zeros((0, count))
         keys = np.arange(count) if episodes is None else np.asarray(episodes)
-        totals = np.repeat(np.array(leaves(self._example[1]))[:, None], count, axis=1)
+        totals = np.repeat(np.array(self._example[1])[:, None], count, axis=1)
         limit = np.finfo(self.kernel.dtype).max
-        carry, _ = self.kernel.run(
+        carry, log = self.kernel.run(
             np.clip(np.vstack([self._starts(parameters, seed, keys), totals]), -limit, limit),
             parameters,
             self.rows,
             seed=seed,
             episodes=keys,
             threads=threads,
+            every=max(1, self._log_every),
         )
-        ended: tuple[Carry, Totals] = rebuild(self._example, iter(list(carry.astype(float))))
-        ticks = np.asarray(ended[0].ticks)
+        ended = rebuild(self._example, iter(list(carry.astype(float))))
+        ticks = np.asarray(ended[0].ticks).astype(int)
         completed = ticks >= self.scenario.steps
-        goals = self._goals[np.minimum(ticks.astype(int), self.scenario.steps - 1)]
+        named = dict(zip(self.paths, columns, strict=True))
+        goals = self._feed.goals(named, np.minimum(ticks, self.scenario.steps - 1))
         return Outcome(
             metrics=self._metrics(ended[1], ticks),
             completed=completed,
             # k / rate, not k * period, as the clock of a single run
             end_time=ticks / self.scenario.rates.control,
-            status=endings(
-                self.scenario, dict(zip(self.paths, columns, strict=True)), ended[0].state, goals, ~completed
-            ),
+            status=endings(self.scenario, named, ended[0].state, goals, ~completed),
             state=ended[0].state,
+            log=batch_log(self._logged, log, self._feed.times[:: self._log_every]) if self._log_every else None,
         )
 
-    def _metrics(self, totals: Totals, ticks: Array) -> dict[str, Array]:
-        """Metrics; NaN where no instant fell into their window."""
-        rate = self.scenario.rates.control
-        with np.errstate(all="ignore"):
-            found = {name: np.asarray(value) for name, value in metrics(totals, 1.0 / rate).items()}
-        steady = np.asarray(totals.count) > 0.5
-        early = (ticks > 0.5) & ((ticks - 1.0) / rate >= self.windows.transient_start)
-        always = np.ones_like(steady)
-        seen = {"peak_pitch": early, "peak_position": early, "iae_position": always, "iae_joint": always}
-        return {name: np.where(seen.get(name, steady), value, np.nan) for name, value in found.items()}
+    def _metrics(self, totals: tuple[Array, ...], ticks: Array) -> dict[str, Array]:
+        """Metrics of each lane."""
+        # an episode's instants are the first of the clock: how many of them lie in a window is a table
+        instants = {name: np.append(0, np.cumsum(mask))[ticks] for name, mask in self._masks.items()}
+        held = dict(zip(self._wanted, totals, strict=True))
+        joints, period = self.scenario.world.vehicle.n, 1.0 / self.scenario.rates.control
+        return metric_values(self.names, held, instants, joints, period)

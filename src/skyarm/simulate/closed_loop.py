@@ -6,7 +6,7 @@ let the commands that have arrived act for one period. An episode that has ended
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
@@ -20,11 +20,12 @@ from skyarm.environment import Airspeed, DrydenMemory, WindSample, dryden, wind
 from skyarm.plant.rigid_body import STEP, accelerate
 from skyarm.plant.sensors import measure, noise_count
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar, absolute, logical_and, where
+from skyarm.scalars import Scalar, absolute, cos, logical_and, sin, where
 from skyarm.scalars.philox import normal_pair
 from skyarm.simulate.monitor import FAR, LOST, lowest_point
 from skyarm.simulate.scenario import Scenario
-from skyarm.simulate.totals import Instant, Totals, Windows, counted, distance, joint_norm, roll_and_pitch
+from skyarm.simulate.totals import Goal, Instant, Total, counted
+from skyarm.vehicle.records import Vehicle
 
 CHANNEL_SENSORS, CHANNEL_TURBULENCE = 0, 1
 
@@ -52,11 +53,10 @@ class Carry:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Row:
-    """What a control instant is fed from outside: its time, the held reference and where that puts a level tool."""
+    """What a control instant is fed from outside: its time and the held reference."""
 
     time: Scalar
     reference: Reference
-    tool: Vec3 = ZERO3
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -174,33 +174,59 @@ def make_period(scenario: Scenario, substeps: Callable[[float], int]) -> Period:
 
 
 def make_counting_period(
-    scenario: Scenario, substeps: Callable[[float], int], windows: Windows
-) -> Callable[[tuple[Carry, Totals], Row, tuple[Any, ...]], tuple[tuple[Carry, Totals], Sample]]:
-    """The function of one control period that also counts the metrics of a living episode."""
+    scenario: Scenario, substeps: Callable[[float], int], wanted: Sequence[Total]
+) -> Callable[..., tuple[tuple[Carry, tuple[Any, ...]], Sample]]:
+    """The function of one control period that also counts totals of a living episode.
+
+    It takes (carry, totals), the row, the held and the continuous goal, the windows the instant lies in (name ->
+    condition), and the uniform numbers.
+    """
     period = make_period(scenario, substeps)
     vehicle = scenario.world.vehicle
-    frame = vehicle.frame(vehicle.end_effector) if vehicle.end_effector else None
 
-    def step(both: tuple[Carry, Totals], row: Row, uniforms: tuple[Any, ...]) -> tuple[tuple[Carry, Totals], Sample]:
+    def step(
+        both: tuple[Carry, tuple[Any, ...]],
+        row: Row,
+        goals: tuple[Goal, Goal],
+        inside: Mapping[str, Any],
+        uniforms: tuple[Any, ...],
+    ) -> tuple[tuple[Carry, tuple[Any, ...]], Sample]:
         carry, totals = both
         following, sample = period(carry, row, uniforms)
-        state, wanted = sample.state, row.reference
-        tool = state.position
-        if frame is not None:
-            tool = tool + state.quaternion.rotation().apply(frame_pose(vehicle, frame, state.joints).p)
-        roll, pitch = roll_and_pitch(state.quaternion)
+        state, command = sample.state, sample.command
+        first = carry.ticks < 0.5
+        pairs = zip(command.rotor_speeds, carry.queue[-1].rotor_speeds, strict=True)
         now = Instant(
-            position=distance(state.position, wanted.position),
-            joint=joint_norm(state.joints, wanted.joints),
-            tool=distance(tool, row.tool),
-            roll=roll,
-            pitch=pitch,
-            efforts=sample.command.efforts,
+            state=state,
+            tool=tool_of(vehicle, state),
+            command=command,
+            before=tuple(where(first, new, old) for new, old in pairs),
+            held=goals[0],
+            continuous=goals[1],
         )
         alive = sample.alive > 0.5
-        return (following, blend(alive, counted(totals, now, row.time, windows), totals)), sample
+        counts = {name: alive if within is True else logical_and(alive, within) for name, within in inside.items()}
+        return (following, counted(totals, wanted, now, counts)), sample
 
     return step
+
+
+def tool_of(vehicle: Vehicle, state: State) -> Vec3:
+    """World position of the end effector; of the base origin if the vehicle has none."""
+    if not vehicle.end_effector:
+        return state.position
+    held = frame_pose(vehicle, vehicle.frame(vehicle.end_effector), state.joints).p
+    return state.position + state.quaternion.rotation().apply(held)
+
+
+def goal_of(vehicle: Vehicle, reference: Reference) -> Goal:
+    """What a reference wants; its tool is that of the level vehicle, p_d + R_z(psi_d) p_e(th_d)."""
+    tool = reference.position
+    if vehicle.end_effector:
+        held = frame_pose(vehicle, vehicle.frame(vehicle.end_effector), reference.joints).p
+        c, s = cos(reference.yaw), sin(reference.yaw)
+        tool = tool + Vec3(c * held.x - s * held.y, s * held.x + c * held.y, held.z)
+    return Goal(position=reference.position, joints=reference.joints, tool=tool)
 
 
 def _ended(carry: Carry) -> Carry:

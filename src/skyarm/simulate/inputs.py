@@ -10,6 +10,7 @@ import numpy as np
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.compile import leaves, rebuild, trace
+from skyarm.compile.arrays import evaluate
 from skyarm.dynamics import State
 from skyarm.environment import Airspeed, WindSample, dryden, wind
 from skyarm.plant.interface import number
@@ -56,14 +57,16 @@ def first_state(scenario: Scenario) -> State:
 
 
 def episode_inputs(scenario: Scenario) -> EpisodeInputs:
-    """Tables of everything that does not depend on the flight."""
+    """Tables of everything that does not depend on the flight, with the bits of Python floats, not of NumPy's sine."""
     ticks, rates = np.arange(scenario.steps), scenario.rates
     # k / rate, not k * period: 1500 * 0.005 is not 7.5 in binary, and a gust must start on its tick
     times = ticks / rates.control
-    held_times = Publisher(control_rate=rates.control, reference_rate=rates.reference).held_time(ticks)
+    publisher = Publisher(control_rate=rates.control, reference_rate=rates.reference)
+    motion = trace(lambda clock: scenario.trajectory.at(clock[0]), (0.0,))
     # an absurd reference overflows to inf or NaN and ends the episode as diverged, without a warning here
-    with np.errstate(all="ignore"):
-        held, continuous = scenario.trajectory.at(held_times), scenario.trajectory.at(times)
+    samples = evaluate(motion, [times], scenario.steps)
+    continuous: Reference = motion.record(list(samples))
+    held: Reference = motion.record(list(samples[:, publisher.held_tick(ticks)]))
     blowing = _wind(scenario, times)
     noise, noise_example = _noise(scenario)
     return EpisodeInputs(
@@ -104,12 +107,12 @@ def _noise(scenario: Scenario) -> tuple[list[tuple[float, ...]], tuple[Any, ...]
 
 
 def _wind(scenario: Scenario, times: Any) -> WindSample:
-    """Wind as a record of arrays; in Python floats, whose cosine is that of every engine and not NumPy's."""
+    """Wind as a record of arrays."""
     gusts = _turbulence(scenario)
     program = trace(lambda clock, gust: wind(scenario.wind, clock[0], gust), (0.0,), _example(gusts[0]))
-    rows = [program.flat((time, *leaves(gust))) for time, gust in zip(times.tolist(), gusts, strict=True)]
-    sample: WindSample = program.record(rows[0])
-    return rebuild(sample, iter(np.array(rows, dtype=float).reshape(len(rows), -1).T))
+    columns = list(zip(*(leaves(gust) for gust in gusts), strict=True))
+    sample: WindSample = program.record(list(evaluate(program, [times, *columns], len(gusts))))
+    return sample
 
 
 def _turbulence(scenario: Scenario) -> list[Vec3]:

@@ -40,6 +40,7 @@ class Errors:
     joints: Array
     tool: Array
     vector: Array
+    tool_vector: Array
 
     @classmethod
     def held(cls, log: Log) -> Errors:
@@ -53,8 +54,8 @@ class Errors:
 
     @classmethod
     def _of(cls, log: Log, position: Array, joints: Array, tool: Array) -> Errors:
-        e = log.position - position
-        return cls(_norm(e), _norm(log.joints - joints), _norm(log.tool - tool), e)
+        e, e_tool = log.position - position, log.tool - tool
+        return cls(_norm(e), _norm(log.joints - joints), _norm(e_tool), e, e_tool)
 
 
 def _norm(e: Array) -> Array:
@@ -170,3 +171,33 @@ def held_position_error(log: Log, errors: Errors, holds: tuple[Window, ...]) -> 
     for window in holds:
         at |= window.of(log)
     return _mean(errors.position[at])
+
+
+def calmness(log: Log, errors: Errors, window: Window) -> dict[str, float]:
+    """How hard the vehicle works, over a window; the largest tilt and altitude error are of the whole run.
+
+    ``rotor_jitter`` is the RMS over instants and rotors of the change of commanded speed since a control period ago
+    (rad/s; none at the first instant), ``rate_rms`` that of the norm of the body rate (rad/s), ``tilt_rms`` that of the
+    angle between body z and world z (rad).
+    """
+    at = window.of(log)
+    change = np.diff(log.rotor_commands, axis=0, prepend=log.rotor_commands[:1])
+    tilt = 2.0 * np.arcsin(np.minimum(np.linalg.norm(log.quaternion[:, 1:3], axis=1), 1.0))
+    return {
+        "rotor_jitter": _rms(change[at]),
+        "rate_rms": _rms(_norm(log.rate[at])),
+        "tilt_rms": _rms(tilt[at]),
+        "tilt_max": _max(tilt),
+        "altitude_error_max": _max(np.abs(errors.vector[:, 2])),
+    }
+
+
+def tool_peak(log: Log, errors: Errors, window: Window) -> float:
+    """End-effector error of largest magnitude along x, with its sign, m."""
+    return _peak(errors.tool_vector[window.of(log), 0])
+
+
+def last(log: Log, errors: Errors, seconds: float = 5.0) -> dict[str, float]:
+    """End-effector error over the last seconds of the planned flight."""
+    at = log.time >= log.info["duration"] - seconds
+    return {"ee_error_last_mean": _mean(errors.tool[at]), "ee_error_last_max": _max(errors.tool[at])}

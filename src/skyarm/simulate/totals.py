@@ -1,105 +1,52 @@
-"""Metrics counted while an episode flies, one control period at a time, over any scalar.
+"""Running sums and extremes from which metrics follow, counted while an episode flies, over any scalar.
 
-The same definitions as :mod:`skyarm.simulate.metrics`, for engines that keep no log: sums, squares and extremes over
-half-open windows. Settling time is not among them: it needs the steady mean before the flight is over.
+The same definitions as :mod:`skyarm.simulate.metrics`, for engines that keep no log. A total is a sum, a sum of
+squares, a largest or smallest value, or the value of largest magnitude with its sign, of one quantity over one window.
+Only the totals that the wanted metrics need are counted; what they do not need is not even traced.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.scalars import Scalar, absolute, asin, atan2, clip, logical_and, maximum, minimum, sqrt, where
+from skyarm.dynamics import State
+from skyarm.scalars import Scalar, absolute, asin, atan2, clip, maximum, minimum, sqrt, where
 
 HUGE = 1e300
 
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Windows:
-    """Half-open intervals, s: the steady window of means, the transient one of peaks."""
-
-    steady_start: float = 10.0
-    steady_stop: float = 20.0
-    transient_start: float = 0.0
-    transient_stop: float = 8.0
+CONTINUOUS = "_continuous"
+"""Suffix of what is measured against the continuous reference; without it, against the held samples."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Totals:
-    """Running sums and extremes.
+class Goal:
+    """Where the reference wants the base (m) and the joints, and where that puts a level tool (m)."""
 
-    Attributes:
-        count: periods inside the steady window.
-        position, joint, tool: sums of error norms; *_max their largest; position_min the smallest.
-        pitch, pitch_square, roll_square, effort_square: sums over the steady window.
-        pitch_low, pitch_high: extremes of pitch over the steady window.
-        peak_pitch, peak_position: largest magnitudes over the transient window.
-        iae_position, iae_joint: sums over the whole run.
-    """
-
-    count: Scalar
-    position: Scalar
-    position_max: Scalar
-    position_min: Scalar
-    joint: Scalar
-    joint_max: Scalar
-    tool: Scalar
-    tool_max: Scalar
-    pitch: Scalar
-    pitch_square: Scalar
-    pitch_low: Scalar
-    pitch_high: Scalar
-    roll_square: Scalar
-    effort_square: tuple[Scalar, ...]
-    peak_pitch: Scalar
-    peak_position: Scalar
-    iae_position: Scalar
-    iae_joint: Scalar
-
-
-def nothing_yet(joints: int) -> Totals:
-    """Totals before the first period."""
-    zero = 0.0
-    return Totals(
-        count=zero,
-        position=zero,
-        position_max=zero,
-        position_min=HUGE,
-        joint=zero,
-        joint_max=zero,
-        tool=zero,
-        tool_max=zero,
-        pitch=zero,
-        pitch_square=zero,
-        pitch_low=HUGE,
-        pitch_high=-HUGE,
-        roll_square=zero,
-        effort_square=(zero,) * joints,
-        peak_pitch=zero,
-        peak_position=zero,
-        iae_position=zero,
-        iae_joint=zero,
-    )
+    position: Vec3
+    joints: tuple[Scalar, ...]
+    tool: Vec3
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Instant:
-    """What is counted at one control instant: error norms, attitude, joint efforts."""
+    """One control instant as metrics see it.
 
-    position: Scalar
-    joint: Scalar
-    tool: Scalar
-    roll: Scalar
-    pitch: Scalar
-    efforts: tuple[Scalar, ...]
+    Attributes:
+        state: of the plant. tool: its end effector, world, m.
+        command: issued now. before: rotor speeds commanded a period ago; those of now at the first instant.
+        held, continuous: the reference.
+    """
 
-
-def roll_and_pitch(q: Quaternion) -> tuple[Any, Any]:
-    """ZYX roll and pitch of a unit quaternion, rad."""
-    w, x, y, z = q
-    roll = atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    return roll, asin(clip(2.0 * (w * y - z * x), -1.0, 1.0))
+    state: State
+    tool: Vec3
+    command: Command
+    before: tuple[Scalar, ...]
+    held: Goal
+    continuous: Goal
 
 
 def joint_norm(joints: tuple[Any, ...], wanted: tuple[Any, ...]) -> Any:
@@ -115,57 +62,89 @@ def distance(a: Vec3, b: Vec3) -> Any:
     return (a - b).norm()
 
 
-def counted(totals: Totals, now: Instant, time: Any, windows: Windows) -> Totals:
-    """Totals with one more control instant."""
-    steady = logical_and(time >= windows.steady_start, time < windows.steady_stop)
-    early = logical_and(time >= windows.transient_start, time < windows.transient_stop)
+def roll_and_pitch(q: Quaternion) -> tuple[Any, Any]:
+    """ZYX roll and pitch of a unit quaternion, rad."""
+    w, x, y, z = q
+    roll = atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    return roll, asin(clip(2.0 * (w * y - z * x), -1.0, 1.0))
 
-    def sums(total: Any, value: Any) -> Any:
-        return total + where(steady, value, 0.0)
 
-    def highest(total: Any, value: Any, inside: Any) -> Any:
-        return where(inside, maximum(value, total), total)
+def tilt(q: Quaternion) -> Any:
+    """Angle between body z and world z of a unit quaternion, rad; the arcsine of the half angle is sharp at zero."""
+    return 2.0 * asin(minimum(sqrt(q.x * q.x + q.y * q.y), 1.0))
 
-    return Totals(
-        count=sums(totals.count, 1.0),
-        position=sums(totals.position, now.position),
-        position_max=highest(totals.position_max, now.position, steady),
-        position_min=where(steady, minimum(now.position, totals.position_min), totals.position_min),
-        joint=sums(totals.joint, now.joint),
-        joint_max=highest(totals.joint_max, now.joint, steady),
-        tool=sums(totals.tool, now.tool),
-        tool_max=highest(totals.tool_max, now.tool, steady),
-        pitch=sums(totals.pitch, now.pitch),
-        pitch_square=sums(totals.pitch_square, now.pitch * now.pitch),
-        pitch_low=where(steady, minimum(now.pitch, totals.pitch_low), totals.pitch_low),
-        pitch_high=highest(totals.pitch_high, now.pitch, steady),
-        roll_square=sums(totals.roll_square, now.roll * now.roll),
-        effort_square=tuple(sums(t, e * e) for t, e in zip(totals.effort_square, now.efforts, strict=True)),
-        peak_pitch=highest(totals.peak_pitch, absolute(now.pitch), early),
-        peak_position=highest(totals.peak_position, now.position, early),
-        iae_position=totals.iae_position + now.position,
-        iae_joint=totals.iae_joint + now.joint,
+
+def _jitter_square(now: Instant) -> Any:
+    """Mean over the rotors of the squared change of commanded speed since a period ago, (rad/s)^2."""
+    total: Any = 0.0
+    for new, old in zip(now.command.rotor_speeds, now.before, strict=True):
+        total = total + (new - old) * (new - old)
+    return total / float(len(now.before))
+
+
+QUANTITIES: Mapping[str, Callable[[Instant, Goal], Any]] = {
+    "position": lambda now, goal: distance(now.state.position, goal.position),
+    "joint": lambda now, goal: joint_norm(now.state.joints, goal.joints),
+    "ee": lambda now, goal: distance(now.tool, goal.tool),
+    "x": lambda now, goal: now.state.position.x - goal.position.x,
+    "ee_x": lambda now, goal: now.tool.x - goal.tool.x,
+    "height": lambda now, goal: goal.position.z - now.state.position.z,
+    "altitude": lambda now, goal: absolute(now.state.position.z - goal.position.z),
+    "roll": lambda now, _: roll_and_pitch(now.state.quaternion)[0],
+    "pitch": lambda now, _: roll_and_pitch(now.state.quaternion)[1],
+    "pitch_size": lambda now, _: absolute(roll_and_pitch(now.state.quaternion)[1]),
+    "tilt": lambda now, _: tilt(now.state.quaternion),
+    "rate_square": lambda now, _: now.state.rate.dot(now.state.rate),
+    "jitter_square": lambda now, _: _jitter_square(now),
+}
+"""Errors (m, rad), attitude (rad), squared body rate and rotor jitter ((rad/s)^2); joint efforts are ``effort`` + i."""
+
+Total = tuple[str, str, str]
+"""Kind ("sum", "square", "max", "min", "peak"), window, quantity; the quantity may end with ``_continuous``."""
+
+STARTS = {"sum": 0.0, "square": 0.0, "max": -HUGE, "min": HUGE, "peak": 0.0}
+
+
+def quantity(name: str, now: Instant) -> Any:
+    """Value of a quantity at an instant."""
+    goal = now.held
+    if name.endswith(CONTINUOUS):
+        name, goal = name.removesuffix(CONTINUOUS), now.continuous
+    if name.startswith("effort"):
+        return now.command.efforts[int(name.removeprefix("effort"))]
+    return QUANTITIES[name](now, goal)
+
+
+def first_totals(wanted: Sequence[Total]) -> tuple[float, ...]:
+    """Totals before the first period."""
+    return tuple(STARTS[kind] for kind, _, _ in wanted)
+
+
+def counted(
+    totals: tuple[Any, ...], wanted: Sequence[Total], now: Instant, inside: Mapping[str, Any]
+) -> tuple[Any, ...]:
+    """Totals with one more control instant.
+
+    Args:
+        totals: so far.
+        wanted: what each of them is.
+        now: the instant.
+        inside: window -> whether the instant counts for it, a condition.
+    """
+    found = {name: quantity(name, now) for name in dict.fromkeys(name for _, _, name in wanted)}
+    return tuple(
+        where(inside[window], _with_one_more(kind, total, found[name]), total)
+        for total, (kind, window, name) in zip(totals, wanted, strict=True)
     )
 
 
-def metrics(totals: Totals, period: Any) -> dict[str, Any]:
-    """Metrics under the names of :mod:`skyarm.simulate.metrics`, from totals (scalars or arrays) and the period, s."""
-    n = totals.count
-    found = {
-        "position_error_mean": totals.position / n,
-        "position_error_max": totals.position_max,
-        "position_min": totals.position_min,
-        "joint_error_mean": totals.joint / n,
-        "joint_error_max": totals.joint_max,
-        "ee_error_mean": totals.tool / n,
-        "ee_error_max": totals.tool_max,
-        "pitch_mean": totals.pitch / n,
-        "pitch_rms": sqrt(totals.pitch_square / n),
-        "pitch_ripple": 0.5 * (totals.pitch_high - totals.pitch_low),
-        "roll_rms": sqrt(totals.roll_square / n),
-        "peak_pitch": totals.peak_pitch,
-        "peak_position": totals.peak_position,
-        "iae_position": totals.iae_position * period,
-        "iae_joint": totals.iae_joint * period,
-    }
-    return found | {f"tau{i + 1}_rms": sqrt(total / n) for i, total in enumerate(totals.effort_square)}
+def _with_one_more(kind: str, total: Any, value: Any) -> Any:
+    if kind == "sum":
+        return total + value
+    if kind == "square":
+        return total + value * value
+    if kind == "max":
+        return maximum(value, total)
+    if kind == "min":
+        return minimum(value, total)
+    return where(absolute(value) > absolute(total), value, total)

@@ -40,6 +40,7 @@ class Plan:
             label: Batch(
                 scenario,
                 study.paths,
+                metrics=study.metrics,
                 windows=study.windows,
                 single=study.precision == "single",
                 exact=study.precision == "exact",

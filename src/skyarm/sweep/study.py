@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
+from skyarm.simulate.measures import Windows
 from skyarm.simulate.scenario import Scenario
-from skyarm.simulate.totals import Windows
 from skyarm.sweep.distributions import Distribution, Values
 
 DESIGNS = ("random", "grid", "sobol")
@@ -30,7 +30,7 @@ class Study:
         design: "random", "grid" or "sobol".
         episodes: how many, numbered from 0. seed: of draws and noise. chunk: episodes of one file.
         precision: "double", "single", or "exact" (double without fused multiply-add: the same bits on every processor).
-        windows: of the metrics.
+        metrics: names and groups of those in the rows. windows: of the metrics.
         success: metric -> largest value of a successful episode; it has to fly to its end in any case.
         document: the fields that the rows depend on, as plain values.
     """
@@ -45,6 +45,7 @@ class Study:
     seed: int = 0
     chunk: int = 4096
     precision: str = "double"
+    metrics: tuple[str, ...] = ("standard",)
     windows: Windows = Windows()
     success: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     document: Mapping[str, Any]

@@ -11,7 +11,9 @@ A file has ``schema = 1`` and::
     chunk            episodes of one file of rows (4096)
     precision        "double", "single" or "exact" (double)
     design           "random", "grid" or "sobol" (random)
-    windows          steady, transient: [start, stop) in s ([10, 20] and [0, 8])
+    metrics          names and groups (["standard"]); what is not asked for costs no time
+    windows          steady, transient, gust, hover: [start, stop) in s ([10, 20], [0, 8], [5, 20], [4, 5.9]);
+                     holds: a list of such ([[9, 12], [16, 19]]); last: s before the end (5)
     [vary]           "dotted.path" = { uniform = [low, high] } | { normal = [mean, std] } |
                      { log_uniform = [low, high] } | { list = [...] } | { grid = [start, stop, count] }
     [success]        metric = largest value; an episode that ended early is never a success
@@ -31,11 +33,11 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.files import Fields, number, shown
-from skyarm.simulate.inputs import first_state
-from skyarm.simulate.paths import ROOTS, number_at, with_numbers
+from skyarm.simulate.measures import Windows, metric_names
+from skyarm.simulate.metrics import Window
+from skyarm.simulate.paths import DERIVED, number_at, with_numbers
 from skyarm.simulate.scenario import Scenario, check_name, noise_key
 from skyarm.simulate.scenario_file import list_scenarios, load_scenario
-from skyarm.simulate.totals import Windows, metrics, nothing_yet
 from skyarm.sweep.distributions import Distribution, Values, distribution_from
 from skyarm.sweep.sobol import DIMENSIONS
 from skyarm.sweep.study import DESIGNS, PRECISIONS, Study, StudyError
@@ -120,7 +122,8 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
         "windows": _windows(top),
     }
     scenarios = _scenarios(top, folder, list(vary))
-    success = _success(top, scenarios)
+    chosen["metrics"] = _metrics(top, next(iter(scenarios.values())).world.vehicle.n)
+    success = _success(top, chosen["metrics"])
     top.done()
     told = {key: top.table.get(key) for key in ("scenario", "controllers", "duration", "vary")}
     document = {"schema": 1, "name": name, **told, **chosen, "windows": dataclasses.asdict(chosen["windows"])}
@@ -163,18 +166,35 @@ def _episodes(top: Fields, design: str, vary: Mapping[str, Distribution]) -> int
 
 
 def _windows(top: Fields) -> Windows:
-    fields = Fields(top.take("windows", {}), "windows")
-    found: dict[str, float] = {}
-    for name, default in (("steady", [10.0, 20.0]), ("transient", [0.0, 8.0])):
-        value, at = fields.take(name, default), fields.at(name)
-        if not isinstance(value, list) or len(value) != 2:
-            raise ValueError(f"{at} = {shown(value)}: must be [start, stop] in s")
-        start, stop = (number(item, f"{at}[{i}]", low=0.0) for i, item in enumerate(value))
-        if not start < stop:
-            raise ValueError(f"{at} = {shown(value)}: must start before it stops")
-        found |= {f"{name}_start": start, f"{name}_stop": stop}
+    fields, known = Fields(top.take("windows", {}), "windows"), Windows()
+    found: dict[str, Any] = {}
+    for name in ("steady", "transient", "gust", "hover"):
+        default = getattr(known, name)
+        found[name] = _window(fields.take(name, [default.start, default.stop]), fields.at(name))
+    holds = fields.take("holds", [[each.start, each.stop] for each in known.holds])
+    if not isinstance(holds, list):
+        raise ValueError(f"windows.holds = {shown(holds)}: must be a list of [start, stop] in s")
+    found["holds"] = tuple(_window(each, f"windows.holds[{i}]") for i, each in enumerate(holds))
+    found["last"] = fields.number("last", known.last, low=0.0, strict=True)
     fields.done()
     return Windows(**found)
+
+
+def _window(value: Any, at: str) -> Window:
+    if not isinstance(value, list) or len(value) != 2:
+        raise ValueError(f"{at} = {shown(value)}: must be [start, stop] in s")
+    start, stop = (number(item, f"{at}[{i}]", low=0.0) for i, item in enumerate(value))
+    if not start < stop:
+        raise ValueError(f"{at} = {shown(value)}: must start before it stops")
+    return Window(start, stop)
+
+
+def _metrics(top: Fields, joints: int) -> tuple[str, ...]:
+    """Names of the metrics of the rows."""
+    wanted = top.take("metrics", ["standard"])
+    if not isinstance(wanted, list) or not wanted:
+        raise ValueError(f"metrics = {shown(wanted)}: must be a list of names")
+    return metric_names(wanted, joints)
 
 
 def _scenarios(top: Fields, folder: Path, paths: list[str]) -> dict[str, Scenario]:
@@ -207,36 +227,20 @@ def _ready(scenario: Scenario, paths: list[str]) -> Scenario:
         raise ValueError(
             f"scenario: plant.kind = {scenario.plant!r}: must be rigid_body, whose episodes fly in batches"
         )
-    if scenario.initial is None and any(path.startswith("initial.") for path in paths):
-        scenario = dataclasses.replace(scenario, initial=first_state(scenario))
     for path in paths:
         at = f'vary."{path}"'
-        root = path.split(".", maxsplit=1)[0]
-        if root == "reference":
-            others = ", ".join(each for each in ROOTS if each != "reference")
-            raise ValueError(f"{at}: must not be of the reference, which all episodes share; allowed are {others}")
-        if path.startswith("initial.quaternion"):
-            raise ValueError(f"{at}: must not be a component of a unit quaternion; vary initial.rate in its place")
         try:
-            scenario = with_numbers(scenario, {path: number_at(scenario, path)})
+            value = number_at(scenario, path)
+            if not path.startswith(DERIVED):
+                scenario = with_numbers(scenario, {path: value})
         except ValueError as error:
             raise ValueError(f"{at}: {error}") from None
     return scenario
 
 
-def _success(top: Fields, scenarios: Mapping[str, Scenario]) -> dict[str, float]:
+def _success(top: Fields, known: tuple[str, ...]) -> dict[str, float]:
     fields = Fields(top.take("success", {}), "success")
-    joints = next(iter(scenarios.values())).world.vehicle.n
-    known = tuple(metric_names(joints))
     for name in fields.table:
         if name not in known:
-            raise ValueError(f"success.{name}: is no metric; there are {', '.join(known)}")
+            raise ValueError(f"success.{name}: is no metric of this study; there are {', '.join(known)}")
     return {name: fields.number(name) for name in fields.table}
-
-
-def metric_names(joints: int) -> tuple[str, ...]:
-    """Names of the metrics that a sweep writes for an arm of so many joints."""
-    import numpy as np
-
-    with np.errstate(all="ignore"):
-        return tuple(metrics(dataclasses.replace(nothing_yet(joints), count=1.0), 1.0))
