@@ -14,20 +14,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-import skyarm
 from skyarm.compare.entrants import Entrant
 from skyarm.compare.plants import draw
-from skyarm.compare.single import fly_one_by_one
+from skyarm.compare.single import METRICS, fly_one_by_one
 from skyarm.compare.suite import CASES, Case, Condition
 from skyarm.files import write_atomically
 from skyarm.simulate.batch import Batch
+from skyarm.simulate.paths import with_numbers
 from skyarm.simulate.scenario import Scenario
 from skyarm.sweep.identity import identity
+from skyarm.sweep.store import versions
 
 Array = npt.NDArray[Any]
-
-LONGEST_DELAY = 0.015
-"""s: of the commands, in any condition; the loop is compiled for it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +83,15 @@ def fly(flights: Flights, threads: int = 1) -> Cell:
     episodes = flights.condition.episodes
     if flights.plant != "rigid_body" or not scenario.controller.compiled:
         return Cell(*fly_one_by_one(scenario, values, episodes, flights.case.windows))
-    batch = Batch(scenario, tuple(values), windows=flights.case.windows, longest_command_delay=LONGEST_DELAY)
+    damping = {path: float(column.max()) for path, column in values.items() if path.endswith(".damping")}
+    efforts = (f"tau{i + 1}_rms" for i in range(scenario.world.vehicle.n))
+    batch = Batch(
+        scenario,
+        tuple(values),
+        metrics=(*METRICS, *efforts),
+        windows=flights.case.windows,
+        stiffest=with_numbers(scenario, damping),
+    )
     found = batch.fly(values, seed=flights.seed, episodes=np.arange(episodes), threads=threads)
     return Cell(found.metrics, found.status)
 
@@ -126,7 +132,7 @@ def key(flights: Flights) -> str:
     """Digest of what the numbers of a cell depend on."""
     condition = flights.condition
     facts = {
-        "version": skyarm.__version__,
+        "version": versions()["skyarm"],
         "scenario": identity(flights.scenario()),
         "episodes": condition.episodes,
         "spread": dataclasses.asdict(condition.spread) if condition.spread else None,

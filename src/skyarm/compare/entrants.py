@@ -45,3 +45,13 @@ class Entrant:
     def title(self) -> str:
         """The law in one line."""
         return LAWS[PRESETS[self.law].law if self.law in PRESETS else self.law].title
+
+
+ENTRANTS: Mapping[str, Entrant] = {
+    each.name: each
+    for each in (
+        Entrant(name="paper_pd", group="paper", law="paper_pd"),
+        Entrant(name="paper_ct", group="paper", law="paper_ct"),
+    )
+}
+"""Everyone, in the order of the tables."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import skyarm
 from skyarm.compare.columns import COST, TRACKING, WRONG
 from skyarm.compare.entrants import Entrant
 from skyarm.compare.suite import CASES, Condition
 from skyarm.compare.tables import plants_rows, step_rows, truth_rows
 from skyarm.pages import image, page, section, table
+from skyarm.sweep.store import versions
 
 GROUPS = {
     "paper": "the paper's controllers",
@@ -45,7 +45,7 @@ def comparison_page(
         body.append(section("One control step", table(("law", "median, us", "99 %, us"), times)))
     body.append(section("Laws", table(("law", "kind", "what"), _laws(entrants))))
     body.append(section("Cases", table(("case", "what"), [(case.name, case.title) for case in CASES.values()])))
-    facts = f"{len(entrants)} laws, seed {found['seed']}, plant {found['plant']}; skyarm {skyarm.__version__}"
+    facts = f"{len(entrants)} laws, seed {found['seed']}, plant {found['plant']}; skyarm {versions()['skyarm']}"
     return page("All laws on one bench", facts, "\n".join(body))
 
 

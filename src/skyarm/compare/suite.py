@@ -11,9 +11,9 @@ from skyarm.algebra import Vec3
 from skyarm.compare.plants import Spread
 from skyarm.environment import RotorsForce
 from skyarm.plant.sensors import SensorNoise
+from skyarm.simulate.measures import Windows
 from skyarm.simulate.scenario import Delays, Scenario
 from skyarm.simulate.scenario_file import load_scenario
-from skyarm.simulate.totals import Windows
 
 NOISE = SensorNoise(position=0.001, velocity=0.01, attitude=0.002, rate=0.01, joints=0.001, joint_rates=0.01)
 """White noise of the noisy conditions: 1 mm, 1 cm/s, 2 mrad, 0.01 rad/s, joints 1 mrad and 0.01 rad/s."""
@@ -103,10 +103,11 @@ class Condition:
 
     def apply(self, scenario: Scenario) -> Scenario:
         """The scenario under this condition, its controller apart."""
-        if self.noisy:
-            # a spread has a delay of its own, from none at all
-            measured = 0.0 if self.spread else DELAY
-            scenario = dataclasses.replace(scenario, sensors=NOISE, delays=Delays(measurement=measured))
+        # a spread has a delay of its own, from none at all
+        delays = Delays(measurement=DELAY if self.noisy and not self.spread else 0.0)
+        if self.spread:
+            delays = Delays(longest_command=self.spread.delay)
+        scenario = dataclasses.replace(scenario, delays=delays, sensors=NOISE if self.noisy else scenario.sensors)
         return self.change(scenario) if self.change else scenario
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from skyarm.compare.cells import Cell
 from skyarm.sweep.intervals import bootstrap_mean, quantiles, wilson
 
-SUCCESS_METRIC, SUCCESS_LIMIT = "ee_error_last_max", 0.020
+SUCCESS_METRIC, SUCCESS_LIMIT = "ee_error_last_max_continuous", 0.020
 """A success flew to its end with the end effector within 20 mm of its reference all through the last 5 s."""
 
 
