@@ -196,6 +196,47 @@ def bench(
     perform(file, quick, console)
 
 
+@app.command()
+def compare(
+    suite: Annotated[str, typer.Argument(help="paper-suite")] = "paper-suite",
+    out: Annotated[Path | None, typer.Option("--out", help="folder of the results; out/compare if left out")] = None,
+    laws: Annotated[str | None, typer.Option(help="names, with commas; all if left out")] = None,
+    conditions: Annotated[str | None, typer.Option(help="names, with commas; all if left out")] = None,
+    plants: Annotated[int, typer.Option(help="how many wrong plants")] = 1000,
+    seeds: Annotated[int, typer.Option(help="noisy flights of the truth")] = 8,
+    seed: Annotated[int, typer.Option(help="of plants and noise")] = 0,
+    plant: Annotated[str, typer.Option(help="rigid_body or mujoco")] = "rigid_body",
+    threads: Annotated[int, typer.Option(help="threads that fly; 0 takes every core")] = 0,
+) -> None:
+    """Fly all laws on one bench; tables, figure, page.
+
+    The same command continues what was interrupted.
+    """
+    from skyarm.cli.compare import compare as perform
+    from skyarm.simulate.scenario import PLANTS
+
+    for option, value in (("--plants", plants), ("--seeds", seeds)):
+        if value < 1:
+            raise ValueError(f"{option} = {value}: must be at least 1")
+    for option, value in (("--seed", seed), ("--threads", threads)):
+        if value < 0:
+            raise ValueError(f"{option} = {value}: must be at least 0")
+    if plant not in PLANTS:
+        raise ValueError(f"--plant = {plant!r}: must be one of {', '.join(PLANTS)}")
+    perform(
+        suite,
+        out,
+        laws=laws,
+        columns=conditions,
+        plants=plants,
+        seeds=seeds,
+        seed=seed,
+        plant=plant,
+        threads=threads or _cores(),
+        console=console,
+    )
+
+
 @app.callback(invoke_without_command=True)
 def top(
     context: typer.Context,

@@ -25,6 +25,7 @@ class Controller:
         margin: distance of an attitude (quaternion) to where the law is not defined, negative beyond; None if it is
             defined everywhere.
         limit: that place in words.
+        compiled: the law is over scalars, so that machine code, C and other engines can be made of it.
     """
 
     name: str
@@ -33,3 +34,4 @@ class Controller:
     memory: Any = ()
     margin: Callable[[Any], Any] | None = None
     limit: str = ""
+    compiled: bool = True

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
 
 from skyarm.algebra import Vec3
 from skyarm.control.model import GeometricGains, JointGains, Model
@@ -24,27 +26,19 @@ TORQUE = JointGains(stiffness=(1.0, 0.5), damping=(0.04, 0.02))
 """Barakou et al. 2026, Table A2: N m/rad and N m s/rad."""
 
 
-def _rotors(model: Model) -> Controller:
-    return make_controller("rotors_position", model, gains=HUMMINGBIRD)
+@dataclass(frozen=True, slots=True)
+class Preset:
+    """A law and its published gains."""
+
+    law: str
+    options: Mapping[str, Any]
 
 
-def _ct(model: Model) -> Controller:
-    return make_controller("hybrid_computed_torque", model, gains=HUMMINGBIRD, joint_gains=ACCELERATION)
-
-
-def _ct_euler(model: Model) -> Controller:
-    return make_controller("hybrid_computed_torque_euler", model, gains=HUMMINGBIRD, joint_gains=ACCELERATION)
-
-
-def _pd(model: Model) -> Controller:
-    return make_controller("decoupled_pd", model, gains=HUMMINGBIRD, joint_gains=TORQUE)
-
-
-PRESETS: Mapping[str, Callable[[Model], Controller]] = {
-    "paper_ct": _ct,
-    "paper_ct_euler": _ct_euler,
-    "paper_pd": _pd,
-    "rotors_hummingbird": _rotors,
+PRESETS: Mapping[str, Preset] = {
+    "paper_ct": Preset("hybrid_computed_torque", {"gains": HUMMINGBIRD, "joint_gains": ACCELERATION}),
+    "paper_ct_euler": Preset("hybrid_computed_torque_euler", {"gains": HUMMINGBIRD, "joint_gains": ACCELERATION}),
+    "paper_pd": Preset("decoupled_pd", {"gains": HUMMINGBIRD, "joint_gains": TORQUE}),
+    "rotors_hummingbird": Preset("rotors_position", {"gains": HUMMINGBIRD}),
 }
 
 
@@ -57,6 +51,6 @@ def preset(name: str, model: Model) -> Controller:
     if not isinstance(name, str) or name not in PRESETS:
         raise ControllerError(f"controller.preset = {shown(name)}: must be one of {sorted(PRESETS)}")
     try:
-        return PRESETS[name](model)
+        return make_controller(PRESETS[name].law, model, **PRESETS[name].options)
     except ControllerError as error:
         raise ControllerError(f"controller.preset = {name!r}: does not fit this model ({error})") from None

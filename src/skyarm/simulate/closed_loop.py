@@ -6,6 +6,7 @@ let the commands that have arrived act for one period. An episode that has ended
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
@@ -21,7 +22,7 @@ from skyarm.plant.interface import number
 from skyarm.plant.rigid_body import STEP, accelerate
 from skyarm.plant.sensors import measure, noise_count
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar, absolute, cos, logical_and, sin, where
+from skyarm.scalars import Scalar, absolute, cos, floor, logical_and, maximum, sin, where
 from skyarm.scalars.philox import normal_pair
 from skyarm.simulate.monitor import FAR, LONG, LOST, lowest_point
 from skyarm.simulate.scenario import Scenario
@@ -122,17 +123,18 @@ def make_period(scenario: Scenario, substeps: Callable[[float], int]) -> Period:
     """The function of one control period of a scenario, whose numbers may be traced.
 
     Args:
-        scenario: plant "rigid_body"; structure (delays, rates, integrator) must be concrete.
+        scenario: plant "rigid_body"; structure must be concrete: rates, integrator, delays but for
+            a varied one of the commands.
         substeps: integration steps that an interval is cut into.
     """
     rates, controller = scenario.rates, scenario.controller
     period = 1.0 / rates.control
-    late = round(scenario.delays.command * rates.physics) % (rates.physics // rates.control) / rates.physics
+    whole, late = _command_delay(scenario)
     turbulence = scenario.wind.turbulence if isinstance(scenario.wind, Airspeed) else None
     sensor_draws = dict(draws_needed(scenario)).get(CHANNEL_SENSORS, 0)
 
-    def advance(state: State, command: Command, air: WindSample, seconds: float) -> State:
-        count = substeps(seconds)
+    def advance(state: State, command: Command, air: WindSample, seconds: Any) -> State:
+        count = substeps(seconds if type(seconds) is float else period)
         return repeat(
             count, lambda x: STEP[scenario.integrator](scenario.world, x, command, air, seconds / count), state
         )
@@ -145,7 +147,8 @@ def make_period(scenario: Scenario, substeps: Callable[[float], int]) -> Period:
             numbers = _normals(uniforms[sensor_draws:])
             moved, gusts = dryden.step(carry.turbulence, Vec3(*numbers[:3]), period, par=turbulence)
         air = wind(scenario.wind, row.time, gusts)
-        force, _ = accelerate(scenario.world, state, state.rotor_speeds, carry.queue[0].efforts, air)
+        old = _issued(carry.queue, whole)
+        force, _ = accelerate(scenario.world, state, state.rotor_speeds, old.efforts, air)
         n, rotors = len(state.joints), len(state.rotor_speeds)
         draws = _normals(uniforms[:sensor_draws]) if sensor_draws else [0] * (noise_count(n, rotors))
         # where nothing pushes the reading is a structural zero
@@ -158,9 +161,9 @@ def make_period(scenario: Scenario, substeps: Callable[[float], int]) -> Period:
             alive = logical_and(alive, absolute(value) < float("inf"))
         queue = (*carry.queue[1:], command)
         following_state = state
-        if late:
-            following_state = advance(following_state, carry.queue[0], air, late)
-        following_state = advance(following_state, queue[0], air, period - late)
+        if type(late) is not float or late:
+            following_state = advance(following_state, old, air, late)
+        following_state = advance(following_state, _issued(queue, whole), air, period - late)
         following = Carry(
             alive=where(alive, 1.0, 0.0),
             ticks=carry.ticks + where(alive, 1.0, 0.0),
@@ -174,6 +177,34 @@ def make_period(scenario: Scenario, substeps: Callable[[float], int]) -> Period:
         return frozen, Sample(alive=where(alive, 1.0, 0.0), state=state, command=command, reading=now, wind=air)
 
     return step
+
+
+def commands_waiting(scenario: Scenario) -> int:
+    """How many commands the loop remembers from before the one that it issues."""
+    rates, delays = scenario.rates, scenario.delays
+    if delays.longest_command is not None:
+        return math.ceil(delays.longest_command * rates.control - 1e-9) + 1
+    return round(float(delays.command) * rates.physics) // (rates.physics // rates.control) + 1
+
+
+def _command_delay(scenario: Scenario) -> tuple[Any, Any]:
+    """Delay of the commands as whole control periods, None if the queue is just that long, and the rest, s."""
+    rates, delay = scenario.rates, scenario.delays.command
+    if scenario.delays.longest_command is None:
+        return None, round(delay * rates.physics) % (rates.physics // rates.control) / rates.physics
+    # a delay that is a multiple of the period up to rounding is one
+    whole = floor(delay * float(rates.control) + 1e-9)
+    return whole, maximum(delay - whole / float(rates.control), 0.0)
+
+
+def _issued(queue: tuple[Command, ...], whole: Any) -> Command:
+    """The command at the end of a queue's delay: its oldest, or the one before the last ``whole``."""
+    if whole is None:
+        return queue[0]
+    found = queue[-1]
+    for age, command in enumerate(queue[-2::-1], start=1):
+        found = blend(whole < age - 0.5, found, command)
+    return found
 
 
 def make_counting_period(

@@ -24,7 +24,7 @@ from skyarm.environment import Airspeed, DrydenMemory, dryden
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import number
 from skyarm.scalars.philox import uniforms
-from skyarm.simulate.closed_loop import Carry, Row, Sample, draws_needed, make_period, structure_of
+from skyarm.simulate.closed_loop import Carry, Row, Sample, commands_waiting, draws_needed, make_period, structure_of
 from skyarm.simulate.inputs import EpisodeInputs, first_state, turbulence_start
 from skyarm.simulate.log import Samples
 from skyarm.simulate.monitor import Ending, Monitor
@@ -43,14 +43,13 @@ def first_carry(scenario: Scenario) -> Carry:
     vehicle = scenario.world.vehicle
     efforts = hover_trim(vehicle, state.joints, scenario.world.gravity).efforts
     standing = Command(rotor_speeds=state.rotor_speeds, efforts=tuple(number(effort) for effort in efforts))
-    waiting = round(scenario.delays.command * rates.physics) // (rates.physics // rates.control)
     old = round(scenario.delays.measurement * rates.control)
     return Carry(
         alive=1.0,
         ticks=0.0,
         state=state,
         memory=scenario.controller.memory,
-        queue=(standing,) * (waiting + 1),
+        queue=(standing,) * commands_waiting(scenario),
         readings=(_blank_reading(state),) * old,
         turbulence=_first_turbulence(scenario),
     )

@@ -54,6 +54,9 @@ ROOTS: Mapping[str, Place] = {
 STRUCTURE = ("duration", "rates", "delays", "seed", "episode", "environment.ground", "plant.integrator", "plant.kind")
 """Fields of the file that shape an episode or key its noise; they are the same for all episodes of a batch."""
 
+LATE = "delays.command"
+"""It varies where the scenario says how long it gets (:class:`skyarm.simulate.scenario.Delays`)."""
+
 TURBULENCE = "environment.wind.turbulence."
 
 DERIVED = ("initial.", "reference.", "plant.payload.", "model.payload.", TURBULENCE)
@@ -73,6 +76,8 @@ def places_of(scenario: Scenario, path: str) -> tuple[Place, ...]:
     Raises:
         ScenarioError: a field that does not exist (with those that do), or one that is structure.
     """
+    if path == LATE and scenario.delays.longest_command is not None:
+        return (("delays", "command"),)
     for field in STRUCTURE:
         if path == field or path.startswith(f"{field}."):
             raise ScenarioError(f"path = {path!r}: {field} is structure, the same for all episodes; fly two studies")

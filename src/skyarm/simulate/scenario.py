@@ -21,7 +21,7 @@ from skyarm.plant.rigid_body import INTEGRATORS
 from skyarm.plant.sensors import SensorNoise
 from skyarm.plant.stiffness import friction_rate
 from skyarm.reference import Trajectory
-from skyarm.scalars import cos, minimum, sin
+from skyarm.scalars import Scalar, cos, minimum, sin
 from skyarm.vehicle.check import TOLERANCE, concrete, require_plant
 
 PLANTS = ("rigid_body", "mujoco")
@@ -74,10 +74,13 @@ class Delays:
     Attributes:
         measurement: age of the measurement, a whole number of control periods.
         command: time before a command takes effect, a whole number of physics steps.
+        longest_command: in a batch that varies ``command`` from episode to episode, the longest it gets; its episodes
+            may have any delay from 0 to that. None: all episodes have ``command``.
     """
 
     measurement: float = 0.0
-    command: float = 0.0
+    command: Scalar = 0.0
+    longest_command: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -168,10 +171,14 @@ def _check(scenario: Scenario) -> None:
         ("measurement", rates.control, "control periods"),
         ("command", rates.physics, "physics steps"),
     ):
+        if not concrete(getattr(scenario.delays, name)):
+            continue
         delay = number(getattr(scenario.delays, name), f"delays.{name}", low=0.0)
         if delay > scenario.duration:
             raise ScenarioError(f"delays.{name} = {delay!r}: must not exceed the duration of {scenario.duration:g} s")
         _require_whole(f"delays.{name}", delay, rate, unit)
+    if scenario.delays.longest_command is not None:
+        number(scenario.delays.longest_command, "delays.longest_command", low=0.0, strict=True)
     _check_vehicles(scenario)
     if scenario.initial is not None:
         _check_initial(scenario.initial, scenario.world.vehicle.n, len(scenario.world.vehicle.rotors))

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import base64
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from html import escape
-from importlib import resources
-from string import Template
 from typing import Any
 
+from skyarm.pages import image, section, table
+from skyarm.pages import page as plain_page
 from skyarm.sweep.stats import SHARES
 
 
@@ -20,38 +19,29 @@ def page(found: Mapping[str, Any], manifest: Mapping[str, Any], images: Mapping[
         manifest: of the study.
         images: caption -> PNG.
     """
-    body = [_section("Success", _success(found))]
+    body = [section("Success", _success(found))]
     if found["paired"]:
-        body.append(_section("Paired differences", _paired(found)))
+        body.append(section("Paired differences", _paired(found)))
     if images:
-        body.append(_section("Robustness maps", MAP_NOTE + "".join(_image(*each) for each in images.items())))
-    body += [_section(f"Metrics of {name}", _metrics(each)) for name, each in found["controllers"].items()]
-    body.append(_section("What varied", _varied(manifest["study"])))
-    template = Template((resources.files("skyarm.sweep") / "page.html").read_text("utf-8"))
+        body.append(
+            section(
+                "Robustness maps",
+                MAP_NOTE + "".join(image(f"robustness map of {name}", name, png) for name, png in images.items()),
+            )
+        )
+    body += [section(f"Metrics of {name}", _metrics(each)) for name, each in found["controllers"].items()]
+    body.append(section("What varied", _varied(manifest["study"])))
     rows = f"{manifest['rows']} rows of {found['episodes']} episodes" + (
         "" if found["complete"] else ", not complete yet"
     )
-    return template.substitute(
-        title=escape(manifest["title"] or manifest["name"]),
-        facts=escape(f"Study {manifest['name']}; {rows}; skyarm {manifest['versions']['skyarm']}"),
-        body="\n".join(body),
+    return plain_page(
+        manifest["title"] or manifest["name"],
+        f"Study {manifest['name']}; {rows}; skyarm {manifest['versions']['skyarm']}",
+        "\n".join(body),
     )
 
 
 MAP_NOTE = '<p class="note">Shade: share of successes in a cell. Line: half of the episodes succeed.</p>'
-
-
-def _section(title: str, content: str) -> str:
-    return f"<section><h2>{escape(title)}</h2>{content}</section>"
-
-
-def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    top = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in head)
-    lines = []
-    for first, *others in rows:
-        cells = "".join(f"<td>{escape(cell)}</td>" for cell in others)
-        lines.append(f'<tr><th scope="row">{escape(first)}</th>{cells}</tr>')
-    return f'<div class="table"><table><thead><tr>{top}</tr></thead><tbody>{"".join(lines)}</tbody></table></div>'
 
 
 def _success(found: Mapping[str, Any]) -> str:
@@ -61,7 +51,7 @@ def _success(found: Mapping[str, Any]) -> str:
     for name, each in found["controllers"].items():
         ends = ", ".join(f"{count} {status}" for status, count in each["status"].items())
         rows.append((name, f"{each['success_rate']:.2%}", _interval(each["success_interval"], "{:.2%}"), ends))
-    return note + _table(("controller", "success", "interval", "ends"), rows)
+    return note + table(("controller", "success", "interval", "ends"), rows)
 
 
 def _metrics(each: Mapping[str, Any]) -> str:
@@ -76,7 +66,7 @@ def _metrics(each: Mapping[str, Any]) -> str:
         ]
         rows.append((metric, str(spread["count"]), _number(spread["mean"]), *cells))
     note = '<p class="note">Episodes that flew to their end; quantiles with bootstrap intervals; SI units, rad.</p>'
-    return note + _table(("metric", "episodes", "mean", *(f"{share:.0%}" for share in SHARES)), rows)
+    return note + table(("metric", "episodes", "mean", *(f"{share:.0%}" for share in SHARES)), rows)
 
 
 def _paired(found: Mapping[str, Any]) -> str:
@@ -98,7 +88,7 @@ def _paired(found: Mapping[str, Any]) -> str:
             smaller = f"{one['first_smaller']:.1%} {_interval(one['first_smaller_interval'], '{:.1%}')}"
             rows.append((metric, str(one["count"]), mean, median, smaller))
         head = ("metric", "pairs", "mean difference", "median difference", "first is smaller")
-        parts.append(f"<p>{escape(line)}</p>{_table(head, rows)}")
+        parts.append(f"<p>{escape(line)}</p>{table(head, rows)}")
     return "".join(parts)
 
 
@@ -107,13 +97,7 @@ def _varied(study: Mapping[str, Any]) -> str:
         (path, kind, str(value)) for path, table in (study.get("vary") or {}).items() for kind, value in table.items()
     ]
     seed = f"<p>Design {escape(study['design'])}, seed {study['seed']}, precision {escape(study['precision'])}.</p>"
-    return seed + _table(("number", "distribution", "of"), rows)
-
-
-def _image(caption: str, png: bytes) -> str:
-    data = base64.b64encode(png).decode("ascii")
-    picture = f'<img alt="robustness map of {escape(caption)}" src="data:image/png;base64,{data}">'
-    return f"<figure>{picture}<figcaption>{escape(caption)}</figcaption></figure>"
+    return seed + table(("number", "distribution", "of"), rows)
 
 
 def _number(value: float) -> str:

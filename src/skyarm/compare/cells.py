@@ -1,0 +1,154 @@
+"""One cell of the bench: an entrant flies a case under a condition; kept as a file that appears whole."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import io
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.compare.entrants import Entrant
+from skyarm.compare.plants import draw
+from skyarm.compare.single import METRICS, fly_one_by_one
+from skyarm.compare.suite import CASES, Case, Condition
+from skyarm.files import write_atomically
+from skyarm.simulate.batch import Batch
+from skyarm.simulate.paths import with_numbers
+from skyarm.simulate.scenario import Scenario
+from skyarm.sweep.identity import identity
+from skyarm.sweep.store import versions
+
+Array = npt.NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """Metrics of an entrant's flights of a case under a condition, one entry per episode.
+
+    Attributes:
+        metrics: by name; NaN where the episode ended before their window.
+        status: "completed", or why it ended.
+    """
+
+    metrics: Mapping[str, Array]
+    status: Array
+
+    @property
+    def completed(self) -> npt.NDArray[np.bool_]:
+        """Which episodes flew to their end."""
+        return np.asarray(self.status == "completed")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flights:
+    """What fixes a cell."""
+
+    entrant: Entrant
+    case: Case
+    condition: Condition
+    plant: str = "rigid_body"
+    seed: int = 0
+
+    @property
+    def label(self) -> str:
+        """Name of its file, and what a progress bar says."""
+        plant = "" if self.plant == "rigid_body" else f"_{self.plant}"
+        return f"{self.condition.name}__{self.case.name}__{self.entrant.name}{plant}"
+
+    def scenario(self) -> Scenario:
+        """The scenario that every episode starts from."""
+        built = self.condition.apply(self.case.build())
+        model = built.controller.par.model
+        controller = self.entrant.controller(model, noisy=self.condition.noisy)
+        return dataclasses.replace(built, controller=controller, plant=self.plant, seed=self.seed)
+
+    def values(self, scenario: Scenario) -> dict[str, Array]:
+        """Numbers that differ from episode to episode, by path."""
+        spread = self.condition.spread
+        # drawn about the case as it is, whatever flies: every law meets the same plants
+        return draw(scenario, spread, self.condition.episodes, seed=self.seed) if spread else {}
+
+
+def fly(flights: Flights, threads: int = 1) -> Cell:
+    """Fly a cell; a law that is not over scalars flies one episode after the other."""
+    scenario = flights.scenario()
+    values = flights.values(scenario)
+    episodes = flights.condition.episodes
+    if flights.plant != "rigid_body" or not scenario.controller.compiled:
+        return Cell(*fly_one_by_one(scenario, values, episodes, flights.case.windows))
+    damping = {path: float(column.max()) for path, column in values.items() if path.endswith(".damping")}
+    efforts = (f"tau{i + 1}_rms" for i in range(scenario.world.vehicle.n))
+    batch = Batch(
+        scenario,
+        tuple(values),
+        metrics=(*METRICS, *efforts),
+        windows=flights.case.windows,
+        stiffest=with_numbers(scenario, damping),
+    )
+    found = batch.fly(values, seed=flights.seed, episodes=np.arange(episodes), threads=threads)
+    return Cell(found.metrics, found.status)
+
+
+class Cells:
+    """A folder of cells; one that is there, and of this very scenario, is not flown again.
+
+    Args:
+        folder: made if missing.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def get(self, flights: Flights) -> Cell | None:
+        """The cell, if it is there and belongs to what would be flown today."""
+        try:
+            with np.load(self._path(flights), allow_pickle=False) as stored:
+                if str(stored["identity"]) != key(flights):
+                    return None
+                metrics = {name.removeprefix("metric."): stored[name] for name in stored if name.startswith("metric.")}
+                return Cell(metrics, stored["status"])
+        except (OSError, ValueError, KeyError):
+            return None
+
+    def put(self, flights: Flights, cell: Cell) -> None:
+        """Keep a cell."""
+        stream = io.BytesIO()
+        arrays: dict[str, Any] = {f"metric.{name}": values for name, values in cell.metrics.items()}
+        np.savez_compressed(stream, identity=np.array(key(flights)), status=cell.status, **arrays)
+        write_atomically(self._path(flights), stream.getvalue())
+
+    def _path(self, flights: Flights) -> Path:
+        return self.folder / f"{flights.label}.npz"
+
+
+def key(flights: Flights) -> str:
+    """Digest of what the numbers of a cell depend on."""
+    condition = flights.condition
+    facts = {
+        "version": versions()["skyarm"],
+        "scenario": identity(flights.scenario()),
+        "episodes": condition.episodes,
+        "spread": dataclasses.asdict(condition.spread) if condition.spread else None,
+        "windows": dataclasses.asdict(flights.case.windows),
+        "seed": flights.seed,
+    }
+    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+
+
+def chosen(
+    entrants: Mapping[str, Entrant], conditions: Mapping[str, Condition], *, seed: int = 0, plant: str = "rigid_body"
+) -> list[Flights]:
+    """Every cell of a bench, entrant by entrant."""
+    return [
+        Flights(entrant=entrant, case=CASES[case], condition=condition, seed=seed, plant=plant)
+        for entrant in entrants.values()
+        for condition in conditions.values()
+        for case in condition.cases
+    ]
