@@ -121,7 +121,7 @@ def test_a_log_holds_its_scenario_through_its_file_and_its_csv_does_not(log: Log
 
 def test_the_record_says_what_was_flown_in_words_of_the_scenario(log: Log) -> None:
     record = log.info["scenario_record"]
-    assert record["delays"] == {"type": "Delays", "measurement": 0.005, "command": 0.003}
+    assert record["delays"] == {"type": "Delays", "measurement": 0.005, "command": 0.003, "longest_command": None}
     assert record["controller"]["law"] == "hybrid_computed_torque"
     assert record["controller"]["par"]["terms"]["coupling"] is False
     assert record["world"]["vehicle"]["links"][0]["joint"]["damping"] == 0.002
