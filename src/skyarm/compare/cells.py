@@ -6,6 +6,8 @@ import dataclasses
 import hashlib
 import io
 import json
+import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -109,12 +111,13 @@ class Cells:
     def get(self, flights: Flights) -> Cell | None:
         """The cell, if it is there and belongs to what would be flown today."""
         try:
-            with np.load(self._path(flights), allow_pickle=False) as stored:
+            content = io.BytesIO(self._path(flights).read_bytes())
+            with np.load(content, allow_pickle=False) as stored:
                 if str(stored["identity"]) != key(flights):
                     return None
                 metrics = {name.removeprefix("metric."): stored[name] for name in stored if name.startswith("metric.")}
                 return Cell(metrics, stored["status"])
-        except (OSError, ValueError, KeyError):
+        except (OSError, ValueError, KeyError, zipfile.BadZipFile, zlib.error):
             return None
 
     def put(self, flights: Flights, cell: Cell) -> None:

@@ -42,6 +42,7 @@ def of_log(log: Log, windows: Windows) -> dict[str, float]:
     found["altitude_error_max"] = calm.pop("altitude_error_max")
     motion = m.motion(log, windows.steady)
     efforts = {name: value for name, value in motion.items() if name.startswith("tau")}
+    del calm["tilt_rms"]
     return {f"{name}_continuous": value for name, value in found.items()} | calm | efforts
 
 

@@ -142,7 +142,7 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
     loads: list[tuple[Any, ...]] = []
     start: dict[str, Any] = {}
     air: dict[str, Any] = {}
-    fields: dict[str, Any] = {}
+    leaves: dict[Place, Any] = {}
     for path, value in values.items():
         number_at(scenario, path)
         load = _payload(scenario, path)
@@ -153,13 +153,13 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
         elif _of_turbulence(scenario, path):
             air[path.removeprefix(TURBULENCE)] = value
         else:
-            for place in places_of(scenario, path):
-                _put(fields, scenario, place, value)
+            leaves |= dict.fromkeys(places_of(scenario, path), value)
     if air:
-        _put(fields, scenario, ("wind", "turbulence"), _turbulence(scenario, air))
+        leaves[("wind", "turbulence")] = _turbulence(scenario, air)
+    fields = _fields(scenario, leaves)
     for place, frame, mass in loads:
-        held = part(fields.get(place[0], getattr(scenario, place[0])), place[1:])
-        _put(fields, scenario, place, held.with_payload(mass, frame))
+        record = fields.get(place[0], getattr(scenario, place[0]))
+        fields[place[0]] = replaced(record, {place[1:]: part(record, place[1:]).with_payload(mass, frame)})
     # a scenario is checked whenever it is made: once
     changed: Any = dataclasses.replace(scenario, **fields) if fields else scenario
     if any(path.startswith("model.vehicle.rotors") for path in values):
@@ -172,10 +172,12 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
     return result
 
 
-def _put(fields: dict[str, Any], scenario: Scenario, place: Place, value: Any) -> None:
-    """Set a number in the changed fields of a scenario, which are its own where nothing changed yet."""
-    record = fields.get(place[0], getattr(scenario, place[0]))
-    fields[place[0]] = replaced(record, place[1:], value)
+def _fields(scenario: Scenario, leaves: Mapping[Place, Any]) -> dict[str, Any]:
+    """Those fields of a scenario that numbers at these places change."""
+    below: dict[str, dict[Place, Any]] = {}
+    for place, value in leaves.items():
+        below.setdefault(place[0], {})[place[1:]] = value
+    return {name: replaced(getattr(scenario, name), inner) for name, inner in below.items()}
 
 
 def _with_par(controller: Controller, **fields: Any) -> Controller:
@@ -244,7 +246,7 @@ def _start(scenario: Scenario, values: Mapping[str, Any]) -> State:
     for path, value in values.items():
         if path not in _attitude_paths():
             for place in places_of(shape, path):
-                changed = replaced(changed, place[1:], value)
+                changed = replaced(changed, {place[1:]: value})
     angles = [values.get(path) for path in _attitude_paths()]
     if any(angle is not None for angle in angles):
         known = euler_angles(held.quaternion.rotation())

@@ -176,9 +176,10 @@ def _check(scenario: Scenario) -> None:
         delay = number(getattr(scenario.delays, name), f"delays.{name}", low=0.0)
         if delay > scenario.duration:
             raise ScenarioError(f"delays.{name} = {delay!r}: must not exceed the duration of {scenario.duration:g} s")
-        _require_whole(f"delays.{name}", delay, rate, unit)
-    if scenario.delays.longest_command is not None:
-        number(scenario.delays.longest_command, "delays.longest_command", low=0.0, strict=True)
+        # the closed loop in machine code takes any delay if it is told the longest; MuJoCo's plant steps
+        if name == "measurement" or scenario.delays.longest_command is None or scenario.plant == "mujoco":
+            _require_whole(f"delays.{name}", delay, rate, unit)
+    _check_longest(scenario.delays)
     _check_vehicles(scenario)
     if scenario.initial is not None:
         _check_initial(scenario.initial, scenario.world.vehicle.n, len(scenario.world.vehicle.rotors))
@@ -196,6 +197,17 @@ def noise_key(field: str, value: Any) -> int:
     if held is None or not 0 <= held < 2**32:
         raise ScenarioError(f"{field} = {shown(value)}: must be a whole number from 0 to 2**32 - 1")
     return held
+
+
+def _check_longest(delays: Delays) -> None:
+    """A delay that varies stays below its longest."""
+    if delays.longest_command is None:
+        return
+    number(delays.longest_command, "delays.longest_command", low=0.0, strict=True)
+    if concrete(delays.command) and delays.command > delays.longest_command:
+        raise ScenarioError(
+            f"delays.command = {delays.command!r}: must not exceed delays.longest_command = {delays.longest_command!r}"
+        )
 
 
 def _check_vehicles(scenario: Scenario) -> None:

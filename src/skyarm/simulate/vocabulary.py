@@ -64,15 +64,21 @@ def part(record: Any, place: Place) -> Any:
     return record
 
 
-def replaced(record: Any, place: Sequence[str], value: Any) -> Any:
-    """The record with another value at a place."""
-    if not place:
-        return value
-    name, rest = place[0], place[1:]
+def replaced(record: Any, values: Mapping[Place, Any]) -> Any:
+    """The record with other values at some places, none of which lies inside another.
+
+    Every record on the way is made, and checked, once: numbers that only together make sense are replaced together.
+    """
+    if () in values:
+        return values[()]
+    below: dict[str, dict[Place, Any]] = {}
+    for place, value in values.items():
+        below.setdefault(place[0], {})[place[1:]] = value
     if isinstance(record, tuple):
-        index = int(name)
-        return (*record[:index], replaced(record[index], rest, value), *record[index + 1 :])
-    return dataclasses.replace(record, **{name: replaced(getattr(record, name), rest, value)})
+        return tuple(replaced(item, below[str(i)]) if str(i) in below else item for i, item in enumerate(record))
+    return dataclasses.replace(
+        record, **{name: replaced(getattr(record, name), inner) for name, inner in below.items()}
+    )
 
 
 def _every_joint(vehicle: Vehicle) -> Tree:

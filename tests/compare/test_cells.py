@@ -1,0 +1,150 @@
+"""Cells of the bench: a batch of flights is those flights one by one; files are flown once; summaries count right."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from skyarm.compare import bench
+from skyarm.compare.cells import Cell, Cells, Flights, fly, key
+from skyarm.compare.entrants import ENTRANTS
+from skyarm.compare.plants import Spread
+from skyarm.compare.single import fly_one_by_one
+from skyarm.compare.suite import CASES, Case, Condition, conditions
+from skyarm.compare.summary import SUCCESS_METRIC, paired, summary
+from skyarm.compare.tables import report
+from skyarm.simulate import Window
+from skyarm.simulate.measures import Windows
+
+EARLY = Windows(steady=Window(1.0, 2.0), gust=Window(0.5, 2.0), last=0.5)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ShortCase(Case):
+    """Two seconds of a case."""
+
+    def build(self):
+        # not super(): a dataclass with slots is a new class
+        return dataclasses.replace(Case.build(self), duration=2.0)
+
+
+SHORT = ShortCase(name="case3_wind", title="two seconds", scenario="case3_wind", windows=EARLY)
+WRONG = Condition(name="plants_noisy", title="wrong", noisy=True, episodes=4, cases=("case3_wind",), spread=Spread())
+NOISY = Condition(name="noisy", title="noise", noisy=True, episodes=3, cases=("case3_wind",))
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _cache(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SKYARM_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+def flights(condition=NOISY, **changes):
+    return Flights(entrant=ENTRANTS["paper_ct"], case=SHORT, condition=condition, seed=5, **changes)
+
+
+@pytest.mark.parametrize("condition", [NOISY, WRONG], ids=lambda each: each.name)
+def test_a_batch_is_its_flights_one_by_one(condition):
+    # delays of single flights are whole milliseconds: here they are in the batch, too
+    planned = flights(condition)
+    scenario, values = planned.scenario(), planned.values(planned.scenario())
+    if condition.spread:
+        values = {**values, "delays.command": np.round(values["delays.command"], 3)}
+    found, status = fly_one_by_one(scenario, values, condition.episodes, EARLY)
+    cell = fly(planned)
+    assert list(status) == list(cell.status) == ["completed"] * condition.episodes
+    if condition.spread:
+        # half a millisecond of delay is all that differs
+        assert np.allclose(cell.metrics[SUCCESS_METRIC], found[SUCCESS_METRIC], rtol=0.05)
+        return
+    assert set(found) == set(cell.metrics)
+    for name, numbers in found.items():
+        assert np.allclose(cell.metrics[name], numbers, rtol=1e-7, atol=1e-12), name
+
+
+def test_a_cell_that_is_there_is_not_flown_again(tmp_path):
+    cells, cell = Cells(tmp_path), Cell({SUCCESS_METRIC: np.array([0.1, 0.2])}, np.array(["completed", "diverged"]))
+    assert cells.get(flights()) is None
+    cells.put(flights(), cell)
+    found = cells.get(flights())
+    assert np.array_equal(found.metrics[SUCCESS_METRIC], cell.metrics[SUCCESS_METRIC])
+    assert list(found.status) == list(cell.status)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"condition": dataclasses.replace(NOISY, episodes=4)},
+        {"case": dataclasses.replace(SHORT, wind=0.1)},
+        {"seed": 6},
+        {"entrant": dataclasses.replace(ENTRANTS["paper_pd"], name="paper_ct")},
+    ],
+    ids=lambda change: next(iter(change)),
+)
+def test_a_cell_of_other_flights_is_flown_again(tmp_path, change):
+    cells = Cells(tmp_path)
+    cells.put(flights(), Cell({}, np.array(["completed"])))
+    other = dataclasses.replace(flights(), **change)
+    assert other.label == flights().label
+    assert key(other) != key(flights())
+    assert cells.get(other) is None
+
+
+def test_a_damaged_cell_is_flown_again(tmp_path):
+    cells = Cells(tmp_path)
+    cells.put(flights(), Cell({}, np.array(["completed"])))
+    (file,) = tmp_path.iterdir()
+    file.write_bytes(file.read_bytes()[:100])
+    assert cells.get(flights()) is None
+
+
+def test_a_bench_that_was_interrupted_flies_the_rest(tmp_path, monkeypatch):
+    flown = []
+
+    def counted(planned, threads):
+        flown.append(planned.label)
+        if len(flown) == 3:
+            raise KeyboardInterrupt
+        return Cell({SUCCESS_METRIC: np.array([0.001])}, np.array(["completed"]))
+
+    monkeypatch.setattr(bench, "fly", counted)
+    columns = {"noisy": dataclasses.replace(NOISY, cases=("case1", "case2"))}
+    with pytest.raises(KeyboardInterrupt):
+        bench.perform(ENTRANTS, columns, tmp_path)
+    begun = flown[:2]
+    bench.perform(ENTRANTS, columns, tmp_path)
+    assert len(flown) == 3 + 2 * len(ENTRANTS) - 2
+    assert not set(begun) & set(flown[3:])
+
+
+def made(errors, status):
+    return Cell({SUCCESS_METRIC: np.array(errors)}, np.array(status))
+
+
+def test_a_success_flies_to_its_end_near_its_reference():
+    found = summary(made([0.019, 0.021, 0.001, np.nan], ["completed", "completed", "ground", "completed"]))
+    assert (found["episodes"], found["completed"], found["success"]) == (4, 3, 1)
+    assert found["endings"] == {"completed": 3, "ground": 1}
+    assert found["metrics"][SUCCESS_METRIC]["mean"] == pytest.approx(0.020)
+
+
+def test_a_cell_in_which_nobody_flew_to_the_end_has_no_means():
+    assert summary(made([0.1], ["diverged"]))["metrics"][SUCCESS_METRIC] is None
+
+
+def test_pairs_are_episodes_that_both_flew():
+    a = made([1.0, 2.0, 3.0], ["completed", "completed", "ground"])
+    b = made([2.0, 4.0, 0.0], ["completed", "completed", "completed"])
+    found = paired(a, b, SUCCESS_METRIC)
+    assert (found["mean"], found["first_smaller"]) == (-1.5, 1.0)
+
+
+def test_tables_have_a_row_for_every_law_that_flew():
+    cells = {"noisy": {"case3_wind": {"paper_ct": summary(fly(flights()))}}}
+    text = report({"summaries": cells, "step_times": {}}, ENTRANTS, {"noisy": conditions()["noisy"]})
+    assert "| paper_ct |" in text
+    assert "| paper_pd |" not in text
+    assert CASES["case3_wind_side"].title in text

@@ -1,0 +1,71 @@
+"""A batch whose episodes have delays of their own flies what single flights with those delays fly."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from skyarm.simulate import Delays, ScenarioError, run
+from skyarm.simulate.batch import Batch
+from skyarm.simulate.closed_loop import commands_waiting
+from skyarm.simulate.paths import LATE, number_at
+from skyarm.simulate.scenario_file import load_scenario
+
+DELAYS = (0.0, 0.001, 0.004, 0.005, 0.007, 0.010, 0.012, 0.015)
+
+
+def moving(**delays):
+    """Six seconds of hover and the step on to the circle."""
+    return dataclasses.replace(load_scenario("case3_wind"), duration=7.0, delays=Delays(**delays))
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SKYARM_CACHE", str(tmp_path_factory.mktemp("cache")))
+        batch = Batch(moving(longest_command=0.015), (LATE,), metrics=("effort",))
+        yield batch.fly({LATE: np.array(DELAYS)})
+
+
+@pytest.mark.parametrize("delay", DELAYS)
+def test_each_lane_is_the_single_flight_with_its_delay(flown, delay):
+    # the same steps, but for a rounding of their lengths and one of no length: 1e-9 after 1400 periods
+    log = run(moving(command=delay))
+    lane = DELAYS.index(delay)
+    position = np.array([component[lane] for component in flown.state.position])
+    end = log.position[-1] + log.velocity[-1] * 0.005
+    assert log.status == "completed"
+    assert flown.status[lane] == "completed"
+    assert np.allclose(position, end, atol=2e-4)  # the log's last row is one period earlier
+    before = Batch(dataclasses.replace(moving(command=delay)), ()).fly({})
+    after = np.array([component[0] for component in before.state.position])
+    assert np.allclose(position, after, rtol=0.0, atol=1e-9)
+
+
+def test_delays_differ(flown):
+    heights = flown.state.position.z
+    assert len(set(np.round(heights, 12).tolist())) == len(DELAYS)
+
+
+def test_a_delay_between_two_steps_lies_between_their_flights():
+    batch = Batch(moving(longest_command=0.015), (LATE,), metrics=("effort",))
+    x = batch.fly({LATE: np.array([0.006, 0.0065, 0.007])}).state.position.x
+    assert min(x[0], x[2]) < x[1] < max(x[0], x[2])
+
+
+def test_a_delay_does_not_vary_unless_the_scenario_says_how_long_it_gets():
+    assert number_at(moving(longest_command=0.01), LATE) == 0.0
+    with pytest.raises(ScenarioError, match=r"path = 'delays\.command': delays is structure"):
+        Batch(moving(), (LATE,))
+
+
+def test_a_longest_delay_is_above_zero():
+    with pytest.raises(ScenarioError, match=r"delays\.longest_command = 0\.0: must be above 0"):
+        moving(longest_command=0.0)
+
+
+@pytest.mark.parametrize(("longest", "count"), [(0.004, 2), (0.005, 2), (0.0051, 3), (0.010, 3), (0.015, 4)])
+def test_the_loop_remembers_as_many_commands_as_the_longest_delay_needs(longest, count):
+    assert commands_waiting(moving(longest_command=longest)) == count
