@@ -56,21 +56,32 @@ def thrust(
         position, velocity: of the centre of mass, world axes.
         R: R_WB. w: body rate. disturbance: N, world axes.
     """
-    kp, kv, gravity = par.base.position, par.base.velocity, E_Z * par.model.gravity
-    e, ed = within(position - wanted[0], par.base.reach), velocity - wanted[1]
-    force = (wanted[2] + gravity - kp.scaled(e) - kv.scaled(ed)) * mass - disturbance
+    kp, kv, gravity, limit = par.base.position, par.base.velocity, E_Z * par.model.gravity, par.base.pull
+    e, ed = position - wanted[0], velocity - wanted[1]
+    pull = [kp.scaled(e) + kv.scaled(ed)]
+    force = (wanted[2] + gravity - _bounded(pull, limit)) * mass - disturbance
     b3, b3d = R.column(2), R.apply(w.cross(E_Z))
     along = force.dot(b3)
     per_mass = divide(1.0, mass)
     edd = (b3 * along + disturbance) * per_mass - gravity - wanted[2]
-    first = (wanted[3] - kp.scaled(ed) - kv.scaled(edd)) * mass
+    pull.append(kp.scaled(ed) + kv.scaled(edd))
+    first = (wanted[3] - _bounded(pull, limit)) * mass
     change = first.dot(b3) + force.dot(b3d)
     eddd = (b3 * change + b3d * along) * per_mass - wanted[3]
-    second = (wanted[4] - kp.scaled(edd) - kv.scaled(eddd)) * mass
+    pull.append(kp.scaled(edd) + kv.scaled(eddd))
+    second = (wanted[4] - _bounded(pull, limit)) * mass
     series = (Taylor((f, g, mul(0.5, h))) for f, g, h in zip(force, first, second, strict=True))
     held = reachable(Vec3(*series), par.tilt, par.thrust_floor)
     pushed = derivative(held, 0).dot(b3)
     return Thrust(held, pushed, (b3 * pushed + disturbance) * per_mass - gravity)
+
+
+def _bounded(pull: list[Vec3], limit: Any) -> Vec3:
+    """Highest given derivative of pull / sqrt(1 + |pull|^2 / limit^2): a smooth bound that small pulls do not feel."""
+    series = [Taylor.of_derivatives(each) for each in zip(*pull, strict=True)]
+    square = series[0] * series[0] + series[1] * series[1] + series[2] * series[2]
+    share = 1.0 / sqrt(square * divide(1.0, limit * limit) + 1.0)
+    return Vec3(*((each * share).derivative(len(pull) - 1) for each in series))
 
 
 def within(v: Vec3, limit: Any) -> Vec3:

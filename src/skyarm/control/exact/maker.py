@@ -91,7 +91,7 @@ def make_exact(
             velocity=Vec3(kv, kv, kv),
             attitude=Vec3(kr, kr, yaw_kr),
             rate=Vec3(kw, kw, yaw_kw),
-            reach=gains.get("reach", 0.5),
+            pull=gains.get("pull", 5.0),
         ),
         joint_gains=JointGains(stiffness=(stiffness,) * vehicle.n, damping=(damping,) * vehicle.n),
         tip=TipGains(

@@ -19,14 +19,14 @@ class BaseGains:
     Attributes:
         position: 1/s^2. velocity: 1/s. Of the centre of mass, world axes.
         attitude: 1/s^2. rate: 1/s. Body axes.
-        reach: m; position errors pull as if they were no longer than this.
+        pull: m/s^2, the most that errors of the centre of mass can ask for.
     """
 
     position: Vec3
     velocity: Vec3
     attitude: Vec3
     rate: Vec3
-    reach: Scalar
+    pull: Scalar
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
