@@ -69,18 +69,18 @@ def _present(
     unknown: Disturbance,
     dt: Any,
 ) -> State:
-    """The state now: measured pose, filtered velocities, carried across the delay by the commands sent since."""
+    """The state now: filtered, carried across the delay by the commands sent since."""
     share = par.measured_rates
 
     def mixed(filtered: Any, measured: Any) -> Any:
         return add(filtered, mul(share, sub(measured, filtered)))
 
     state = State(
-        position=measurement.position,
+        position=observed.position,
         quaternion=observed.quaternion,
         velocity=observed.velocity + (measurement.velocity - observed.velocity) * share,
         rate=observed.rate + (measurement.rate - observed.rate) * share,
-        joints=measurement.joints,
+        joints=observed.joints,
         joint_rates=tuple(
             mixed(a, b) for a, b in zip(observed.joint_rates, measurement.joint_rates, strict=True)
         ),

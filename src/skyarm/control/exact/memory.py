@@ -47,12 +47,13 @@ class Observed:
     """Memory of the disturbance observer, at the time of the last measurement.
 
     Attributes:
-        quaternion, joints: as measured.
+        position, quaternion, joints: filtered.
         velocity, rate, joint_rates: estimates.
         force: N, world axes, at the base origin. torque: N m, base axes. efforts: of the joints.
         rotor_speeds: of the modelled motors, rad/s.
     """
 
+    position: Vec3
     quaternion: Quaternion
     joints: tuple[Scalar, ...]
     velocity: Vec3

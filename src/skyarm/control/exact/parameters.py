@@ -31,11 +31,12 @@ class BaseGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ObserverGains:
-    """Bandwidths of the disturbance observer, rad/s: of the base's force, its torque and the joints' torques."""
+    """Bandwidths, rad/s: of the disturbance on the base's force, its torque, the joints; of the filter of the pose."""
 
     force: Scalar
     torque: Scalar
     joints: Scalar
+    pose: Scalar
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -44,6 +45,7 @@ class TipGains:
 
     Attributes:
         position: 1/s^2. velocity: 1/s. Of the tip's error.
+        reach: m; base errors beyond this length are followed by the tip, not made good by the arm.
         damping: m; singular values of the tip's Jacobian below this leave their direction to the link orientations.
         posture: m; weight of the joints' own references, for motions that neither tip nor orientations fix.
         shift_rate: rad/s of the base shift. shift_limit: m, its largest length.
@@ -52,6 +54,7 @@ class TipGains:
 
     position: Scalar
     velocity: Scalar
+    reach: Scalar
     damping: Scalar
     posture: Scalar
     shift_rate: Scalar

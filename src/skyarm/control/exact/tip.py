@@ -9,6 +9,7 @@ Source: Wampler 1986, Nakamura, Hanafusa 1986 (damped least squares); Umetani, Y
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -72,6 +73,20 @@ def goal(vehicle: Vehicle, base: list[Vec3], yaw: Taylor, joints: Sequence[Taylo
         tuple(derivative(rate, 0) for rate in rates),
         tuple(derivative(rate, 1) for rate in rates),
     )
+
+
+def following(goal: Goal, error: Sequence[Vec3], reach: Any) -> Goal:
+    """The goal moved along with base errors (value to second derivative) that are longer than the arm shall make good.
+
+    The tip takes over e |e|^4 / (|e|^4 + reach^4): nothing of small errors, all of large ones.
+    """
+    series = [Taylor.of_derivatives(each) for each in zip(*error, strict=True)]
+    square = series[0] * series[0] + series[1] * series[1] + series[2] * series[2]
+    fourth = square * square * divide(1.0, reach * reach * reach * reach)
+    share = fourth / (fourth + 1.0)
+    moved = [each * share for each in series]
+    tip = tuple(p + Vec3(*(each.derivative(k) for each in moved)) for k, p in enumerate(goal.tip))
+    return dataclasses.replace(goal, tip=tip)
 
 
 def axes(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:

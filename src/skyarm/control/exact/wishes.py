@@ -95,6 +95,7 @@ def wishes(
             tip_velocity=state.velocity + _velocity(R, w, now.tip),
             com_acceleration=push.acceleration,
         )
+        goal = tip.following(goal, [state.position - base[0], state.velocity - base[1], push.acceleration - base[2]], par.tip.reach)
         preferred = tip.joint_accelerations(vehicle, par.tip, goal, present, preferred)
     return Wish(thrust=push.along, alpha=alpha, joints=preferred), kept
 
