@@ -24,16 +24,17 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "yaw": (30.0, 9.0),
         "arm": (900.0, 60.0),
         "observer": (25.0, 30.0, 40.0, 60.0),
-        "lag_inversion": 1.0,
+        "lag_inversion": 0.4,
         "measured_rates": 0.0,
     },
     "stiff": {
-        "base": (40.0, 12.0, 900.0, 50.0),
+        "base": (30.0, 10.5, 500.0, 36.0),
         "yaw": (60.0, 14.0),
         "arm": (1600.0, 80.0),
         "observer": (40.0, 60.0, 60.0, 1e6),
         "lag_inversion": 1.0,
         "measured_rates": 0.0,
+        "shift_rate": 12.0,
     },
 }
 """Gains on accelerations: base (kp, kv, KR, Kw), yaw (KR, Kw), arm and tip (kp, kd); observer bandwidths in rad/s."""
