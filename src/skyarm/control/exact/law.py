@@ -18,7 +18,7 @@ from skyarm.actuation import Command
 from skyarm.control.exact.adaptation import adapted_mass, believed
 from skyarm.control.exact.extrapolation import continued, samples
 from skyarm.control.exact.memory import ExactMemory, Observed
-from skyarm.control.exact.motion import Disturbance, carried
+from skyarm.control.exact.motion import Disturbance, carried, with_side
 from skyarm.control.exact.observer import disturbance, observe
 from skyarm.control.exact.parameters import ExactParameters
 from skyarm.control.exact.torques import actuate
@@ -41,11 +41,15 @@ def exact(
     observed = observe(
         model, par.observer, memory.observed, measurement, memory.sent[0], memory.started, memory.free, dt
     )
-    unknown = disturbance(observed)
+    alone = disturbance(observed)
+    unknown = with_side(
+        model, alone, observed.quaternion.rotation(), observed.rotor_speeds, observed.velocity, observed.rate
+    )
     state = _present(par, model, measurement, memory, observed, unknown, dt)
     share = 1.0 - exp(-(par.tip.shift_rate * dt))
-    slow = memory.slow_force + (unknown.force - memory.slow_force) * share
-    wish = wishes(par, model, state, signals, unknown, slow)
+    slow = memory.slow_force + (observed.force - memory.slow_force) * share
+    steady = slow if par.mode == "ee" else observed.force
+    wish = wishes(par, model, state, signals, unknown, steady)
     done = actuate(par, model, state, wish, unknown, memory.trim, dt)
     following = ExactMemory(
         started=memory.started * 0.0 + 1.0,

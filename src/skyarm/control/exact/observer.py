@@ -16,7 +16,7 @@ from skyarm import dynamics
 from skyarm.actuation import Command
 from skyarm.algebra import ZERO3, Mat3, Motion, Quaternion, Vec3
 from skyarm.control.exact.memory import Observed, choose, choose_each, data, vector_data
-from skyarm.control.exact.motion import Disturbance, acceleration, lagged, rotor_wrench
+from skyarm.control.exact.motion import Disturbance, acceleration, lagged, rotor_wrench, with_side
 from skyarm.control.exact.parameters import ObserverGains
 from skyarm.control.model import Model
 from skyarm.dynamics.measurement import Measurement
@@ -72,7 +72,7 @@ def observe(
     squares = [(a * a + 4.0 * (m * m) + b * b) * (1.0 / 6.0) for a, m, b in zip(memory.rotor_speeds, half, speeds, strict=True)]
     R = memory.quaternion.plus(place.quaternion, 1.0).normalized().rotation()
     joints = tuple(0.5 * (a + b) for a, b in zip(memory.joints, place.joints, strict=True))
-    unknown = disturbance(memory)
+    unknown = with_side(model, disturbance(memory), R, half, memory.velocity, memory.rate)
     linear, angular, qdd = acceleration(
         model, R, memory.rate, joints, memory.joint_rates, rotor_wrench(model, squares), acted.efforts, unknown
     )
