@@ -52,7 +52,8 @@ class Controller:
     """A law ready to fly.
 
     Attributes:
-        name: key of ``LAWS``. law: the step function. par: its constants. memory: its first memory.
+        name: key of ``LAWS``. law: the step function. memory: its first memory.
+        par: its constants, a record that holds the belief as ``model`` and the ``mixer``.
         margin: distance of an attitude (quaternion) to where the law is not defined, negative beyond; None if it is
             defined everywhere.
         limit: that place in words.
@@ -60,7 +61,7 @@ class Controller:
 
     name: str
     law: Law
-    par: Parameters
+    par: Any
     memory: Any = ()
     margin: Callable[[Any], Any] | None = None
     limit: str = ""

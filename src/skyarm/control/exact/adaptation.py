@@ -1,8 +1,8 @@
 """Slow adaptation of a mass at the tip, which enters the model itself.
 
-The observer's joint torques of an unmodelled mass m are -m Y(q, qd, qdd_d), with Y the torques of a unit mass at the tip;
-the mass moves along the normalised gradient, within [0, limit]. The linear force is not used: there a mass cannot be told
-from wind and thrust error, which stay with the observer's force.
+The observer's joint torques of an unmodelled mass m are -m Y(q, qd, qdd_d), with Y the torques of a unit mass at the
+tip; the mass moves along the normalised gradient, within [0, limit]. The linear force is not used: there a mass cannot
+be told from wind and thrust error, which stay with the observer's force.
 Source: Ioannou, Sun 1996, sections 4.3, 4.4 (normalised gradient with projection).
 """
 
@@ -37,9 +37,7 @@ def believed(par: ExactParameters, tip_mass: Any) -> Model:
 def unit_efforts(vehicle: Vehicle, state: State, alpha: Vec3, linear: Vec3, accelerations: Sequence[Any]) -> list[Any]:
     """Joint torques that a mass of 1 kg at the tip asks for.
 
-    Args:
-        alpha, linear: angular and proper linear acceleration of the base, base axes.
-        accelerations: of the joints.
+    The base accelerates by ``alpha`` and, proper, by ``linear`` in base axes, the joints by ``accelerations``.
     """
     w = state.rate
     tip = posture(vehicle, moving(state.joints, state.joint_rates, accelerations), 2).tip
@@ -58,9 +56,7 @@ def adapted_mass(
     linear = E_Z * mul(wish.thrust, share) + state.quaternion.rotation().apply_T(unknown.force) * share
     match: Any = 0.0
     size: Any = SMALL
-    for y, d in zip(
-        unit_efforts(model.vehicle, state, wish.alpha, linear, wish.joints), unknown.efforts, strict=True
-    ):
+    for y, d in zip(unit_efforts(model.vehicle, state, wish.alpha, linear, wish.joints), unknown.efforts, strict=True):
         match, size = sub(match, mul(y, d)), add(size, mul(y, y))
     step = mul(par.adaptation * dt, divide(match, size))
     return clip(tip_mass + step, 0.0, par.tip_mass_limit)

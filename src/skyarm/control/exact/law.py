@@ -2,8 +2,9 @@
 
 1. The held reference is continued to the present. 2. The observer takes the (possibly old) measurement. 3. The model
 carries the state across the delay. 4. The centre of mass asks for a force, the force for an attitude. 5. Joint
-accelerations: of the joints' references, or of tip and link orientations. 6. Inverse dynamics of an underactuated base: the
-real thrust goes in, the base's acceleration comes out, then body and joint torques. 7. Rotor commands undo the lag.
+accelerations: of the joints' references, or of tip and link orientations. 6. Inverse dynamics of an underactuated
+base: the real thrust goes in, the base's acceleration comes out, then body and joint torques. 7. Rotor commands undo
+the lag.
 
 Assumes a model of rigid bodies, rotors whose thrust is along body z but for the disturbance, and motor time constants.
 Sources: Lee, Leok, McClamroch 2010; Gao 2003; the parts cite their own.
@@ -11,7 +12,6 @@ Sources: Lee, Leok, McClamroch 2010; Gao 2003; the parts cite their own.
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 from skyarm.actuation import Command
@@ -86,9 +86,7 @@ def _present(
         velocity=observed.velocity + (measurement.velocity - observed.velocity) * share,
         rate=observed.rate + (measurement.rate - observed.rate) * share,
         joints=observed.joints,
-        joint_rates=tuple(
-            mixed(a, b) for a, b in zip(observed.joint_rates, measurement.joint_rates, strict=True)
-        ),
+        joint_rates=tuple(mixed(a, b) for a, b in zip(observed.joint_rates, measurement.joint_rates, strict=True)),
         rotor_speeds=observed.rotor_speeds,
     )
     for command in memory.sent[1:]:

@@ -45,7 +45,9 @@ def side_wrench(model: Model, speeds: Sequence[Any], velocity_B: Vec3, rate: Vec
     return total - rotor_wrench(model, [speed * speed for speed in speeds])
 
 
-def with_side(model: Model, unknown: Disturbance, R: Mat3, speeds: Sequence[Any], velocity: Vec3, rate: Vec3) -> Disturbance:
+def with_side(
+    model: Model, unknown: Disturbance, R: Mat3, speeds: Sequence[Any], velocity: Vec3, rate: Vec3
+) -> Disturbance:
     """A disturbance and the :func:`side_wrench` at a world velocity."""
     side = side_wrench(model, speeds, R.apply_T(velocity), rate)
     return Disturbance(

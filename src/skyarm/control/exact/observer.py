@@ -58,7 +58,8 @@ def observe(
     """Memory at the measurement's time.
 
     Args:
-        model: belief. gains: bandwidths.
+        model: belief.
+        gains: bandwidths.
         memory: one period earlier.
         measurement: the new one.
         acted: the command of the period between them.
@@ -69,7 +70,9 @@ def observe(
     place = filtered(gains.pose, memory, measurement, started, dt)
     half = lagged(model, memory.rotor_speeds, acted, 0.5 * dt)
     speeds = lagged(model, memory.rotor_speeds, acted, dt)
-    squares = [(a * a + 4.0 * (m * m) + b * b) * (1.0 / 6.0) for a, m, b in zip(memory.rotor_speeds, half, speeds, strict=True)]
+    squares = [
+        (a * a + 4.0 * (m * m) + b * b) * (1.0 / 6.0) for a, m, b in zip(memory.rotor_speeds, half, speeds, strict=True)
+    ]
     R = memory.quaternion.plus(place.quaternion, 1.0).normalized().rotation()
     joints = tuple(0.5 * (a + b) for a, b in zip(memory.joints, place.joints, strict=True))
     unknown = with_side(model, disturbance(memory), R, half, memory.velocity, memory.rate)
@@ -83,9 +86,7 @@ def observe(
     poles = [exp(-(bandwidth * dt)) for bandwidth in (gains.force, gains.torque, gains.joints)]
     fast = [1.0 - b * b for b in poles]
     slow = [(1.0 - b) * (1.0 - b) / dt for b in poles]
-    push, turn, pulls = inertia_times(
-        model, R, joints, ev * slow[0], ew * slow[1], [mul(e, slow[2]) for e in er]
-    )
+    push, turn, pulls = inertia_times(model, R, joints, ev * slow[0], ew * slow[1], [mul(e, slow[2]) for e in er])
     running = started > 0.5
     learned = Observed(
         position=place.position,

@@ -28,7 +28,6 @@ class Wish:
     joints: tuple[Any, ...]
 
 
-
 def wishes(
     par: ExactParameters,
     model: Model,
@@ -40,9 +39,12 @@ def wishes(
     """The wish at this state.
 
     Args:
+        par: constants.
         model: belief, with the adapted tip mass.
-        state: now. signals: x, y, z, yaw and the joints, series in time.
-        unknown: disturbance. steady: its force without the rotors' own drag, which the posture follows.
+        state: now.
+        signals: x, y, z, yaw and the joints, series in time.
+        unknown: disturbance.
+        steady: its force without the rotors' own drag, which the posture follows.
     """
     vehicle, mass = model.vehicle, model.vehicle.mass
     base = [Vec3(*(signal.derivative(k) for signal in signals[:3])) for k in range(5)]
@@ -84,7 +86,9 @@ def wishes(
             tip_velocity=state.velocity + _velocity(R, w, now.tip),
             com_acceleration=push.acceleration,
         )
-        goal = tip.following(goal, [state.position - base[0], state.velocity - base[1], push.acceleration - base[2]], par.tip.reach)
+        goal = tip.following(
+            goal, [state.position - base[0], state.velocity - base[1], push.acceleration - base[2]], par.tip.reach
+        )
         preferred = tip.joint_accelerations(vehicle, par.tip, goal, present, preferred)
     return Wish(thrust=push.along, alpha=alpha, joints=preferred)
 
@@ -113,4 +117,3 @@ def _level_links(
     poses = [Pose(Mat3(*(derivative(row, 0) for row in pose.R.rows)), ZERO3) for pose in level.links]
     change = tip.level_joints(vehicle, par.tip, goal, still.R, poses)
     return posture(vehicle, [q + c for q, c in zip(joints, change, strict=True)], 4)
-
