@@ -44,13 +44,13 @@ class Flown:
         return float(getattr(self, name)[:, at].mean())
 
 
-def planned(case: str, *, noisy: bool = False, preset: str | None = None, mode: str = "joint", **options: Any) -> Scenario:
+def planned(
+    case: str, *, noisy: bool = False, preset: str | None = None, mode: str = "joint", **options: Any
+) -> Scenario:
     """A case of the paper flown by the exact law: presets and noise as they are asked for."""
     loaded = load_scenario(case)
     name = preset or ("robust" if noisy else "stiff")
-    law = make_exact(
-        loaded.controller.par.model, mode=mode, preset=name, delay=PERIOD if noisy else 0.0, **options
-    )
+    law = make_exact(loaded.controller.par.model, mode=mode, preset=name, delay=PERIOD if noisy else 0.0, **options)
     changed = dataclasses.replace(loaded, controller=law, duration=20.0)
     if not noisy:
         return changed
@@ -93,7 +93,7 @@ def fly(scenario: Scenario, seeds: int = 1) -> Flown:
         columns["quaternion"].append(quaternion)
         columns["command"].append(_table(sample.command.rotor_speeds, count))
     found = {name: np.array(values) for name, values in columns.items()}
-    steady = (inputs.times >= 10.0) & (inputs.times < 20.0)
+    steady = inputs.times >= 0.5 * scenario.duration
     return Flown(
         time=inputs.times,
         base=1e3 * np.linalg.norm(found["position"] - position_d, axis=2),

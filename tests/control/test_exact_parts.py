@@ -125,16 +125,20 @@ def test_the_inverted_lag_stays_within_what_the_rotor_can_do(speed, wanted):
 
 def held(value, rate, acceleration):
     zero = Vec3(0.0, 0.0, 0.0)
-    return Reference(position=Vec3(value, 0.0, 0.0), velocity=Vec3(rate, 0.0, 0.0), acceleration=Vec3(acceleration, 0.0, 0.0), jerk=zero, snap=zero).dense()
+    return Reference(
+        position=Vec3(value, 0.0, 0.0),
+        velocity=Vec3(rate, 0.0, 0.0),
+        acceleration=Vec3(acceleration, 0.0, 0.0),
+        jerk=zero,
+        snap=zero,
+    ).dense()
 
 
 def published(signal, ticks, jump=None):
     """Series of x at each control tick from samples every 20 ms of ``signal(t) -> value, rate, acceleration``."""
     channels, age, started, found = (Channel(),) * 4, 0.0, 0.0, []
     for k in range(ticks):
-        series, channels, age = continued(
-            channels, age, samples(held(*signal((k // 4) * 0.02))), started, 0.005, 0.02
-        )
+        series, channels, age = continued(channels, age, samples(held(*signal((k // 4) * 0.02))), started, 0.005, 0.02)
         started = 1.0
         found.append([series[0].derivative(i) for i in range(5)])
     return np.array(found)
@@ -188,7 +192,9 @@ def test_torques_give_the_wished_accelerations_to_pinocchios_free_vehicle():
             force=vec(rng.normal(size=3)), torque=vec(rng.normal(size=3)), efforts=tuple(rng.normal(size=n).tolist())
         )
         wish = Wish(
-            thrust=float(10.0 * rng.normal()), alpha=vec(5.0 * rng.normal(size=3)), joints=tuple(rng.normal(size=n).tolist())
+            thrust=float(10.0 * rng.normal()),
+            alpha=vec(5.0 * rng.normal(size=3)),
+            joints=tuple(rng.normal(size=n).tolist()),
         )
         now = State(
             position=vec(state.position),
@@ -289,5 +295,3 @@ def test_goal_rates_are_those_of_the_turning_links():
         np.testing.assert_allclose(array(found.rates[i]), [S[2, 1], S[0, 2], S[1, 0]], atol=1e-8)
         np.testing.assert_allclose(array(found.accelerations[i]), [A[2, 1], A[0, 2], A[1, 0]], atol=1e-6)
         np.testing.assert_allclose([array(row) for row in found.links[i].rows], R[i], atol=1e-12)
-
-

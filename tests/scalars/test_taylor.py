@@ -29,7 +29,10 @@ FUNCTIONS = {
     "cosine": (lambda a, b: cos(a), lambda a, b: mpmath.cos(a)),
     "root": (lambda a, b: sqrt(b), lambda a, b: mpmath.sqrt(b)),
     "difference": (lambda a, b: 1.0 - a - (b - 2.0), lambda a, b: 1 - a - (b - 2)),
-    "all": (lambda a, b: sin(a * b) / sqrt(b) - cos(a) * 3.0, lambda a, b: mpmath.sin(a * b) / mpmath.sqrt(b) - 3 * mpmath.cos(a)),
+    "all": (
+        lambda a, b: sin(a * b) / sqrt(b) - cos(a) * 3.0,
+        lambda a, b: mpmath.sin(a * b) / mpmath.sqrt(b) - 3 * mpmath.cos(a),
+    ),
 }
 
 
