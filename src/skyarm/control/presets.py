@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping
 
 from skyarm.algebra import Vec3
+from skyarm.control.exact import make_exact
 from skyarm.control.model import GeometricGains, JointGains, Model
 from skyarm.control.registry import Controller, ControllerError, make_controller
 from skyarm.files import shown
@@ -45,6 +47,10 @@ PRESETS: Mapping[str, Callable[[Model], Controller]] = {
     "paper_ct_euler": _ct_euler,
     "paper_pd": _pd,
     "rotors_hummingbird": _rotors,
+    "exact_joint": functools.partial(make_exact, mode="joint"),
+    "exact_joint_stiff": functools.partial(make_exact, mode="joint", preset="stiff"),
+    "exact_ee": functools.partial(make_exact, mode="ee"),
+    "exact_ee_stiff": functools.partial(make_exact, mode="ee", preset="stiff"),
 }
 
 

@@ -54,8 +54,8 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
 }
 """Gains on accelerations: base (kp, kv, KR, Kw), yaw (KR, Kw), arm and tip (kp, kd); bandwidths of the observer, rad/s.
 
-"robust" was chosen under noise and one period of delay on perturbed plants, "stiff" on perfect state; both survive 10 ms
-of delay that they do not know.
+"robust" was chosen under noise and one period of delay on perturbed plants, "stiff" on perfect state; both survive
+10 ms of delay that they do not know.
 """
 
 
