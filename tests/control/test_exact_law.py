@@ -12,8 +12,10 @@ from flown import MODEL, G, cases, changed, hovering, stacked
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves, rebuild, trace
-from skyarm.control.exact import PRESETS, make_exact
+from skyarm.control.exact import MAKERS, PRESETS, make_exact
+from skyarm.control.export import export_c
 from skyarm.control.model import Model
+from skyarm.control.presets import preset
 from skyarm.control.registry import ControllerError
 from skyarm.environment import RotorsForce
 from skyarm.plant.interface import World
@@ -265,3 +267,16 @@ def test_tip_mode_needs_an_end_effector():
 def test_presets_differ_only_in_numbers():
     first, *others = PRESETS.values()
     assert all(set(other) <= set(first) | {"shift_rate"} for other in others)
+
+
+def test_the_exported_c_file_names_every_gain():
+    text = export_c(make_exact(MODEL, mode="ee"), name="law", period=0.005).text
+    for word in ("base_position", "tip_damping", "observer_force", "lag_inversion", "mode 'ee'"):
+        assert word in text
+
+
+def test_the_law_is_found_by_name():
+    for name in MAKERS:
+        found = preset(name, MODEL)
+        assert found.name == name.removesuffix("_stiff")
+        assert (found.par.lag_inversion == 1.0) == name.endswith("stiff")

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Mapping
 
 from skyarm.algebra import Vec3
-from skyarm.control.exact import make_exact
+from skyarm.control.exact import MAKERS
 from skyarm.control.model import GeometricGains, JointGains, Model
 from skyarm.control.registry import Controller, ControllerError, make_controller
 from skyarm.files import shown
@@ -47,22 +46,19 @@ PRESETS: Mapping[str, Callable[[Model], Controller]] = {
     "paper_ct_euler": _ct_euler,
     "paper_pd": _pd,
     "rotors_hummingbird": _rotors,
-    "exact_joint": functools.partial(make_exact, mode="joint"),
-    "exact_joint_stiff": functools.partial(make_exact, mode="joint", preset="stiff"),
-    "exact_ee": functools.partial(make_exact, mode="ee"),
-    "exact_ee_stiff": functools.partial(make_exact, mode="ee", preset="stiff"),
 }
 
 
 def preset(name: str, model: Model) -> Controller:
-    """A controller with published gains.
+    """A controller with published gains, or the exact law with the gains of one of its presets.
 
     Raises:
         ControllerError: unknown name, or gains for another number of joints.
     """
-    if not isinstance(name, str) or name not in PRESETS:
-        raise ControllerError(f"controller.preset = {shown(name)}: must be one of {sorted(PRESETS)}")
+    makers = {**PRESETS, **MAKERS}
+    if not isinstance(name, str) or name not in makers:
+        raise ControllerError(f"controller.preset = {shown(name)}: must be one of {sorted(makers)}")
     try:
-        return PRESETS[name](model)
+        return makers[name](model)
     except ControllerError as error:
         raise ControllerError(f"controller.preset = {name!r}: does not fit this model ({error})") from None

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import functools
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from skyarm.actuation import AllocationError, Command, Mixer, make_mixer
@@ -140,6 +141,15 @@ def make_exact(
         adapts=adaptation > 0.0,
     )
     return Controller(name=f"exact_{mode}", law=exact, par=par, memory=first_memory(model, periods))
+
+
+MAKERS: Mapping[str, Callable[..., Controller]] = {
+    "exact_joint": functools.partial(make_exact, mode="joint"),
+    "exact_joint_stiff": functools.partial(make_exact, mode="joint", preset="stiff"),
+    "exact_ee": functools.partial(make_exact, mode="ee"),
+    "exact_ee_stiff": functools.partial(make_exact, mode="ee", preset="stiff"),
+}
+"""The law by name: from a model, and the options of :func:`make_exact`, to a controller."""
 
 
 def _mixer(vehicle: Vehicle) -> Mixer:
