@@ -34,12 +34,12 @@ COMMON: Mapping[str, Any] = {
 PRESETS: Mapping[str, Mapping[str, Any]] = {
     "robust": {
         **COMMON,
-        "base": (20.0, 8.0, 170.0, 24.0),
+        "base": (20.0, 8.0, 200.0, 26.0),
         "yaw": (30.0, 9.0),
         "arm": (900.0, 60.0),
-        "tip": (900.0, 60.0),
-        "observer": (25.0, 30.0, 40.0, 60.0),
-        "lag_inversion": 0.25,
+        "tip": (700.0, 53.0),
+        "observer": (25.0, 30.0, 34.0, 60.0),
+        "lag_inversion": 0.35,
         "shift_rate": 4.0,
     },
     "stiff": {
