@@ -7,24 +7,26 @@ import dataclasses
 import numpy as np
 import pytest
 from numpy.polynomial import Chebyshev
+from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import skyarm
 from skyarm.actuation import Command, speed_after
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.control.exact import make_exact
-from skyarm.control.exact.attitude import attitude, reachable
+from skyarm.control.exact.attitude import Attitude, attitude, reachable
+from skyarm.control.exact.center_of_mass import thrust
 from skyarm.control.exact.extrapolation import continued, samples
 from skyarm.control.exact.kinematics import derivative, moving, posture
 from skyarm.control.exact.lag import command_for
 from skyarm.control.exact.memory import Channel
 from skyarm.control.exact.motion import Disturbance, carried
-from skyarm.control.exact.tip import goal, level_joints, orientation_error
+from skyarm.control.exact.tip import Goal, Now, goal, joint_accelerations, level_joints, orientation_error, shift
 from skyarm.control.exact.torques import needed
 from skyarm.control.exact.wishes import Wish
 from skyarm.control.model import Model
 from skyarm.dynamics import State
-from skyarm.dynamics.kinematics import link_poses
+from skyarm.dynamics.kinematics import frame_pose, link_poses
 from skyarm.reference import Reference
 from skyarm.scalars.taylor import Taylor
 from vehicles_random import TWINS, RandomState, random_state, random_vehicle, rotation_matrix
@@ -34,10 +36,10 @@ NODES = np.cos(np.pi * (np.arange(24) + 0.5) / 24) * 0.2
 """Chebyshev nodes on 0.4 s: interpolation differentiates smooth signals four times to about 1e-8."""
 
 
-def differentiated(values, order=4):
-    """Derivatives at t = 0 of samples at NODES, by interpolation."""
+def differentiated(values, order=4, share=1.0):
+    """Derivatives at t = 0 of samples at ``share`` times NODES, by interpolation."""
     columns = np.asarray(values, dtype=float).reshape(len(NODES), -1).T
-    fits = [Chebyshev.fit(NODES, column, len(NODES) - 1, domain=[-0.2, 0.2]) for column in columns]
+    fits = [Chebyshev.fit(share * NODES, column, 23, domain=[-0.2 * share, 0.2 * share]) for column in columns]
     return [np.array([fit.deriv(k)(0.0) if k else fit(0.0) for fit in fits]) for k in range(order + 1)]
 
 
@@ -295,3 +297,146 @@ def test_goal_rates_are_those_of_the_turning_links():
         np.testing.assert_allclose(array(found.rates[i]), [S[2, 1], S[0, 2], S[1, 0]], atol=1e-8)
         np.testing.assert_allclose(array(found.accelerations[i]), [A[2, 1], A[0, 2], A[1, 0]], atol=1e-6)
         np.testing.assert_allclose([array(row) for row in found.links[i].rows], R[i], atol=1e-12)
+
+
+@pytest.mark.parametrize("joints", [2, 4, 7])
+def test_joint_accelerations_give_the_tip_and_the_links_what_they_were_asked_for(joints):
+    """A motion of Pinocchio's vehicle, differentiated by interpolation, is recovered from its own tip and links."""
+    pytest.importorskip("pinocchio")
+    rng = np.random.default_rng([11, joints])
+    vehicle = random_vehicle(rng, joints)
+    twin, par = TWINS["pinocchio"](vehicle), make_exact_gains()
+    first = Rotation.from_rotvec(rng.normal(size=3))
+    w, alpha, p, q = rng.normal(size=3), rng.normal(size=3), rng.normal(size=(3, 3)), rng.normal(size=(3, joints))
+
+    def at(t):
+        x, y, z, s = (first * Rotation.from_rotvec(w * t + 0.5 * alpha * t * t)).as_quat()
+        turned = np.array([s, x, y, z])
+        state = RandomState(p[0] + p[1] * t + 0.5 * p[2] * t * t, turned, q[0] + q[1] * t + 0.5 * q[2] * t * t, still)
+        frames = [twin.frame(state, f"tip{i}") for i in range(joints)]
+        return np.concatenate([twin.center_of_mass(state), frames[-1][0], *(frame[1].ravel() for frame in frames)])
+
+    still = np.zeros(6 + joints)
+    values = differentiated([at(t) for t in NODES], 2)
+    com_acceleration, tip = values[2][:3], [vec(value[3:6]) for value in values]
+    rates, accelerations = [], []
+    for i in range(joints):
+        R, Rd, Rdd = (value[6 + 9 * i : 15 + 9 * i].reshape(3, 3) for value in values)
+        S = Rd @ R.T
+        A = Rdd @ R.T - S @ S
+        rates.append(Vec3(S[2, 1], S[0, 2], S[1, 0]))
+        accelerations.append(Vec3(A[2, 1], A[0, 2], A[1, 0]))
+    R = Mat3(*(vec(row) for row in first.as_matrix()))
+    now = Now(
+        R=R,
+        rate=vec(w),
+        alpha=vec(alpha),
+        joints=tuple(q[0].tolist()),
+        joint_rates=tuple(q[1].tolist()),
+        posture=posture(vehicle, moving(q[0].tolist(), q[1].tolist(), (0.0,) * joints), 2),
+        tip=tip[0],
+        tip_velocity=tip[1],
+        com_acceleration=vec(com_acceleration),
+    )
+    wanted = Goal(
+        tip=(tip[0], tip[1], tip[2]),
+        tip_B=tip[0],
+        links=tuple(R @ pose.R for pose in link_poses(vehicle, now.joints)),
+        rates=tuple(rates),
+        accelerations=tuple(accelerations),
+    )
+    found = joint_accelerations(vehicle, par, wanted, now, tuple(q[2].tolist()))
+    # interpolation differentiates twice to about 1e-8, which the least squares enlarge
+    np.testing.assert_allclose(found, q[2], atol=1e-5)
+
+
+def make_exact_gains():
+    """Both tasks weigh alike, so that an error in either shows."""
+    gains = make_exact(Model(vehicle=TRUTH), mode="ee").par.tip
+    return dataclasses.replace(gains, damping=1.0, posture=1e-6)
+
+
+def test_the_forces_derivatives_are_those_along_the_motion_that_the_thrust_makes():
+    """The centre of mass as a point under f b3 + d, with a body that turns: integrated by SciPy, differentiated."""
+    rng = np.random.default_rng(8)
+    par = make_exact(Model(vehicle=TRUTH, gravity=9.8)).par
+    mass, d, w = float(TRUTH.mass), rng.normal(size=3), rng.normal(size=3)
+    c = rng.normal(size=(5, 3)) * 0.3
+    kp, kv, weight = array(par.base.position), array(par.base.velocity), np.array([0.0, 0.0, 9.8])
+    first = Rotation.from_rotvec([0.1, -0.2, 0.3])
+
+    def b3(t):
+        return (first * Rotation.from_rotvec(w * t)).as_matrix()[:, 2]
+
+    def reference(t, k):
+        signals = [np.polynomial.Polynomial(column) for column in c.T]
+        return np.array([(x.deriv(k) if k else x)(t) for x in signals])
+
+    def force(t, x, v):
+        pull = kp * (x - reference(t, 0)) + kv * (v - reference(t, 1))
+        pull = pull / np.sqrt(1.0 + pull @ pull / par.base.pull**2)
+        return mass * (reference(t, 2) + weight - pull) - d
+
+    def slope(t, y):
+        f = force(t, y[:3], y[3:])
+        return np.concatenate([y[3:], (f @ b3(t) * b3(t) + d) / mass - weight])
+
+    start = np.concatenate([reference(0.0, 0) + 0.05, reference(0.0, 1) - 0.2])
+    paths = [
+        solve_ivp(
+            slope, (0.0, sign * 0.02), start, rtol=1e-12, atol=1e-13, dense_output=True, method="DOP853", max_step=0.005
+        ).sol
+        for sign in (-1.0, 1.0)
+    ]
+    # the bound of the pull bends within some 50 ms
+    times = 0.1 * NODES
+    along = [paths[int(t > 0.0)](t) for t in times]
+    expected = differentiated([force(t, y[:3], y[3:]) for t, y in zip(times, along, strict=True)], 2, 0.1)
+    found = thrust(
+        par,
+        mass,
+        wanted=[vec(reference(0.0, k)) for k in range(5)],
+        position=vec(start[:3]),
+        velocity=vec(start[3:]),
+        R=Mat3(*(vec(row) for row in first.as_matrix())),
+        w=vec(w),
+        disturbance=vec(d),
+    )
+    for k, tolerance in enumerate((1e-9, 1e-6, 1e-4)):
+        np.testing.assert_allclose(array(derivative(found.force, k)), expected[k], rtol=tolerance, atol=tolerance)
+    f = array(derivative(found.force, 0)) @ b3(0.0)
+    assert found.along == pytest.approx(f, rel=1e-12)
+    np.testing.assert_allclose(array(found.acceleration), (f * b3(0.0) + d) / mass - weight, atol=1e-12)
+
+
+def test_the_shift_moves_with_the_tilting_tip():
+    """Offset, rate and acceleration of a turning vehicle with a moving arm, by interpolation of the offset itself."""
+    rng = np.random.default_rng(12)
+    vehicle = random_vehicle(rng, 3)
+    level, arm = rng.normal(size=(3, 3)), rng.normal(size=(3, 3))
+    first, w, alpha, yaw = (
+        Rotation.from_rotvec([0.2, -0.1, 0.4]),
+        rng.normal(size=3),
+        rng.normal(size=3),
+        (0.4, 0.5, -0.6),
+    )
+    zero = (0.0,) * 3
+    postures = [posture(vehicle, moving(*rows.tolist(), zero, zero), 4) for rows in (level, arm)]
+
+    def tip_of(rows, t):
+        q = tuple((rows[0] + rows[1] * t + 0.5 * rows[2] * t * t).tolist())
+        return array(frame_pose(vehicle, vehicle.frame(), q).p)
+
+    def offset(t):
+        turn = Rotation.from_euler("z", yaw[0] + yaw[1] * t + 0.5 * yaw[2] * t * t)
+        leaning = first * Rotation.from_rotvec(w * t + 0.5 * alpha * t * t)
+        return turn.apply(tip_of(level, t)) - leaning.apply(tip_of(arm, t))
+
+    still = Attitude(Mat3(*(vec(row) for row in first.as_matrix())), vec(w), vec(alpha))
+    series = Taylor.of_derivatives([*yaw, 0.0, 0.0])
+    expected = differentiated([offset(t) for t in NODES], 2)
+    found = shift(postures[0], series, postures[1], still, 1e3)
+    for k in range(3):
+        np.testing.assert_allclose(array(found[k]), expected[k], atol=1e-6 * max(1.0, np.abs(expected[k]).max()))
+    bounded = shift(postures[0], series, postures[1], still, 0.05)
+    assert np.linalg.norm(array(bounded[0])) <= 0.05
