@@ -14,13 +14,14 @@ import skyarm
 from skyarm.actuation import Command, speed_after
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.control.exact import make_exact
-from skyarm.control.exact.attitude import Attitude, attitude, reachable
+from skyarm.control.exact.attitude import Attitude, angular_acceleration, attitude, reachable
 from skyarm.control.exact.center_of_mass import thrust
 from skyarm.control.exact.extrapolation import continued, samples
 from skyarm.control.exact.kinematics import derivative, moving, posture
 from skyarm.control.exact.lag import command_for
 from skyarm.control.exact.memory import Channel
 from skyarm.control.exact.motion import Disturbance, carried
+from skyarm.control.exact.parameters import BaseGains
 from skyarm.control.exact.tip import Goal, Now, goal, joint_accelerations, level_joints, orientation_error, shift
 from skyarm.control.exact.torques import needed
 from skyarm.control.exact.wishes import Wish
@@ -440,3 +441,31 @@ def test_the_shift_moves_with_the_tilting_tip():
         np.testing.assert_allclose(array(found[k]), expected[k], atol=1e-6 * max(1.0, np.abs(expected[k]).max()))
     bounded = shift(postures[0], series, postures[1], still, 0.05)
     assert np.linalg.norm(array(bounded[0])) <= 0.05
+
+
+def test_without_gains_the_rate_error_does_not_change():
+    """Lee's feed-forward: w - R^T R_d w_d stays what it is while both attitudes turn and accelerate."""
+    rng = np.random.default_rng(4)
+    first, goal_ = Rotation.from_rotvec([0.3, -0.2, 0.1]), Rotation.from_rotvec([-0.4, 0.5, 0.2])
+    w, w_d, a_d = rng.normal(size=(3, 3))
+    rows = [Mat3(*(vec(row) for row in turn.as_matrix())) for turn in (first, goal_)]
+    zero = Vec3(0.0, 0.0, 0.0)
+    gains = BaseGains(position=zero, velocity=zero, attitude=zero, rate=zero, pull=5.0)
+    alpha = array(angular_acceleration(gains, Attitude(rows[1], vec(w_d), vec(a_d)), rows[0], vec(w)))
+
+    def error(t):
+        now = first * Rotation.from_rotvec(w * t + 0.5 * alpha * t * t)
+        then = goal_ * Rotation.from_rotvec(w_d * t + 0.5 * a_d * t * t)
+        return w + alpha * t - (now.inv() * then).apply(w_d + a_d * t)
+
+    np.testing.assert_allclose(differentiated([error(t) for t in NODES], 1)[1], 0.0, atol=1e-9)
+
+
+def test_the_attitude_law_turns_back_and_brakes():
+    rows = Mat3(*(vec(row) for row in Rotation.from_rotvec([0.1, 0.0, 0.0]).as_matrix()))
+    level = Attitude(Mat3.identity(), Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0))
+    gains = make_exact(Model(vehicle=TRUTH)).par.base
+    leaning = array(angular_acceleration(gains, level, rows, Vec3(0.0, 0.0, 0.0)))
+    turning = array(angular_acceleration(gains, level, Mat3.identity(), Vec3(0.0, 0.5, 0.0)))
+    np.testing.assert_allclose(leaning, [-gains.attitude.x * np.sin(0.1), 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(turning, [0.0, -0.5 * gains.rate.y, 0.0], atol=1e-12)
