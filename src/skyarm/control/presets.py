@@ -8,7 +8,7 @@ from typing import Any
 
 from skyarm.algebra import Vec3
 from skyarm.control.model import GeometricGains, JointGains, Model
-from skyarm.control.registry import Controller, ControllerError, make_controller
+from skyarm.control.registry import Controller, ControllerError, make_controller, suited
 from skyarm.files import shown
 
 HUMMINGBIRD = GeometricGains(
@@ -39,11 +39,22 @@ PRESETS: Mapping[str, Preset] = {
     "paper_ct_euler": Preset("hybrid_computed_torque_euler", {"gains": HUMMINGBIRD, "joint_gains": ACCELERATION}),
     "paper_pd": Preset("decoupled_pd", {"gains": HUMMINGBIRD, "joint_gains": TORQUE}),
     "rotors_hummingbird": Preset("rotors_position", {"gains": HUMMINGBIRD}),
+    "exact_joint": Preset("exact", {"mode": "joint"}),
+    "exact_joint_stiff": Preset("exact", {"mode": "joint", "preset": "stiff"}),
+    "exact_ee": Preset("exact", {"mode": "ee"}),
+    "exact_ee_stiff": Preset("exact", {"mode": "ee", "preset": "stiff"}),
 }
+"""The paper's controllers with its gains, and the exact law with its own."""
 
 
-def preset(name: str, model: Model) -> Controller:
-    """A controller with published gains.
+def preset(name: str, model: Model, known: Mapping[str, Any] | None = None) -> Controller:
+    """A controller by the name of its gains.
+
+    Args:
+        name: a key of ``PRESETS``.
+        model: what it believes.
+        known: what a law may know of its loop, as far as it has such options: ``delay``, ``control_period``,
+            ``reference_period``, s.
 
     Raises:
         ControllerError: unknown name, or gains for another number of joints.
@@ -51,6 +62,7 @@ def preset(name: str, model: Model) -> Controller:
     if not isinstance(name, str) or name not in PRESETS:
         raise ControllerError(f"controller.preset = {shown(name)}: must be one of {sorted(PRESETS)}")
     try:
-        return make_controller(PRESETS[name].law, model, **PRESETS[name].options)
+        law, options = PRESETS[name].law, PRESETS[name].options
+        return make_controller(law, model, **{**suited(law, known or {}), **options})
     except ControllerError as error:
         raise ControllerError(f"controller.preset = {name!r}: does not fit this model ({error})") from None

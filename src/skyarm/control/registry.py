@@ -56,6 +56,11 @@ LAWS: Mapping[str, Entry] = {
     "hybrid_computed_torque_euler": _paper(
         "hybrid_computed_torque_euler", "the same in the paper's Euler-angle equations"
     ),
+    "exact": Entry(
+        "centre-of-mass tracking, consistent computed torque, disturbance observer: joints or tip exact",
+        "exact.maker",
+        "make_exact",
+    ),
 }
 
 
@@ -81,3 +86,9 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
         if option not in entry.options():
             raise ControllerError(f"controller.{option}: law '{name}' has no such option; it has {entry.options()}")
     return entry.function()(model, **options, **dict(entry.fixed))
+
+
+def suited(law: str, known: Mapping[str, Any]) -> dict[str, Any]:
+    """Those of some options that a law has."""
+    options = LAWS[law].options()
+    return {name: value for name, value in known.items() if name in options}

@@ -36,7 +36,7 @@ from skyarm.files import Fields, file_name, number, shown, unreadable
 from skyarm.plant.interface import World
 from skyarm.reference import trajectory_from
 from skyarm.simulate import scenario_tables as tables
-from skyarm.simulate.scenario import Scenario, ScenarioError
+from skyarm.simulate.scenario import Delays, Rates, Scenario, ScenarioError
 
 LIBRARY = resources.files("skyarm.simulate") / "scenarios"
 
@@ -137,17 +137,20 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
     chosen = {name: replaced.get(name, value) for name, value in in_file.items()}
     chosen["duration"] = number(chosen["duration"], "duration")
     controller = Fields(top.take("controller"), "controller")
+    rates, delays = tables.rates(top), tables.delays(top)
     scenario = Scenario(
         name=top.take("name"),
         title=tables.text(top, "title", ""),
-        rates=tables.rates(top),
+        rates=rates,
         world=world,
         integrator=plant.take("integrator", "rk4"),
-        controller=tables.controller(controller, _model(top, plant, world, folder), replaced.get("controller")),
+        controller=tables.controller(
+            controller, _model(top, plant, world, folder), replaced.get("controller"), loop_facts(rates, delays)
+        ),
         trajectory=trajectory_from(top.take("reference", {}), world.vehicle.n, "reference"),
         wind=wind_from(environment.take("wind"), "environment.wind") if "wind" in environment.table else NO_WIND,
         sensors=tables.sensors(top),
-        delays=tables.delays(top),
+        delays=delays,
         episode=top.take("episode", 0),
         ground=tables.truth_value(environment, "ground", True),
         **chosen,
@@ -159,6 +162,15 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
     if initial is None:
         return scenario
     return dataclasses.replace(scenario, initial=tables.initial(Fields(initial, "initial"), scenario))
+
+
+def loop_facts(rates: Rates, delays: Delays) -> dict[str, float]:
+    """What a law may know of its loop: its clocks and the age of its measurements, s."""
+    return {
+        "control_period": 1.0 / rates.control,
+        "reference_period": 1.0 / rates.reference,
+        "delay": delays.measurement,
+    }
 
 
 def _model(top: Fields, plant: Fields, world: World, folder: Path) -> Model:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from skyarm.control.geometric import RATE_ERRORS
 from skyarm.control.model import GeometricGains, JointGains, Model, Terms
 from skyarm.control.paper import PAPER_LAWS
 from skyarm.control.presets import preset
-from skyarm.control.registry import make_controller
+from skyarm.control.registry import LAWS, make_controller, suited
 from skyarm.dynamics import State
 from skyarm.environment import payload_from
 from skyarm.files import Fields, number, shown
@@ -98,24 +99,30 @@ def rates(top: Fields) -> Rates:
     return Rates(**hertz)
 
 
-def controller(fields: Fields, model: Model, replaced: str | None) -> Controller:
-    """A preset or a law with its constants; ``replaced`` is a preset in place of the table's."""
+def controller(fields: Fields, model: Model, replaced: str | None, known: Mapping[str, Any]) -> Controller:
+    """A preset or a law with its constants; ``replaced`` is a preset in place of the table's.
+
+    ``known`` is what a law may know of its loop (:func:`skyarm.control.presets.preset`).
+    """
     try:
         if replaced is not None:
-            return preset(replaced, model)
-        found = preset(text(fields, "preset"), model) if "preset" in fields.table else _law(fields, model)
+            return preset(replaced, model, known)
+        if "law" in fields.table or "preset" not in fields.table:
+            found = _law(fields, model, known)
+        else:
+            found = preset(text(fields, "preset"), model, known)
     except AllocationError as error:
         raise ValueError(f"model.vehicle = {model.vehicle.name!r}: {error}") from None
     fields.done()
     return found
 
 
-def _law(fields: Fields, model: Model) -> Controller:
+def _law(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
     name = text(fields, "law")
     if name in PAPER_LAWS:
         return _paper_law(name, fields, model)
     options = {option: fields.take(option) for option in fields.table if option != "law"}
-    return make_controller(name, model, **options)
+    return make_controller(name, model, **{**(suited(name, known) if name in LAWS else {}), **options})
 
 
 def _paper_law(name: str, fields: Fields, model: Model) -> Controller:

@@ -1,0 +1,119 @@
+"""What the law wants of the vehicle now: thrust, angular acceleration, joint accelerations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.algebra import ZERO3, Mat3, Vec3
+from skyarm.control.exact import center_of_mass, tip
+from skyarm.control.exact.attitude import Attitude, angular_acceleration, attitude
+from skyarm.control.exact.kinematics import Posture, derivative, moving, posture
+from skyarm.control.exact.motion import Disturbance, side_wrench
+from skyarm.control.exact.parameters import ExactParameters
+from skyarm.control.model import Model
+from skyarm.dynamics import State
+from skyarm.dynamics.kinematics import Pose
+from skyarm.scalars import add, mul, sub
+from skyarm.scalars.taylor import Taylor
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Wish:
+    """Thrust along body z (N), angular acceleration (body axes, rad/s^2) and joint accelerations."""
+
+    thrust: Any
+    alpha: Vec3
+    joints: tuple[Any, ...]
+
+
+def wishes(
+    par: ExactParameters,
+    model: Model,
+    state: State,
+    signals: Sequence[Taylor],
+    unknown: Disturbance,
+    steady: Vec3,
+) -> Wish:
+    """The wish at this state.
+
+    Args:
+        par: constants.
+        model: belief, with the adapted tip mass.
+        state: now.
+        signals: x, y, z, yaw and the joints, series in time.
+        unknown: disturbance.
+        steady: its force without the rotors' own drag, which the posture follows.
+    """
+    vehicle, mass = model.vehicle, model.vehicle.mass
+    base = [Vec3(*(signal.derivative(k) for signal in signals[:3])) for k in range(5)]
+    yaw, joints = signals[3], tuple(signals[4:])
+    level = posture(vehicle, joints, 4)
+    R, w = state.quaternion.rotation(), state.rate
+    # drag at the reference's velocity: at the present one it would feed noise and errors into the posture
+    drag = R.apply(side_wrench(model, state.rotor_speeds, R.apply_T(base[1]), ZERO3).force)
+    still = attitude(center_of_mass.quasi_static(par, mass, base, steady + drag), yaw.truncated(2))
+    now = posture(vehicle, moving(state.joints, state.joint_rates, (0,) * vehicle.n), 2)
+    preferred = joint_accelerations(par, state, joints)
+    if par.mode == "ee":
+        goal = tip.goal(vehicle, base, yaw, joints, level)
+        reach = derivative(now.tip, 0)
+        turned = _level_links(par, model, goal, still, joints, level)
+        offset = tip.shift(level, yaw, turned, still, par.tip.shift_limit)
+        base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[3:]]
+        level = turned
+    push = center_of_mass.thrust(
+        par,
+        mass,
+        wanted=center_of_mass.goal(base, level.com, still.R),
+        position=state.position + R.apply(derivative(now.com, 0)),
+        velocity=state.velocity + _velocity(R, w, now.com),
+        R=R,
+        w=w,
+        disturbance=unknown.force,
+    )
+    alpha = angular_acceleration(par.base, attitude(push.force, yaw.truncated(2)), R, w)
+    if par.mode == "ee":
+        present = tip.Now(
+            R=R,
+            rate=w,
+            alpha=alpha,
+            joints=state.joints,
+            joint_rates=state.joint_rates,
+            posture=now,
+            tip=state.position + R.apply(reach),
+            tip_velocity=state.velocity + _velocity(R, w, now.tip),
+            com_acceleration=push.acceleration,
+        )
+        goal = tip.following(
+            goal, [state.position - base[0], state.velocity - base[1], push.acceleration - base[2]], par.tip.reach
+        )
+        preferred = tip.joint_accelerations(vehicle, par.tip, goal, present, preferred)
+    return Wish(thrust=push.along, alpha=alpha, joints=preferred)
+
+
+def joint_accelerations(par: ExactParameters, state: State, joints: Sequence[Taylor]) -> tuple[Any, ...]:
+    """qdd_d + kd (qd_d - qd) + kp (q_d - q)."""
+    gains = par.joint_gains
+    return tuple(
+        add(add(q_d.derivative(2), mul(kd, sub(q_d.derivative(1), qd))), mul(kp, sub(q_d.derivative(0), q)))
+        for kp, kd, q_d, q, qd in zip(
+            gains.stiffness, gains.damping, joints, state.joints, state.joint_rates, strict=True
+        )
+    )
+
+
+def _velocity(R: Mat3, w: Vec3, point: Vec3) -> Vec3:
+    """World velocity of a point of the vehicle against the base origin."""
+    return R.apply(w.cross(derivative(point, 0)) + derivative(point, 1))
+
+
+def _level_links(
+    par: ExactParameters, model: Model, goal: tip.Goal, still: Attitude, joints: Sequence[Taylor], level: Posture
+) -> Posture:
+    """The posture whose links are turned as those of a level base, at the quasi-static attitude."""
+    vehicle = model.vehicle
+    poses = [Pose(Mat3(*(derivative(row, 0) for row in pose.R.rows)), ZERO3) for pose in level.links]
+    change = tip.level_joints(vehicle, par.tip, goal, still.R, poses)
+    return posture(vehicle, [q + c for q, c in zip(joints, change, strict=True)], 4)
