@@ -24,19 +24,20 @@ def speed_after(rotor: Rotor, speed: Any, command: Any, dt: Any) -> Any:
     return target + (speed - target) * where(target > speed, rising, falling)
 
 
-def rotor_force(rotor: Rotor, speed: Any, velocity: Vec3) -> Force:
+def rotor_force(rotor: Rotor, speed: Any, velocity: Vec3, effectiveness: Any = 1) -> Force:
     """Force of a rotor on the base: torque about and force at the base origin, base axes.
 
     Args:
         rotor: pose and coefficients.
         speed: rad/s, unsigned.
         velocity: of the hub against the air, base axes, m/s.
+        effectiveness: share of thrust and drag torque that a fault leaves; a structural 1 folds away.
 
     thrust k_f W^2 along the axis; drag torque k_m thrust against the direction of rotation; hub drag -c_d |W| v_perp;
     rolling moment -c_r |W| v_perp, with v_perp the velocity in the rotor's plane.
     """
     n = rotor.axis
-    thrust = rotor.thrust_coefficient * (speed * speed)
+    thrust = mul(effectiveness, rotor.thrust_coefficient * (speed * speed))
     in_plane = n.cross(velocity).cross(n)  # v - (v.n) n, written so that a structural axis leaves two components
     force = n * thrust - in_plane * mul(rotor.drag_coefficient, speed)
     drag_torque = n * mul(mul(-rotor.direction, rotor.moment_coefficient), thrust)

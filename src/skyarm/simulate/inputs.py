@@ -11,7 +11,7 @@ import numpy as np
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.compile import leaves, rebuild, trace
 from skyarm.dynamics import State
-from skyarm.environment import Airspeed, WindSample, dryden, wind
+from skyarm.environment import Airspeed, WindSample, afflicted, dryden, wind
 from skyarm.plant.interface import number
 from skyarm.plant.sensors import noise_count
 from skyarm.reference import Publisher, Reference
@@ -104,9 +104,13 @@ def _noise(scenario: Scenario) -> tuple[list[tuple[float, ...]], tuple[Any, ...]
 
 
 def _wind(scenario: Scenario, times: Any) -> WindSample:
-    """Wind as a record of arrays; in Python floats, whose cosine is that of every engine and not NumPy's."""
+    """Wind and faults as a record of arrays; in Python floats, whose cosine is that of every engine and not NumPy's."""
     gusts = _turbulence(scenario)
-    program = trace(lambda clock, gust: wind(scenario.wind, clock[0], gust), (0.0,), _example(gusts[0]))
+
+    def surroundings(clock: Any, gust: Vec3) -> WindSample:
+        return afflicted(wind(scenario.wind, clock[0], gust), scenario.faults, scenario.world.vehicle, clock[0])
+
+    program = trace(surroundings, (0.0,), _example(gusts[0]))
     rows = [program.flat((time, *leaves(gust))) for time, gust in zip(times.tolist(), gusts, strict=True)]
     sample: WindSample = program.record(rows[0])
     return rebuild(sample, iter(np.array(rows, dtype=float).reshape(len(rows), -1).T))

@@ -1,6 +1,6 @@
 """Numbers of a scenario by dotted path, to vary them.
 
-A path starts with one of ``plant``, ``model``, ``controller``, ``environment.wind``, ``sensors``, ``initial``,
+A path starts with one of ``plant``, ``model``, ``controller``, ``environment.wind``, ``environment.faults``, ``sensors``, ``initial``,
 ``reference`` and goes on through the fields of the records: ``plant.vehicle.base.mass``,
 ``plant.vehicle.links.forearm.joint.damping``, ``controller.gains.position.x``, ``controller.joint_gains.stiffness.0``,
 ``environment.wind.force_W.x``. Items of a tuple are named by their number or, where they have one, by their name.
@@ -21,6 +21,7 @@ ROOTS: Mapping[str, tuple[str, ...]] = {
     "model": ("controller", "par", "model"),
     "controller": ("controller", "par"),
     "environment.wind": ("wind",),
+    "environment.faults": ("faults",),
     "sensors": ("sensors",),
     "initial": ("initial",),
     "reference": ("trajectory",),
