@@ -8,7 +8,8 @@ A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
     [model]       vehicle, gravity (9.81), payload: what the controller believes
     [controller]  preset, or law with gains = { position, velocity, attitude, rate } (three numbers each),
                   joint_gains = { stiffness, damping } (one number a joint); mixer, rate_error,
-                  without = ["coriolis", "coupling", "full_gravity", "feedforward"]
+                  without = ["coriolis", "coupling", "full_gravity", "feedforward"];
+                  safety = true, or a table of limits (skyarm.control.safety.limits)
     [reference]   see skyarm.reference.parse
     [environment] wind (see skyarm.environment.parse), ground (true),
                   faults = [{ rotor or joint = name, effectiveness, start }]
