@@ -145,7 +145,7 @@ def _law_of(controller: Controller) -> Any:
         failed = logical_or(not_finite(wished), not_finite(following))
         if margin is not None:
             failed = logical_or(failed, margin(measurement.quaternion) < 0.0)
-        doubt = doubted(par.limits, memory.doubt, measurement, failed, dt)
+        doubt = doubted(par.limits, memory.doubt, measurement, joints, failed, dt)
         given_up, before = doubt.given_up > 0.5, memory.doubt.given_up > 0.5
         hold, yaw = _place(before, memory, measurement)
         arm = _kept(before, memory.arm, measurement.joints)

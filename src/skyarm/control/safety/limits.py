@@ -31,7 +31,8 @@ class Limits:
         joint_pole: 1/s, how fast a joint may close in on a limit of position or speed.
         effort: N m or N.
         rotor_slew: rad/s^2, of the commanded speeds. effort_slew: N m/s or N/s.
-        trusted_tilt: rad, and trusted_rate: rad/s, beyond which the law is given up after ``patience`` s.
+        trusted_tilt: rad, trusted_rate: rad/s, and trusted_joint_error: rad or m from a joint's governed reference, beyond
+            which the law is given up after ``patience`` s.
         lost_rate: rad/s, lost_speed: m/s, lost_joint_speed: rad/s or m/s, beyond which it is given up at once.
         patience: s.
         calm: s of calm flight after which the law gets the vehicle back; inf never gives it back.
@@ -50,6 +51,7 @@ class Limits:
     effort_slew: tuple[Scalar, ...]
     trusted_tilt: Scalar
     trusted_rate: Scalar
+    trusted_joint_error: tuple[Scalar, ...]
     lost_rate: Scalar
     lost_speed: Scalar
     lost_joint_speed: tuple[Scalar, ...]
@@ -65,6 +67,12 @@ SPEEDS = {"revolute": 12.0, "prismatic": 1.5}
 
 MARGINS = {"revolute": 0.05, "prismatic": 0.005}
 """rad and m: what a joint of 12 rad/s covers in one control period of 4 ms."""
+
+
+ERRORS = {"revolute": 0.6, "prismatic": 0.1}
+"""rad and m: more than a law that keeps the tip in place by the joints takes from their references."""
+
+PER_JOINT = ("joint_speed", "joint_margin", "effort", "effort_slew", "trusted_joint_error", "lost_joint_speed")
 
 
 def limits_for(controller: Controller, **given: Any) -> Limits:
@@ -112,6 +120,7 @@ def _defaults(model: Model, joints: list[Joint]) -> dict[str, Any]:
         "effort_slew": tuple(200.0 * effort for effort in efforts),
         "trusted_tilt": math.radians(70.0),
         "trusted_rate": 12.0,
+        "trusted_joint_error": tuple(ERRORS[joint.kind] for joint in joints),
         "lost_rate": 40.0,
         "lost_speed": 15.0,
         "lost_joint_speed": tuple(4.0 * speed for speed in speeds),
@@ -128,7 +137,7 @@ def _margin(joint: Joint) -> float:
 def _checked(name: str, value: Any, joints: int) -> Any:
     at = f"safety.{name}"
     try:
-        if name not in ("joint_speed", "joint_margin", "effort", "effort_slew", "lost_joint_speed"):
+        if name not in PER_JOINT:
             return number(value, at, low=0.0, strict=name != "patience", infinite=True)
         row = list(value) if isinstance(value, (list, tuple)) else [value] * joints
         if len(row) != joints:

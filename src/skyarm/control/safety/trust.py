@@ -38,17 +38,20 @@ def finite(record: Any) -> Any:
     return fine
 
 
-def doubted(limits: Limits, doubt: Doubt, measurement: Measurement, failed: Any, dt: Any) -> Doubt:
+def doubted(limits: Limits, doubt: Doubt, measurement: Measurement, joints: Any, failed: Any, dt: Any) -> Doubt:
     """The doubt after one measurement.
 
     A law is given up when it failed (a command or a memory that is not finite, an attitude where it is not defined), at
     once when the vehicle is beyond ``lost_*``, and after ``patience`` s beyond ``trusted_*``: a large attitude error
-    for too long, whatever attitude the law wanted, since the governor asks for no such tilt.
+    for too long, whatever attitude the law wanted, since the governor asks for no such tilt; a joint far from its
+    reference ``joints`` (rad or m, governed) for too long, whose drive may be dead.
     """
     w, v = measurement.rate, measurement.velocity
     turning, speed = w.dot(w), v.dot(v)
     upright = measurement.quaternion.rotation().r2.z
     beyond = logical_or(upright < cos(limits.trusted_tilt), turning > limits.trusted_rate * limits.trusted_rate)
+    for q, wanted, most in zip(measurement.joints, joints, limits.trusted_joint_error, strict=True):
+        beyond = logical_or(beyond, absolute(q - wanted) > most)
     outside = where(beyond, doubt.outside + dt, 0.0)
     lost = logical_or(turning > limits.lost_rate * limits.lost_rate, speed > limits.lost_speed * limits.lost_speed)
     for rate, most in zip(measurement.joint_rates, limits.lost_joint_speed, strict=True):
