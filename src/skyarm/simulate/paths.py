@@ -1,7 +1,7 @@
 """Numbers of a scenario by dotted path, to vary them.
 
-A path starts with one of ``plant``, ``model``, ``controller``, ``environment.wind``, ``environment.faults``, ``sensors``, ``initial``,
-``reference`` and goes on through the fields of the records: ``plant.vehicle.base.mass``,
+A path starts with one of ``plant``, ``model``, ``controller``, ``environment.wind``, ``environment.faults``,
+``sensors``, ``initial``, ``reference`` and goes on through the fields of the records: ``plant.vehicle.base.mass``,
 ``plant.vehicle.links.forearm.joint.damping``, ``controller.gains.position.x``, ``controller.joint_gains.stiffness.0``,
 ``environment.wind.force_W.x``. Items of a tuple are named by their number or, where they have one, by their name.
 """

@@ -116,7 +116,8 @@ def _along(flight: Scenario, count: int, hover: bool) -> tuple[list[Instant], bo
     differentiator = Differentiator(flight)
     rows = np.column_stack([inputs.times, np.array(inputs.held, dtype=float).reshape(flight.steps, -1)])
     carry = np.array(leaves(traced.carry), dtype=float)[:, None]
-    found, at = [], 0
+    found: list[Instant] = []
+    at = 0
     for k in range(1, count + 1):
         # the instant is fed a row, so that the last one is that of the last period
         until = min(round(k * flight.steps / count), flight.steps - 1)

@@ -17,10 +17,14 @@ from skyarm.stability.along import hovering
 
 Array = npt.NDArray[Any]
 
-CAUGHT_POSITION, CAUGHT_TILT, CAUGHT_RATE, CAUGHT_SPEED = 0.5, math.radians(20.0), 1.0, 0.5
-"""m, rad, rad/s, m/s: a flight whose end is within all of them of its reference, at rest, was caught."""
+CAUGHT_POSITION, CAUGHT_TILT, CAUGHT_RATE, CAUGHT_SPEED = 5.0, math.radians(20.0), 1.0, 0.5
+"""m, rad, rad/s, m/s: a flight that ends within all of them of its reference, level and at rest, was caught. The
+distance is wide: a safety layer hovers where it took over."""
 
-DURATION = 8.0
+RETURNED = 0.5
+"""m: a caught flight that ends this near is back on its reference."""
+
+DURATION = 12.0
 """s, enough for a fall of a second and its recovery."""
 
 TILTS, RATES = 18, 12
@@ -41,7 +45,7 @@ class Basin:
     Attributes:
         controller, scenario: names. seed: of the draws.
         tilt: rad, angle between body z and up; rate: rad/s; offset: m; speed: m/s: of each flight's start (flights,).
-        caught: (flights,). status: how each ended (flights,).
+        caught, returned: (flights,). status: how each ended (flights,).
         rate_limit, offset_limit, speed_limit: largest of each.
     """
 
@@ -53,6 +57,7 @@ class Basin:
     offset: Array
     speed: Array
     caught: Array
+    returned: Array
     status: Array
     rate_limit: float
     offset_limit: float
@@ -87,11 +92,13 @@ class Basin:
             "seed": self.seed,
             "flights": len(self.tilt),
             "caught": int(self.caught.sum()),
+            "returned": int(self.returned.sum()),
             "upside_down": {"flights": int(upside_down.sum()), "caught": int(self.caught[upside_down].sum())},
             "status": dict(zip(names.tolist(), numbers.tolist(), strict=True)),
             "limits": {"rate": self.rate_limit, "offset": self.offset_limit, "speed": self.speed_limit},
             "success": {
                 "position": CAUGHT_POSITION,
+                "returned": RETURNED,
                 "tilt": CAUGHT_TILT,
                 "rate": CAUGHT_RATE,
                 "speed": CAUGHT_SPEED,
@@ -109,8 +116,8 @@ def initial_states(
 ) -> dict[str, Array]:
     """Numbers of each flight's start, by path.
 
-    The tilt is uniform from 0 to 180 degrees, about a level axis of any direction, after a turn of any yaw, so that every
-    row of the map is flown equally often; rate, offset and speed have any direction and a uniform length.
+    The tilt is uniform from 0 to 180 degrees, about a level axis of any direction, after a turn of any yaw, so that
+    every row of the map is flown equally often; rate, offset and speed have any direction and a uniform length.
     """
     rng = np.random.default_rng(seed)
     tilt, axis, yaw = rng.uniform(0.0, [math.pi, 2.0 * math.pi, 2.0 * math.pi], (count, 3)).T
@@ -150,8 +157,11 @@ def basin(
 
     Args:
         scenario: its truth, belief, controller, delays and sensors; noise is left out.
-        count: flights. seed: of the draws.
-        rate: rad/s, offset: m, speed: m/s: largest at the start.
+        count: flights.
+        seed: of the draws.
+        rate: rad/s, largest at the start.
+        offset: m, largest at the start.
+        speed: m/s, largest at the start.
         threads: the result does not depend on it.
 
     Raises:
@@ -191,6 +201,7 @@ def basin(
         offset=moved,
         speed=lengths[1],
         caught=caught,
+        returned=caught & (far < RETURNED),
         status=outcome.status,
         rate_limit=rate,
         offset_limit=offset,

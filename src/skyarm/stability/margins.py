@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -34,8 +35,8 @@ class Margins:
         z: eigenvalues per control period, largest first. s: the same as rates, 1/s, log(z) / period.
         radius: largest |z|; the loop is stable below 1.
         delay: s of further dead time of the commands that the loop bears; inf beyond 0.1 s, 0 if it is unstable.
-        rotor_gain, joint_gain: (lower, upper) factors on the effect of all rotor commands, of all torques, between which
-            the loop is stable; 0 and inf beyond a hundredfold.
+        rotor_gain, joint_gain: (lower, upper) factors on the effect of all rotor commands, of all torques, between
+            which the loop is stable; 0 and inf beyond a hundredfold.
     """
 
     z: npt.NDArray[np.complex128]
@@ -49,14 +50,14 @@ class Margins:
 def closed_loop(loop: OpenLoop, *, extra_delay: float = 0.0, rotor_gain: float = 1.0, joint_gain: float = 1.0) -> Array:
     """Matrix of one period: [state, memory, measurements on their way, commands on their way] to the next.
 
-    ``extra_delay`` (s, with the loop's own a multiple of its ``lates``) joins the commands' own; the gains scale what the
-    actuators make of the commands, not what the law believes it sent.
+    ``extra_delay`` (s, with the loop's own a multiple of its ``lates``) joins the commands' own; the gains scale what
+    the actuators make of the commands, not what the law believes it sent.
     """
     whole, late = _split(loop, loop.command_delay + extra_delay)
     nx, nm, nu, ny = loop.x_x.shape[1], len(loop.m_m), loop.u_m.shape[0], len(loop.y_x)
     r = loop.measurement_delay
     ends = np.cumsum([0, nx, nm, *[ny] * r, *[nu] * (whole + 1)])
-    places = [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    places = [slice(int(a), int(b)) for a, b in pairwise(ends)]
     x, m, readings, queue = places[0], places[1], places[2 : 2 + r], places[2 + r :]
     size = int(ends[-1])
     gains = np.array([rotor_gain] * loop.rotors + [joint_gain] * (nu - loop.rotors))

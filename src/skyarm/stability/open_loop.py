@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from skyarm.compile.native import Kernel, host_width
 from skyarm.compile.repeat import repeat
 from skyarm.dynamics import State
 from skyarm.dynamics.measurement import Measurement
-from skyarm.environment import WindSample, afflicted, wind
+from skyarm.environment import Airspeed, Wind, WindSample, afflicted, wind
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import number
 from skyarm.plant.rigid_body import STEP, accelerate
@@ -89,9 +90,9 @@ class _Point:
 
 def nominal(scenario: Scenario) -> Scenario:
     """The scenario without noise and turbulence, which have no place in a linearisation."""
-    calm = scenario.wind
-    if getattr(calm, "turbulence", None) is not None:
-        calm = dataclasses.replace(calm, turbulence=None)  # type: ignore[call-arg]
+    calm: Wind = scenario.wind
+    if isinstance(calm, Airspeed):
+        calm = dataclasses.replace(calm, turbulence=None)
     return dataclasses.replace(scenario, sensors=PERFECT_SENSORS, wind=calm)
 
 
@@ -132,14 +133,15 @@ class Differentiator:
         row = Row(time=0.0, reference=inputs.reference_example)
 
         def step(point: _Point, given: tuple[Any, ...], fed: Row, _uniforms: Any) -> tuple[_Point, Any]:
-            return point, self._outputs(point, *given, fed)
+            return point, self._outputs(point, given, fed)
 
         loop = trace_loop(step, structure_of(self._point), (0.0, 0.0), row, loops=True)
         self._kernel = Kernel(loop, Lanes(host_width(), contract=False), logging=True)
         self._row = len(leaves(row))
 
-    def _outputs(self, point: _Point, late: Any, lag: Any, row: Row) -> tuple[Any, ...]:
+    def _outputs(self, point: _Point, given: tuple[Any, ...], row: Row) -> tuple[Any, ...]:
         """Next state, measurement now, next memory, command."""
+        late, lag = given
         scenario = with_lag(self.scenario, lag)
         air = afflicted(wind(scenario.wind, row.time, ZERO3), scenario.faults, scenario.world.vehicle, row.time)
         force, _ = accelerate(scenario.world, point.state, point.state.rotor_speeds, point.old.efforts, air)
@@ -162,7 +164,9 @@ class Differentiator:
         """The linearised open loop where the flight is at ``carry``.
 
         Args:
-            carry: of the nominal flight. row: leaves of what the instant is fed. lag: one of ``LAGS``.
+            carry: of the nominal flight.
+            row: leaves of what the instant is fed.
+            lag: one of ``LAGS``.
         """
         point = _point(carry)
         base = np.array([float(leaf) for leaf in leaves(point)])
@@ -174,7 +178,7 @@ class Differentiator:
         outs = [sizes[0], sizes[4], sizes[3], sizes[1]]
         parts = [self._derivatives(result, at, widths, outs) for result, at in zip(results, still, strict=True)]
         columns = np.cumsum([0, sizes[0] - 1, *sizes[1:]])
-        x, old, new, m, y = (slice(int(a), int(b)) for a, b in zip(columns[:-1], columns[1:], strict=True))
+        x, old, new, m, y = (slice(int(a), int(b)) for a, b in pairwise(columns))
         first = parts[0]
         return OpenLoop(
             period=self._period,

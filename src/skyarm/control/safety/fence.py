@@ -40,9 +40,7 @@ def _accelerations(model: Model, measurement: Measurement, efforts: Sequence[Any
     )[1]
 
 
-def _bounded(
-    model: Model, limits: Limits, measurement: Measurement, caused: Sequence[Any]
-) -> tuple[list[Any], Any]:
+def _bounded(model: Model, limits: Limits, measurement: Measurement, caused: Sequence[Any]) -> tuple[list[Any], Any]:
     """Accelerations within the barrier, and True where one had to be changed."""
     found: list[Any] = []
     active: Any = False

@@ -82,7 +82,8 @@ def governed_joints(
         before: rad or m, where the governed references stood one period ago.
         speeds: rad/s or m/s.
         dt: s.
-        model: joint limits. limits: margins.
+        model: joint limits.
+        limits: margins.
     """
     at: list[Any] = []
     slowed: list[Any] = []

@@ -73,8 +73,8 @@ def guarded(
 ) -> Controller:
     """The controller under guard.
 
-    In order, each period: the reference is governed (:mod:`skyarm.control.safety.governor`); the law steps on it; if the
-    law is given up (:mod:`skyarm.control.safety.trust`) the recovery flies in its place, its arm on the way to ``stow``;
+    In order, each period: the reference is governed (:mod:`skyarm.control.safety.governor`); the law steps on it; if
+    it is given up (:mod:`skyarm.control.safety.trust`) the recovery flies in its place, the arm on its way to ``stow``;
     the joints are kept from their limits, efforts and rotor speeds brought within theirs, yaw given up first; changes
     from the last command are bounded; a number that is not finite becomes the last one sent. The law's memory is told
     what was sent (:func:`skyarm.control.controller.informed`).
@@ -171,11 +171,13 @@ def _law_of(controller: Controller) -> Any:
 def blend(condition: Any, new: Any, old: Any) -> Any:
     """``new`` where the condition holds, else ``old``, leaf by leaf."""
     dense_new, dense_old = _dense(new), _dense(old)
-    return rebuild(dense_old, (where(condition, a, b) for a, b in zip(leaves(dense_new), leaves(dense_old), strict=True)))
+    return rebuild(
+        dense_old, (where(condition, a, b) for a, b in zip(leaves(dense_new), leaves(dense_old), strict=True))
+    )
 
 
 def _dense(record: Any) -> Any:
-    """A command with structural zeros as data: a law that leaves the joints free sends them; any other record as it is."""
+    """A command with structural zeros as data, as a law sends that leaves the joints free; other records as they are."""
     if not isinstance(record, Command):
         return record
     data = (tuple(float(v) if type(v) is int else v for v in row) for row in (record.rotor_speeds, record.efforts))

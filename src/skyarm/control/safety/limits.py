@@ -31,7 +31,7 @@ class Limits:
         joint_pole: 1/s, how fast a joint may close in on a limit of position or speed.
         effort: N m or N.
         rotor_slew: rad/s^2, of the commanded speeds. effort_slew: N m/s or N/s.
-        trusted_tilt: rad, trusted_rate: rad/s, and trusted_joint_error: rad or m from a joint's governed reference, beyond
+        trusted_tilt: rad, trusted_rate: rad/s, trusted_joint_error: rad or m from a joint's governed reference, beyond
             which the law is given up after ``patience`` s.
         lost_rate: rad/s, lost_speed: m/s, lost_joint_speed: rad/s or m/s, beyond which it is given up at once.
         patience: s.

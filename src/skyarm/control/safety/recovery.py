@@ -7,13 +7,23 @@ from typing import Any
 
 from skyarm import dynamics
 from skyarm.actuation import Command, Mixer, mix
-from skyarm.algebra import E_Z, ZERO3, Motion
-from skyarm.control.geometric import attitude_loop, body_thrust, downward_acceleration
+from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
+from skyarm.control.geometric import (
+    angular_acceleration,
+    attitude_error,
+    body_thrust,
+    desired_attitude,
+    downward_acceleration,
+    rate_error,
+)
 from skyarm.control.model import GeometricGains, JointGains, Model
 from skyarm.dynamics.measurement import Measurement
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar, add, divide, mul, sub
+from skyarm.scalars import Scalar, add, divide, maximum, mul, sqrt, sub
 from skyarm.vehicle.records import Joint
+
+STRAIGHT = 1e-6
+"""1 + tr(R_d^T R) within 0.06 degrees of 180, where the axis is lost."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -44,7 +54,8 @@ def recover(recovery: Recovery, model: Model, mixer: Mixer, measurement: Measure
 
     The law has no memory and needs no model of motion: torque = I alpha_d + the arm's static moment about the base.
 
-    Source: Lee, Leok, McClamroch 2010 as RotorS flies it; joint gravity by recursive Newton-Euler at rest.
+    Source: Lee, Leok, McClamroch 2010 as RotorS flies it, with the attitude error of Lee 2012; joint gravity by
+    recursive Newton-Euler at rest.
     """
     R = measurement.quaternion.rotation()
     vehicle = model.vehicle
@@ -56,16 +67,9 @@ def recover(recovery: Recovery, model: Model, mixer: Mixer, measurement: Measure
         velocity_error=measurement.velocity - reference.velocity,
         acceleration=ZERO3,
     )
-    alpha = attitude_loop(
-        recovery.gains,
-        vehicle.base.inertia,
-        a_d=a_d,
-        yaw=reference.yaw,
-        yaw_rate=0.0,
-        R_WB=R,
-        w_B=measurement.rate,
-        rate_form="corrected",
-    )
+    R_d = desired_attitude(a_d, reference.yaw, R)
+    e_w = rate_error(measurement.rate, R, R_d, 0.0, "corrected")
+    alpha = angular_acceleration(recovery.gains, vehicle.base.inertia, steep_error(R, R_d), e_w)
     still = (0,) * vehicle.n
     resting = Motion(ZERO3, R.apply_T(E_Z * model.gravity))
     weight, held = dynamics.inverse_dynamics(vehicle, measurement.joints, ZERO3, still, resting, still)
@@ -84,6 +88,18 @@ def recover(recovery: Recovery, model: Model, mixer: Mixer, measurement: Measure
         )
     )
     return Command(rotor_speeds=speeds, efforts=tuple(efforts))
+
+
+def steep_error(R_WB: Mat3, R_d: Mat3) -> Vec3:
+    """Attitude error 2 sin(angle / 2) along the axis, which grows up to 180 degrees, where sin(angle) has vanished.
+
+    Source: Lee 2012, "Exponential stability of an attitude tracking control system on SO(3) for large-angle rotational
+    maneuvers": e_R / sqrt(1 + tr(R_d^T R)), doubled so that it is the angle where that is small.
+    """
+    relative = R_d.T @ R_WB
+    trace = relative.r0.x + relative.r1.y + relative.r2.z
+    error: Vec3 = attitude_error(R_WB, R_d) * divide(2.0, sqrt(maximum(1.0 + trace, STRAIGHT)))
+    return error
 
 
 def base_stiffness(recovery: Recovery, mass: Any) -> tuple[Any, Any]:

@@ -13,7 +13,7 @@ from skyarm.scalars import Scalar, add, clip, logical_or, mul, sqrt, sub, where
 
 
 def ranked(model: Model, mixer: Mixer) -> Mixer:
-    """The mixer with priorities, if the rotors allow them: then what a law asks is ranked before anything is cut off."""
+    """The mixer with priorities, if the rotors allow them: then what a law asks is ranked before it is cut off."""
     try:
         make_mixer(model.vehicle, "priority")
     except AllocationError:
@@ -39,7 +39,9 @@ def reachable(model: Model, mixer: Mixer, speeds: Sequence[Scalar]) -> tuple[Any
     return tuple(where(beyond, new, old) for new, old in zip(again, speeds, strict=True))
 
 
-def slewed(command: Command, last: Command, started: Any, rotor_slew: Any, effort_slew: Sequence[Any], dt: Any) -> Command:
+def slewed(
+    command: Command, last: Command, started: Any, rotor_slew: Any, effort_slew: Sequence[Any], dt: Any
+) -> Command:
     """The command no farther from the last one than the slew limits allow; the first one is free."""
 
     def near(value: Any, before: Any, slew: Any) -> Any:
@@ -47,6 +49,10 @@ def slewed(command: Command, last: Command, started: Any, rotor_slew: Any, effor
         return where(started > 0.5, clip(value, sub(before, step), add(before, step)), value)
 
     return Command(
-        rotor_speeds=tuple(near(w, old, rotor_slew) for w, old in zip(command.rotor_speeds, last.rotor_speeds, strict=True)),
-        efforts=tuple(near(t, old, slew) for t, old, slew in zip(command.efforts, last.efforts, effort_slew, strict=True)),
+        rotor_speeds=tuple(
+            near(w, old, rotor_slew) for w, old in zip(command.rotor_speeds, last.rotor_speeds, strict=True)
+        ),
+        efforts=tuple(
+            near(t, old, slew) for t, old, slew in zip(command.efforts, last.efforts, effort_slew, strict=True)
+        ),
     )
