@@ -42,8 +42,8 @@ def informed(memory: Any, sent: Command) -> Any:
     """The memory with the command that was really sent, if the law keeps one.
 
     A law that observes or integrates must know what acted, not what it wished. It keeps its commands in a field
-    ``sent`` of its memory: one :class:`Command`, or a tuple of them with the newest last. Whoever changes a command on its way
-    (saturation, slew, fallback) writes the changed one there; a law without the field is left as it is.
+    ``sent`` of its memory: one :class:`Command`, or a tuple of them with the newest last. Whoever changes a command on
+    its way (saturation, slew, fallback) writes the changed one there; a law without the field is left as it is.
     """
     kept = getattr(memory, "sent", None)
     if isinstance(kept, Command):

@@ -103,7 +103,8 @@ def governed_joints(
         rates.append(where(slow, moving, where(outside, 0.0, clip(rate, 0.0 - speed, speed))))
 
     def still(values: Sequence[Any]) -> tuple[Any, ...]:
-        return tuple(where(slow, 0.0, value) for slow, value in zip(slowed, values, strict=True))
+        # a reference may come without its higher derivatives
+        return tuple(where(slow, 0.0, value) for slow, value in zip(slowed, values, strict=False))
 
     return dataclasses.replace(
         reference,

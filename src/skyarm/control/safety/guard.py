@@ -177,7 +177,7 @@ def blend(condition: Any, new: Any, old: Any) -> Any:
 
 
 def _dense(record: Any) -> Any:
-    """A command with structural zeros as data, as a law sends that leaves the joints free; other records as they are."""
+    """A command with structural zeros as data, as a law with free joints sends them; other records as they are."""
     if not isinstance(record, Command):
         return record
     data = (tuple(float(v) if type(v) is int else v for v in row) for row in (record.rotor_speeds, record.efforts))
