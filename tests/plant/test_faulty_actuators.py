@@ -42,7 +42,9 @@ def test_a_rotor_loses_its_share_of_thrust_and_of_drag_torque():
     whole, less = loads(), loads(Effectiveness((1, 0.7, 1, 1), (1, 1)))
     rotor = ARM2.rotors[1]
     lost = 0.3 * rotor.thrust_coefficient * 500.0**2 * np.array([0.0, 0.0, 1.0])
-    moment = np.cross(np.array([float(c) for c in rotor.position]), lost) - rotor.direction * rotor.moment_coefficient * lost
+    moment = (
+        np.cross(np.array([float(c) for c in rotor.position]), lost) - rotor.direction * rotor.moment_coefficient * lost
+    )
     # rounding of forces of a few newtons
     np.testing.assert_allclose(whole[0] - less[0], lost, atol=1e-14)
     np.testing.assert_allclose(whole[1] - less[1], moment, atol=1e-14)
@@ -87,7 +89,9 @@ def test_both_plants_suffer_the_same_fault():
 
 def test_machine_code_has_the_bits_of_the_loop_in_python():
     scenario = faulty(
-        Fault(rotor="left", effectiveness=0.7, start=0.1), Fault(joint="joint1", effectiveness=0.5, start=0.2), duration=0.4
+        Fault(rotor="left", effectiveness=0.7, start=0.1),
+        Fault(joint="joint1", effectiveness=0.5, start=0.2),
+        duration=0.4,
     )
     inputs = episode_inputs(scenario)
     assert np.array_equal(fly(scenario, inputs).rows, fly(scenario, inputs, reference=True).rows)
