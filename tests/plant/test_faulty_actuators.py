@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-
 import skyarm
 from skyarm.actuation import rotor_force
 from skyarm.algebra import Quaternion, Vec3

@@ -103,5 +103,5 @@ def test_clocks_are_no_part_of_the_loop():
 
 
 def test_a_delay_between_steps_is_refused():
-    with pytest.raises(ValueError, match="must be a whole number of 0.001 s"):
+    with pytest.raises(ValueError, match=r"must be a whole number of 0\.001 s"):
         radius(double_integrator(), extra_delay=0.0005)
