@@ -21,7 +21,7 @@ from skyarm.control.safety.limits import limits_for
 from skyarm.control.safety.recovery import steep_error, stowed
 from skyarm.control.safety.saturation import ranked, reachable, slewed
 
-LIMITS = limits_for(controller("hybrid_computed_torque"))
+LIMITS = limits_for(controller("hybrid_computed_torque"), step=1e-6, step_speed=1e-6)
 CASES = cases(200, seed=5)
 
 
@@ -78,20 +78,30 @@ def test_a_small_error_passes_bit_for_bit():
     assert governed(case) == case.reference()
 
 
+def test_a_small_error_of_a_stiff_law_passes_and_the_bound_has_no_jump():
+    stiff = dataclasses.replace(LIMITS, stiffness=100.0, damping=30.0, step=0.4, step_speed=1.5)
+    at = dataclasses.replace(CASES[0], p=np.zeros(3), v=np.zeros(3), v_d=np.zeros(3), a_d=np.zeros(3))
+    found = [governed(dataclasses.replace(at, p_d=np.array([d, 0.0, 0.0])), stiff).position.x for d in (0.399, 0.401)]
+    assert found[0] == 0.399
+    assert found[1] == pytest.approx(0.4, abs=1e-6)
+
+
 def limited_arm(lower=-0.5, upper=0.8):
     return Model(vehicle=ARM2.with_joints(lower=lower, upper=upper), gravity=9.81)
 
 
 def test_joint_references_are_slewed_and_kept_inside_their_limits():
     model = limited_arm()
-    limits = limits_for(controller("hybrid_computed_torque", model), joint_speed=2.0)
+    limits = limits_for(controller("hybrid_computed_torque", model), joint_slew=2.0, joint_step=0.5)
     reference = dataclasses.replace(CASES[0].reference(), joints=(2.0, -0.3), joint_rates=(5.0, 0.1))
-    at, seen = (0.0, -0.3), []
+    at, ramping, seen = (0.0, -0.3), (0.0, 0.0), []
     for _ in range(200):
-        found = governed_joints(reference, at, limits.joint_speed, 0.005, model=model, limits=limits)
+        found, ramping = governed_joints(
+            reference, at, ramping, limits.joint_slew, limits.joint_step, 0.005, model=model, limits=limits
+        )
         seen.append((found.joints[0] - at[0]) / 0.005)
         at = found.joints
-        if seen[-1] > 1.999:
+        if at[0] < 0.65:
             assert found.joint_rates == pytest.approx([2.0, 0.1])
     assert max(seen) <= 2.0 + 1e-9
     assert at == pytest.approx((0.8 - 2.0 * limits.joint_margin[0], -0.3), abs=1e-12)

@@ -28,7 +28,8 @@ def governed_base(
     """The reference with position, velocity and acceleration as far from the measurement as the limits allow.
 
     1. No faster than ``speed``. 2. A position error pulls no harder than that speed brakes. 3. The acceleration asked
-    stays within ``climb`` and, level, within tan(tilt) times the specific force along the vertical.
+    stays within ``climb`` and, level, within tan(tilt) times the specific force along the vertical. 4. Errors within
+    ``step`` and ``step_speed`` pass all the same: a stiff law bounds its own answer to those.
     """
     v_d = _shortened(reference.velocity, limits.speed)
     pull = _shortened(reference.position - measurement.position, divide(mul(limits.speed, damping), stiffness))
@@ -37,6 +38,9 @@ def governed_base(
     rise = minimum(1.0, divide(limits.climb, absolute(asked.z) + TINY))
     room = mul(tan(limits.tilt), add(gravity, mul(rise, asked.z)))
     level = minimum(1.0, divide(room, sqrt(asked.x * asked.x + asked.y * asked.y) + TINY))
+    least = minimum(1.0, divide(limits.step, _length(pull) + TINY))
+    least = minimum(least, divide(limits.step_speed, _length(brake) + TINY))
+    level, rise = maximum(level, least), maximum(rise, least)
     shares = Vec3(level, level, rise)
     far = _longer(reference.position - measurement.position, pull)
     fast = _longer(reference.velocity, v_d)
@@ -73,40 +77,64 @@ def _longer(v: Vec3, shortened: Vec3) -> Any:
 
 
 def governed_joints(
-    reference: Reference, before: Sequence[Any], speeds: Sequence[Any], dt: Any, *, model: Model, limits: Limits
-) -> Reference:
-    """Joint references inside the joints' limits and no faster than ``speeds``; such a reference passes as it is.
+    reference: Reference,
+    before: Sequence[Any],
+    ramping: Sequence[Any],
+    speeds: Sequence[Any],
+    steps: Sequence[Any],
+    dt: Any,
+    *,
+    model: Model,
+    limits: Limits,
+) -> tuple[Reference, tuple[Any, ...]]:
+    """Joint references inside the joints' limits and no faster than ``speeds`` beyond ``steps``; else as it is.
 
     Args:
         reference: wanted.
         before: rad or m, where the governed references stood one period ago.
-        speeds: rad/s or m/s.
+        ramping: 1 for a joint whose reference was on its way.
+        speeds: rad/s or m/s, on the way.
+        steps: rad or m; a gap up to this is closed at once, unless it is what is left of a longer one.
         dt: s.
         model: joint limits.
-        limits: margins.
+        limits: margins, and the largest rate of a reference.
+
+    Returns:
+        The reference, and for each joint 1 if it is on its way.
     """
     at: list[Any] = []
     slowed: list[Any] = []
     rates: list[Any] = []
-    for wanted, rate, old, link, speed, margin in zip(
-        reference.joints, reference.joint_rates, before, model.vehicle.links, speeds, limits.joint_margin, strict=True
+    on_way: list[Any] = []
+    for wanted, rate, old, ramp, link, speed, free, most, margin in zip(
+        reference.joints,
+        reference.joint_rates,
+        before,
+        ramping,
+        model.vehicle.links,
+        speeds,
+        steps,
+        limits.joint_speed,
+        limits.joint_margin,
+        strict=True,
     ):
         low, high = add(link.joint.lower, 2.0 * margin), sub(link.joint.upper, 2.0 * margin)
         target = minimum(maximum(wanted, low), high)
         step = mul(speed, dt)
         gap = sub(target, old)
-        slow = absolute(gap) > step
+        slow = absolute(gap) > where(ramp > 0.5, step, maximum(step, free))
         outside = logical_or(wanted < low, wanted > high)
         at.append(where(slow, add(old, clip(gap, 0.0 - step, step)), target))
+        on_way.append(where(slow, 1.0, 0.0))
         slowed.append(logical_or(slow, outside))
         moving = where(gap > 0.0, speed, 0.0 - speed)
-        rates.append(where(slow, moving, where(outside, 0.0, clip(rate, 0.0 - speed, speed))))
+        rates.append(where(slow, moving, where(outside, 0.0, clip(rate, 0.0 - most, most))))
 
     def still(values: Sequence[Any]) -> tuple[Any, ...]:
         # a reference may come without its higher derivatives
         return tuple(where(slow, 0.0, value) for slow, value in zip(slowed, values, strict=False))
 
-    return dataclasses.replace(
+    governed = dataclasses.replace(
         reference,
         joints=tuple(at),
         joint_rates=tuple(rates),
@@ -114,3 +142,4 @@ def governed_joints(
         joint_jerks=still(reference.joint_jerks),
         joint_snaps=still(reference.joint_snaps),
     )
+    return governed, tuple(on_way)

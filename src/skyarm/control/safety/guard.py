@@ -53,7 +53,8 @@ class GuardMemory:
     Attributes:
         inner: memory of the law.
         started: 0 before the first step.
-        joints: rad or m, governed references of the law. arm: those of the recovery.
+        joints: rad or m, governed references of the law. ramping: 1 where one is on its way.
+        arm: those of the recovery.
         sent: the last command.
         doubt: of the law. hold: m, where the recovery hovers. yaw: rad, its heading.
     """
@@ -61,6 +62,7 @@ class GuardMemory:
     inner: Any
     started: Scalar
     joints: tuple[Scalar, ...]
+    ramping: tuple[Scalar, ...]
     arm: tuple[Scalar, ...]
     sent: Command
     doubt: Doubt
@@ -122,6 +124,7 @@ def _first(controller: Controller) -> GuardMemory:
         inner=controller.memory,
         started=0.0,
         joints=still,
+        ramping=still,
         arm=still,
         sent=Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=still),
         doubt=Doubt(given_up=0.0, outside=0.0, calm=0.0),
@@ -139,7 +142,7 @@ def _law_of(controller: Controller) -> Any:
     ) -> tuple[GuardMemory, Command]:
         """A law under guard: its reference governed, its commands limited, a recovery in its place if it fails."""
         joints = _kept(memory.started > 0.5, memory.joints, measurement.joints)
-        asked = _law_reference(par, measurement, reference, joints, dt)
+        asked, ramping = _law_reference(par, measurement, reference, joints, memory.ramping, dt)
         own = dataclasses.replace(par.inner, model=par.model, mixer=par.mixer)
         following, wished = inner(memory.inner, measurement, asked, dt, par=own)
         failed = logical_or(not_finite(wished), not_finite(following))
@@ -157,6 +160,7 @@ def _law_of(controller: Controller) -> Any:
             inner=informed(blend(given_up, first, following), command),
             started=memory.started * 0.0 + 1.0,
             joints=_kept(given_up, measurement.joints, asked.joints),
+            ramping=_kept(given_up, (0.0,) * len(joints), ramping),
             arm=hovering.joints,
             sent=command,
             doubt=doubt,
@@ -199,8 +203,10 @@ def _place(before: Any, memory: GuardMemory, measurement: Measurement) -> tuple[
     return hold, where(before, memory.yaw, yaw_of(measurement.quaternion))
 
 
-def _law_reference(par: Guarded, measurement: Measurement, reference: Reference, joints: Any, dt: Any) -> Reference:
-    """What the law is asked."""
+def _law_reference(
+    par: Guarded, measurement: Measurement, reference: Reference, joints: Any, ramping: Any, dt: Any
+) -> tuple[Reference, tuple[Any, ...]]:
+    """What the law is asked, and which joints' references are on their way."""
     limits = par.limits
     base = governed_base(
         reference,
@@ -210,7 +216,9 @@ def _law_reference(par: Guarded, measurement: Measurement, reference: Reference,
         damping=limits.damping,
         gravity=par.model.gravity,
     )
-    return governed_joints(base, joints, limits.joint_speed, dt, model=par.model, limits=limits)
+    return governed_joints(
+        base, joints, ramping, limits.joint_slew, limits.joint_step, dt, model=par.model, limits=limits
+    )
 
 
 def _hold_reference(par: Guarded, measurement: Measurement, hold: Vec3, yaw: Any, arm: Any, dt: Any) -> Reference:
@@ -230,7 +238,8 @@ def _hold_reference(par: Guarded, measurement: Measurement, hold: Vec3, yaw: Any
     base = governed_base(
         wanted, measurement, limits=par.limits, stiffness=stiffness, damping=damping, gravity=par.model.gravity
     )
-    return governed_joints(base, arm, par.recovery.stow_speed, dt, model=par.model, limits=par.limits)
+    speeds = par.recovery.stow_speed
+    return governed_joints(base, arm, still, speeds, still, dt, model=par.model, limits=par.limits)[0]
 
 
 def limited(par: Guarded, memory: GuardMemory, measurement: Measurement, command: Command, dt: Any) -> Command:

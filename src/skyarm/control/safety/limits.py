@@ -24,9 +24,11 @@ class Limits:
         tilt: rad, largest tilt that position and velocity errors together may ask for.
         climb: m/s^2, largest vertical acceleration they may ask for, up or down; below gravity.
         speed: m/s, largest speed that is asked for.
+        step, step_speed: m and m/s, errors that pass whatever a stiff law makes of them.
         stiffness, damping: 1/s^2 and 1/s, acceleration the law asks per position and velocity error; what the governor
             takes the law for.
-        joint_speed: rad/s or m/s, of references and of the joints themselves.
+        joint_speed: rad/s or m/s, of the joints themselves.
+        joint_step: rad or m, steps of a reference that pass; a longer one is slewed at ``joint_slew``, rad/s or m/s.
         joint_margin: rad or m, kept from the joints' limits; the references keep twice as much.
         joint_pole: 1/s, how fast a joint may close in on a limit of position or speed.
         effort: N m or N.
@@ -41,9 +43,13 @@ class Limits:
     tilt: Scalar
     climb: Scalar
     speed: Scalar
+    step: Scalar
+    step_speed: Scalar
     stiffness: Scalar
     damping: Scalar
     joint_speed: tuple[Scalar, ...]
+    joint_step: tuple[Scalar, ...]
+    joint_slew: tuple[Scalar, ...]
     joint_margin: tuple[Scalar, ...]
     joint_pole: Scalar
     effort: tuple[Scalar, ...]
@@ -72,7 +78,19 @@ MARGINS = {"revolute": 0.05, "prismatic": 0.005}
 ERRORS = {"revolute": 0.6, "prismatic": 0.1}
 """rad and m: more than a law that keeps the tip in place by the joints takes from their references."""
 
-PER_JOINT = ("joint_speed", "joint_margin", "effort", "effort_slew", "trusted_joint_error", "lost_joint_speed")
+STEPS = {"revolute": (0.5, 3.0), "prismatic": (0.05, 0.3)}
+"""(rad, rad/s) and (m, m/s) of a joint's reference: above those a law meets as a jump, at the pace of a quick reach."""
+
+PER_JOINT = (
+    "joint_speed",
+    "joint_step",
+    "joint_slew",
+    "joint_margin",
+    "effort",
+    "effort_slew",
+    "trusted_joint_error",
+    "lost_joint_speed",
+)
 
 
 def limits_for(controller: Controller, **given: Any) -> Limits:
@@ -111,7 +129,11 @@ def _defaults(model: Model, joints: list[Joint]) -> dict[str, Any]:
         "tilt": math.radians(40.0),
         "climb": 0.5 * float(model.gravity),
         "speed": 4.0,
+        "step": 0.4,
+        "step_speed": 1.5,
         "joint_speed": speeds,
+        "joint_step": tuple(STEPS[joint.kind][0] for joint in joints),
+        "joint_slew": tuple(STEPS[joint.kind][1] for joint in joints),
         "joint_margin": tuple(_margin(joint) for joint in joints),
         "joint_pole": 25.0,
         "effort": efforts,
