@@ -211,6 +211,33 @@ def test_an_observer_learns_what_was_really_sent():
     assert memory.inner.wished != memory.sent
 
 
+def test_a_law_starts_anew_from_its_first_memory_when_it_comes_back():
+    inner = planned(None).controller
+
+    def counting(memory, measurement, reference, dt, *, par):
+        _, command = inner.law((), measurement, reference, dt, par=par)
+        wrong = where(measurement.time >= 1.0, where(measurement.time < 1.1, math.nan, 0.0), 0.0)
+        return (memory[0] + 1.0 + wrong,), command
+
+    law = dataclasses.replace(inner, law=counting, memory=(0.0,))
+    scenario = planned(None, trajectory=held(), duration=2.0, controller=guarded(law, {"calm": 0.5}))
+    count = Flown(scenario).carry.memory.inner[0]
+    # it failed until 1.1 s, then had to be calm for half a second
+    assert count == pytest.approx(0.4 / 0.005, abs=25)
+
+
+def test_where_a_law_is_not_defined_it_is_given_up_at_once():
+    controller = skyarm.load_scenario("case1", controller="paper_ct_euler").controller
+    trusting = guarded(controller, {"trusted_tilt": 3.1, "patience": 100.0})
+    log = run(planned(trajectory=held(), duration=0.05))
+    for pitch, expected in ((1.0, 0.0), (0.5 * math.pi, 1.0)):
+        seen = dataclasses.replace(
+            _measurement(log), quaternion=skyarm.algebra.Quaternion(math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0)
+        )
+        memory, _ = trusting.law(trusting.memory, seen, held().at(0.0).dense(), 0.005, par=trusting.par)
+        assert memory.doubt.given_up == expected
+
+
 FRONT, ELBOW, SHOULDER = (
     Fault(rotor="front", effectiveness=0.7, start=6.5),
     Fault(joint="joint2", effectiveness=0.0, start=6.5),

@@ -139,7 +139,9 @@ def test_the_fence_brakes_a_joint_that_runs_at_its_limit():
         ARM2, measurement.joints, measurement.rate, measurement.joint_rates, Force(ZERO3, vec([0, 0, thrust])), efforts
     )
     k, room = limits.joint_pole, 0.8 - limits.joint_margin[0] - 0.7
-    assert qdd[0] == pytest.approx(k * k * room - 2.0 * k * 3.0, rel=1e-6)
+    bound = k * k * room - 2.0 * k * 3.0
+    assert 2.0 * bound < qdd[0] <= bound + 1e-9 < 0.0
+    assert efforts[1] == 0.0
 
 
 def test_yaw_gives_way_before_roll_pitch_and_thrust():

@@ -71,10 +71,15 @@ def moved(state, direction, step):
     )
 
 
-def coordinates(log, k):
-    """State at an instant, the attitude as SciPy's rotation vector."""
-    w, x, y, z = log.quaternion[k]
-    turn = Rotation.from_quat([x, y, z, w]).as_rotvec()
+def rotation(q):
+    """SciPy's rotation of a quaternion w, x, y, z."""
+    w, x, y, z = q
+    return Rotation.from_quat([x, y, z, w])
+
+
+def coordinates(log, k, still):
+    """State at an instant, the attitude as SciPy's rotation vector from that of a flight beside it."""
+    turn = (rotation(still.quaternion[k]).inv() * rotation(log.quaternion[k])).as_rotvec()
     parts = (
         log.position[k],
         turn,
@@ -87,12 +92,16 @@ def coordinates(log, k):
     return np.concatenate(parts)
 
 
-def test_eigenvalues_in_hover_are_those_of_finite_differences_of_episodes(rotors_hover):
-    carry = first_carry(rotors_hover)
-    start, step, columns = carry.state, 1e-5, []
+@pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0), (0.3, -0.2, 0.9)], ids=["level", "tilted"])
+def test_eigenvalues_are_those_of_finite_differences_of_episodes(rotors_hover, turn):
+    start = first_carry(rotors_hover).state
+    start = dataclasses.replace(start, quaternion=turned(start.quaternion, turn), rate=Vec3(0.2, -0.1, 0.3 * turn[0]))
+    flight = dataclasses.replace(rotors_hover, initial=start)
+    carry, still = first_carry(flight), run(flight)
+    step, columns = 1e-5, []
     for i in range(12 + len(start.rotor_speeds)):
         logs = [run(dataclasses.replace(rotors_hover, initial=moved(start, i, side * step))) for side in (1.0, -1.0)]
-        columns.append((coordinates(logs[0], 1) - coordinates(logs[1], 1)) / (2.0 * step))
+        columns.append((coordinates(logs[0], 1, still) - coordinates(logs[1], 1, still)) / (2.0 * step))
     J = np.array(columns).T
     row = [0.0, *episode_inputs(rotors_hover).held[0]]
     ours = closed_loop(Differentiator(rotors_hover).at(carry, row, "up"))

@@ -169,10 +169,10 @@ class Differentiator:
             lag: one of ``LAGS``.
         """
         point = _point(carry)
-        base = np.array([float(leaf) for leaf in leaves(point)])
         sizes = [len(leaves(part)) for part in (point.state, point.old, point.new, point.memory, point.seen)]
-        moved, widths = self._moved(base, point.state, sum(sizes[1:]))
         share = float(LAGS.index(lag))
+        base = self._completed(carry, point, sizes, row, share)
+        moved, widths = self._moved(base, point.state, sum(sizes[1:]))
         results = [self._outputs_of(moved, row, late, share) for late in self.lates]
         still = [self._outputs_of(base[:, None], row, late, share)[:, 0] for late in self.lates]
         outs = [sizes[0], sizes[4], sizes[3], sizes[1]]
@@ -196,6 +196,18 @@ class Differentiator:
             measurement_delay=round(self.scenario.delays.measurement * self.scenario.rates.control),
             command_delay=self.scenario.delays.command,
         )
+
+    def _completed(self, carry: Carry, point: _Point, sizes: list[int], row: Sequence[float], share: float) -> Array:
+        """Numbers of the point, with what the period itself makes: the measurement now, and the command it leads to."""
+        base = np.array([float(leaf) for leaf in leaves(point)])
+        ends = np.cumsum([sizes[0], sizes[4], sizes[3], sizes[1]])
+        if not carry.readings:
+            made = self._outputs_of(base[:, None], row, 0.0, share)[:, 0]
+            base[sum(sizes[:4]) :] = made[ends[0] : ends[1]]
+        if len(carry.queue) == 1:
+            made = self._outputs_of(base[:, None], row, 0.0, share)[:, 0]
+            base[sizes[0] + sizes[1] : sum(sizes[:3])] = made[ends[2] : ends[3]]
+        return base
 
     def _moved(self, base: Array, state: State, others: int) -> tuple[Array, Array]:
         """Every point of the stencils, (leaves, directions * 4), and the step of each direction."""
@@ -234,7 +246,7 @@ class Differentiator:
 
 
 def _point(carry: Carry) -> _Point:
-    """Where the open period is differentiated: the acting command stays, and one like it follows."""
+    """Where the open period is differentiated, as far as the carry tells."""
     following = carry.queue[1] if len(carry.queue) > 1 else carry.queue[0]
     seen = carry.readings[0] if carry.readings else _reading_of(carry.state)
     return _Point(state=carry.state, old=carry.queue[0], new=following, memory=carry.memory, seen=seen)

@@ -18,16 +18,20 @@ def fenced(model: Model, limits: Limits, measurement: Measurement, efforts: Sequ
     """Joint efforts under which no joint runs into its limits.
 
     With d the distance to a limit (less the margin) and k the pole, d'' + 2 k d' + k^2 d >= 0 bounds the acceleration
-    towards it; k (speed - rate) bounds it near the largest speed. The model says which accelerations the efforts and
-    the rotors' present thrust cause; where one is out of bounds, the torque M_free (bounded - caused) is added, with
-    M_free the inertia the joints feel on a floating base.
+    towards it; 4 k (speed - rate) bounds it near the largest speed. The model says which accelerations the efforts and
+    the rotors' present thrust cause; to a joint whose own is out of bounds its entry of M_free (bounded - caused) is
+    added, with M_free the inertia the joints feel on a floating base: enough, and more if others may move.
 
     Source: Ames et al. 2019, "Control barrier functions: theory and applications", exponential barrier of degree two.
     """
     caused = _accelerations(model, measurement, efforts)
-    allowed, active = _bounded(model, limits, measurement, caused)
+    allowed = _bounded(model, limits, measurement, caused)
     added = floating_inertia_times(model, measurement.joints, [sub(a, b) for a, b in zip(allowed, caused, strict=True)])
-    return tuple(where(active, add(tau, more), tau) for tau, more in zip(efforts, added, strict=True))
+    # other joints keep their torques: where a drive is dead the model is wrong about what they cause
+    return tuple(
+        where(logical_or(kept < qdd, kept > qdd), add(tau, more), tau)
+        for kept, qdd, tau, more in zip(allowed, caused, efforts, added, strict=True)
+    )
 
 
 def _accelerations(model: Model, measurement: Measurement, efforts: Sequence[Any]) -> tuple[Any, ...]:
@@ -40,10 +44,9 @@ def _accelerations(model: Model, measurement: Measurement, efforts: Sequence[Any
     )[1]
 
 
-def _bounded(model: Model, limits: Limits, measurement: Measurement, caused: Sequence[Any]) -> tuple[list[Any], Any]:
-    """Accelerations within the barrier, and True where one had to be changed."""
+def _bounded(model: Model, limits: Limits, measurement: Measurement, caused: Sequence[Any]) -> list[Any]:
+    """Accelerations within the barrier."""
     found: list[Any] = []
-    active: Any = False
     k = limits.joint_pole
     for q, rate, qdd, link, speed, margin in zip(
         measurement.joints,
@@ -56,12 +59,10 @@ def _bounded(model: Model, limits: Limits, measurement: Measurement, caused: Seq
     ):
         damp, square = mul(2.0 * k, rate), k * k
         above, below = sub(sub(link.joint.upper, margin), q), sub(add(link.joint.lower, margin), q)
-        top = minimum(sub(mul(square, above), damp), mul(k, sub(speed, rate)))
-        bottom = maximum(sub(mul(square, below), damp), mul(k, sub(0.0 - speed, rate)))
-        kept = minimum(maximum(qdd, bottom), top)
-        found.append(kept)
-        active = logical_or(active, logical_or(kept < qdd, kept > qdd))
-    return found, active
+        top = minimum(sub(mul(square, above), damp), mul(4.0 * k, sub(speed, rate)))
+        bottom = maximum(sub(mul(square, below), damp), mul(4.0 * k, sub(0.0 - speed, rate)))
+        found.append(minimum(maximum(qdd, bottom), top))
+    return found
 
 
 def floating_inertia_times(model: Model, joints: Sequence[Any], change: Sequence[Any]) -> list[Any]:
