@@ -141,7 +141,6 @@ def test_the_fence_brakes_a_joint_that_runs_at_its_limit():
     k, room = limits.joint_pole, 0.8 - limits.joint_margin[0] - 0.7
     bound = k * k * room - 2.0 * k * 3.0
     assert 2.0 * bound < qdd[0] <= bound + 1e-9 < 0.0
-    assert efforts[1] == 0.0
 
 
 def test_yaw_gives_way_before_roll_pitch_and_thrust():
