@@ -166,11 +166,16 @@ def test_the_jacobians_are_casadis_exact_ones(arm_hover):
     )
     point = dataclasses.replace(point, state=state, seen=seen)
     function = casadi_function(whole, point, (0.0, 0.0), row, outputs=["out"])
-    values = [[float(v) for v in leaves(point)], [0.002, 0.0], [0.0, *held.held[0]]]
+    values_row = [0.0, *held.held[0]]
+    moving = dataclasses.replace(carry, state=state)
+    begun = _point(moving)
+    sizes = [len(leaves(part)) for part in (begun.state, begun.old, begun.new, begun.memory, begun.seen)]
+    # where ours is taken: at the measurement and the command that the period itself makes
+    base = found._completed(moving, begun, sizes, values_row, 0.0)
+    values = [base.tolist(), [0.002, 0.0], values_row]
     symbols = [casadi.SX.sym(f"a{i}", len(v)) for i, v in enumerate(values)]
     exact = casadi.Function("J", symbols, [casadi.jacobian(function(*symbols), symbols[0])])
     J = np.array(exact(*values))
-    moving = dataclasses.replace(carry, state=state)
     loop = Differentiator.at(found, moving, [0.0, *held.held[0]], "up")
     nx, nu = 13 + 4 + 4, 6
     numbers = [0, 1, 2, *range(7, nx)]  # all but the quaternion, which moves by rotation vectors in ours
