@@ -8,11 +8,12 @@ from skyarm.scalars import clip, divide, mul, sub, tanh
 from skyarm.vehicle.records import Joint
 
 
-def joint_force(joint: Joint, command: Any, rate: Any) -> Any:
+def joint_force(joint: Joint, command: Any, rate: Any, effectiveness: Any = 1) -> Any:
     """Torque (N m) or force (N) on the joint: the limited command, less viscous and smooth Coulomb friction.
 
+    ``effectiveness`` is the share of the drive's effort that a fault leaves; friction stays.
     The friction law c tanh(qd / v0) is smooth through zero, so that both plants integrate the same right-hand side.
     """
-    effort = clip(command, -joint.effort_limit, joint.effort_limit)
+    effort = mul(effectiveness, clip(command, -joint.effort_limit, joint.effort_limit))
     effort = sub(effort, mul(joint.damping, rate))
     return sub(effort, mul(joint.coulomb, tanh(divide(rate, joint.coulomb_rate))))

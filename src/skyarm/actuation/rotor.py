@@ -25,21 +25,24 @@ def speed_after(rotor: Rotor, speed: Any, command: Any, dt: Any) -> Any:
     return target + (speed - target) * where(target > speed, rising, falling)
 
 
-def rotor_force(rotor: Rotor, speed: Any, velocity: Vec3) -> Force:
+def rotor_force(rotor: Rotor, speed: Any, velocity: Vec3, effectiveness: Any = 1) -> Force:
     """Force of a rotor on the base: torque about and force at the base origin, base axes.
 
     Args:
         rotor: pose and coefficients.
         speed: rad/s, unsigned.
         velocity: of the hub against the air, base axes, m/s.
+        effectiveness: share of thrust and drag torque that a fault leaves; a structural 1 folds away.
 
     thrust k_f W^2 along the axis; drag torque k_m thrust against the direction of rotation; hub drag -c_d |W| v_perp;
     rolling moment -c_r |W| v_perp, with v_perp the velocity in the rotor's plane.
     """
-    return _alike([rotor], [speed], [ZERO3], velocity, ZERO3).moved(rotor.position)
+    return _alike([(rotor, speed, effectiveness)], [ZERO3], velocity, ZERO3).moved(rotor.position)
 
 
-def rotor_forces(rotors: Sequence[Rotor], speeds: Sequence[Any], velocity: Vec3, rate: Vec3) -> Force:
+def rotor_forces(
+    rotors: Sequence[Rotor], speeds: Sequence[Any], velocity: Vec3, rate: Vec3, effectiveness: Sequence[Any] = ()
+) -> Force:
     """Sum of :func:`rotor_force` over all rotors of a base.
 
     Rotors with one axis and one set of coefficients are summed before their coefficients enter, about a point that has
@@ -50,24 +53,28 @@ def rotor_forces(rotors: Sequence[Rotor], speeds: Sequence[Any], velocity: Vec3,
         speeds: rad/s, unsigned.
         velocity: of the base origin against the air, base axes, m/s.
         rate: angular velocity of the base, base axes, rad/s.
+        effectiveness: of each rotor; all whole if left out.
     """
     total = Force(ZERO3, ZERO3)
-    left = list(zip(rotors, speeds, strict=True))
+    left = list(zip(rotors, speeds, effectiveness or (1,) * len(rotors), strict=True))
     while left:
         first = left[0][0]
         group = [pair for pair in left if _similar(pair[0], first)]
         left = [pair for pair in left if not _similar(pair[0], first)]
         center = Vec3(*(c if all(same(c, other) for other in rest) else 0 for c, *rest in _components(group)))
-        beside = [_beside(rotor.position, center) for rotor, _ in group]
-        alike, turning = zip(*group, strict=True)
-        hub = _alike(alike, turning, beside, velocity + rate.cross(center), rate)
+        beside = [_beside(rotor.position, center) for rotor, *_ in group]
+        hub = _alike(group, beside, velocity + rate.cross(center), rate)
         total = total + hub.moved(center)
     return total
 
 
-def _components(group: Sequence[tuple[Rotor, Any]]) -> list[tuple[Any, ...]]:
+Turning = tuple[Rotor, Any, Any]
+"""A rotor, its speed (rad/s) and its effectiveness."""
+
+
+def _components(group: Sequence[Turning]) -> list[tuple[Any, ...]]:
     """All x, all y and all z of the rotors' positions."""
-    return list(zip(*(rotor.position for rotor, _ in group), strict=True))
+    return list(zip(*(rotor.position for rotor, *_ in group), strict=True))
 
 
 def _beside(position: Vec3, center: Vec3) -> Vec3:
@@ -85,19 +92,17 @@ def _similar(a: Rotor, b: Rotor) -> bool:
     return all(map(same, numbers(a), numbers(b)))
 
 
-def _alike(
-    rotors: Sequence[Rotor], speeds: Sequence[Any], positions: Sequence[Vec3], velocity: Vec3, rate: Vec3
-) -> Force:
+def _alike(group: Sequence[Turning], positions: Sequence[Vec3], velocity: Vec3, rate: Vec3) -> Force:
     """Torque about the origin and force of rotors that differ in position and direction of rotation only.
 
     v_perp = v - (v.n) n is written so that a structural axis leaves two components.
     """
-    like = rotors[0]
+    like = group[0][0]
     n = like.axis
-    push, twist, arm = 0, 0, ZERO3  # sums of W^2, of W^2 against the direction of rotation, of r W^2
+    push, twist, arm = 0, 0, ZERO3  # sums of effective W^2, of it against the direction of rotation, of r by it
     drag, drag_arm = ZERO3, ZERO3  # sums of W v_perp and of r x (W v_perp)
-    for rotor, speed, r in zip(rotors, speeds, positions, strict=True):
-        square = speed * speed
+    for (rotor, speed, left), r in zip(group, positions, strict=True):
+        square = mul(left, speed * speed)
         push, twist, arm = add(push, square), sub(twist, mul(rotor.direction, square)), arm + r * square
         slip = n.cross(velocity + rate.cross(r)).cross(n) * speed
         drag, drag_arm = drag + slip, drag_arm + r.cross(slip)

@@ -183,6 +183,50 @@ def stats(
 
 
 @app.command()
+def margins(
+    controller: Annotated[str, typer.Argument(help="a preset, a law, or 'own' for the scenario's")],
+    scenario: Annotated[str, typer.Argument(help="a scenario file (.toml) or the name of a shipped one")],
+    instants: Annotated[int, typer.Option(help="looked at along the scenario, beside hover")] = 4,
+    safety: Annotated[bool, typer.Option("--safety", help="under the safety layer")] = False,
+    file: Annotated[Path | None, typer.Option("--json", help="write eigenvalues and margins there")] = None,
+) -> None:
+    """Linearise the closed loop: eigenvalues, margins.
+
+    Of the sampled loop as it flies, delays and lags in it, in hover and along the scenario. Exit code 3 if the flight
+    ended before its time.
+    """
+    from skyarm.cli.stability import margins as perform
+    from skyarm.cli.stability import planned
+
+    if not perform(planned(controller, scenario, safety=safety), instants, file, console):
+        raise typer.Exit(NOT_COMPLETED)
+
+
+@app.command()
+def basin(
+    controller: Annotated[str, typer.Argument(help="a preset, a law, or 'own' for the scenario's")],
+    scenario: Annotated[str, typer.Argument(help="a scenario file (.toml) or the name of a shipped one")],
+    out: Out = "out/basin",
+    flights: Annotated[int, typer.Option(help="initial states")] = 100_000,
+    rate: Annotated[float, typer.Option(help="largest initial body rate, rad/s")] = 12.0,
+    offset: Annotated[float, typer.Option(help="largest initial distance, m")] = 1.0,
+    speed: Annotated[float, typer.Option(help="largest initial speed, m/s")] = 2.0,
+    safety: Annotated[bool, typer.Option("--safety", help="under the safety layer")] = False,
+    seed: Annotated[int, typer.Option(help="of the draws")] = 0,
+    threads: Annotated[int, typer.Option(help="threads that fly; 0 takes every core")] = 0,
+) -> None:
+    """Map what initial attitudes and rates are caught."""
+    from skyarm.cli.stability import basin as perform
+    from skyarm.cli.stability import planned
+
+    for name, value in (("--threads", threads), ("--seed", seed)):
+        if value < 0:
+            raise ValueError(f"{name} = {value}: must be at least 0")
+    limits = {"rate": rate, "offset": offset, "speed": speed, "seed": seed}
+    perform(planned(controller, scenario, safety=safety), flights, Path(out), threads or _cores(), limits, console)
+
+
+@app.command()
 def bench(
     quick: Annotated[bool, typer.Option("--quick", help="fewer rounds, shorter flights: about a minute")] = False,
     file: Annotated[Path | None, typer.Option("--json", help="write the numbers there too")] = None,

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
+
+from skyarm.actuation import Command
 
 Law = Callable[..., tuple[Any, Any]]
 """step(memory, measurement, reference, dt, *, par) -> (memory, command)."""
@@ -35,3 +38,18 @@ class Controller:
     margin: Callable[[Any], Any] | None = None
     limit: str = ""
     compiled: bool = True
+
+
+def informed(memory: Any, sent: Command) -> Any:
+    """The memory with the command that was really sent, if the law keeps one.
+
+    A law that observes or integrates must know what acted, not what it wished. It keeps its commands in a field
+    ``sent`` of its memory: one :class:`Command`, or a tuple of them with the newest last. Whoever changes a command on
+    its way (saturation, slew, fallback) writes the changed one there; a law without the field is left as it is.
+    """
+    kept = getattr(memory, "sent", None)
+    if isinstance(kept, Command):
+        return dataclasses.replace(memory, sent=sent)
+    if isinstance(kept, tuple) and kept and all(isinstance(each, Command) for each in kept):
+        return dataclasses.replace(memory, sent=(*kept[:-1], sent))
+    return memory

@@ -200,11 +200,13 @@ def _header(controller: Controller, file: StepFile, period: float, operations: i
 def _structure(controller: Controller) -> list[str]:
     """Choices that are folded into the code, in words."""
     par = controller.par
-    if hasattr(par, "choices"):
-        return [f"mixer '{par.mixer.policy}'", *par.choices()]
-    left_out = [field.name for field in dataclasses.fields(par.terms) if not getattr(par.terms, field.name)]
+    own = getattr(par, "inner", par)  # a guarded law's own constants
+    if hasattr(own, "choices"):
+        return [f"mixer '{par.mixer.policy}'", *own.choices()]
+    terms, rate_error = getattr(own, "terms", None), getattr(own, "rate_error", None)
+    left_out = [field.name for field in dataclasses.fields(terms) if not getattr(terms, field.name)] if terms else []
     return [
         f"mixer '{par.mixer.policy}'",
-        f"rate error '{par.rate_error}'",
+        *([f"rate error '{rate_error}'"] if rate_error else []),
         *([f"without {' and '.join(left_out)}"] if left_out else []),
     ]

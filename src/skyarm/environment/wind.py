@@ -7,22 +7,25 @@ from typing import Any
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.environment.dryden import Dryden
+from skyarm.environment.effectiveness import Effectiveness
 from skyarm.environment.gust import Gust
 
 
 @dataclass(frozen=True, slots=True)
 class WindSample:
-    """What the vehicle feels of the wind at one instant.
+    """What the vehicle feels of its surroundings at one instant.
 
     Attributes:
         force_W: force on the base, world axes, N.
         point_B: point of the base where it acts, base frame, m.
         air_velocity_W: velocity of the air that rotors and body drag see, world axes, m/s.
+        effectiveness: what faults leave of the actuators (:mod:`skyarm.environment.faults`); None for whole ones.
     """
 
     force_W: Vec3 = ZERO3
     point_B: Vec3 = ZERO3
     air_velocity_W: Vec3 = ZERO3
+    effectiveness: Effectiveness | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -8,7 +8,7 @@ from typing import Any
 from skyarm.actuation import Command, joint_force, rotor_forces, speed_after
 from skyarm.algebra import ZERO3, Force
 from skyarm.dynamics.state import State
-from skyarm.environment import WindSample, body_drag
+from skyarm.environment import Effectiveness, WindSample, body_drag
 from skyarm.vehicle.records import Vehicle
 
 
@@ -22,16 +22,17 @@ def applied_force(
         state: of the vehicle; its own rotor speeds are not read.
         rotor_speeds: rad/s, now.
         efforts: commanded joint torques or forces.
-        wind: force and air velocity, now.
+        wind: force and air velocity, now, and what faults leave of the actuators.
     """
     R = state.quaternion.rotation()
     v_air = R.apply_T(state.velocity - wind.air_velocity_W)
     push = R.apply_T(wind.force_W)
     total = Force(wind.point_B.cross(push), push) + Force(ZERO3, body_drag(vehicle.drag, v_air))
-    total = total + rotor_forces(vehicle.rotors, rotor_speeds, v_air, state.rate)
+    left = wind.effectiveness or Effectiveness((1,) * len(vehicle.rotors), (1,) * vehicle.n)
+    total = total + rotor_forces(vehicle.rotors, rotor_speeds, v_air, state.rate, left.rotors)
     torques = tuple(
-        joint_force(link.joint, effort, rate)
-        for link, effort, rate in zip(vehicle.links, efforts, state.joint_rates, strict=True)
+        joint_force(link.joint, effort, rate, share)
+        for link, effort, rate, share in zip(vehicle.links, efforts, state.joint_rates, left.joints, strict=True)
     )
     return total, torques
 

@@ -17,7 +17,7 @@ from skyarm.compile import leaves, rebuild
 from skyarm.compile.repeat import repeat
 from skyarm.dynamics import State, frame_pose
 from skyarm.dynamics.measurement import Measurement
-from skyarm.environment import Airspeed, DrydenMemory, WindSample, dryden, wind
+from skyarm.environment import Airspeed, DrydenMemory, WindSample, afflicted, dryden, wind
 from skyarm.plant.interface import number
 from skyarm.plant.rigid_body import STEP, accelerate
 from skyarm.plant.sensors import measure, noise_count
@@ -146,7 +146,7 @@ def make_period(scenario: Scenario, substeps: Callable[[float], int]) -> Period:
         if turbulence is not None and carry.turbulence is not None:
             numbers = _normals(uniforms[sensor_draws:])
             moved, gusts = dryden.step(carry.turbulence, Vec3(*numbers[:3]), period, par=turbulence)
-        air = wind(scenario.wind, row.time, gusts)
+        air = afflicted(wind(scenario.wind, row.time, gusts), scenario.faults, scenario.world.vehicle, row.time)
         old = _issued(carry.queue, whole)
         force, _ = accelerate(scenario.world, state, state.rotor_speeds, old.efforts, air)
         n, rotors = len(state.joints), len(state.rotor_speeds)

@@ -13,7 +13,7 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.compile import Program, leaves, rebuild, trace
 from skyarm.compile.arrays import evaluate
 from skyarm.dynamics import State
-from skyarm.environment import Airspeed, WindSample, dryden, wind
+from skyarm.environment import Airspeed, WindSample, afflicted, dryden, wind
 from skyarm.plant.interface import number
 from skyarm.plant.sensors import noise_count
 from skyarm.reference import Publisher, Reference
@@ -138,14 +138,18 @@ def _example(record: Any) -> Any:
 
 
 def _wind_program(scenario: Scenario) -> Program:
-    """Wind of a time and a gust of turbulence."""
+    """Wind and faults of a time and a gust of turbulence."""
     turbulent = isinstance(scenario.wind, Airspeed) and scenario.wind.turbulence is not None
     gust = Vec3(0.0, 0.0, 0.0) if turbulent else ZERO3
-    return trace(lambda clock, gust: wind(scenario.wind, clock[0], gust), (0.0,), gust)
+
+    def surroundings(clock: Any, air: Vec3) -> WindSample:
+        return afflicted(wind(scenario.wind, clock[0], air), scenario.faults, scenario.world.vehicle, clock[0])
+
+    return trace(surroundings, (0.0,), gust)
 
 
 def _wind(scenario: Scenario, times: Any) -> WindSample:
-    """Wind as a record of arrays."""
+    """Wind and faults as a record of arrays."""
     program, gusts = _wind_program(scenario), _turbulence(scenario)
     columns = list(zip(*(leaves(gust) for gust in gusts), strict=True))
     sample: WindSample = program.record(list(evaluate(program, [times, *columns], len(gusts))))

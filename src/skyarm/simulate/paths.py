@@ -1,8 +1,8 @@
 """Numbers of a scenario by dotted path, to vary them.
 
-A path starts with one of ``plant``, ``model``, ``controller``, ``environment.wind``, ``sensors``, ``initial``,
-``reference`` and goes on through the words of the scenario file (``reference.base.radius``, ``plant.joints.damping``,
-``environment.wind.force.0``) or the fields of the records: ``plant.vehicle.base.mass``,
+A path starts with one of ``plant``, ``model``, ``controller``, ``environment.wind``, ``environment.faults``,
+``sensors``, ``initial``, ``reference`` and goes on through the words of the scenario file (``reference.base.radius``,
+``plant.joints.damping``, ``environment.wind.force.0``) or the fields of the records: ``plant.vehicle.base.mass``,
 ``plant.vehicle.links.forearm.joint.damping``, ``controller.gains.position.x``, ``reference.z.value``. Items of a tuple
 are named by their number or, where they have one, by their name.
 
@@ -46,6 +46,7 @@ ROOTS: Mapping[str, Place] = {
     "model": ("controller", "par", "model"),
     "controller": ("controller", "par"),
     "environment.wind": ("wind",),
+    "environment.faults": ("faults",),
     "sensors": ("sensors",),
     "initial": ("initial",),
     "reference": ("trajectory",),

@@ -13,7 +13,7 @@ from skyarm.actuation.hover import hover_trim
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.controller import Controller
 from skyarm.dynamics import State
-from skyarm.environment import NO_WIND, Airspeed, RotorsForce, Wind
+from skyarm.environment import NO_WIND, Airspeed, Fault, RotorsForce, Wind
 from skyarm.files import number, shown
 from skyarm.plant.interface import World
 from skyarm.plant.interface import number as data
@@ -94,7 +94,7 @@ class Scenario:
         plant: "rigid_body" or "mujoco". integrator: "rk4" or "euler".
         controller: law with its belief.
         trajectory: reference.
-        wind: environment.
+        wind, faults: environment; losses of single actuators.
         sensors, delays: measurement.
         initial: state at t = 0; None is hover trim of the truth at the reference, as far as its rotors can turn.
         seed, episode: keys of all noise.
@@ -111,6 +111,7 @@ class Scenario:
     controller: Controller
     trajectory: Trajectory
     wind: Wind = NO_WIND
+    faults: tuple[Fault, ...] = ()
     sensors: SensorNoise = PERFECT_SENSORS
     delays: Delays = Delays()
     initial: State | None = None
@@ -151,6 +152,8 @@ def _check_kinds(scenario: Scenario) -> None:
         if not isinstance(value, allowed):
             names = " or ".join("None" if each is type(None) else each.__name__ for each in allowed)
             raise ScenarioError(f"{field} = {shown(value)}: must be a {names}")
+    if not isinstance(scenario.faults, tuple) or not all(isinstance(fault, Fault) for fault in scenario.faults):
+        raise ScenarioError(f"faults = {shown(scenario.faults)}: must be a tuple of Fault")
 
 
 def _check(scenario: Scenario) -> None:
@@ -227,6 +230,11 @@ def _check_vehicles(scenario: Scenario) -> None:
             raise ScenarioError(
                 f"model.vehicle = {belief.name!r}: has {theirs} {what}, must have {ours} as the plant {truth.name!r}"
             )
+    for i, fault in enumerate(scenario.faults):
+        try:
+            fault.check(truth)
+        except ValueError as error:
+            raise ScenarioError(f"environment.faults[{i}].{error}") from None
     found = len(scenario.trajectory.joints)
     if found != truth.n:
         raise ScenarioError(f"reference.joints = {found} signals: must be {truth.n}, one for each joint")

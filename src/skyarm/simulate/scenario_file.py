@@ -8,9 +8,11 @@ A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
     [model]       vehicle, gravity (9.81), payload: what the controller believes
     [controller]  preset, or law with gains = { position, velocity, attitude, rate } (three numbers each),
                   joint_gains = { stiffness, damping } (one number a joint); mixer, rate_error,
-                  without = ["coriolis", "coupling", "full_gravity", "feedforward"]
+                  without = ["coriolis", "coupling", "full_gravity", "feedforward"];
+                  safety = true, or a table of limits (skyarm.control.safety.limits)
     [reference]   see skyarm.reference.parse
-    [environment] wind (see skyarm.environment.parse), ground (true)
+    [environment] wind (see skyarm.environment.parse), ground (true),
+                  faults = [{ rotor or joint = name, effectiveness, start }]
     [sensors]     one sigma: position, velocity, attitude, rate, specific_force, joints, joint_rates, rotor_speeds
     [delays]      measurement, command (s)
     [initial]     position, quaternion_wxyz, velocity, rate, joints, joint_rates, rotor_speeds; left out: hover trim
@@ -31,7 +33,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.control.model import Model
-from skyarm.environment import NO_WIND, wind_from
+from skyarm.environment import NO_WIND, faults_from, wind_from
 from skyarm.files import Fields, file_name, number, shown, unreadable
 from skyarm.plant.interface import World
 from skyarm.reference import trajectory_from
@@ -149,6 +151,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         ),
         trajectory=trajectory_from(top.take("reference", {}), world.vehicle.n, "reference"),
         wind=wind_from(environment.take("wind"), "environment.wind") if "wind" in environment.table else NO_WIND,
+        faults=faults_from(environment.take("faults", []), "environment.faults"),
         sensors=tables.sensors(top),
         delays=delays,
         episode=top.take("episode", 0),

@@ -11,12 +11,13 @@ from typing import Any
 from skyarm.actuation import AllocationError
 from skyarm.actuation.mixer import POLICIES
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.control.controller import Controller
+from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.geometric import RATE_ERRORS
 from skyarm.control.model import GeometricGains, JointGains, Model, Terms
 from skyarm.control.paper import PAPER_LAWS
 from skyarm.control.presets import preset
 from skyarm.control.registry import LAWS, make_controller, suited
+from skyarm.control.safety import guarded
 from skyarm.dynamics import State
 from skyarm.environment import payload_from
 from skyarm.files import Fields, number, shown
@@ -100,13 +101,14 @@ def rates(top: Fields) -> Rates:
 
 
 def controller(fields: Fields, model: Model, replaced: str | None, known: Mapping[str, Any]) -> Controller:
-    """A preset or a law with its constants; ``replaced`` is a preset in place of the table's.
+    """A preset or a law with its constants, under guard if asked; ``replaced`` is a preset in place of the law.
 
     ``known`` is what a law may know of its loop (:func:`skyarm.control.presets.preset`).
     """
+    safety = fields.take("safety", False)
     try:
         if replaced is not None:
-            return preset(replaced, model, known)
+            return _guarded(preset(replaced, model, known), safety)
         if "law" in fields.table or "preset" not in fields.table:
             found = _law(fields, model, known)
         else:
@@ -114,14 +116,28 @@ def controller(fields: Fields, model: Model, replaced: str | None, known: Mappin
     except AllocationError as error:
         raise ValueError(f"model.vehicle = {model.vehicle.name!r}: {error}") from None
     fields.done()
-    return found
+    return _guarded(found, safety)
+
+
+def _guarded(found: Controller, safety: Any) -> Controller:
+    """The controller with its safety layer: false, true, or a table of limits and the stowed pose."""
+    if isinstance(safety, bool):
+        return guarded(found) if safety else found
+    if not isinstance(safety, dict):
+        raise ValueError(f"controller.safety = {shown(safety)}: must be true, false or a table of limits")
+    table = Fields(safety, "controller.safety")
+    stow = _numbers(table, "stow") if "stow" in safety else None
+    try:
+        return guarded(found, {name: value for name, value in safety.items() if name != "stow"}, stow=stow)
+    except ControllerError as error:
+        raise ValueError(f"controller.{error}") from None
 
 
 def _law(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
     name = text(fields, "law")
     if name in PAPER_LAWS:
         return _paper_law(name, fields, model)
-    options = {option: fields.take(option) for option in fields.table if option != "law"}
+    options = {option: fields.take(option) for option in fields.table if option not in ("law", "safety")}
     return make_controller(name, model, **{**(suited(name, known) if name in LAWS else {}), **options})
 
 

@@ -1,0 +1,165 @@
+"""``skyarm margins`` and ``skyarm basin``: what they print and write."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from skyarm.actuation import AllocationError
+from skyarm.cli.lines import printable
+from skyarm.control.controller import Controller
+from skyarm.control.model import Model
+from skyarm.control.presets import PRESETS, preset
+from skyarm.control.registry import LAWS, make_controller
+from skyarm.control.safety import guarded
+from skyarm.files import require_writable, shown, write_atomically
+from skyarm.simulate.scenario import Scenario
+from skyarm.simulate.scenario_file import load_scenario
+
+OWN = "own"
+"""Stands for the scenario's own controller."""
+
+DPI = 160
+
+
+def planned(controller: str, scenario: str, *, safety: bool) -> Scenario:
+    """A scenario with another controller, on the scenario's own belief.
+
+    Args:
+        controller: a preset, a law, or "own" for the scenario's.
+        scenario: a name or a file.
+        safety: put it under guard.
+
+    Raises:
+        ValueError: one line.
+    """
+    loaded = load_scenario(scenario)
+    if controller != OWN:
+        loaded = dataclasses.replace(loaded, controller=_made(controller, loaded.controller.par.model))
+    return dataclasses.replace(loaded, controller=guarded(loaded.controller)) if safety else loaded
+
+
+def _made(name: str, model: Model) -> Controller:
+    if name not in PRESETS and name not in LAWS:
+        raise ValueError(
+            f"controller = {shown(name)}: must be {OWN!r}, a preset ({', '.join(sorted(PRESETS))}) or a law "
+            f"({', '.join(sorted(LAWS))})"
+        )
+    try:
+        return preset(name, model) if name in PRESETS else make_controller(name, model)
+    except AllocationError as error:
+        raise ValueError(f"model.vehicle = {model.vehicle.name!r}: {error}") from None
+
+
+def margins(scenario: Scenario, instants: int, file: Path | None, console: Console) -> bool:
+    """Print margins in hover and along the scenario, write them as JSON; False where the flight ended early.
+
+    Raises:
+        ValueError, OSError: one line.
+    """
+    from skyarm.stability.along import evidence
+
+    found = evidence(scenario, instants)
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    heads = ("instant", "largest |z|", "slowest, 1/s", "damping", "delay, ms", "rotor gain", "joint gain")
+    for i, head in enumerate(heads):
+        table.add_column(Text(head), justify="right" if i else "left")
+    for each in found.instants:
+        rates = [s for m in each.by_lag.values() for s in m.s]
+        cells = (
+            "hover" if each.hover else f"{each.time:.2f} s",
+            f"{each.radius:.6f}",
+            f"{max((s.real for s in rates), default=-math.inf):.3g}",
+            f"{_damping(rates):.2f}",
+            _number(1e3 * each.delay),
+            " ... ".join(_number(k) for k in each.gain("rotor_gain")),
+            " ... ".join(_number(k) for k in each.gain("joint_gain")),
+        )
+        table.add_row(*(Text(cell) for cell in cells))
+    console.print(Text(printable(f"{found.controller} in {found.scenario}"), style="bold"))
+    console.print(table)
+    console.print("delay: further dead time it bears; gains: factors on the actuators' effect it bears; the worse of")
+    console.print("two linearisations, with the rotors' time constant upward and with that downward")
+    if not found.completed:
+        console.print("the flight ended before its time: no instants beyond")
+    if file is not None:
+        write_atomically(file, (json.dumps(_plain(found), indent=1, allow_nan=False) + "\n").encode())
+        console.print(f"written: {file}", soft_wrap=True)
+    return bool(found.completed)
+
+
+def _damping(rates: list[complex]) -> float:
+    """Smallest damping ratio of the oscillating eigenvalues; 1 without any."""
+    return min((-s.real / abs(s) for s in rates if s.imag != 0.0 and abs(s) > 0.0), default=1.0)
+
+
+def _number(value: float) -> str:
+    return "none" if math.isinf(value) else f"{value:.3g}"
+
+
+def _finite(value: float) -> float | None:
+    """A number of strict JSON; null stands for none found."""
+    return value if math.isfinite(value) else None
+
+
+def _plain(found: Any) -> dict[str, Any]:
+    """Evidence as plain data."""
+    return {
+        "schema": 1,
+        "controller": found.controller,
+        "scenario": found.scenario,
+        "completed": found.completed,
+        "instants": [
+            {
+                "hover": each.hover,
+                "time": each.time,
+                "lag": {
+                    lag: {
+                        "radius": m.radius,
+                        "z": [[float(z.real), float(z.imag)] for z in m.z],
+                        "s": [[_finite(float(s.real)), _finite(float(s.imag))] for s in m.s],
+                        "delay_margin": _finite(m.delay),
+                        "rotor_gain": [_finite(k) for k in m.rotor_gain],
+                        "joint_gain": [_finite(k) for k in m.joint_gain],
+                    }
+                    for lag, m in each.by_lag.items()
+                },
+            }
+            for each in found.instants
+        ],
+    }
+
+
+def basin(
+    scenario: Scenario, flights: int, out: Path, threads: int, limits: dict[str, float], console: Console
+) -> None:
+    """Fly a controller from many initial states; write the map as PNG and JSON.
+
+    Raises:
+        ValueError, OSError: one line.
+    """
+    from skyarm.figures.basin import basin_figure
+    from skyarm.figures.embed import image_bytes
+    from skyarm.stability import basin as fly
+
+    seed = int(limits.pop("seed"))
+    folder = require_writable(out)
+    found = fly(scenario, flights, seed=seed, threads=threads, **limits)
+    name = f"basin_{found.controller}"
+    write_atomically(folder / f"{name}.json", (json.dumps(found.plain(), indent=1, allow_nan=False) + "\n").encode())
+    write_atomically(folder / f"{name}.png", image_bytes(basin_figure(found), dpi=DPI))
+    upside = found.tilt > 0.5 * math.pi
+    console.print(
+        f"{found.controller}: {found.caught.mean():.2%} of {flights} flights caught, {found.returned.mean():.2%} back "
+        f"on their reference; of {int(upside.sum())} that began upside down "
+        f"{found.caught[upside].mean() if upside.any() else 0.0:.2%}",
+        soft_wrap=True,
+    )
+    console.print(f"map in {folder}: {name}.png, {name}.json", soft_wrap=True)

@@ -1,0 +1,179 @@
+"""Limits of the safety layer, and their defaults for a controller."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.actuation.hover import hover_trim
+from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.model import Model
+from skyarm.control.safety.stiffness import law_stiffness
+from skyarm.files import number, shown
+from skyarm.scalars import Scalar
+from skyarm.vehicle.records import Joint
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Limits:
+    """What a guarded law may be asked, may ask, and may do. Tuples have one entry per joint.
+
+    Attributes:
+        tilt: rad, largest tilt that position and velocity errors together may ask for.
+        climb: m/s^2, largest vertical acceleration they may ask for, up or down; below gravity.
+        speed: m/s, largest speed that is asked for.
+        step, step_speed: m and m/s, errors that pass whatever a stiff law makes of them.
+        stiffness, damping: 1/s^2 and 1/s, acceleration the law asks per position and velocity error; what the governor
+            takes the law for.
+        joint_speed: rad/s or m/s, of the joints themselves.
+        joint_step: rad or m, steps of a reference that pass; a longer one is slewed at ``joint_slew``, rad/s or m/s.
+        joint_margin: rad or m, kept from the joints' limits; the references keep twice as much.
+        joint_pole: 1/s, how fast a joint may close in on a limit of position or speed.
+        effort: N m or N.
+        rotor_slew: rad/s^2, of the commanded speeds. effort_slew: N m/s or N/s.
+        trusted_tilt: rad, trusted_rate: rad/s, trusted_joint_error: rad or m from a joint's governed reference, beyond
+            which the law is given up after ``patience`` s.
+        lost_rate: rad/s, lost_speed: m/s, lost_joint_speed: rad/s or m/s, beyond which it is given up at once.
+        patience: s.
+        calm: s of calm flight after which the law gets the vehicle back; inf never gives it back.
+    """
+
+    tilt: Scalar
+    climb: Scalar
+    speed: Scalar
+    step: Scalar
+    step_speed: Scalar
+    stiffness: Scalar
+    damping: Scalar
+    joint_speed: tuple[Scalar, ...]
+    joint_step: tuple[Scalar, ...]
+    joint_slew: tuple[Scalar, ...]
+    joint_margin: tuple[Scalar, ...]
+    joint_pole: Scalar
+    effort: tuple[Scalar, ...]
+    rotor_slew: Scalar
+    effort_slew: tuple[Scalar, ...]
+    trusted_tilt: Scalar
+    trusted_rate: Scalar
+    trusted_joint_error: tuple[Scalar, ...]
+    lost_rate: Scalar
+    lost_speed: Scalar
+    lost_joint_speed: tuple[Scalar, ...]
+    patience: Scalar
+    calm: Scalar
+
+
+STEEPEST = math.radians(85.0)
+"""Of the tilt that may be asked for."""
+
+SPEEDS = {"revolute": 12.0, "prismatic": 1.5}
+"""rad/s and m/s: twice what the shipped flights ask of their arms, and less than small gear motors run free."""
+
+MARGINS = {"revolute": 0.05, "prismatic": 0.005}
+"""rad and m: what a joint of 12 rad/s covers in one control period of 4 ms."""
+
+
+ERRORS = {"revolute": 0.6, "prismatic": 0.1}
+"""rad and m: more than a law that keeps the tip in place by the joints takes from their references."""
+
+STEPS = {"revolute": (0.5, 3.0), "prismatic": (0.05, 0.3)}
+"""(rad, rad/s) and (m, m/s) of a joint's reference: above those a law meets as a jump, at the pace of a quick reach."""
+
+PER_JOINT = (
+    "joint_speed",
+    "joint_step",
+    "joint_slew",
+    "joint_margin",
+    "effort",
+    "effort_slew",
+    "trusted_joint_error",
+    "lost_joint_speed",
+)
+
+
+def limits_for(controller: Controller, **given: Any) -> Limits:
+    """Limits that leave a controller its ordinary flights.
+
+    Args:
+        controller: its model gives efforts and rotor speeds, its law is asked how hard it pulls.
+        given: fields of :class:`Limits`, in place of the defaults; one number stands for every joint.
+
+    Raises:
+        ControllerError: an unknown field, or a number out of its range.
+    """
+    model: Model = controller.par.model
+    joints = [link.joint for link in model.vehicle.links]
+    names = [field.name for field in dataclasses.fields(Limits)]
+    for name in given:
+        if name not in names:
+            raise ControllerError(f"safety.{name}: unknown field; allowed: {names}")
+    values = _defaults(model, joints) | given
+    if "stiffness" not in given or "damping" not in given:
+        values = dict(zip(("stiffness", "damping"), law_stiffness(controller), strict=True)) | values
+    checked = {name: _checked(name, values[name], len(joints)) for name in names}
+    _check_ranges(checked, model)
+    return Limits(**checked)
+
+
+def _defaults(model: Model, joints: list[Joint]) -> dict[str, Any]:
+    """All but stiffness and damping, which are the law's."""
+    trim = hover_trim(model.vehicle, (0.0,) * len(joints), model.gravity)
+    hover = max((float(speed) for speed in trim.speeds), default=0.0)
+    tops = [float(rotor.max_speed) for rotor in model.vehicle.rotors]
+    fastest = max((top if top < math.inf else 2.0 * hover for top in tops), default=0.0)
+    efforts = tuple(float(joint.effort_limit) for joint in joints)
+    speeds = tuple(SPEEDS[joint.kind] for joint in joints)
+    return {
+        "tilt": math.radians(40.0),
+        "climb": 0.5 * float(model.gravity),
+        "speed": 4.0,
+        "step": 0.4,
+        "step_speed": 1.5,
+        "joint_speed": speeds,
+        "joint_step": tuple(STEPS[joint.kind][0] for joint in joints),
+        "joint_slew": tuple(STEPS[joint.kind][1] for joint in joints),
+        "joint_margin": tuple(_margin(joint) for joint in joints),
+        "joint_pole": 25.0,
+        "effort": efforts,
+        # from rest to full speed in one period of 5 ms: real motors take longer, and a law that inverts lag needs it
+        "rotor_slew": 200.0 * fastest if fastest > 0.0 else math.inf,
+        "effort_slew": tuple(200.0 * effort for effort in efforts),
+        "trusted_tilt": math.radians(70.0),
+        "trusted_rate": 12.0,
+        "trusted_joint_error": tuple(ERRORS[joint.kind] for joint in joints),
+        "lost_rate": 40.0,
+        "lost_speed": 15.0,
+        "lost_joint_speed": tuple(4.0 * speed for speed in speeds),
+        "patience": 0.25,
+        "calm": math.inf,
+    }
+
+
+def _margin(joint: Joint) -> float:
+    """Not more than a tenth of the joint's range."""
+    return min(MARGINS[joint.kind], 0.1 * (float(joint.upper) - float(joint.lower)))
+
+
+def _checked(name: str, value: Any, joints: int) -> Any:
+    at = f"safety.{name}"
+    try:
+        if name not in PER_JOINT:
+            return number(value, at, low=0.0, strict=name != "patience", infinite=True)
+        row = list(value) if isinstance(value, (list, tuple)) else [value] * joints
+        if len(row) != joints:
+            raise ValueError(f"{at} = {shown(value)}: {len(row)} values, must be {joints} (one per joint)")
+        strict = name != "joint_margin"
+        return tuple(number(v, f"{at}[{i}]", low=0.0, strict=strict, infinite=True) for i, v in enumerate(row))
+    except ValueError as error:
+        raise ControllerError(str(error)) from None
+
+
+def _check_ranges(values: dict[str, Any], model: Model) -> None:
+    for name, top in (("tilt", STEEPEST), ("climb", float(model.gravity))):
+        if values[name] > top:
+            raise ControllerError(f"safety.{name} = {values[name]!r}: must be at most {top:.4g}")
+    for i, (margin, link) in enumerate(zip(values["joint_margin"], model.vehicle.links, strict=True)):
+        if not 4.0 * margin <= float(link.joint.upper) - float(link.joint.lower):
+            raise ControllerError(f"safety.joint_margin[{i}] = {margin!r}: must be at most a quarter of the range")

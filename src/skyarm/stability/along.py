@@ -1,0 +1,131 @@
+"""Margins in hover and at instants along a flight."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from skyarm.compile import leaves
+from skyarm.compile.llvm_text import Lanes
+from skyarm.compile.native import Kernel
+from skyarm.environment import NO_WIND
+from skyarm.reference import Constant, Trajectory
+from skyarm.simulate.inputs import episode_inputs
+from skyarm.simulate.native import trace_scenario
+from skyarm.simulate.scenario import Scenario, ScenarioError
+from skyarm.stability.margins import Margins, margins
+from skyarm.stability.open_loop import LAGS, Differentiator, carry_of, nominal
+
+SETTLING = 5.0
+"""s of hover before it is linearised."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Instant:
+    """Margins at one time of a flight, for each of ``LAGS``; ``hover`` is True for the flight that only hovers."""
+
+    hover: bool
+    time: float
+    by_lag: dict[str, Margins]
+
+    @property
+    def delay(self) -> float:
+        """The smaller delay margin, s."""
+        return min(each.delay for each in self.by_lag.values())
+
+    @property
+    def radius(self) -> float:
+        """The larger spectral radius."""
+        return max(each.radius for each in self.by_lag.values())
+
+    def gain(self, field: str) -> tuple[float, float]:
+        """The narrower interval of "rotor_gain" or "joint_gain"."""
+        lows, highs = zip(*(getattr(each, field) for each in self.by_lag.values()), strict=True)
+        return max(lows), min(highs)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Evidence:
+    """Instants of one controller and scenario; ``completed`` is False where the nominal flight ended early."""
+
+    controller: str
+    scenario: str
+    instants: tuple[Instant, ...]
+    completed: bool
+
+
+def hovering(scenario: Scenario) -> Scenario:
+    """The scenario's first reference held in calm air, long enough to settle; nothing fails."""
+    start = scenario.trajectory.at(0.0)
+
+    def held(value: Any) -> Constant:
+        return Constant(float(value))
+
+    still = Trajectory(
+        x=held(start.position.x),
+        y=held(start.position.y),
+        z=held(start.position.z),
+        yaw=held(start.yaw),
+        joints=tuple(held(q) for q in start.joints),
+    )
+    periods = math.ceil(SETTLING * scenario.rates.control)
+    return dataclasses.replace(
+        scenario,
+        trajectory=still,
+        duration=periods / scenario.rates.control,
+        wind=NO_WIND,
+        faults=(),
+        initial=None,
+        ground=False,
+    )
+
+
+def evidence(scenario: Scenario, instants: int = 4) -> Evidence:
+    """Margins in hover and at ``instants`` times along the scenario, equally far apart, the last at its end.
+
+    Noise and turbulence are left out, on the rigid-body plant.
+
+    Raises:
+        ScenarioError: fewer than 0 instants.
+    """
+    if instants < 0:
+        raise ScenarioError(f"instants = {instants}: must be at least 0")
+    flights = [(True, hovering(nominal(scenario)), 1)]
+    if instants:
+        flights.append((False, nominal(scenario), instants))
+    found: list[Instant] = []
+    completed = True
+    for hover, flight, count in flights:
+        some, whole = _along(dataclasses.replace(flight, plant="rigid_body"), count, hover)
+        found += some
+        completed = completed and whole
+    return Evidence(
+        controller=scenario.controller.name, scenario=scenario.name, instants=tuple(found), completed=completed
+    )
+
+
+def _along(flight: Scenario, count: int, hover: bool) -> tuple[list[Instant], bool]:
+    """Instants of one flight, and whether it was completed."""
+    inputs = episode_inputs(flight)
+    traced = trace_scenario(flight, inputs)
+    kernel = Kernel(traced.loop, Lanes(1))
+    differentiator = Differentiator(flight)
+    rows = np.column_stack([inputs.times, np.array(inputs.held, dtype=float).reshape(flight.steps, -1)])
+    carry = np.array(leaves(traced.carry), dtype=float)[:, None]
+    found: list[Instant] = []
+    at = 0
+    for k in range(1, count + 1):
+        # the instant is fed a row, so that the last one is that of the last period
+        until = min(round(k * flight.steps / count), flight.steps - 1)
+        carry, _ = kernel.run(carry, np.zeros((0, 1)), rows[at:until], start=at)
+        at = until
+        now = carry_of(traced.carry, carry[:, 0].tolist())
+        if now.alive < 0.5:
+            return found, False
+        by_lag = {lag: margins(differentiator.at(now, rows[until].tolist(), lag)) for lag in LAGS}
+        found.append(Instant(hover=hover, time=float(inputs.times[until]), by_lag=by_lag))
+    return found, True

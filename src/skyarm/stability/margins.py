@@ -1,0 +1,170 @@
+"""Eigenvalues and margins of a sampled loop: how much delay and how much gain it bears."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.stability.open_loop import OpenLoop
+
+Array = npt.NDArray[np.float64]
+
+EDGE = 1.0 + 1e-7
+"""Spectral radius above which a loop counts as unstable: the differences are good to 1e-9."""
+
+LONGEST = 0.1
+"""s, largest extra delay that is looked at."""
+
+WIDEST, STRIDE = 100.0, 1.25
+"""Largest change of a gain that is looked at, and the factor between two looks."""
+
+HALVINGS = 24
+"""Of the interval that holds a gain margin: to 1e-8 of it."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Margins:
+    """Of one linearised loop.
+
+    Attributes:
+        z: eigenvalues per control period, largest first. s: the same as rates, 1/s, log(z) / period.
+        radius: largest |z|; the loop is stable below 1.
+        delay: s of further dead time of the commands that the loop bears; inf beyond 0.1 s, 0 if it is unstable.
+        rotor_gain, joint_gain: (lower, upper) factors on the effect of all rotor commands, of all torques, between
+            which the loop is stable; 0 and inf beyond a hundredfold.
+    """
+
+    z: npt.NDArray[np.complex128]
+    s: npt.NDArray[np.complex128]
+    radius: float
+    delay: float
+    rotor_gain: tuple[float, float]
+    joint_gain: tuple[float, float]
+
+
+def closed_loop(loop: OpenLoop, *, extra_delay: float = 0.0, rotor_gain: float = 1.0, joint_gain: float = 1.0) -> Array:
+    """Matrix of one period: [state, memory, measurements on their way, commands on their way] to the next.
+
+    ``extra_delay`` (s, with the loop's own a multiple of its ``lates``) joins the commands' own; the gains scale what
+    the actuators make of the commands, not what the law believes it sent.
+    """
+    whole, late = _split(loop, loop.command_delay + extra_delay)
+    nx, nm, nu, ny = loop.x_x.shape[1], len(loop.m_m), loop.u_m.shape[0], len(loop.y_x)
+    r = loop.measurement_delay
+    ends = np.cumsum([0, nx, nm, *[ny] * r, *[nu] * (whole + 1)])
+    places = [slice(int(a), int(b)) for a, b in pairwise(ends)]
+    x, m, readings, queue = places[0], places[1], places[2 : 2 + r], places[2 + r :]
+    size = int(ends[-1])
+    gains = np.array([rotor_gain] * loop.rotors + [joint_gain] * (nu - loop.rotors))
+    now = np.zeros((ny, size))
+    now[:, x], now[:, queue[0]] = loop.y_x, loop.y_old
+    seen = np.eye(size)[readings[0]] if r else now
+    sent = loop.u_y @ seen
+    sent[:, m] += loop.u_m
+    sent *= gains[:, None]
+    following = [np.eye(size)[place] for place in queue[1:]] + [sent]
+    A = np.zeros((size, size))
+    A[x] = loop.x_new[late] @ following[0]
+    A[x, x] += loop.x_x[late]
+    A[x, queue[0]] += loop.x_old[late]
+    A[m] = loop.m_y @ seen
+    A[m, m] += loop.m_m
+    for i, place in enumerate(readings):
+        A[place] = np.eye(size)[readings[i + 1]] if i + 1 < r else now
+    for place, rows in zip(queue, following, strict=True):
+        A[place] = rows
+    return _in_loop(A, nx)
+
+
+def _split(loop: OpenLoop, delay: float) -> tuple[int, int]:
+    """Whole periods of a delay, and which of ``lates`` the rest is."""
+    step = loop.period / len(loop.lates)
+    count = round(delay / step)
+    if abs(delay - count * step) > 1e-6 * step + 1e-12:
+        raise ValueError(f"delay = {delay!r}: must be a whole number of {step:g} s")
+    return divmod(count, len(loop.lates))
+
+
+def _in_loop(A: Array, nx: int) -> Array:
+    """The part of the matrix that the state acts on and that acts on the state: clocks and bookkeeping are no loop."""
+    links = A != 0.0
+    first = np.zeros(len(A), dtype=bool)
+    first[:nx] = True
+    kept = _reached(links, first) & _reached(links.T, first)
+    return np.asarray(A[np.ix_(kept, kept)])
+
+
+def _reached(links: npt.NDArray[np.bool_], first: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """What is acted on from ``first``, in any number of periods."""
+    found = first
+    while True:
+        more = found | (links[:, found].any(axis=1))
+        if (more == found).all():
+            return found
+        found = more
+
+
+def radius(loop: OpenLoop, **changes: float) -> float:
+    """Spectral radius of the closed loop, changed as :func:`closed_loop` says; inf where it is not finite."""
+    A = closed_loop(loop, **changes)
+    if not np.isfinite(A).all():
+        return math.inf
+    return float(np.abs(np.linalg.eigvals(A)).max(initial=0.0))
+
+
+def margins(loop: OpenLoop) -> Margins:
+    """Eigenvalues and margins of a loop."""
+    z = np.linalg.eigvals(closed_loop(loop)).astype(complex)
+    z = z[np.argsort(-np.abs(z), kind="stable")]
+    with np.errstate(divide="ignore"):
+        s = np.log(z) / loop.period
+    return Margins(
+        z=z,
+        s=s,
+        radius=float(np.abs(z).max(initial=0.0)),
+        delay=delay_margin(loop),
+        rotor_gain=_gain_margin(lambda k: radius(loop, rotor_gain=k)),
+        joint_gain=_gain_margin(lambda k: radius(loop, joint_gain=k)),
+    )
+
+
+def delay_margin(loop: OpenLoop) -> float:
+    """Extra dead time, s, at which the spectral radius passes 1, between two steps of ``lates`` on a line."""
+    step = loop.period / len(loop.lates)
+    before = radius(loop)
+    if before > EDGE:
+        return 0.0
+    for k in range(1, math.floor(LONGEST / step + 0.5) + 1):
+        after = radius(loop, extra_delay=k * step)
+        if after > EDGE:
+            # the last stable radius may be 1 itself, where an eigenvalue only touches the circle
+            share = (1.0 - min(before, 1.0)) / (after - min(before, 1.0))
+            return (k - 1 + share) * step
+        before = after
+    return math.inf
+
+
+def _gain_margin(radius_at: Callable[[float], float]) -> tuple[float, float]:
+    """(lower, upper) factor at which the loop becomes unstable; (1, 1) if it is so already."""
+    if radius_at(1.0) > EDGE:
+        return 1.0, 1.0
+    return _edge(radius_at, 1.0 / STRIDE, 0.0), _edge(radius_at, STRIDE, math.inf)
+
+
+def _edge(radius_at: Callable[[float], float], factor: float, beyond: float) -> float:
+    """First gain from 1 on, in strides of ``factor``, at which the loop is unstable; ``beyond`` if there is none."""
+    stable, gain = 1.0, factor
+    while 1.0 / WIDEST <= gain <= WIDEST:
+        if radius_at(gain) > EDGE:
+            unstable = gain
+            for _ in range(HALVINGS):
+                middle = math.sqrt(stable * unstable)
+                stable, unstable = (stable, middle) if radius_at(middle) > EDGE else (middle, unstable)
+            return stable
+        stable, gain = gain, gain * factor
+    return beyond

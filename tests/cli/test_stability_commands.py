@@ -1,0 +1,62 @@
+"""``skyarm margins`` and ``skyarm basin`` as a user types them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from test_cli_errors import refused, skyarm
+
+SHORT = """
+schema = 1
+name = "short"
+duration = 1.0
+[plant]
+vehicle = "hummingbird_arm2_rotors"
+gravity = 9.81
+[model]
+vehicle = "hummingbird_arm2"
+[controller]
+preset = "paper_pd"
+[reference]
+base = { kind = "hover", position = [0.0, 0.0, 1.0] }
+joints = [0.0, 0.0]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "short.toml").write_text(SHORT)
+    return tmp_path
+
+
+def test_margins_are_printed_and_written(folder: Path) -> None:
+    ended = skyarm("margins", "paper_ct", "short.toml", "--instants", "1", "--json", "m.json")
+    assert ended.code == 0, ended.err
+    assert "hybrid_computed_torque in short" in ended.out
+    assert "hover" in ended.out
+    found = json.loads((folder / "m.json").read_text())
+    assert (found["schema"], found["controller"], found["completed"]) == (1, "hybrid_computed_torque", True)
+    assert [each["hover"] for each in found["instants"]] == [True, False]
+    lag = found["instants"][0]["lag"]["up"]
+    assert 0.02 < lag["delay_margin"] < 0.06
+    assert lag["radius"] == pytest.approx(max(abs(complex(*z)) for z in lag["z"]), rel=1e-12)
+
+
+def test_a_basin_is_flown_drawn_and_written(folder: Path) -> None:
+    ended = skyarm("basin", "own", "short.toml", "--flights", "64", "--safety", "--out", "b", "--threads", "1")
+    assert ended.code == 0, ended.err
+    assert "guarded_decoupled_pd:" in ended.out
+    found = json.loads((folder / "b" / "basin_guarded_decoupled_pd.json").read_text())
+    assert found["flights"] == 64
+    assert (folder / "b" / "basin_guarded_decoupled_pd.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_wrong_words_are_one_line(folder: Path) -> None:
+    assert folder.exists()
+    refused(skyarm("margins", "best", "short.toml"), "controller = 'best': must be 'own', a preset")
+    refused(skyarm("margins", "own", "short.toml", "--instants", "-1"), "instants = -1: must be at least 0")
+    refused(skyarm("basin", "own", "short.toml", "--flights", "0"), "flights = 0: must be at least 1")
+    refused(skyarm("basin", "own", "short.toml", "--threads", "-1"), "--threads = -1: must be at least 0")

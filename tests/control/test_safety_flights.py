@@ -1,0 +1,340 @@
+"""Guarded flights: limits kept, failures survived, and ordinary flights left as they are."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.actuation import Command
+from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.export import export_c
+from skyarm.control.safety import guarded, limits_for
+from skyarm.environment import Fault
+from skyarm.reference import Constant, Trajectory
+from skyarm.scalars import where
+from skyarm.simulate import run
+from skyarm.simulate.batch import Batch
+from skyarm.simulate.inputs import episode_inputs
+from skyarm.simulate.native import fly
+from skyarm.simulate.scenario_file import ScenarioError, scenario_from
+
+LIFT = Constant(3.0)
+
+
+def held(*, x=0.0, joints=(0.0, 0.0)):
+    return Trajectory(x=Constant(x), z=LIFT, joints=tuple(Constant(q) for q in joints))
+
+
+def planned(safety: Any = True, *, name="case1", **fields):
+    scenario = dataclasses.replace(skyarm.load_scenario(name), **fields)
+    if safety is None:
+        return scenario
+    limits = safety if isinstance(safety, dict) else {}
+    return dataclasses.replace(scenario, controller=guarded(scenario.controller, limits))
+
+
+class Flown:
+    """What a flight in machine code left, as a log has it."""
+
+    def __init__(self, scenario):
+        self.inputs = episode_inputs(scenario)
+        flown = fly(scenario, self.inputs)
+        x = flown.rows[:, 1:]
+        self.carry = flown.carry
+        self.time = self.inputs.times[: len(x)]
+        self.position, self.quaternion, self.velocity = x[:, :3], x[:, 3:7], x[:, 7:10]
+        self.joints = x[:, 13:15]
+        self.position_reference = np.array(self.inputs.goals)[: len(x)]
+        self.status = "completed" if len(x) == scenario.steps and flown.carry.alive > 0.5 else "ended"
+
+
+def tilt(log):
+    x, y = log.quaternion[:, 1], log.quaternion[:, 2]
+    return np.arccos(1.0 - 2.0 * (x * x + y * y))
+
+
+def test_an_ordinary_flight_is_not_touched():
+    free, guard = (Flown(planned(safety, name="case3", duration=9.0)) for safety in (None, True))
+    hover = free.time < 6.0
+    # the mixer with priorities rounds otherwise
+    np.testing.assert_allclose(guard.position[hover], free.position[hover], atol=1e-12)
+    # at 6 s a joint reference steps by 0.15 rad, which is slewed for three periods
+    np.testing.assert_allclose(guard.position, free.position, atol=2e-3)
+
+
+def test_a_step_of_thirty_metres_is_flown_level_and_slowly():
+    moved = held(x=30.0)
+    state = skyarm.simulate.scenario.trimmed_state(planned().world, held().at(0.0).position, 0.0, (0.0, 0.0))
+    log = Flown(planned(trajectory=moved, duration=14.0, initial=state))
+    free = Flown(planned(None, trajectory=moved, duration=14.0, initial=state))
+    assert log.status == "completed"
+    # the law's own attitude loop overshoots what it is asked by a quarter
+    assert tilt(log).max() < 1.25 * math.radians(40.0)
+    assert np.linalg.norm(log.velocity, axis=1).max() < 1.1 * 4.0
+    assert np.linalg.norm(log.position[-1] - [30.0, 0.0, 3.0]) < 0.2
+    assert free.status != "completed" or tilt(free).max() > math.radians(60.0)
+
+
+def test_joint_limits_are_kept_where_the_law_alone_runs_through_them():
+    truth = planned(None).world
+    world = dataclasses.replace(truth, vehicle=truth.vehicle.with_joints(lower=-0.4, upper=0.6))
+    model = dataclasses.replace(planned(None).controller.par.model, vehicle=skyarm.load_vehicle("hummingbird_arm2"))
+    model = dataclasses.replace(model, vehicle=model.vehicle.with_joints(lower=-0.4, upper=0.6))
+    law = skyarm.control.presets.preset("paper_ct", model)
+    scenario = planned(None, world=world, trajectory=held(joints=(1.2, -1.2)), duration=3.0)
+    state = skyarm.simulate.scenario.trimmed_state(world, held().at(0.0).position, 0.0, (0.0, 0.0))
+    scenario = dataclasses.replace(scenario, initial=state)
+    assert run(dataclasses.replace(scenario, controller=law)).status == "joint_limit"
+    log = run(dataclasses.replace(scenario, controller=guarded(law)))
+    assert log.status == "completed"
+    assert log.joints.max() < 0.6
+    assert log.joints.min() > -0.4
+    # the references stop at twice the margin; the paper's law is off by its friction and weight
+    assert log.joints[-1] == pytest.approx([0.5, -0.3], abs=0.05)
+
+
+def test_the_fence_alone_stops_a_law_that_pushes_into_the_limits():
+    model = planned(None).controller.par.model
+    vehicle = model.vehicle.with_joints(lower=-0.4, upper=0.6)
+    inner = skyarm.control.presets.preset("paper_ct", dataclasses.replace(model, vehicle=vehicle))
+
+    def pushing(memory, measurement, reference, dt, *, par):
+        following, command = inner.law(memory, measurement, reference, dt, par=par)
+        return following, Command(rotor_speeds=command.rotor_speeds, efforts=(0.05, 0.0))
+
+    law = dataclasses.replace(inner, law=pushing)
+    world = dataclasses.replace(planned(None).world)
+    world = dataclasses.replace(world, vehicle=world.vehicle.with_joints(lower=-0.4, upper=0.6))
+    scenario = planned(None, world=world, trajectory=held(), duration=2.0)
+    assert run(dataclasses.replace(scenario, controller=law)).status == "joint_limit"
+    never = {"trusted_joint_error": math.inf}
+    log = run(dataclasses.replace(scenario, controller=guarded(law, never)))
+    assert log.status == "completed"
+    assert 0.3 < log.joints[:, 0].max() < 0.6
+
+
+def broken(from_time: float, until: float = math.inf) -> Controller:
+    """The paper's law, whose first rotor speed is NaN for a while."""
+    inner = planned(None).controller
+
+    def law(memory, measurement, reference, dt, *, par):
+        following, command = inner.law(memory, measurement, reference, dt, par=par)
+        sick = where(measurement.time >= from_time, where(measurement.time < until, math.nan, 0.0), 0.0)
+        first, *others = command.rotor_speeds
+        return following, Command(rotor_speeds=(first + sick, *others), efforts=command.efforts)
+
+    return dataclasses.replace(inner, law=law)
+
+
+def test_a_law_that_fails_is_replaced_by_a_hover_where_it_failed_with_the_arm_stowed():
+    scenario = planned(None, name="case3", duration=14.0, controller=broken(9.0))
+    assert Flown(scenario).status == "ended"
+    log = Flown(dataclasses.replace(scenario, controller=guarded(broken(9.0), stow=(0.3, -0.2))))
+    assert log.status == "completed"
+    then = log.position[log.time >= 9.0][0]
+    # the recovery knows neither wind nor the truth's masses: it hangs lower by the weight it does not know over Kp
+    np.testing.assert_allclose(log.position[-1], then, atol=0.1)
+    np.testing.assert_allclose(log.joints[-1], [0.3, -0.2], atol=0.03)
+    assert np.linalg.norm(log.velocity[-1]) < 0.02
+    assert tilt(log)[-1] < math.radians(2.0)
+
+
+def test_a_law_comes_back_after_calm_flight_if_that_is_asked():
+    controller = broken(9.0, 9.5)
+    gone, back = (
+        Flown(planned(None, name="case3", duration=16.0, controller=guarded(controller, limits)))
+        for limits in ({}, {"calm": 2.0})
+    )
+    error = [np.linalg.norm(log.position[-1] - log.position_reference[-1]) for log in (gone, back)]
+    assert error[0] > 0.15
+    assert error[1] < 0.08
+
+
+def test_a_measurement_that_is_not_finite_leaves_the_last_command():
+    controller = guarded(planned(None).controller)
+    scenario = planned(trajectory=held(), duration=0.1)
+    log = run(scenario)
+    x = log.position[-1]
+    seen = dataclasses.replace(_measurement(log), position=skyarm.algebra.Vec3(math.nan, *x[1:].tolist()))
+    reference = held().at(0.0).dense()
+    memory, command = controller.law(controller.memory, _measurement(log), reference, 0.005, par=controller.par)
+    after, again = controller.law(memory, seen, reference, 0.005, par=controller.par)
+    assert again == command
+    assert after == memory
+
+
+def _measurement(log):
+    from skyarm.algebra import Quaternion, Vec3
+    from skyarm.dynamics.measurement import Measurement
+
+    return Measurement(
+        time=0.0,
+        position=Vec3(*log.position[-1].tolist()),
+        quaternion=Quaternion(*log.quaternion[-1].tolist()),
+        velocity=Vec3(*log.velocity[-1].tolist()),
+        rate=Vec3(*log.rate[-1].tolist()),
+        specific_force=Vec3(0.0, 0.0, 9.8),
+        joints=tuple(log.joints[-1].tolist()),
+        joint_rates=tuple(log.joint_rates[-1].tolist()),
+        rotor_speeds=tuple(log.rotor_speeds[-1].tolist()),
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Sent:
+    """Memory of a law that wants to know."""
+
+    sent: Command
+    wished: Command
+
+
+def test_an_observer_learns_what_was_really_sent():
+    inner = planned(None).controller
+    none = Command(rotor_speeds=(0.0,) * 4, efforts=(0.0,) * 2)
+
+    def law(memory, measurement, reference, dt, *, par):
+        _, command = inner.law((), measurement, reference, dt, par=par)
+        return Sent(command, command), command
+
+    watching = dataclasses.replace(inner, law=law, memory=Sent(none, none))
+    state = skyarm.simulate.scenario.trimmed_state(planned().world, held().at(0.0).position, 0.0, (0.0, 0.0))
+    scenario = planned(None, trajectory=held(x=0.5), duration=0.1, initial=state)
+    carry = Flown(dataclasses.replace(scenario, controller=guarded(watching, {"rotor_slew": 200.0}))).carry
+    memory = carry.memory
+    assert memory.inner.sent == memory.sent == carry.queue[-1]
+    # a step of half a metre asks for more than a slew of 1 rad/s per period
+    assert memory.inner.wished != memory.sent
+
+
+def test_a_law_starts_anew_from_its_first_memory_when_it_comes_back():
+    inner = planned(None).controller
+
+    def counting(memory, measurement, reference, dt, *, par):
+        _, command = inner.law((), measurement, reference, dt, par=par)
+        wrong = where(measurement.time >= 1.0, where(measurement.time < 1.1, math.nan, 0.0), 0.0)
+        return (memory[0] + 1.0 + wrong,), command
+
+    law = dataclasses.replace(inner, law=counting, memory=(0.0,))
+    scenario = planned(None, trajectory=held(), duration=2.0, controller=guarded(law, {"calm": 0.5}))
+    count = Flown(scenario).carry.memory.inner[0]
+    # it failed until 1.1 s, then had to be calm for half a second
+    assert count == pytest.approx(0.4 / 0.005, abs=25)
+
+
+def test_where_a_law_is_not_defined_it_is_given_up_at_once():
+    controller = skyarm.load_scenario("case1", controller="paper_ct_euler").controller
+    trusting = guarded(controller, {"trusted_tilt": 3.1, "patience": 100.0})
+    log = run(planned(trajectory=held(), duration=0.05))
+    for pitch, expected in ((1.0, 0.0), (0.5 * math.pi, 1.0)):
+        seen = dataclasses.replace(
+            _measurement(log), quaternion=skyarm.algebra.Quaternion(math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0)
+        )
+        memory, _ = trusting.law(trusting.memory, seen, held().at(0.0).dense(), 0.005, par=trusting.par)
+        assert memory.doubt.given_up == expected
+
+
+FRONT, ELBOW, SHOULDER = (
+    Fault(rotor="front", effectiveness=0.7, start=6.5),
+    Fault(joint="joint2", effectiveness=0.0, start=6.5),
+    Fault(joint="joint1", effectiveness=0.0, start=6.5),
+)
+
+
+@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
+@pytest.mark.parametrize(
+    ("faults", "far", "limp"),
+    [((FRONT,), 0.8, ()), ((ELBOW,), 0.4, (1,)), ((SHOULDER,), 0.8, (0,)), ((FRONT, SHOULDER), 1.4, (0,))],
+    ids=["rotor", "elbow", "shoulder", "rotor and shoulder"],
+)
+def test_the_papers_law_under_guard_survives_the_loss_of_thrust_and_of_joint_torques(plant, faults, far, limp):
+    scenario = planned(name="case3", duration=11.0, plant=plant, faults=faults)
+    log = Flown(scenario) if plant == "rigid_body" else run(scenario)
+    assert log.status == "completed"
+    assert tilt(log).max() < math.radians(60.0)
+    assert np.linalg.norm(log.position - log.position_reference, axis=1).max() < far
+    driven = [i for i in range(2) if i not in limp]
+    if not limp:
+        # the law's own error under a tilt and a thrust it does not know
+        assert np.abs(log.joints[-200:]).max() < 0.5
+    elif driven == [0]:
+        assert np.abs(log.joints[-200:, 0]).max() < 0.4
+    assert np.abs(log.joints).max() < math.pi
+
+
+def test_without_the_guard_the_shoulders_loss_is_the_end():
+    assert Flown(planned(None, name="case3", duration=13.0, faults=(SHOULDER,))).status == "ended"
+
+
+@pytest.mark.parametrize("preset", ["paper_ct", "paper_ct_euler", "paper_pd", "rotors_hummingbird"])
+def test_machine_code_of_every_law_under_guard_has_the_bits_of_python(preset):
+    scenario = skyarm.load_scenario("case2_gust", controller=preset, duration=0.1)
+    scenario = dataclasses.replace(scenario, controller=guarded(scenario.controller))
+    inputs = episode_inputs(scenario)
+    assert np.array_equal(fly(scenario, inputs).rows, fly(scenario, inputs, reference=True).rows)
+
+
+def test_pitching_through_ninety_degrees_no_longer_ends_the_euler_form():
+    scenario = skyarm.load_scenario("case1", controller="paper_ct_euler", duration=6.0)
+    half = 0.25 * math.pi
+    state = dataclasses.replace(
+        skyarm.simulate.scenario.trimmed_state(scenario.world, held().at(0.0).position, 0.0, (0.0, 0.0)),
+        quaternion=skyarm.algebra.Quaternion(math.cos(half), 0.0, math.sin(half), 0.0),
+    )
+    scenario = dataclasses.replace(scenario, initial=state, trajectory=held())
+    assert run(scenario).status == "controller_undefined"
+    log = Flown(dataclasses.replace(scenario, controller=guarded(scenario.controller)))
+    assert log.status == "completed"
+    assert tilt(log)[-1] < 0.05
+
+
+def test_limits_vary_from_lane_to_lane():
+    scenario = planned(trajectory=held(x=3.0), duration=1.5)
+    state = skyarm.simulate.scenario.trimmed_state(scenario.world, held().at(0.0).position, 0.0, (0.0, 0.0))
+    scenario = dataclasses.replace(scenario, initial=state)
+    outcome = Batch(scenario, ("controller.limits.tilt",)).fly({"controller.limits.tilt": np.array([0.1, 0.6])})
+    assert outcome.completed.all()
+    assert outcome.state.position.x[0] < outcome.state.position.x[1]
+
+
+def test_a_guarded_law_is_written_as_c():
+    exported = export_c(planned().controller, name="guarded", period=0.005)
+    assert "limits_tilt" in exported.text
+    assert "inner_model" not in exported.text
+
+
+def test_a_scenario_file_asks_for_the_guard():
+    document = {
+        "name": "x",
+        "duration": 0.1,
+        "plant": {"vehicle": "hummingbird_arm2_rotors"},
+        "model": {"vehicle": "hummingbird_arm2"},
+        "controller": {"preset": "paper_ct", "safety": {"tilt": 0.5, "stow": [0.1, 0.2]}},
+        "reference": {"joints": [0.0, 0.0]},
+    }
+    made = scenario_from(document).controller
+    assert (made.name, made.par.limits.tilt, made.par.recovery.stow) == (
+        "guarded_hybrid_computed_torque",
+        0.5,
+        (0.1, 0.2),
+    )
+    assert scenario_from(document, replaced={"controller": "paper_pd"}).controller.name == "guarded_decoupled_pd"
+    for wrong, words in (
+        (3, "controller.safety = 3: must be true, false or a table"),
+        ({"tilts": 1.0}, "controller.safety.tilts: unknown field"),
+        ({"stow": [0.0]}, r"controller.safety.stow = \[0.0\]: must be 2 numbers"),
+    ):
+        document["controller"]["safety"] = wrong
+        with pytest.raises(ScenarioError, match=words):
+            scenario_from(document)
+
+
+def test_a_guarded_controller_is_not_guarded_twice():
+    once = guarded(planned(None).controller)
+    with pytest.raises(ControllerError, match="is guarded already"):
+        guarded(once)
+    assert limits_for(planned(None).controller) == once.par.limits

@@ -1,0 +1,110 @@
+"""What a fault does to the plants: force and torque by hand, falls and joints by mechanics, both plants alike."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.actuation import rotor_force
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.dynamics import State
+from skyarm.environment import Effectiveness, Fault, WindSample
+from skyarm.plant.loads import applied_force
+from skyarm.simulate import run
+from skyarm.simulate.inputs import episode_inputs
+from skyarm.simulate.native import fly
+from skyarm.simulate.scenario import ScenarioError
+
+ARM2 = skyarm.load_vehicle("hummingbird_arm2")
+
+STATE = State(
+    position=Vec3(0.0, 0.0, 1.0),
+    quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
+    velocity=Vec3(0.3, 0.1, -0.2),
+    rate=Vec3(0.0, 0.0, 0.0),
+    joints=(0.1, -0.2),
+    joint_rates=(0.5, -1.0),
+    rotor_speeds=(400.0, 500.0, 450.0, 520.0),
+)
+
+
+def loads(effectiveness=None):
+    sample = WindSample(effectiveness=effectiveness)
+    force, torques = applied_force(ARM2, STATE, STATE.rotor_speeds, (0.2, -0.1), sample)
+    return np.array([*force.force]), np.array([*force.torque]), np.array(torques)
+
+
+def test_a_rotor_loses_its_share_of_thrust_and_of_drag_torque():
+    whole, less = loads(), loads(Effectiveness((1, 0.7, 1, 1), (1, 1)))
+    rotor = ARM2.rotors[1]
+    lost = 0.3 * rotor.thrust_coefficient * 500.0**2 * np.array([0.0, 0.0, 1.0])
+    moment = (
+        np.cross(np.array([float(c) for c in rotor.position]), lost) - rotor.direction * rotor.moment_coefficient * lost
+    )
+    # rounding of forces of a few newtons
+    np.testing.assert_allclose(whole[0] - less[0], lost, atol=1e-14)
+    np.testing.assert_allclose(whole[1] - less[1], moment, atol=1e-14)
+
+
+def test_hub_drag_does_not_ask_for_the_fault():
+    rotor, across = ARM2.rotors[0], Vec3(2.0, 0.0, 0.0)
+    assert rotor_force(rotor, 400.0, across, 0.5).force.x == rotor_force(rotor, 400.0, across).force.x
+
+
+def test_a_drive_loses_its_share_of_the_limited_effort_and_keeps_its_friction():
+    vehicle = ARM2.with_joints(damping=0.01, effort_limit=0.15)
+    sample = WindSample(effectiveness=Effectiveness((1, 1, 1, 1), (0.4, 1)))
+    _, torques = applied_force(vehicle, STATE, STATE.rotor_speeds, (0.2, -0.1), sample)
+    assert torques == pytest.approx([0.4 * 0.15 - 0.01 * 0.5, -0.1 + 0.01 * 1.0], rel=1e-14)
+
+
+def faulty(*faults, plant="rigid_body", duration=1.5, **fields):
+    return dataclasses.replace(skyarm.load_scenario("case1", plant=plant, duration=duration), faults=faults, **fields)
+
+
+@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
+def test_without_any_rotor_the_vehicle_falls_as_galileo_says(plant):
+    dead = [Fault(rotor=r.name, effectiveness=0.0, start=1.0) for r in ARM2.rotors]
+    log = run(faulty(*dead, plant=plant, duration=1.3, ground=False))
+    before, after = np.searchsorted(log.time, 1.0), len(log.time) - 1
+    fall = 9.8 * (log.time[after] - log.time[before])
+    # hub drag at a few metres per second, below 1 % of the weight
+    assert log.velocity[before, 2] - log.velocity[after, 2] == pytest.approx(fall, rel=0.01)
+
+
+def test_both_plants_suffer_the_same_fault():
+    faults = (Fault(rotor="left", effectiveness=0.7, start=0.5), Fault(joint="joint2", effectiveness=0.3, start=0.6))
+    ours, theirs = (run(faulty(*faults, plant=plant)) for plant in ("rigid_body", "mujoco"))
+    assert ours.status == theirs.status == "completed"
+    # MuJoCo holds forces for 1 ms; without faults the two differ as much
+    np.testing.assert_allclose(ours.position, theirs.position, atol=1e-3)
+    np.testing.assert_allclose(ours.joints, theirs.joints, atol=2e-3)
+    unhurt = run(faulty())
+    assert np.abs(ours.position - unhurt.position).max() > 0.02
+
+
+def test_machine_code_has_the_bits_of_the_loop_in_python():
+    scenario = faulty(
+        Fault(rotor="left", effectiveness=0.7, start=0.1),
+        Fault(joint="joint1", effectiveness=0.5, start=0.2),
+        duration=0.4,
+    )
+    inputs = episode_inputs(scenario)
+    assert np.array_equal(fly(scenario, inputs).rows, fly(scenario, inputs, reference=True).rows)
+    np.testing.assert_array_equal(fly(scenario, inputs).rows[:, 1:4], run(scenario).position)
+
+
+def test_a_fault_is_in_the_log():
+    log = run(faulty(Fault(rotor="left", effectiveness=0.7, start=0.1), duration=0.05))
+    (fault,) = log.info["scenario_record"]["faults"]
+    assert (fault["rotor"], fault["effectiveness"], fault["start"]) == ("left", 0.7, 0.1)
+
+
+def test_an_unknown_actuator_is_refused():
+    with pytest.raises(ScenarioError, match=r"environment.faults\[0\].rotor = 'top': must be one of front, left, back"):
+        faulty(Fault(rotor="top", effectiveness=0.7, start=0.1))
+    with pytest.raises(ScenarioError, match=r"environment.faults\[0\].joint = 'front': must be one of joint1, joint2"):
+        faulty(Fault(joint="front", effectiveness=0.7, start=0.1))
