@@ -56,6 +56,32 @@ LAWS: Mapping[str, Entry] = {
     "hybrid_computed_torque_euler": _paper(
         "hybrid_computed_torque_euler", "the same in the paper's Euler-angle equations"
     ),
+    "bulut_computed_torque_style": Entry(
+        "computed torque on position, Euler angles and joints, translation decoupled in the mass matrix",
+        "rivals.bulut",
+        "make_bulut",
+    ),
+    "guo_center_of_inertia_style": Entry(
+        "SE(3) control of the centre of mass with the locked inertia, joints as servos", "rivals.guo", "make_guo"
+    ),
+    "li_feedforward_style": Entry(
+        "geometric base with variable inertia and feed-forward of the arm's reaction, joints as servos",
+        "rivals.li",
+        "make_li",
+    ),
+    "kim_sliding_mode_style": Entry(
+        "adaptive sliding mode through the coupled inverse dynamics", "rivals.kim", "make_kim"
+    ),
+    "l1_adaptive": Entry(
+        "L1 adaptive augmentation: predictor, piecewise-constant adaptation, low-pass; matched forces only",
+        "rivals.l1",
+        "make_l1",
+        (("lateral", False),),
+    ),
+    "l1_adaptive_lateral": Entry(
+        "the same, the force across body z compensated through the attitude", "rivals.l1", "make_l1", (("lateral", True),)
+    ),
+    "indi": Entry("incremental nonlinear dynamic inversion of base and joints with its filters", "rivals.indi", "make_indi"),
 }
 
 
