@@ -1,0 +1,91 @@
+"""The exact law: one control step.
+
+1. The held reference is continued to the present. 2. The observer takes the (possibly old) measurement. 3. The model
+carries the state across the delay. 4. The centre of mass asks for a force, the force for an attitude. 5. Joint
+accelerations: of the joints' references, or of tip and link orientations. 6. Inverse dynamics of an underactuated base: the
+real thrust goes in, the base's acceleration comes out, then body and joint torques. 7. Rotor commands undo the lag.
+
+Assumes a model of rigid bodies, rotors whose thrust is along body z but for the disturbance, and motor time constants.
+Sources: Lee, Leok, McClamroch 2010; Gao 2003; the parts cite their own.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from skyarm.actuation import Command
+from skyarm.control.exact.adaptation import adapted_mass, believed
+from skyarm.control.exact.extrapolation import continued, samples
+from skyarm.control.exact.memory import ExactMemory, Observed
+from skyarm.control.exact.motion import Disturbance, carried
+from skyarm.control.exact.observer import disturbance, observe
+from skyarm.control.exact.parameters import ExactParameters
+from skyarm.control.exact.torques import actuate
+from skyarm.control.exact.wishes import wishes
+from skyarm.control.model import Model
+from skyarm.dynamics import State
+from skyarm.dynamics.measurement import Measurement
+from skyarm.reference import Reference
+from skyarm.scalars import add, mul, sub
+
+
+def exact(
+    memory: ExactMemory, measurement: Measurement, reference: Reference, dt: Any, *, par: ExactParameters
+) -> tuple[ExactMemory, Command]:
+    """One step of the exact law."""
+    signals, channels, age = continued(
+        memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period
+    )
+    model = believed(par, memory.tip_mass)
+    observed = observe(
+        model, par.observer, memory.observed, measurement, memory.sent[0], memory.started, memory.free, dt
+    )
+    unknown = disturbance(observed)
+    state = _present(par, model, measurement, memory, observed, unknown, dt)
+    wish, moved = wishes(par, model, memory, state, signals, unknown, dt)
+    command, free = actuate(par, model, state, wish, unknown, dt)
+    following = ExactMemory(
+        started=memory.started * 0.0 + 1.0,
+        age=age,
+        channels=channels,
+        observed=observed,
+        sent=(*memory.sent[1:], command),
+        free=free,
+        shift=moved.offset,
+        shift_rate=moved.rate,
+        pull=moved.pull,
+        tip_mass=adapted_mass(par, memory.tip_mass, model, state, wish, unknown, dt),
+    )
+    return following, command
+
+
+def _present(
+    par: ExactParameters,
+    model: Model,
+    measurement: Measurement,
+    memory: ExactMemory,
+    observed: Observed,
+    unknown: Disturbance,
+    dt: Any,
+) -> State:
+    """The state now: measured pose, filtered velocities, carried across the delay by the commands sent since."""
+    share = par.measured_rates
+
+    def mixed(filtered: Any, measured: Any) -> Any:
+        return add(filtered, mul(share, sub(measured, filtered)))
+
+    state = State(
+        position=measurement.position,
+        quaternion=observed.quaternion,
+        velocity=observed.velocity + (measurement.velocity - observed.velocity) * share,
+        rate=observed.rate + (measurement.rate - observed.rate) * share,
+        joints=measurement.joints,
+        joint_rates=tuple(
+            mixed(a, b) for a, b in zip(observed.joint_rates, measurement.joint_rates, strict=True)
+        ),
+        rotor_speeds=observed.rotor_speeds,
+    )
+    for command in memory.sent[1:]:
+        state = carried(model, state, command, unknown, dt)
+    return state

@@ -1,0 +1,144 @@
+"""The exact law ready to fly: presets of its gains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from skyarm.actuation import AllocationError, Command, Mixer, make_mixer
+from skyarm.actuation.hover import hover_trim
+from skyarm.algebra import Vec3
+from skyarm.control.exact.law import exact
+from skyarm.control.exact.memory import Channel, ExactMemory, data
+from skyarm.control.exact.observer import first_observed
+from skyarm.control.exact.parameters import MODES, BaseGains, ExactParameters, ObserverGains, TipGains
+from skyarm.control.model import JointGains, Model
+from skyarm.control.registry import Controller, ControllerError
+from skyarm.files import shown
+from skyarm.scalars import minimum
+from skyarm.vehicle.records import Vehicle
+
+PRESETS: Mapping[str, Mapping[str, Any]] = {
+    "robust": {
+        "base": (20.0, 8.0, 200.0, 24.0),
+        "yaw": (30.0, 9.0),
+        "arm": (900.0, 60.0),
+        "observer": (25.0, 30.0, 40.0),
+        "lag_inversion": 1.0,
+        "measured_rates": 0.0,
+    },
+    "stiff": {
+        "base": (40.0, 12.0, 900.0, 50.0),
+        "yaw": (60.0, 14.0),
+        "arm": (1600.0, 80.0),
+        "observer": (40.0, 60.0, 60.0),
+        "lag_inversion": 1.0,
+        "measured_rates": 0.0,
+    },
+}
+"""Gains on accelerations: base (kp, kv, KR, Kw), yaw (KR, Kw), arm and tip (kp, kd); observer bandwidths in rad/s."""
+
+
+def make_exact(
+    model: Model,
+    *,
+    mode: str = "joint",
+    preset: str = "robust",
+    delay: float = 0.0,
+    control_period: float = 0.005,
+    reference_period: float = 0.02,
+    adaptation: float = 0.0,
+    tip_mass_limit: float = 0.2,
+    **changes: Any,
+) -> Controller:
+    """The exact law for any vehicle.
+
+    Args:
+        model: what it believes.
+        mode: "joint" (base and joints on their references) or "ee" (the tip on its reference).
+        preset: a key of ``PRESETS``.
+        delay: known age of the measurement, s, a whole number of control periods.
+        control_period: s. reference_period: between published samples, s.
+        adaptation: 1/s, rate of the adapted tip mass; 0 leaves it out. tip_mass_limit: kg.
+        changes: entries of the preset to replace.
+
+    Raises:
+        ControllerError: an unknown mode or preset, a delay that is no whole number of periods, or no end effector.
+        AllocationError: the rotors do not span torque and thrust.
+    """
+    if mode not in MODES:
+        raise ControllerError(f"controller.mode = {shown(mode)}: must be one of {list(MODES)}")
+    if preset not in PRESETS:
+        raise ControllerError(f"controller.preset = {shown(preset)}: must be one of {sorted(PRESETS)}")
+    vehicle = model.vehicle
+    if (mode == "ee" or adaptation > 0.0) and not vehicle.end_effector:
+        raise ControllerError(f"model.vehicle = {vehicle.name!r}: has no end_effector, which mode 'ee' must have")
+    periods = round(delay / control_period)
+    if delay < 0.0 or abs(periods * control_period - delay) > 1e-9:
+        raise ControllerError(
+            f"controller.delay = {delay!r}: must be a whole number of control periods of {control_period:g} s"
+        )
+    gains = {**PRESETS[preset], **changes}
+    kp, kv, kr, kw = gains["base"]
+    yaw_kr, yaw_kw = gains["yaw"]
+    stiffness, damping = gains["arm"]
+    par = ExactParameters(
+        model=model,
+        mixer=_mixer(vehicle),
+        mode=mode,
+        base=BaseGains(
+            position=Vec3(kp, kp, kp),
+            velocity=Vec3(kv, kv, kv),
+            attitude=Vec3(kr, kr, yaw_kr),
+            rate=Vec3(kw, kw, yaw_kw),
+            pull=gains.get("pull", 5.0),
+        ),
+        joint_gains=JointGains(stiffness=(stiffness,) * vehicle.n, damping=(damping,) * vehicle.n),
+        tip=TipGains(
+            **dict(zip(("position", "velocity"), gains.get("tip", (stiffness, damping)), strict=True)),
+            damping=gains.get("damping", 0.01),
+            posture=gains.get("posture", 1e-4),
+            shift_rate=gains.get("shift_rate", 4.0),
+            shift_limit=gains.get("shift_limit", 0.15),
+            integral=gains.get("integral", 0.5),
+        ),
+        observer=ObserverGains(**dict(zip(("force", "torque", "joints"), gains["observer"], strict=True))),
+        delay_periods=periods,
+        reference_period=reference_period,
+        lag_inversion=gains["lag_inversion"],
+        measured_rates=gains["measured_rates"],
+        tilt=gains.get("tilt", 1.2),
+        thrust_floor=0.15 * vehicle.mass * model.gravity + 1e-3,
+        adaptation=adaptation,
+        tip_mass_limit=tip_mass_limit,
+        adapts=adaptation > 0.0,
+    )
+    return Controller(name=f"exact_{mode}", law=exact, par=par, memory=first_memory(model, periods))
+
+
+def _mixer(vehicle: Vehicle) -> Mixer:
+    try:
+        return make_mixer(vehicle, "priority")
+    except AllocationError:
+        return make_mixer(vehicle)
+
+
+def first_memory(model: Model, delay_periods: int) -> ExactMemory:
+    """Memory before the first step: a level hover with the joints at zero, as the model sees it."""
+    vehicle = model.vehicle
+    trim = hover_trim(vehicle, (0.0,) * vehicle.n, model.gravity)
+    speeds = tuple(data(minimum(w, r.max_speed)) for w, r in zip(trim.speeds, vehicle.rotors, strict=True))
+    zero = Vec3(0.0, 0.0, 0.0)
+    standing = Command(rotor_speeds=speeds, efforts=tuple(data(effort) for effort in trim.efforts))
+    return ExactMemory(
+        started=0.0,
+        age=0.0,
+        channels=(Channel(),) * (4 + vehicle.n),
+        observed=first_observed(vehicle.n, speeds),
+        sent=(standing,) * (delay_periods + 1),
+        free=(1.0,) * (1 + vehicle.n),
+        shift=zero,
+        shift_rate=zero,
+        pull=zero,
+        tip_mass=0.0,
+    )

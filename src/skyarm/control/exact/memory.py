@@ -1,0 +1,90 @@
+"""What the exact law remembers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.actuation import Command
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.scalars import Scalar, where
+
+
+def data(value: Any) -> Any:
+    """A structural number as data: a memory keeps its shape whatever the reference folds to."""
+    return float(value) if type(value) is int else value
+
+
+def vector_data(v: Vec3) -> Vec3:
+    """:func:`data` of a vector."""
+    return Vec3(*(data(c) for c in v))
+
+
+def choose(condition: Any, a: Vec3, b: Vec3) -> Vec3:
+    """Vector ``a`` where the condition holds, else ``b``."""
+    return Vec3(*(where(condition, data(x), data(y)) for x, y in zip(a, b, strict=True)))
+
+
+def choose_each(condition: Any, a: tuple[Any, ...], b: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Entries of ``a`` where the condition holds, else those of ``b``."""
+    return tuple(where(condition, data(x), data(y)) for x, y in zip(a, b, strict=True))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Channel:
+    """The last sample of one reference signal, the accelerations before it, and how many of them are of one motion."""
+
+    value: Scalar = 0.0
+    rate: Scalar = 0.0
+    acceleration: Scalar = 0.0
+    before: Scalar = 0.0
+    earlier: Scalar = 0.0
+    count: Scalar = 0.0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Observed:
+    """Memory of the disturbance observer, at the time of the last measurement.
+
+    Attributes:
+        quaternion, joints: as measured.
+        velocity, rate, joint_rates: estimates.
+        force: N, world axes, at the base origin. torque: N m, base axes. efforts: of the joints.
+        rotor_speeds: of the modelled motors, rad/s.
+    """
+
+    quaternion: Quaternion
+    joints: tuple[Scalar, ...]
+    velocity: Vec3
+    rate: Vec3
+    joint_rates: tuple[Scalar, ...]
+    force: Vec3
+    torque: Vec3
+    efforts: tuple[Scalar, ...]
+    rotor_speeds: tuple[Scalar, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ExactMemory:
+    """Everything between two steps.
+
+    Attributes:
+        started: 0 before the first measurement.
+        age: s since the held reference sample appeared. channels: its signals: x, y, z, yaw, joints.
+        observed: of the observer.
+        sent: the last commands, oldest first, one more than the delay has periods.
+        free: 1 while no actuator was at its limit.
+        shift, shift_rate: of the base in the EE-exact mode, m and m/s; pull: its integral part.
+        tip_mass: kg, estimate.
+    """
+
+    started: Scalar
+    age: Scalar
+    channels: tuple[Channel, ...]
+    observed: Observed
+    sent: tuple[Command, ...]
+    free: tuple[Scalar, ...]
+    shift: Vec3
+    shift_rate: Vec3
+    pull: Vec3
+    tip_mass: Scalar

@@ -1,0 +1,100 @@
+"""The model in motion: thrust and torque of its rotors, its acceleration, and its steps across a known delay."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm import dynamics
+from skyarm.actuation import Command, joint_force, speed_after
+from skyarm.actuation.mixer import allocation_matrix
+from skyarm.algebra import Force, Mat3, Quaternion, Vec3
+from skyarm.compile.repeat import repeat
+from skyarm.control.exact.memory import data
+from skyarm.control.model import Model
+from skyarm.dynamics import State
+from skyarm.dynamics.state import coordinate_acceleration
+from skyarm.scalars import add, mul
+
+SUBSTEPS = 5
+"""Model steps per control period across the delay: 1 ms at 200 Hz."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Disturbance:
+    """Forces that the model does not know: N, world axes, at the base origin; N m, base axes; of the joints."""
+
+    force: Vec3
+    torque: Vec3
+    efforts: tuple[Any, ...]
+
+
+def rotor_wrench(model: Model, squares: Sequence[Any]) -> Force:
+    """Torque and thrust along body z of squared rotor speeds; what the mixer cannot command is left to the observer."""
+    rows = allocation_matrix(model.vehicle)
+    x, y, z, thrust = (_dot(row, squares) for row in rows)
+    return Force(Vec3(x, y, z), Vec3(0, 0, thrust))
+
+
+def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
+    total: Any = 0
+    for x, y in zip(a, b, strict=True):
+        total = add(total, mul(x, y))
+    return total
+
+
+def acceleration(
+    model: Model,
+    R: Mat3,
+    rate: Vec3,
+    joints: Sequence[Any],
+    joint_rates: Sequence[Any],
+    applied: Force,
+    efforts: Sequence[Any],
+    unknown: Disturbance,
+) -> tuple[Vec3, Vec3, tuple[Any, ...]]:
+    """d/dt of world velocity, body rate and joint rates."""
+    total = Force(applied.torque + unknown.torque, applied.force + R.apply_T(unknown.force))
+    torques = [
+        add(joint_force(link.joint, effort, speed), extra)
+        for link, effort, speed, extra in zip(model.vehicle.links, efforts, joint_rates, unknown.efforts, strict=True)
+    ]
+    base, qdd = dynamics.forward_dynamics(model.vehicle, joints, rate, joint_rates, total, torques)
+    linear, angular = coordinate_acceleration(R, base, model.gravity)
+    return linear, angular, qdd
+
+
+def lagged(model: Model, speeds: Sequence[Any], command: Command, dt: Any) -> tuple[Any, ...]:
+    """Rotor speeds after ``dt`` seconds of a held command."""
+    rotors = zip(model.vehicle.rotors, speeds, command.rotor_speeds, strict=True)
+    return tuple(speed_after(rotor, speed, wanted, dt) for rotor, speed, wanted in rotors)
+
+
+def carried(model: Model, state: State, command: Command, unknown: Disturbance, dt: Any) -> State:
+    """The state after one control period of a held command, by symplectic steps of the model."""
+    h = dt / SUBSTEPS
+
+    def step(x: State) -> State:
+        R = x.quaternion.rotation()
+        speeds = lagged(model, x.rotor_speeds, command, h)
+        squares = [0.5 * (a * a + b * b) for a, b in zip(x.rotor_speeds, speeds, strict=True)]
+        applied = rotor_wrench(model, squares)
+        linear, angular, qdd = acceleration(
+            model, R, x.rate, x.joints, x.joint_rates, applied, command.efforts, unknown
+        )
+        velocity, rate = x.velocity + linear * h, x.rate + angular * h
+        rates = tuple(v + a * h for v, a in zip(x.joint_rates, qdd, strict=True))
+        # positions by the mean velocity: exact for a constant acceleration
+        turned = x.quaternion * Quaternion.of_small_rotation((x.rate + rate) * (0.5 * h))
+        return State(
+            position=x.position + (x.velocity + velocity) * (0.5 * h),
+            quaternion=turned.renormalized(),
+            velocity=velocity,
+            rate=rate,
+            joints=tuple(q + (a + b) * (0.5 * h) for q, a, b in zip(x.joints, x.joint_rates, rates, strict=True)),
+            joint_rates=tuple(data(r) for r in rates),
+            rotor_speeds=speeds,
+        )
+
+    return repeat(SUBSTEPS, step, state)

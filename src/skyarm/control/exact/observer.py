@@ -1,0 +1,125 @@
+"""Second-order extended state observer on world velocity, body rate and joint rates.
+
+v_hat is predicted with the model, the modelled rotor speeds and the disturbance d_hat; with e = v - v_hat,
+v_hat += L1 e, d_hat += M L2 e / dt, L1 = 1 - b^2, L2 = (1 - b)^2, b = exp(-bandwidth dt): both poles at b.
+Source: Gao 2003 (observer bandwidth), in discrete time. Inputs are those of the measurement's own period.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+from skyarm import dynamics
+from skyarm.actuation import Command
+from skyarm.algebra import ZERO3, Mat3, Motion, Quaternion, Vec3
+from skyarm.control.exact.memory import Observed, choose, choose_each, data, vector_data
+from skyarm.control.exact.motion import Disturbance, acceleration, lagged, rotor_wrench
+from skyarm.control.exact.parameters import ObserverGains
+from skyarm.control.model import Model
+from skyarm.dynamics.measurement import Measurement
+from skyarm.scalars import exp, mul, where
+
+
+def first_observed(joints: int, rotor_speeds: Sequence[Any]) -> Observed:
+    """Memory before the first measurement."""
+    zero, still = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
+    return Observed(
+        quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
+        joints=still,
+        velocity=zero,
+        rate=zero,
+        joint_rates=still,
+        force=zero,
+        torque=zero,
+        efforts=still,
+        rotor_speeds=tuple(rotor_speeds),
+    )
+
+
+def disturbance(observed: Observed) -> Disturbance:
+    """What the observer believes."""
+    return Disturbance(force=observed.force, torque=observed.torque, efforts=observed.efforts)
+
+
+def observe(
+    model: Model,
+    gains: ObserverGains,
+    memory: Observed,
+    measurement: Measurement,
+    acted: Command,
+    started: Any,
+    free: Sequence[Any],
+    dt: Any,
+) -> Observed:
+    """Memory at the measurement's time.
+
+    Args:
+        model: belief. gains: bandwidths.
+        memory: one period earlier.
+        measurement: the new one.
+        acted: the command of the period between them.
+        started: below 0.5 at the first measurement, which is taken as it is.
+        free: 1 or 0 for the base and each joint; 0 holds that disturbance because an actuator is at its limit.
+        dt: s.
+    """
+    q = aligned(measurement.quaternion, memory.quaternion)
+    half = lagged(model, memory.rotor_speeds, acted, 0.5 * dt)
+    speeds = lagged(model, memory.rotor_speeds, acted, dt)
+    squares = [(a * a + 4.0 * (m * m) + b * b) * (1.0 / 6.0) for a, m, b in zip(memory.rotor_speeds, half, speeds, strict=True)]
+    R = memory.quaternion.plus(q, 1.0).normalized().rotation()
+    joints = tuple(0.5 * (a + b) for a, b in zip(memory.joints, measurement.joints, strict=True))
+    unknown = disturbance(memory)
+    linear, angular, qdd = acceleration(
+        model, R, memory.rate, joints, memory.joint_rates, rotor_wrench(model, squares), acted.efforts, unknown
+    )
+    v, w = memory.velocity + linear * dt, memory.rate + angular * dt
+    rates = [r + a * dt for r, a in zip(memory.joint_rates, qdd, strict=True)]
+    ev, ew = measurement.velocity - v, measurement.rate - w
+    er = [a - b for a, b in zip(measurement.joint_rates, rates, strict=True)]
+    poles = [exp(-(bandwidth * dt)) for bandwidth in (gains.force, gains.torque, gains.joints)]
+    fast = [1.0 - b * b for b in poles]
+    slow = [(1.0 - b) * (1.0 - b) / dt for b in poles]
+    push, turn, pulls = inertia_times(
+        model, R, joints, ev * slow[0], ew * slow[1], [mul(e, slow[2]) for e in er]
+    )
+    running = started > 0.5
+    learned = Observed(
+        quaternion=q,
+        joints=measurement.joints,
+        velocity=v + ev * fast[0],
+        rate=w + ew * fast[1],
+        joint_rates=tuple(r + mul(e, fast[2]) for r, e in zip(rates, er, strict=True)),
+        force=memory.force + push * free[0],
+        torque=memory.torque + turn * free[0],
+        efforts=tuple(d + mul(p, f) for d, p, f in zip(memory.efforts, pulls, free[1:], strict=True)),
+        rotor_speeds=tuple(data(s) for s in speeds),
+    )
+    return dataclasses.replace(
+        learned,
+        velocity=choose(running, learned.velocity, measurement.velocity),
+        rate=choose(running, learned.rate, measurement.rate),
+        joint_rates=choose_each(running, learned.joint_rates, measurement.joint_rates),
+        force=choose(running, learned.force, memory.force),
+        torque=choose(running, learned.torque, memory.torque),
+        efforts=choose_each(running, learned.efforts, memory.efforts),
+        rotor_speeds=choose_each(running, learned.rotor_speeds, memory.rotor_speeds),
+    )
+
+
+def aligned(q: Quaternion, before: Quaternion) -> Quaternion:
+    """Of q and -q, one attitude, the one nearer to the attitude before."""
+    near = q.w * before.w + q.x * before.x + q.y * before.y + q.z * before.z
+    side = where(near < 0.0, -1.0, 1.0)
+    return Quaternion(*(c * side for c in q))
+
+
+def inertia_times(
+    model: Model, R: Mat3, joints: Sequence[Any], linear_W: Vec3, angular_B: Vec3, joint: Sequence[Any]
+) -> tuple[Vec3, Vec3, tuple[Any, ...]]:
+    """M times an acceleration, by inverse dynamics at rest without weight: force in W, torque in B, joint torques."""
+    still = (0,) * len(joints)
+    base = Motion(angular_B, R.apply_T(linear_W))
+    force, torques = dynamics.inverse_dynamics(model.vehicle, joints, ZERO3, still, base, joint)
+    return vector_data(R.apply(force.force)), vector_data(force.torque), tuple(data(t) for t in torques)

@@ -1,0 +1,93 @@
+"""Constants of the exact law."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from skyarm.actuation import Mixer
+from skyarm.algebra import Vec3
+from skyarm.control.model import JointGains, Model
+from skyarm.scalars import Scalar
+
+MODES = ("joint", "ee")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class BaseGains:
+    """Gains on accelerations.
+
+    Attributes:
+        position: 1/s^2. velocity: 1/s. Of the centre of mass, world axes.
+        attitude: 1/s^2. rate: 1/s. Body axes.
+        pull: m/s^2, the most that errors of the centre of mass can ask for.
+    """
+
+    position: Vec3
+    velocity: Vec3
+    attitude: Vec3
+    rate: Vec3
+    pull: Scalar
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ObserverGains:
+    """Bandwidths of the disturbance observer, rad/s: of the base's force, its torque and the joints' torques."""
+
+    force: Scalar
+    torque: Scalar
+    joints: Scalar
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TipGains:
+    """Of the EE-exact mode.
+
+    Attributes:
+        position: 1/s^2. velocity: 1/s. Of the tip's error.
+        damping: m; singular values of the tip's Jacobian below this leave their direction to the link orientations.
+        posture: m; weight of the joints' own references, for motions that neither tip nor orientations fix.
+        shift_rate: rad/s of the base shift. shift_limit: m, its largest length.
+        integral: 1/s, of the tip error into the base shift.
+    """
+
+    position: Scalar
+    velocity: Scalar
+    damping: Scalar
+    posture: Scalar
+    shift_rate: Scalar
+    shift_limit: Scalar
+    integral: Scalar
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ExactParameters:
+    """All constants of the exact law.
+
+    Attributes:
+        model: belief. mixer: of the model.
+        mode: "joint" keeps base and joints on their references, "ee" the tip and the link orientations.
+        base, joint_gains, tip, observer: gains; those of the joints on accelerations.
+        delay_periods: age of the measurement in control periods.
+        reference_period: s between published samples.
+        lag_inversion: 0 commands the wanted rotor speed, 1 inverts the motor lag within one period.
+        measured_rates: 0 takes velocities from the observer, 1 from the sensors.
+        tilt: largest tangent of the commanded tilt. thrust_floor: smallest commanded vertical force, N.
+        adaptation: 1/s; rate of the tip mass. tip_mass_limit: kg. adapts: False leaves the adaptation out.
+    """
+
+    model: Model
+    mixer: Mixer
+    mode: str
+    base: BaseGains
+    joint_gains: JointGains
+    tip: TipGains
+    observer: ObserverGains
+    delay_periods: int
+    reference_period: Scalar
+    lag_inversion: Scalar
+    measured_rates: Scalar
+    tilt: Scalar
+    thrust_floor: Scalar
+    adaptation: Scalar
+    tip_mass_limit: Scalar
+    adapts: bool

@@ -1,0 +1,241 @@
+"""The EE-exact mode: the tip on its reference, the links turned as if the base were level.
+
+Task 1 is the tip's position, task 2 the link orientations; joint accelerations solve the weighted least squares
+|J qdd - b_1|^2 + damping^2 sum |A_i qdd - b_i|^2 + posture^2 |qdd - qdd_d|^2, so that task 2 rules the directions in which J
+is singular. J is the tip's Jacobian against the centre of mass, which the joints do not move: its acceleration follows
+from the thrust. What the arm cannot reach goes to a slow, bounded shift of the base.
+Source: Wampler 1986, Nakamura, Hanafusa 1986 (damped least squares); Umetani, Yoshida 1989 (generalized Jacobian).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.algebra import ZERO3, Mat3, Vec3, ldl_solve
+from skyarm.control.exact.center_of_mass import within
+from skyarm.control.exact.kinematics import Posture, derivative
+from skyarm.control.exact.memory import ExactMemory, vector_data
+from skyarm.control.exact.parameters import TipGains
+from skyarm.dynamics.kinematics import Pose, jacobian_columns, link_poses
+from skyarm.scalars import add, cos, divide, mul, sin
+from skyarm.scalars.taylor import Taylor
+from skyarm.vehicle.records import BASE, Vehicle
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """Level-base reference, world axes: the tip and the links, value to second derivative.
+
+    Attributes:
+        tip: position (m), velocity, acceleration. tip_B: position against the base.
+        links: R_WL of every link. rates, accelerations: angular, of every link.
+    """
+
+    tip: tuple[Vec3, Vec3, Vec3]
+    tip_B: Vec3
+    links: tuple[Mat3, ...]
+    rates: tuple[Vec3, ...]
+    accelerations: tuple[Vec3, ...]
+
+
+def turned(yaw: Taylor, v: Vec3) -> Vec3:
+    """R_z(yaw) v, series."""
+    c, s = cos(yaw), sin(yaw)
+    x, y = (Taylor.constant(k, len(yaw.c) - 1) if not isinstance(k, Taylor) else k for k in (v.x, v.y))
+    return Vec3(c * x - s * y, s * x + c * y, v.z)
+
+
+def goal(vehicle: Vehicle, base: list[Vec3], yaw: Taylor, joints: Sequence[Taylor], level: Posture) -> Goal:
+    """Where a level base at its reference has tip and links."""
+    yaw = yaw.truncated(2)
+    arm = turned(yaw, level.tip)
+    tip = (base[0] + derivative(arm, 0), base[1] + derivative(arm, 1), base[2] + derivative(arm, 2))
+    spin = Vec3(0, 0, yaw.differentiated())
+    rates: list[Vec3] = []
+    links = []
+    for link, pose, q in zip(vehicle.links, level.links, joints, strict=True):
+        columns = [turned(yaw, pose.R.column(k)) for k in range(3)]
+        links.append(Mat3.columns(*(derivative(column, 0) for column in columns)))
+        rate = spin if link.parent == BASE else rates[link.parent]
+        if link.joint.kind == "revolute":
+            axis = Vec3(*(Taylor.constant(c, 1) for c in link.joint.axis))
+            along = Vec3(*(row.dot(axis) for row in Mat3.columns(*columns).rows))
+            slope = q.differentiated().truncated(1)
+            rate = Vec3(*(add(a, b * slope) for a, b in zip(rate, along, strict=True)))
+        rates.append(rate)
+    return Goal(
+        tip,
+        derivative(arm, 0),
+        tuple(links),
+        tuple(derivative(rate, 0) for rate in rates),
+        tuple(derivative(rate, 1) for rate in rates),
+    )
+
+
+def axes(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
+    """Joint axes in base axes."""
+    return [pose.R.apply(link.joint.axis) for link, pose in zip(vehicle.links, poses, strict=True)]
+
+
+def chain(vehicle: Vehicle, index: int) -> list[int]:
+    """Joints from the base to a link."""
+    found: list[int] = []
+    while index != BASE:
+        found.insert(0, index)
+        index = vehicle.links[index].parent
+    return found
+
+
+def com_columns(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
+    """Velocity of the centre of mass in base axes per unit of each joint rate, times the vehicle's mass."""
+    masses: list[Any] = [link.body.mass for link in vehicle.links]
+    moments = [pose.apply(link.body.com) * link.body.mass for link, pose in zip(vehicle.links, poses, strict=True)]
+    for i in reversed(range(vehicle.n)):
+        parent = vehicle.links[i].parent
+        if parent != BASE:
+            masses[parent], moments[parent] = add(masses[parent], masses[i]), moments[parent] + moments[i]
+    found = []
+    for i, axis in enumerate(axes(vehicle, poses)):
+        if vehicle.links[i].joint.kind == "revolute":
+            found.append(axis.cross(moments[i] - poses[i].p * masses[i]))
+        else:
+            found.append(axis * masses[i])
+    return found
+
+
+def orientation_error(R: Mat3, R_d: Mat3) -> Vec3:
+    """Rotation (world axes, sine of the angle times its axis) that turns R towards R_d."""
+    total = ZERO3
+    for k in range(3):
+        total = total + R.column(k).cross(R_d.column(k))
+    return total * 0.5
+
+
+class Squares:
+    """Normal equations of a weighted least-squares problem in the joint accelerations."""
+
+    def __init__(self, n: int) -> None:
+        self.A: list[list[Any]] = [[0] * n for _ in range(n)]
+        self.b: list[Any] = [0] * n
+
+    def require(self, columns: Sequence[Vec3], wanted: Vec3, weight: Any) -> None:
+        """Add weight |columns x - wanted|^2."""
+        for i, c in enumerate(columns):
+            self.b[i] = add(self.b[i], mul(weight, c.dot(wanted)))
+            for j, d in enumerate(columns[: i + 1]):
+                self.A[i][j] = add(self.A[i][j], mul(weight, c.dot(d)))
+
+    def prefer(self, values: Sequence[Any], weight: Any) -> None:
+        """Add weight |x - values|^2."""
+        for i, value in enumerate(values):
+            self.A[i][i] = add(self.A[i][i], weight)
+            self.b[i] = add(self.b[i], mul(weight, value))
+
+    def solved(self) -> tuple[Any, ...]:
+        """The least-squares solution."""
+        return tuple(ldl_solve(self.A, self.b))
+
+
+def orientation_rows(vehicle: Vehicle, axes_B: Sequence[Vec3], i: int) -> list[Vec3]:
+    """Angular velocity of link ``i`` in base axes per unit of each joint rate."""
+    carriers = chain(vehicle, i)
+    return [
+        axes_B[j] if j in carriers and vehicle.links[j].joint.kind == "revolute" else ZERO3 for j in range(vehicle.n)
+    ]
+
+
+def level_joints(
+    vehicle: Vehicle, gains: TipGains, wanted: Goal, R: Mat3, poses: Sequence[Pose]
+) -> tuple[Any, ...]:
+    """Change of the joints that turns the links of a base at attitude R as those of a level base: one Newton step."""
+    problem = Squares(vehicle.n)
+    directions = axes(vehicle, poses)
+    for i, pose in enumerate(poses):
+        error = R.apply_T(orientation_error(R @ pose.R, wanted.links[i]))
+        problem.require(orientation_rows(vehicle, directions, i), error, gains.damping * gains.damping)
+    problem.prefer((0.0,) * vehicle.n, gains.posture * gains.posture)
+    return problem.solved()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Now:
+    """The vehicle at present.
+
+    Attributes:
+        R: R_WB. rate, alpha: body rate and the angular acceleration to come, body axes.
+        joints, joint_rates: rad or m, and per second.
+        posture: series in time of the present motion, joint accelerations left out.
+        tip, tip_velocity: world axes. com_acceleration: m/s^2, world axes, that the thrust gives.
+    """
+
+    R: Mat3
+    rate: Vec3
+    alpha: Vec3
+    joints: tuple[Any, ...]
+    joint_rates: tuple[Any, ...]
+    posture: Posture
+    tip: Vec3
+    tip_velocity: Vec3
+    com_acceleration: Vec3
+
+
+def joint_accelerations(
+    vehicle: Vehicle, gains: TipGains, wanted: Goal, now: Now, preferred: Sequence[Any]
+) -> tuple[Any, ...]:
+    """Joint accelerations of the two tasks; ``preferred`` are those of the joints' own references."""
+    R, w = now.R, now.rate
+    poses = link_poses(vehicle, now.joints)
+    problem = Squares(vehicle.n)
+    pull = (wanted.tip[1] - now.tip_velocity) * gains.velocity + (wanted.tip[0] - now.tip) * gains.position
+    arm = now.posture.tip - now.posture.com
+    rho, rho_d, rho_dd = (derivative(arm, k) for k in range(3))
+    carried = now.alpha.cross(rho) + w.cross(w.cross(rho)) + w.cross(rho_d) * 2.0 + rho_dd
+    columns = jacobian_columns(vehicle, vehicle.frame(), now.joints)
+    share = divide(1.0, vehicle.mass)
+    against = [a.linear - b * share for a, b in zip(columns, com_columns(vehicle, poses), strict=True)]
+    problem.require(against, R.apply_T(wanted.tip[2] + pull - now.com_acceleration) - carried, 1)
+    directions = axes(vehicle, poses)
+    rates: list[Vec3] = []
+    biases: list[Vec3] = []
+    for i, (link, pose) in enumerate(zip(vehicle.links, poses, strict=True)):
+        root = link.parent == BASE
+        rate, bias = (w, now.alpha) if root else (rates[link.parent], biases[link.parent])
+        if link.joint.kind == "revolute":
+            slide = directions[i] * now.joint_rates[i]
+            rate, bias = rate + slide, bias + rate.cross(slide)
+        rates.append(rate)
+        biases.append(bias)
+        error = orientation_error(R @ pose.R, wanted.links[i])
+        turn = wanted.accelerations[i] + wanted.rates[i] * gains.velocity + error * gains.position
+        needed = R.apply_T(turn) - rate * gains.velocity - bias
+        problem.require(orientation_rows(vehicle, directions, i), needed, gains.damping * gains.damping)
+    problem.prefer(preferred, gains.posture * gains.posture)
+    return problem.solved()
+
+
+@dataclass(frozen=True, slots=True)
+class Shift:
+    """Offset of the base from its reference, world axes: m, m/s, m/s^2, and its integral part to remember."""
+
+    offset: Vec3
+    rate: Vec3
+    acceleration: Vec3
+    pull: Vec3
+
+
+def shift(gains: TipGains, memory: ExactMemory, needed: Vec3, tip_error: Vec3, dt: Any) -> Shift:
+    """Slow, bounded shift towards what the arm cannot reach.
+
+    Args:
+        needed: offset that quasi-static geometry asks for, m.
+        tip_error: of the tip, reference less position, m.
+
+    A critically damped second-order filter of ``needed`` plus the integral of the tip's error.
+    """
+    pull = within(memory.pull + tip_error * (gains.integral * dt), gains.shift_limit)
+    target = within(needed + pull, gains.shift_limit)
+    rate = gains.shift_rate
+    acceleration = (target - memory.shift) * (rate * rate) - memory.shift_rate * (2.0 * rate)
+    return Shift(memory.shift, memory.shift_rate, acceleration, vector_data(pull))

@@ -1,0 +1,131 @@
+"""What the law wants of the vehicle now: thrust, angular acceleration, joint accelerations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.algebra import ZERO3, Mat3, Vec3
+from skyarm.control.exact import center_of_mass, tip
+from skyarm.control.exact.attitude import Attitude, angular_acceleration, attitude
+from skyarm.control.exact.kinematics import Posture, derivative, moving, posture
+from skyarm.control.exact.memory import ExactMemory, vector_data
+from skyarm.control.exact.motion import Disturbance
+from skyarm.control.exact.parameters import ExactParameters
+from skyarm.control.model import Model
+from skyarm.dynamics import State
+from skyarm.dynamics.kinematics import Pose
+from skyarm.scalars import add, mul, sub
+from skyarm.scalars.taylor import Taylor
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Wish:
+    """Thrust along body z (N), angular acceleration (body axes, rad/s^2) and joint accelerations."""
+
+    thrust: Any
+    alpha: Vec3
+    joints: tuple[Any, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Moved:
+    """The base shift to remember."""
+
+    offset: Vec3
+    rate: Vec3
+    pull: Vec3
+
+
+def wishes(
+    par: ExactParameters,
+    model: Model,
+    memory: ExactMemory,
+    state: State,
+    signals: Sequence[Taylor],
+    unknown: Disturbance,
+    dt: Any,
+) -> tuple[Wish, Moved]:
+    """The wish at this state.
+
+    Args:
+        model: belief, with the adapted tip mass.
+        state: now. signals: x, y, z, yaw and the joints, series in time.
+        unknown: disturbance. dt: control period, s.
+    """
+    vehicle, mass = model.vehicle, model.vehicle.mass
+    base = [Vec3(*(signal.derivative(k) for signal in signals[:3])) for k in range(5)]
+    yaw, joints = signals[3], tuple(signals[4:])
+    level = posture(vehicle, joints, 4)
+    still = attitude(center_of_mass.quasi_static(par, mass, base[2], unknown.force), yaw.truncated(0))
+    now = posture(vehicle, moving(state.joints, state.joint_rates, (0,) * vehicle.n), 2)
+    R, w = state.quaternion.rotation(), state.rate
+    preferred = joint_accelerations(par, state, joints)
+    if par.mode == "ee":
+        goal = tip.goal(vehicle, base, yaw, joints, level)
+        reach = derivative(now.tip, 0)
+        error = goal.tip[0] - state.position - R.apply(reach)
+        turned = _level_links(par, model, goal, still, joints, level)
+        moved = tip.shift(par.tip, memory, goal.tip_B - still.R.apply(derivative(turned.tip, 0)), error, dt)
+        base = [base[0] + moved.offset, base[1] + moved.rate, base[2] + moved.acceleration, *base[3:]]
+        level, kept = turned, _stepped(moved, dt)
+    else:
+        kept = Moved(offset=memory.shift, rate=memory.shift_rate, pull=memory.pull)
+    push = center_of_mass.thrust(
+        par,
+        mass,
+        wanted=center_of_mass.goal(base, level.com, still.R),
+        position=state.position + R.apply(derivative(now.com, 0)),
+        velocity=state.velocity + _velocity(R, w, now.com),
+        R=R,
+        w=w,
+        disturbance=unknown.force,
+    )
+    alpha = angular_acceleration(par.base, attitude(push.force, yaw.truncated(2)), R, w)
+    if par.mode == "ee":
+        present = tip.Now(
+            R=R,
+            rate=w,
+            alpha=alpha,
+            joints=state.joints,
+            joint_rates=state.joint_rates,
+            posture=now,
+            tip=state.position + R.apply(reach),
+            tip_velocity=state.velocity + _velocity(R, w, now.tip),
+            com_acceleration=push.acceleration,
+        )
+        preferred = tip.joint_accelerations(vehicle, par.tip, goal, present, preferred)
+    return Wish(thrust=push.along, alpha=alpha, joints=preferred), kept
+
+
+def joint_accelerations(par: ExactParameters, state: State, joints: Sequence[Taylor]) -> tuple[Any, ...]:
+    """qdd_d + kd (qd_d - qd) + kp (q_d - q)."""
+    gains = par.joint_gains
+    return tuple(
+        add(add(q_d.derivative(2), mul(kd, sub(q_d.derivative(1), qd))), mul(kp, sub(q_d.derivative(0), q)))
+        for kp, kd, q_d, q, qd in zip(
+            gains.stiffness, gains.damping, joints, state.joints, state.joint_rates, strict=True
+        )
+    )
+
+
+def _velocity(R: Mat3, w: Vec3, point: Vec3) -> Vec3:
+    """World velocity of a point of the vehicle against the base origin."""
+    return R.apply(w.cross(derivative(point, 0)) + derivative(point, 1))
+
+
+def _level_links(
+    par: ExactParameters, model: Model, goal: tip.Goal, still: Attitude, joints: Sequence[Taylor], level: Posture
+) -> Posture:
+    """The posture whose links are turned as those of a level base, at the quasi-static attitude."""
+    vehicle = model.vehicle
+    poses = [Pose(Mat3(*(derivative(row, 0) for row in pose.R.rows)), ZERO3) for pose in level.links]
+    change = tip.level_joints(vehicle, par.tip, goal, still.R, poses)
+    return posture(vehicle, [q + c for q, c in zip(joints, change, strict=True)], 4)
+
+
+def _stepped(moved: tip.Shift, dt: Any) -> Moved:
+    """The shift one period later."""
+    rate = moved.rate + moved.acceleration * dt
+    return Moved(offset=vector_data(moved.offset + rate * dt), rate=vector_data(rate), pull=moved.pull)
