@@ -52,10 +52,12 @@ class IndiParameters(Parameters):
 
     Attributes:
         cutoff: of every filter, Hz. measured_speeds: False models the rotor speeds from the commands.
+        delay_periods: known age of the measurement, in control periods, by which the remembered efforts are late too.
     """
 
     cutoff: Scalar
     measured_speeds: bool = True
+    delay_periods: int = 0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -66,7 +68,7 @@ class IndiMemory:
         started: 0 before the first measurement.
         taps: of the filters: specific force and thrust vector (world), gyroscope, rotor torque, joint rates, efforts.
         rate, joint_rates: filtered, one period ago.
-        efforts: commanded one period ago.
+        efforts: commanded in the periods before, oldest first.
         speeds: of the modelled rotors, rad/s; none where they are measured.
     """
 
@@ -74,7 +76,7 @@ class IndiMemory:
     taps: tuple[Taps, ...]
     rate: Vec3
     joint_rates: tuple[Scalar, ...]
-    efforts: tuple[Scalar, ...]
+    efforts: tuple[tuple[Scalar, ...], ...]
     speeds: tuple[Scalar, ...]
 
 
@@ -85,7 +87,9 @@ def indi(
     vehicle, R, n = par.model.vehicle, measurement.quaternion.rotation(), par.model.vehicle.n
     first = memory.started < 0.5
     speeds = _speeds(memory, measurement, par, first)
-    taps, signals = _passed(memory, measurement, R, speeds, dt, par, first)
+    # before the first command the joints are taken to hold the arm
+    hold = arm_alone(par, R, measurement.joints, (0,) * n)
+    taps, signals = _passed(memory, measurement, R, speeds, hold, dt, par, first)
     force, thrust, rate, torque = (Vec3(*signals[i : i + 3]) for i in range(0, 12, 3))
     joint_rates, efforts = signals[12 : 12 + n], signals[12 + n :]
     per_period = divide(1.0, dt)
@@ -114,7 +118,7 @@ def indi(
         taps=taps,
         rate=rate,
         joint_rates=tuple(joint_rates),
-        efforts=command.efforts,
+        efforts=_remembered(memory, command, hold, first),
         speeds=()
         if par.measured_speeds
         else tuple(
@@ -136,15 +140,14 @@ def _passed(
     measurement: Measurement,
     R: Mat3,
     speeds: tuple[Any, ...],
+    hold: tuple[Any, ...],
     dt: Any,
     par: IndiParameters,
     first: Any,
 ) -> tuple[tuple[Taps, ...], list[Any]]:
     """All signals through the filter; at the first call it has seen them for ever."""
     torque, force = rotor_thrust(par.model.vehicle, speeds)
-    # before the first command the joints are taken to hold the arm
-    hold = arm_alone(par, R, measurement.joints, (0,) * par.model.vehicle.n)
-    efforts = [where(first, a, b) for a, b in zip(hold, memory.efforts, strict=True)]
+    efforts = [where(first, a, b) for a, b in zip(hold, memory.efforts[0], strict=True)]
     signals = [
         *R.apply(measurement.specific_force),
         *R.apply(force),
@@ -156,6 +159,14 @@ def _passed(
     coefficients = butterworth(minimum(par.cutoff, divide(NYQUIST_SHARE, dt)), dt)
     taps = tuple(_begun(first, value, old, coefficients) for value, old in zip(signals, memory.taps, strict=True))
     return filtered_all(taps, signals, coefficients)
+
+
+def _remembered(
+    memory: IndiMemory, command: Command, hold: tuple[Any, ...], first: Any
+) -> tuple[tuple[Any, ...], ...]:
+    """Efforts of the last periods with the newest behind; before the first command they held the arm."""
+    past = (tuple(where(first, a, b) for a, b in zip(hold, old, strict=True)) for old in memory.efforts[1:])
+    return (*past, command.efforts)
 
 
 def _begun(first: Any, value: Any, old: Taps, par: Butterworth) -> Taps:
@@ -171,6 +182,7 @@ def make_indi(
     mixer_policy: str = "rotors_clip",
     cutoff: float = 15.0,
     measured_speeds: bool = True,
+    delay_periods: int = 0,
 ) -> Controller:
     """The law for any arm.
 
@@ -178,7 +190,7 @@ def make_indi(
         model: what it believes.
         gains: of the geometric controller that wants accelerations. joint_gains: on acceleration, 1/s^2 and 1/s.
         mixer_policy: see :class:`skyarm.actuation.Mixer`.
-        cutoff, measured_speeds: see :class:`IndiParameters`.
+        cutoff, measured_speeds, delay_periods: see :class:`IndiParameters`.
     """
     par = make_parameters(
         IndiParameters,
@@ -188,6 +200,7 @@ def make_indi(
         mixer_policy=mixer_policy,
         cutoff=cutoff,
         measured_speeds=measured_speeds,
+        delay_periods=delay_periods,
     )
     n, still = model.vehicle.n, Vec3(0.0, 0.0, 0.0)
     memory = IndiMemory(
@@ -195,7 +208,7 @@ def make_indi(
         taps=(Taps(),) * (12 + 2 * n),
         rate=still,
         joint_rates=(0.0,) * n,
-        efforts=(0.0,) * n,
+        efforts=((0.0,) * n,) * (delay_periods + 1),
         speeds=() if measured_speeds else (0.0,) * len(model.vehicle.rotors),
     )
     return Controller(name="indi", law=indi, par=par, memory=memory)

@@ -162,30 +162,33 @@ def _estimates(error: Predicted, dt: Any, par: L1Parameters) -> Predicted:
 
 
 def _filtered(memory: L1Memory, R: Mat3, force: Force, efforts: Any, dt: Any, par: L1Parameters) -> L1Memory:
-    """The memory with the low-pass filters moved on."""
+    """The memory with the low-pass filters moved on, each held within its limit.
 
-    def bounded(v: Vec3, limit: Any) -> Vec3:
-        return Vec3(*(clip(c, -limit, limit) for c in v))
-
-    def passed(old: Vec3, new: Vec3, bandwidth: Any) -> Vec3:
-        return Vec3(*(smoothed(a, b, bandwidth, dt) for a, b in zip(old, new, strict=True)))
-
-    found = bounded(force.force, par.force_limit)
-    torque = passed(memory.torque, bounded(force.torque, par.torque_limit), par.torque_filter)
+    The limit comes after the filter: noise cut on one side only would leave a bias.
+    """
     links = par.model.vehicle.links
-    cut = [clip(e, -k.joint.effort_limit, k.joint.effort_limit) for e, k in zip(efforts, links, strict=True)]
-    once = tuple(smoothed(a, b, par.joint_filter, dt) for a, b in zip(memory.efforts, cut, strict=True))
+
+    def passed(old: Vec3, new: Vec3, bandwidth: Any, limit: Any) -> Vec3:
+        moved = (smoothed(a, b, bandwidth, dt) for a, b in zip(old, new, strict=True))
+        return Vec3(*(clip(c, -limit, limit) for c in moved))
+
+    def passed_on(old: Any, new: Any, bandwidth: Any) -> tuple[Any, ...]:
+        moved = (smoothed(a, b, bandwidth, dt) for a, b in zip(old, new, strict=True))
+        limits = [link.joint.effort_limit for link in links]
+        return tuple(clip(c, -limit, limit) for c, limit in zip(moved, limits, strict=True))
+
+    torque = passed(memory.torque, force.torque, par.torque_filter, par.torque_limit)
+    once = passed_on(memory.efforts, efforts, par.joint_filter)
+    thrust = smoothed(memory.thrust, force.force.z, par.thrust_filter, dt)
     return L1Memory(
         started=1.0,
         predicted=memory.predicted,
-        force=passed(memory.force, R.apply(found), par.lateral_filter),
-        thrust=smoothed(memory.thrust, found.z, par.thrust_filter, dt),
+        force=passed(memory.force, R.apply(force.force), par.lateral_filter, par.force_limit),
+        thrust=clip(thrust, -par.force_limit, par.force_limit),
         torque=torque,
-        torque_twice=passed(memory.torque_twice, torque, par.second_filter),
+        torque_twice=passed(memory.torque_twice, torque, par.second_filter, par.torque_limit),
         efforts=once,
-        efforts_twice=tuple(
-            smoothed(a, b, par.second_filter, dt) for a, b in zip(memory.efforts_twice, once, strict=True)
-        ),
+        efforts_twice=passed_on(memory.efforts_twice, once, par.second_filter),
     )
 
 
