@@ -14,7 +14,7 @@ from skyarm.algebra import E_Z, Mat3, Vec3
 from skyarm.control.exact.attitude import reachable
 from skyarm.control.exact.kinematics import derivative
 from skyarm.control.exact.parameters import ExactParameters
-from skyarm.scalars import divide, minimum, mul, sqrt
+from skyarm.scalars import divide, mul, sqrt
 from skyarm.scalars.taylor import Taylor
 
 
@@ -27,10 +27,11 @@ class Thrust:
     acceleration: Vec3
 
 
-def quasi_static(par: ExactParameters, mass: Any, acceleration: Vec3, disturbance: Vec3) -> Vec3:
-    """Force that the reference alone asks for, N: m (p_d'' + g) - d."""
-    wanted = (acceleration + E_Z * par.model.gravity) * mass - disturbance
-    return reachable(Vec3(*(Taylor([c]) for c in wanted)), par.tilt, par.thrust_floor)
+def quasi_static(par: ExactParameters, mass: Any, base: list[Vec3], disturbance: Vec3) -> Vec3:
+    """Force that the base's reference alone asks for, with two derivatives, N: m (p_d'' + g) - d."""
+    wanted = [(base[2] + E_Z * par.model.gravity) * mass - disturbance, base[3] * mass, base[4] * mass]
+    series = (Taylor.of_derivatives(each) for each in zip(*wanted, strict=True))
+    return reachable(Vec3(*series), par.tilt, par.thrust_floor)
 
 
 def goal(base: list[Vec3], com: Vec3, R_q: Mat3) -> list[Vec3]:
@@ -83,8 +84,3 @@ def _bounded(pull: list[Vec3], limit: Any) -> Vec3:
     share = 1.0 / sqrt(square * divide(1.0, limit * limit) + 1.0)
     return Vec3(*((each * share).derivative(len(pull) - 1) for each in series))
 
-
-def within(v: Vec3, limit: Any) -> Vec3:
-    """The vector, shortened to ``limit`` if it is longer."""
-    square = v.dot(v)
-    return v * minimum(divide(limit, sqrt(square + 1e-18)), 1.0)

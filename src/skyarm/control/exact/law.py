@@ -27,7 +27,7 @@ from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.measurement import Measurement
 from skyarm.reference import Reference
-from skyarm.scalars import add, mul, sub
+from skyarm.scalars import add, exp, mul, sub
 
 
 def exact(
@@ -43,21 +43,22 @@ def exact(
     )
     unknown = disturbance(observed)
     state = _present(par, model, measurement, memory, observed, unknown, dt)
-    wish, moved = wishes(par, model, memory, state, signals, unknown, dt)
-    command, free = actuate(par, model, state, wish, unknown, dt)
+    share = 1.0 - exp(-(par.tip.shift_rate * dt))
+    slow = memory.slow_force + (unknown.force - memory.slow_force) * share
+    wish = wishes(par, model, state, signals, unknown, slow)
+    done = actuate(par, model, state, wish, unknown, memory.trim, dt)
     following = ExactMemory(
         started=memory.started * 0.0 + 1.0,
         age=age,
         channels=channels,
         observed=observed,
-        sent=(*memory.sent[1:], command),
-        free=free,
-        shift=moved.offset,
-        shift_rate=moved.rate,
-        pull=moved.pull,
+        sent=(*memory.sent[1:], done.command),
+        free=done.free,
+        slow_force=slow,
+        trim=done.trim,
         tip_mass=adapted_mass(par, memory.tip_mass, model, state, wish, unknown, dt),
     )
-    return following, command
+    return following, done.command
 
 
 def _present(
@@ -69,18 +70,18 @@ def _present(
     unknown: Disturbance,
     dt: Any,
 ) -> State:
-    """The state now: measured pose, filtered velocities, carried across the delay by the commands sent since."""
+    """The state now: filtered, carried across the delay by the commands sent since."""
     share = par.measured_rates
 
     def mixed(filtered: Any, measured: Any) -> Any:
         return add(filtered, mul(share, sub(measured, filtered)))
 
     state = State(
-        position=measurement.position,
+        position=observed.position,
         quaternion=observed.quaternion,
         velocity=observed.velocity + (measurement.velocity - observed.velocity) * share,
         rate=observed.rate + (measurement.rate - observed.rate) * share,
-        joints=measurement.joints,
+        joints=observed.joints,
         joint_rates=tuple(
             mixed(a, b) for a, b in zip(observed.joint_rates, measurement.joint_rates, strict=True)
         ),

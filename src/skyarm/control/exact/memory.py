@@ -47,12 +47,13 @@ class Observed:
     """Memory of the disturbance observer, at the time of the last measurement.
 
     Attributes:
-        quaternion, joints: as measured.
+        position, quaternion, joints: filtered.
         velocity, rate, joint_rates: estimates.
         force: N, world axes, at the base origin. torque: N m, base axes. efforts: of the joints.
         rotor_speeds: of the modelled motors, rad/s.
     """
 
+    position: Vec3
     quaternion: Quaternion
     joints: tuple[Scalar, ...]
     velocity: Vec3
@@ -74,7 +75,8 @@ class ExactMemory:
         observed: of the observer.
         sent: the last commands, oldest first, one more than the delay has periods.
         free: 1 while no actuator was at its limit.
-        shift, shift_rate: of the base in the EE-exact mode, m and m/s; pull: its integral part.
+        slow_force: the observer's force, slowly filtered, N.
+        trim: added to the squared speeds that the mixer asks for, (rad/s)^2.
         tip_mass: kg, estimate.
     """
 
@@ -84,7 +86,6 @@ class ExactMemory:
     observed: Observed
     sent: tuple[Command, ...]
     free: tuple[Scalar, ...]
-    shift: Vec3
-    shift_rate: Vec3
-    pull: Vec3
+    slow_force: Vec3
+    trim: tuple[Scalar, ...]
     tip_mass: Scalar

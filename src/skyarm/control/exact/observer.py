@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from skyarm import dynamics
@@ -26,6 +27,7 @@ def first_observed(joints: int, rotor_speeds: Sequence[Any]) -> Observed:
     """Memory before the first measurement."""
     zero, still = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
     return Observed(
+        position=zero,
         quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
         joints=still,
         velocity=zero,
@@ -64,12 +66,12 @@ def observe(
         free: 1 or 0 for the base and each joint; 0 holds that disturbance because an actuator is at its limit.
         dt: s.
     """
-    q = aligned(measurement.quaternion, memory.quaternion)
+    place = filtered(gains.pose, memory, measurement, started, dt)
     half = lagged(model, memory.rotor_speeds, acted, 0.5 * dt)
     speeds = lagged(model, memory.rotor_speeds, acted, dt)
     squares = [(a * a + 4.0 * (m * m) + b * b) * (1.0 / 6.0) for a, m, b in zip(memory.rotor_speeds, half, speeds, strict=True)]
-    R = memory.quaternion.plus(q, 1.0).normalized().rotation()
-    joints = tuple(0.5 * (a + b) for a, b in zip(memory.joints, measurement.joints, strict=True))
+    R = memory.quaternion.plus(place.quaternion, 1.0).normalized().rotation()
+    joints = tuple(0.5 * (a + b) for a, b in zip(memory.joints, place.joints, strict=True))
     unknown = disturbance(memory)
     linear, angular, qdd = acceleration(
         model, R, memory.rate, joints, memory.joint_rates, rotor_wrench(model, squares), acted.efforts, unknown
@@ -86,8 +88,9 @@ def observe(
     )
     running = started > 0.5
     learned = Observed(
-        quaternion=q,
-        joints=measurement.joints,
+        position=place.position,
+        quaternion=place.quaternion,
+        joints=place.joints,
         velocity=v + ev * fast[0],
         rate=w + ew * fast[1],
         joint_rates=tuple(r + mul(e, fast[2]) for r, e in zip(rates, er, strict=True)),
@@ -105,6 +108,30 @@ def observe(
         torque=choose(running, learned.torque, memory.torque),
         efforts=choose_each(running, learned.efforts, memory.efforts),
         rotor_speeds=choose_each(running, learned.rotor_speeds, memory.rotor_speeds),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Position (m), attitude and joints."""
+
+    position: Vec3
+    quaternion: Quaternion
+    joints: tuple[Any, ...]
+
+
+def filtered(bandwidth: Any, memory: Observed, measurement: Measurement, started: Any, dt: Any) -> Place:
+    """Place carried by the estimated velocities and pulled towards the measured one; the measured one at first."""
+    share = where(started > 0.5, 1.0 - exp(-(bandwidth * dt)), 1.0)
+    position = memory.position + memory.velocity * dt
+    quaternion = memory.quaternion * Quaternion.of_small_rotation(memory.rate * dt)
+    joints = [q + qd * dt for q, qd in zip(memory.joints, memory.joint_rates, strict=True)]
+    measured = aligned(measurement.quaternion, quaternion)
+    off = Quaternion(*(m - c for m, c in zip(measured, quaternion, strict=True)))
+    return Place(
+        position + (measurement.position - position) * share,
+        quaternion.plus(off, share).normalized(),
+        tuple(q + share * (m - q) for q, m in zip(joints, measurement.joints, strict=True)),
     )
 
 

@@ -31,11 +31,12 @@ class BaseGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ObserverGains:
-    """Bandwidths of the disturbance observer, rad/s: of the base's force, its torque and the joints' torques."""
+    """Bandwidths, rad/s: of the disturbance on the base's force, its torque, the joints; of the filter of the pose."""
 
     force: Scalar
     torque: Scalar
     joints: Scalar
+    pose: Scalar
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -44,19 +45,19 @@ class TipGains:
 
     Attributes:
         position: 1/s^2. velocity: 1/s. Of the tip's error.
+        reach: m; base errors beyond this length are followed by the tip, not made good by the arm.
         damping: m; singular values of the tip's Jacobian below this leave their direction to the link orientations.
         posture: m; weight of the joints' own references, for motions that neither tip nor orientations fix.
-        shift_rate: rad/s of the base shift. shift_limit: m, its largest length.
-        integral: 1/s, of the tip error into the base shift.
+        shift_rate: rad/s, of the filtered disturbance that the base's shift follows. shift_limit: m, its largest length.
     """
 
     position: Scalar
     velocity: Scalar
+    reach: Scalar
     damping: Scalar
     posture: Scalar
     shift_rate: Scalar
     shift_limit: Scalar
-    integral: Scalar
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -70,6 +71,7 @@ class ExactParameters:
         delay_periods: age of the measurement in control periods.
         reference_period: s between published samples.
         lag_inversion: 0 commands the wanted rotor speed, 1 inverts the motor lag within one period.
+        trim_rate: 1/s, of the correction of the rotors' mean squared speeds.
         measured_rates: 0 takes velocities from the observer, 1 from the sensors.
         tilt: largest tangent of the commanded tilt. thrust_floor: smallest commanded vertical force, N.
         adaptation: 1/s; rate of the tip mass. tip_mass_limit: kg. adapts: False leaves the adaptation out.
@@ -85,6 +87,7 @@ class ExactParameters:
     delay_periods: int
     reference_period: Scalar
     lag_inversion: Scalar
+    trim_rate: Scalar
     measured_rates: Scalar
     tilt: Scalar
     thrust_floor: Scalar

@@ -9,17 +9,17 @@ Source: Wampler 1986, Nakamura, Hanafusa 1986 (damped least squares); Umetani, Y
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3, ldl_solve
-from skyarm.control.exact.center_of_mass import within
+from skyarm.control.exact.attitude import Attitude
 from skyarm.control.exact.kinematics import Posture, derivative
-from skyarm.control.exact.memory import ExactMemory, vector_data
 from skyarm.control.exact.parameters import TipGains
 from skyarm.dynamics.kinematics import Pose, jacobian_columns, link_poses
-from skyarm.scalars import add, cos, divide, mul, sin
+from skyarm.scalars import add, cos, divide, mul, sin, sqrt
 from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.records import BASE, Vehicle
 
@@ -72,6 +72,20 @@ def goal(vehicle: Vehicle, base: list[Vec3], yaw: Taylor, joints: Sequence[Taylo
         tuple(derivative(rate, 0) for rate in rates),
         tuple(derivative(rate, 1) for rate in rates),
     )
+
+
+def following(goal: Goal, error: Sequence[Vec3], reach: Any) -> Goal:
+    """The goal moved along with base errors (value to second derivative) that are longer than the arm shall make good.
+
+    The tip takes over e |e|^4 / (|e|^4 + reach^4): nothing of small errors, all of large ones.
+    """
+    series = [Taylor.of_derivatives(each) for each in zip(*error, strict=True)]
+    square = series[0] * series[0] + series[1] * series[1] + series[2] * series[2]
+    fourth = square * square * divide(1.0, reach * reach * reach * reach)
+    share = fourth / (fourth + 1.0)
+    moved = [each * share for each in series]
+    tip = tuple(p + Vec3(*(each.derivative(k) for each in moved)) for k, p in enumerate(goal.tip))
+    return dataclasses.replace(goal, tip=tip)
 
 
 def axes(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
@@ -215,27 +229,25 @@ def joint_accelerations(
     return problem.solved()
 
 
-@dataclass(frozen=True, slots=True)
-class Shift:
-    """Offset of the base from its reference, world axes: m, m/s, m/s^2, and its integral part to remember."""
-
-    offset: Vec3
-    rate: Vec3
-    acceleration: Vec3
-    pull: Vec3
-
-
-def shift(gains: TipGains, memory: ExactMemory, needed: Vec3, tip_error: Vec3, dt: Any) -> Shift:
-    """Slow, bounded shift towards what the arm cannot reach.
+def shift(level: Posture, yaw: Taylor, turned_arm: Posture, still: Attitude, limit: Any) -> list[Vec3]:
+    """Offset of the base that puts the tip of a tilted vehicle on its level-base reference, with two derivatives.
 
     Args:
-        needed: offset that quasi-static geometry asks for, m.
-        tip_error: of the tip, reference less position, m.
-
-    A critically damped second-order filter of ``needed`` plus the integral of the tip's error.
+        level: posture of the references, base axes. yaw: heading.
+        turned_arm: posture whose links are turned as those of a level base.
+        still: quasi-static attitude with its rate and acceleration; slow, as its disturbance is.
+        limit: m; the offset stays within it, hardly changed up to half of it.
     """
-    pull = within(memory.pull + tip_error * (gains.integral * dt), gains.shift_limit)
-    target = within(needed + pull, gains.shift_limit)
-    rate = gains.shift_rate
-    acceleration = (target - memory.shift) * (rate * rate) - memory.shift_rate * (2.0 * rate)
-    return Shift(memory.shift, memory.shift_rate, acceleration, vector_data(pull))
+    R, w, alpha = still.R, still.rate, still.acceleration
+    r, rd, rdd = (derivative(turned_arm.tip, k) for k in range(3))
+    arm = turned(yaw.truncated(2), level.tip)
+    needed = [
+        derivative(arm, 0) - R.apply(r),
+        derivative(arm, 1) - R.apply(w.cross(r) + rd),
+        derivative(arm, 2) - R.apply(alpha.cross(r) + w.cross(w.cross(r)) + w.cross(rd) * 2.0 + rdd),
+    ]
+    series = [Taylor.of_derivatives(each) for each in zip(*needed, strict=True)]
+    square = (series[0] * series[0] + series[1] * series[1] + series[2] * series[2]) * divide(1.0, limit * limit)
+    eighth = square * square * square * square
+    share = 1.0 / sqrt(sqrt(sqrt(eighth + 1.0)))
+    return [Vec3(*((each * share).derivative(k) for each in series)) for k in range(3)]

@@ -10,7 +10,6 @@ from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.control.exact import center_of_mass, tip
 from skyarm.control.exact.attitude import Attitude, angular_acceleration, attitude
 from skyarm.control.exact.kinematics import Posture, derivative, moving, posture
-from skyarm.control.exact.memory import ExactMemory, vector_data
 from skyarm.control.exact.motion import Disturbance
 from skyarm.control.exact.parameters import ExactParameters
 from skyarm.control.model import Model
@@ -29,49 +28,38 @@ class Wish:
     joints: tuple[Any, ...]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Moved:
-    """The base shift to remember."""
-
-    offset: Vec3
-    rate: Vec3
-    pull: Vec3
-
 
 def wishes(
     par: ExactParameters,
     model: Model,
-    memory: ExactMemory,
     state: State,
     signals: Sequence[Taylor],
     unknown: Disturbance,
-    dt: Any,
-) -> tuple[Wish, Moved]:
+    slow_force: Vec3,
+) -> Wish:
     """The wish at this state.
 
     Args:
         model: belief, with the adapted tip mass.
         state: now. signals: x, y, z, yaw and the joints, series in time.
-        unknown: disturbance. dt: control period, s.
+        unknown: disturbance. slow_force: its force, slowly filtered, which the EE-exact mode's posture follows.
     """
     vehicle, mass = model.vehicle, model.vehicle.mass
     base = [Vec3(*(signal.derivative(k) for signal in signals[:3])) for k in range(5)]
     yaw, joints = signals[3], tuple(signals[4:])
     level = posture(vehicle, joints, 4)
-    still = attitude(center_of_mass.quasi_static(par, mass, base[2], unknown.force), yaw.truncated(0))
+    steady = slow_force if par.mode == "ee" else unknown.force
+    still = attitude(center_of_mass.quasi_static(par, mass, base, steady), yaw.truncated(2))
     now = posture(vehicle, moving(state.joints, state.joint_rates, (0,) * vehicle.n), 2)
     R, w = state.quaternion.rotation(), state.rate
     preferred = joint_accelerations(par, state, joints)
     if par.mode == "ee":
         goal = tip.goal(vehicle, base, yaw, joints, level)
         reach = derivative(now.tip, 0)
-        error = goal.tip[0] - state.position - R.apply(reach)
         turned = _level_links(par, model, goal, still, joints, level)
-        moved = tip.shift(par.tip, memory, goal.tip_B - still.R.apply(derivative(turned.tip, 0)), error, dt)
-        base = [base[0] + moved.offset, base[1] + moved.rate, base[2] + moved.acceleration, *base[3:]]
-        level, kept = turned, _stepped(moved, dt)
-    else:
-        kept = Moved(offset=memory.shift, rate=memory.shift_rate, pull=memory.pull)
+        offset = tip.shift(level, yaw, turned, still, par.tip.shift_limit)
+        base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[3:]]
+        level = turned
     push = center_of_mass.thrust(
         par,
         mass,
@@ -95,8 +83,9 @@ def wishes(
             tip_velocity=state.velocity + _velocity(R, w, now.tip),
             com_acceleration=push.acceleration,
         )
+        goal = tip.following(goal, [state.position - base[0], state.velocity - base[1], push.acceleration - base[2]], par.tip.reach)
         preferred = tip.joint_accelerations(vehicle, par.tip, goal, present, preferred)
-    return Wish(thrust=push.along, alpha=alpha, joints=preferred), kept
+    return Wish(thrust=push.along, alpha=alpha, joints=preferred)
 
 
 def joint_accelerations(par: ExactParameters, state: State, joints: Sequence[Taylor]) -> tuple[Any, ...]:
@@ -124,8 +113,3 @@ def _level_links(
     change = tip.level_joints(vehicle, par.tip, goal, still.R, poses)
     return posture(vehicle, [q + c for q, c in zip(joints, change, strict=True)], 4)
 
-
-def _stepped(moved: tip.Shift, dt: Any) -> Moved:
-    """The shift one period later."""
-    rate = moved.rate + moved.acceleration * dt
-    return Moved(offset=vector_data(moved.offset + rate * dt), rate=vector_data(rate), pull=moved.pull)
