@@ -96,9 +96,14 @@ LAWS: Mapping[str, Entry] = {
         (("lateral", False),),
     ),
     "l1_adaptive_lateral": Entry(
-        "the same, the force across body z compensated through the attitude", "rivals.l1", "make_l1", (("lateral", True),)
+        "the same, the force across body z compensated through the attitude",
+        "rivals.l1",
+        "make_l1",
+        (("lateral", True),),
     ),
-    "indi": Entry("incremental nonlinear dynamic inversion of base and joints with its filters", "rivals.indi", "make_indi"),
+    "indi": Entry(
+        "incremental nonlinear dynamic inversion of base and joints with its filters", "rivals.indi", "make_indi"
+    ),
 }
 
 

@@ -88,7 +88,9 @@ def tuned(name: str, model: Model, **options: Any) -> Controller:
     """A law with its tuned gains.
 
     Args:
-        name: a law of the file. model: what it believes. options: of the law's maker.
+        name: a law of the file.
+        model: what it believes.
+        **options: of the law's maker.
 
     Raises:
         ControllerError: a law that has not been tuned.

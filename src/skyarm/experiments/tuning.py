@@ -3,16 +3,16 @@
     python -m skyarm.experiments.tuning [LAW ...]    writes skyarm/control/tuned.toml, laws that are not named stay
 
 Candidates are factors on the gains a law's maker takes by itself, one per path of :data:`skyarm.control.tuned.KNOBS`:
-256 points of a Sobol sequence, log-uniform in [1/6, 6]; then twice 64 points in a box around the best one, narrower by
-the third and the ninth root. The first candidate is the untouched law.
+256 points of a Sobol sequence, log-uniform in [1/6, 6]; then six rounds of 64 points in a box around the best one so
+far, each box 0.6 times as wide, in logarithms, as the one before. The first candidate is the untouched law.
 
-Cost of a candidate: the mean over its flights of ln(e + 0.1 mm), with e = mean base error + 0.3 m (the arm's length) times
-mean joint error over the window, against the continuous reference (the tool follows from both and from the tilt, which
-the wind and not the law decides); the flights are Cases 1 to 3, Case 3 in wind and Case 2 in the gust, each with perfect
-sensors and with noise and one period of delay (two seeds). A noisy flight adds (jitter - 15 rad/s) / 15 rad/s where rotor
-commands change by more from period to period. A flight that ends early counts as e = 10 m. A candidate that does not
-survive Case 3 with two further periods of delay (finite, within 0.5 m) is charged 1 more. The logarithm makes each flight
-count by its ratio of improvement, whatever its size.
+Cost of a candidate: the mean over its flights of ln(e + 0.1 mm), with e = mean base error + 0.3 m (the arm's length)
+times mean joint error over the window, against the continuous reference (the tool follows from both and from the tilt,
+which the wind and not the law decides); the flights are Cases 1 to 3, Case 3 in wind and Case 2 in the gust, each with
+perfect sensors and with noise and one period of delay (two seeds). A noisy flight adds (jitter - 15 rad/s) / 15 rad/s
+where rotor commands change by more from period to period. A flight that ends early counts as e = 10 m. A candidate that
+does not survive Case 3 with two further periods of delay (finite, within 0.5 m) is charged 1 more. The logarithm makes
+each flight count by its ratio of improvement, whatever its size.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ from skyarm.sweep.sobol import BITS, sobol
 Array = npt.NDArray[np.float64]
 
 REACH = 6.0
+SHRINK = 0.6
 SEEDS = (1, 2)
 QUIET = 15.0
 """rad/s: change of rotor commands per period that costs nothing."""
@@ -53,7 +54,7 @@ class Budget:
 
     first: int = 256
     later: int = 64
-    rounds: int = 2
+    rounds: int = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +78,9 @@ def tune(law: str, budget: Budget | None = None, *, threads: int = 1) -> Tuned:
     """Tune a law's gains on the paper's vehicle.
 
     Args:
-        law: a key of ``KNOBS``. budget: how many candidates. threads: results do not depend on it.
+        law: a key of ``KNOBS``.
+        budget: how many candidates.
+        threads: results do not depend on it.
     """
     budget = budget or Budget()
     paths = KNOBS[law]
@@ -88,7 +91,7 @@ def tune(law: str, budget: Budget | None = None, *, threads: int = 1) -> Tuned:
     costs = judge.costs(logs)
     before, best, center, flown = float(costs[0]), float(costs.min()), logs[int(costs.argmin())], budget.first
     for k in range(1, budget.rounds + 1):
-        near = center + (2.0 * points(budget.later, len(paths), 1 + flown) - 1.0) * box / 3.0**k
+        near = center + (2.0 * points(budget.later, len(paths), 1 + flown) - 1.0) * box * SHRINK**k
         near = np.clip(near, -box, box)
         costs = judge.costs(near)
         flown += budget.later
@@ -167,7 +170,7 @@ def main(laws: Sequence[str], path: Path | None = None, budget: Budget | None = 
         found = tune(law, budget)
         kept = existing(target.read_text(encoding="utf-8")) if target.exists() else {}
         write_atomically(target, document({law: found}, kept).encode())
-        print(f"{law}: cost {found.before:.3f} -> {found.after:.3f}", flush=True)  # noqa: T201
+        print(f"{law}: cost {found.before:.3f} -> {found.after:.3f}", flush=True)
 
 
 if __name__ == "__main__":

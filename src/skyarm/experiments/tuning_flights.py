@@ -84,10 +84,11 @@ class Goal:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Tally:
-    """Sums over the window, and the last commands, which start at the first ones.
+    """Sums over the window, and the last commands.
 
     Attributes:
-        count: instants. base, joint, tool: error norms. base_x: largest |x error|. jitter: changes of rotor commands.
+        count: instants. base, joint, tool: error norms. base_x: largest |x error|.
+        jitter: changes of rotor commands.
         speeds: commands of the instant before.
     """
 
@@ -102,7 +103,7 @@ class Tally:
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """Of each candidate: means of the errors (m, rad, m), largest base error along x (m), jitter (rad/s), completion."""
+    """Of each candidate: mean errors (m, rad, m), largest base error along x (m), jitter (rad/s), completion."""
 
     base: Array
     joint: Array
@@ -141,7 +142,9 @@ class Course:
         plant = RigidBodyPlant(self.scenario.world, inputs.wind_example, base.integrator, 1.0 / base.rates.physics)
         row = Row(time=0.0, reference=structure_of(inputs.reference.dense()))
         goal = Goal(position=Vec3(0.0, 0.0, 0.0), joints=(0.0,) * vehicle.n, tool=Vec3(0.0, 0.0, 0.0), counted=0.0)
-        tally = Tally(count=0.0, base=0.0, joint=0.0, tool=0.0, base_x=0.0, jitter=0.0, speeds=(-1.0,) * len(vehicle.rotors))
+        tally = Tally(
+            count=0.0, base=0.0, joint=0.0, tool=0.0, base_x=0.0, jitter=0.0, speeds=(-1.0,) * len(vehicle.rotors)
+        )
         self._first = (first_carry(self.scenario), tally)
         values = (0.0,) * (4 + len(self.paths))
         draws = draws_needed(self.scenario)
@@ -160,7 +163,8 @@ class Course:
         """The scenario of a lane: wind along x, air, gust, noise, factors."""
         force, air, gust, noise, *factors = lane
         held = self.scenario.wind
-        assert isinstance(held, RotorsForce) and held.gust is not None  # noqa: PT018, S101  # as made above
+        assert isinstance(held, RotorsForce)
+        assert held.gust is not None
         wind = dataclasses.replace(
             held,
             force_W=Vec3(force, 0, 0),
@@ -217,13 +221,24 @@ class Course:
         return self._tables[key]
 
     def fly(
-        self, flight: Flight, factors: Mapping[str, Array], *, noise: float, seed: int = 0, lanes: int = 1, threads: int = 1
+        self,
+        flight: Flight,
+        factors: Mapping[str, Array],
+        *,
+        noise: float,
+        seed: int = 0,
+        lanes: int = 1,
+        threads: int = 1,
     ) -> Score:
         """Fly one candidate per lane; every lane draws the same noise.
 
         Args:
-            flight: which. factors: path -> (lanes,). noise: factor on the deviations. seed: of the noise.
-            lanes: number of candidates where there are no paths. threads: results do not depend on it.
+            flight: which.
+            factors: path -> (lanes,).
+            noise: factor on the deviations.
+            seed: of the noise.
+            lanes: number of candidates where there are no paths.
+            threads: results do not depend on it.
         """
         columns = [np.asarray(factors[path], dtype=float) for path in self.paths]
         count = columns[0].size if columns else lanes

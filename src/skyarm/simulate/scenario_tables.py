@@ -16,6 +16,7 @@ from skyarm.control.model import GeometricGains, JointGains, Model, Terms
 from skyarm.control.paper import PAPER_LAWS
 from skyarm.control.presets import preset
 from skyarm.control.registry import make_controller
+from skyarm.control.tuned import tuned
 from skyarm.dynamics import State
 from skyarm.environment import payload_from
 from skyarm.files import Fields, number, shown
@@ -111,11 +112,18 @@ def controller(fields: Fields, model: Model, replaced: str | None) -> Controller
 
 
 def _law(fields: Fields, model: Model) -> Controller:
-    name = text(fields, "law")
-    if name in PAPER_LAWS:
+    name, best = text(fields, "law"), fields.take("tuned", False)
+    if not isinstance(best, bool):
+        raise ValueError(f"controller.tuned = {shown(best)}: must be true or false")
+    if name in PAPER_LAWS and not best:
         return _paper_law(name, fields, model)
-    options = {option: fields.take(option) for option in fields.table if option != "law"}
-    return make_controller(name, model, **options)
+    options = {option: fields.take(option) for option in fields.table if option not in ("law", "tuned")}
+    if "mixer" in options:
+        options["mixer_policy"] = options.pop("mixer")
+    for option, read in (("gains", _gains), ("joint_gains", _joint_gains)):
+        if option in options:
+            options[option] = read(Fields(options[option], f"controller.{option}"))
+    return tuned(name, model, **options) if best else make_controller(name, model, **options)
 
 
 def _paper_law(name: str, fields: Fields, model: Model) -> Controller:

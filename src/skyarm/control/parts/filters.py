@@ -61,4 +61,3 @@ def filtered_all(taps: Sequence[Taps], values: Sequence[Any], par: Butterworth) 
     """:func:`filtered` for each of several signals."""
     pairs = [filtered(each, value, par) for each, value in zip(taps, values, strict=True)]
     return tuple(following for following, _ in pairs), [out for _, out in pairs]
-

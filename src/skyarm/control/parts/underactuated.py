@@ -28,8 +28,9 @@ def forces_under_thrust(
 
     Args:
         vehicle: the model.
-        joints, joint_rates: rad or m, and per second.
+        joints: rad or m.
         rate: of the base, base axes, rad/s.
+        joint_rates: rad/s or m/s.
         applied: force at the base origin that is really there, base axes, N: thrust, wind.
         angular: wanted angular acceleration, base axes, rad/s^2.
         joint_accelerations: wanted.

@@ -4,9 +4,9 @@
     [T, tau] = [T_f, tau_f] + M(q) increments of [alpha_c - alpha_f, qdd_c - qdd_f] under the thrust increment
 
 a_f is the low-pass of the accelerometer (world axes, less gravity), alpha_f and qdd_f are differences of the low-passed
-gyroscope and joint rates, F_f and T_f are the low-passed thrust vector and torque of the rotor speeds, tau_f that of the
-commanded joint torques: every signal goes through the same second-order Butterworth filter, so that all are late alike.
-What acts besides the rotors is inside a_f, alpha_f and qdd_f and needs no model; M alone scales the increments.
+gyroscope and joint rates, F_f and T_f are the low-passed thrust vector and torque of the rotor speeds, tau_f that of
+the commanded joint torques: every signal goes through the same second-order Butterworth filter, so that all are late
+alike. What acts besides the rotors is inside a_f, alpha_f and qdd_f and needs no model; M alone scales the increments.
 
 Rotor speeds are measured, or modelled by the first-order lag from the commands (``measured_speeds = False``). Joint
 torques are taken to act at once. Commands are limited before they are remembered, so that nothing winds up.
@@ -38,6 +38,7 @@ from skyarm.control.rivals.base import (
     turn_towards,
     wanted_specific_force,
 )
+from skyarm.control.rivals.options import flag, positive, whole
 from skyarm.dynamics.measurement import Measurement
 from skyarm.reference import Reference
 from skyarm.scalars import Scalar, divide, minimum, where
@@ -161,9 +162,7 @@ def _passed(
     return filtered_all(taps, signals, coefficients)
 
 
-def _remembered(
-    memory: IndiMemory, command: Command, hold: tuple[Any, ...], first: Any
-) -> tuple[tuple[Any, ...], ...]:
+def _remembered(memory: IndiMemory, command: Command, hold: tuple[Any, ...], first: Any) -> tuple[tuple[Any, ...], ...]:
     """Efforts of the last periods with the newest behind; before the first command they held the arm."""
     past = (tuple(where(first, a, b) for a, b in zip(hold, old, strict=True)) for old in memory.efforts[1:])
     return (*past, command.efforts)
@@ -188,9 +187,12 @@ def make_indi(
 
     Args:
         model: what it believes.
-        gains: of the geometric controller that wants accelerations. joint_gains: on acceleration, 1/s^2 and 1/s.
+        gains: of the geometric controller that wants accelerations.
+        joint_gains: on acceleration, 1/s^2 and 1/s.
         mixer_policy: see :class:`skyarm.actuation.Mixer`.
-        cutoff, measured_speeds, delay_periods: see :class:`IndiParameters`.
+        cutoff: Hz.
+        measured_speeds: False models the rotor speeds.
+        delay_periods: known age of the measurement.
     """
     par = make_parameters(
         IndiParameters,
@@ -198,9 +200,9 @@ def make_indi(
         gains=gains,
         joint_gains=joint_gains,
         mixer_policy=mixer_policy,
-        cutoff=cutoff,
-        measured_speeds=measured_speeds,
-        delay_periods=delay_periods,
+        cutoff=positive("cutoff", cutoff),
+        measured_speeds=flag("measured_speeds", measured_speeds),
+        delay_periods=whole("delay_periods", delay_periods),
     )
     n, still = model.vehicle.n, Vec3(0.0, 0.0, 0.0)
     memory = IndiMemory(

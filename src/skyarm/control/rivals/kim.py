@@ -9,7 +9,8 @@ come from the gains kp, kd of a PD law with the same linear part: K + Lambda = k
 kd^2 >= 4 kp, else Lambda = K = kd / 2. delta stands still while an actuator is at its limit.
 
 Assumed (the text at hand is Barakou et al. 2026's summary): sliding variables per coordinate; tanh in a boundary layer
-for the sign; the adaptation of a lumped disturbance acceleration with projection onto a box; body coordinates for Euler.
+for the sign; the adaptation of a lumped disturbance acceleration with projection onto a box; body coordinates in place
+of Euler angles.
 
 Source: Kim, Choi, Kim, IROS 2013; Slotine, Li 1991, chapter 7.
 """
@@ -27,6 +28,7 @@ from skyarm.control.geometric import attitude_error, desired_attitude, rate_erro
 from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
 from skyarm.control.parts.saturation import joints_follow, rotors_follow
 from skyarm.control.rivals.base import commanded, make_parameters
+from skyarm.control.rivals.options import three
 from skyarm.dynamics.measurement import Measurement
 from skyarm.reference import Reference
 from skyarm.scalars import Scalar, clip, divide, maximum, sqrt, tanh, where
@@ -130,7 +132,8 @@ def _arm(
     """Sliding variables and wanted joint accelerations."""
     found, wanted = [], []
     for i in range(par.model.vehicle.n):
-        error, drift = measurement.joints[i] - reference.joints[i], measurement.joint_rates[i] - reference.joint_rates[i]
+        error = measurement.joints[i] - reference.joints[i]
+        drift = measurement.joint_rates[i] - reference.joint_rates[i]
         s, a = reached(error, drift, par.joint_gains.stiffness[i], par.joint_gains.damping[i], 2, par)
         found.append(s)
         wanted.append(a + reference.joint_accelerations[i] - memory.joints[i])
@@ -152,9 +155,13 @@ def make_kim(
 
     Args:
         model: what it believes.
-        gains: of the PD law with the same linear part, as the paper's. joint_gains: likewise, 1/s^2 and 1/s.
+        gains: of the PD law with the same linear part, as the paper's.
+        joint_gains: likewise, 1/s^2 and 1/s.
         mixer_policy: see :class:`skyarm.actuation.Mixer`.
-        switching, boundary, adaptation, limit: see :class:`SlidingParameters`.
+        switching: see :class:`SlidingParameters`, as the following.
+        boundary: likewise.
+        adaptation: likewise.
+        limit: likewise.
     """
     par = make_parameters(
         SlidingParameters,
@@ -162,10 +169,10 @@ def make_kim(
         gains=gains,
         joint_gains=joint_gains,
         mixer_policy=mixer_policy,
-        switching=switching,
-        boundary=boundary,
-        adaptation=adaptation,
-        limit=limit,
+        switching=three("switching", switching, zero=True),
+        boundary=three("boundary", boundary),
+        adaptation=three("adaptation", adaptation, zero=True),
+        limit=three("limit", limit),
     )
     still = Vec3(0.0, 0.0, 0.0)
     memory = SlidingMemory(position=still, attitude=still, joints=(0.0,) * model.vehicle.n)

@@ -38,6 +38,7 @@ from skyarm.control.rivals.base import (
     turn_towards,
     wanted_specific_force,
 )
+from skyarm.control.rivals.options import positive, three
 from skyarm.dynamics.measurement import Measurement
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.reference import Reference
@@ -217,7 +218,8 @@ def _predicted(
 ) -> Predicted:
     """Zhat one period on, by Euler's step as the authors take it."""
     vehicle = par.model.vehicle
-    speeds = [minimum(speed, rotor.max_speed) for speed, rotor in zip(command.rotor_speeds, vehicle.rotors, strict=True)]
+    rotors = zip(command.rotor_speeds, vehicle.rotors, strict=True)
+    speeds = [minimum(speed, rotor.max_speed) for speed, rotor in rotors]
     applied = Force(*rotor_thrust(vehicle, speeds))
     proper, qdd = dynamics.forward_dynamics(
         vehicle, measurement.joints, measurement.rate, measurement.joint_rates, applied, command.efforts
@@ -256,10 +258,16 @@ def make_l1(
 
     Args:
         model: what it believes.
-        gains: of the geometric baseline, as the paper's. joint_gains: on acceleration, 1/s^2 and 1/s.
+        gains: of the geometric baseline, as the paper's.
+        joint_gains: on acceleration, 1/s^2 and 1/s.
         mixer_policy: see :class:`skyarm.actuation.Mixer`.
-        predictor, thrust_filter, torque_filter, second_filter, joint_filter, lateral_filter, lateral: see
-            :class:`L1Parameters`.
+        predictor: rates of velocity, body rate and joint rates, 1/s.
+        thrust_filter: rad/s, as the following; see :class:`L1Parameters`.
+        torque_filter: rad/s.
+        second_filter: rad/s.
+        joint_filter: rad/s.
+        lateral_filter: rad/s.
+        lateral: compensate the unmatched force through the attitude.
     """
     vehicle = model.vehicle
     weight = vehicle.mass * model.gravity
@@ -270,12 +278,12 @@ def make_l1(
         gains=gains,
         joint_gains=joint_gains,
         mixer_policy=mixer_policy,
-        predictor=predictor,
-        thrust_filter=thrust_filter,
-        torque_filter=torque_filter,
-        second_filter=second_filter,
-        joint_filter=joint_filter,
-        lateral_filter=lateral_filter,
+        predictor=three("predictor", predictor),
+        thrust_filter=positive("thrust_filter", thrust_filter),
+        torque_filter=positive("torque_filter", torque_filter),
+        second_filter=positive("second_filter", second_filter),
+        joint_filter=positive("joint_filter", joint_filter),
+        lateral_filter=positive("lateral_filter", lateral_filter),
         # half of the weight, and that on one side of the rotors: more cannot be compensated and flown at once
         force_limit=0.5 * weight,
         torque_limit=0.25 * weight * reach,

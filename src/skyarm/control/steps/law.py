@@ -14,6 +14,7 @@ Source: Barakou et al. 2026, eq. (82)-(96); the parts cite their own.
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 from skyarm import dynamics
@@ -22,6 +23,7 @@ from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
 from skyarm.control.exact.attitude import attitude
 from skyarm.control.exact.extrapolation import continued, samples
 from skyarm.control.exact.lag import command_for
+from skyarm.control.exact.memory import Observed
 from skyarm.control.exact.motion import Disturbance
 from skyarm.control.exact.observer import disturbance, observe
 from skyarm.control.geometric import angular_acceleration, attitude_error, attitude_loop, downward_acceleration
@@ -57,7 +59,7 @@ def stepped_computed_torque(
     torque, thrust, efforts = _forces(wanted, force, alpha, measurement, R, qdd, unknown, par)
     speeds, squares = mix(par.mixer, torque, thrust)
     if steps.lag_inversion:
-        turning = measurement.rotor_speeds if observed == () else observed.rotor_speeds
+        turning = observed.rotor_speeds if isinstance(observed, Observed) else measurement.rotor_speeds
         speeds = tuple(
             command_for(rotor, now, target, dt, 1)
             for rotor, now, target in zip(par.model.vehicle.rotors, turning, speeds, strict=True)
@@ -107,11 +109,14 @@ def _present(
 
 def _unknown(memory: StepMemory, measurement: Measurement, dt: Any, par: StepParameters) -> tuple[Any, Disturbance]:
     """The observer's memory and what it believes; nothing without it."""
-    if not par.steps.observer or memory.observed == ():
+    if not isinstance(memory.observed, Observed):
         return (), Disturbance(force=ZERO3, torque=ZERO3, efforts=(0,) * par.model.vehicle.n)
-    observed = observe(
-        par.model, par.observer, memory.observed, measurement, memory.sent[0], memory.started, memory.free, dt
+    # the modelled rotors begin where the real ones are, whatever the arm's angles made them turn with
+    speeds = zip(memory.observed.rotor_speeds, measurement.rotor_speeds, strict=True)
+    before = dataclasses.replace(
+        memory.observed, rotor_speeds=tuple(where(memory.started > 0.5, ours, theirs) for ours, theirs in speeds)
     )
+    observed = observe(par.model, par.observer, before, measurement, memory.sent[0], memory.started, memory.free, dt)
     return observed, disturbance(observed)
 
 
@@ -158,7 +163,7 @@ def _turn(
 def _force_series(
     force: Vec3, measurement: Measurement, goal: Reference, R: Mat3, unknown: Disturbance, par: StepParameters
 ) -> Vec3:
-    """The force with two derivatives: those of the reference and of the PD, by the acceleration that the thrust gives."""
+    """The force with two derivatives: of the reference and of the PD, by the acceleration that the thrust gives."""
     mass, b3 = par.model.vehicle.mass, R.column(2)
     per_mass = divide(1.0, mass)
     b3d = R.apply(measurement.rate.cross(E_Z))

@@ -12,9 +12,13 @@ from skyarm.control.exact.observer import first_observed
 from skyarm.control.exact.parameters import ObserverGains
 from skyarm.control.model import GeometricGains, JointGains, Model
 from skyarm.control.rivals.base import make_parameters
+from skyarm.control.rivals.options import positive, three, whole
 from skyarm.control.steps.law import stepped_computed_torque
 from skyarm.control.steps.parameters import StepMemory, StepParameters, Steps, nothing
 from skyarm.scalars import minimum
+
+UNFILTERED = 1e6
+"""rad/s: the observer takes the pose as measured."""
 
 LADDER: Mapping[str, Steps] = {
     "ct_coupled_thrust": Steps(coupled_thrust=True),
@@ -48,13 +52,15 @@ def make_stepped(
     Args:
         model: what it believes.
         name: a key of ``LADDER``.
-        gains: of the base, as the paper's. joint_gains: on acceleration, 1/s^2 and 1/s.
+        gains: of the base, as the paper's.
+        joint_gains: on acceleration, 1/s^2 and 1/s.
         mixer_policy: see :class:`skyarm.actuation.Mixer`.
         observer: bandwidths of force, torque and joint torques, rad/s.
         reference_period: between published samples, s.
         delay_periods: known age of the measurement in control periods.
     """
     steps = LADDER[name]
+    force, torque, joints = three("observer", observer)
     par = make_parameters(
         StepParameters,
         model,
@@ -62,9 +68,9 @@ def make_stepped(
         joint_gains=joint_gains,
         mixer_policy=mixer_policy,
         steps=steps,
-        observer=ObserverGains(**dict(zip(("force", "torque", "joints"), observer, strict=True))),
-        reference_period=reference_period,
-        delay_periods=delay_periods,
+        observer=ObserverGains(force=force, torque=torque, joints=joints, pose=UNFILTERED),
+        reference_period=positive("reference_period", reference_period),
+        delay_periods=whole("delay_periods", delay_periods),
     )
     return Controller(name=name, law=stepped_computed_torque, par=par, memory=_first(model, par))
 
