@@ -175,7 +175,9 @@ def chosen(condition: Any, a: Any, b: Any) -> Taylor:
     order = len((a if isinstance(a, Taylor) else b).c) - 1
     first, second = (x.c if isinstance(x, Taylor) else Taylor.constant(x, order).c for x in (a, b))
     pairs = zip(first, second, strict=False)
-    return Taylor([0 if type(x) is int and type(y) is int and x == y == 0 else _where(condition, x, y) for x, y in pairs])
+    return Taylor(
+        [0 if type(x) is int and type(y) is int and x == y == 0 else _where(condition, x, y) for x, y in pairs]
+    )
 
 
 def _where(condition: Any, a: Any, b: Any) -> Any:

@@ -1,26 +1,27 @@
 """Slow adaptation of a mass at the tip, which enters the model itself.
 
-The observer's joint torques of an unmodelled mass m are -m Y(q, qd, qdd_d), with Y the torques of a unit mass at the tip;
-the mass moves along the normalised gradient, within [0, limit]. The linear force is not used: there a mass cannot be told
-from wind and thrust error, which stay with the observer's force.
+The observer's joint torques of an unmodelled mass m are -m Y(q, qd, qdd_d), with Y the torques of a unit mass at the
+tip; the mass moves along the normalised gradient, within [0, limit]. The linear force is not used: there a mass cannot
+be told from wind and thrust error, which stay with the observer's force.
 Source: Ioannou, Sun 1996, sections 4.3, 4.4 (normalised gradient with projection).
 """
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
-from skyarm import dynamics
-from skyarm.algebra import Mat3, Sym3, Vec3
-from skyarm.algebra import Motion as Acceleration
+from skyarm.algebra import E_Z, Vec3
+from skyarm.control.exact.kinematics import derivative, moving, posture
 from skyarm.control.exact.motion import Disturbance
 from skyarm.control.exact.parameters import ExactParameters
 from skyarm.control.exact.wishes import Wish
 from skyarm.control.model import Model
 from skyarm.dynamics import State
+from skyarm.dynamics.kinematics import jacobian_columns
 from skyarm.scalars import add, clip, divide, mul, sub
-from skyarm.vehicle.records import BASE, Body, Vehicle
+from skyarm.vehicle.records import Vehicle
 
 SMALL = 1e-3
 """(N m / kg)^2: a signal weaker than this teaches little."""
@@ -33,31 +34,29 @@ def believed(par: ExactParameters, tip_mass: Any) -> Model:
     return dataclasses.replace(par.model, vehicle=par.model.vehicle.with_payload(tip_mass))
 
 
-def unit_mass(vehicle: Vehicle) -> Vehicle:
-    """The same arm without mass but for 1 kg at the tip."""
-    empty = Body(mass=0, com=Vec3(0, 0, 0), inertia=Sym3(0, 0, 0), planar=True)
-    frame = vehicle.frame()
-    load = Body(mass=1.0, com=frame.position, inertia=Sym3(0, 0, 0), planar=True)
-    links = tuple(
-        dataclasses.replace(link, body=load if i == frame.link else empty) for i, link in enumerate(vehicle.links)
-    )
-    return dataclasses.replace(vehicle, base=load if frame.link == BASE else empty, links=links)
+def unit_efforts(vehicle: Vehicle, state: State, alpha: Vec3, linear: Vec3, accelerations: Sequence[Any]) -> list[Any]:
+    """Joint torques that a mass of 1 kg at the tip asks for.
+
+    The base accelerates by ``alpha`` and, proper, by ``linear`` in base axes, the joints by ``accelerations``.
+    """
+    w = state.rate
+    tip = posture(vehicle, moving(state.joints, state.joint_rates, accelerations), 2).tip
+    r, rd, rdd = (derivative(tip, k) for k in range(3))
+    total = linear + alpha.cross(r) + w.cross(w.cross(r)) + w.cross(rd) * 2.0 + rdd
+    return [column.linear.dot(total) for column in jacobian_columns(vehicle, vehicle.frame(), state.joints)]
 
 
 def adapted_mass(
     par: ExactParameters, tip_mass: Any, model: Model, state: State, wish: Wish, unknown: Disturbance, dt: Any
 ) -> Any:
-    """The tip mass one period later, kg."""
+    """The tip mass one period later, kg; the wished accelerations, as measured ones would close a loop through it."""
     if not par.adapts:
         return tip_mass
-    R: Mat3 = state.quaternion.rotation()
-    linear = Vec3(0, 0, divide(wish.thrust, model.vehicle.mass)) + R.apply_T(unknown.force) * divide(1.0, model.vehicle.mass)
-    _, regressor = dynamics.inverse_dynamics(
-        unit_mass(par.model.vehicle), state.joints, state.rate, state.joint_rates, Acceleration(wish.alpha, linear), wish.joints
-    )
-    match: Any = 0
+    share = divide(1.0, model.vehicle.mass)
+    linear = E_Z * mul(wish.thrust, share) + state.quaternion.rotation().apply_T(unknown.force) * share
+    match: Any = 0.0
     size: Any = SMALL
-    for y, d in zip(regressor, unknown.efforts, strict=True):
+    for y, d in zip(unit_efforts(model.vehicle, state, wish.alpha, linear, wish.joints), unknown.efforts, strict=True):
         match, size = sub(match, mul(y, d)), add(size, mul(y, y))
     step = mul(par.adaptation * dt, divide(match, size))
     return clip(tip_mass + step, 0.0, par.tip_mass_limit)

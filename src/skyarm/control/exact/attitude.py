@@ -49,9 +49,6 @@ def attitude(force: Vec3, yaw: Taylor) -> Attitude:
     b1 = b2.cross(b3)
     axes = (b1, b2, b3)
     R = Mat3.columns(*(derivative(b, 0) for b in axes))
-    if len(b3.x.c) < 3:
-        still = Vec3(0, 0, 0)
-        return Attitude(R, still, still)
     first, second = ([derivative(b, k) for b in axes] for k in (1, 2))
     # R' = R S(w): w = vee(R^T R'); R'' = R (S(w') + S(w)^2), whose symmetric part drops out of vee
     return Attitude(R, _vee(R, first), _vee(R, second))

@@ -1,8 +1,8 @@
 """Tracking of the centre of mass: the force that moves it, with two derivatives.
 
 p_c,d = p_d + R_q h(th_d): the base's reference plus the arm's, with R_q the quasi-static attitude. Differentiating R_q
-too would invert the zero dynamics h theta'' + g theta = x'', which are undamped for a hanging arm and unstable for an arm
-on top; so the base is exact as far as R_q is the attitude.
+too would invert the zero dynamics h theta'' + g theta = x'', which are undamped for a hanging arm and unstable for an
+arm on top; so the base is exact as far as R_q is the attitude.
 """
 
 from __future__ import annotations
@@ -53,9 +53,14 @@ def thrust(
     """Force m (p_c,d'' + g e_3 + PD) - d and its derivatives, which use the acceleration that the real thrust gives.
 
     Args:
+        par: constants.
+        mass: of the vehicle, kg.
         wanted: reference of the centre of mass, value to fourth derivative.
-        position, velocity: of the centre of mass, world axes.
-        R: R_WB. w: body rate. disturbance: N, world axes.
+        position: of the centre of mass, world axes, m.
+        velocity: the same, m/s.
+        R: R_WB.
+        w: body rate, rad/s.
+        disturbance: N, world axes.
     """
     kp, kv, gravity, limit = par.base.position, par.base.velocity, E_Z * par.model.gravity, par.base.pull
     e, ed = position - wanted[0], velocity - wanted[1]
@@ -83,4 +88,3 @@ def _bounded(pull: list[Vec3], limit: Any) -> Vec3:
     square = series[0] * series[0] + series[1] * series[1] + series[2] * series[2]
     share = 1.0 / sqrt(square * divide(1.0, limit * limit) + 1.0)
     return Vec3(*((each * share).derivative(len(pull) - 1) for each in series))
-

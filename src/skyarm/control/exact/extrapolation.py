@@ -35,19 +35,19 @@ def continued(
     """Series of every signal at the present instant, the channels to remember, and the sample's new age.
 
     Args:
-        channels: as remembered. age: of the sample last seen, s.
+        channels: as remembered.
+        age: of the sample last seen, s.
         held: the samples now held.
         started: False at the first call.
-        dt: control period, s. period: between samples, s.
+        dt: control period, s.
+        period: between samples, s.
     """
     new: Any = started < 0.5
     for channel, sample in zip(channels, held, strict=True):
         for old, value in zip((channel.value, channel.rate, channel.acceleration), sample, strict=True):
             new = logical_or(new, absolute(data(value) - old) > 0.0)
     age = where(new, 0.0, minimum(age + dt, period))
-    moved = tuple(
-        _after(channel, sample, new, started, period) for channel, sample in zip(channels, held, strict=True)
-    )
+    moved = tuple(_after(channel, sample, new, started, period) for channel, sample in zip(channels, held, strict=True))
     series = [_series(channel, sample, age, period) for channel, sample in zip(moved, held, strict=True)]
     return series, moved, age
 

@@ -13,7 +13,8 @@ def command_for(rotor: Rotor, speed: Any, wanted: Any, dt: Any, share: Any) -> A
 
     Args:
         rotor: with its two time constants.
-        speed: now, rad/s. wanted: rad/s.
+        speed: now, rad/s.
+        wanted: rad/s.
         dt: control period, s.
         share: 1 inverts the lag (:func:`skyarm.actuation.speed_after`) exactly, 0 sends ``wanted`` itself.
 

@@ -2,8 +2,9 @@
 
 1. The held reference is continued to the present. 2. The observer takes the (possibly old) measurement. 3. The model
 carries the state across the delay. 4. The centre of mass asks for a force, the force for an attitude. 5. Joint
-accelerations: of the joints' references, or of tip and link orientations. 6. Inverse dynamics of an underactuated base: the
-real thrust goes in, the base's acceleration comes out, then body and joint torques. 7. Rotor commands undo the lag.
+accelerations: of the joints' references, or of tip and link orientations. 6. Inverse dynamics of an underactuated
+base: the real thrust goes in, the base's acceleration comes out, then body and joint torques. 7. Rotor commands undo
+the lag.
 
 Assumes a model of rigid bodies, rotors whose thrust is along body z but for the disturbance, and motor time constants.
 Sources: Lee, Leok, McClamroch 2010; Gao 2003; the parts cite their own.
@@ -11,14 +12,13 @@ Sources: Lee, Leok, McClamroch 2010; Gao 2003; the parts cite their own.
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.control.exact.adaptation import adapted_mass, believed
 from skyarm.control.exact.extrapolation import continued, samples
 from skyarm.control.exact.memory import ExactMemory, Observed
-from skyarm.control.exact.motion import Disturbance, carried
+from skyarm.control.exact.motion import Disturbance, carried, with_side
 from skyarm.control.exact.observer import disturbance, observe
 from skyarm.control.exact.parameters import ExactParameters
 from skyarm.control.exact.torques import actuate
@@ -41,11 +41,15 @@ def exact(
     observed = observe(
         model, par.observer, memory.observed, measurement, memory.sent[0], memory.started, memory.free, dt
     )
-    unknown = disturbance(observed)
+    alone = disturbance(observed)
+    unknown = with_side(
+        model, alone, observed.quaternion.rotation(), observed.rotor_speeds, observed.velocity, observed.rate
+    )
     state = _present(par, model, measurement, memory, observed, unknown, dt)
     share = 1.0 - exp(-(par.tip.shift_rate * dt))
-    slow = memory.slow_force + (unknown.force - memory.slow_force) * share
-    wish = wishes(par, model, state, signals, unknown, slow)
+    slow = memory.slow_force + (observed.force - memory.slow_force) * share
+    steady = slow if par.mode == "ee" else observed.force
+    wish = wishes(par, model, state, signals, unknown, steady)
     done = actuate(par, model, state, wish, unknown, memory.trim, dt)
     following = ExactMemory(
         started=memory.started * 0.0 + 1.0,
@@ -82,9 +86,7 @@ def _present(
         velocity=observed.velocity + (measurement.velocity - observed.velocity) * share,
         rate=observed.rate + (measurement.rate - observed.rate) * share,
         joints=observed.joints,
-        joint_rates=tuple(
-            mixed(a, b) for a, b in zip(observed.joint_rates, measurement.joint_rates, strict=True)
-        ),
+        joint_rates=tuple(mixed(a, b) for a, b in zip(observed.joint_rates, measurement.joint_rates, strict=True)),
         rotor_speeds=observed.rotor_speeds,
     )
     for command in memory.sent[1:]:

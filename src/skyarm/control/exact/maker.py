@@ -24,7 +24,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "yaw": (30.0, 9.0),
         "arm": (900.0, 60.0),
         "observer": (25.0, 30.0, 40.0, 60.0),
-        "lag_inversion": 0.4,
+        "lag_inversion": 0.25,
         "measured_rates": 0.0,
     },
     "stiff": {
@@ -59,8 +59,10 @@ def make_exact(
         mode: "joint" (base and joints on their references) or "ee" (the tip on its reference).
         preset: a key of ``PRESETS``.
         delay: known age of the measurement, s, a whole number of control periods.
-        control_period: s. reference_period: between published samples, s.
-        adaptation: 1/s, rate of the adapted tip mass; 0 leaves it out. tip_mass_limit: kg.
+        control_period: s.
+        reference_period: between published samples, s.
+        adaptation: 1/s, rate of the adapted tip mass; 0 leaves it out.
+        tip_mass_limit: kg.
         changes: entries of the preset to replace.
 
     Raises:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm import dynamics
-from skyarm.actuation import Command, joint_force, speed_after
+from skyarm.actuation import Command, joint_force, rotor_force, speed_after
 from skyarm.actuation.mixer import allocation_matrix
-from skyarm.algebra import Force, Mat3, Quaternion, Vec3
+from skyarm.algebra import ZERO3, Force, Mat3, Quaternion, Vec3
 from skyarm.compile.repeat import repeat
 from skyarm.control.exact.memory import data
 from skyarm.control.model import Model
@@ -31,10 +31,28 @@ class Disturbance:
 
 
 def rotor_wrench(model: Model, squares: Sequence[Any]) -> Force:
-    """Torque and thrust along body z of squared rotor speeds; what the mixer cannot command is left to the observer."""
+    """Torque and thrust along body z of squared rotor speeds: what the mixer commands."""
     rows = allocation_matrix(model.vehicle)
     x, y, z, thrust = (_dot(row, squares) for row in rows)
     return Force(Vec3(x, y, z), Vec3(0, 0, thrust))
+
+
+def side_wrench(model: Model, speeds: Sequence[Any], velocity_B: Vec3, rate: Vec3) -> Force:
+    """What rotors do besides :func:`rotor_wrench`: hub drag in still air, rolling moment, thrust across body z."""
+    total = Force(ZERO3, ZERO3)
+    for rotor, speed in zip(model.vehicle.rotors, speeds, strict=True):
+        total = total + rotor_force(rotor, speed, velocity_B + rate.cross(rotor.position))
+    return total - rotor_wrench(model, [speed * speed for speed in speeds])
+
+
+def with_side(
+    model: Model, unknown: Disturbance, R: Mat3, speeds: Sequence[Any], velocity: Vec3, rate: Vec3
+) -> Disturbance:
+    """A disturbance and the :func:`side_wrench` at a world velocity."""
+    side = side_wrench(model, speeds, R.apply_T(velocity), rate)
+    return Disturbance(
+        force=unknown.force + R.apply(side.force), torque=unknown.torque + side.torque, efforts=unknown.efforts
+    )
 
 
 def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:

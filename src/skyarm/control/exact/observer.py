@@ -16,7 +16,7 @@ from skyarm import dynamics
 from skyarm.actuation import Command
 from skyarm.algebra import ZERO3, Mat3, Motion, Quaternion, Vec3
 from skyarm.control.exact.memory import Observed, choose, choose_each, data, vector_data
-from skyarm.control.exact.motion import Disturbance, acceleration, lagged, rotor_wrench
+from skyarm.control.exact.motion import Disturbance, acceleration, lagged, rotor_wrench, with_side
 from skyarm.control.exact.parameters import ObserverGains
 from skyarm.control.model import Model
 from skyarm.dynamics.measurement import Measurement
@@ -58,7 +58,8 @@ def observe(
     """Memory at the measurement's time.
 
     Args:
-        model: belief. gains: bandwidths.
+        model: belief.
+        gains: bandwidths.
         memory: one period earlier.
         measurement: the new one.
         acted: the command of the period between them.
@@ -69,10 +70,12 @@ def observe(
     place = filtered(gains.pose, memory, measurement, started, dt)
     half = lagged(model, memory.rotor_speeds, acted, 0.5 * dt)
     speeds = lagged(model, memory.rotor_speeds, acted, dt)
-    squares = [(a * a + 4.0 * (m * m) + b * b) * (1.0 / 6.0) for a, m, b in zip(memory.rotor_speeds, half, speeds, strict=True)]
+    squares = [
+        (a * a + 4.0 * (m * m) + b * b) * (1.0 / 6.0) for a, m, b in zip(memory.rotor_speeds, half, speeds, strict=True)
+    ]
     R = memory.quaternion.plus(place.quaternion, 1.0).normalized().rotation()
     joints = tuple(0.5 * (a + b) for a, b in zip(memory.joints, place.joints, strict=True))
-    unknown = disturbance(memory)
+    unknown = with_side(model, disturbance(memory), R, half, memory.velocity, memory.rate)
     linear, angular, qdd = acceleration(
         model, R, memory.rate, joints, memory.joint_rates, rotor_wrench(model, squares), acted.efforts, unknown
     )
@@ -83,9 +86,7 @@ def observe(
     poles = [exp(-(bandwidth * dt)) for bandwidth in (gains.force, gains.torque, gains.joints)]
     fast = [1.0 - b * b for b in poles]
     slow = [(1.0 - b) * (1.0 - b) / dt for b in poles]
-    push, turn, pulls = inertia_times(
-        model, R, joints, ev * slow[0], ew * slow[1], [mul(e, slow[2]) for e in er]
-    )
+    push, turn, pulls = inertia_times(model, R, joints, ev * slow[0], ew * slow[1], [mul(e, slow[2]) for e in er])
     running = started > 0.5
     learned = Observed(
         position=place.position,

@@ -48,7 +48,8 @@ class TipGains:
         reach: m; base errors beyond this length are followed by the tip, not made good by the arm.
         damping: m; singular values of the tip's Jacobian below this leave their direction to the link orientations.
         posture: m; weight of the joints' own references, for motions that neither tip nor orientations fix.
-        shift_rate: rad/s, of the filtered disturbance that the base's shift follows. shift_limit: m, its largest length.
+        shift_rate: rad/s, of the filtered disturbance that the base's shift follows.
+        shift_limit: m, largest length of the shift.
     """
 
     position: Scalar

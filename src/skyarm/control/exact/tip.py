@@ -1,9 +1,9 @@
 """The EE-exact mode: the tip on its reference, the links turned as if the base were level.
 
 Task 1 is the tip's position, task 2 the link orientations; joint accelerations solve the weighted least squares
-|J qdd - b_1|^2 + damping^2 sum |A_i qdd - b_i|^2 + posture^2 |qdd - qdd_d|^2, so that task 2 rules the directions in which J
-is singular. J is the tip's Jacobian against the centre of mass, which the joints do not move: its acceleration follows
-from the thrust. What the arm cannot reach goes to a slow, bounded shift of the base.
+|J qdd - b_1|^2 + damping^2 sum |A_i qdd - b_i|^2 + posture^2 |qdd - qdd_d|^2, so that task 2 rules the directions in
+which J is singular. J is the tip's Jacobian against the centre of mass, which the joints do not move: its acceleration
+follows from the thrust. What the arm cannot reach goes to a slow, bounded shift of the base.
 Source: Wampler 1986, Nakamura, Hanafusa 1986 (damped least squares); Umetani, Yoshida 1989 (generalized Jacobian).
 """
 
@@ -84,8 +84,8 @@ def following(goal: Goal, error: Sequence[Vec3], reach: Any) -> Goal:
     fourth = square * square * divide(1.0, reach * reach * reach * reach)
     share = fourth / (fourth + 1.0)
     moved = [each * share for each in series]
-    tip = tuple(p + Vec3(*(each.derivative(k) for each in moved)) for k, p in enumerate(goal.tip))
-    return dataclasses.replace(goal, tip=tip)
+    p, v, a = (old + Vec3(*(each.derivative(k) for each in moved)) for k, old in enumerate(goal.tip))
+    return dataclasses.replace(goal, tip=(p, v, a))
 
 
 def axes(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
@@ -160,9 +160,7 @@ def orientation_rows(vehicle: Vehicle, axes_B: Sequence[Vec3], i: int) -> list[V
     ]
 
 
-def level_joints(
-    vehicle: Vehicle, gains: TipGains, wanted: Goal, R: Mat3, poses: Sequence[Pose]
-) -> tuple[Any, ...]:
+def level_joints(vehicle: Vehicle, gains: TipGains, wanted: Goal, R: Mat3, poses: Sequence[Pose]) -> tuple[Any, ...]:
     """Change of the joints that turns the links of a base at attitude R as those of a level base: one Newton step."""
     problem = Squares(vehicle.n)
     directions = axes(vehicle, poses)
@@ -233,7 +231,8 @@ def shift(level: Posture, yaw: Taylor, turned_arm: Posture, still: Attitude, lim
     """Offset of the base that puts the tip of a tilted vehicle on its level-base reference, with two derivatives.
 
     Args:
-        level: posture of the references, base axes. yaw: heading.
+        level: posture of the references, base axes.
+        yaw: heading.
         turned_arm: posture whose links are turned as those of a level base.
         still: quasi-static attitude with its rate and acceleration; slow, as its disturbance is.
         limit: m; the offset stays within it, hardly changed up to half of it.

@@ -10,7 +10,7 @@ from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.control.exact import center_of_mass, tip
 from skyarm.control.exact.attitude import Attitude, angular_acceleration, attitude
 from skyarm.control.exact.kinematics import Posture, derivative, moving, posture
-from skyarm.control.exact.motion import Disturbance
+from skyarm.control.exact.motion import Disturbance, side_wrench
 from skyarm.control.exact.parameters import ExactParameters
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -28,30 +28,33 @@ class Wish:
     joints: tuple[Any, ...]
 
 
-
 def wishes(
     par: ExactParameters,
     model: Model,
     state: State,
     signals: Sequence[Taylor],
     unknown: Disturbance,
-    slow_force: Vec3,
+    steady: Vec3,
 ) -> Wish:
     """The wish at this state.
 
     Args:
+        par: constants.
         model: belief, with the adapted tip mass.
-        state: now. signals: x, y, z, yaw and the joints, series in time.
-        unknown: disturbance. slow_force: its force, slowly filtered, which the EE-exact mode's posture follows.
+        state: now.
+        signals: x, y, z, yaw and the joints, series in time.
+        unknown: disturbance.
+        steady: its force without the rotors' own drag, which the posture follows.
     """
     vehicle, mass = model.vehicle, model.vehicle.mass
     base = [Vec3(*(signal.derivative(k) for signal in signals[:3])) for k in range(5)]
     yaw, joints = signals[3], tuple(signals[4:])
     level = posture(vehicle, joints, 4)
-    steady = slow_force if par.mode == "ee" else unknown.force
-    still = attitude(center_of_mass.quasi_static(par, mass, base, steady), yaw.truncated(2))
-    now = posture(vehicle, moving(state.joints, state.joint_rates, (0,) * vehicle.n), 2)
     R, w = state.quaternion.rotation(), state.rate
+    # drag at the reference's velocity: at the present one it would feed noise and errors into the posture
+    drag = R.apply(side_wrench(model, state.rotor_speeds, R.apply_T(base[1]), ZERO3).force)
+    still = attitude(center_of_mass.quasi_static(par, mass, base, steady + drag), yaw.truncated(2))
+    now = posture(vehicle, moving(state.joints, state.joint_rates, (0,) * vehicle.n), 2)
     preferred = joint_accelerations(par, state, joints)
     if par.mode == "ee":
         goal = tip.goal(vehicle, base, yaw, joints, level)
@@ -83,7 +86,9 @@ def wishes(
             tip_velocity=state.velocity + _velocity(R, w, now.tip),
             com_acceleration=push.acceleration,
         )
-        goal = tip.following(goal, [state.position - base[0], state.velocity - base[1], push.acceleration - base[2]], par.tip.reach)
+        goal = tip.following(
+            goal, [state.position - base[0], state.velocity - base[1], push.acceleration - base[2]], par.tip.reach
+        )
         preferred = tip.joint_accelerations(vehicle, par.tip, goal, present, preferred)
     return Wish(thrust=push.along, alpha=alpha, joints=preferred)
 
@@ -112,4 +117,3 @@ def _level_links(
     poses = [Pose(Mat3(*(derivative(row, 0) for row in pose.R.rows)), ZERO3) for pose in level.links]
     change = tip.level_joints(vehicle, par.tip, goal, still.R, poses)
     return posture(vehicle, [q + c for q, c in zip(joints, change, strict=True)], 4)
-
