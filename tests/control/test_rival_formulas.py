@@ -10,7 +10,6 @@ from flown import pushes
 from law_flights import scalars
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
-from vehicles_random import PinocchioTwin, RandomState, random_state, random_vehicle
 
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
@@ -23,12 +22,14 @@ from skyarm.control.rivals.kim import sliding_rates
 from skyarm.control.rivals.l1 import adaptation
 from skyarm.dynamics.measurement import Measurement
 from skyarm.reference import Reference
+from vehicles_random import PinocchioTwin, RandomState, random_state, random_vehicle
 
 pytest.importorskip("pinocchio")
 
 ARM = skyarm.load_vehicle("hummingbird_arm2_rotors").with_joints(effort_limit=np.inf)
 MODEL = Model(vehicle=ARM, gravity=9.81)
 DT = 0.005
+UP = np.array([0.0, 0.0, 9.81])
 
 
 def vec(values) -> Vec3:
@@ -99,7 +100,7 @@ def pd_specific_force(controller, state, reference):
     kp, kv = np.array(tuple(gains.position)) / m, np.array(tuple(gains.velocity)) / m
     pull = kp * (np.array(tuple(reference.position)) - state.position)
     pull += kv * (np.array(tuple(reference.velocity)) - state.velocity[:3])
-    return pull + np.array(tuple(reference.acceleration)) + [0.0, 0.0, 9.81]
+    return pull + np.array(tuple(reference.acceleration)) + UP
 
 
 def joint_wish(controller, state, reference):
@@ -184,7 +185,7 @@ def test_under_a_given_thrust_the_wanted_accelerations_come_out_of_pinocchios_fo
     scale = 1.0 + np.abs(found).max()
     np.testing.assert_allclose(found[3:6], alpha, atol=1e-10 * scale)
     np.testing.assert_allclose(found[6:], qdd, atol=1e-10 * scale)
-    np.testing.assert_allclose(R.T @ (found[:3] + [0, 0, 9.81]), scalars(proper), atol=1e-10 * scale)
+    np.testing.assert_allclose(R.T @ (found[:3] + UP), scalars(proper), atol=1e-10 * scale)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -274,7 +275,7 @@ def test_the_locked_body_turns_about_its_centre_as_wanted(seed):
     momentum = twin.momentum(state)
     position, velocity, acceleration = (scalars(each) for each in center_reference(ARM, reference))
     com = twin.center_of_mass(state)
-    up = acceleration + [0, 0, 9.81] - np.array(tuple(gains.position)) * (com - position) / m
+    up = acceleration + UP - np.array(tuple(gains.position)) * (com - position) / m
     up -= np.array(tuple(gains.velocity)) * (momentum[:3] / m - velocity) / m
     assert thrust == pytest.approx(m * up @ R[:, 2], rel=1e-11)
     alpha = geometric_alpha(controller, state, reference, up)
@@ -299,7 +300,7 @@ def test_the_feed_forward_base_is_pinocchios_inverse_dynamics_with_the_reference
     reaction = twin.inverse_dynamics(at_rest, np.concatenate([np.zeros(6), qdd]), gravity=0.0)[:3]
     up = specific + reaction / float(ARM.mass)
     alpha = geometric_alpha(controller, state, reference, up)
-    whole = twin.inverse_dynamics(at_rest, np.concatenate([specific - [0, 0, 9.81], alpha, qdd]))
+    whole = twin.inverse_dynamics(at_rest, np.concatenate([specific - UP, alpha, qdd]))
     np.testing.assert_allclose(torque, whole[3:6], atol=1e-11)
     assert thrust == pytest.approx(float(ARM.mass) * up @ R[:, 2], rel=1e-11)
 
@@ -332,7 +333,7 @@ def test_without_switching_and_adaptation_the_sliding_mode_is_the_pd_law_of_its_
     alpha = geometric_alpha(controller, state, reference, up)
     qdd = joint_wish(controller, state, reference)
     at_rest = dataclasses.replace(state, velocity=np.concatenate([np.zeros(3), state.velocity[3:]]))
-    force = PinocchioTwin(ARM).inverse_dynamics(at_rest, np.concatenate([up - [0, 0, 9.81], alpha, qdd]))
+    force = PinocchioTwin(ARM).inverse_dynamics(at_rest, np.concatenate([up - UP, alpha, qdd]))
     np.testing.assert_allclose(torque, force[3:6], atol=1e-10)
     np.testing.assert_allclose(efforts, force[6:], atol=1e-10)
     assert thrust == pytest.approx(force[:3] @ R[:, 2], rel=1e-10)

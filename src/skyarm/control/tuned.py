@@ -39,7 +39,7 @@ KNOBS: Mapping[str, tuple[str, ...]] = {
     "ct_observer": (*COMMON, *OBSERVER),
     "ct_feedforward": (*COMMON, *OBSERVER),
     "ct_extrapolation": (*COMMON, *OBSERVER),
-    "ct_lag_inversion": (*COMMON, *OBSERVER),
+    "ct_lag_inversion": (*COMMON, *OBSERVER, "lag_share"),
     "bulut_computed_torque_style": COMMON,
     "guo_center_of_inertia_style": COMMON,
     "li_feedforward_style": COMMON,

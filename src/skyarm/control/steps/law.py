@@ -24,7 +24,7 @@ from skyarm.control.exact.attitude import attitude
 from skyarm.control.exact.extrapolation import continued, samples
 from skyarm.control.exact.lag import command_for
 from skyarm.control.exact.memory import Observed
-from skyarm.control.exact.motion import Disturbance
+from skyarm.control.exact.motion import Disturbance, with_side
 from skyarm.control.exact.observer import disturbance, observe
 from skyarm.control.geometric import angular_acceleration, attitude_error, attitude_loop, downward_acceleration
 from skyarm.control.laws import joint_accelerations, limited
@@ -34,7 +34,7 @@ from skyarm.control.parts.underactuated import forces_under_thrust
 from skyarm.control.steps.parameters import StepMemory, StepParameters
 from skyarm.dynamics.measurement import Measurement
 from skyarm.reference import Reference
-from skyarm.scalars import divide, where
+from skyarm.scalars import divide, minimum, where
 from skyarm.scalars.taylor import Taylor
 
 
@@ -61,7 +61,7 @@ def stepped_computed_torque(
     if steps.lag_inversion:
         turning = observed.rotor_speeds if isinstance(observed, Observed) else measurement.rotor_speeds
         speeds = tuple(
-            command_for(rotor, now, target, dt, 1)
+            command_for(rotor, now, target, dt, minimum(par.lag_share, 1.0))
             for rotor, now, target in zip(par.model.vehicle.rotors, turning, speeds, strict=True)
         )
     command = Command(rotor_speeds=speeds, efforts=limited(par, efforts))
@@ -117,7 +117,10 @@ def _unknown(memory: StepMemory, measurement: Measurement, dt: Any, par: StepPar
         memory.observed, rotor_speeds=tuple(where(memory.started > 0.5, ours, theirs) for ours, theirs in speeds)
     )
     observed = observe(par.model, par.observer, before, measurement, memory.sent[0], memory.started, memory.free, dt)
-    return observed, disturbance(observed)
+    # the observer's model has the rotors' drag in still air: what the base feels is that and what is left to learn
+    R = observed.quaternion.rotation()
+    felt = with_side(par.model, disturbance(observed), R, observed.rotor_speeds, observed.velocity, observed.rate)
+    return observed, felt
 
 
 def _force(

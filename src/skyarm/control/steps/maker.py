@@ -45,6 +45,7 @@ def make_stepped(
     mixer_policy: str = "rotors_clip",
     observer: tuple[float, float, float] = (25.0, 30.0, 40.0),
     reference_period: float = 0.02,
+    lag_share: float = 1.0,
     delay_periods: int = 0,
 ) -> Controller:
     """A rung of the ladder for any vehicle.
@@ -57,6 +58,7 @@ def make_stepped(
         mixer_policy: see :class:`skyarm.actuation.Mixer`.
         observer: bandwidths of force, torque and joint torques, rad/s.
         reference_period: between published samples, s.
+        lag_share: of the motors' lag that rotor commands undo, 0 to 1.
         delay_periods: known age of the measurement in control periods.
     """
     steps = LADDER[name]
@@ -70,6 +72,7 @@ def make_stepped(
         steps=steps,
         observer=ObserverGains(force=force, torque=torque, joints=joints, pose=UNFILTERED),
         reference_period=positive("reference_period", reference_period),
+        lag_share=positive("lag_share", lag_share, zero=True),
         delay_periods=whole("delay_periods", delay_periods),
     )
     return Controller(name=name, law=stepped_computed_torque, par=par, memory=_first(model, par))

@@ -40,12 +40,14 @@ class StepParameters(Parameters):
     Attributes:
         steps: what is switched on.
         observer: bandwidths, rad/s. reference_period: between published samples, s.
+        lag_share: of the motors' lag that rotor commands undo; above 1 counts as 1.
         delay_periods: age of the measurement in control periods, for the observer's inputs.
     """
 
     steps: Steps
     observer: ObserverGains
     reference_period: Scalar
+    lag_share: Scalar
     delay_periods: int = 0
 
 
