@@ -11,9 +11,9 @@ Cost of a candidate: the mean over its flights of ln(e + 0.1 mm), with e = mean 
 times mean joint error over the window, against the continuous reference (the tool follows from both and from the tilt,
 which the wind and not the law decides); the flights are Cases 1 to 3, Case 3 in wind and Case 2 in the gust, each with
 perfect sensors and with noise and one period of delay (two seeds). A noisy flight adds (jitter - 15 rad/s) / 15 rad/s
-where rotor commands change by more from period to period. A flight that ends early counts as e = 10 m. A candidate that
-does not survive Case 3 with two further periods of delay (finite, within 0.5 m) is charged 1 more. The logarithm makes
-each flight count by its ratio of improvement, whatever its size.
+where rotor commands change by more from period to period. A flight that ends early counts as e = 10 m. Case 3
+is flown twice more with two further periods of delay: each time a candidate ends early, or is off by more than 0.2 m or
+0.2 rad in the mean, costs 1. The logarithm makes each flight count by its ratio of improvement, whatever its size.
 """
 
 from __future__ import annotations
@@ -41,6 +41,9 @@ REACH = 12.0
 SPREAD = 0.05
 """Least standard deviation of a factor's logarithm."""
 SEEDS = (1, 2)
+LATE_SEEDS = (3, 4)
+STEADY_BASE, STEADY_JOINT = 0.2, 0.2
+"""m and rad: mean errors beyond these with a late measurement are a limit cycle or worse."""
 QUIET = 15.0
 """rad/s: change of rotor commands per period that costs nothing."""
 ARM = 0.3
@@ -129,9 +132,12 @@ class Judge:
                 for flight in FLIGHTS:
                     score = self._fly(sensing, flight, factors, seed)
                     total, count = total + cost(score, noisy=sensing == "noisy"), count + 1
-        late = self._fly("late", "case3", factors, SEEDS[0])
-        survived = late.completed & (late.base < 0.5)
-        return total / count + np.where(survived, 0.0, 1.0)
+        lost = np.zeros(len(logs))
+        for seed in LATE_SEEDS:
+            late = self._fly("late", "case3", factors, seed)
+            survived = late.completed & (late.base < STEADY_BASE) & (late.joint < STEADY_JOINT)
+            lost += np.where(survived, 0.0, 1.0)
+        return total / count + lost
 
     def _fly(self, sensing: str, flight: str, factors: Mapping[str, Array], seed: int) -> Score:
         return self._courses[sensing].fly(

@@ -11,6 +11,8 @@ estimate from winding up); u_b is the geometric law through the coupled inverse 
 on the thrust and two in series on the torques. The force across body z is unmatched: the published law leaves it; with
 ``lateral`` its low-pass goes into the wanted acceleration, which is no part of the publication.
 
+Of a constant disturbance the adaptation finds the share e, one period's decay: 1 - e of it stays, as published.
+
 Deviations: the baseline knows the arm; the predictor is the coupled model with joint rates as further states; the
 compensation is cut at a limit.
 
