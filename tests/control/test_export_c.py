@@ -387,12 +387,15 @@ def test_every_member_of_every_struct_has_its_unit(vehicle, name):
 def test_units_are_of_fields_that_exist():
     from skyarm.actuation import Mixer
     from skyarm.control import export, model
+    from skyarm.control.exact import memory, parameters
     from skyarm.dynamics.measurement import Measurement
     from skyarm.reference import Reference
     from skyarm.vehicle import records
 
     classes = [Measurement, Reference, Command, Mixer, export.Constants, model.Model]
     classes += [model.GeometricGains, model.JointGains, records.Body, records.Joint, records.Frame]
+    classes += [memory.ExactMemory, memory.Channel, memory.Observed, parameters.ExactParameters]
+    classes += [parameters.BaseGains, parameters.ObserverGains, parameters.TipGains]
     known = {f"{each.__name__}.{field.name}" for each in classes for field in dataclasses.fields(each)}
     assert set(NOTES) - set(LAW_NOTES) <= known
     assert set(STRUCTS) == {"measurement", "reference", "memory", "command", "parameters"}

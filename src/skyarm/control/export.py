@@ -200,6 +200,8 @@ def _header(controller: Controller, file: StepFile, period: float, operations: i
 def _structure(controller: Controller) -> list[str]:
     """Choices that are folded into the code, in words."""
     par = controller.par
+    if hasattr(par, "choices"):
+        return [f"mixer '{par.mixer.policy}'", *par.choices()]
     left_out = [field.name for field in dataclasses.fields(par.terms) if not getattr(par.terms, field.name)]
     return [
         f"mixer '{par.mixer.policy}'",

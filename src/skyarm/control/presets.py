@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from skyarm.algebra import Vec3
+from skyarm.control.exact import MAKERS
 from skyarm.control.model import GeometricGains, JointGains, Model
 from skyarm.control.registry import Controller, ControllerError, make_controller
 from skyarm.files import shown
@@ -49,14 +50,15 @@ PRESETS: Mapping[str, Callable[[Model], Controller]] = {
 
 
 def preset(name: str, model: Model) -> Controller:
-    """A controller with published gains.
+    """A controller with published gains, or the exact law with the gains of one of its presets.
 
     Raises:
         ControllerError: unknown name, or gains for another number of joints.
     """
-    if not isinstance(name, str) or name not in PRESETS:
-        raise ControllerError(f"controller.preset = {shown(name)}: must be one of {sorted(PRESETS)}")
+    makers = {**PRESETS, **MAKERS}
+    if not isinstance(name, str) or name not in makers:
+        raise ControllerError(f"controller.preset = {shown(name)}: must be one of {sorted(makers)}")
     try:
-        return PRESETS[name](model)
+        return makers[name](model)
     except ControllerError as error:
         raise ControllerError(f"controller.preset = {name!r}: does not fit this model ({error})") from None

@@ -1,7 +1,7 @@
 """The flagship law: centre-of-mass tracking, consistent computed torque, disturbance observer, exact tip."""
 
 from skyarm.control.exact.law import exact
-from skyarm.control.exact.maker import PRESETS, make_exact
+from skyarm.control.exact.maker import MAKERS, PRESETS, make_exact
 from skyarm.control.exact.parameters import ExactParameters
 
-__all__ = ["PRESETS", "ExactParameters", "exact", "make_exact"]
+__all__ = ["MAKERS", "PRESETS", "ExactParameters", "exact", "make_exact"]

@@ -95,3 +95,8 @@ class ExactParameters:
     adaptation: Scalar
     tip_mass_limit: Scalar
     adapts: bool
+
+    def choices(self) -> list[str]:
+        """What is structure, in words."""
+        adapted = ["adapted tip mass"] if self.adapts else []
+        return [f"mode '{self.mode}'", f"measurements {self.delay_periods} periods old", *adapted]
