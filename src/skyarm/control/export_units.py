@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from skyarm.control.export_units_laws import LAW_NOTES
+
 NOTES = {
     "Measurement.time": "s",
     "Measurement.position": "m, base origin, world axes",
@@ -101,6 +103,7 @@ NOTES = {
     "ExactParameters.tip_mass_limit": "kg, largest adapted tip mass",
     "Mixer.inverse": "(rad/s)^2 per N m about x, y, z and per N of thrust, a row a rotor; follows from the rotors",
     "Mixer.highest": "(rad/s)^2, largest squared speed of each rotor",
+    **LAW_NOTES,
 }
 """Comment of each field by the record that holds it."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 import inspect
 from collections.abc import Callable, Mapping
@@ -9,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.control.controller import Controller, ControllerError
-from skyarm.control.model import Model
+from skyarm.control.model import Model, Terms
 from skyarm.files import shown
 
 __all__ = ["LAWS", "Controller", "ControllerError", "Entry", "make_controller"]
@@ -47,6 +48,10 @@ def _paper(name: str, title: str) -> Entry:
     return Entry(title, "paper", "make_paper_controller", (("name", name),))
 
 
+def _step(name: str, title: str) -> Entry:
+    return Entry(title, "steps.maker", "make_stepped", (("name", name),))
+
+
 LAWS: Mapping[str, Entry] = {
     "rotors_position": _paper("rotors_position", "RotorS's geometric position controller, joints free"),
     "decoupled_pd": _paper("decoupled_pd", "the paper's baseline: RotorS's controller and joint PD, no coupling"),
@@ -55,6 +60,49 @@ LAWS: Mapping[str, Entry] = {
     ),
     "hybrid_computed_torque_euler": _paper(
         "hybrid_computed_torque_euler", "the same in the paper's Euler-angle equations"
+    ),
+    "ct_level_gravity": Entry(
+        "the paper's text to the letter: joint gravity at R = 1",
+        "paper",
+        "make_paper_controller",
+        (("name", "hybrid_computed_torque"), ("terms", Terms(full_gravity=False))),
+    ),
+    "ct_coupled_thrust": _step("ct_coupled_thrust", "computed torque, thrust along the coupled force"),
+    "ct_consistent": _step("ct_consistent", "and the base's acceleration that the real thrust gives"),
+    "ct_observer": _step("ct_observer", "and a disturbance observer on base and joints"),
+    "ct_feedforward": _step("ct_feedforward", "and desired body rate and acceleration from the force's derivatives"),
+    "ct_extrapolation": _step("ct_extrapolation", "and held reference samples continued to the present"),
+    "ct_lag_inversion": _step("ct_lag_inversion", "and rotor commands that undo the motors' lag"),
+    "bulut_computed_torque_style": Entry(
+        "computed torque on position, Euler angles and joints, translation decoupled in the mass matrix",
+        "rivals.bulut",
+        "make_bulut",
+    ),
+    "guo_center_of_inertia_style": Entry(
+        "SE(3) control of the centre of mass with the locked inertia, joints as servos", "rivals.guo", "make_guo"
+    ),
+    "li_feedforward_style": Entry(
+        "geometric base with variable inertia and feed-forward of the arm's reaction, joints as servos",
+        "rivals.li",
+        "make_li",
+    ),
+    "kim_sliding_mode_style": Entry(
+        "adaptive sliding mode through the coupled inverse dynamics", "rivals.kim", "make_kim"
+    ),
+    "l1_adaptive": Entry(
+        "L1 adaptive augmentation: predictor, piecewise-constant adaptation, low-pass; matched forces only",
+        "rivals.l1",
+        "make_l1",
+        (("lateral", False),),
+    ),
+    "l1_adaptive_lateral": Entry(
+        "the same, the force across body z compensated through the attitude",
+        "rivals.l1",
+        "make_l1",
+        (("lateral", True),),
+    ),
+    "indi": Entry(
+        "incremental nonlinear dynamic inversion of base and joints with its filters", "rivals.indi", "make_indi"
     ),
     "exact": Entry(
         "centre-of-mass tracking, consistent computed torque, disturbance observer: joints or tip exact",
@@ -85,7 +133,9 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
     for option in options:
         if option not in entry.options():
             raise ControllerError(f"controller.{option}: law '{name}' has no such option; it has {entry.options()}")
-    return entry.function()(model, **options, **dict(entry.fixed))
+    made = entry.function()(model, **options, **dict(entry.fixed))
+    # a maker of several laws may not know under which name it was asked
+    return dataclasses.replace(made, name=name) if made.name in LAWS else made
 
 
 def suited(law: str, known: Mapping[str, Any]) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from skyarm.control.paper import PAPER_LAWS
 from skyarm.control.presets import preset
 from skyarm.control.registry import LAWS, make_controller, suited
 from skyarm.control.safety import guarded
+from skyarm.control.tuned import tuned
 from skyarm.dynamics import State
 from skyarm.environment import payload_from
 from skyarm.files import Fields, number, shown
@@ -134,11 +135,19 @@ def _guarded(found: Controller, safety: Any) -> Controller:
 
 
 def _law(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
-    name = text(fields, "law")
-    if name in PAPER_LAWS:
+    name, best = text(fields, "law"), fields.take("tuned", False)
+    if not isinstance(best, bool):
+        raise ValueError(f"controller.tuned = {shown(best)}: must be true or false")
+    if name in PAPER_LAWS and not best:
         return _paper_law(name, fields, model)
-    options = {option: fields.take(option) for option in fields.table if option not in ("law", "safety")}
-    return make_controller(name, model, **{**(suited(name, known) if name in LAWS else {}), **options})
+    options = {option: fields.take(option) for option in fields.table if option not in ("law", "tuned", "safety")}
+    if "mixer" in options:
+        options["mixer_policy"] = options.pop("mixer")
+    for option, read in (("gains", _gains), ("joint_gains", _joint_gains)):
+        if option in options:
+            options[option] = read(Fields(options[option], f"controller.{option}"))
+    options = {**(suited(name, known) if name in LAWS else {}), **options}
+    return tuned(name, model, **options) if best else make_controller(name, model, **options)
 
 
 def _paper_law(name: str, fields: Fields, model: Model) -> Controller:

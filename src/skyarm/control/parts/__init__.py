@@ -1,0 +1,1 @@
+"""Pieces that several laws share: filters, observers, inverse dynamics for an underactuated base."""

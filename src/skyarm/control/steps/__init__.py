@@ -1,0 +1,1 @@
+"""The paper's computed torque made better one step at a time."""

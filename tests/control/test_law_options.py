@@ -1,0 +1,116 @@
+"""Options of the ladder and the rivals: refused by name and value, tuned gains by name."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+import skyarm
+from skyarm.compile import leaves
+from skyarm.control.model import JointGains, Model
+from skyarm.control.registry import LAWS, ControllerError, make_controller
+from skyarm.control.tuned import KNOBS, rescaled, tuned, tuned_factors
+from skyarm.simulate.scenario_file import scenario_from
+
+MODEL = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"))
+
+WRONG = [
+    ("indi", "cutoff", 0.0, r"controller\.cutoff = 0\.0: must be above 0"),
+    ("indi", "cutoff", "fast", r"controller\.cutoff = 'fast': must be a finite number"),
+    ("indi", "measured_speeds", 1, r"controller\.measured_speeds = 1: must be true or false"),
+    ("indi", "delay_periods", -1, r"controller\.delay_periods = -1: must be a whole number from 0 to 100"),
+    ("indi", "delay_periods", True, r"controller\.delay_periods = True: must be a whole number"),
+    ("l1_adaptive", "predictor", (1.0, 2.0), r"controller\.predictor = \(1\.0, 2\.0\): must be three numbers"),
+    ("l1_adaptive", "thrust_filter", float("nan"), r"controller\.thrust_filter = nan: must be a finite number"),
+    ("kim_sliding_mode_style", "boundary", (0.1, 0.0, 0.1), r"controller\.boundary\[1\] = 0\.0: must be above 0"),
+    ("kim_sliding_mode_style", "limit", 3.0, r"controller\.limit = 3\.0: must be three numbers"),
+    ("ct_observer", "observer", (1.0, 2.0, -3.0), r"controller\.observer\[2\] = -3\.0: must be above 0"),
+    ("ct_lag_inversion", "reference_period", 0, r"controller\.reference_period = 0: must be above 0"),
+]
+
+
+@pytest.mark.parametrize(("law", "option", "value", "words"), WRONG)
+def test_a_wrong_value_is_refused_by_name(law, option, value, words):
+    with pytest.raises(ControllerError, match=words):
+        make_controller(law, MODEL, **{option: value})
+
+
+@pytest.mark.parametrize("law", ["guo_center_of_inertia_style", "ct_observer"])
+def test_joint_gains_for_another_number_of_joints_are_refused(law):
+    with pytest.raises(ControllerError, match=r"joint_gains\.stiffness: 1 values, must be 2"):
+        make_controller(law, MODEL, joint_gains=JointGains(stiffness=(1.0,), damping=(1.0, 2.0)))
+
+
+def test_what_a_name_fixes_is_no_option():
+    with pytest.raises(ControllerError, match="law 'l1_adaptive_lateral' has no such option"):
+        make_controller("l1_adaptive_lateral", MODEL, lateral=False)
+
+
+def test_a_controller_is_named_as_its_law():
+    for law in LAWS:
+        assert make_controller(law, MODEL).name == law
+
+
+def test_the_files_factors_are_of_laws_and_constants_that_there_are():
+    factors = tuned_factors()
+    assert set(factors) == set(KNOBS) <= set(LAWS)
+    for law, found in factors.items():
+        assert tuple(found) == KNOBS[law]
+        assert all(1.0 / 12.0 - 1e-4 <= value <= 12.0 for value in found.values())
+
+
+def test_tuned_gains_are_the_laws_own_times_the_factors():
+    plain, best = make_controller("kim_sliding_mode_style", MODEL), tuned("kim_sliding_mode_style", MODEL)
+    factors = tuned_factors()["kim_sliding_mode_style"]
+    assert float(best.par.gains.rate.y) == pytest.approx(float(plain.par.gains.rate.y) * factors["gains.rate"])
+    assert best.par.adaptation[1] == pytest.approx(plain.par.adaptation[1] * factors["adaptation.1"])
+    untouched = dataclasses.replace(
+        best.par,
+        gains=plain.par.gains,
+        joint_gains=plain.par.joint_gains,
+        switching=plain.par.switching,
+        adaptation=plain.par.adaptation,
+    )
+    assert untouched == plain.par
+
+
+def test_a_factor_of_one_changes_nothing():
+    for law, paths in KNOBS.items():
+        plain = make_controller(law, MODEL)
+        assert leaves(rescaled(plain, dict.fromkeys(paths, 1.0)).par) == leaves(plain.par)
+
+
+def test_a_factor_on_a_constant_that_is_not_there_is_refused():
+    with pytest.raises(ControllerError, match=r"controller\.cutoff: the law has no such constant"):
+        rescaled(make_controller("l1_adaptive", MODEL), {"cutoff": 2.0})
+    with pytest.raises(ControllerError, match=r"controller\.adaptation\.3: the law has no such constant"):
+        rescaled(make_controller("kim_sliding_mode_style", MODEL), {"adaptation.3": 2.0})
+
+
+def test_a_law_without_tuned_gains_is_refused_with_those_there_are():
+    with pytest.raises(ControllerError, match=r"controller\.law = 'rotors_position': has no tuned gains.*'indi'"):
+        tuned("rotors_position", MODEL)
+
+
+def scenario(**controller):
+    hover = {"base": {"kind": "hover", "position": [0.0, 0.0, 2.0]}, "joints": [0.0, 0.0]}
+    vehicle = {"vehicle": "hummingbird_arm2_rotors"}
+    return scenario_from({"name": "x", "duration": 0.1, "plant": vehicle, "reference": hover, "controller": controller})
+
+
+def test_a_scenario_takes_tuned_gains_and_options_of_any_law():
+    found = scenario(law="indi", tuned=True, cutoff=10.0, mixer="priority").controller
+    assert found.par.cutoff == pytest.approx(10.0 * tuned_factors()["indi"]["cutoff"])
+    assert found.par.mixer.policy == "priority"
+    own = scenario(law="indi", joint_gains={"stiffness": [100.0, 50.0], "damping": [9.0, 8.0]}).controller
+    assert own.par.joint_gains.damping == (9.0, 8.0)
+    paper = scenario(law="hybrid_computed_torque", tuned=True).controller
+    assert paper.name == "hybrid_computed_torque"
+
+
+def test_a_scenario_refuses_what_a_law_does_not_know():
+    with pytest.raises(ValueError, match=r"controller\.tuned = 'yes': must be true or false"):
+        scenario(law="indi", tuned="yes")
+    with pytest.raises(ValueError, match=r"controller\.cutof: law 'indi' has no such option"):
+        scenario(law="indi", cutof=3.0)

@@ -1,0 +1,54 @@
+"""Every law beyond the paper's as C: the bits of Python call after call, libm alone, a unit for every member."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+
+import pytest
+from law_flights import PAPER, covering
+from test_export_c import CAREFUL, LIBM, Loaded, inputs, object_file, same_bits, text_of, undefined
+
+import skyarm
+from c_compiler import needs_cc
+from skyarm.control.export_units_laws import LAW_NOTES
+from skyarm.control.model import Model
+from skyarm.control.registry import LAWS, make_controller
+
+BEYOND = [law for law in covering() if law not in PAPER and not LAWS[law].module.startswith("exact")]
+
+
+def controller_of(law):
+    return make_controller(law, Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"), gravity=9.81))
+
+
+@needs_cc
+@pytest.mark.parametrize("law", BEYOND)
+def test_a_law_in_c_has_the_bits_of_python_call_after_call(tmp_path, law):
+    controller = controller_of(law)
+    text = text_of(controller)
+    in_c = Loaded(text, tmp_path, ("-O1", *CAREFUL, "-ffp-contract=off"))
+    memory = controller.memory
+    for measurement, reference in inputs("hummingbird_arm2", count=12):
+        memory, command = controller.law(memory, measurement, reference, 0.005, par=controller.par)
+        assert same_bits(in_c(measurement, reference), [float(x) for x in (*command.rotor_speeds, *command.efforts)])
+    assert undefined(object_file(text, tmp_path, ("-O1",), name="alone")) <= LIBM
+
+
+@pytest.mark.parametrize("law", BEYOND)
+def test_every_member_of_every_struct_of_a_law_has_its_unit(law):
+    for line in re.findall(r"^    double \w+(?:\[\d+\])*;.*$", text_of(controller_of(law)), re.MULTILINE):
+        assert re.search(r"/\* .*\S \*/$", line), line
+
+
+def test_units_of_laws_are_of_fields_that_exist():
+    from skyarm.control.parts import filters
+    from skyarm.control.rivals import indi, kim, l1
+    from skyarm.control.steps import parameters as steps
+    from skyarm.vehicle import records
+
+    classes = [steps.StepParameters, steps.StepMemory, kim.SlidingParameters, kim.SlidingMemory, l1.L1Parameters]
+    classes += [l1.L1Memory, l1.Predicted, indi.IndiParameters, indi.IndiMemory, filters.Taps, records.Rotor]
+    classes += [records.Joint]
+    known = {f"{each.__name__}.{field.name}" for each in classes for field in dataclasses.fields(each)}
+    assert set(LAW_NOTES) <= known

@@ -1,0 +1,149 @@
+"""The ladder from the paper's computed torque: each step does what its name says."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+from flown import pushes
+from law_flights import STEPS, scalars
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+from test_rival_formulas import ARM, DT, MODEL, UP, gentle, measured, rotation, vec, wanted
+
+from skyarm.control.exact.motion import Disturbance
+from skyarm.control.model import Terms
+from skyarm.control.presets import ACCELERATION, HUMMINGBIRD
+from skyarm.control.registry import make_controller
+from skyarm.control.steps.law import _force_series
+from skyarm.control.steps.maker import LADDER
+from skyarm.experiments.tuning_flights import FLIGHTS, Course
+from skyarm.reference import Reference
+from skyarm.simulate.scenario_file import load_scenario
+from vehicles_random import PinocchioTwin
+
+NOTHING = Disturbance(force=vec(np.zeros(3)), torque=vec(np.zeros(3)), efforts=(0.0, 0.0))
+
+
+def commanded(law, state, reference, **options):
+    controller = make_controller(law, MODEL, **options)
+    weak = dataclasses.replace(
+        controller.par.gains, attitude=controller.par.gains.attitude * 0.05, rate=controller.par.gains.rate * 0.05
+    )
+    par = dataclasses.replace(controller.par, gains=weak)
+    command = controller.law(controller.memory, measured(state), reference, DT, par=par)[1]
+    assert min(command.rotor_speeds) > 0.0
+    return command
+
+
+def test_every_rung_has_the_steps_of_the_one_below():
+    taken = [{name for name, on in dataclasses.asdict(steps).items() if on} for steps in LADDER.values()]
+    assert [len(each) for each in taken] == [1, 2, 3, 4, 5, 6]
+    assert all(below < above for below, above in itertools.pairwise(taken))
+    assert tuple(LADDER) == STEPS
+
+
+def test_the_lowest_rung_is_the_papers_text_with_gravity_at_a_level_base():
+    state, reference = gentle(2), wanted(2)
+    plain = commanded("ct_level_gravity", state, reference)
+    assert plain == commanded("hybrid_computed_torque", state, reference, terms=Terms(full_gravity=False))
+    assert plain != commanded("hybrid_computed_torque", state, reference)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_coupled_force_is_pinocchios_without_the_bases_angular_acceleration(seed):
+    """Thrust along the present axis is that force's component; a tilted arm moves the direction, not the size of R."""
+    state, reference = gentle(seed), wanted(seed)
+    thrust = pushes(ARM, commanded("ct_consistent", state, reference))[1]
+    controller = make_controller("ct_consistent", MODEL)
+    gains, m = controller.par.gains, float(ARM.mass)
+    up = -(scalars(gains.position) * (state.position - scalars(reference.position))) / m
+    up -= scalars(gains.velocity) * (state.velocity[:3] - scalars(reference.velocity)) / m
+    up += scalars(reference.acceleration)
+    joint = controller.par.joint_gains
+    qdd = np.array(joint.stiffness) * (np.array(reference.joints) - state.joints)
+    qdd += np.array(joint.damping) * (np.array(reference.joint_rates) - state.velocity[6:])
+    qdd += np.array(reference.joint_accelerations)
+    at_rest = dataclasses.replace(state, velocity=np.concatenate([np.zeros(3), state.velocity[3:]]))
+    force = PinocchioTwin(ARM).inverse_dynamics(at_rest, np.concatenate([up, np.zeros(3), qdd]))[:3]
+    assert thrust == pytest.approx(force @ rotation(state).as_matrix()[:, 2], rel=1e-11)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_consistent_law_gets_the_joint_accelerations_it_wants(seed):
+    """Its command through Pinocchio's forward dynamics; the paper's law, which assumes another base, does not."""
+    state, reference = gentle(seed), wanted(seed)
+    joint = make_controller("ct_consistent", MODEL).par.joint_gains
+    qdd = np.array(joint.stiffness) * (np.array(reference.joints) - state.joints)
+    qdd += np.array(joint.damping) * (np.array(reference.joint_rates) - state.velocity[6:])
+    qdd += np.array(reference.joint_accelerations)
+    found = []
+    for law in ("ct_consistent", "ct_coupled_thrust"):
+        command = commanded(law, state, reference)
+        torque, thrust = pushes(ARM, command)
+        applied = np.concatenate([rotation(state).as_matrix()[:, 2] * thrust, torque, scalars(command.efforts)])
+        found.append(PinocchioTwin(ARM).forward_dynamics(state, applied)[6:])
+    np.testing.assert_allclose(found[0], qdd, atol=1e-9 * (1.0 + np.abs(qdd).max()))
+    assert np.abs(found[1] - qdd).max() > 1e-3
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_derivatives_of_the_force_are_those_along_the_motion_that_the_thrust_makes(seed):
+    """SciPy integrates p'' = (b3 (F . b3) + d) / m - g e_z at a constant body rate; F by central differences.
+
+    Differences of 1e-3 s leave 1e-6 of the first and 1e-4 of the second derivative, integration 1e-12.
+    """
+    state, m = gentle(seed), float(ARM.mass)
+    rng = np.random.default_rng(seed)
+    series = rng.normal(size=(5, 3)) * [[0.02], [0.1], [0.5], [1.0], [2.0]]
+    push, R0, w = rng.normal(size=3), rotation(state), state.velocity[3:6]
+    par = make_controller("ct_feedforward", MODEL).par
+    kp, kv = scalars(par.gains.position), scalars(par.gains.velocity)
+
+    def goal(t, k):
+        return sum(series[k + i] * t**i / np.prod(range(1, i + 1)) for i in range(5 - k))
+
+    def force(t, p, v):
+        return m * (goal(t, 2) + UP) - kp * (p - goal(t, 0)) - kv * (v - goal(t, 1)) - push
+
+    def slope(t, y):
+        b3 = (R0 * Rotation.from_rotvec(w * t)).as_matrix()[:, 2]
+        return np.concatenate([y[3:], (b3 * (force(t, y[:3], y[3:]) @ b3) + push) / m - UP])
+
+    start, h = np.concatenate([state.position, state.velocity[:3]]), 1e-3
+    ends = [solve_ivp(slope, (0.0, t), start, rtol=1e-12, atol=1e-14).y[:, -1] for t in (-h, h)]
+    before, now, after = (
+        force(-h, *np.split(ends[0], 2)),
+        force(0.0, *np.split(start, 2)),
+        force(h, *np.split(ends[1], 2)),
+    )
+    reference = Reference(
+        position=vec(series[0]),
+        velocity=vec(series[1]),
+        acceleration=vec(series[2]),
+        jerk=vec(series[3]),
+        snap=vec(series[4]),
+    )
+    unknown = dataclasses.replace(NOTHING, force=vec(push))
+    found = _force_series(vec(now), measured(state), reference, measured(state).quaternion.rotation(), unknown, par)
+    first, second = ([float(c.derivative(k)) for c in found] for k in (1, 2))
+    np.testing.assert_allclose(first, (after - before) / (2 * h), atol=2e-5 * (1 + np.abs(first).max()))
+    np.testing.assert_allclose(second, (after - 2 * now + before) / h**2, atol=1e-3 * (1 + np.abs(second).max()))
+
+
+def test_each_step_buys_something_with_the_papers_gains():
+    """Case 3 in wind for the observer, without for the rest: every rung against the one below, perfect sensors."""
+    model = load_scenario("case3").controller.par.model
+    flown = {}
+    for law in ("ct_consistent", "ct_observer", "ct_feedforward", "ct_extrapolation", "ct_lag_inversion"):
+        course = Course(make_controller(law, model, gains=HUMMINGBIRD, joint_gains=ACCELERATION))
+        flown[law] = [course.fly(FLIGHTS[name], {}, noise=0.0) for name in ("case3", "wind")]
+    base = {law: float(scores[0].base[0]) for law, scores in flown.items()}
+    joint = {law: float(scores[0].joint[0]) for law, scores in flown.items()}
+    assert flown["ct_consistent"][1].base[0] > 0.5
+    assert flown["ct_observer"][1].base[0] < 0.02
+    assert base["ct_feedforward"] < 0.85 * base["ct_observer"]
+    assert joint["ct_extrapolation"] < 0.8 * joint["ct_feedforward"]
+    assert base["ct_lag_inversion"] < 0.85 * base["ct_extrapolation"]
