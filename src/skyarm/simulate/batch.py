@@ -82,6 +82,7 @@ class Batch:
         self.scenario, self.paths, self.windows = scenario, tuple(paths), windows or Windows()
         if any(path.startswith("reference.") for path in paths):
             raise ScenarioError("paths: the reference is shared by all lanes; vary anything else")
+        scenario.controller.require_compiled("a batch")
         self.base = np.array([number_at(scenario, path) for path in paths])
         inputs = episode_inputs(scenario)
         step_s = 1.0 / scenario.rates.physics

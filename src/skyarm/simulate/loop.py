@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from skyarm.actuation.hover import hover_trim
-from skyarm.compile import leaves, trace
+from skyarm.compile import leaves, rebuild, trace
 from skyarm.dynamics import State
 from skyarm.files import shown
 from skyarm.plant.compiled import RigidBodyPlant, example_command, example_state
@@ -54,12 +54,21 @@ class _Loop:
         def control(memory: Any, measurement: Any, reference: Any) -> Any:
             return controller.law(memory, measurement, reference, period, par=controller.par)
 
-        self.control = trace(control, controller.memory, reading, self.inputs.reference_example)
-        self.memory: tuple[float, ...] = tuple(leaves(controller.memory))
+        self.control = None
+        self.memory: Any = controller.memory
+        self.shapes = reading, self.inputs.reference_example
+        self.law = control
+        if controller.compiled:
+            self.control = trace(control, controller.memory, reading, self.inputs.reference_example)
+            self.memory = tuple(leaves(controller.memory))
         self.idle = (0.0,) * len(leaves(example_command(n, rotors)))
         self.period = period
 
     def command(self, reading: Sequence[float], reference: Sequence[float]) -> tuple[float, ...]:
+        if self.control is None:
+            records = (rebuild(shape, iter(row)) for shape, row in zip(self.shapes, (reading, reference), strict=True))
+            self.memory, command = self.law(self.memory, *records)
+            return tuple(leaves(command))
         result = self.control.flat((*self.memory, *reading, *reference))
         split = len(self.memory)
         self.memory = result[:split]
