@@ -260,23 +260,20 @@ def test_iterations_reach_the_optimum_that_fatrop_finds():
     stages = Stages(MODEL, par.weights, par.mode, SCALES)
     best = InteriorPoint("fatrop", MODEL, par.weights, par.mode, stages, steps, bounds).solve(problem, guess)
     ours, plan = Riccati(stages, steps, par.weights.final, bounds), guess
-    for _ in range(8):
+    for _ in range(25):
         plan = ours.solve(problem, plan)
-    np.testing.assert_allclose(plan.x, best.x, atol=2e-3 * np.array([1.0] * 17 + [100.0] * 4))
-    np.testing.assert_allclose(plan.u[:, 4:], best.u[:, 4:], atol=1e-3)
+    # Gauss-Newton closes in by 0.6 a step; rotor speeds are hundreds of rad/s
+    units = np.array([1.0] * 17 + [500.0] * 4)
+    np.testing.assert_allclose(plan.x / units, best.x / units, atol=1e-4)
+    np.testing.assert_allclose(plan.u[:, 4:], best.u[:, 4:], atol=1e-4)
     np.testing.assert_allclose(plan.x[0], problem.start, atol=1e-9)
 
 
 def early_case3(controller=None, **changes):
     """Two seconds of Case 3 that begin on the circle."""
     scenario = load_scenario("case3")
-    return dataclasses.replace(
-        scenario,
-        duration=2.0,
-        trajectory=scenario.trajectory.shifted(-8.0),
-        controller=controller or scenario.controller,
-        **changes,
-    )
+    early = {"duration": 2.0, "trajectory": scenario.trajectory.shifted(-8.0)}
+    return dataclasses.replace(scenario, controller=controller or scenario.controller, **(early | changes))
 
 
 def tool_error(log):
@@ -341,7 +338,7 @@ def test_a_solver_of_casadi_s_without_casadi_is_refused_with_the_extra_s_name(mo
 def test_a_controller_s_memory_is_its_own():
     model = load_scenario("case3").controller.par.model
     controller = make_controller("nmpc", model)
-    first, second = (run(early_case3(controller, seed=0)) for _ in range(2))
+    first, second = (run(early_case3(controller, duration=0.2)) for _ in range(2))
     np.testing.assert_array_equal(first.position, second.position)
     assert rebuild(controller.memory, iter([])) == controller.memory
 

@@ -195,7 +195,7 @@ def samples(model: Model, logs: Sequence[Log], noisy: Sequence[bool], rng: np.ra
     inputs, outputs, filtered = [], [], truth[:, 0]
     for k in range(count):
         m = Measurement(
-            time=log_time(logs, k),
+            time=_time(logs, k),
             position=Vec3(*column("position", k, "position").T),
             quaternion=Quaternion(*column("quaternion", k).T),
             velocity=Vec3(*column("velocity", k, "velocity").T),
@@ -218,7 +218,7 @@ def samples(model: Model, logs: Sequence[Log], noisy: Sequence[bool], rng: np.ra
     return np.stack(inputs, axis=1), np.stack(outputs, axis=1)
 
 
-def log_time(logs: Sequence[Log], k: int) -> float:
+def _time(logs: Sequence[Log], k: int) -> float:
     """Time of an instant, the same in all flights."""
     return float(logs[0].time[k])
 
@@ -304,7 +304,10 @@ def learn(budget: Budget, progress: Progress = lambda _line: None) -> Learned:
     model = Model(vehicle=load_vehicle("hummingbird_arm2"))
     controller = preset("paper_ct", model)
     rng = np.random.default_rng(budget.seed)
-    xs, ys, test_x, test_y = [], [], [], []
+    xs: list[Array] = []
+    ys: list[Array] = []
+    test_x: list[Array] = []
+    test_y: list[Array] = []
     losses: list[float] = []
     held = max(1, budget.flights // 10)
     for turn in range(budget.rounds):
@@ -330,7 +333,7 @@ def learn(budget: Budget, progress: Progress = lambda _line: None) -> Learned:
         told = np.stack([np.broadcast_to(c, (len(truth),)) for c in network(tuple(np.vstack(test_x).T))], axis=1)
         error = np.sqrt(np.mean((told - truth) ** 2, axis=0))
         progress(f"  loss {losses[0]:.4f} -> {losses[-1]:.4f}; held-out RMS {np.array2string(error, precision=4)}")
-    return Learned(network, losses, error, np.sqrt(np.mean(truth**2, axis=0)), sum(len(x) for x in xs))
+    return Learned(network, losses, error, np.sqrt(np.mean(truth**2, axis=0)), sum(x.shape[0] for x in xs))
 
 
 def training_record(budget: Budget, learned: Learned) -> dict[str, Any]:
