@@ -3,18 +3,22 @@
 import dataclasses
 import json
 import math
+import re
 
 import numpy as np
 import pytest
 from flown import ARM2, MODEL, cases
 from scipy.spatial.transform import Rotation
+from test_export_c import Loaded
 
+from c_compiler import needs_cc
 from skyarm.actuation import Command
 from skyarm.compile import leaves, trace
 from skyarm.compile.llvm_text import Lanes
 from skyarm.compile.loop import trace_loop
 from skyarm.compile.native import Kernel
 from skyarm.control.controller import ControllerError
+from skyarm.control.export import export_c
 from skyarm.control.laws import hybrid_computed_torque
 from skyarm.control.learned.features import HISTORY, feature_names, features, no_history, remembered
 from skyarm.control.learned.network import read_network, shipped_network, write_network
@@ -137,6 +141,19 @@ def test_machine_code_and_python_of_the_law_are_one():
     # libm's tanh and ours differ in the last places
     np.testing.assert_allclose(carry[:, 0], memory, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(log[-1, :, 0], result[len(memory) :], rtol=1e-9)
+
+
+@needs_cc
+def test_in_c_it_has_the_bits_of_the_law_in_python_over_several_steps(tmp_path):
+    ours, some = learned(), cases(5, seed=3)
+    text = export_c(ours, name="law", period=0.005).text
+    assert not re.search(r"^    double \w+(\[\d+\])*;$", text.split("struct law_parameters")[1].split("};")[0], re.M)
+    in_c, memory = Loaded(text, tmp_path, ("-O1", "-std=c99", "-ffp-contract=off")), ours.memory
+    for case in some:
+        found = in_c(case.measurement(), case.reference())
+        memory, command = ours.law(memory, case.measurement(), case.reference(), 0.005, par=ours.par)
+        # tanh and exp are libm's in both
+        np.testing.assert_allclose(found, [float(x) for x in leaves(command)], rtol=1e-12)
 
 
 def test_another_arm_is_refused():

@@ -119,7 +119,7 @@ def test_every_feature_of_a_scenario_flies_alike(what):
     assert_equal_to_the_bit(planned("everything" if what == "everything" else "case2_gust", **VARIED[what]))
 
 
-@pytest.mark.parametrize("law", sorted(LAWS))
+@pytest.mark.parametrize("law", sorted(set(LAWS) - {"nmpc"}))
 def test_every_law_flies_alike(law):
     belief = {"vehicle": "hummingbird_arm2", "gravity": 9.81}
     assert_equal_to_the_bit(planned("case3", duration=1.0, model=belief, controller={"law": law}, sensors=NOISE))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from skyarm.control.export_units_learned import LEARNED_NOTES
+
 NOTES = {
     "Measurement.time": "s",
     "Measurement.position": "m, base origin, world axes",
@@ -46,6 +48,7 @@ NOTES = {
     "JointGains.damping": "1/s: acceleration per error of the joint's rate",
     "Mixer.inverse": "(rad/s)^2 per N m about x, y, z and per N of thrust, a row a rotor; follows from the rotors",
     "Mixer.highest": "(rad/s)^2, largest squared speed of each rotor",
+    **LEARNED_NOTES,
 }
 """Comment of each field by the record that holds it."""
 
