@@ -23,6 +23,7 @@ from skyarm.compile import leaves, rebuild
 from skyarm.control.export import export_c
 from skyarm.control.export_units import NOTES, STRUCTS
 from skyarm.control.export_units_laws import LAW_NOTES
+from skyarm.control.export_units_learned import LEARNED_NOTES
 from skyarm.control.model import Model, Terms
 from skyarm.control.paper import PAPER_LAWS
 from skyarm.control.presets import PRESETS, preset
@@ -418,7 +419,7 @@ def test_units_are_of_fields_that_exist():
     classes += [memory.ExactMemory, memory.Channel, memory.Observed, parameters.ExactParameters]
     classes += [parameters.BaseGains, parameters.ObserverGains, parameters.TipGains]
     known = {f"{each.__name__}.{field.name}" for each in classes for field in dataclasses.fields(each)}
-    assert set(NOTES) - set(LAW_NOTES) <= known
+    assert set(NOTES) - set(LAW_NOTES) - set(LEARNED_NOTES) <= known
     assert set(STRUCTS) == {"measurement", "reference", "memory", "command", "parameters"}
 
 

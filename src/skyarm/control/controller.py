@@ -28,7 +28,8 @@ class Controller:
         margin: distance of an attitude (quaternion) to where the law is not defined, negative beyond; None if it is
             defined everywhere.
         limit: that place in words.
-        compiled: the law is over scalars, so that machine code, C and other engines can be made of it.
+        compiled: the law is over scalars, so that machine code, C and other engines can be made of it; a law that is
+            not is called with floats.
     """
 
     name: str
@@ -38,6 +39,15 @@ class Controller:
     margin: Callable[[Any], Any] | None = None
     limit: str = ""
     compiled: bool = True
+
+    def require_compiled(self, what: str) -> None:
+        """Refuse a law that cannot be traced for something that needs it traced.
+
+        Raises:
+            ControllerError: the law is not over scalars.
+        """
+        if not self.compiled:
+            raise ControllerError(f"controller '{self.name}': its law is not over scalars, {what} needs one that is")
 
 
 def informed(memory: Any, sent: Command) -> Any:

@@ -62,10 +62,11 @@ def export_c(
         generator: who writes the file, with its version, for the opening comment.
 
     Raises:
-        ValueError: the name is no C identifier of at most 64 characters.
+        ValueError: the name is no C identifier of at most 64 characters, or the law is not over scalars.
     """
     if not NAME.fullmatch(name):
         raise ValueError(f"name = {name!r}: must be letters, digits and _, begin with a letter, 64 at most")
+    controller.require_compiled("export as C")
     records = _examples(controller, period)
     program = _traced(controller, records)
     structs = _structs(controller, records, program)

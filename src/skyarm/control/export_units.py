@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from skyarm.control.export_units_laws import LAW_NOTES
+from skyarm.control.export_units_learned import LEARNED_NOTES
 
 NOTES = {
     "Measurement.time": "s",
@@ -104,6 +105,7 @@ NOTES = {
     "Mixer.inverse": "(rad/s)^2 per N m about x, y, z and per N of thrust, a row a rotor; follows from the rotors",
     "Mixer.highest": "(rad/s)^2, largest squared speed of each rotor",
     **LAW_NOTES,
+    **LEARNED_NOTES,
 }
 """Comment of each field by the record that holds it."""
 

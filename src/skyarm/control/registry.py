@@ -61,6 +61,10 @@ LAWS: Mapping[str, Entry] = {
     "hybrid_computed_torque_euler": _paper(
         "hybrid_computed_torque_euler", "the same in the paper's Euler-angle equations"
     ),
+    "nmpc": Entry("whole-body model predictive control", "predictive.law", "make_predictive_controller"),
+    "learned_compensator_style": Entry(
+        "the paper's law and a network for what its model leaves out", "learned.law", "make_learned_controller"
+    ),
     "ct_level_gravity": Entry(
         "the paper's text to the letter: joint gravity at R = 1",
         "paper",

@@ -91,6 +91,7 @@ class Batch:
     ) -> None:
         self.scenario, self.paths, self.windows = scenario, tuple(paths), windows or Windows()
         self.names = metric_names(metrics, scenario.world.vehicle.n)
+        scenario.controller.require_compiled("a batch")
         self.base = np.array([number_at(scenario, path) for path in paths])
         self._wanted = needed(self.names, scenario.world.vehicle.n)
         self._log_every = log_every

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.actuation.hover import hover_trim
-from skyarm.compile import leaves, trace
+from skyarm.compile import leaves, rebuild, trace
 from skyarm.dynamics import State
 from skyarm.files import shown
 from skyarm.plant.compiled import RigidBodyPlant, example_command, example_state
@@ -58,11 +58,20 @@ class _Loop:
         def control(memory: Any, measurement: Any, reference: Any) -> Any:
             return controller.law(memory, measurement, reference, period, par=controller.par)
 
-        self.control = trace(control, controller.memory, reading, self.inputs.reference_example)
-        self.memory: tuple[float, ...] = tuple(leaves(controller.memory))
+        self.control = None
+        self.memory: Any = controller.memory
+        self.shapes = reading, self.inputs.reference_example
+        self.law = control
+        if controller.compiled:
+            self.control = trace(control, controller.memory, reading, self.inputs.reference_example)
+            self.memory = tuple(leaves(controller.memory))
         self.widths = [len(leaves(each)) for each in (state, example_command(n, rotors), reading)]
 
     def command(self, reading: Sequence[float], reference: Sequence[float]) -> tuple[float, ...]:
+        if self.control is None:
+            records = (rebuild(shape, iter(row)) for shape, row in zip(self.shapes, (reading, reference), strict=True))
+            self.memory, command = self.law(self.memory, *records)
+            return tuple(leaves(command))
         result = self.control.flat((*self.memory, *reading, *reference))
         split = len(self.memory)
         self.memory = result[:split]
@@ -83,12 +92,12 @@ def run(scenario: Scenario, progress: Progress | None = None) -> Log:
     A diverging episode, a joint past its limit or ground contact ends the episode: the log's status, cause and end time
     say so. ``progress(done, total)`` is called about a hundred times.
 
-    The rigid-body plant flies in machine code. Where that cannot be made a warning says so, and the episode flies in
-    Python: about a hundred times slower, the same numbers to the last bit.
+    The rigid-body plant flies in machine code, unless the law cannot be traced. Where that code cannot be made a
+    warning says so, and the episode flies in Python: about a hundred times slower, the same numbers to the last bit.
     """
     if not isinstance(scenario, Scenario):
         raise ScenarioError(f"scenario = {shown(scenario)}: must be a Scenario; load_scenario(name) makes one")
-    if scenario.plant == "rigid_body":
+    if scenario.plant == "rigid_body" and scenario.controller.compiled:
         inputs = episode_inputs(scenario)
         try:
             flown = native.fly(scenario, inputs, progress=progress)

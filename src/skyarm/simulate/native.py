@@ -92,6 +92,7 @@ class Traced:
 
 def trace_scenario(scenario: Scenario, inputs: EpisodeInputs) -> Traced:
     """Trace one control period of a scenario with all its numbers as constants."""
+    scenario.controller.require_compiled("machine code of the loop")
     plant = RigidBodyPlant(scenario.world, inputs.wind_example, scenario.integrator, 1.0 / scenario.rates.physics)
     period = make_period(scenario, plant.substeps)
     carry = first_carry(scenario)

@@ -1,0 +1,1 @@
+"""A learned compensator: a small network that tells what the model leaves out, around the paper's law."""

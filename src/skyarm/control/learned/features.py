@@ -1,0 +1,111 @@
+"""What the network sees: motion, errors, and a short history of velocities and commands in one filter each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.actuation import Command, rotor_force
+from skyarm.algebra import E_Z, ZERO3, Force, Vec3
+from skyarm.dynamics.measurement import Measurement
+from skyarm.reference import Reference
+from skyarm.scalars import Scalar, add, exp, mul, sub, where
+from skyarm.vehicle.records import Vehicle
+
+HISTORY = 15.0
+"""rad/s, of the filters: fast against gusts of some tenths of a second, slow against noise of 1 cm/s."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class History:
+    """Filtered motion and commands.
+
+    Attributes:
+        started: 0 before the first step.
+        velocity: world axes, m/s. rate: base axes, rad/s. joint_rates: rad/s or m/s.
+        force, torque: that the commanded rotor speeds make in still air, base axes, N, N m. efforts: N m or N.
+    """
+
+    started: Scalar
+    velocity: Vec3
+    rate: Vec3
+    joint_rates: tuple[Scalar, ...]
+    force: Vec3
+    torque: Vec3
+    efforts: tuple[Scalar, ...]
+
+
+def no_history(joints: int) -> History:
+    """Before the first step."""
+    zero, still = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
+    return History(started=0.0, velocity=zero, rate=zero, joint_rates=still, force=zero, torque=zero, efforts=still)
+
+
+def feature_names(joints: int) -> tuple[str, ...]:
+    """What each feature is, in their order."""
+    axes = ("x", "y", "z")
+    arm = tuple(str(i + 1) for i in range(joints))
+    groups = {
+        **dict.fromkeys(("velocity_B", "up_B", "rate_B"), axes),
+        **dict.fromkeys(("joint", "joint_rate"), arm),
+        **dict.fromkeys(("acceleration_B", "angular_acceleration_B"), axes),
+        "joint_acceleration": arm,
+        **dict.fromkeys(("position_error_B", "velocity_error_B"), axes),
+        **dict.fromkeys(("joint_error", "joint_rate_error"), arm),
+        **dict.fromkeys(("force_B", "torque_B"), axes),
+        "effort": arm,
+    }
+    return tuple(f"{group} {part}" for group, parts in groups.items() for part in parts)
+
+
+def features(measurement: Measurement, reference: Reference, history: History) -> tuple[Any, ...]:
+    """The network's inputs; accelerations are those of the filtered velocities, HISTORY (x - filtered x)."""
+    m, R = measurement, measurement.quaternion.rotation()
+    new = history.started < 0.5
+
+    def rise(x: Any, filtered: Any) -> Any:
+        return where(new, 0.0, HISTORY * (x - filtered))
+
+    acceleration = Vec3(*(rise(a, b) for a, b in zip(m.velocity, history.velocity, strict=True)))
+    turning = [rise(a, b) for a, b in zip(m.rate, history.rate, strict=True)]
+    return (
+        *R.apply_T(m.velocity),
+        *R.apply_T(E_Z),
+        *m.rate,
+        *m.joints,
+        *m.joint_rates,
+        *R.apply_T(acceleration),
+        *turning,
+        *(rise(a, b) for a, b in zip(m.joint_rates, history.joint_rates, strict=True)),
+        *R.apply_T(m.position - reference.position),
+        *R.apply_T(m.velocity - reference.velocity),
+        *(sub(a, b) for a, b in zip(m.joints, reference.joints, strict=True)),
+        *(sub(a, b) for a, b in zip(m.joint_rates, reference.joint_rates, strict=True)),
+        *history.force,
+        *history.torque,
+        *history.efforts,
+    )
+
+
+def remembered(vehicle: Vehicle, history: History, measurement: Measurement, command: Command, dt: Any) -> History:
+    """History after a step."""
+    pushed = Force(ZERO3, ZERO3)
+    for rotor, speed in zip(vehicle.rotors, command.rotor_speeds, strict=True):
+        pushed = pushed + rotor_force(rotor, speed, ZERO3)
+    new, share = history.started < 0.5, 1.0 - exp(mul(-HISTORY, dt))
+
+    def follow(filtered: Any, x: Any) -> Any:
+        return where(new, x, add(filtered, mul(share, sub(x, filtered))))
+
+    def all_follow(filtered: Any, values: Any) -> tuple[Any, ...]:
+        return tuple(follow(a, b) for a, b in zip(filtered, values, strict=True))
+
+    return History(
+        started=where(new, 1.0, history.started),
+        velocity=Vec3(*all_follow(history.velocity, measurement.velocity)),
+        rate=Vec3(*all_follow(history.rate, measurement.rate)),
+        joint_rates=all_follow(history.joint_rates, measurement.joint_rates),
+        force=Vec3(*all_follow(history.force, pushed.force)),
+        torque=Vec3(*all_follow(history.torque, pushed.torque)),
+        efforts=all_follow(history.efforts, command.efforts),
+    )

@@ -1,0 +1,151 @@
+"""The paper's computed torque with a learned compensator, in the style of Wu 2024.
+
+Law: a network of two hidden layers of 32 tanh tells, from motion, errors and a short history of velocities and
+commands, the force and torque at the base and the torques at the joints that the model leaves out. Its filtered answer
+is taken off the wanted force before the thrust is aimed, and off the inverse dynamics.
+
+Assumed, since the equations of Wu 2024 were not at hand: the network replaces a disturbance observer around a computed
+torque law; its inputs and size; supervised training on simulated flights, no adaptation in flight; one filter of 15
+rad/s per velocity and command stands for the history; the answer is limited to what training has seen and filtered.
+
+Tuning: ``answer`` (rad/s), the paper's gains. The shipped weights are those of the Hummingbird with the two-joint arm;
+``python -m skyarm.experiments.learn`` makes them again.
+
+Source: Wu et al. 2024 (idea only); base law Barakou et al. 2026, eq. (82)-(96).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm import dynamics
+from skyarm.actuation import Command, Mixer, make_mixer, mix
+from skyarm.algebra import Motion, Vec3
+from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.geometric import attitude_loop, downward_acceleration
+from skyarm.control.laws import joint_accelerations, limited
+from skyarm.control.learned.features import History, feature_names, features, no_history, remembered
+from skyarm.control.learned.network import Network, shipped_network
+from skyarm.control.model import GeometricGains, JointGains, Model, Terms
+from skyarm.control.paper import default_gains, default_joint_gains
+from skyarm.dynamics.measurement import Measurement
+from skyarm.files import shown
+from skyarm.reference import Reference
+from skyarm.scalars import Scalar, add, divide, exp, mul, sub
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LearnedParameters:
+    """Constants of the law: those of the paper's law, the network, and how fast its answer is followed (rad/s)."""
+
+    model: Model
+    gains: GeometricGains
+    joint_gains: JointGains
+    mixer: Mixer
+    network: Network
+    answer: Scalar
+    rate_error: str = "rotors"
+    terms: Terms = Terms()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LearnedMemory:
+    """History that the network sees, and its filtered answer: force and torque, base axes (N, N m), joint torques."""
+
+    history: History
+    answer: tuple[Scalar, ...]
+
+
+def make_learned_controller(
+    model: Model,
+    *,
+    gains: GeometricGains | None = None,
+    joint_gains: JointGains | None = None,
+    mixer_policy: str = "rotors_clip",
+    answer: float = 10.0,
+    network: Network | None = None,
+) -> Controller:
+    """The paper's law with a learned compensator.
+
+    Args:
+        model: what it believes.
+        gains: of the base, as the paper's law takes them.
+        joint_gains: of the joints, likewise.
+        mixer_policy: see :class:`skyarm.actuation.Mixer`.
+        answer: how fast the network's answer is followed, rad/s.
+        network: the shipped one if left out.
+
+    Raises:
+        ControllerError: the network is not one of a vehicle with these joints.
+    """
+    if not isinstance(answer, (int, float)) or isinstance(answer, bool) or not 0.0 < answer < float("inf"):
+        raise ControllerError(f"controller.answer = {shown(answer)}: must be a number of rad/s above 0")
+    n = model.vehicle.n
+    found = network or shipped_network()[0]
+    if len(found.means) != len(feature_names(n)) or len(found.scales) != 6 + n:
+        raise ControllerError(
+            f"controller.network: takes {len(found.means)} inputs, a vehicle of {n} joints gives "
+            f"{len(feature_names(n))}; train one with skyarm.experiments.learn"
+        )
+    name = "hybrid_computed_torque"
+    par = LearnedParameters(
+        model=model,
+        gains=gains or default_gains(model),
+        joint_gains=joint_gains or default_joint_gains(name, model),
+        mixer=make_mixer(model.vehicle, mixer_policy),
+        network=found,
+        answer=float(answer),
+    )
+    memory = LearnedMemory(history=no_history(n), answer=(0.0,) * (6 + n))
+    return Controller(name="learned_compensator_style", law=learned_compensator, par=par, memory=memory)
+
+
+def learned_compensator(
+    memory: LearnedMemory, measurement: Measurement, reference: Reference, dt: Any, *, par: LearnedParameters
+) -> tuple[LearnedMemory, Command]:
+    """The paper's computed torque, less what a network says that the model leaves out.
+
+    Source: Wu et al. 2024 (idea only), Barakou et al. 2026, eq. (82)-(96).
+    """
+    told = par.network(features(measurement, reference, memory.history))
+    share = 1.0 - exp(mul(-par.answer, dt))
+    answer = tuple(add(old, mul(share, sub(new, old))) for old, new in zip(memory.answer, told, strict=True))
+    command = compensated(measurement, reference, answer, par)
+    history = remembered(par.model.vehicle, memory.history, measurement, command, dt)
+    return LearnedMemory(history=history, answer=answer), command
+
+
+def compensated(
+    measurement: Measurement, reference: Reference, unknown: tuple[Any, ...], par: LearnedParameters
+) -> Command:
+    """Commands of the paper's law under an unknown force and torque (base axes) and unknown joint torques."""
+    vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
+    force_B, torque_B = Vec3(*unknown[:3]), Vec3(*unknown[3:6])
+    a_d = downward_acceleration(
+        par.gains,
+        vehicle.mass,
+        par.model.gravity,
+        position_error=measurement.position - reference.position,
+        velocity_error=measurement.velocity - reference.velocity,
+        acceleration=reference.acceleration,
+    )
+    alpha = attitude_loop(
+        par.gains,
+        vehicle.base.inertia,
+        # what pushes already need not be thrust
+        a_d=a_d + R.apply(force_B) * divide(1.0, vehicle.mass),
+        yaw=reference.yaw,
+        yaw_rate=reference.yaw_rate,
+        R_WB=R,
+        w_B=measurement.rate,
+        rate_form=par.rate_error,
+    )
+    base = Motion(alpha, R.apply_T(-a_d))
+    wanted = joint_accelerations(par, measurement, reference)  # type: ignore[arg-type]
+    force, torques = dynamics.inverse_dynamics(
+        vehicle, measurement.joints, measurement.rate, measurement.joint_rates, base, wanted
+    )
+    speeds, _ = mix(par.mixer, force.torque - torque_B, force.force.z - force_B.z)
+    efforts = tuple(sub(t, u) for t, u in zip(torques, unknown[6:], strict=True))
+    return Command(rotor_speeds=speeds, efforts=limited(par, efforts))  # type: ignore[arg-type]

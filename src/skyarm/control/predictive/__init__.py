@@ -1,0 +1,1 @@
+"""Model predictive control of the whole vehicle: prediction, cost, observer, and two solvers."""

@@ -1,0 +1,87 @@
+"""A linear-quadratic problem along a horizon, solved by the Riccati recursion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+FLOOR = 1e-9
+"""Added to the inputs' second derivatives: an input that nothing weighs stays where it is."""
+
+HOLD = 1e8
+"""Weight of a held input against its own second derivative."""
+
+
+@dataclass(frozen=True, slots=True)
+class Linear:
+    """Stages x[k+1] = A[k] x[k] + B[k] u[k] + c[k] with residuals Jx[k] x[k] + Ju[k] u[k] + r[k], all deviations.
+
+    Attributes:
+        AB: (N, nx, nx + nu). c: (N, nx). J: (N + 1, nr, nx + nu), of which the last counts x alone. r: (N + 1, nr).
+    """
+
+    AB: Array
+    c: Array
+    J: Array
+    r: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """u[k] = k[k] + K[k] x[k]: feed-forward (N, nu), gains (N, nu, nx); P (nx, nx) is the cost-to-go at the start."""
+
+    k: Array
+    K: Array
+    P: Array
+
+
+def policy(problem: Linear, held: Array | None = None, at: Array | None = None) -> Policy:
+    """Minimise the sum of squared residuals.
+
+    Args:
+        problem: the stages.
+        held: (N, nu) True where an input is fixed.
+        at: (N, nu) where to.
+
+    Source: Mayne 1966; Rawlings, Mayne, Diehl 2017, section 8.8.3 (Gauss-Newton, Riccati recursion).
+    """
+    stages, nx, width = problem.AB.shape
+    H = problem.J.transpose(0, 2, 1) @ problem.J
+    g = (problem.J.transpose(0, 2, 1) @ problem.r[:, :, None])[:, :, 0]
+    P, p = H[stages, :nx, :nx], g[stages, :nx]
+    k, K = np.empty((stages, width - nx)), np.empty((stages, width - nx, nx))
+    nothing = np.zeros_like(k)
+    strength, wanted = (nothing, nothing) if held is None or at is None else (np.where(held, HOLD, 0.0), at)
+    for i in reversed(range(stages)):
+        AB = problem.AB[i]
+        PAB = P @ AB
+        M = H[i] + AB.T @ PAB
+        m = g[i] + AB.T @ (P @ problem.c[i] + p)
+        # a held input weighs more than all else by a factor of its own, whatever its unit
+        weight = FLOOR + strength[i] * np.diagonal(M[nx:, nx:])
+        right = np.column_stack([m[nx:] - weight * wanted[i] * (strength[i] > 0.0), M[nx:, :nx]])
+        solved = np.linalg.solve(M[nx:, nx:] + np.diag(weight), right)
+        k[i], K[i] = -solved[:, 0], -solved[:, 1:]
+        # the general form: with held inputs K and k are not the minimiser's
+        MK = M[nx:, nx:] @ K[i]
+        cross = K[i].T @ M[nx:, :nx]
+        P = M[:nx, :nx] + cross + cross.T + K[i].T @ MK
+        P = 0.5 * (P + P.T)
+        p = m[:nx] + K[i].T @ m[nx:] + (M[:nx, nx:] + MK.T) @ k[i]
+    return Policy(k, K, P)
+
+
+def rollout(problem: Linear, found: Policy, first: Array, low: Any, high: Any) -> tuple[Array, Array]:
+    """Deviations x (N + 1, nx) and u (N, nu) from ``first`` on, each input kept within (N, nu) limits."""
+    stages, nx, width = problem.AB.shape
+    x, u = np.empty((stages + 1, nx)), np.empty((stages, width - nx))
+    x[0] = first
+    for i in range(stages):
+        u[i] = np.minimum(np.maximum(found.k[i] + found.K[i] @ x[i], low[i]), high[i])
+        x[i + 1] = problem.AB[i] @ np.concatenate([x[i], u[i]]) + problem.c[i]
+    return x, u

@@ -1,0 +1,234 @@
+"""The learned compensator: the network is what NumPy says, its training repeats and learns, and it flies."""
+
+import dataclasses
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+from flown import ARM2, MODEL, cases, hovering, pushes
+from scipy.spatial.transform import Rotation
+from test_export_c import Loaded
+
+from c_compiler import needs_cc
+from skyarm.actuation import Command
+from skyarm.compile import leaves, trace
+from skyarm.compile.llvm_text import Lanes
+from skyarm.compile.loop import trace_loop
+from skyarm.compile.native import Kernel
+from skyarm.control.controller import ControllerError
+from skyarm.control.export import export_c
+from skyarm.control.laws import hybrid_computed_torque
+from skyarm.control.learned.features import HISTORY, feature_names, features, no_history, remembered
+from skyarm.control.learned.law import compensated
+from skyarm.control.learned.network import read_network, shipped_network, write_network
+from skyarm.control.model import Model
+from skyarm.control.presets import ACCELERATION, HUMMINGBIRD
+from skyarm.control.registry import make_controller
+from skyarm.experiments.learn import Budget, Trainer, learn, random_scenario, residuals, training_record
+from skyarm.simulate.loop import run
+from skyarm.simulate.metrics import Errors
+from skyarm.simulate.scenario_file import load_scenario
+from skyarm.vehicle.files import load_vehicle
+
+TINY = Budget(flights=3, rounds=1, duration=0.6, hidden=8, epochs=20, batch=16, seed=5)
+
+
+def learned(**options):
+    return make_controller("learned_compensator_style", MODEL, gains=HUMMINGBIRD, joint_gains=ACCELERATION, **options)
+
+
+def numpy_forward(network, x):
+    """The network by matrices."""
+    z = (x - np.array(network.means)) * np.array(network.factors)
+    *hidden, last = [(np.array(layer.weights), np.array(layer.offsets)) for layer in network.layers]
+    for W, b in hidden:
+        z = np.tanh(W @ z + b)
+    limits = np.array(network.limits)
+    return np.clip((last[0] @ z + last[1]) * np.array(network.scales), -limits, limits)
+
+
+def inputs(count, seed=0):
+    network, _ = shipped_network()
+    rng = np.random.default_rng(seed)
+    return np.array(network.means) + rng.normal(size=(count, len(network.means))) / np.array(network.factors)
+
+
+def test_the_shipped_network_is_what_its_matrices_say():
+    network, _ = shipped_network()
+    for x in inputs(20):
+        # 1e-13: sums of a hundred products in another order
+        np.testing.assert_allclose(network(x.tolist()), numpy_forward(network, x), rtol=1e-11, atol=1e-13)
+
+
+def test_answers_beyond_what_training_saw_are_limited():
+    network, _ = shipped_network()
+    wild = network((inputs(1)[0] * 1000.0).tolist())
+    assert np.all(np.abs(wild) <= np.array(network.limits))
+
+
+def test_the_file_says_how_it_was_made_and_reads_back_as_written():
+    network, training = shipped_network()
+    assert training["command"] == "python -m skyarm.experiments.learn FILE"
+    assert training["inputs"] == list(feature_names(2))
+    assert len(training["outputs"]) == len(training["held_out_rms_error"]) == 8
+    text = write_network(network, training)
+    assert read_network(text) == (network, training)
+    assert len(text) < 200_000
+    assert all(e < r for e, r in zip(training["held_out_rms_error"][:3], training["held_out_rms"][:3], strict=True))
+
+
+@pytest.mark.parametrize("text", ["[]", '{"schema": 1}', '{"schema": 2}', "nothing"])
+def test_another_file_is_refused(text):
+    with pytest.raises(ValueError, match=r"schema|must be a file that the training wrote|Expecting value"):
+        read_network(text)
+
+
+def test_with_a_silent_network_it_is_the_paper_s_law():
+    silent = dataclasses.replace(shipped_network()[0], limits=(0.0,) * 8)
+    ours = learned(network=silent)
+    paper = make_controller("hybrid_computed_torque", MODEL, gains=HUMMINGBIRD, joint_gains=ACCELERATION)
+    for case in cases(10, seed=2):
+        _, command = ours.law(ours.memory, case.measurement(), case.reference(), 0.005, par=ours.par)
+        _, expected = hybrid_computed_torque((), case.measurement(), case.reference(), 0.005, par=paper.par)
+        np.testing.assert_allclose(leaves(command), leaves(expected), rtol=1e-9, atol=1e-12)
+
+
+def test_what_pushes_already_is_taken_off_torque_thrust_and_efforts():
+    ours = learned()
+    for case in (hovering(joints=(0.2, -0.1)), hovering(joints=(-0.3, 0.4))):
+        told = (0.0, 0.0, 0.7, 0.02, -0.03, 0.004, 0.05, -0.02)
+        alone = compensated(case.measurement(), case.reference(), (0.0,) * 8, ours.par)
+        helped = compensated(case.measurement(), case.reference(), told, ours.par)
+        (torque, thrust), (torque_0, thrust_0) = pushes(ARM2, helped), pushes(ARM2, alone)
+        np.testing.assert_allclose(torque - torque_0, [-0.02, 0.03, -0.004], atol=1e-9)
+        assert thrust - thrust_0 == pytest.approx(-0.7)
+        np.testing.assert_allclose(np.subtract(helped.efforts, alone.efforts), [-0.05, 0.02], atol=1e-12)
+
+
+def test_the_answer_is_followed_by_a_first_order_filter():
+    always = shipped_network()[0]
+    top = dataclasses.replace(always.layers[-1], offsets=(1e6,) * 8)
+    ours = learned(network=dataclasses.replace(always, layers=(*always.layers[:-1], top)), answer=7.0)
+    case, memory = cases(1, seed=4)[0], ours.memory
+    for _ in range(10):
+        memory, _ = ours.law(memory, case.measurement(), case.reference(), 0.005, par=ours.par)
+    np.testing.assert_allclose(memory.answer, np.array(always.limits) * (1.0 - math.exp(-7.0 * 0.05)), rtol=1e-9)
+
+
+def test_the_history_is_the_filtered_motion_and_its_rise_the_acceleration():
+    case, history = cases(1, seed=6)[0], no_history(2)
+    command = Command(rotor_speeds=(480.0, 500.0, 470.0, 490.0), efforts=(0.1, -0.2))
+    names = feature_names(2)
+    acceleration, place = np.array([1.0, -2.0, 0.5]), names.index("acceleration_B x")
+    for k in range(400):
+        now = dataclasses.replace(case, v=acceleration * k * 0.005)
+        seen = features(now.measurement(), now.reference(), history)
+        history = remembered(ARM2, history, now.measurement(), command, 0.005)
+    # a ramp runs ahead of its filter by acceleration over HISTORY, up to half a period of sampling
+    expected = case.R.T @ acceleration * (HISTORY * 0.005 / (1.0 - math.exp(-HISTORY * 0.005)))
+    np.testing.assert_allclose(seen[place : place + 3], expected, rtol=1e-6)
+    thrust = sum(r.thrust_coefficient * w**2 for r, w in zip(ARM2.rotors, command.rotor_speeds, strict=True))
+    assert seen[names.index("force_B z")] == pytest.approx(thrust)
+    np.testing.assert_allclose(seen[-2:], command.efforts)
+    np.testing.assert_allclose(seen[3:6], case.R.T @ [0.0, 0.0, 1.0], atol=1e-12)
+
+
+def test_machine_code_and_python_of_the_law_are_one():
+    ours, case = learned(), cases(1, seed=8)[0]
+
+    def step(memory, _par, row, _uniforms):
+        return ours.law(memory, *row, 0.005, par=ours.par)
+
+    row = (case.measurement(), case.reference())
+    loop = trace_loop(step, ours.memory, (), row)
+    kernel = Kernel(loop, Lanes(1, contract=False), logging=True)
+    start, numbers = np.array(leaves(ours.memory))[:, None], np.array([leaves(row)] * 3)
+    carry, log = kernel.run(start, np.zeros((0, 1)), numbers)
+    program = trace(lambda memory, m, r: ours.law(memory, m, r, 0.005, par=ours.par), ours.memory, *row)
+    memory = tuple(leaves(ours.memory))
+    for _ in range(3):
+        result = program.flat((*memory, *leaves(row)))
+        memory = result[: len(memory)]
+    # libm's tanh and ours differ in the last places
+    np.testing.assert_allclose(carry[:, 0], memory, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(log[-1, :, 0], result[len(memory) :], rtol=1e-9)
+
+
+@needs_cc
+def test_in_c_it_has_the_bits_of_the_law_in_python_over_several_steps(tmp_path):
+    ours, some = learned(), cases(5, seed=3)
+    text = export_c(ours, name="law", period=0.005).text
+    assert not re.search(r"^    double \w+(\[\d+\])*;$", text.split("struct law_parameters")[1].split("};")[0], re.M)
+    in_c, memory = Loaded(text, tmp_path, ("-O1", "-std=c99", "-ffp-contract=off")), ours.memory
+    for case in some:
+        found = in_c(case.measurement(), case.reference())
+        memory, command = ours.law(memory, case.measurement(), case.reference(), 0.005, par=ours.par)
+        # tanh and exp are libm's in both
+        np.testing.assert_allclose(found, [float(x) for x in leaves(command)], rtol=1e-12)
+
+
+def test_another_arm_is_refused():
+    with pytest.raises(ControllerError, match=r"takes 39 inputs, a vehicle of 6 joints gives 63; train one"):
+        make_controller("learned_compensator_style", Model(vehicle=load_vehicle("hexarotor_arm6")))
+
+
+def test_wind_moves_it_a_tenth_of_what_it_moves_the_paper_s_law():
+    scenario = load_scenario("case3_wind")
+    scenario = dataclasses.replace(scenario, duration=5.0)
+    errors = {}
+    for name, controller in (("paper", scenario.controller), ("learned", learned())):
+        log = run(dataclasses.replace(scenario, controller=controller))
+        assert log.status == "completed"
+        errors[name] = Errors.continuous(log).position[log.time >= 4.0].mean()
+    assert errors["learned"] < 0.1 * errors["paper"]
+
+
+def test_what_the_model_leaves_out_of_a_flight_is_the_push_that_was_given():
+    controller = load_scenario("case3").controller
+    scenario = random_scenario(np.random.default_rng(1), controller, 1.0, 0)
+    belief = scenario.world.vehicle
+    wind = dataclasses.replace(scenario.wind, air_velocity_W=scenario.wind.force_W * 0.0, gust=None)
+    still = tuple(dataclasses.replace(r, drag_coefficient=0.0, rolling_moment_coefficient=0.0) for r in belief.rotors)
+    truth = dataclasses.replace(belief, rotors=still).with_joints(damping=0.0)
+    flown = dataclasses.replace(scenario, wind=wind, world=dataclasses.replace(scenario.world, vehicle=truth))
+    log = run(flown)
+    found = residuals(Model(vehicle=truth, gravity=9.8), log)
+    turned = Rotation.from_quat(log.quaternion[:-1][:, [1, 2, 3, 0]]).inv()
+    pushed = turned.apply([float(c) for c in wind.force_W])
+    # differences over a period of 5 ms against the force at its beginning
+    np.testing.assert_allclose(found[20:, :3], pushed[20:], atol=0.05)
+    assert np.abs(found[40:, 3:]).max() < 5e-3
+
+
+def test_the_gradient_of_training_is_that_of_the_loss():
+    rng = np.random.default_rng(0)
+    trainer, x, y = Trainer((3, 4, 4, 2), rng), rng.normal(size=(9, 3)), rng.normal(size=(9, 2))
+    before = [part.copy() for part in trainer.parts]
+
+    def loss(parts):
+        z = np.tanh(np.tanh(x @ parts[0] + parts[1]) @ parts[2] + parts[3]) @ parts[4] + parts[5]
+        return float(np.mean((z - y) ** 2))
+
+    assert trainer.step(x, y, 1e-4) == pytest.approx(loss(before))
+    for i, part in enumerate(before):
+        for place in np.ndindex(part.shape):
+            nudged = [p.copy() for p in before]
+            nudged[i][place] += 1e-6
+            slope = (loss(nudged) - loss(before)) / 1e-6
+            # the first step of Adam goes down by the rate, whatever the size of the slope
+            if abs(slope) > 1e-4:
+                assert trainer.parts[i][place] - part[place] == pytest.approx(-1e-4 * np.sign(slope), rel=1e-2)
+
+
+def test_training_learns_and_repeats_bit_for_bit():
+    first, second = learn(TINY), learn(TINY)
+    assert first.losses[-1] < 0.8 * first.losses[0]
+    assert write_network(first.network, training_record(TINY, first)) == write_network(
+        second.network, training_record(TINY, second)
+    )
+    assert (
+        json.loads(write_network(first.network, training_record(TINY, first)))["training"]["samples"] == first.samples
+    )
+    assert learn(dataclasses.replace(TINY, seed=6)).network != first.network

@@ -1,0 +1,420 @@
+"""Model predictive control: each part against an oracle of its own, then flights."""
+
+import dataclasses
+import sys
+
+import numpy as np
+import pytest
+import scipy.linalg
+from flown import ARM2, MODEL
+
+from skyarm.actuation import Command, speed_after
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.compile import leaves, rebuild, trace
+from skyarm.control.controller import ControllerError
+from skyarm.control.export import export_c
+from skyarm.control.predictive import preview
+from skyarm.control.predictive.cost import input_residuals, state_residuals
+from skyarm.control.predictive.law import WEIGHTS, stage_lengths
+from skyarm.control.predictive.linearise import Stages, examples
+from skyarm.control.predictive.motion import Disturbance, Inputs, advance, command_for
+from skyarm.control.predictive.observer import Bandwidths, Estimate, observe, predict
+from skyarm.control.predictive.riccati import Linear, policy, rollout
+from skyarm.control.predictive.solve import Bounds, Plan, Problem, Riccati, shifted
+from skyarm.control.registry import make_controller
+from skyarm.dynamics.measurement import Measurement
+from skyarm.reference import Reference
+from skyarm.simulate.batch import Batch
+from skyarm.simulate.inputs import episode_inputs, first_state
+from skyarm.simulate.loop import run
+from skyarm.simulate.metrics import Errors
+from skyarm.simulate.native import fly
+from skyarm.simulate.scenario_file import load_scenario
+
+DT = 0.005
+SCALES = np.array([1000.0] * 4 + [0.1] * 2)
+
+
+def random_problem(seed, stages=5, nx=4, nu=2, errors=7):
+    rng = np.random.default_rng(seed)
+    J = rng.normal(size=(stages + 1, errors, nx + nu))
+    J[-1, :, nx:] = 0.0
+    return Linear(
+        0.5 * rng.normal(size=(stages, nx, nx + nu)),
+        rng.normal(size=(stages, nx)),
+        J,
+        rng.normal(size=(stages + 1, errors)),
+    )
+
+
+def dense_solution(problem, first, fixed=None, at=None):
+    """Inputs of the least-squares problem written out whole: states as affine maps of all inputs, then lstsq."""
+    stages, nx, width = problem.AB.shape
+    nu = width - nx
+    X, x0, rows, right = np.zeros((nx, stages * nu)), np.array(first), [], []
+    for i in range(stages + 1):
+        U = np.zeros((nu, stages * nu))
+        if i < stages:
+            U[:, i * nu : (i + 1) * nu] = np.eye(nu)
+        rows.append(problem.J[i, :, :nx] @ X + problem.J[i, :, nx:] @ U)
+        right.append(-(problem.r[i] + problem.J[i, :, :nx] @ x0))
+        if i < stages:
+            X, x0 = problem.AB[i, :, :nx] @ X + problem.AB[i, :, nx:] @ U, problem.AB[i, :, :nx] @ x0 + problem.c[i]
+    A, b = np.vstack(rows), np.concatenate(right)
+    u = np.zeros(stages * nu) if at is None else at.ravel().copy()
+    free = np.ones(stages * nu, dtype=bool) if fixed is None else ~fixed.ravel()
+    u[free] = np.linalg.lstsq(A[:, free], b - A[:, ~free] @ u[~free], rcond=None)[0]
+    return u.reshape(stages, nu)
+
+
+def test_a_long_horizon_gives_the_gain_of_the_discrete_riccati_equation():
+    rng = np.random.default_rng(3)
+    A, B = np.eye(4) + 0.1 * rng.normal(size=(4, 4)), rng.normal(size=(4, 2))
+    Q, R = np.diag([3.0, 1.0, 2.0, 0.5]), np.diag([0.4, 2.0])
+    J = np.zeros((301, 6, 6))
+    J[:] = np.sqrt(scipy.linalg.block_diag(Q, R))
+    J[-1, 4:] = 0.0
+    AB = np.tile(np.hstack([A, B]), (300, 1, 1))
+    found = policy(Linear(AB, np.zeros((300, 4)), J, np.zeros((301, 6))))
+    P = scipy.linalg.solve_discrete_are(A, B, Q, R)
+    K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+    # 1e-6: the floor of 1e-9 under the inputs' weights
+    np.testing.assert_allclose(found.K[0], -K, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(found.P, P, rtol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_recursion_solves_the_least_squares_problem_written_out_whole(seed):
+    problem, first = random_problem(seed), np.random.default_rng(seed + 9).normal(size=4)
+    wide = np.full((5, 2), np.inf)
+    x, u = rollout(problem, policy(problem), first, -wide, wide)
+    np.testing.assert_allclose(u, dense_solution(problem, first), rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(x[1], problem.AB[0] @ np.concatenate([first, u[0]]) + problem.c[0], atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_held_inputs_stay_and_the_others_make_the_best_of_it(seed):
+    problem, rng = random_problem(seed), np.random.default_rng(seed + 20)
+    first, held, at = rng.normal(size=4), rng.random((5, 2)) < 0.4, rng.normal(size=(5, 2))
+    wide = np.full((5, 2), np.inf)
+    _, u = rollout(problem, policy(problem, held, at), first, -wide, wide)
+    # 1e-5: a held input weighs 1e8 times the rest
+    np.testing.assert_allclose(u, dense_solution(problem, first, held, at), rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize("acceleration", [-3000.0, -20.0, 0.0, 15.0, 2500.0])
+def test_the_command_brings_a_lagging_rotor_where_the_plan_wants_it(acceleration):
+    rotor = ARM2.rotors[0]
+    command = command_for(rotor, 480.0, acceleration, DT)
+    assert speed_after(rotor, 480.0, command, DT) == pytest.approx(480.0 + acceleration * DT, abs=1e-9)
+
+
+def random_stage(seed):
+    rng = np.random.default_rng(seed)
+    state, inputs, disturbance, goal = examples(2, 4)
+    q = rng.normal(size=4) + np.array([3.0, 0.0, 0.0, 0.0])
+    x = np.concatenate(
+        [rng.normal(size=3), q / np.linalg.norm(q), rng.normal(size=6), rng.uniform(-1, 1, 4), rng.uniform(300, 700, 4)]
+    )
+    u, d = rng.normal(size=6) * SCALES, rng.normal(size=8) * 0.1
+    return (state, inputs, disturbance, goal), x, u, d, rng.normal(size=len(leaves(goal)))
+
+
+@pytest.mark.parametrize("mode", ["tool", "joints"])
+def test_derivatives_of_the_stages_equal_casadi_s(mode):
+    casadi = pytest.importorskip("casadi")
+    from skyarm.compile.casadi_engine import casadi_function
+
+    (state, inputs, disturbance, goal), x, u, d, wanted = random_stage(1)
+
+    def stage(a, b, c, e):
+        errors = (*state_residuals(MODEL, WEIGHTS, a, e, mode), *input_residuals(MODEL, WEIGHTS, a, b, c, e))
+        return advance(MODEL, a, b, c, 0.03), errors
+
+    f = casadi_function(trace(stage, state, inputs, disturbance, goal))
+    both = casadi.SX.sym("z", 27)
+    after, errors = f(both[:21], both[21:], d, wanted)
+    exact = casadi.Function("j", [both], [after, errors, casadi.jacobian(after, both), casadi.jacobian(errors, both)])
+    expected = [np.asarray(m) for m in exact(np.concatenate([x, u]))]
+    stages = Stages(MODEL, WEIGHTS, mode, SCALES)
+    found = stages.derivatives(x[None], u[None], np.array([0.03]), d, wanted[None])
+    np.testing.assert_allclose(found[0][0], expected[0].ravel(), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(found[2][0], expected[1].ravel(), rtol=1e-12, atol=1e-12)
+    # central differences: 1e-5 squared times third derivatives
+    np.testing.assert_allclose(found[1][0], expected[2], rtol=1e-6, atol=1e-7)
+    np.testing.assert_allclose(found[3][0], expected[3], rtol=1e-6, atol=1e-7)
+
+
+def standing_measurement(state):
+    return Measurement(
+        time=0.0,
+        specific_force=Vec3(0.0, 0.0, 9.81),
+        **{name: getattr(state, name) for name in ("position", "quaternion", "velocity", "rate", "joints")},
+        joint_rates=state.joint_rates,
+        rotor_speeds=state.rotor_speeds,
+    )
+
+
+def test_the_observer_finds_a_constant_disturbance_and_leaves_no_offset():
+    state, _, nothing, _ = examples(2, 4)
+    state = dataclasses.replace(state, quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), rotor_speeds=(485.0,) * 4)
+    push = Disturbance(force_W=Vec3(2.0, -1.0, 0.5), torque_B=Vec3(0.01, 0.02, -0.005), efforts=(0.02, -0.01))
+    command, bandwidths = (
+        Command(rotor_speeds=(485.0,) * 4, efforts=(0.0, 0.0)),
+        Bandwidths(linear=25.0, angular=30.0, joints=40.0),
+    )
+    truth, estimate = Estimate(state=state, disturbance=push), Estimate(state=state, disturbance=nothing)
+    move = trace(lambda e, c: predict(MODEL, e, c, DT), truth, command)
+    look = trace(lambda e, c, m: observe(MODEL, bandwidths, e, c, m, DT), truth, command, standing_measurement(state))
+    for _ in range(120):
+        truth = Estimate(state=move(truth, command), disturbance=push)
+        estimate = look(estimate, command, standing_measurement(truth.state))
+    # 15 time constants of the slowest pole; the push is constant in axes that turn 1 rad meanwhile
+    np.testing.assert_allclose(leaves(estimate.disturbance), leaves(push), atol=2e-3)
+    np.testing.assert_allclose(leaves(estimate.state)[7:10], leaves(truth.state)[7:10], atol=1e-4)
+
+
+def test_both_poles_of_the_observer_are_where_its_bandwidth_says():
+    state, _, nothing, _ = examples(2, 4)
+    state = dataclasses.replace(state, rotor_speeds=(485.0,) * 4)
+    command, bandwidths = (
+        Command(rotor_speeds=(485.0,) * 4, efforts=(0.0, 0.0)),
+        Bandwidths(linear=25.0, angular=30.0, joints=40.0),
+    )
+    truth = Estimate(state=state, disturbance=nothing)
+    estimate = Estimate(state=dataclasses.replace(state, velocity=Vec3(0.1, 0.0, 0.0)), disturbance=nothing)
+    pushes = []
+    for _ in range(8):
+        truth = Estimate(state=predict(MODEL, truth, command, DT), disturbance=nothing)
+        estimate = observe(MODEL, bandwidths, estimate, command, standing_measurement(truth.state), DT)
+        pushes.append(estimate.disturbance.force_W.x)
+    d, b = np.array(pushes), np.exp(-25.0 * DT)
+    # hub drag on a wrong velocity is not part of the linear law: 1 % of the first push
+    np.testing.assert_allclose(d[2:] - 2.0 * b * d[1:-1] + b * b * d[:-2], 0.0, atol=0.01 * np.abs(d).max())
+
+
+@pytest.mark.parametrize(("axis", "attitude"), [((0, 1, 0), (0.0, 1.0)), ((1, 0, 0), (1.0, 0.0))])
+def test_in_tool_mode_the_first_joint_gives_way_to_the_base_s_tilt(axis, attitude):
+    links = [dataclasses.replace(k, joint=dataclasses.replace(k.joint, axis=axis)) for k in ARM2.links]
+    model = dataclasses.replace(MODEL, vehicle=dataclasses.replace(ARM2, links=tuple(links)))
+    (state, _, _, goal), *_ = random_stage(0)
+    turn = Quaternion.of_rotation_vector(Vec3(*attitude, 0.0) * 0.2)
+    level = dataclasses.replace(state, quaternion=turn, joints=(-np.sin(0.2), 0.0))
+    errors = state_residuals(model, WEIGHTS, level, goal, "tool")
+    np.testing.assert_allclose(errors[10:12], 0.0, atol=1e-12)
+    assert abs(state_residuals(model, WEIGHTS, level, goal, "joints")[10]) == pytest.approx(
+        WEIGHTS.joints * np.sin(0.2)
+    )
+
+
+def test_samples_are_extrapolated_with_the_jerk_of_the_last_two():
+    def sample(t):
+        # cubic in time: one jerk is all there is
+        return Reference(
+            position=Vec3(t**3, 0.0, 0.0),
+            velocity=Vec3(3 * t**2, 0.0, 0.0),
+            acceleration=Vec3(6 * t, 0, 0),
+            joints=(t, 0.0),
+            joint_rates=(1.0, 0.0),
+            joint_accelerations=(0.0, 0.0),
+        )
+
+    held = preview.taken(sample(0.1), None, DT)
+    for _ in range(3):
+        held = preview.taken(sample(0.1), held, DT)
+    assert held.age == pytest.approx(3 * DT)
+    held = preview.taken(sample(0.12), held, DT)
+    assert held.age == 0.0
+    values, rates, accelerations = preview.extrapolated(held, np.array([0.2]))
+    assert values[0, 0] == pytest.approx(0.32**3, abs=1e-12)
+    assert rates[0, 0] == pytest.approx(3 * 0.32**2, abs=1e-12)
+    assert accelerations[0, 0] == pytest.approx(6 * 0.32, abs=1e-12)
+    assert values[0, 4] == pytest.approx(0.32)
+
+
+def test_a_jump_of_the_reference_starts_without_jerk():
+    first = preview.taken(
+        Reference(position=Vec3(0.0, 0.0, 0.0), joints=(0.0,), joint_rates=(0.0,), joint_accelerations=(0.0,)), None, DT
+    )
+    second = preview.taken(
+        Reference(
+            position=Vec3(0.3, 0.0, 0.0),
+            acceleration=Vec3(5.0, 0.0, 0.0),
+            joints=(0.0,),
+            joint_rates=(0.0,),
+            joint_accelerations=(0.0,),
+        ),
+        first,
+        DT,
+    )
+    assert not second.jerks.any()
+    assert second.accelerations[0] == 5.0
+
+
+def test_stages_begin_with_control_periods_and_fill_the_horizon():
+    par = make_controller("nmpc", MODEL, every=3, stages=12, horizon=0.7).par
+    steps = stage_lengths(par, DT)
+    assert steps[:3] == pytest.approx([DT] * 3)
+    assert steps.sum() == pytest.approx(0.7)
+    assert steps[4:] / steps[3:-1] == pytest.approx([steps[5] / steps[4]] * 8)
+
+
+def test_a_plan_moved_on_in_time_is_the_plan_at_its_own_stages():
+    steps = np.array([0.1, 0.1, 0.1, 0.1])
+    x = np.zeros((5, 21))
+    x[:, 0], x[:, 3] = np.arange(5.0), 1.0
+    plan = Plan(x, np.arange(4.0)[:, None], np.zeros((4, 1, 21)))
+    later = shifted(plan, steps, 0.1)
+    assert later.x[:, 0] == pytest.approx([1.0, 2.0, 3.0, 4.0, 4.0])
+    assert later.u[:, 0] == pytest.approx([1.0, 2.0, 3.0, 3.0])
+
+
+def tilted_problem():
+    """A start with small errors, 14 stages, hover wanted."""
+    par = make_controller("nmpc", MODEL).par
+    steps = stage_lengths(par, DT)
+    (state, _, _, goal), *_ = random_stage(0)
+    x = np.array(
+        leaves(
+            dataclasses.replace(state, position=Vec3(0.02, -0.01, 1.0), joints=(0.1, -0.1), rotor_speeds=(483.0,) * 4)
+        )
+    )
+    wanted = np.array(leaves(dataclasses.replace(goal, position=Vec3(0.0, 0.0, 1.0))))
+    guess = Plan(np.tile(x, (15, 1)), np.zeros((14, 6)), np.zeros((14, 6, 21)))
+    return par, steps, Problem(x, np.zeros(8), np.tile(wanted, (15, 1))), guess
+
+
+def test_iterations_reach_the_optimum_that_fatrop_finds():
+    pytest.importorskip("casadi")
+    from skyarm.control.predictive.interior_point import InteriorPoint
+
+    par, steps, problem, guess = tilted_problem()
+    bounds = Bounds(np.array([0.5, 0.5]), np.full(4, 838.0))
+    stages = Stages(MODEL, par.weights, par.mode, SCALES)
+    best = InteriorPoint("fatrop", MODEL, par.weights, par.mode, stages, steps, bounds).solve(problem, guess)
+    ours, plan = Riccati(stages, steps, par.weights.final, bounds), guess
+    for _ in range(25):
+        plan = ours.solve(problem, plan)
+    # Gauss-Newton closes in by 0.6 a step; rotor speeds are hundreds of rad/s
+    units = np.array([1.0] * 17 + [500.0] * 4)
+    np.testing.assert_allclose(plan.x / units, best.x / units, atol=1e-4)
+    np.testing.assert_allclose(plan.u[:, 4:], best.u[:, 4:], atol=1e-4)
+    np.testing.assert_allclose(plan.x[0], problem.start, atol=1e-9)
+
+
+def cost(plan, problem, stages, steps, final):
+    """Sum of squares of a motion made anew by its inputs."""
+    roots, x, total = np.sqrt(np.append(steps, final)), problem.start, 0.0
+    for k, root in enumerate(roots):
+        u = plan.u[min(k, len(steps) - 1)]
+        dt = np.array([steps[min(k, len(steps) - 1)]])
+        after, _, errors, _ = stages.derivatives(x[None], u[None], dt, problem.disturbance, problem.goals[k : k + 1])
+        counted = errors[0] if k < len(steps) else errors[0, : -stages.input_errors]
+        total, x = total + float(np.sum((root * counted) ** 2)), after[0]
+    return total
+
+
+def test_with_torques_at_their_limits_it_is_as_good_as_fatrop():
+    pytest.importorskip("casadi")
+    from skyarm.control.predictive.interior_point import InteriorPoint
+
+    par, steps, problem, guess = tilted_problem()
+    bounds = Bounds(np.array([0.05, 0.05]), np.full(4, 838.0))
+    stages = Stages(MODEL, par.weights, par.mode, SCALES)
+    best = InteriorPoint("fatrop", MODEL, par.weights, par.mode, stages, steps, bounds).solve(problem, guess)
+    ours, plan = Riccati(stages, steps, par.weights.final, bounds), guess
+    for _ in range(25):
+        plan = ours.solve(problem, plan)
+    assert np.abs(plan.u[0, 4:]).max() == pytest.approx(0.05)
+    costs = [cost(each, problem, stages, steps, par.weights.final) for each in (plan, best)]
+    assert costs[0] < 1.001 * costs[1]
+
+
+def early_case3(controller=None, **changes):
+    """Two seconds of Case 3 that begin on the circle."""
+    scenario = load_scenario("case3")
+    early = {"duration": 2.0, "trajectory": scenario.trajectory.shifted(-8.0)}
+    return dataclasses.replace(scenario, controller=controller or scenario.controller, **(early | changes))
+
+
+def tool_error(log):
+    return Errors.continuous(log).tool[log.time >= 1.0].mean()
+
+
+@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
+def test_it_flies_case_3_nearer_to_the_tip_s_reference_than_the_paper_s_law(plant):
+    model = load_scenario("case3").controller.par.model
+    paper = tool_error(run(early_case3(plant=plant)))
+    ours = run(early_case3(make_controller("nmpc", model), plant=plant))
+    assert ours.status == "completed"
+    assert tool_error(ours) < 0.002 < 0.1 * paper
+
+
+def test_a_known_trajectory_and_a_delayed_measurement_are_made_use_of():
+    scenario = early_case3()
+    delays = dataclasses.replace(scenario.delays, measurement=4 * DT)
+    options = {"preview": scenario.trajectory, "delay_periods": 4, "every": 4}
+    log = run(early_case3(make_controller("nmpc", scenario.controller.par.model, **options), delays=delays))
+    assert tool_error(log) < 0.002
+
+
+def test_a_base_far_from_its_reference_comes_back():
+    scenario = load_scenario("case3")
+    start = first_state(scenario)
+    away = dataclasses.replace(start, position=start.position + Vec3(2.0, -1.0, 1.0))
+    controller = make_controller("nmpc", scenario.controller.par.model, every=4)
+    log = run(dataclasses.replace(scenario, controller=controller, initial=away, duration=5.0))
+    assert log.status == "completed"
+    assert np.abs(log.euler[:, :2]).max() < 0.8
+    assert Errors.continuous(log).position[-1] < 0.3
+
+
+def test_what_needs_a_law_over_scalars_refuses_in_one_line():
+    scenario = early_case3(make_controller("nmpc", load_scenario("case3").controller.par.model))
+    for refused in (
+        lambda: Batch(scenario),
+        lambda: fly(scenario, episode_inputs(scenario)),
+        lambda: export_c(scenario.controller, name="nmpc", period=DT),
+    ):
+        with pytest.raises(
+            ControllerError, match=r"^controller 'nmpc': its law is not over scalars, .* needs one that is$"
+        ):
+            refused()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"mode": "both"}, r"mode = 'both': must be one of \['tool', 'joints'\]"),
+        ({"solver": "qpoases"}, r"solver = 'qpoases': must be one of \['riccati', 'fatrop', 'ipopt'\]"),
+        ({"every": 0}, r"every = 0: must be a whole number from 1"),
+        ({"every": 14}, r"every = 14: must be less than controller\.stages = 14"),
+        ({"preview": "full"}, r"preview = 'full': must be 'samples' or a Trajectory"),
+        ({"horizon": 0.0}, r"horizon = 0\.0: must be a number of s"),
+    ],
+)
+def test_wrong_options_are_refused_by_name(options, message):
+    with pytest.raises(ControllerError, match=message):
+        make_controller("nmpc", MODEL, **options)
+
+
+def test_a_solver_of_casadi_s_without_casadi_is_refused_with_the_extra_s_name(monkeypatch):
+    for name in ("skyarm.compile.casadi_shooting", "skyarm.compile.casadi_engine"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    monkeypatch.setitem(sys.modules, "casadi", None)
+    with pytest.raises(ControllerError, match=r"solver = 'fatrop': needs the extra 'casadi'.*or take solver 'riccati'"):
+        make_controller("nmpc", MODEL, solver="fatrop")
+    assert make_controller("nmpc", MODEL).name == "nmpc"
+
+
+def test_a_controller_s_memory_is_its_own():
+    model = load_scenario("case3").controller.par.model
+    controller = make_controller("nmpc", model)
+    first, second = (run(early_case3(controller, duration=0.2)) for _ in range(2))
+    np.testing.assert_array_equal(first.position, second.position)
+    assert rebuild(controller.memory, iter([])) == controller.memory
+
+
+def test_inputs_are_rates_of_the_rotors_and_torques():
+    _, inputs, _, _ = examples(2, 4)
+    assert inputs == Inputs(rotor_accelerations=(0.0,) * 4, efforts=(0.0, 0.0))
