@@ -17,6 +17,7 @@ GROUPS = {
     "step": "the paper's law made better one step at a time",
     "rival": "other laws",
     "exact": "the exact law",
+    "part": "the exact law without one of its parts",
 }
 
 

@@ -95,6 +95,7 @@ NOTES = {
     "Observed.efforts": "N m or N, unknown efforts of the joints",
     "Observed.rotor_speeds": "rad/s, of the modelled motors",
     "ExactParameters.reference_period": "s, between samples of the reference",
+    "ExactParameters.continuation": "0 to 1, share of the time since a reference sample that it is continued",
     "ExactParameters.lag_inversion": "0 to 1, share of the motor lag that commands invert",
     "ExactParameters.trim_rate": "1/s, correction of the rotors' mean squared speeds",
     "ExactParameters.measured_rates": "0 velocities of the observer, 1 of the sensors",

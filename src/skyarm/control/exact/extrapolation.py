@@ -12,7 +12,7 @@ from typing import Any
 
 from skyarm.control.exact.memory import Channel, data
 from skyarm.reference import Reference
-from skyarm.scalars import absolute, divide, logical_or, minimum, where
+from skyarm.scalars import absolute, divide, logical_or, minimum, mul, where
 from skyarm.scalars.taylor import Taylor
 
 JUMP, ROUGH = 0.1, 0.02
@@ -30,7 +30,13 @@ def samples(reference: Reference) -> list[Sample]:
 
 
 def continued(
-    channels: Sequence[Channel], age: Any, held: Sequence[Sample], started: Any, dt: Any, period: Any
+    channels: Sequence[Channel],
+    age: Any,
+    held: Sequence[Sample],
+    started: Any,
+    dt: Any,
+    period: Any,
+    share: Any = 1,
 ) -> tuple[list[Taylor], tuple[Channel, ...], Any]:
     """Series of every signal at the present instant, the channels to remember, and the sample's new age.
 
@@ -41,6 +47,7 @@ def continued(
         started: False at the first call.
         dt: control period, s.
         period: between samples, s.
+        share: of the time since the sample that the series goes on; 0 keeps the sample as it was.
     """
     new: Any = started < 0.5
     for channel, sample in zip(channels, held, strict=True):
@@ -48,7 +55,7 @@ def continued(
             new = logical_or(new, absolute(data(value) - old) > 0.0)
     age = where(new, 0.0, minimum(age + dt, period))
     moved = tuple(_after(channel, sample, new, started, period) for channel, sample in zip(channels, held, strict=True))
-    series = [_series(channel, sample, age, period) for channel, sample in zip(moved, held, strict=True)]
+    series = [_series(channel, sample, mul(share, age), period) for channel, sample in zip(moved, held, strict=True)]
     return series, moved, age
 
 

@@ -35,7 +35,7 @@ def exact(
 ) -> tuple[ExactMemory, Command]:
     """One step of the exact law."""
     signals, channels, age = continued(
-        memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period
+        memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period, par.continuation
     )
     model = believed(par, memory.tip_mass)
     observed = observe(

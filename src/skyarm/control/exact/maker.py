@@ -25,6 +25,7 @@ COMMON: Mapping[str, Any] = {
     "damping": 0.03,
     "posture": 1e-4,
     "shift_limit": 0.2,
+    "continuation": 1.0,
     "trim_rate": 3.0,
     "measured_rates": 0.0,
 }
@@ -130,6 +131,7 @@ def make_exact(
         observer=ObserverGains(**dict(zip(("force", "torque", "joints", "pose"), gains["observer"], strict=True))),
         delay_periods=periods,
         reference_period=reference_period,
+        continuation=gains["continuation"],
         lag_inversion=gains["lag_inversion"],
         trim_rate=gains["trim_rate"],
         measured_rates=gains["measured_rates"],

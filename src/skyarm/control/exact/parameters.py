@@ -71,6 +71,7 @@ class ExactParameters:
         base, joint_gains, tip, observer: gains; those of the joints on accelerations.
         delay_periods: age of the measurement in control periods.
         reference_period: s between published samples.
+        continuation: 1 continues held samples to the present, 0 takes them as they were.
         lag_inversion: 0 commands the wanted rotor speed, 1 inverts the motor lag within one period.
         trim_rate: 1/s, of the correction of the rotors' mean squared speeds.
         measured_rates: 0 takes velocities from the observer, 1 from the sensors.
@@ -87,6 +88,7 @@ class ExactParameters:
     observer: ObserverGains
     delay_periods: int
     reference_period: Scalar
+    continuation: Scalar
     lag_inversion: Scalar
     trim_rate: Scalar
     measured_rates: Scalar

@@ -325,9 +325,12 @@ def _solved(
     if distance > LONGEST_ERROR:
         wanted[:, :3] += error * (1.0 - LONGEST_ERROR / distance)
     problem = Problem(x, np.array(leaves(estimate.disturbance)), wanted)
-    with np.errstate(all="ignore"):
-        found = engine.solver.solve(problem, guess)
-    # numbers that are not finite leave the old plan, which the next solution begins from; the episode goes on or ends
+    # a problem without a solution leaves the old plan, which the next solution begins from; the episode goes on or ends
+    try:
+        with np.errstate(all="ignore"):
+            found = engine.solver.solve(problem, guess)
+    except np.linalg.LinAlgError:
+        return guess
     return found if np.isfinite(found.x).all() and np.isfinite(found.K).all() else guess
 
 
