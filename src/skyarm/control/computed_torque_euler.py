@@ -11,6 +11,7 @@ from typing import Any
 
 from skyarm.actuation import Command, mix
 from skyarm.algebra import E_Z, Quaternion, Vec3
+from skyarm.algebra.euler import euler_angles
 from skyarm.control.laws import geometric_accelerations, joint_accelerations, limited
 from skyarm.control.model import Parameters
 from skyarm.dynamics.euler_lagrange import parameters_of
@@ -19,7 +20,6 @@ from skyarm.dynamics.euler_lagrange.mass import mass_matrix
 from skyarm.dynamics.euler_lagrange.transforms import (
     body_torque,
     euler_acceleration,
-    euler_angles,
     euler_rates,
     singularity_measure,
 )

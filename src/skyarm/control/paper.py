@@ -6,19 +6,25 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from skyarm.actuation import make_mixer
+from skyarm.actuation import Command, make_mixer
 from skyarm.algebra import Mat3, Vec3
 from skyarm.control import laws
-from skyarm.control.computed_torque_euler import (
-    SINGULAR_COSINE,
-    distance_to_singularity,
-    hybrid_computed_torque_euler,
-    require_paper_vehicle,
-)
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.geometric import RATE_ERRORS
 from skyarm.control.model import GeometricGains, JointGains, Model, Parameters, Terms
 from skyarm.dynamics import mass_matrix
+from skyarm.dynamics.measurement import Measurement
+from skyarm.reference import Reference
+
+
+def hybrid_computed_torque_euler(
+    memory: Any, measurement: Measurement, reference: Reference, dt: Any, *, par: Parameters
+) -> tuple[Any, Command]:
+    """The law in the paper's Euler-angle equations, which are read when they are first flown."""
+    from skyarm.control import computed_torque_euler as euler
+
+    return euler.hybrid_computed_torque_euler(memory, measurement, reference, dt, par=par)
+
 
 PAPER_LAWS: Mapping[str, Law] = {
     "rotors_position": laws.rotors_position,
@@ -100,6 +106,8 @@ def make_paper_controller(
     if rate_error not in RATE_ERRORS:
         raise ControllerError(f"controller.rate_error = {rate_error!r}: must be one of {list(RATE_ERRORS)}")
     if name == "hybrid_computed_torque_euler":
+        from skyarm.control.computed_torque_euler import require_paper_vehicle
+
         try:
             require_paper_vehicle(model.vehicle)
         except ValueError as error:
@@ -140,4 +148,6 @@ EULER_LIMIT = "pitch near 90 degrees: Euler angles are singular; use hybrid_comp
 
 
 def _euler_margin(quaternion: Any) -> Any:
-    return distance_to_singularity(quaternion) - SINGULAR_COSINE * SINGULAR_COSINE
+    from skyarm.control import computed_torque_euler as euler
+
+    return euler.distance_to_singularity(quaternion) - euler.SINGULAR_COSINE * euler.SINGULAR_COSINE

@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Quaternion
+from skyarm.algebra.euler import euler_angles
 from skyarm.compile import leaves
-from skyarm.dynamics.euler_lagrange.transforms import euler_angles
 from skyarm.environment import WindSample
 from skyarm.files import write_atomically
 from skyarm.simulate.inputs import EpisodeInputs

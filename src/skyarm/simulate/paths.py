@@ -30,9 +30,9 @@ from typing import Any
 
 from skyarm.actuation import make_mixer
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra.euler import euler_angles
 from skyarm.control.controller import Controller
 from skyarm.dynamics import State
-from skyarm.dynamics.euler_lagrange.transforms import euler_angles
 from skyarm.environment import Airspeed, Dryden, dryden
 from skyarm.plant.interface import number
 from skyarm.reference import Constant

@@ -17,8 +17,6 @@ from skyarm.control.model import GeometricGains, JointGains, Model, Terms
 from skyarm.control.paper import PAPER_LAWS
 from skyarm.control.presets import preset
 from skyarm.control.registry import LAWS, make_controller, suited
-from skyarm.control.safety import guarded
-from skyarm.control.tuned import tuned
 from skyarm.dynamics import State
 from skyarm.environment import payload_from
 from skyarm.files import Fields, number, shown
@@ -122,8 +120,12 @@ def controller(fields: Fields, model: Model, replaced: str | None, known: Mappin
 
 def _guarded(found: Controller, safety: Any) -> Controller:
     """The controller with its safety layer: false, true, or a table of limits and the stowed pose."""
-    if isinstance(safety, bool):
-        return guarded(found) if safety else found
+    if safety is False:
+        return found
+    from skyarm.control.safety import guarded
+
+    if safety is True:
+        return guarded(found)
     if not isinstance(safety, dict):
         raise ValueError(f"controller.safety = {shown(safety)}: must be true, false or a table of limits")
     table = Fields(safety, "controller.safety")
@@ -147,7 +149,11 @@ def _law(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
         if option in options:
             options[option] = read(Fields(options[option], f"controller.{option}"))
     options = {**(suited(name, known) if name in LAWS else {}), **options}
-    return tuned(name, model, **options) if best else make_controller(name, model, **options)
+    if not best:
+        return make_controller(name, model, **options)
+    from skyarm.control.tuned import tuned
+
+    return tuned(name, model, **options)
 
 
 def _paper_law(name: str, fields: Fields, model: Model) -> Controller:

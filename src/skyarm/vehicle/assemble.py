@@ -7,6 +7,7 @@ from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.vehicle import check, description
+from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.records import BASE, Body, BodyDrag, Frame, Joint, Link, Rotor, Vehicle
 from skyarm.vehicle.schema import (
@@ -20,7 +21,6 @@ from skyarm.vehicle.schema import (
     RotorTable,
     VehicleFile,
 )
-from skyarm.vehicle.urdf import RigidBodies
 
 DIRECTIONS = {"ccw": 1, "cw": -1}
 

@@ -12,10 +12,10 @@ from typing import Any
 from skyarm.files import file_name, shown, unreadable
 from skyarm.vehicle import sources
 from skyarm.vehicle.assemble import assemble
+from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.records import Vehicle
 from skyarm.vehicle.schema import parse
-from skyarm.vehicle.urdf import RigidBodies, read_urdf, urdf_vehicle
 
 LIBRARY = resources.files("skyarm.vehicle") / "library"
 
@@ -48,6 +48,8 @@ def load_vehicle(name_or_path: str | os.PathLike[str]) -> Vehicle:
     if reason:
         raise VehicleError(f"vehicle = {shown(text)}: {reason}; shipped vehicles are {known}")
     if path.suffix == ".urdf":
+        from skyarm.vehicle.urdf import read_urdf, urdf_vehicle
+
         return _located(text, lambda: urdf_vehicle(read_urdf(path)))
     return _located(text, lambda: _from_toml(path.read_bytes(), path.parent))
 
@@ -91,6 +93,8 @@ def _named_urdf(name: str, folder: Path) -> RigidBodies:
     reason = unreadable(path)
     if reason:
         raise VehicleError(f"urdf = {shown(name)}: {reason} ({shown(str(path))[1:-1]})")
+    from skyarm.vehicle.urdf import read_urdf
+
     try:
         return read_urdf(path)
     except VehicleError as error:

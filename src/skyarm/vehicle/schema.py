@@ -31,7 +31,7 @@ COEFFICIENT = "a finite number of at least 0"
 class Table(BaseModel):
     """A TOML table: no unknown fields, no silent conversions."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)
 
 
 class PartTable(Table):

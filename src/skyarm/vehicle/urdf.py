@@ -16,28 +16,11 @@ from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3, axis_rotation
 from skyarm.vehicle import description
+from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.records import BASE, Body, Frame, Joint, Link, Vehicle
 
 KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed"}
-
-
-@dataclass(frozen=True, slots=True)
-class RigidBodies:
-    """What a URDF file says of a vehicle.
-
-    Attributes:
-        name: of the robot.
-        root: name of the root link, the base.
-        base, links: bodies and joints, in an order in which every parent precedes its children.
-        frames: one for each link that a fixed joint merged into another.
-    """
-
-    name: str
-    root: str
-    base: Body
-    links: tuple[Link, ...]
-    frames: tuple[Frame, ...]
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,6 +21,7 @@ from typing import Any
 from skyarm import dynamics
 from skyarm.actuation import Command
 from skyarm.algebra import E_Z, Motion, Vec3
+from skyarm.algebra.euler import euler_angles
 from skyarm.control.controller import Controller
 from skyarm.control.geometric import angular_acceleration
 from skyarm.control.laws import joint_accelerations
@@ -28,7 +29,6 @@ from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
 from skyarm.control.rivals.base import commanded, make_parameters, wanted_specific_force
 from skyarm.dynamics.euler_lagrange.kinematics import rate_matrix
 from skyarm.dynamics.euler_lagrange.transforms import (
-    euler_angles,
     euler_rates,
     rate_matrix_rate,
     singularity_measure,

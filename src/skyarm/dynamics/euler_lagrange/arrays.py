@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import Vec3
+from skyarm.algebra.euler import euler_angles as euler_angles_of
 from skyarm.dynamics.broadcast import Array, ArrayLike, components, leading_axes, one_number, stacked, unit_rotation
 from skyarm.dynamics.euler_lagrange import coriolis, gravity, mass, mass_derivative, transforms
 from skyarm.dynamics.euler_lagrange.parameters import TABLE_1, PlanarArmParameters
@@ -91,7 +92,7 @@ def euler_angles(quaternion_wxyz: ArrayLike) -> Array:
     Raises:
         ValueError: wrong shape, not of unit length, or a pitch within 1e-6 rad of 90 degrees.
     """
-    angles = stacked(list(transforms.euler_angles(unit_rotation(quaternion_wxyz))), leading_axes(quaternion_wxyz))
+    angles = stacked(list(euler_angles_of(unit_rotation(quaternion_wxyz))), leading_axes(quaternion_wxyz))
     refuse_singular_pitch(angles[..., 1])
     return angles
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.dynamics.euler_lagrange.kinematics import rate_matrix_partials
-from skyarm.scalars import atan2, cos, divide, mul, neg, sin, sqrt
+from skyarm.scalars import cos, divide, mul, neg, sin
 
 
 def singularity_measure(theta: Any) -> Any:
@@ -58,15 +58,3 @@ def euler_rates(angles: Sequence[Any], rate_B: Vec3) -> Vec3:
     Source: Barakou, Tzafestas, Valavanis 2026, (3), inverted.
     """
     return rate_matrix_inverse(angles[0], angles[1]).apply(rate_B)
-
-
-def euler_angles(R_WB: Mat3) -> tuple[Any, Any, Any]:
-    """phi, theta, psi with R = Rz(psi) Ry(theta) Rx(phi); theta in [-pi/2, pi/2].
-
-    The pitch comes from atan2, not asin, which loses half the digits near 90 degrees.
-
-    Source: Diebel 2006, section 8.
-    """
-    r0, r1, r2 = R_WB.rows
-    level = sqrt(r0.x * r0.x + r1.x * r1.x)
-    return atan2(r2.y, r2.z), atan2(neg(r2.x), level), atan2(r1.x, r0.x)
