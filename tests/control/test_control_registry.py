@@ -59,7 +59,8 @@ def test_every_preset_flies_its_law_with_the_published_gains():
         "paper_pd": ("decoupled_pd", TORQUE),
         "rotors_hummingbird": ("rotors_position", None),
     }
-    assert set(laws) == set(PRESETS)
+    exact = {"exact_joint", "exact_joint_stiff", "exact_ee", "exact_ee_stiff"}
+    assert set(laws) | exact == set(PRESETS)
     for name, (law, joint_gains) in laws.items():
         found = preset(name, MODEL)
         assert (found.name, found.law, found.par.gains) == (law, PAPER_LAWS[law], HUMMINGBIRD)

@@ -15,7 +15,7 @@ from skyarm.control.export_units_laws import LAW_NOTES
 from skyarm.control.model import Model
 from skyarm.control.registry import LAWS, make_controller
 
-BEYOND = [law for law in covering() if law not in PAPER and not LAWS[law].module.startswith("exact")]
+BEYOND = [law for law in covering() if law not in PAPER and law != "nmpc" and not LAWS[law].module.startswith("exact")]
 
 
 def controller_of(law):

@@ -6,6 +6,7 @@ from lagrangian_twin import states
 
 from skyarm import compile as program
 from skyarm.algebra import Vec3
+from skyarm.algebra.euler import euler_angles
 from skyarm.dynamics import euler_lagrange as el
 from skyarm.dynamics.euler_lagrange import coriolis, gravity, mass, mass_derivative, transforms
 
@@ -43,7 +44,7 @@ def equations(par, q, qd):
             tuple(transforms.body_torque(angles, Vec3(*qd[:3]))),
             tuple(transforms.euler_acceleration(angles, rates, Vec3(*qd[:3]))),
             tuple(transforms.euler_rates(angles, Vec3(*qd[:3]))),
-            transforms.euler_angles(mass.Attitude.of(q).R),
+            euler_angles(mass.Attitude.of(q).R),
             transforms.singularity_measure(q[4]),
             tuple(tuple(row) for row in inverse.rows),
         )

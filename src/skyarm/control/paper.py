@@ -20,7 +20,10 @@ from skyarm.reference import Reference
 def hybrid_computed_torque_euler(
     memory: Any, measurement: Measurement, reference: Reference, dt: Any, *, par: Parameters
 ) -> tuple[Any, Command]:
-    """The law in the paper's Euler-angle equations, which are read when they are first flown."""
+    """The law in the paper's Euler-angle equations, which are read when they are first flown.
+
+    Source: Barakou et al. 2026, eq. (86)-(96).
+    """
     from skyarm.control import computed_torque_euler as euler
 
     return euler.hybrid_computed_torque_euler(memory, measurement, reference, dt, par=par)

@@ -25,23 +25,29 @@ class Entry:
         module: under skyarm.control. maker: function (model, **options) -> Controller; its keyword arguments are the
             law's options.
         fixed: options that the name itself fixes.
+        more: name of a tuple in the module: further options, which the maker takes as ``**changes``.
     """
 
     title: str
     module: str
     maker: str
     fixed: tuple[tuple[str, Any], ...] = ()
+    more: str = ""
 
     def function(self) -> Callable[..., Controller]:
         """The maker."""
-        found: Callable[..., Controller] = getattr(importlib.import_module(f"skyarm.control.{self.module}"), self.maker)
+        found: Callable[..., Controller] = getattr(self._module(), self.maker)
         return found
 
     def options(self) -> tuple[str, ...]:
         """Names of the options that may be given."""
         fixed = {name for name, _ in self.fixed}
         parameters = inspect.signature(self.function()).parameters.values()
-        return tuple(p.name for p in parameters if p.kind is p.KEYWORD_ONLY and p.name not in fixed)
+        named = tuple(p.name for p in parameters if p.kind is p.KEYWORD_ONLY and p.name not in fixed)
+        return (*named, *getattr(self._module(), self.more)) if self.more else named
+
+    def _module(self) -> Any:
+        return importlib.import_module(f"skyarm.control.{self.module}")
 
 
 def _paper(name: str, title: str) -> Entry:
@@ -112,6 +118,7 @@ LAWS: Mapping[str, Entry] = {
         "centre-of-mass tracking, consistent computed torque, disturbance observer: joints or tip exact",
         "exact.maker",
         "make_exact",
+        more="ENTRIES",
     ),
 }
 

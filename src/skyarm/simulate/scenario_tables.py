@@ -208,8 +208,9 @@ def delays(top: Fields) -> Delays:
     """Dead times."""
     table = Fields(top.take("delays", {}), "delays")
     seconds = {name: table.number(name, 0.0, low=0.0) for name in ("measurement", "command")}
+    longest = table.take("longest_command", None)
     table.done()
-    return Delays(**seconds)
+    return Delays(**seconds, longest_command=longest)
 
 
 def initial(fields: Fields, scenario: Scenario) -> State:

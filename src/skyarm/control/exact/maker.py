@@ -14,7 +14,7 @@ from skyarm.control.exact.observer import first_observed
 from skyarm.control.exact.parameters import MODES, BaseGains, ExactParameters, ObserverGains, TipGains
 from skyarm.control.model import JointGains, Model
 from skyarm.control.registry import Controller, ControllerError
-from skyarm.files import shown
+from skyarm.files import number, shown
 from skyarm.scalars import minimum
 from skyarm.vehicle.records import Vehicle
 
@@ -60,6 +60,10 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
 """
 
 
+ENTRIES = tuple(PRESETS["robust"])
+"""Entries of a preset: each may be replaced as an option of the law."""
+
+
 def make_exact(
     model: Model,
     *,
@@ -101,10 +105,7 @@ def make_exact(
         raise ControllerError(
             f"controller.delay = {delay!r}: must be a whole number of control periods of {control_period:g} s"
         )
-    for name in changes:
-        if name not in PRESETS[preset]:
-            raise ControllerError(f"controller.{name}: must be one of {sorted(PRESETS[preset])}")
-    gains = {**PRESETS[preset], **changes}
+    gains = {**PRESETS[preset], **{name: _checked(name, value) for name, value in changes.items()}}
     kp, kv, kr, kw = gains["base"]
     yaw_kr, yaw_kw = gains["yaw"]
     stiffness, damping = gains["arm"]
@@ -142,6 +143,22 @@ def make_exact(
         adapts=adaptation > 0.0,
     )
     return Controller(name=f"exact_{mode}", law=exact, par=par, memory=first_memory(model, periods))
+
+
+def _checked(name: str, value: Any) -> Any:
+    """A preset's entry of its own kind: numbers that are not negative.
+
+    Raises:
+        ControllerError: no such entry, another count, or something that is no such number.
+    """
+    if name not in ENTRIES:
+        raise ControllerError(f"controller.{name}: must be one of {sorted(ENTRIES)}")
+    example = PRESETS["robust"][name]
+    if not isinstance(example, tuple):
+        return number(value, f"controller.{name}", low=0.0)
+    if not isinstance(value, (list, tuple)) or len(value) != len(example):
+        raise ControllerError(f"controller.{name} = {shown(value)}: must be {len(example)} numbers")
+    return tuple(number(each, f"controller.{name}[{i}]", low=0.0) for i, each in enumerate(value))
 
 
 def _mixer(vehicle: Vehicle) -> Mixer:
