@@ -30,6 +30,13 @@ from skyarm.sweep.store import versions
 Array = npt.NDArray[Any]
 
 
+BRIEF, WIDEST = ("step", "part"), "case3_wind"
+"""Groups of entrants that meet wrong plants in one case only: their tables ask what a part buys."""
+
+ALONE = 2
+"""Episodes of a cell whose law flies them one by one, about a thousand times slower than a batch."""
+
+
 @dataclass(frozen=True, slots=True)
 class Cell:
     """Metrics of an entrant's flights of a case under a condition, one entry per episode.
@@ -75,15 +82,23 @@ class Flights:
         """Numbers that differ from episode to episode, by path."""
         spread = self.condition.spread
         # drawn about the case as it is, whatever flies: every law meets the same plants
-        return draw(scenario, spread, self.condition.episodes, seed=self.seed) if spread else {}
+        return draw(scenario, spread, self.episodes(scenario), seed=self.seed) if spread else {}
+
+    def alone(self, scenario: Scenario) -> bool:
+        """Whether the episodes fly one by one."""
+        return self.plant != "rigid_body" or not scenario.controller.compiled
+
+    def episodes(self, scenario: Scenario) -> int:
+        """How many fly: the first of the condition's, if they fly one by one."""
+        return min(ALONE, self.condition.episodes) if self.alone(scenario) else self.condition.episodes
 
 
 def fly(flights: Flights, threads: int = 1) -> Cell:
     """Fly a cell; a law that is not over scalars flies one episode after the other."""
     scenario = flights.scenario()
     values = flights.values(scenario)
-    episodes = flights.condition.episodes
-    if flights.plant != "rigid_body" or not scenario.controller.compiled:
+    episodes = flights.episodes(scenario)
+    if flights.alone(scenario):
         return Cell(*fly_one_by_one(scenario, values, episodes, flights.case.windows))
     damping = {path: float(column.max()) for path, column in values.items() if path.endswith(".damping")}
     efforts = (f"tau{i + 1}_rms" for i in range(scenario.world.vehicle.n))
@@ -133,11 +148,11 @@ class Cells:
 
 def key(flights: Flights) -> str:
     """Digest of what the numbers of a cell depend on."""
-    condition = flights.condition
+    condition, scenario = flights.condition, flights.scenario()
     facts = {
         "version": versions()["skyarm"],
-        "scenario": identity(flights.scenario()),
-        "episodes": condition.episodes,
+        "scenario": identity(scenario),
+        "episodes": flights.episodes(scenario),
         "spread": dataclasses.asdict(condition.spread) if condition.spread else None,
         "windows": dataclasses.asdict(flights.case.windows),
         "seed": flights.seed,
@@ -154,4 +169,5 @@ def chosen(
         for entrant in entrants.values()
         for condition in conditions.values()
         for case in condition.cases
+        if not condition.spread or case == WIDEST or entrant.group not in BRIEF
     ]

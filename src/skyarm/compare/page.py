@@ -52,7 +52,10 @@ def comparison_page(
 
 def _note(condition: Condition) -> str:
     if condition.spread:
-        return "A success flies to its end and keeps the tip within 20 mm over the last 5 s; intervals: Wilson, 95 %."
+        return (
+            "A success flies to its end and keeps the tip within 20 mm all through the last 5 s (intervals: Wilson, "
+            "95 %); tip: mean over 10 to 20 s of the flights that came to their end, mean and 95th percentile of those."
+        )
     return "Means over 10 to 20 s against the continuous reference; the gust: peaks over 5 to 20 s."
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from skyarm.compare.columns import COST, TRACKING, WRONG, Column, value
+from skyarm.compare.columns import COST, TOOL, TRACKING, WRONG, Column, value
 from skyarm.compare.entrants import Entrant
 from skyarm.compare.suite import CASES, Condition
-from skyarm.compare.summary import SUCCESS_METRIC
 
 DASH = "-"
+
+FEW = 10
+"""Below this a share says how many flights it is of."""
 
 
 def number(found: float | None) -> str:
@@ -41,7 +43,7 @@ def truth_rows(
 
 
 def plants_rows(summaries: Mapping[str, Any], entrants: Mapping[str, Entrant], cases: Sequence[str]) -> list[list[str]]:
-    """One row per entrant: success with its interval and tip error (mean, 95th percentile) of each case."""
+    """One row per entrant: success with its interval, and tip error over 10 to 20 s (mean, 95th percentile)."""
     rows = []
     for name in entrants:
         cells = []
@@ -51,8 +53,9 @@ def plants_rows(summaries: Mapping[str, Any], entrants: Mapping[str, Entrant], c
                 cells += [DASH, DASH]
                 continue
             low, high = found["success_interval"]
-            spread = found["metrics"].get(SUCCESS_METRIC)
-            cells.append(f"{found['success_rate']:.1%} [{low:.1%}, {high:.1%}]")
+            spread = found["metrics"].get(TOOL)
+            few = f" of {found['episodes']}" if found["episodes"] < FEW else ""
+            cells.append(f"{found['success_rate']:.1%} [{low:.1%}, {high:.1%}]{few}")
             cells.append(DASH if spread is None else f"{number(spread['mean'] * 1e3)} / {number(spread['p95'] * 1e3)}")
         if any(cell != DASH for cell in cells):
             rows.append([name, *cells])
