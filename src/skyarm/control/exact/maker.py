@@ -34,12 +34,13 @@ COMMON: Mapping[str, Any] = {
 PRESETS: Mapping[str, Mapping[str, Any]] = {
     "robust": {
         **COMMON,
-        "base": (20.0, 8.0, 200.0, 26.0),
+        "base": (20.0, 8.0, 200.0, 22.0),
         "yaw": (30.0, 9.0),
         "arm": (900.0, 60.0),
         "tip": (700.0, 53.0),
         "observer": (25.0, 30.0, 34.0, 60.0),
-        "lag_inversion": 0.35,
+        "lag_inversion": 0.1,
+        "adaptation": 0.3,
         "shift_rate": 4.0,
     },
     "stiff": {
@@ -50,6 +51,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "tip": (1600.0, 80.0),
         "observer": (40.0, 60.0, 60.0, 1e6),
         "lag_inversion": 1.0,
+        "adaptation": 0.0,
         "shift_rate": 12.0,
     },
 }
@@ -72,7 +74,6 @@ def make_exact(
     delay: float = 0.0,
     control_period: float = 0.005,
     reference_period: float = 0.02,
-    adaptation: float = 0.0,
     tip_mass_limit: float = 0.2,
     **changes: Any,
 ) -> Controller:
@@ -85,7 +86,6 @@ def make_exact(
         delay: known age of the measurement, s, a whole number of control periods.
         control_period: s.
         reference_period: between published samples, s.
-        adaptation: 1/s, rate of the adapted tip mass; 0 leaves it out.
         tip_mass_limit: kg.
         changes: entries of the preset to replace.
 
@@ -98,7 +98,7 @@ def make_exact(
     if preset not in PRESETS:
         raise ControllerError(f"controller.preset = {shown(preset)}: must be one of {sorted(PRESETS)}")
     vehicle = model.vehicle
-    if (mode == "ee" or adaptation > 0.0) and not vehicle.end_effector:
+    if (mode == "ee" or changes.get("adaptation", 0.0)) and not vehicle.end_effector:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: has no end_effector, which mode 'ee' must have")
     periods = round(delay / control_period)
     if delay < 0.0 or abs(periods * control_period - delay) > 1e-9:
@@ -106,6 +106,8 @@ def make_exact(
             f"controller.delay = {delay!r}: must be a whole number of control periods of {control_period:g} s"
         )
     gains = {**PRESETS[preset], **{name: _checked(name, value) for name, value in changes.items()}}
+    # a task of the tip is what an unknown load at the tip spoils
+    adaptation = gains["adaptation"] if "adaptation" in changes or (mode == "ee" and vehicle.n) else 0.0
     kp, kv, kr, kw = gains["base"]
     yaw_kr, yaw_kw = gains["yaw"]
     stiffness, damping = gains["arm"]
