@@ -184,6 +184,7 @@ def _check(scenario: Scenario) -> None:
             _require_whole(f"delays.{name}", delay, rate, unit)
     _check_longest(scenario.delays)
     _check_vehicles(scenario)
+    _check_clocks(scenario)
     if scenario.initial is not None:
         _check_initial(scenario.initial, scenario.world.vehicle.n, len(scenario.world.vehicle.rotors))
 
@@ -200,6 +201,16 @@ def noise_key(field: str, value: Any) -> int:
     if held is None or not 0 <= held < 2**32:
         raise ScenarioError(f"{field} = {shown(value)}: must be a whole number from 0 to 2**32 - 1")
     return held
+
+
+def _check_clocks(scenario: Scenario) -> None:
+    """A law that is told of its clocks is told of those that tick."""
+    par, rates = scenario.controller.par, scenario.rates
+    for name, rate in (("control_period", rates.control), ("reference_period", rates.reference)):
+        believed = getattr(par, name, None)
+        if believed is not None and concrete(believed) and abs(believed * rate - 1.0) > 1e-6:
+            clock = name.removesuffix("_period")
+            raise ScenarioError(f"controller.{name} = {believed!r}: must be {1.0 / rate:g} s, as rates.{clock} has it")
 
 
 def _check_longest(delays: Delays) -> None:

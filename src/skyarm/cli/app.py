@@ -1,0 +1,38 @@
+"""The command line's program, which the commands join, and what they share."""
+
+from __future__ import annotations
+
+import os
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from skyarm.cli.lines import printable
+
+app = typer.Typer(
+    name="skyarm",
+    help="Aerial manipulation: multirotors that carry robot arms.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+console = Console(markup=False, highlight=False, emoji=False)
+
+NOT_COMPLETED = 3
+"""Exit code of a flight that ended before its time."""
+
+# text, not Path: an empty name would become the folder one stands in
+Out = Annotated[str, typer.Option("--out", help="folder for the results, made if missing")]
+
+
+def cores() -> int:
+    """Cores this process may use; a container often has fewer than its machine."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def tell(line: str) -> None:
+    """One line on standard output."""
+    console.print(printable(line), soft_wrap=True)
