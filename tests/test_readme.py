@@ -33,13 +33,16 @@ def test_the_readme_shows_commands():
         "stats",
         "export-c",
         "bench",
+        "compare",
+        "margins",
+        "basin",
     }
 
 
 @pytest.mark.parametrize("line", SHOWN)
 def test_every_command_shown_runs(line, tmp_path):
     words = shlex.split(line)[1:]
-    if words[0] in ("reproduce", "sweep", "stats", "bench"):
+    if words[0] in ("reproduce", "sweep", "stats", "bench", "compare", "margins", "basin"):
         # these take a minute or need the one before, and have tests of their own; here their options must be understood
         words = [*words, "--help"]
     elif words[0] == "run":
@@ -64,3 +67,22 @@ def test_the_code_shown_runs(capsys):
 def test_links_lead_to_files():
     for target in re.findall(r"\]\(([^)#]+)\)", README):
         assert (ROOT / target).exists(), target
+
+
+def test_the_table_of_laws_is_what_flights_give():
+    from skyarm.compare.cells import Flights, fly
+    from skyarm.compare.entrants import ENTRANTS
+    from skyarm.compare.suite import CASES, conditions
+
+    (table,) = re.findall(r"<!-- compare: .*?-->\n(.*?)<!-- /compare -->", README, re.DOTALL)
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.strip().splitlines()[2:]]
+    perfect = conditions()["perfect"]
+    for row, name in zip(rows, ("paper_pd", "paper_ct", "exact_joint", "exact_ee"), strict=True):
+        flown = []
+        for case in ("case3", "case3_wind"):
+            found = fly(Flights(entrant=ENTRANTS[name], case=CASES[case], condition=perfect)).metrics
+            flown += [1e3 * found[f"{what}_error_mean_continuous"][0] for what in ("position", "joint", "ee")]
+        for shown, value in zip(row[1:7], flown, strict=True):
+            # as printed: half a unit of its last digit
+            digits = len(shown.partition(".")[2])
+            assert abs(float(shown) - value) <= 0.51 * 10.0**-digits, (name, shown, value)
