@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from simulate_flights import document
 
-from skyarm.simulate.paths import ROOTS, number_at, with_numbers
+from skyarm.simulate.paths import ROOTS, number_at, require_apart, with_numbers
 from skyarm.simulate.scenario import ScenarioError
-from skyarm.simulate.scenario_file import scenario_from
+from skyarm.simulate.scenario_file import load_scenario, scenario_from
 
 
 @pytest.fixture(scope="module")
@@ -84,3 +84,23 @@ def test_a_path_that_leads_nowhere_is_refused_with_what_there_is(scenario, path)
         number_at(scenario, path)
     with pytest.raises(ScenarioError):
         with_numbers(scenario, {path: 1.0})
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("environment.wind.force.0", "environment.wind.force_W.x"),
+        ("plant.joints.damping", "plant.vehicle.links.0.joint.damping"),
+        ("initial.roll", "initial.quaternion_wxyz.1"),
+    ],
+)
+def test_two_names_of_one_number_do_not_vary_together(one, other):
+    with pytest.raises(ScenarioError, match=r"is the same number as|must not vary together"):
+        require_apart(load_scenario("case3_wind"), (one, other))
+
+
+def test_the_mixer_follows_the_believed_rotors_by_any_name():
+    scenario = load_scenario("case3_wind")
+    names = ("model.vehicle.rotors.0.thrust_coefficient", "controller.model.vehicle.rotors.0.thrust_coefficient")
+    first, second = (with_numbers(scenario, {name: 1e-5}).controller.par.mixer for name in names)
+    assert first == second != scenario.controller.par.mixer

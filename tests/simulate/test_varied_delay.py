@@ -69,3 +69,25 @@ def test_a_longest_delay_is_above_zero():
 @pytest.mark.parametrize(("longest", "count"), [(0.004, 2), (0.005, 2), (0.0051, 3), (0.010, 3), (0.015, 4)])
 def test_the_loop_remembers_as_many_commands_as_the_longest_delay_needs(longest, count):
     assert commands_waiting(moving(longest_command=longest)) == count
+
+
+def test_a_varied_delay_of_whole_periods_has_the_bits_of_a_fixed_one():
+    whole = np.array([0.0, 0.005, 0.010, 0.015])
+    both = Batch(moving(longest_command=0.015), (LATE,), exact=True).fly({LATE: whole}).state
+    for lane, delay in enumerate(whole.tolist()):
+        alone = Batch(moving(command=delay), (), exact=True).fly({}).state
+        assert [c[lane] for c in (*both.position, *both.velocity)] == [c[0] for c in (*alone.position, *alone.velocity)]
+
+
+def test_a_delay_outside_its_range_is_refused_lane_by_lane():
+    batch = Batch(moving(longest_command=0.01), (LATE,))
+    for wrong in (-0.001, 0.011):
+        with pytest.raises(ScenarioError, match=r"delays\.command.*must be from 0 to delays\.longest_command"):
+            batch.fly({LATE: np.array([0.005, wrong])})
+    with pytest.raises(ScenarioError, match="must be there exactly if it is a path"):
+        batch.fly({})
+
+
+def test_a_delay_that_would_fill_the_memory_is_refused():
+    with pytest.raises(ScenarioError, match="at most 100 control periods"):
+        moving(longest_command=1.0)

@@ -15,7 +15,7 @@ from skyarm.compare.columns import TRACKING, value
 from skyarm.compare.entrants import ENTRANTS, Entrant
 from skyarm.compare.page import comparison_page
 from skyarm.compare.suite import Condition, conditions
-from skyarm.compare.summary import table
+from skyarm.compare.summary import pairs, table
 from skyarm.compare.tables import report
 from skyarm.figures.embed import image_bytes
 from skyarm.figures.laws import Share, laws_figure
@@ -54,6 +54,7 @@ def compare(
     with bar(suite, console) as advance:
         cells = perform(entrants, flown, folder / "cells", seed=seed, plant=plant, threads=threads, progress=advance)
     found: dict[str, Any] = {"schema": 1, "suite": suite, "seed": seed, "plant": plant, "summaries": table(cells)}
+    found["paired"] = pairs(cells)
     found["step_times"] = step_times(entrants, next(iter(flown.values())))
     _write(folder, found, entrants, flown)
     console.print(report(found, entrants, flown), soft_wrap=True)

@@ -6,16 +6,16 @@ import dataclasses
 import hashlib
 import io
 import json
-import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+import skyarm.files as skyarm_files
 from skyarm.compare.entrants import Entrant
 from skyarm.compare.plants import draw
 from skyarm.compare.single import METRICS, fly_one_by_one
@@ -124,33 +124,39 @@ class Cells:
         self.folder = folder
 
     def get(self, flights: Flights) -> Cell | None:
-        """The cell, if it is there and belongs to what would be flown today."""
+        """The cell, if it is there, whole, and belongs to what would be flown today."""
         try:
-            content = io.BytesIO(self._path(flights).read_bytes())
-            with np.load(content, allow_pickle=False) as stored:
-                if str(stored["identity"]) != key(flights):
-                    return None
-                metrics = {name.removeprefix("metric."): stored[name] for name in stored if name.startswith("metric.")}
-                return Cell(metrics, stored["status"])
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile, zlib.error):
+            stored = self._path(flights).read_bytes()
+        except OSError:
             return None
+        digest, content = stored[:32], stored[32:]
+        if hashlib.sha256(content).digest() != digest:
+            return None
+        with np.load(io.BytesIO(content), allow_pickle=False) as held:
+            if str(held["identity"]) != key(flights):
+                return None
+            metrics = {name.removeprefix("metric."): held[name] for name in held if name.startswith("metric.")}
+            return Cell(metrics, held["status"])
 
     def put(self, flights: Flights, cell: Cell) -> None:
-        """Keep a cell."""
+        """Keep a cell behind its checksum."""
         stream = io.BytesIO()
         arrays: dict[str, Any] = {f"metric.{name}": values for name, values in cell.metrics.items()}
         np.savez_compressed(stream, identity=np.array(key(flights)), status=cell.status, **arrays)
-        write_atomically(self._path(flights), stream.getvalue())
+        content = stream.getvalue()
+        write_atomically(self._path(flights), hashlib.sha256(content).digest() + content)
 
     def _path(self, flights: Flights) -> Path:
-        return self.folder / f"{flights.label}.npz"
+        return self.folder / f"{flights.label}.cell"
 
 
 def key(flights: Flights) -> str:
     """Digest of what the numbers of a cell depend on."""
     condition, scenario = flights.condition, flights.scenario()
     facts = {
-        "version": versions()["skyarm"],
+        "versions": versions(),
+        "source": source(),
+        "metrics": METRICS,
         "scenario": identity(scenario),
         "episodes": flights.episodes(scenario),
         "spread": dataclasses.asdict(condition.spread) if condition.spread else None,
@@ -158,6 +164,16 @@ def key(flights: Flights) -> str:
         "seed": flights.seed,
     }
     return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+
+
+@lru_cache(maxsize=1)
+def source() -> str:
+    """Digest of the library's own code: a formula that changed is flown again."""
+    package = Path(skyarm_files.__file__).parents[1]
+    found = hashlib.sha256()
+    for path in sorted([*package.rglob("*.py"), *package.rglob("*.toml"), *package.rglob("*.json")]):
+        found.update(path.relative_to(package).as_posix().encode() + path.read_bytes())
+    return found.hexdigest()
 
 
 def chosen(

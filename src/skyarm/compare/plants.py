@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -29,7 +27,8 @@ class Spread:
             and mass moments, one factor a body, so that the tensor stays one of a body.
         thrust: lowest and highest share of the thrust coefficient, one factor for all rotors (battery, air density).
         damping: of every joint, N m s/rad. payload: point mass at the end effector, kg.
-        wind: force on the base, N, direction uniform on the sphere.
+        wind: force on the base, N, direction uniform on the sphere; it blows in place of the case's own mean
+            force, whose air speed and gust stay.
         delay: of the commands, s.
     """
 
@@ -94,11 +93,3 @@ def _directions(square: Array) -> Array:
     height, azimuth = square[:, 0], math.pi * square[:, 1]
     across = np.sqrt(1.0 - height * height)
     return np.stack([across * np.cos(azimuth), across * np.sin(azimuth), height], axis=1)
-
-
-def names(scenario: Scenario, spread: Spread) -> tuple[str, ...]:
-    """Paths that :func:`draw` gives."""
-    return tuple(draw(scenario, spread, 1, seed=0))
-
-
-Change = Callable[[Scenario], Any]

@@ -149,7 +149,7 @@ def conditions(plants: int = 1000, seeds: int = 8) -> dict[str, Condition]:
         ),
         Condition(
             name="plants",
-            title="perturbed plants, perfect state",
+            title="perturbed plants, perfect state, delay 0 to 10 ms that nobody knows of",
             noisy=False,
             episodes=plants,
             cases=PAPER_CASES,

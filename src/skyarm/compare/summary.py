@@ -70,3 +70,18 @@ def table(cells: Mapping[tuple[str, str, str], Cell]) -> dict[str, Any]:
     for (condition, case, entrant), cell in cells.items():
         found.setdefault(condition, {}).setdefault(case, {})[entrant] = summary(cell)
     return found
+
+
+def pairs(cells: Mapping[tuple[str, str, str], Cell], metric: str = SUCCESS_METRIC) -> dict[str, Any]:
+    """Paired differences of every entrant from the first, by condition, case, entrant, where both flew the same."""
+    firsts: dict[tuple[str, str], tuple[str, Cell]] = {}
+    found: dict[str, Any] = {}
+    for (condition, case, entrant), cell in cells.items():
+        against, other = firsts.setdefault((condition, case), (entrant, cell))
+        if against != entrant and cell.completed.size == other.completed.size > 1:
+            difference = paired(cell, other, metric)
+            found.setdefault(condition, {}).setdefault(case, {})[entrant] = difference and {
+                "from": against,
+                **difference,
+            }
+    return found

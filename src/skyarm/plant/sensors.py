@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.measurement import Measurement
 from skyarm.scalars import Scalar, add, mul
+from skyarm.vehicle import check
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -29,6 +30,10 @@ class SensorNoise:
     joints: Scalar = 0
     joint_rates: Scalar = 0
     rotor_speeds: Scalar = 0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            check.number(f"sensors.{field.name}", getattr(self, field.name), low=0.0)
 
 
 def noise_count(joints: int, rotors: int) -> int:

@@ -34,8 +34,8 @@ from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.measures import Windows, metric_names, needed
 from skyarm.simulate.measures import values as metric_values
 from skyarm.simulate.native import first_carry
-from skyarm.simulate.paths import number_at, with_numbers
-from skyarm.simulate.scenario import Scenario
+from skyarm.simulate.paths import LATE, number_at, require_apart, with_numbers
+from skyarm.simulate.scenario import Scenario, ScenarioError, noise_key
 from skyarm.simulate.totals import first_totals
 
 Array = npt.NDArray[Any]
@@ -92,6 +92,7 @@ class Batch:
         self.scenario, self.paths, self.windows = scenario, tuple(paths), windows or Windows()
         self.names = metric_names(metrics, scenario.world.vehicle.n)
         scenario.controller.require_compiled("a batch")
+        require_apart(scenario, self.paths)
         self.base = np.array([number_at(scenario, path) for path in paths])
         self._wanted = needed(self.names, scenario.world.vehicle.n)
         self._log_every = log_every
@@ -153,8 +154,8 @@ class Batch:
             episodes: (lanes,) further keys of the noise; lane k is episode k if left out.
             threads: results do not depend on it.
         """
-        columns = [np.asarray(values[path], dtype=float) for path in self.paths]
-        count = columns[0].size if columns else 1 if episodes is None else len(episodes)
+        columns, count = self._columns(values, episodes)
+        noise_key("seed", seed)
         parameters = np.stack(columns) if columns else np.zeros((0, count))
         keys = np.arange(count) if episodes is None else np.asarray(episodes)
         totals = np.repeat(np.array(self._example[1])[:, None], count, axis=1)
@@ -182,6 +183,28 @@ class Batch:
             state=ended[0].state,
             log=batch_log(self._logged, log, self._feed.times[:: self._log_every]) if self._log_every else None,
         )
+
+    def _columns(self, values: Mapping[str, Array], episodes: Array | None) -> tuple[list[Array], int]:
+        """Numbers of each path, and how many lanes fly.
+
+        Raises:
+            ScenarioError: a path that is missing or not of this batch, columns of different lengths, or a delay beyond
+                the longest.
+        """
+        if set(values) != set(self.paths):
+            odd = sorted(set(values) ^ set(self.paths))
+            raise ScenarioError(f"values: {odd[0]!r} must be there exactly if it is a path of the batch")
+        columns = [np.asarray(values[path], dtype=float) for path in self.paths]
+        count = columns[0].size if columns else 1 if episodes is None else len(episodes)
+        for path, column in zip(self.paths, columns, strict=True):
+            if column.shape != (count,) or (episodes is not None and len(episodes) != count):
+                raise ScenarioError(
+                    f"values[{path!r}]: shape {column.shape}, must be one number for each of {count} lanes"
+                )
+            longest = self.scenario.delays.longest_command
+            if path == LATE and longest is not None and count and not 0.0 <= column.min() <= column.max() <= longest:
+                raise ScenarioError(f"values[{path!r}]: must be from 0 to delays.longest_command = {longest!r}")
+        return columns, count
 
     def _metrics(self, totals: tuple[Array, ...], ticks: Array) -> dict[str, Array]:
         """Metrics of each lane."""

@@ -161,7 +161,9 @@ def make_period(scenario: Scenario, substeps: Callable[[float], int]) -> Period:
             alive = logical_and(alive, absolute(value) < float("inf"))
         queue = (*carry.queue[1:], command)
         following_state = state
-        if type(late) is not float or late:
+        if type(late) is not float:
+            following_state = blend(late > 0.0, advance(following_state, old, air, late), following_state)
+        elif late:
             following_state = advance(following_state, old, air, late)
         following_state = advance(following_state, _issued(queue, whole), air, period - late)
         following = Carry(

@@ -157,7 +157,13 @@ class _CommandLine:
 
     def __init__(self, scenario: Scenario, standing: tuple[float, ...]) -> None:
         ratio = scenario.rates.physics // scenario.rates.control
-        steps = round(scenario.delays.command * scenario.rates.physics)
+        whole = scenario.delays.command * scenario.rates.physics
+        steps = round(whole)
+        if abs(whole - steps) > 1e-6:
+            raise ScenarioError(
+                f"delays.command = {scenario.delays.command!r}: must be a whole number of physics steps for a law that "
+                "cannot be traced, and without machine code"
+            )
         self._whole, part = divmod(steps, ratio)
         self._period = 1.0 / scenario.rates.control
         self._late = part / scenario.rates.physics

@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from skyarm.actuation import make_mixer
@@ -51,6 +51,8 @@ ROOTS: Mapping[str, Place] = {
     "initial": ("initial",),
     "reference": ("trajectory",),
 }
+
+ROTORS: Place = ("controller", "par", "model", "vehicle", "rotors")
 
 STRUCTURE = ("duration", "rates", "delays", "seed", "episode", "environment.ground", "plant.integrator", "plant.kind")
 """Fields of the file that shape an episode or key its noise; they are the same for all episodes of a batch."""
@@ -113,6 +115,26 @@ def _joined(heads: tuple[Place, ...], found: Any) -> Any:
     return found
 
 
+def require_apart(scenario: Scenario, paths: Sequence[str]) -> None:
+    """Refuse paths that mean the same number under two names.
+
+    Raises:
+        ScenarioError: names both.
+    """
+    seen: dict[Place, str] = {}
+    for path in paths:
+        derived = _payload(scenario, path) or _of_turbulence(scenario, path) or path in _attitude_paths()
+        at = dataclasses.replace(scenario, initial=first_state(scenario)) if path.startswith("initial.") else scenario
+        for place in ((path,),) if derived else places_of(at, path):
+            if place in seen:
+                raise ScenarioError(f"path = {path!r}: is the same number as {seen[place]!r}; vary one of them")
+            seen[place] = path
+    turned = [path for path in paths if path in _attitude_paths()]
+    parts = [path for path in paths if path.startswith("initial.quaternion")]
+    if turned and parts:
+        raise ScenarioError(f"path = {parts[0]!r}: must not vary together with {turned[0]!r}")
+
+
 def number_at(scenario: Scenario, path: str) -> float:
     """The number a path leads to.
 
@@ -135,7 +157,11 @@ def number_at(scenario: Scenario, path: str) -> float:
 
 
 def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
-    """The scenario with other numbers at some paths; they may be traced. What is derived from them follows.
+    """The scenario with other numbers at some paths; they may be traced.
+
+    The mixer follows the believed rotors, and a trimmed start the vehicle. What else a law's maker took from its model
+    stays as it was made: gains, limits, first memory. A study of beliefs therefore asks what a law does whose model is
+    wrong in these numbers, not how it would be tuned for them.
 
     Raises:
         ScenarioError: as :func:`number_at`.
@@ -163,7 +189,7 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
         fields[place[0]] = replaced(record, {place[1:]: part(record, place[1:]).with_payload(mass, frame)})
     # a scenario is checked whenever it is made: once
     changed: Any = dataclasses.replace(scenario, **fields) if fields else scenario
-    if any(path.startswith("model.vehicle.rotors") for path in values):
+    if any(place[: len(ROTORS)] == ROTORS for place in leaves):
         par = changed.controller.par
         mixer = make_mixer(par.model.vehicle, par.mixer.policy)
         changed = dataclasses.replace(changed, controller=_with_par(changed.controller, mixer=mixer))

@@ -32,6 +32,9 @@ HIGHEST_RATE = 1_000_000
 LONGEST_FLIGHT = 10_000_000
 """Control periods of one episode, 14 h at 200 Hz: its log takes about 10 GB."""
 
+LONGEST_QUEUE = 100
+"""Control periods that a varied delay of the commands may take: the loop remembers as many commands."""
+
 PERFECT_SENSORS = SensorNoise()
 
 
@@ -182,7 +185,7 @@ def _check(scenario: Scenario) -> None:
         # the closed loop in machine code takes any delay if it is told the longest; MuJoCo's plant steps
         if name == "measurement" or scenario.delays.longest_command is None or scenario.plant == "mujoco":
             _require_whole(f"delays.{name}", delay, rate, unit)
-    _check_longest(scenario.delays)
+    _check_longest(scenario)
     _check_vehicles(scenario)
     _check_clocks(scenario)
     if scenario.initial is not None:
@@ -213,11 +216,17 @@ def _check_clocks(scenario: Scenario) -> None:
             raise ScenarioError(f"controller.{name} = {believed!r}: must be {1.0 / rate:g} s, as rates.{clock} has it")
 
 
-def _check_longest(delays: Delays) -> None:
+def _check_longest(scenario: Scenario) -> None:
     """A delay that varies stays below its longest."""
+    delays = scenario.delays
     if delays.longest_command is None:
         return
-    number(delays.longest_command, "delays.longest_command", low=0.0, strict=True)
+    longest = number(delays.longest_command, "delays.longest_command", low=0.0, strict=True)
+    if longest * scenario.rates.control > LONGEST_QUEUE:
+        raise ScenarioError(
+            f"delays.longest_command = {longest!r}: must be at most {LONGEST_QUEUE} control periods, "
+            f"{LONGEST_QUEUE / scenario.rates.control:g} s"
+        )
     if concrete(delays.command) and delays.command > delays.longest_command:
         raise ScenarioError(
             f"delays.command = {delays.command!r}: must not exceed delays.longest_command = {delays.longest_command!r}"

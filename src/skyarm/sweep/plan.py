@@ -11,7 +11,7 @@ from typing import Any
 
 from skyarm.plant.stiffness import friction_rate
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.paths import with_numbers
+from skyarm.simulate.paths import require_apart, with_numbers
 from skyarm.simulate.scenario import Scenario
 from skyarm.sweep.design import extremes
 from skyarm.sweep.identity import identity
@@ -59,6 +59,11 @@ def prepare(study: Study) -> Plan:
     Raises:
         StudyError: a vehicle that cannot be, with the path and the value that make it so.
     """
+    for scenario in study.scenarios.values():
+        try:
+            require_apart(scenario, study.paths)
+        except ValueError as error:
+            raise StudyError(f"{study.source}: vary: {error}") from None
     ends = extremes(study)
     for scenario in study.scenarios.values():
         for path, value in ((path, value) for path, pair in ends.items() for value in pair):
