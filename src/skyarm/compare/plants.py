@@ -78,7 +78,8 @@ def draw(scenario: Scenario, spread: Spread, count: int, *, seed: int) -> dict[s
     for i in range(truth.n):
         found[f"plant.vehicle.links.{i}.joint.damping"] = 0.5 * spread.damping * (1.0 + world[:, 0])
     found["plant.payload.mass"] = 0.5 * spread.payload * (1.0 + world[:, 1])
-    found["delays.command"] = 0.5 * spread.delay * (1.0 + world[:, 2])
+    if spread.delay:
+        found["delays.command"] = 0.5 * spread.delay * (1.0 + world[:, 2])
     force = 0.5 * spread.wind * (1.0 + world[:, 3])
     for axis, part in zip("xyz", _directions(signed(CHANNEL_WIND, 2)).T, strict=True):
         found[f"environment.wind.force_W.{axis}"] = force * part

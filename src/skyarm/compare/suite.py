@@ -105,7 +105,7 @@ class Condition:
         """The scenario under this condition, its controller apart."""
         # a spread has a delay of its own, from none at all
         delays = Delays(measurement=DELAY if self.noisy and not self.spread else 0.0)
-        if self.spread:
+        if self.spread and self.spread.delay:
             delays = Delays(longest_command=self.spread.delay)
         scenario = dataclasses.replace(scenario, delays=delays, sensors=NOISE if self.noisy else scenario.sensors)
         return self.change(scenario) if self.change else scenario

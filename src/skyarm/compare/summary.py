@@ -80,8 +80,6 @@ def pairs(cells: Mapping[tuple[str, str, str], Cell], metric: str = SUCCESS_METR
         against, other = firsts.setdefault((condition, case), (entrant, cell))
         if against != entrant and cell.completed.size == other.completed.size > 1:
             difference = paired(cell, other, metric)
-            found.setdefault(condition, {}).setdefault(case, {})[entrant] = difference and {
-                "from": against,
-                **difference,
-            }
+            entry: dict[str, Any] | None = None if difference is None else {"from": against, **difference}
+            found.setdefault(condition, {}).setdefault(case, {})[entrant] = entry
     return found
