@@ -60,7 +60,8 @@ def test_a_batch_is_its_flights_one_by_one(condition):
     assert list(status) == list(cell.status) == ["completed"] * condition.episodes
     assert set(found) == set(cell.metrics)
     for name, numbers in found.items():
-        assert np.allclose(cell.metrics[name], numbers, rtol=1e-6, atol=1e-10), name
+        # a batch takes the integration steps of its stiffest plant, a single flight its own
+        assert np.allclose(cell.metrics[name], numbers, rtol=1e-4, atol=1e-9), name
 
 
 def test_single_flights_round_their_delay_to_physics_steps():
