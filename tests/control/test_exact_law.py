@@ -101,7 +101,8 @@ def test_gains_masses_and_gravity_may_be_inputs_of_a_traced_program():
         lambda par, memory, m, r: flown.law(memory, m, r, 0.005, par=par), flown.par, flown.memory, *INPUTS[0]
     )
     model = Model(vehicle=MODEL.vehicle.with_payload(0.05), gravity=9.7)
-    other = dataclasses.replace(make_exact(MODEL, mode="ee", preset="stiff", delay=0.010).par, model=model)
+    # whether the tip mass is adapted is structure: the stiff preset is asked for it
+    other = dataclasses.replace(make_exact(MODEL, mode="ee", preset="stiff", delay=0.010, adaptation=0.3).par, model=model)
     for par in (flown.par, other):
         plain = flown.law(flown.memory, *INPUTS[1], 0.005, par=par)
         close(leaves(program(par, flown.memory, *INPUTS[1])), leaves(plain))

@@ -198,6 +198,7 @@ def test_torques_give_the_wished_accelerations_to_pinocchios_free_vehicle():
             thrust=float(10.0 * rng.normal()),
             alpha=vec(5.0 * rng.normal(size=3)),
             joints=tuple(rng.normal(size=n).tolist()),
+            reference_rates=(0.0,) * n,
         )
         now = State(
             position=vec(state.position),
