@@ -260,7 +260,7 @@ def test_an_arm_beside_the_tips_is_no_lever(preset_name):
 
 @pytest.mark.parametrize("mode", ["joint", "ee"])
 def test_a_weak_joint_hangs_low_and_the_base_stays(mode):
-    """The arm needs 0.1 N m and has 0.03: the body torque is that of the motion which is left."""
+    """The arm needs 0.07 N m and has 0.03: the body torque is that of the motion which is left."""
     vehicle = skyarm.load_vehicle("hummingbird_arm2_rotors").with_joints(effort_limit=0.03)
     log = run(
         Scenario(
