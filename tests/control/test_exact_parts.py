@@ -553,3 +553,45 @@ def test_the_adapted_mass_moves_by_the_normalised_gradient():
         par, 0.01, Model(vehicle=TRUTH, gravity=9.8), level_flight(TRUTH, (0.0, 0.0)), wish, unknown, 0.005
     )
     assert found - 0.01 == pytest.approx(0.3 * 0.005 * 0.05 * (y @ y) / (y @ y + 1e-3), rel=1e-9)
+
+
+def asked_of_two_arms(gains, pull, preferred):
+    """Joint accelerations of the resting octorotor whose right tip is asked for ``pull``, m/s^2."""
+    vehicle, zero = skyarm.load_vehicle("octo_coaxial_two_arms"), Vec3(0.0, 0.0, 0.0)
+    still = (0.0,) * vehicle.n
+    arms = posture(vehicle, moving(still, still, still), 2)
+    tip = derivative(arms.tip, 0)
+    now = Now(
+        R=Mat3.identity(),
+        rate=zero,
+        alpha=zero,
+        joints=still,
+        joint_rates=still,
+        posture=arms,
+        tip=tip,
+        tip_velocity=zero,
+        com_acceleration=zero,
+    )
+    links = tuple(pose.R for pose in link_poses(vehicle, still))
+    wanted = Goal(tip=(tip, zero, vec(pull)), tip_B=tip, links=links, rates=(zero,) * 5, accelerations=(zero,) * 5)
+    return np.array(joint_accelerations(vehicle, gains, wanted, now, preferred), dtype=float)
+
+
+def test_another_arms_slide_keeps_its_own_reference_whatever_the_tip_is_asked_for():
+    gains = make_exact(Model(vehicle=TRUTH), mode="ee").par.tip
+    preferred = (0.0, 0.0, 0.0, 0.0, 0.7)
+    found = [asked_of_two_arms(gains, pull, preferred)[4] for pull in ([0.0, 0.0, 0.0], [3.0, -5.0, 8.0])]
+    assert found == pytest.approx([0.7, 0.7], abs=1e-9)
+
+
+def test_a_slide_that_carries_the_tip_is_damped_by_its_distance():
+    """Of the hanging arm the slide alone moves the tip along z, by 1 less the share of mass that it takes along.
+
+    Least squares by hand: (c a + w b) / (c^2 + w) with w = (damping / reach)^2, wanted a, preferred b.
+    """
+    gains = make_exact(Model(vehicle=TRUTH), mode="ee").par.tip
+    vehicle = skyarm.load_vehicle("octo_coaxial_two_arms")
+    c = 1.0 - float(vehicle.links[2].body.mass) / float(vehicle.mass)
+    w, sign = (0.03 / 0.12) ** 2, float(vehicle.links[2].joint.axis.z)
+    found = asked_of_two_arms(gains, [0.0, 0.0, 2.0], (0.0, 0.0, 0.5, 0.0, 0.0))[2]
+    assert found == pytest.approx((sign * c * 2.0 + w * 0.5) / (c * c + w), rel=1e-6)

@@ -2,7 +2,7 @@
 
 Task 1 is the tip's position, task 2 the link orientations; joint accelerations solve the weighted least squares
 |J qdd - b_1|^2 + damping^2 sum |A_i qdd - b_i|^2 + posture^2 |qdd - qdd_d|^2, so that task 2 rules the directions in
-which J is singular. J is the tip's Jacobian against the centre of mass, which the joints do not move: its acceleration
+which J is singular; sliding joints, which turn no link, are held by (damping / reach)^2 |qdd_i - qdd_d,i|^2. J is the tip's Jacobian against the centre of mass, which the joints do not move: its acceleration
 follows from the thrust. What the arm cannot reach goes to a slow, bounded shift of the base.
 Source: Wampler 1986, Nakamura, Hanafusa 1986 (damped least squares); Umetani, Yoshida 1989 (generalized Jacobian).
 """
@@ -213,7 +213,8 @@ def joint_accelerations(
     against = [a.linear - b * share for a, b in zip(columns, com_columns(vehicle, poses), strict=True)]
     asked = R.apply_T(wanted.tip[2] + pull - now.com_acceleration) - carried
     # another arm moves the tip through the centre of mass alone: no lever to steer it by
-    for i in set(range(vehicle.n)) - set(chain(vehicle, vehicle.frame().link)):
+    carriers = chain(vehicle, vehicle.frame().link)
+    for i in (i for i in range(vehicle.n) if i not in carriers):
         asked, against[i] = asked - against[i] * preferred[i], ZERO3
     problem.require(against, asked, 1)
     directions = axes(vehicle, poses)
