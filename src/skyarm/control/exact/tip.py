@@ -3,8 +3,8 @@
 Task 1 is the tip's position, task 2 the link orientations; joint accelerations solve the weighted least squares
 |J qdd - b_1|^2 + damping^2 sum |A_i qdd - b_i|^2 + posture^2 |qdd - qdd_d|^2, so that task 2 rules the directions in
 which J is singular; sliding joints, which turn no link, are held by (damping / reach)^2 |qdd_i - qdd_d,i|^2. J is the
-tip's Jacobian against the centre of mass, which the joints do not move: its acceleration follows from the thrust; joints
-that do not carry the tip are left out of it. What the arm cannot reach goes to a slow, bounded shift of the base.
+tip's Jacobian against the centre of mass, which the joints do not move: its acceleration follows from the thrust;
+joints beside the tip's chain are left out. What the arm cannot reach goes to a slow, bounded shift of the base.
 Source: Wampler 1986, Nakamura, Hanafusa 1986 (damped least squares); Umetani, Yoshida 1989 (generalized Jacobian).
 """
 
