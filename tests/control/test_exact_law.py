@@ -13,6 +13,8 @@ import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves, rebuild, trace
 from skyarm.control.exact import PRESETS, make_exact
+from skyarm.control.exact.options import periods_of
+from skyarm.control.exact.torques import TRIM
 from skyarm.control.export import export_c
 from skyarm.control.model import Model
 from skyarm.control.presets import preset
@@ -22,6 +24,7 @@ from skyarm.plant.interface import World
 from skyarm.reference import hover
 from skyarm.reference.signals import Sine
 from skyarm.simulate import run
+from skyarm.simulate.inputs import first_state
 from skyarm.simulate.scenario import Scenario
 
 CASES = cases(4, seed=77, pitch=np.radians(60.0))
@@ -101,7 +104,10 @@ def test_gains_masses_and_gravity_may_be_inputs_of_a_traced_program():
         lambda par, memory, m, r: flown.law(memory, m, r, 0.005, par=par), flown.par, flown.memory, *INPUTS[0]
     )
     model = Model(vehicle=MODEL.vehicle.with_payload(0.05), gravity=9.7)
-    other = dataclasses.replace(make_exact(MODEL, mode="ee", preset="stiff", delay=0.010).par, model=model)
+    # whether the tip mass is adapted is structure: the stiff preset is asked for it
+    other = dataclasses.replace(
+        make_exact(MODEL, mode="ee", preset="stiff", delay=0.010, adaptation=0.3).par, model=model
+    )
     for par in (flown.par, other):
         plain = flown.law(flown.memory, *INPUTS[1], 0.005, par=par)
         close(leaves(program(par, flown.memory, *INPUTS[1])), leaves(plain))
@@ -233,6 +239,81 @@ def test_any_vehicle_flies(name, mode):
     assert np.linalg.norm(error[log.time >= 2.0], axis=1).mean() < 2e-3
 
 
+@pytest.mark.parametrize("preset_name", list(PRESETS))
+def test_an_arm_beside_the_tips_is_no_lever(preset_name):
+    """Ten centimetres off at the start: another arm and the torso's slide must not swing to move the tip."""
+    vehicle = skyarm.load_vehicle("octo_coaxial_two_arms")
+    scenario = Scenario(
+        name="beside",
+        duration=4.0,
+        world=World(vehicle=vehicle),
+        controller=make_exact(Model(vehicle=vehicle), mode="ee", preset=preset_name),
+        trajectory=hover((0.0, 0.0, 2.0), joints=(0.0,) * vehicle.n),
+        ground=False,
+    )
+    start = dataclasses.replace(first_state(scenario), position=Vec3(0.1, 0.05, 2.0))
+    log = run(dataclasses.replace(scenario, initial=start))
+    assert log.status == "completed"
+    assert np.abs(log.joints).max() < 1.0
+    assert np.linalg.norm(log.tool - log.tool_reference, axis=1)[-1] < 1e-3
+
+
+@pytest.mark.parametrize("mode", ["joint", "ee"])
+def test_a_weak_joint_hangs_low_and_the_base_stays(mode):
+    """The arm needs 0.07 N m and has 0.03: the body torque is that of the motion which is left."""
+    vehicle = skyarm.load_vehicle("hummingbird_arm2_rotors").with_joints(effort_limit=0.03)
+    log = run(
+        Scenario(
+            name="weak",
+            duration=4.0,
+            world=World(vehicle=vehicle),
+            controller=make_exact(Model(vehicle=vehicle), mode=mode),
+            trajectory=hover((0.0, 0.0, 2.0), joints=(Sine(amplitude=0.4, frequency_hz=0.3),) * 2),
+            ground=False,
+        )
+    )
+    assert log.status == "completed"
+    assert np.abs(log.joints - log.joints_reference).max() > 0.05
+    assert np.linalg.norm(log.position - log.position_reference, axis=1).max() < 0.05
+
+
+def test_dry_friction_that_the_model_knows_costs_little():
+    """Against a model without it: the observer has to learn each reversal."""
+    vehicle = skyarm.load_vehicle("hummingbird_arm2_rotors").with_joints(damping=0.005, coulomb=0.003, coulomb_rate=0.3)
+    found = []
+    for model in (vehicle, vehicle.with_joints(damping=0.0, coulomb=0.0)):
+        log = run(
+            Scenario(
+                name="dry",
+                duration=4.0,
+                world=World(vehicle=vehicle),
+                controller=make_exact(Model(vehicle=model)),
+                trajectory=hover((0.0, 0.0, 2.0), joints=(Sine(amplitude=0.3, frequency_hz=0.5),) * 2),
+                ground=False,
+            )
+        )
+        found.append(np.abs(log.joints - log.joints_reference)[log.time > 2.0].mean())
+    assert found[0] < 0.6 * found[1]
+
+
+def test_the_trim_stays_within_its_bound_whatever_is_sent():
+    """A vehicle that someone else holds: the modelled rotors never do what is wanted."""
+    flown = make_exact(MODEL, trim_rate=50.0)
+    case = hovering()
+    memory = flown.memory
+    program = trace(lambda memory, m, r: step(flown, memory, m, r), memory, case.measurement(), case.reference())
+    bound = [TRIM * highest for highest in flown.par.mixer.highest]
+    far = changed(case, p_d=(0.0, 0.0, 0.3))
+    worst = 0.0
+    for _ in range(400):
+        memory, command = program(memory, case.measurement(), far.reference())
+        stopped = dataclasses.replace(command, rotor_speeds=(0.0,) * len(command.rotor_speeds))
+        memory = dataclasses.replace(memory, sent=(*memory.sent[:-1], stopped))
+        assert all(abs(t) <= top for t, top in zip(memory.trim, bound, strict=True))
+        worst = max(worst, *(abs(t) / top for t, top in zip(memory.trim, bound, strict=True)))
+    assert worst == pytest.approx(1.0)
+
+
 def test_mujocos_plant_sees_the_same_tip():
     pytest.importorskip("mujoco")
     scenario = dataclasses.replace(planned("case3_wind", mode="ee"), duration=12.0)
@@ -248,15 +329,38 @@ def test_mujocos_plant_sees_the_same_tip():
     ("options", "message"),
     [
         ({"mode": "tip"}, "mode"),
+        ({"mode": [1]}, "mode"),
         ({"preset": "soft"}, "preset"),
-        ({"delay": 0.003}, "delay"),
-        ({"delay": -0.005}, "delay"),
+        ({"preset": [1]}, "preset"),
+        *(({"delay": value}, "delay") for value in (0.003, -0.005, 1000.0, True, np.nan, np.inf, "x")),
+        *(({"control_period": value}, "control_period") for value in (0.0, -0.005, np.nan)),
+        *(({"reference_period": value}, "reference_period") for value in (0.0, -0.02, np.nan)),
+        *(({"tip_mass_limit": value}, "tip_mass_limit") for value in (-0.1, np.nan, np.inf)),
+        *(({"adaptation": value}, "adaptation") for value in (-0.1, np.nan, True, "x")),
+        *(({name: 0.0}, name) for name in ("pull", "reach", "shift_limit", "damping", "posture", "tilt")),
+        *(({name: 1.1}, name) for name in ("lag_inversion", "measured_rates", "continuation")),
+        *(({name: 1e6}, name) for name in ("trim_rate", "tilt")),
+        ({"observer": (1.0, 2.0)}, "observer"),
+        ({"observer": (1.0, 2.0, 3.0, -4.0)}, "observer"),
         ({"stiffness": 3.0}, "stiffness"),
     ],
 )
 def test_a_wrong_option_is_refused_by_its_name(options, message):
-    with pytest.raises(ControllerError, match=message):
+    with pytest.raises(ControllerError, match=message) as caught:
         make_exact(MODEL, **options)
+    assert "\n" not in str(caught.value)
+
+
+def test_every_preset_lies_within_the_ranges_of_its_entries():
+    for entries in PRESETS.values():
+        make_exact(MODEL, **entries)
+
+
+def test_the_oldest_known_delay_is_a_hundred_periods():
+    assert periods_of(0.5, 0.005) == 100
+    assert periods_of(0.02, 0.01) == 2
+    with pytest.raises(ControllerError, match="at most"):
+        periods_of(0.505, 0.005)
 
 
 def test_tip_mode_needs_an_end_effector():

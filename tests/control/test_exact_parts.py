@@ -14,6 +14,7 @@ import skyarm
 from skyarm.actuation import Command, speed_after
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.control.exact import make_exact
+from skyarm.control.exact.adaptation import adapted_mass
 from skyarm.control.exact.attitude import Attitude, angular_acceleration, attitude, reachable
 from skyarm.control.exact.center_of_mass import thrust
 from skyarm.control.exact.extrapolation import continued, samples
@@ -22,8 +23,17 @@ from skyarm.control.exact.lag import command_for
 from skyarm.control.exact.memory import Channel
 from skyarm.control.exact.motion import Disturbance, carried
 from skyarm.control.exact.parameters import BaseGains
-from skyarm.control.exact.tip import Goal, Now, goal, joint_accelerations, level_joints, orientation_error, shift
-from skyarm.control.exact.torques import needed
+from skyarm.control.exact.tip import (
+    Goal,
+    Now,
+    following,
+    goal,
+    joint_accelerations,
+    level_joints,
+    orientation_error,
+    shift,
+)
+from skyarm.control.exact.torques import fallen_away, needed
 from skyarm.control.exact.wishes import Wish
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -198,6 +208,7 @@ def test_torques_give_the_wished_accelerations_to_pinocchios_free_vehicle():
             thrust=float(10.0 * rng.normal()),
             alpha=vec(5.0 * rng.normal(size=3)),
             joints=tuple(rng.normal(size=n).tolist()),
+            reference_rates=(0.0,) * n,
         )
         now = State(
             position=vec(state.position),
@@ -469,3 +480,118 @@ def test_the_attitude_law_turns_back_and_brakes():
     turning = array(angular_acceleration(gains, level, Mat3.identity(), Vec3(0.0, 0.5, 0.0)))
     np.testing.assert_allclose(leaning, [-gains.attitude.x * np.sin(0.1), 0.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(turning, [0.0, -0.5 * gains.rate.y, 0.0], atol=1e-12)
+
+
+def level_flight(vehicle, joint_rates):
+    """A state at the origin, level, whose joints move."""
+    zero = Vec3(0.0, 0.0, 0.0)
+    return State(
+        position=zero,
+        quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
+        velocity=zero,
+        rate=zero,
+        joints=(0.3, -0.5),
+        joint_rates=joint_rates,
+        rotor_speeds=(400.0,) * len(vehicle.rotors),
+    )
+
+
+NONE = Disturbance(force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0), efforts=(0.0, 0.0))
+
+
+def test_known_friction_is_given_back_viscous_at_the_present_rate_dry_at_the_references():
+    dry = TRUTH.with_joints(damping=0.02, coulomb=0.03, coulomb_rate=0.1)
+    smooth = TRUTH.with_joints(damping=0.0, coulomb=0.0)
+    wish = Wish(thrust=6.0, alpha=Vec3(0.0, 0.0, 0.0), joints=(1.0, -2.0), reference_rates=(0.1, -0.2))
+    now = level_flight(TRUTH, (1.5, -0.4))
+    (torque, efforts), (bare_torque, bare) = (needed(Model(vehicle=v), now, wish, NONE) for v in (dry, smooth))
+    given = np.array(efforts) - np.array(bare)
+    # 0.02 qd + 0.03 tanh(qd_d / 0.1)
+    np.testing.assert_allclose(given, [0.03 + 0.03 * np.tanh(1.0), -0.008 - 0.03 * np.tanh(2.0)], rtol=1e-10)
+    assert array(torque) == pytest.approx(array(bare_torque), abs=1e-15)
+
+
+@pytest.mark.parametrize("joints", [1, 2, 5])
+def test_a_torque_without_what_fell_away_turns_the_base_as_wished(joints):
+    """Joint torques less than wanted, the body torque less by as much as follows: the same angular acceleration."""
+    pytest.importorskip("pinocchio")
+    rng = np.random.default_rng([13, joints])
+    vehicle, state = random_vehicle(rng, joints), random_state(rng, joints)
+    missing, force = rng.normal(size=joints), rng.normal(size=6 + joints)
+    lost = array(fallen_away(vehicle, tuple(state.joints.tolist()), missing.tolist()))
+    twin, less = TWINS["pinocchio"](vehicle), force.copy()
+    less[3:6] -= lost
+    less[6:] -= missing
+    one, other = (twin.forward_dynamics(state, each, 9.81) for each in (force, less))
+    np.testing.assert_allclose(other[3:6], one[3:6], atol=1e-8 * (1.0 + np.abs(one).max()))
+    assert np.abs(other[6:] - one[6:]).max() > 1e-3
+
+
+def test_nothing_falls_away_from_a_vehicle_without_joints():
+    assert tuple(fallen_away(skyarm.load_vehicle("hummingbird"), (), ())) == (0, 0, 0)
+
+
+@pytest.mark.parametrize("length", [0.03, 0.12, 0.5])
+def test_the_tip_follows_base_errors_longer_than_its_reach(length):
+    """A share e^4 / (e^4 + reach^4) of a resting error: at the reach itself a half."""
+    zero = Vec3(0.0, 0.0, 0.0)
+    still = Goal(tip=(zero, zero, zero), tip_B=zero, links=(), rates=(), accelerations=())
+    found = following(still, [Vec3(length, 0.0, 0.0), zero, zero], 0.12).tip
+    expected = length**5 / (length**4 + 0.12**4)
+    np.testing.assert_allclose(array(found[0]), [expected, 0.0, 0.0], rtol=1e-12, atol=1e-15)
+
+
+def test_the_adapted_mass_moves_by_the_normalised_gradient():
+    """Joint torques of a mass dm at the tip of a hovering arm, by hand: the step is rate dt dm y.y / (y.y + 0.001)."""
+    par = make_exact(Model(vehicle=TRUTH, gravity=9.8), mode="ee", adaptation=0.3).par
+    weight = float(TRUTH.mass) * 9.8
+    wish = Wish(thrust=weight, alpha=Vec3(0.0, 0.0, 0.0), joints=(0.0, 0.0), reference_rates=(0.0, 0.0))
+    # both links 150 mm; torques that hold 1 kg at the tip
+    y = 9.8 * 0.15 * np.array([np.sin(0.3) + np.sin(-0.2), np.sin(-0.2)])
+    unknown = dataclasses.replace(NONE, efforts=tuple((-0.05 * y).tolist()))
+    found = adapted_mass(
+        par, 0.01, Model(vehicle=TRUTH, gravity=9.8), level_flight(TRUTH, (0.0, 0.0)), wish, unknown, 0.005
+    )
+    assert found - 0.01 == pytest.approx(0.3 * 0.005 * 0.05 * (y @ y) / (y @ y + 1e-3), rel=1e-9)
+
+
+def asked_of_two_arms(gains, pull, preferred):
+    """Joint accelerations of the resting octorotor whose right tip is asked for ``pull``, m/s^2."""
+    vehicle, zero = skyarm.load_vehicle("octo_coaxial_two_arms"), Vec3(0.0, 0.0, 0.0)
+    still = (0.0,) * vehicle.n
+    arms = posture(vehicle, moving(still, still, still), 2)
+    tip = derivative(arms.tip, 0)
+    now = Now(
+        R=Mat3.identity(),
+        rate=zero,
+        alpha=zero,
+        joints=still,
+        joint_rates=still,
+        posture=arms,
+        tip=tip,
+        tip_velocity=zero,
+        com_acceleration=zero,
+    )
+    links = tuple(pose.R for pose in link_poses(vehicle, still))
+    wanted = Goal(tip=(tip, zero, vec(pull)), tip_B=tip, links=links, rates=(zero,) * 5, accelerations=(zero,) * 5)
+    return np.array(joint_accelerations(vehicle, gains, wanted, now, preferred), dtype=float)
+
+
+def test_another_arms_slide_keeps_its_own_reference_whatever_the_tip_is_asked_for():
+    gains = make_exact(Model(vehicle=TRUTH), mode="ee").par.tip
+    preferred = (0.0, 0.0, 0.0, 0.0, 0.7)
+    found = [asked_of_two_arms(gains, pull, preferred)[4] for pull in ([0.0, 0.0, 0.0], [3.0, -5.0, 8.0])]
+    assert found == pytest.approx([0.7, 0.7], abs=1e-9)
+
+
+def test_a_slide_that_carries_the_tip_is_damped_by_its_distance():
+    """Of the hanging arm the slide alone moves the tip along z, by 1 less the share of mass that it takes along.
+
+    Least squares by hand: (c a + w b) / (c^2 + w) with w = (damping / reach)^2, wanted a, preferred b.
+    """
+    gains = make_exact(Model(vehicle=TRUTH), mode="ee").par.tip
+    vehicle = skyarm.load_vehicle("octo_coaxial_two_arms")
+    c = 1.0 - float(vehicle.links[2].body.mass) / float(vehicle.mass)
+    w, sign = (0.03 / 0.12) ** 2, float(vehicle.links[2].joint.axis.z)
+    found = asked_of_two_arms(gains, [0.0, 0.0, 2.0], (0.0, 0.0, 0.5, 0.0, 0.0))[2]
+    assert found == pytest.approx((sign * c * 2.0 + w * 0.5) / (c * c + w), rel=1e-6)

@@ -14,10 +14,10 @@ from scipy.spatial.transform import Rotation
 from test_rival_formulas import ARM, DT, MODEL, UP, gentle, measured, rotation, vec, wanted
 
 from skyarm.control.exact.motion import Disturbance
-from skyarm.control.model import Terms
+from skyarm.control.model import Model, Terms
 from skyarm.control.presets import ACCELERATION, HUMMINGBIRD
 from skyarm.control.registry import make_controller
-from skyarm.control.steps.law import _force_series
+from skyarm.control.steps.law import _force_series, _turn
 from skyarm.control.steps.maker import LADDER
 from skyarm.experiments.tuning_flights import FLIGHTS, Course
 from skyarm.reference import Reference
@@ -131,6 +131,33 @@ def test_the_derivatives_of_the_force_are_those_along_the_motion_that_the_thrust
     first, second = ([float(c.derivative(k)) for c in found] for k in (1, 2))
     np.testing.assert_allclose(first, (after - before) / (2 * h), atol=2e-5 * (1 + np.abs(first).max()))
     np.testing.assert_allclose(second, (after - 2 * now + before) / h**2, atol=1e-3 * (1 + np.abs(second).max()))
+
+
+@pytest.mark.parametrize("law", ["ct_observer", "ct_lag_inversion"])
+def test_friction_of_the_observers_model_is_given_back(law):
+    """Viscous at the measured rate, dry at the reference's: 0.002 qd + 0.003 tanh(qd_d / 0.1)."""
+    state, reference = gentle(1), wanted(1)
+    state = dataclasses.replace(state, velocity=0.1 * state.velocity)
+    found = []
+    for friction in ((0.0, 0.0), (0.002, 0.003)):
+        damping, coulomb = friction
+        vehicle = ARM.with_joints(damping=damping, coulomb=coulomb, coulomb_rate=0.1)
+        controller = make_controller(law, Model(vehicle=vehicle, gravity=MODEL.gravity))
+        command = controller.law(controller.memory, measured(state), reference, DT, par=controller.par)[1]
+        found.append(np.array(command.efforts))
+    qd, qd_d = state.velocity[6:], np.array(reference.joint_rates)
+    np.testing.assert_allclose(found[1] - found[0], 0.002 * qd + 0.003 * np.tanh(qd_d / 0.1), rtol=1e-9)
+
+
+@pytest.mark.parametrize("force", [[1e-6, -1e-6, 0.0], [1e-4, 0.0, 1e-4], [1e-3, 2e-3, 0.01]])
+def test_a_wanted_force_near_nothing_does_not_ask_for_endless_turning(force):
+    """In free fall the direction of the wanted force is undefined: below the floor it has that of the floor."""
+    state, reference = gentle(2), wanted(2)
+    par = make_controller("ct_feedforward", MODEL).par
+    R = measured(state).quaternion.rotation()
+    found = scalars(_turn(vec(force), measured(state), reference, R, NOTHING, par))
+    # rad/s^2: a rotor craft of this size reaches some hundred; without the floor thousands and more
+    assert np.abs(found).max() < 1e3
 
 
 def test_each_step_buys_something_with_the_papers_gains():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from skyarm.scalars import clip, divide, mul, sub, tanh
+from skyarm.scalars import add, clip, divide, mul, sub, tanh
 from skyarm.vehicle.records import Joint
 
 
@@ -15,5 +15,12 @@ def joint_force(joint: Joint, command: Any, rate: Any, effectiveness: Any = 1) -
     The friction law c tanh(qd / v0) is smooth through zero, so that both plants integrate the same right-hand side.
     """
     effort = mul(effectiveness, clip(command, -joint.effort_limit, joint.effort_limit))
-    effort = sub(effort, mul(joint.damping, rate))
-    return sub(effort, mul(joint.coulomb, tanh(divide(rate, joint.coulomb_rate))))
+    return sub(effort, friction(joint, rate, rate))
+
+
+def friction(joint: Joint, rate: Any, dry_rate: Any) -> Any:
+    """What friction takes: viscous at ``rate``, Coulomb's c tanh(qd / v0) at ``dry_rate`` (rad/s or m/s).
+
+    A law that gives it back takes the reference's rate for the dry part, whose sign would chatter with a measured one.
+    """
+    return add(mul(joint.damping, rate), mul(joint.coulomb, tanh(divide(dry_rate, joint.coulomb_rate))))

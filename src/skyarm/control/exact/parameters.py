@@ -47,6 +47,7 @@ class TipGains:
         position: 1/s^2. velocity: 1/s. Of the tip's error.
         reach: m; base errors beyond this length are followed by the tip, not made good by the arm.
         damping: m; singular values of the tip's Jacobian below this leave their direction to the link orientations.
+            Over ``reach`` it weighs the references of sliding joints.
         posture: m; weight of the joints' own references, for motions that neither tip nor orientations fix.
         shift_rate: rad/s, of the filtered disturbance that the base's shift follows.
         shift_limit: m, largest length of the shift.

@@ -2,8 +2,9 @@
 
 Task 1 is the tip's position, task 2 the link orientations; joint accelerations solve the weighted least squares
 |J qdd - b_1|^2 + damping^2 sum |A_i qdd - b_i|^2 + posture^2 |qdd - qdd_d|^2, so that task 2 rules the directions in
-which J is singular. J is the tip's Jacobian against the centre of mass, which the joints do not move: its acceleration
-follows from the thrust. What the arm cannot reach goes to a slow, bounded shift of the base.
+which J is singular; sliding joints, which turn no link, are held by (damping / reach)^2 |qdd_i - qdd_d,i|^2. J is the
+tip's Jacobian against the centre of mass, which the joints do not move: its acceleration follows from the thrust;
+joints beside the tip's chain are left out. What the arm cannot reach goes to a slow, bounded shift of the base.
 Source: Wampler 1986, Nakamura, Hanafusa 1986 (damped least squares); Umetani, Yoshida 1989 (generalized Jacobian).
 """
 
@@ -144,8 +145,12 @@ class Squares:
     def prefer(self, values: Sequence[Any], weight: Any) -> None:
         """Add weight |x - values|^2."""
         for i, value in enumerate(values):
-            self.A[i][i] = add(self.A[i][i], weight)
-            self.b[i] = add(self.b[i], mul(weight, value))
+            self.prefer_one(i, value, weight)
+
+    def prefer_one(self, i: int, value: Any, weight: Any) -> None:
+        """Add weight (x_i - value)^2."""
+        self.A[i][i] = add(self.A[i][i], weight)
+        self.b[i] = add(self.b[i], mul(weight, value))
 
     def solved(self) -> tuple[Any, ...]:
         """The least-squares solution."""
@@ -207,7 +212,12 @@ def joint_accelerations(
     columns = jacobian_columns(vehicle, vehicle.frame(), now.joints)
     share = divide(1.0, vehicle.mass)
     against = [a.linear - b * share for a, b in zip(columns, com_columns(vehicle, poses), strict=True)]
-    problem.require(against, R.apply_T(wanted.tip[2] + pull - now.com_acceleration) - carried, 1)
+    asked = R.apply_T(wanted.tip[2] + pull - now.com_acceleration) - carried
+    # another arm moves the tip through the centre of mass alone: no lever to steer it by
+    carriers = chain(vehicle, vehicle.frame().link)
+    for i in (i for i in range(vehicle.n) if i not in carriers):
+        asked, against[i] = asked - against[i] * preferred[i], ZERO3
+    problem.require(against, asked, 1)
     directions = axes(vehicle, poses)
     rates: list[Vec3] = []
     biases: list[Vec3] = []
@@ -224,6 +234,11 @@ def joint_accelerations(
         needed = R.apply_T(turn) - rate * gains.velocity - bias
         problem.require(orientation_rows(vehicle, directions, i), needed, gains.damping * gains.damping)
     problem.prefer(preferred, gains.posture * gains.posture)
+    slides = divide(gains.damping, gains.reach)
+    for i, link in enumerate(vehicle.links):
+        if link.joint.kind == "prismatic":
+            # turns no link, so that task 2 does not damp it
+            problem.prefer_one(i, preferred[i], slides * slides)
     return problem.solved()
 
 

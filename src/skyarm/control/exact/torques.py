@@ -2,39 +2,78 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from skyarm import dynamics
-from skyarm.actuation import Command, mix
-from skyarm.algebra import E_Z, ZERO3, Vec3
-from skyarm.algebra import Motion as Acceleration
+from skyarm.actuation import Command, friction, mix
+from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3, ldl_solve
 from skyarm.control.exact.lag import command_for
 from skyarm.control.exact.memory import data
 from skyarm.control.exact.motion import Disturbance, lagged
 from skyarm.control.exact.parameters import ExactParameters
 from skyarm.control.exact.wishes import Wish
 from skyarm.control.model import Model
+from skyarm.control.parts.underactuated import forces_under_thrust
 from skyarm.dynamics import State
 from skyarm.scalars import absolute, add, clip, divide, logical_and, maximum, mul, sqrt, sub, where
+from skyarm.vehicle.records import Vehicle
+
+TRIM = 0.1
+"""Bound of the trim, of a rotor's largest squared speed: a command that others change would wind it up."""
 
 
 def needed(model: Model, state: State, wish: Wish, unknown: Disturbance) -> tuple[Vec3, tuple[Any, ...]]:
     """Body torque (N m, base axes) and joint torques that give the wished accelerations with the wished thrust.
 
-    Force balance gives the base's linear acceleration: inverse dynamics is affine in it with slope m. Then the torques
-    follow; what the disturbance already does is left out, friction at the present rate is added.
+    What the disturbance already does is left out; known friction is added, its dry part at the references' rates.
     """
-    vehicle, R = model.vehicle, state.quaternion.rotation()
-    q, w, qd = state.joints, state.rate, state.joint_rates
-    without, _ = dynamics.inverse_dynamics(vehicle, q, w, qd, Acceleration(wish.alpha, ZERO3), wish.joints)
-    push = E_Z * wish.thrust + R.apply_T(unknown.force)
-    linear = (push - without.force) * divide(1.0, vehicle.mass)
-    force, efforts = dynamics.inverse_dynamics(vehicle, q, w, qd, Acceleration(wish.alpha, linear), wish.joints)
-    return force.torque - unknown.torque, tuple(
-        add(sub(effort, extra), mul(link.joint.damping, rate))
-        for effort, extra, link, rate in zip(efforts, unknown.efforts, vehicle.links, qd, strict=True)
+    vehicle, qd = model.vehicle, state.joint_rates
+    force, efforts, _ = forces_under_thrust(
+        vehicle,
+        state.joints,
+        state.rate,
+        qd,
+        applied=E_Z * wish.thrust + state.quaternion.rotation().apply_T(unknown.force),
+        angular=wish.alpha,
+        joint_accelerations=wish.joints,
     )
+    return force.torque - unknown.torque, tuple(
+        add(sub(effort, extra), friction(link.joint, rate, dry))
+        for effort, extra, link, rate, dry in zip(
+            efforts, unknown.efforts, vehicle.links, qd, wish.reference_rates, strict=True
+        )
+    )
+
+
+def fallen_away(vehicle: Vehicle, joints: Sequence[Any], missing: Sequence[Any]) -> Vec3:
+    """Body torque (N m, base axes) that falls away when joint torques are less than wanted by ``missing``.
+
+    The joints then accelerate by S^-1 missing more slowly and push the base less; its angular acceleration stays what
+    was wished. Blocks of the mass matrix, with t the base's translation, w its rotation, j the joints: the base's
+    origin moves freely under the given force, so that S = M_jj - M_jt M_tj / m, and the torque loses
+    (M_wj - M_wt M_tj / m) S^-1 missing.
+    """
+    if not missing:
+        return ZERO3
+    M = dynamics.mass_matrix(vehicle, Mat3.identity(), joints)
+    share, n = divide(1.0, vehicle.mass), len(joints)
+
+    def reduced(row: int, column: int) -> Any:
+        total = M[row][column]
+        for k in range(3):
+            total = sub(total, mul(mul(M[row][k], M[column][k]), share))
+        return total
+
+    slower = ldl_solve([[reduced(6 + i, 6 + j) for j in range(n)] for i in range(n)], list(missing))
+    lost = []
+    for k in range(3, 6):
+        total: Any = 0
+        for j, each in enumerate(slower):
+            total = add(total, mul(reduced(k, 6 + j), each))
+        lost.append(total)
+    return Vec3(*lost)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -58,9 +97,13 @@ def actuate(
     """The command for a wish.
 
     Motors that slow down later than they speed up lose thrust under noise, so that the mean of what they do (their
-    model knows it) misses the mean of what was wanted: the trim integrates that difference.
+    model knows it) misses the mean of what was wanted: the trim integrates that difference, within bounds.
     """
     torque, efforts = needed(model, state, wish, unknown)
+    limits = [link.joint.effort_limit for link in model.vehicle.links]
+    held = tuple(clip(data(effort), -limit, limit) for effort, limit in zip(efforts, limits, strict=True))
+    missing = [sub(effort, kept) for effort, kept in zip(efforts, held, strict=True)]
+    torque = torque - fallen_away(model.vehicle, state.joints, missing)
     wanted, squares = mix(par.mixer, torque, wish.thrust)
     inside: Any = wish.thrust > 0.0
     for square, highest in zip(squares, par.mixer.highest, strict=True):
@@ -70,8 +113,6 @@ def actuate(
         command_for(rotor, speed, target, dt, par.lag_inversion)
         for rotor, speed, target in zip(model.vehicle.rotors, state.rotor_speeds, targets, strict=True)
     )
-    limits = [link.joint.effort_limit for link in model.vehicle.links]
-    held = tuple(clip(data(effort), -limit, limit) for effort, limit in zip(efforts, limits, strict=True))
     command = Command(rotor_speeds=speeds, efforts=held)
     reached = lagged(model, state.rotor_speeds, command, dt)
     step = where(inside, par.trim_rate * dt, 0.0)
@@ -81,5 +122,8 @@ def actuate(
             where(inside, 1.0, 0.0),
             *(where(absolute(e) < limit, 1.0, 0.0) for e, limit in zip(efforts, limits, strict=True)),
         ),
-        trim=tuple(t + step * (w * w - r * r) for t, w, r in zip(trim, wanted, reached, strict=True)),
+        trim=tuple(
+            clip(t + step * (w * w - r * r), -TRIM * highest, TRIM * highest)
+            for t, w, r, highest in zip(trim, wanted, reached, par.mixer.highest, strict=True)
+        ),
     )

@@ -21,11 +21,12 @@ from skyarm.scalars.taylor import Taylor
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Wish:
-    """Thrust along body z (N), angular acceleration (body axes, rad/s^2) and joint accelerations."""
+    """Thrust along body z (N), angular acceleration (body axes, rad/s^2), joint accelerations, rates of references."""
 
     thrust: Any
     alpha: Vec3
     joints: tuple[Any, ...]
+    reference_rates: tuple[Any, ...]
 
 
 def wishes(
@@ -90,7 +91,8 @@ def wishes(
             goal, [state.position - base[0], state.velocity - base[1], push.acceleration - base[2]], par.tip.reach
         )
         preferred = tip.joint_accelerations(vehicle, par.tip, goal, present, preferred)
-    return Wish(thrust=push.along, alpha=alpha, joints=preferred)
+    rates = tuple(q.derivative(1) for q in joints)
+    return Wish(thrust=push.along, alpha=alpha, joints=preferred, reference_rates=rates)
 
 
 def joint_accelerations(par: ExactParameters, state: State, joints: Sequence[Taylor]) -> tuple[Any, ...]:

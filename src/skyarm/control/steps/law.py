@@ -18,9 +18,9 @@ import dataclasses
 from typing import Any
 
 from skyarm import dynamics
-from skyarm.actuation import Command, mix
+from skyarm.actuation import Command, friction, mix
 from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
-from skyarm.control.exact.attitude import attitude
+from skyarm.control.exact.attitude import attitude, reachable
 from skyarm.control.exact.extrapolation import continued, samples
 from skyarm.control.exact.lag import command_for
 from skyarm.control.exact.memory import Observed
@@ -34,8 +34,11 @@ from skyarm.control.parts.underactuated import forces_under_thrust
 from skyarm.control.steps.parameters import StepMemory, StepParameters
 from skyarm.dynamics.measurement import Measurement
 from skyarm.reference import Reference
-from skyarm.scalars import divide, minimum, where
+from skyarm.scalars import add, divide, minimum, where
 from skyarm.scalars.taylor import Taylor
+
+TILT, FLOOR = 1.2, 0.15
+"""Largest tangent of the wanted tilt and smallest vertical force, of the weight, where the force is differentiated."""
 
 
 def stepped_computed_torque(
@@ -56,7 +59,7 @@ def stepped_computed_torque(
     )
     force = _force(wanted, measurement, R, qdd, unknown, par)
     alpha = _turn(force, measurement, goal, R, unknown, par)
-    torque, thrust, efforts = _forces(wanted, force, alpha, measurement, R, qdd, unknown, par)
+    torque, thrust, efforts = _forces(wanted, force, alpha, measurement, goal, R, qdd, unknown, par)
     speeds, squares = mix(par.mixer, torque, thrust)
     if steps.lag_inversion:
         turning = observed.rotor_speeds if isinstance(observed, Observed) else measurement.rotor_speeds
@@ -151,7 +154,10 @@ def _turn(
             w_B=measurement.rate,
             rate_form=par.rate_error,
         )
+    model = par.model
     moving = _force_series(force, measurement, goal, R, unknown, par)
+    # near no force its direction turns without bound
+    moving = reachable(moving, TILT, FLOOR * model.vehicle.mass * model.gravity)
     yaw = Taylor.of_derivatives((goal.yaw, goal.yaw_rate, goal.yaw_acceleration))
     desired = attitude(moving, yaw)
     relative = R.T @ desired.R
@@ -184,6 +190,7 @@ def _forces(
     force: Vec3,
     alpha: Vec3,
     measurement: Measurement,
+    goal: Reference,
     R: Mat3,
     qdd: Any,
     unknown: Disturbance,
@@ -201,4 +208,9 @@ def _forces(
         base = Motion(alpha, R.apply_T(wanted))
         needed, efforts = dynamics.inverse_dynamics(vehicle, q, rate, rates, base, qdd)
         thrust = needed.force.z - weight.z
-    return needed.torque - unknown.torque, thrust, [a - b for a, b in zip(efforts, unknown.efforts, strict=True)]
+    found = [a - b for a, b in zip(efforts, unknown.efforts, strict=True)]
+    if par.steps.observer:
+        # the observer's model has the friction, so that no disturbance stands for it
+        given = zip(found, vehicle.links, rates, goal.joint_rates, strict=True)
+        found = [add(effort, friction(link.joint, qd, qd_d)) for effort, link, qd, qd_d in given]
+    return needed.torque - unknown.torque, thrust, found
