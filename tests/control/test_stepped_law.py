@@ -13,6 +13,8 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from test_rival_formulas import ARM, DT, MODEL, UP, gentle, measured, rotation, vec, wanted
 
+from skyarm.algebra import Mat3, Vec3
+from skyarm.control.exact.attitude import attitude
 from skyarm.control.exact.motion import Disturbance
 from skyarm.control.model import Terms
 from skyarm.control.presets import ACCELERATION, HUMMINGBIRD
@@ -21,6 +23,7 @@ from skyarm.control.steps.law import _force_series
 from skyarm.control.steps.maker import LADDER
 from skyarm.experiments.tuning_flights import FLIGHTS, Course
 from skyarm.reference import Reference
+from skyarm.scalars.taylor import Taylor
 from skyarm.simulate.scenario_file import load_scenario
 from vehicles_random import PinocchioTwin
 
@@ -131,6 +134,19 @@ def test_the_derivatives_of_the_force_are_those_along_the_motion_that_the_thrust
     first, second = ([float(c.derivative(k)) for c in found] for k in (1, 2))
     np.testing.assert_allclose(first, (after - before) / (2 * h), atol=2e-5 * (1 + np.abs(first).max()))
     np.testing.assert_allclose(second, (after - 2 * now + before) / h**2, atol=1e-3 * (1 + np.abs(second).max()))
+
+
+def test_a_force_near_nothing_turns_no_faster_than_one_of_a_share_of_the_weight():
+    """|w| <= |f'| / |f| of a direction, here with f' of the reference's jerk alone."""
+    weight, R = float(ARM.mass) * 9.81, Mat3.identity()
+    par = make_controller("ct_feedforward", MODEL).par
+    still = dataclasses.replace(gentle(0), velocity=np.zeros(8))
+    reference = Reference(position=vec(still.position), acceleration=vec(-UP), jerk=Vec3(1.0, 0.0, 0.0)).dense()
+    for force in (1e-6, 1e-3 * weight, 0.1 * weight):
+        series = _force_series(Vec3(0.0, 0.0, force), measured(still), reference, R, NOTHING, par)
+        assert float(series.z.derivative(0)) >= 0.149 * weight
+        rate = scalars(attitude(series, Taylor.of_derivatives((0.0, 0.0, 0.0))).rate)
+        assert np.linalg.norm(rate) <= float(ARM.mass) * 1.0 / (0.149 * weight)
 
 
 def test_each_step_buys_something_with_the_papers_gains():

@@ -85,14 +85,16 @@ def guarded(
     not come back. A measurement that is not finite changes nothing: the last command stands.
 
     Args:
-        controller: any law. Its own constants are then found under ``controller.inner``.
+        controller: any law over scalars. Its own constants are then found under ``controller.inner``.
         limits: or some of their fields; the others are :func:`skyarm.control.safety.limits.limits_for`'s.
         stow: rad or m, pose of the arm when the law is given up; the middle of each joint's range if left out, zero for
             a joint without limits.
 
     Raises:
-        ControllerError: limits or a pose that do not fit, or a controller that is guarded already.
+        ControllerError: limits or a pose that do not fit, a law that is not over scalars, or a controller that is
+            guarded already.
     """
+    controller.require_compiled("the safety layer")
     if isinstance(controller.par, Guarded):
         raise ControllerError(f"controller = {controller.name!r}: is guarded already")
     model: Model = controller.par.model

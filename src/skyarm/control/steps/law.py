@@ -20,7 +20,7 @@ from typing import Any
 from skyarm import dynamics
 from skyarm.actuation import Command, mix
 from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
-from skyarm.control.exact.attitude import attitude
+from skyarm.control.exact.attitude import attitude, reachable
 from skyarm.control.exact.extrapolation import continued, samples
 from skyarm.control.exact.lag import command_for
 from skyarm.control.exact.memory import Observed
@@ -36,6 +36,9 @@ from skyarm.dynamics.measurement import Measurement
 from skyarm.reference import Reference
 from skyarm.scalars import divide, minimum, where
 from skyarm.scalars.taylor import Taylor
+
+STEEPEST, LEAST_SHARE = 5.0, 0.15
+"""Tangent of the tilt and share of the weight, to which the force is held whose direction is fed forward."""
 
 
 def stepped_computed_torque(
@@ -176,7 +179,9 @@ def _force_series(
     first = goal.jerk * mass - par.gains.position.scaled(drift) - par.gains.velocity.scaled(pull)
     change = (b3 * first.dot(b3) + b3 * force.dot(b3d) + b3d * along) * per_mass - goal.jerk
     second = goal.snap * mass - par.gains.position.scaled(pull) - par.gains.velocity.scaled(change)
-    return Vec3(*(Taylor.of_derivatives(each) for each in zip(force, first, second, strict=True)))
+    series = Vec3(*(Taylor.of_derivatives(each) for each in zip(force, first, second, strict=True)))
+    # near no force at all its direction turns as fast as one likes
+    return reachable(series, STEEPEST, LEAST_SHARE * mass * par.model.gravity)
 
 
 def _forces(
