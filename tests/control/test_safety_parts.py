@@ -16,11 +16,12 @@ from skyarm.algebra import ZERO3, Force, Mat3, Vec3
 from skyarm.control.controller import ControllerError, informed
 from skyarm.control.model import Model
 from skyarm.control.safety import guarded
-from skyarm.control.safety.fence import fenced, floating_inertia_times
+from skyarm.control.safety.fence import _bounded, fenced, floating_inertia_times
 from skyarm.control.safety.governor import governed_base, governed_joints
 from skyarm.control.safety.limits import limits_for
 from skyarm.control.safety.recovery import steep_error, stowed
 from skyarm.control.safety.saturation import ranked, reachable, slewed
+from skyarm.control.safety.trust import Doubt, doubted
 
 LIMITS = limits_for(controller("hybrid_computed_torque"), step=1e-6, step_speed=1e-6)
 CASES = cases(200, seed=5)
@@ -242,3 +243,18 @@ def test_wrong_limits_are_refused_by_name(given, words):
 def test_a_pose_that_the_arm_cannot_take_is_refused(stow, words):
     with pytest.raises(ControllerError, match=words):
         guarded(controller("hybrid_computed_torque", limited_arm()), stow=stow)
+
+
+def test_a_law_is_given_up_at_once_above_the_speed_at_which_it_is_lost():
+    still = dataclasses.replace(CASES[0], R=np.eye(3), w=np.zeros(3), eta=np.zeros(2), etad=np.zeros(2))
+    for speed, given_up in ((0.99, 0.0), (1.01, 1.0)):
+        seen = dataclasses.replace(still.measurement(), velocity=Vec3(0.6, 0.0, 0.8) * (speed * LIMITS.lost_speed))
+        none = Doubt(given_up=0.0, outside=0.0, calm=0.0)
+        assert doubted(LIMITS, none, seen, seen.joints, False, 0.005).given_up == given_up
+
+
+def test_near_its_largest_speed_a_joint_is_accelerated_by_four_poles_times_what_is_left():
+    model = limited_arm(-1e3, 1e3)
+    limits = limits_for(controller("hybrid_computed_torque", model), joint_speed=2.0, joint_pole=20.0)
+    seen = dataclasses.replace(CASES[0].measurement(), joints=(0.0, 0.0), joint_rates=(1.5, -1.0))
+    assert _bounded(model, limits, seen, (1e6, -1e6)) == pytest.approx([80.0 * 0.5, -80.0 * 1.0], rel=1e-12)
