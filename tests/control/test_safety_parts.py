@@ -246,7 +246,7 @@ def test_a_pose_that_the_arm_cannot_take_is_refused(stow, words):
 
 
 def test_a_law_is_given_up_at_once_above_the_speed_at_which_it_is_lost():
-    still = dataclasses.replace(CASES[0], R=np.eye(3), w=np.zeros(3), eta=np.zeros(2), etad=np.zeros(2))
+    still = dataclasses.replace(CASES[0], euler=np.zeros(3), w=np.zeros(3), q=np.zeros(2), qd=np.zeros(2))
     for speed, given_up in ((0.99, 0.0), (1.01, 1.0)):
         seen = dataclasses.replace(still.measurement(), velocity=Vec3(0.6, 0.0, 0.8) * (speed * LIMITS.lost_speed))
         none = Doubt(given_up=0.0, outside=0.0, calm=0.0)
