@@ -7,7 +7,6 @@ import pytest
 from flown import ARM2, MODEL, G, cases, controller, hovering, step
 
 import skyarm
-from skyarm.actuation.mixer import AllocationError
 from skyarm.control.model import JointGains, Model
 from skyarm.control.paper import ABLATIONS, PAPER_LAWS, default_gains, default_joint_gains
 from skyarm.control.presets import ACCELERATION, HUMMINGBIRD, PRESETS, TORQUE, preset
@@ -26,7 +25,7 @@ def test_an_unknown_rate_error_is_refused_with_the_choices():
 
 
 def test_an_unknown_mixer_policy_is_refused_with_the_choices():
-    with pytest.raises(AllocationError, match=r"'clip': must be one of \['rotors_clip', 'priority'\]"):
+    with pytest.raises(ControllerError, match=r"^controller\.mixer = 'clip': must be one of rotors_clip, priority$"):
         make_controller("decoupled_pd", MODEL, mixer_policy="clip")
 
 

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
+import numpy as np
 import pytest
 
 import skyarm
+from skyarm.algebra import Vec3
 from skyarm.compile import leaves
-from skyarm.control.model import JointGains, Model
+from skyarm.control.model import JointGains, Model, Terms
+from skyarm.control.presets import HUMMINGBIRD
 from skyarm.control.registry import LAWS, ControllerError, make_controller
 from skyarm.control.tuned import KNOBS, rescaled, tuned, tuned_factors
 from skyarm.simulate.scenario_file import scenario_from
@@ -27,7 +31,87 @@ WRONG = [
     ("kim_sliding_mode_style", "limit", 3.0, r"controller\.limit = 3\.0: must be three numbers"),
     ("ct_observer", "observer", (1.0, 2.0, -3.0), r"controller\.observer\[2\] = -3\.0: must be above 0"),
     ("ct_lag_inversion", "reference_period", 0, r"controller\.reference_period = 0: must be above 0"),
+    ("nmpc", "weights", 3, r"controller\.weights = 3: must be Weights"),
+    ("nmpc", "bandwidths", None, r"controller\.bandwidths = None: must be Bandwidths"),
+    ("nmpc", "horizon", True, r"controller\.horizon = True: must be a number of s"),
+    ("nmpc", "stages", 10**9, r"controller\.stages = 1000000000: must be a whole number from 2 to 200"),
+    ("nmpc", "delay_periods", 101, r"controller\.delay_periods = 101: must be a whole number from 0 to 100"),
+    ("learned_compensator_style", "network", "x", r"controller\.network = 'x': must be a Network"),
+    (
+        "learned_compensator_style",
+        "answer",
+        1e9,
+        r"controller\.answer = 1000000000\.0: must be a number of rad/s above 0",
+    ),
+    ("hybrid_computed_torque", "terms", 5, r"controller\.terms = 5: must be Terms"),
+    ("hybrid_computed_torque", "rate_error", [1], r"controller\.rate_error = \[1\]: must be one of"),
 ]
+
+GAINED = ("decoupled_pd", "hybrid_computed_torque", "ct_observer", "indi", "kim_sliding_mode_style")
+GAINED += ("l1_adaptive", "learned_compensator_style")
+
+
+@pytest.mark.parametrize("law", GAINED)
+@pytest.mark.parametrize(
+    ("option", "value", "words"),
+    [
+        ("gains", 5, r"^controller\.gains = 5: must be GeometricGains$"),
+        ("gains", "x", r"^controller\.gains = 'x': must be GeometricGains$"),
+        (
+            "gains",
+            dataclasses.replace(HUMMINGBIRD, rate=Vec3(0.1, -0.1, 0.1)),
+            r"^controller\.gains\.rate\[1\] = -0\.1: must be at least 0$",
+        ),
+        ("joint_gains", (1.0, 2.0), r"^controller\.joint_gains = \(1\.0, 2\.0\): must be JointGains$"),
+        (
+            "joint_gains",
+            JointGains(stiffness=(-1.0, 1.0), damping=(1.0, 1.0)),
+            r"^controller\.joint_gains\.stiffness\[0\] = -1\.0: must be at least 0$",
+        ),
+        (
+            "joint_gains",
+            JointGains(stiffness=(1.0, 1.0), damping=(1.0,)),
+            r"^controller\.joint_gains\.damping: 1 values, must be 2",
+        ),
+        ("mixer_policy", "fair", r"^controller\.mixer = 'fair': must be one of rotors_clip, priority$"),
+        ("mixer_policy", [1], r"^controller\.mixer = \[1\]: must be one of rotors_clip, priority$"),
+    ],
+)
+def test_gains_and_mixers_that_no_law_can_fly_are_refused_by_name(law, option, value, words):
+    with pytest.raises(ControllerError, match=words):
+        make_controller(law, MODEL, **{option: value})
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (
+            lambda: JointGains(stiffness=(1.0, math.nan), damping=(1.0, 1.0)),
+            r"joint_gains\.stiffness\[1\] = nan: must be",
+        ),
+        (
+            lambda: JointGains(stiffness=1.0, damping=1.0),
+            r"joint_gains\.stiffness = 1\.0: must be numbers, one per joint",
+        ),
+        (lambda: JointGains(stiffness="ab", damping="ab"), r"joint_gains\.stiffness = 'ab': must be numbers"),
+        (
+            lambda: dataclasses.replace(HUMMINGBIRD, position=Vec3(1.0, math.inf, 1.0)),
+            r"gains\.position\.y = inf: must",
+        ),
+        (lambda: dataclasses.replace(HUMMINGBIRD, velocity=3.0), r"gains\.velocity = 3\.0: must be a Vec3"),
+        (lambda: dataclasses.replace(HUMMINGBIRD, velocity=Vec3("a", 1.0, 1.0)), r"gains\.velocity\.x = 'a': must be"),
+        (lambda: Terms(coriolis="no"), r"terms\.coriolis = 'no': must be True or False"),
+    ],
+)
+def test_records_of_gains_hold_finite_numbers_only(make, words):
+    with pytest.raises(ControllerError, match=words):
+        make()
+
+
+def test_gains_of_lanes_pass_as_they_are():
+    lanes = np.array([1.0, -2.0])
+    assert JointGains(stiffness=(lanes,), damping=[2]).stiffness[0] is lanes
+    assert JointGains(stiffness=(lanes,), damping=[2]).damping == (2.0,)
 
 
 @pytest.mark.parametrize(("law", "option", "value", "words"), WRONG)
@@ -40,6 +124,13 @@ def test_a_wrong_value_is_refused_by_name(law, option, value, words):
 def test_joint_gains_for_another_number_of_joints_are_refused(law):
     with pytest.raises(ControllerError, match=r"joint_gains\.stiffness: 1 values, must be 2"):
         make_controller(law, MODEL, joint_gains=JointGains(stiffness=(1.0,), damping=(1.0, 2.0)))
+
+
+def test_the_compensated_force_and_torque_of_l1_are_half_of_the_weight_and_that_on_one_side_of_the_rotors():
+    par, vehicle = make_controller("l1_adaptive", MODEL).par, MODEL.vehicle
+    weight = 9.81 * sum(float(body.mass) for body in vehicle.bodies)
+    reach = max(np.linalg.norm([float(c) for c in rotor.position]) for rotor in vehicle.rotors)
+    assert (par.force_limit, par.torque_limit) == pytest.approx((0.5 * weight, 0.25 * weight * reach))
 
 
 def test_what_a_name_fixes_is_no_option():

@@ -13,6 +13,7 @@ from test_export_c import Loaded
 
 from c_compiler import needs_cc
 from skyarm.actuation import Command
+from skyarm.algebra import Vec3
 from skyarm.compile import leaves, trace
 from skyarm.compile.llvm_text import Lanes
 from skyarm.compile.loop import trace_loop
@@ -172,6 +173,19 @@ def test_in_c_it_has_the_bits_of_the_law_in_python_over_several_steps(tmp_path):
 def test_another_arm_is_refused():
     with pytest.raises(ControllerError, match=r"takes 39 inputs, a vehicle of 6 joints gives 63; train one"):
         make_controller("learned_compensator_style", Model(vehicle=load_vehicle("hexarotor_arm6")))
+
+
+def test_the_shipped_network_is_refused_for_a_vehicle_it_was_not_trained_on_unless_it_is_given():
+    heavy = dataclasses.replace(ARM2, base=dataclasses.replace(ARM2.base, mass=3.0 * ARM2.base.mass))
+    first, second = ARM2.links
+    joint = dataclasses.replace(second.joint, position=Vec3(0.0, 0.0, -0.4))
+    long = dataclasses.replace(ARM2, links=(first, dataclasses.replace(second, joint=joint)))
+    for vehicle, words in ((heavy, r"masses \[2.148, .*trained with \[0.716"), (long, r"places .*trained with \[0.0")):
+        with pytest.raises(ControllerError, match=words):
+            make_controller("learned_compensator_style", Model(vehicle=vehicle))
+        make_controller("learned_compensator_style", Model(vehicle=vehicle), network=shipped_network()[0])
+    for name in ("hummingbird_arm2", "hummingbird_arm2_rotors"):
+        make_controller("learned_compensator_style", Model(vehicle=load_vehicle(name)))
 
 
 def test_wind_moves_it_a_tenth_of_what_it_moves_the_paper_s_law():

@@ -80,9 +80,9 @@ def wanted(seed: int) -> Reference:
     ).dense()
 
 
-def soft(law: str, **options):
+def soft(law: str, vehicle=ARM, **options):
     """The law with a heading loop too weak to clip a rotor."""
-    controller = make_controller(law, MODEL, **options)
+    controller = make_controller(law, dataclasses.replace(MODEL, vehicle=vehicle), **options)
     gains = controller.par.gains
     weak = dataclasses.replace(gains, attitude=gains.attitude * 0.05, rate=gains.rate * 0.05)
     return dataclasses.replace(controller, par=dataclasses.replace(controller.par, gains=weak))
@@ -121,7 +121,7 @@ def geometric_alpha(controller, state, reference, up):
     e_R = np.array([E[2, 1], E[0, 2], E[1, 0]])
     gains = controller.par.gains
     torque = np.array(tuple(gains.attitude)) * e_R + np.array(tuple(gains.rate)) * state.velocity[3:6]
-    J = ARM.base.inertia
+    J = controller.par.model.vehicle.base.inertia
     return -np.linalg.solve(np.array([list(r) for r in J.full().rows], dtype=float), torque)
 
 
@@ -314,12 +314,15 @@ def test_sliding_rates_have_the_linear_part_of_the_pd_law(kp, kd):
         assert slope * gain == pytest.approx(kp)
 
 
+@pytest.mark.parametrize("products", [(0, 0, 0), (0.003, -0.002, 0.0025)])
 @pytest.mark.parametrize("seed", SEEDS)
-def test_without_switching_and_adaptation_the_sliding_mode_is_the_pd_law_of_its_gains(seed):
-    """Where K and Lambda are real the law is the computed torque of that PD."""
-    controller = soft("kim_sliding_mode_style", switching=(0.0, 0.0, 0.0), adaptation=(0.0, 0.0, 0.0))
+def test_without_switching_and_adaptation_the_sliding_mode_is_the_pd_law_of_its_gains(seed, products):
+    """Where K and Lambda are real the law is the computed torque of that PD, whatever the products of inertia."""
+    J = dataclasses.replace(ARM.base.inertia, **dict(zip(("xy", "xz", "yz"), products, strict=True)))
+    vehicle = dataclasses.replace(ARM, base=dataclasses.replace(ARM.base, inertia=J))
+    controller = soft("kim_sliding_mode_style", vehicle, switching=(0.0, 0.0, 0.0), adaptation=(0.0, 0.0, 0.0))
     par = controller.par
-    mass, J = float(ARM.mass), ARM.base.inertia
+    mass = float(ARM.mass)
     moments = (float(J.xx), float(J.yy), float(J.zz))
     # kd = 3 sqrt(kp): the rates are real
     velocity = vec(3.0 * np.sqrt(scalars(par.gains.position) * mass))
@@ -333,7 +336,7 @@ def test_without_switching_and_adaptation_the_sliding_mode_is_the_pd_law_of_its_
     alpha = geometric_alpha(controller, state, reference, up)
     qdd = joint_wish(controller, state, reference)
     at_rest = dataclasses.replace(state, velocity=np.concatenate([np.zeros(3), state.velocity[3:]]))
-    force = PinocchioTwin(ARM).inverse_dynamics(at_rest, np.concatenate([up - UP, alpha, qdd]))
+    force = PinocchioTwin(vehicle).inverse_dynamics(at_rest, np.concatenate([up - UP, alpha, qdd]))
     np.testing.assert_allclose(torque, force[3:6], atol=1e-10)
     np.testing.assert_allclose(efforts, force[6:], atol=1e-10)
     assert thrust == pytest.approx(force[:3] @ R[:, 2], rel=1e-10)

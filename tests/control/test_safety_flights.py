@@ -11,8 +11,9 @@ import pytest
 
 import skyarm
 from skyarm.actuation import Command
-from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.controller import Controller, ControllerError, informed
 from skyarm.control.export import export_c
+from skyarm.control.registry import make_controller
 from skyarm.control.safety import guarded, limits_for
 from skyarm.environment import Fault
 from skyarm.reference import Constant, Trajectory
@@ -209,6 +210,39 @@ def test_an_observer_learns_what_was_really_sent():
     assert memory.inner.sent == memory.sent == carry.queue[-1]
     # a step of half a metre asks for more than a slew of 1 rad/s per period
     assert memory.inner.wished != memory.sent
+
+
+@pytest.mark.parametrize(
+    ("law", "options"),
+    [
+        ("ct_observer", {"delay_periods": 1}),
+        ("ct_lag_inversion", {}),
+        ("indi", {"delay_periods": 1}),
+        ("indi", {"measured_speeds": False}),
+    ],
+)
+def test_laws_that_use_their_commands_are_told_what_was_really_sent(law, options):
+    scenario = planned(None, trajectory=held(x=0.5), duration=0.1)
+    state = skyarm.simulate.scenario.trimmed_state(scenario.world, held().at(0.0).position, 0.0, (0.0, 0.0))
+    model = scenario.controller.par.model
+    slow = guarded(make_controller(law, model, **options), {"rotor_slew": 200.0})
+    memory = Flown(dataclasses.replace(scenario, initial=state, controller=slow)).carry.memory
+    assert memory.inner.sent[-1] == memory.sent
+
+
+def test_modelled_rotors_turn_as_what_was_sent():
+    """Two periods of the first-order lag, by hand; the law itself asked for something else."""
+    model = planned(None).controller.par.model
+    indi = make_controller("indi", model, measured_speeds=False)
+    seen, wanted = _measurement(run(planned(None, duration=0.05))), held().at(0.0)
+    memory, _ = indi.law(indi.memory, seen, wanted, 0.005, par=indi.par)
+    sent = Command(rotor_speeds=(300.0, 400.0, 500.0, 600.0), efforts=(0.0, 0.0))
+    memory, _ = indi.law(informed(memory, sent), seen, wanted, 0.005, par=indi.par)
+    for speed, start, target, rotor in zip(
+        memory.speeds, seen.rotor_speeds, sent.rotor_speeds, model.vehicle.rotors, strict=True
+    ):
+        lag = rotor.time_constant_up if target > start else rotor.time_constant_down
+        assert speed == pytest.approx(target + (start - target) * math.exp(-0.005 / lag), rel=1e-12)
 
 
 def test_a_law_starts_anew_from_its_first_memory_when_it_comes_back():

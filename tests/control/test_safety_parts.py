@@ -15,11 +15,13 @@ from skyarm.actuation import Command, make_mixer
 from skyarm.algebra import ZERO3, Force, Mat3, Vec3
 from skyarm.control.controller import ControllerError, informed
 from skyarm.control.model import Model
-from skyarm.control.safety.fence import fenced, floating_inertia_times
+from skyarm.control.safety import guarded
+from skyarm.control.safety.fence import _bounded, fenced, floating_inertia_times
 from skyarm.control.safety.governor import governed_base, governed_joints
 from skyarm.control.safety.limits import limits_for
 from skyarm.control.safety.recovery import steep_error, stowed
 from skyarm.control.safety.saturation import ranked, reachable, slewed
+from skyarm.control.safety.trust import Doubt, doubted
 
 LIMITS = limits_for(controller("hybrid_computed_torque"), step=1e-6, step_speed=1e-6)
 CASES = cases(200, seed=5)
@@ -211,6 +213,13 @@ def test_a_memory_is_told_what_was_sent_if_it_keeps_that():
         ({"climb": 10.0}, "safety.climb = 10.0: must be at most 9.81"),
         ({"speed": 0.0}, "safety.speed = 0.0: must be above 0"),
         ({"speed": "fast"}, "safety.speed = 'fast': must be a number"),
+        ({"trusted_tilt": 3.2}, "safety.trusted_tilt = 3.2: must be at most 3.142"),
+        ({"trusted_tilt": math.inf}, "safety.trusted_tilt = inf: must be at most 3.142"),
+        ({"stiffness": math.inf}, "safety.stiffness = inf: must be a finite number"),
+        ({"damping": math.inf}, "safety.damping = inf: must be a finite number"),
+        ({"joint_pole": math.inf}, "safety.joint_pole = inf: must be a finite number"),
+        ({"joint_margin": math.inf}, r"safety.joint_margin\[0\] = inf: must be a finite number"),
+        ({"rotor_slew": 1e-9}, "safety.rotor_slew = 1e-09: must be at least"),
         ({"effort": [1.0]}, r"safety.effort = \[1.0\]: 1 values, must be 2"),
         ({"effort": [1.0, -1.0]}, r"safety.effort\[1\] = -1.0: must be above 0"),
     ],
@@ -218,3 +227,34 @@ def test_a_memory_is_told_what_was_sent_if_it_keeps_that():
 def test_wrong_limits_are_refused_by_name(given, words):
     with pytest.raises(ControllerError, match=words):
         limits_for(controller("hybrid_computed_torque"), **given)
+
+
+@pytest.mark.parametrize(
+    ("stow", "words"),
+    [
+        ((math.nan, 0.0), r"^safety.stow\[0\] = nan: must be a finite number$"),
+        ((0.0, math.inf), r"^safety.stow\[1\] = inf: must be a finite number$"),
+        ((True, 0.0), r"^safety.stow\[0\] = True: must be a finite number$"),
+        ((0.0, 0.9), r"^safety.stow\[1\] = 0.9: must be within the joint's limits, -0.5 to 0.8$"),
+        ("ab", "^safety.stow = 'ab': must be 2 numbers, one per joint$"),
+        (5, "^safety.stow = 5: must be 2 numbers, one per joint$"),
+    ],
+)
+def test_a_pose_that_the_arm_cannot_take_is_refused(stow, words):
+    with pytest.raises(ControllerError, match=words):
+        guarded(controller("hybrid_computed_torque", limited_arm()), stow=stow)
+
+
+def test_a_law_is_given_up_at_once_above_the_speed_at_which_it_is_lost():
+    still = dataclasses.replace(CASES[0], euler=np.zeros(3), w=np.zeros(3), q=np.zeros(2), qd=np.zeros(2))
+    for speed, given_up in ((0.99, 0.0), (1.01, 1.0)):
+        seen = dataclasses.replace(still.measurement(), velocity=Vec3(0.6, 0.0, 0.8) * (speed * LIMITS.lost_speed))
+        none = Doubt(given_up=0.0, outside=0.0, calm=0.0)
+        assert doubted(LIMITS, none, seen, seen.joints, False, 0.005).given_up == given_up
+
+
+def test_near_its_largest_speed_a_joint_is_accelerated_by_four_poles_times_what_is_left():
+    model = limited_arm(-1e3, 1e3)
+    limits = limits_for(controller("hybrid_computed_torque", model), joint_speed=2.0, joint_pole=20.0)
+    seen = dataclasses.replace(CASES[0].measurement(), joints=(0.0, 0.0), joint_rates=(1.5, -1.0))
+    assert _bounded(model, limits, seen, (1e6, -1e6)) == pytest.approx([80.0 * 0.5, -80.0 * 1.0], rel=1e-12)

@@ -53,3 +53,12 @@ def test_tables_become_faults():
 def test_wrong_tables_are_refused_by_name(tables, words):
     with pytest.raises(ValueError, match=words):
         faults_from(tables, "environment.faults")
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("effectiveness", "a"), ("effectiveness", None), ("effectiveness", [1]), ("start", (1.0,)), ("start", True)],
+)
+def test_a_fault_holds_numbers(field, value):
+    with pytest.raises(ValueError, match=rf"^{field} = .*: must be a finite number$"):
+        Fault(**({"rotor": "front", "effectiveness": 0.5, "start": 0.0} | {field: value}))

@@ -17,7 +17,7 @@ from skyarm.simulate import run
 from skyarm.simulate.inputs import first_state
 from skyarm.simulate.scenario import ScenarioError
 from skyarm.stability.along import hovering
-from skyarm.stability.basin import PATHS, basin, initial_states
+from skyarm.stability.basin import PATHS, at_rest, basin, initial_states
 
 SCENARIO = skyarm.load_scenario("case3")
 
@@ -83,6 +83,15 @@ def test_level_starts_at_rest_are_caught_by_the_law_alone():
     assert level.sum() > 5
     # but for a heading nearly opposite to the wanted one, which its attitude error hardly sees
     assert found.returned[level].mean() > 0.9
+
+
+@pytest.mark.parametrize(
+    ("rate", "speed", "joint", "expected"),
+    [(0.9, 0.4, 0.9, True), (1.1, 0.0, 0.0, False), (0.0, 0.6, 0.0, False), (0.0, 0.0, 1.1, False)],
+)
+def test_a_flight_that_still_turns_drifts_or_swings_its_arm_is_not_caught(rate, speed, joint, expected):
+    assert at_rest(np.array([rate]), np.array([speed]), np.array([joint])).tolist() == [expected]
+    assert not at_rest(np.array([math.nan]), np.array([speed]), np.array([joint])).any()
 
 
 def test_the_map_counts_every_flight_once(alone):

@@ -86,7 +86,12 @@ def margins(scenario: Scenario, instants: int, file: Path | None, console: Conso
     console.print(Text(printable(f"{found.controller} in {found.scenario}"), style="bold"))
     console.print(table)
     console.print("delay: further dead time it bears; gains: factors on the actuators' effect it bears; the worse of")
-    console.print("two linearisations, with the rotors' time constant upward and with that downward")
+    console.print(
+        "two linearisations, with the rotors' time constant upward and with that downward; a gain is common to"
+    )
+    console.print(
+        "all rotors, or all joints; instants along a flight are frozen in time, and no proof that it is stable"
+    )
     if not found.completed:
         console.print("the flight ended before its time: no instants beyond")
     if file is not None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from skyarm.actuation import Mixer
 from skyarm.algebra import Vec3
+from skyarm.control.controller import ControllerError
 from skyarm.scalars import Scalar
 from skyarm.vehicle import check, coerce
-from skyarm.vehicle.coerce import accept
+from skyarm.vehicle.check import VehicleError, refuse
+from skyarm.vehicle.coerce import Rule, accept
 from skyarm.vehicle.records import Vehicle
 
 
@@ -38,6 +42,9 @@ class GeometricGains:
     attitude: Vec3
     rate: Vec3
 
+    def __post_init__(self) -> None:
+        _accept(self, "controller.gains", _axes, ("position", "velocity", "attitude", "rate"))
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class JointGains:
@@ -45,6 +52,37 @@ class JointGains:
 
     stiffness: tuple[Scalar, ...]
     damping: tuple[Scalar, ...]
+
+    def __post_init__(self) -> None:
+        _accept(self, "controller.joint_gains", _row, ("stiffness", "damping"))
+
+
+def _accept(record: Any, where: str, rule: Rule, names: tuple[str, ...]) -> None:
+    try:
+        accept(record, where, **dict.fromkeys(names, rule))
+    except VehicleError as error:
+        raise ControllerError(str(error)) from None
+
+
+def _gain(field: str, value: Any) -> Any:
+    """A finite number; lanes of a batch and nodes of a trace pass. The sign is the makers' to check."""
+    held = coerce.number(field, value)
+    check.number(field, held)
+    return held
+
+
+def _axes(field: str, value: Any) -> Vec3:
+    if not isinstance(value, Vec3):
+        refuse(field, value, "must be a Vec3")
+    held = [_gain(f"{field}.{axis}", each) for axis, each in zip("xyz", value, strict=True)]
+    # a structural zero is zero all the same, and folds
+    return Vec3(*(old if type(old) is int else new for old, new in zip(value, held, strict=True)))
+
+
+def _row(field: str, value: Any) -> tuple[Any, ...]:
+    if isinstance(value, (str, bytes, Mapping)) or not hasattr(value, "__iter__"):
+        refuse(field, value, "must be numbers, one per joint")
+    return tuple(_gain(f"{field}[{i}]", each) for i, each in enumerate(value))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -65,6 +103,9 @@ class Terms:
     coupling: bool = True
     full_gravity: bool = True
     feedforward: bool = True
+
+    def __post_init__(self) -> None:
+        _accept(self, "controller.terms", coerce.flag, ("coriolis", "coupling", "full_gravity", "feedforward"))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -6,7 +6,8 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from skyarm.actuation import Command, make_mixer
+from skyarm.actuation import Command, Mixer, make_mixer
+from skyarm.actuation.mixer import POLICIES
 from skyarm.algebra import Mat3, Vec3
 from skyarm.control import laws
 from skyarm.control.controller import Controller, ControllerError, Law
@@ -14,7 +15,9 @@ from skyarm.control.geometric import RATE_ERRORS
 from skyarm.control.model import GeometricGains, JointGains, Model, Parameters, Terms
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.measurement import Measurement
+from skyarm.files import shown
 from skyarm.reference import Reference
+from skyarm.vehicle.check import concrete
 
 
 def hybrid_computed_torque_euler(
@@ -80,6 +83,49 @@ def default_joint_gains(name: str, model: Model) -> JointGains:
     )
 
 
+def fitting_mixer(model: Model, policy: str) -> Mixer:
+    """The mixer of a model's rotors.
+
+    Raises:
+        ControllerError: unknown policy.
+        AllocationError: the model's rotors do not span torque and thrust.
+    """
+    if policy not in POLICIES:
+        raise ControllerError(f"controller.mixer = {shown(policy)}: must be one of {', '.join(POLICIES)}")
+    return make_mixer(model.vehicle, policy)
+
+
+def fitting_gains(
+    name: str, model: Model, gains: GeometricGains | None, joint_gains: JointGains | None
+) -> tuple[GeometricGains, JointGains]:
+    """Gains as given, or the law's defaults.
+
+    Raises:
+        ControllerError: of another kind, below zero, or for another number of joints.
+    """
+    kinds: tuple[tuple[str, Any, type], ...] = (
+        ("gains", gains, GeometricGains),
+        ("joint_gains", joint_gains, JointGains),
+    )
+    for option, value, kind in kinds:
+        if value is not None and not isinstance(value, kind):
+            raise ControllerError(f"controller.{option} = {shown(value)}: must be {kind.__name__}")
+    joint_gains = joint_gains or default_joint_gains(name, model)
+    for field, values in (("stiffness", joint_gains.stiffness), ("damping", joint_gains.damping)):
+        if len(values) != model.vehicle.n:
+            raise ControllerError(
+                f"controller.joint_gains.{field}: {len(values)} values, must be {model.vehicle.n} (one per joint)"
+            )
+    rows = [(f"joint_gains.{field}", getattr(joint_gains, field)) for field in ("stiffness", "damping")]
+    if gains is not None:
+        rows += [(f"gains.{field}", getattr(gains, field)) for field in ("position", "velocity", "attitude", "rate")]
+    for field, values in rows:
+        for i, value in enumerate(values):
+            if concrete(value) and value < 0.0:
+                raise ControllerError(f"controller.{field}[{i}] = {value!r}: must be at least 0")
+    return gains or default_gains(model), joint_gains
+
+
 def make_paper_controller(
     model: Model,
     *,
@@ -107,7 +153,7 @@ def make_paper_controller(
         AllocationError: the model's rotors do not span torque and thrust.
     """
     if rate_error not in RATE_ERRORS:
-        raise ControllerError(f"controller.rate_error = {rate_error!r}: must be one of {list(RATE_ERRORS)}")
+        raise ControllerError(f"controller.rate_error = {shown(rate_error)}: must be one of {list(RATE_ERRORS)}")
     if name == "hybrid_computed_torque_euler":
         from skyarm.control.computed_torque_euler import require_paper_vehicle
 
@@ -115,19 +161,15 @@ def make_paper_controller(
             require_paper_vehicle(model.vehicle)
         except ValueError as error:
             raise ControllerError(f"controller.law = {name!r}: {error}") from None
+    if terms is not None and not isinstance(terms, Terms):
+        raise ControllerError(f"controller.terms = {shown(terms)}: must be Terms")
     _require_known_terms(name, terms or Terms())
-    gains = gains or default_gains(model)
-    joint_gains = joint_gains or default_joint_gains(name, model)
-    for field, values in (("stiffness", joint_gains.stiffness), ("damping", joint_gains.damping)):
-        if len(values) != model.vehicle.n:
-            raise ControllerError(
-                f"controller.joint_gains.{field}: {len(values)} values, must be {model.vehicle.n} (one per joint)"
-            )
+    gains, joint_gains = fitting_gains(name, model, gains, joint_gains)
     par = Parameters(
         model=model,
         gains=gains,
         joint_gains=joint_gains,
-        mixer=make_mixer(model.vehicle, mixer_policy),
+        mixer=fitting_mixer(model, mixer_policy),
         rate_error=rate_error,
         terms=terms or Terms(),
     )

@@ -37,7 +37,7 @@ class Fault:
             raise ValueError(f"rotor = {self.rotor!r}, joint = {self.joint!r}: must name one of the two")
         for field, low in (("effectiveness", 0.0), ("start", -float("inf"))):
             value = getattr(self, field)
-            if concrete(value):
+            if concrete(value) or not hasattr(value, "__mul__") or isinstance(value, (str, bytes, list, tuple)):
                 object.__setattr__(self, field, number(value, field, low=low))
 
     @property

@@ -24,7 +24,7 @@ from skyarm.algebra import ZERO3, Force, Quaternion, Vec3
 from skyarm.control.controller import Controller
 from skyarm.control.learned.features import HISTORY, feature_names, features, no_history, remembered
 from skyarm.control.learned.law import make_learned_controller
-from skyarm.control.learned.network import Layer, Network, write_network
+from skyarm.control.learned.network import Layer, Network, numbers_of, write_network
 from skyarm.control.model import Model
 from skyarm.control.presets import ACCELERATION, HUMMINGBIRD, preset
 from skyarm.dynamics import arrays
@@ -342,6 +342,7 @@ def training_record(budget: Budget, learned: Learned) -> dict[str, Any]:
     return {
         "command": "python -m skyarm.experiments.learn FILE",
         "vehicle": "hummingbird_arm2 (model), hummingbird_arm2_rotors perturbed (truth)",
+        "numbers": numbers_of(load_vehicle("hummingbird_arm2")),
         "budget": dataclasses.asdict(budget),
         "samples": learned.samples,
         "inputs": list(feature_names(2)),

@@ -87,7 +87,8 @@ def hovering(scenario: Scenario) -> Scenario:
 def evidence(scenario: Scenario, instants: int = 4) -> Evidence:
     """Margins in hover and at ``instants`` times along the scenario, equally far apart, the last at its end.
 
-    Noise and turbulence are left out, on the rigid-body plant.
+    Noise and turbulence are left out, on the rigid-body plant. Along a flight each instant is linearised as if time
+    stood still: that every one is stable is no proof that the flight, which varies with time, is.
 
     Raises:
         ScenarioError: fewer than 0 instants.

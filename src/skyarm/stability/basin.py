@@ -17,9 +17,9 @@ from skyarm.stability.along import hovering
 
 Array = npt.NDArray[Any]
 
-CAUGHT_POSITION, CAUGHT_TILT, CAUGHT_RATE, CAUGHT_SPEED = 5.0, math.radians(20.0), 1.0, 0.5
-"""m, rad, rad/s, m/s: a flight that ends within all of them of its reference, level and at rest, was caught. The
-distance is wide: a safety layer hovers where it took over."""
+CAUGHT_POSITION, CAUGHT_TILT, CAUGHT_RATE, CAUGHT_SPEED, CAUGHT_JOINT_RATE = 5.0, math.radians(20.0), 1.0, 0.5, 1.0
+"""m, rad, rad/s, m/s, rad/s or m/s of every joint: a flight that ends within all of them of its reference, level and at
+rest, was caught. The distance is wide: a safety layer hovers where it took over. Only the last instant is looked at."""
 
 RETURNED = 0.5
 """m: a caught flight that ends this near is back on its reference."""
@@ -102,6 +102,7 @@ class Basin:
                 "tilt": CAUGHT_TILT,
                 "rate": CAUGHT_RATE,
                 "speed": CAUGHT_SPEED,
+                "joint_rate": CAUGHT_JOINT_RATE,
                 "duration": DURATION,
             },
             "tilt_edges": self.tilt_edges.tolist(),
@@ -141,6 +142,12 @@ def _ball(rng: np.random.Generator, count: int, longest: float) -> Array:
     """Vectors (3, count) of any direction and uniform length."""
     direction = rng.normal(size=(3, count))
     return np.asarray(direction / np.linalg.norm(direction, axis=0) * rng.uniform(0.0, longest, count))
+
+
+def at_rest(rate: Array, speed: Array, joint_rate: Array) -> Array:
+    """True where base (rad/s, m/s) and the quickest joint (rad/s or m/s) hardly move; NaN does."""
+    quiet = (rate < CAUGHT_RATE) & (speed < CAUGHT_SPEED) & (joint_rate < CAUGHT_JOINT_RATE)
+    return np.asarray(quiet)
 
 
 def basin(
@@ -187,8 +194,10 @@ def basin(
         upright = 1.0 - 2.0 * (np.asarray(state.quaternion.x) ** 2 + np.asarray(state.quaternion.y) ** 2)
         turning = np.linalg.norm(np.array(list(state.rate)), axis=0)
         moving = np.linalg.norm(np.array(list(state.velocity)), axis=0)
-        caught = outcome.completed & (far < CAUGHT_POSITION) & (upright > math.cos(CAUGHT_TILT))
-        caught &= (turning < CAUGHT_RATE) & (moving < CAUGHT_SPEED)
+        joints = np.array([np.abs(np.asarray(rate) + np.zeros_like(far)) for rate in state.joint_rates])
+        swinging = joints.max(axis=0, initial=0.0) if len(joints) else np.zeros_like(far)
+        quiet = at_rest(turning, moving, swinging)
+        caught = outcome.completed & (far < CAUGHT_POSITION) & (upright > math.cos(CAUGHT_TILT)) & quiet
     start_tilt = np.arccos(np.clip(1.0 - 2.0 * (values[PATHS[1]] ** 2 + values[PATHS[2]] ** 2), -1.0, 1.0))
     lengths = [np.linalg.norm([values[path] for path in PATHS[i : i + 3]], axis=0) for i in (4, 10)]
     moved = np.linalg.norm(np.array([values[path] for path in PATHS[7:10]]) - wanted, axis=0)

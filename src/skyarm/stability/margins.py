@@ -36,7 +36,8 @@ class Margins:
         radius: largest |z|; the loop is stable below 1.
         delay: s of further dead time of the commands that the loop bears; inf beyond 0.1 s, 0 if it is unstable.
         rotor_gain, joint_gain: (lower, upper) factors on the effect of all rotor commands, of all torques, between
-            which the loop is stable; 0 and inf beyond a hundredfold.
+            which the loop is stable; 0 and inf beyond a hundredfold. The factor is common to the group: of one rotor
+            or one joint alone it says nothing.
     """
 
     z: npt.NDArray[np.complex128]

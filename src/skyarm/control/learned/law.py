@@ -20,19 +20,22 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm import dynamics
-from skyarm.actuation import Command, Mixer, make_mixer, mix
+from skyarm.actuation import Command, Mixer, mix
 from skyarm.algebra import Motion, Vec3
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.geometric import attitude_loop, downward_acceleration
 from skyarm.control.laws import joint_accelerations, limited
 from skyarm.control.learned.features import History, feature_names, features, no_history, remembered
-from skyarm.control.learned.network import Network, shipped_network
+from skyarm.control.learned.network import Network, shipped_network, unlike
 from skyarm.control.model import GeometricGains, JointGains, Model, Terms
-from skyarm.control.paper import default_gains, default_joint_gains
+from skyarm.control.paper import fitting_gains, fitting_mixer
 from skyarm.dynamics.measurement import Measurement
 from skyarm.files import shown
 from skyarm.reference import Reference
 from skyarm.scalars import Scalar, add, divide, exp, mul, sub
+
+FASTEST = 1e4
+"""rad/s: beyond it an answer is followed at once whatever the control period."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -74,26 +77,38 @@ def make_learned_controller(
         joint_gains: of the joints, likewise.
         mixer_policy: see :class:`skyarm.actuation.Mixer`.
         answer: how fast the network's answer is followed, rad/s.
-        network: the shipped one if left out.
+        network: the shipped one if left out, for a vehicle like that of its training.
 
     Raises:
-        ControllerError: the network is not one of a vehicle with these joints.
+        ControllerError: the network is not one of a vehicle with these joints, or the shipped one is not of this
+            vehicle.
     """
-    if not isinstance(answer, (int, float)) or isinstance(answer, bool) or not 0.0 < answer < float("inf"):
-        raise ControllerError(f"controller.answer = {shown(answer)}: must be a number of rad/s above 0")
+    if not isinstance(answer, (int, float)) or isinstance(answer, bool) or not 0.0 < answer <= FASTEST:
+        raise ControllerError(
+            f"controller.answer = {shown(answer)}: must be a number of rad/s above 0, at most {FASTEST:g}"
+        )
+    if network is not None and not isinstance(network, Network):
+        raise ControllerError(f"controller.network = {shown(network)}: must be a Network")
     n = model.vehicle.n
-    found = network or shipped_network()[0]
+    shipped, training = shipped_network() if network is None else (network, {})
+    found = network or shipped
     if len(found.means) != len(feature_names(n)) or len(found.scales) != 6 + n:
         raise ControllerError(
             f"controller.network: takes {len(found.means)} inputs, a vehicle of {n} joints gives "
             f"{len(feature_names(n))}; train one with skyarm.experiments.learn"
         )
-    name = "hybrid_computed_torque"
+    other = unlike(model.vehicle, training)
+    if other:
+        raise ControllerError(
+            f"controller.network: the shipped one is of another vehicle than '{model.vehicle.name}' ({other}); "
+            "train one with skyarm.experiments.learn, or give this one as network="
+        )
+    base, joints = fitting_gains("hybrid_computed_torque", model, gains, joint_gains)
     par = LearnedParameters(
         model=model,
-        gains=gains or default_gains(model),
-        joint_gains=joint_gains or default_joint_gains(name, model),
-        mixer=make_mixer(model.vehicle, mixer_policy),
+        gains=base,
+        joint_gains=joints,
+        mixer=fitting_mixer(model, mixer_policy),
         network=found,
         answer=float(answer),
     )

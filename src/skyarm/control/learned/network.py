@@ -10,9 +10,14 @@ from typing import Any
 
 from skyarm.files import shown
 from skyarm.scalars import Scalar, add, clip, mul, sub, tanh
+from skyarm.vehicle.check import concrete
+from skyarm.vehicle.records import Vehicle
 
 SCHEMA = 1
 FILE = "hummingbird_arm2.json"
+
+SEEN = 0.2
+"""Share by which masses vary in training."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -87,6 +92,32 @@ def write_network(network: Network, training: dict[str, Any]) -> str:
         for layer in network.layers
     ]
     return json.dumps(table, indent=None, separators=(",", ":")).replace("],[", "],\n[") + "\n"
+
+
+def numbers_of(vehicle: Vehicle) -> dict[str, list[float]]:
+    """Masses (kg, base first) and places of the joints (m, in their parents), by which a file knows its vehicle."""
+    return {
+        "masses": [float(body.mass) for body in vehicle.bodies],
+        "places": [float(c) for link in vehicle.links for c in link.joint.position],
+    }
+
+
+def unlike(vehicle: Vehicle, training: dict[str, Any]) -> str:
+    """What of a vehicle is beyond what a network has seen in training; empty if nothing is or if it has no numbers."""
+    known = training.get("numbers", {})
+    if not concrete(
+        *(body.mass for body in vehicle.bodies), *(c for link in vehicle.links for c in link.joint.position)
+    ):
+        return ""
+    for name, there in numbers_of(vehicle).items():
+        trained = known.get(name)
+        if trained is None:
+            continue
+        slack = SEEN * max((abs(value) for value in trained), default=0.0) if name == "places" else 0.0
+        near = (abs(a - b) <= SEEN * abs(b) + slack for a, b in zip(there, trained, strict=False))
+        if len(there) != len(trained) or not all(near):
+            return f"{name} {shown([round(value, 4) for value in there])}, trained with {shown(trained)}"
+    return ""
 
 
 def shipped_network() -> tuple[Network, dict[str, Any]]:

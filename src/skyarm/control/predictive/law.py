@@ -20,6 +20,7 @@ from __future__ import annotations
 import dataclasses
 import importlib
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +36,7 @@ from skyarm.control.predictive.linearise import Stages, examples
 from skyarm.control.predictive.motion import command_for
 from skyarm.control.predictive.observer import Bandwidths, Estimate, observe, predict
 from skyarm.control.predictive.solve import Bounds, Plan, Problem, Riccati, Solver, shifted
+from skyarm.control.rivals.options import positive
 from skyarm.dynamics import State
 from skyarm.dynamics.measurement import Measurement
 from skyarm.files import shown
@@ -63,6 +65,8 @@ LONGEST_ERROR = 0.15
 
 Single iterations lose a step of 0.3 m, where torques and rotors saturate together; 0.2 m they fly.
 """
+
+MOST_STAGES = 200
 
 BANDWIDTHS = Bandwidths(linear=25.0, angular=30.0, joints=40.0)
 
@@ -141,15 +145,21 @@ def make_predictive_controller(
     for name, value, allowed in (("mode", mode, MODES), ("solver", solver, SOLVERS)):
         if value not in allowed:
             raise ControllerError(f"controller.{name} = {shown(value)}: must be one of {list(allowed)}")
-    for name, count, least in (("stages", stages, 2), ("every", every, 1), ("delay_periods", delay_periods, 0)):
-        if not isinstance(count, int) or isinstance(count, bool) or count < least:
-            raise ControllerError(f"controller.{name} = {shown(count)}: must be a whole number from {least} on")
+    for name, count, least, most in (
+        ("stages", stages, 2, MOST_STAGES),
+        ("every", every, 1, MOST_STAGES),
+        ("delay_periods", delay_periods, 0, 100),
+    ):
+        if not isinstance(count, int) or isinstance(count, bool) or not least <= count <= most:
+            raise ControllerError(f"controller.{name} = {shown(count)}: must be a whole number from {least} to {most}")
     if every >= stages:
         raise ControllerError(f"controller.every = {every}: must be less than controller.stages = {stages}")
     if not isinstance(preview, Trajectory) and preview != "samples":
         raise ControllerError(f"controller.preview = {shown(preview)}: must be 'samples' or a Trajectory")
-    if not isinstance(horizon, (int, float)) or not 0.05 <= horizon <= 5.0:
+    if not isinstance(horizon, (int, float)) or isinstance(horizon, bool) or not 0.05 <= horizon <= 5.0:
         raise ControllerError(f"controller.horizon = {shown(horizon)}: must be a number of s from 0.05 to 5")
+    _require_numbers("weights", weights, Weights, zero=True)
+    _require_numbers("bandwidths", bandwidths, Bandwidths)
     if solver != "riccati":
         _require_casadi(solver)
     par = PredictiveParameters(
@@ -166,6 +176,14 @@ def make_predictive_controller(
         preview=preview,
     )
     return Controller(name="nmpc", law=nmpc, par=par, memory=PredictiveMemory(), compiled=False)
+
+
+def _require_numbers(name: str, record: Any, kind: type, *, zero: bool = False) -> None:
+    """A record of the kind whose numbers are above zero (or at least zero)."""
+    if not isinstance(record, kind):
+        raise ControllerError(f"controller.{name} = {shown(record)}: must be {kind.__name__}")
+    for field in dataclasses.fields(kind):
+        positive(f"{name}.{field.name}", getattr(record, field.name), zero=zero)
 
 
 def _require_casadi(solver: str) -> None:

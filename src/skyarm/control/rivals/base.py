@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Any, TypeVar
 
 from skyarm import dynamics
-from skyarm.actuation import Command, make_mixer, mix
+from skyarm.actuation import Command, mix
 from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
-from skyarm.control.controller import ControllerError
 from skyarm.control.geometric import attitude_loop, downward_acceleration
 from skyarm.control.laws import limited
 from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
-from skyarm.control.paper import default_gains, default_joint_gains
+from skyarm.control.paper import fitting_gains, fitting_mixer
 from skyarm.dynamics.measurement import Measurement
 from skyarm.reference import Reference
 from skyarm.scalars import divide
@@ -32,19 +31,14 @@ def make_parameters(
     """Constants of a law: the Hummingbird's gains scaled to the model where none are given.
 
     Raises:
-        ControllerError: joint gains that do not fit the joints.
+        ControllerError: gains of another kind, or joint gains that do not fit the joints.
     """
-    joint_gains = joint_gains or default_joint_gains("hybrid_computed_torque", model)
-    for field, values in (("stiffness", joint_gains.stiffness), ("damping", joint_gains.damping)):
-        if len(values) != model.vehicle.n:
-            raise ControllerError(
-                f"controller.joint_gains.{field}: {len(values)} values, must be {model.vehicle.n} (one per joint)"
-            )
+    base, joints = fitting_gains("hybrid_computed_torque", model, gains, joint_gains)
     return kind(
         model=model,
-        gains=gains or default_gains(model),
-        joint_gains=joint_gains,
-        mixer=make_mixer(model.vehicle, mixer_policy),
+        gains=base,
+        joint_gains=joints,
+        mixer=fitting_mixer(model, mixer_policy),
         rate_error="corrected",
         **own,
     )

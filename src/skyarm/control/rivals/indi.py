@@ -69,15 +69,15 @@ class IndiMemory:
         started: 0 before the first measurement.
         taps: of the filters: specific force and thrust vector (world), gyroscope, rotor torque, joint rates, efforts.
         rate, joint_rates: filtered, one period ago.
-        efforts: commanded in the periods before, oldest first.
-        speeds: of the modelled rotors, rad/s; none where they are measured.
+        sent: the commands of the periods before, oldest first.
+        speeds: of the modelled rotors one period ago, rad/s; none where they are measured.
     """
 
     started: Scalar
     taps: tuple[Taps, ...]
     rate: Vec3
     joint_rates: tuple[Scalar, ...]
-    efforts: tuple[tuple[Scalar, ...], ...]
+    sent: tuple[Command, ...]
     speeds: tuple[Scalar, ...]
 
 
@@ -87,7 +87,7 @@ def indi(
     """Thrust vector, body torque and joint torques by increments from what was measured."""
     vehicle, R, n = par.model.vehicle, measurement.quaternion.rotation(), par.model.vehicle.n
     first = memory.started < 0.5
-    speeds = _speeds(memory, measurement, par, first)
+    speeds = _speeds(memory, measurement, par, first, dt)
     # before the first command the joints are taken to hold the arm
     hold = arm_alone(par, R, measurement.joints, (0,) * n)
     taps, signals = _passed(memory, measurement, R, speeds, hold, dt, par, first)
@@ -119,21 +119,22 @@ def indi(
         taps=taps,
         rate=rate,
         joint_rates=tuple(joint_rates),
-        efforts=_remembered(memory, command, hold, first),
-        speeds=()
-        if par.measured_speeds
-        else tuple(
-            speed_after(rotor, speed, target, dt)
-            for rotor, speed, target in zip(vehicle.rotors, speeds, command.rotor_speeds, strict=True)
-        ),
+        sent=_remembered(memory, command, hold, first),
+        speeds=() if par.measured_speeds else speeds,
     ), command
 
 
-def _speeds(memory: IndiMemory, measurement: Measurement, par: IndiParameters, first: Any) -> tuple[Any, ...]:
-    """Rotor speeds, measured or modelled; the model starts at the measured ones."""
+def _speeds(memory: IndiMemory, measurement: Measurement, par: IndiParameters, first: Any, dt: Any) -> tuple[Any, ...]:
+    """Rotor speeds, measured or modelled from what was sent; the model starts at the measured ones."""
     if par.measured_speeds:
         return measurement.rotor_speeds
-    return tuple(where(first, a, b) for a, b in zip(measurement.rotor_speeds, memory.speeds, strict=True))
+    turned = (
+        speed_after(rotor, speed, target, dt)
+        for rotor, speed, target in zip(
+            par.model.vehicle.rotors, memory.speeds, memory.sent[-1].rotor_speeds, strict=True
+        )
+    )
+    return tuple(where(first, a, b) for a, b in zip(measurement.rotor_speeds, turned, strict=True))
 
 
 def _passed(
@@ -148,7 +149,7 @@ def _passed(
 ) -> tuple[tuple[Taps, ...], list[Any]]:
     """All signals through the filter; at the first call it has seen them for ever."""
     torque, force = rotor_thrust(par.model.vehicle, speeds)
-    efforts = [where(first, a, b) for a, b in zip(hold, memory.efforts[0], strict=True)]
+    efforts = [where(first, a, b) for a, b in zip(hold, memory.sent[0].efforts, strict=True)]
     signals = [
         *R.apply(measurement.specific_force),
         *R.apply(force),
@@ -162,10 +163,16 @@ def _passed(
     return filtered_all(taps, signals, coefficients)
 
 
-def _remembered(memory: IndiMemory, command: Command, hold: tuple[Any, ...], first: Any) -> tuple[tuple[Any, ...], ...]:
-    """Efforts of the last periods with the newest behind; before the first command they held the arm."""
-    past = (tuple(where(first, a, b) for a, b in zip(hold, old, strict=True)) for old in memory.efforts[1:])
-    return (*past, command.efforts)
+def _remembered(memory: IndiMemory, command: Command, hold: tuple[Any, ...], first: Any) -> tuple[Command, ...]:
+    """Commands of the last periods with the newest behind; before the first command the efforts held the arm."""
+    past = (
+        Command(
+            rotor_speeds=old.rotor_speeds,
+            efforts=tuple(where(first, a, b) for a, b in zip(hold, old.efforts, strict=True)),
+        )
+        for old in memory.sent[1:]
+    )
+    return (*past, command)
 
 
 def _begun(first: Any, value: Any, old: Taps, par: Butterworth) -> Taps:
@@ -210,7 +217,7 @@ def make_indi(
         taps=(Taps(),) * (12 + 2 * n),
         rate=still,
         joint_rates=(0.0,) * n,
-        efforts=((0.0,) * n,) * (delay_periods + 1),
+        sent=(Command(rotor_speeds=(0.0,) * len(model.vehicle.rotors), efforts=(0.0,) * n),) * (delay_periods + 1),
         speeds=() if measured_speeds else (0.0,) * len(model.vehicle.rotors),
     )
     return Controller(name="indi", law=indi, par=par, memory=memory)

@@ -22,7 +22,7 @@ from typing import Any
 
 from skyarm import dynamics
 from skyarm.actuation import Command
-from skyarm.algebra import E_Z, Mat3, Motion, Vec3, ldl_solve
+from skyarm.algebra import E_Z, Mat3, Motion, Sym3, Vec3, ldl_solve
 from skyarm.control.controller import Controller
 from skyarm.control.geometric import attitude_error, desired_attitude, rate_error
 from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
@@ -66,12 +66,12 @@ def sliding_rates(stiffness: Any, damping: Any) -> tuple[Any, Any]:
     return 0.5 * (damping - spread), 0.5 * (damping + spread)
 
 
-def reached(error: Any, rate: Any, kp: Any, kd: Any, group: int, par: SlidingParameters) -> tuple[Any, Any]:
-    """Sliding variable of one coordinate, and the acceleration that reaches and keeps s = 0 without disturbance."""
+def reached(error: Any, rate: Any, kp: Any, kd: Any, group: int, par: SlidingParameters) -> tuple[Any, Any, Any]:
+    """Sliding variable of one coordinate; linear part and push of the acceleration that reaches and keeps s = 0."""
     slope, gain = sliding_rates(kp, kd)
     s = rate + slope * error
     push = par.switching[group] * tanh(divide(s, par.boundary[group]))
-    return s, -(slope * rate) - gain * s - push
+    return s, -(slope * rate) - gain * s, push
 
 
 def kim_sliding_mode(
@@ -109,21 +109,30 @@ def _translation(
     error, drift = measurement.position - reference.position, measurement.velocity - reference.velocity
     kp, kd = par.gains.position * per_mass, par.gains.velocity * per_mass
     pairs = [reached(*each, 0, par) for each in zip(error, drift, kp, kd, strict=True)]
-    wanted = Vec3(*(a for _, a in pairs)) - memory.position
-    return [s for s, _ in pairs], wanted + reference.acceleration + E_Z * par.model.gravity
+    wanted = Vec3(*(a - push for _, a, push in pairs)) - memory.position
+    return [s for s, _, _ in pairs], wanted + reference.acceleration + E_Z * par.model.gravity
 
 
 def _rotation(
     memory: SlidingMemory, measurement: Measurement, reference: Reference, R: Mat3, up: Vec3, par: SlidingParameters
 ) -> tuple[list[Any], Vec3]:
-    """Sliding variables and wanted angular acceleration, base axes."""
-    J = [list(row) for row in par.model.vehicle.base.inertia.full().rows]
+    """Sliding variables and wanted angular acceleration, base axes.
+
+    Per axis the rates are those of its moment of inertia alone; the linear part is then turned as the PD law's torque
+    would: with products of inertia, J alpha = diag(J) linear.
+    """
+    J = par.model.vehicle.base.inertia
+    own = [list(row) for row in Sym3(J.xx, J.yy, J.zz).full().rows]
     R_d = desired_attitude(-up, reference.yaw, R)
     error = attitude_error(R, R_d)
     drift = rate_error(measurement.rate, R, R_d, reference.yaw_rate, par.rate_error)
-    kp, kd = ldl_solve(J, list(par.gains.attitude)), ldl_solve(J, list(par.gains.rate))
+    kp, kd = ldl_solve(own, list(par.gains.attitude)), ldl_solve(own, list(par.gains.rate))
     pairs = [reached(*each, 1, par) for each in zip(error, drift, kp, kd, strict=True)]
-    return [s for s, _ in pairs], Vec3(*(a for _, a in pairs)) - memory.attitude
+    linear = Vec3(*(a for _, a, _ in pairs))
+    # J^-1 diag(J) linear = linear - J^-1 (J - diag(J)) linear: without products of inertia nothing is left to round
+    mixed = Sym3(0, 0, 0, J.xy, J.xz, J.yz).apply(linear)
+    turned = linear - Vec3(*ldl_solve([list(row) for row in J.full().rows], list(mixed)))
+    return [s for s, _, _ in pairs], turned - Vec3(*(push for _, _, push in pairs)) - memory.attitude
 
 
 def _arm(
@@ -134,9 +143,9 @@ def _arm(
     for i in range(par.model.vehicle.n):
         error = measurement.joints[i] - reference.joints[i]
         drift = measurement.joint_rates[i] - reference.joint_rates[i]
-        s, a = reached(error, drift, par.joint_gains.stiffness[i], par.joint_gains.damping[i], 2, par)
+        s, a, push = reached(error, drift, par.joint_gains.stiffness[i], par.joint_gains.damping[i], 2, par)
         found.append(s)
-        wanted.append(a + reference.joint_accelerations[i] - memory.joints[i])
+        wanted.append(a - push + reference.joint_accelerations[i] - memory.joints[i])
     return found, tuple(wanted)
 
 

@@ -21,9 +21,10 @@ from skyarm.control.safety.recovery import Recovery, base_stiffness, recover, st
 from skyarm.control.safety.saturation import ranked, reachable, slewed
 from skyarm.control.safety.trust import Doubt, doubted, finite
 from skyarm.dynamics.measurement import Measurement
-from skyarm.files import shown
+from skyarm.files import number, shown
 from skyarm.reference import Reference
 from skyarm.scalars import Scalar, absolute, logical_or, where
+from skyarm.vehicle.records import Link
 
 STOW_SPEEDS = {"revolute": 1.0, "prismatic": 0.1}
 """rad/s and m/s: the arm's way to its stowed pose hardly moves the base."""
@@ -85,22 +86,22 @@ def guarded(
     not come back. A measurement that is not finite changes nothing: the last command stands.
 
     Args:
-        controller: any law. Its own constants are then found under ``controller.inner``.
+        controller: any law over scalars. Its own constants are then found under ``controller.inner``.
         limits: or some of their fields; the others are :func:`skyarm.control.safety.limits.limits_for`'s.
         stow: rad or m, pose of the arm when the law is given up; the middle of each joint's range if left out, zero for
             a joint without limits.
 
     Raises:
-        ControllerError: limits or a pose that do not fit, or a controller that is guarded already.
+        ControllerError: limits or a pose that do not fit, a law that is not over scalars, or a controller that is
+            guarded already.
     """
+    controller.require_compiled("the safety layer")
     if isinstance(controller.par, Guarded):
         raise ControllerError(f"controller = {controller.name!r}: is guarded already")
     model: Model = controller.par.model
     chosen = limits if isinstance(limits, Limits) else limits_for(controller, **(limits or {}))
     links = model.vehicle.links
-    pose = tuple(stowed(link.joint) for link in links) if stow is None else tuple(float(value) for value in stow)
-    if len(pose) != len(links):
-        raise ControllerError(f"safety.stow = {shown(list(pose))}: must be {len(links)} numbers, one per joint")
+    pose = tuple(stowed(link.joint) for link in links) if stow is None else _pose(stow, links)
     recovery = Recovery(
         gains=default_gains(model),
         joint_gains=default_joint_gains("decoupled_pd", model),
@@ -115,6 +116,24 @@ def guarded(
         inner=dataclasses.replace(controller.par, model=None, mixer=None),
     )
     return Controller(name=f"guarded_{controller.name}", law=_law_of(controller), par=par, memory=_first(controller))
+
+
+def _pose(stow: Any, links: tuple[Link, ...]) -> tuple[float, ...]:
+    """A pose within the joints' limits."""
+    listed = stow if isinstance(stow, (str, bytes)) or not hasattr(stow, "__iter__") else list(stow)
+    if not isinstance(listed, list) or len(listed) != len(links):
+        raise ControllerError(f"safety.stow = {shown(listed)}: must be {len(links)} numbers, one per joint")
+    found = []
+    for i, (value, link) in enumerate(zip(listed, links, strict=True)):
+        at, low, high = f"safety.stow[{i}]", float(link.joint.lower), float(link.joint.upper)
+        try:
+            held = number(value, at)
+        except ValueError as error:
+            raise ControllerError(str(error)) from None
+        if not low <= held <= high:
+            raise ControllerError(f"{at} = {value!r}: must be within the joint's limits, {low:g} to {high:g}")
+        found.append(held)
+    return tuple(found)
 
 
 def _first(controller: Controller) -> GuardMemory:

@@ -92,6 +92,12 @@ PER_JOINT = (
     "lost_joint_speed",
 )
 
+FINITE = ("stiffness", "damping", "joint_margin", "joint_pole")
+"""Fields that multiply or are multiplied: infinity times nothing is no number."""
+
+SLOWEST = 0.1
+"""1/s, of the rotors' highest speed: a smaller slew could not hold an attitude."""
+
 
 def limits_for(controller: Controller, **given: Any) -> Limits:
     """Limits that leave a controller its ordinary flights.
@@ -119,10 +125,7 @@ def limits_for(controller: Controller, **given: Any) -> Limits:
 
 def _defaults(model: Model, joints: list[Joint]) -> dict[str, Any]:
     """All but stiffness and damping, which are the law's."""
-    trim = hover_trim(model.vehicle, (0.0,) * len(joints), model.gravity)
-    hover = max((float(speed) for speed in trim.speeds), default=0.0)
-    tops = [float(rotor.max_speed) for rotor in model.vehicle.rotors]
-    fastest = max((top if top < math.inf else 2.0 * hover for top in tops), default=0.0)
+    fastest = _fastest(model)
     efforts = tuple(float(joint.effort_limit) for joint in joints)
     speeds = tuple(SPEEDS[joint.kind] for joint in joints)
     return {
@@ -151,6 +154,14 @@ def _defaults(model: Model, joints: list[Joint]) -> dict[str, Any]:
     }
 
 
+def _fastest(model: Model) -> float:
+    """rad/s, the highest speed of a rotor; twice that of hover where it has no limit."""
+    trim = hover_trim(model.vehicle, (0.0,) * model.vehicle.n, model.gravity)
+    hover = max((float(speed) for speed in trim.speeds), default=0.0)
+    tops = [float(rotor.max_speed) for rotor in model.vehicle.rotors]
+    return max((top if top < math.inf else 2.0 * hover for top in tops), default=0.0)
+
+
 def _margin(joint: Joint) -> float:
     """Not more than a tenth of the joint's range."""
     return min(MARGINS[joint.kind], 0.1 * (float(joint.upper) - float(joint.lower)))
@@ -160,18 +171,25 @@ def _checked(name: str, value: Any, joints: int) -> Any:
     at = f"safety.{name}"
     try:
         if name not in PER_JOINT:
-            return number(value, at, low=0.0, strict=name != "patience", infinite=True)
+            return number(value, at, low=0.0, strict=name != "patience", infinite=name not in FINITE)
         row = list(value) if isinstance(value, (list, tuple)) else [value] * joints
         if len(row) != joints:
             raise ValueError(f"{at} = {shown(value)}: {len(row)} values, must be {joints} (one per joint)")
         strict = name != "joint_margin"
-        return tuple(number(v, f"{at}[{i}]", low=0.0, strict=strict, infinite=True) for i, v in enumerate(row))
+        infinite = name not in FINITE
+        return tuple(number(v, f"{at}[{i}]", low=0.0, strict=strict, infinite=infinite) for i, v in enumerate(row))
     except ValueError as error:
         raise ControllerError(str(error)) from None
 
 
 def _check_ranges(values: dict[str, Any], model: Model) -> None:
-    for name, top in (("tilt", STEEPEST), ("climb", float(model.gravity))):
+    fastest = _fastest(model)
+    if values["rotor_slew"] < SLOWEST * fastest < math.inf:
+        raise ControllerError(
+            f"safety.rotor_slew = {values['rotor_slew']!r}: must be at least {SLOWEST * fastest:.4g}, a tenth of "
+            "the rotors' highest speed in a second"
+        )
+    for name, top in (("tilt", STEEPEST), ("trusted_tilt", math.pi), ("climb", float(model.gravity))):
         if values[name] > top:
             raise ControllerError(f"safety.{name} = {values[name]!r}: must be at most {top:.4g}")
     for i, (margin, link) in enumerate(zip(values["joint_margin"], model.vehicle.links, strict=True)):
