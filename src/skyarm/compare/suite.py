@@ -12,6 +12,7 @@ from skyarm.compare.plants import Spread
 from skyarm.environment import RotorsForce
 from skyarm.plant.sensors import SensorNoise
 from skyarm.simulate.measures import Windows
+from skyarm.simulate.metrics import Window
 from skyarm.simulate.scenario import Delays, Scenario
 from skyarm.simulate.scenario_file import load_scenario
 
@@ -70,7 +71,12 @@ CASES: Mapping[str, Case] = {
     for case in (
         Case(name="case1", title="hover, ramps of the arm", scenario="case1"),
         Case(name="case2", title="hover, arm swinging", scenario="case2"),
-        Case(name="case2_gust", title="the same, gust of 3 s along x", scenario="case2_gust"),
+        Case(
+            name="case2_gust",
+            title="the same, gust of 3 s along x",
+            scenario="case2_gust",
+            windows=Windows(gust=Window(7.5, 20.0)),
+        ),
         Case(name="case3", title="circle, arm swinging", scenario="case3"),
         Case(name="case3_wind", title="the same, wind along x (2 N, 2 m/s)", scenario="case3_wind"),
         Case(name="case3_wind_45", title="the same from 45 deg", scenario="case3_wind", wind=0.25 * math.pi),

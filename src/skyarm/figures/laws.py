@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.ticker import PercentFormatter, ScalarFormatter
+from matplotlib.ticker import FuncFormatter, PercentFormatter
 
 from skyarm.figures import style
 
@@ -66,15 +66,16 @@ def _errors(ax: Axes, errors: Mapping[str, Sequence[float | None]], label: str) 
             x, y = zip(*places, strict=True)
             ax.plot(x, y, marker, color=color, markersize=4, label=name, linestyle="none")
     ax.set_xscale("log")
-    ax.xaxis.set_major_formatter(ScalarFormatter())
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     ax.set_xlabel(label, fontsize=style.SMALL_SIZE, family=style.FONT)
-    ax.legend(
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        ncols=3,
-        frameon=False,
-        prop={"size": style.SMALL_SIZE, "family": style.FONT},
-    )
+    if errors:
+        ax.legend(
+            loc="lower left",
+            bbox_to_anchor=(0.0, 1.0),
+            ncols=3,
+            frameon=False,
+            prop={"size": style.SMALL_SIZE, "family": style.FONT},
+        )
 
 
 def _shares(ax: Axes, shares: Sequence[Share | None], label: str) -> None:
