@@ -13,9 +13,10 @@ from skyarm.pages import image, page, section, table
 from skyarm.sweep.store import versions
 
 WRONG_NOTE = (
-    "A success flies to its end and keeps the tip within 20 mm all through the last 5 s (intervals: Wilson, 95 %). Laws "
-    "that keep the joints on their references carry the tip away with every tilt and cannot succeed in strong wind, "
-    "however exact their base. Tip: mean over 10 to 20 s, of the flights that came to their end mean and 95th percentile."
+    "A success flies to its end and keeps the tip within 20 mm all through the last 5 s (intervals: Wilson, 95 %). "
+    "Laws that keep the joints on their references carry the tip away with every tilt and cannot succeed in strong "
+    "wind, however exact their base. Tip: mean over 10 to 20 s; of the flights that came to their end mean and 95th "
+    "percentile."
 )
 
 GROUPS = {
