@@ -49,9 +49,9 @@ def test_a_basin_is_flown_drawn_and_written(folder: Path) -> None:
     ended = skyarm("basin", "own", "short.toml", "--flights", "64", "--safety", "--out", "b", "--threads", "1")
     assert ended.code == 0, ended.err
     assert "guarded_decoupled_pd:" in ended.out
-    found = json.loads((folder / "b" / "basin_guarded_decoupled_pd.json").read_text())
+    found = json.loads((folder / "b" / "basin_guarded_decoupled_pd_short.json").read_text())
     assert found["flights"] == 64
-    assert (folder / "b" / "basin_guarded_decoupled_pd.png").read_bytes().startswith(b"\x89PNG")
+    assert (folder / "b" / "basin_guarded_decoupled_pd_short.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_wrong_words_are_one_line(folder: Path) -> None:
@@ -60,3 +60,19 @@ def test_wrong_words_are_one_line(folder: Path) -> None:
     refused(skyarm("margins", "own", "short.toml", "--instants", "-1"), "instants = -1: must be at least 0")
     refused(skyarm("basin", "own", "short.toml", "--flights", "0"), "flights = 0: must be at least 1")
     refused(skyarm("basin", "own", "short.toml", "--threads", "-1"), "--threads = -1: must be at least 0")
+
+
+def test_the_margins_of_the_exact_law_hold_its_slow_adaptation(folder: Path) -> None:
+    ended = skyarm("margins", "exact_ee", "case3", "--instants", "2", "--json", "m.json")
+    assert ended.code == 0, ended.err
+    assert "adaptation of the tip mass is held" in ended.out
+    found = json.loads((folder / "m.json").read_text())
+    radii = [lag["radius"] for instant in found["instants"] for lag in instant["lag"].values()]
+    assert max(radii) < 1.0
+
+
+def test_too_many_instants_are_refused(folder: Path) -> None:
+    assert folder.exists()
+    refused(
+        skyarm("margins", "paper_ct", "case3", "--instants", "10000000000"), "--instants = 10000000000: must be from 0"
+    )

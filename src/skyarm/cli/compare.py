@@ -28,7 +28,7 @@ WIND_TIP = next(c for c in TRACKING if c.case == "case3_wind" and c.metric.start
 
 def compare(
     suite: str,
-    out: Path | None,
+    out: str,
     *,
     laws: str | None,
     columns: str | None,
@@ -49,7 +49,7 @@ def compare(
     flown: dict[str, Condition] = conditions(plants, seeds)
     entrants = _chosen("--laws", laws, ENTRANTS)
     flown = _chosen("--conditions", columns, flown)
-    folder = require_writable(out or Path("out") / "compare")
+    folder = require_writable(out)
     require_writable(folder / "cells")
     with bar(suite, console) as advance:
         cells = perform(entrants, flown, folder / "cells", seed=seed, plant=plant, threads=threads, progress=advance)
@@ -97,7 +97,7 @@ def _figure(found: dict[str, Any], names: Sequence[str]) -> Any:
         errors,
         [_share(wrong.get(name)) for name in names],
         error_label="mean tip error, Case 3 in wind [mm]",
-        share_label="success on wrong plants",
+        share_label="tip within 20 mm: share of wrong plants",
     )
 
 

@@ -28,6 +28,9 @@ OWN = "own"
 
 DPI = 160
 
+MOST_INSTANTS = 10_000
+"""Along a flight: each takes about 50 ms."""
+
 
 def planned(controller: str, scenario: str, *, safety: bool) -> Scenario:
     """A scenario with another controller, on the scenario's own belief.
@@ -66,7 +69,10 @@ def margins(scenario: Scenario, instants: int, file: Path | None, console: Conso
     """
     from skyarm.stability.along import evidence
 
-    found = evidence(scenario, instants)
+    if not 0 <= instants <= MOST_INSTANTS:
+        raise ValueError(f"--instants = {instants}: must be from 0 to {MOST_INSTANTS}")
+    held = _without_adaptation(scenario)
+    found = evidence(held, instants)
     table = Table(box=None, pad_edge=False, header_style="dim")
     heads = ("instant", "largest |z|", "slowest, 1/s", "damping", "delay, ms", "rotor gain", "joint gain")
     for i, head in enumerate(heads):
@@ -92,12 +98,23 @@ def margins(scenario: Scenario, instants: int, file: Path | None, console: Conso
     console.print(
         "all rotors, or all joints; instants along a flight are frozen in time, and no proof that it is stable"
     )
+    if held is not scenario:
+        console.print("the law's slow adaptation of the tip mass is held")
     if not found.completed:
         console.print("the flight ended before its time: no instants beyond")
     if file is not None:
         write_atomically(file, (json.dumps(_plain(found), indent=1, allow_nan=False) + "\n").encode())
         console.print(f"written: {file}", soft_wrap=True)
     return bool(found.completed)
+
+
+def _without_adaptation(scenario: Scenario) -> Scenario:
+    """The scenario with an adapted tip mass held: at the bound of its projection a derivative means nothing."""
+    par = scenario.controller.par
+    if not getattr(par, "adapts", False):
+        return scenario
+    still = dataclasses.replace(par, adapts=False, adaptation=0.0)
+    return dataclasses.replace(scenario, controller=dataclasses.replace(scenario.controller, par=still))
 
 
 def _damping(rates: list[complex]) -> float:
@@ -143,7 +160,13 @@ def _plain(found: Any) -> dict[str, Any]:
 
 
 def basin(
-    scenario: Scenario, flights: int, out: Path, threads: int, limits: dict[str, float], console: Console
+    scenario: Scenario,
+    flights: int,
+    out: str,
+    threads: int,
+    limits: dict[str, float],
+    console: Console,
+    label: str = "",
 ) -> None:
     """Fly a controller from many initial states; write the map as PNG and JSON.
 
@@ -157,7 +180,8 @@ def basin(
     seed = int(limits.pop("seed"))
     folder = require_writable(out)
     found = fly(scenario, flights, seed=seed, threads=threads, **limits)
-    name = f"basin_{found.controller}"
+    flown = label if label and label != OWN else found.controller
+    name = f"basin_{flown}_{scenario.name}"
     write_atomically(folder / f"{name}.json", (json.dumps(found.plain(), indent=1, allow_nan=False) + "\n").encode())
     write_atomically(folder / f"{name}.png", image_bytes(basin_figure(found), dpi=DPI))
     upside = found.tilt > 0.5 * math.pi

@@ -9,6 +9,9 @@ import typer
 
 from skyarm.cli.app import NOT_COMPLETED, Out, app, console, cores
 
+MOST = 1_000_000
+"""Flights of a cell of the bench: more belong into a sweep, which keeps them on disk."""
+
 
 @app.command()
 def sweep(
@@ -87,7 +90,7 @@ def basin(
         if value < 0:
             raise ValueError(f"{name} = {value}: must be at least 0")
     limits = {"rate": rate, "offset": offset, "speed": speed, "seed": seed}
-    perform(planned(controller, scenario, safety=safety), flights, Path(out), threads or cores(), limits, console)
+    perform(planned(controller, scenario, safety=safety), flights, out, threads or cores(), limits, console, controller)
 
 
 @app.command()
@@ -107,7 +110,7 @@ def bench(
 @app.command()
 def compare(
     suite: Annotated[str, typer.Argument(help="paper-suite")] = "paper-suite",
-    out: Annotated[Path | None, typer.Option("--out", help="folder of the results; out/compare if left out")] = None,
+    out: Out = "out/compare",
     laws: Annotated[str | None, typer.Option(help="names, with commas; all if left out")] = None,
     conditions: Annotated[str | None, typer.Option(help="names, with commas; all if left out")] = None,
     plants: Annotated[int, typer.Option(help="how many wrong plants")] = 1000,
@@ -124,8 +127,8 @@ def compare(
     from skyarm.simulate.scenario import PLANTS
 
     for option, value in (("--plants", plants), ("--seeds", seeds)):
-        if value < 1:
-            raise ValueError(f"{option} = {value}: must be at least 1")
+        if not 1 <= value <= MOST:
+            raise ValueError(f"{option} = {value}: must be from 1 to {MOST}")
     for option, value in (("--seed", seed), ("--threads", threads)):
         if value < 0:
             raise ValueError(f"{option} = {value}: must be at least 0")
