@@ -57,7 +57,7 @@ def test_a_basin_is_flown_drawn_and_written(folder: Path) -> None:
 def test_wrong_words_are_one_line(folder: Path) -> None:
     assert folder.exists()
     refused(skyarm("margins", "best", "short.toml"), "controller = 'best': must be 'own', a preset")
-    refused(skyarm("margins", "own", "short.toml", "--instants", "-1"), "instants = -1: must be at least 0")
+    refused(skyarm("margins", "own", "short.toml", "--instants", "-1"), "instants = -1: must be from 0 to 10000")
     refused(skyarm("basin", "own", "short.toml", "--flights", "0"), "flights = 0: must be at least 1")
     refused(skyarm("basin", "own", "short.toml", "--threads", "-1"), "--threads = -1: must be at least 0")
 
