@@ -42,7 +42,7 @@ def run(
     scenario: Annotated[str, typer.Argument(help="a scenario file (.toml) or the name of a shipped one")],
     out: Out = "out/run",
     plant: Annotated[str | None, typer.Option(help="rigid_body or mujoco, in place of the file's")] = None,
-    controller: Annotated[str | None, typer.Option(help="a controller preset, in place of the file's")] = None,
+    controller: Annotated[str | None, typer.Option(help="a preset, a law or LAW_tuned, in place of the file's")] = None,
     seed: Annotated[int | None, typer.Option(help="seed of the noise, in place of the file's")] = None,
     duration: Annotated[float | None, typer.Option(help="seconds, in place of the file's")] = None,
 ) -> None:
@@ -70,11 +70,16 @@ def run(
 
 
 @app.command(name="list")
-def list_() -> None:
+def list_(
+    file: Annotated[Path | None, typer.Option("--json", help="write names, titles and laws' options there")] = None,
+) -> None:
     """List vehicles, scenarios, studies, controllers."""
-    from skyarm.cli.show import library
+    from skyarm.cli.library import contents, library, write
 
-    console.print(library(), soft_wrap=True)
+    found = contents()
+    console.print(library(found), soft_wrap=True)
+    if file is not None:
+        tell(f"written: {write(found, file)}")
 
 
 @app.command()
@@ -106,7 +111,7 @@ def show(
 
 @app.command(name="export-c")
 def export_c(
-    controller: Annotated[str, typer.Argument(help="a preset, a law, or a scenario (its controller and belief)")],
+    controller: Annotated[str, typer.Argument(help="a preset, a law, LAW_tuned, or a scenario (its controller)")],
     file: Annotated[Path, typer.Option("--out", "-o", help="the C file to write")],
     vehicle: Annotated[str | None, typer.Option(help="the vehicle that a preset or law believes in")] = None,
     gravity: Annotated[float | None, typer.Option(help="m/s^2, believed by a preset or law; 9.81")] = None,

@@ -51,7 +51,7 @@ def stats(
 
 @app.command()
 def margins(
-    controller: Annotated[str, typer.Argument(help="a preset, a law, or 'own' for the scenario's")],
+    controller: Annotated[str, typer.Argument(help="a preset, a law, LAW_tuned, or 'own' for the scenario's")],
     scenario: Annotated[str, typer.Argument(help="a scenario file (.toml) or the name of a shipped one")],
     instants: Annotated[int, typer.Option(help="looked at along the scenario, beside hover")] = 4,
     safety: Annotated[bool, typer.Option("--safety", help="under the safety layer")] = False,
@@ -71,7 +71,7 @@ def margins(
 
 @app.command()
 def basin(
-    controller: Annotated[str, typer.Argument(help="a preset, a law, or 'own' for the scenario's")],
+    controller: Annotated[str, typer.Argument(help="a preset, a law, LAW_tuned, or 'own' for the scenario's")],
     scenario: Annotated[str, typer.Argument(help="a scenario file (.toml) or the name of a shipped one")],
     out: Out = "out/basin",
     flights: Annotated[int, typer.Option(help="initial states")] = 100_000,

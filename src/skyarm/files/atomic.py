@@ -18,6 +18,8 @@ def write_atomically(path: str | os.PathLike[str], content: bytes) -> Path:
         OSError: with one line that names the file.
     """
     target = Path(path)
+    if not target.name:
+        raise OSError(f"file = {shown(str(target))}: must be writable (is a folder)")
     # a name of its own for every writer; opened as an ordinary new file, so that the usual rights apply
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.part")
     try:

@@ -208,7 +208,13 @@ def noise_key(field: str, value: Any) -> int:
 
 def _check_clocks(scenario: Scenario) -> None:
     """A law that is told of its clocks is told of those that tick."""
-    par, rates = scenario.controller.par, scenario.rates
+    # a law under guard keeps its own constants inside the guard's
+    par, rates = getattr(scenario.controller.par, "inner", scenario.controller.par), scenario.rates
+    cutoff = getattr(par, "cutoff", None)
+    if cutoff is not None and concrete(cutoff) and not 2.0 * cutoff < rates.control:
+        raise ScenarioError(
+            f"controller.cutoff = {cutoff!r}: must be below {0.5 * rates.control:g} Hz, half of rates.control"
+        )
     for name, rate in (("control_period", rates.control), ("reference_period", rates.reference)):
         believed = getattr(par, name, None)
         if believed is not None and concrete(believed) and abs(believed * rate - 1.0) > 1e-6:
