@@ -365,7 +365,7 @@ def test_an_output_folder_without_a_name_is_refused(folder: Path, command: list[
         (["run", "case1", "--nope"], ("--nope",)),
         (["run", "case1", "case2"], ("case2",)),
         (["reproduce", "--jobs"], ("--jobs",)),
-        (["reproduce", "--jobs", "-1"], ("--jobs = -1", "at least 0")),
+        (["reproduce", "--jobs", "-1"], ("--jobs = -1", "from 0 to")),
         (["reproduce", "--plant", "gazebo"], ("--plant = 'gazebo'", "rigid_body, mujoco or both")),
         (["run", "case1", "--plant", "gazebo"], ("'gazebo'", "rigid_body, mujoco")),
         (["run", "case1", "--controller", "lqr"], ("'lqr'", "paper_ct", "paper_pd")),

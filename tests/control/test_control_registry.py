@@ -20,7 +20,7 @@ def test_an_unknown_law_is_refused_with_the_choices():
 
 
 def test_an_unknown_rate_error_is_refused_with_the_choices():
-    with pytest.raises(ControllerError, match=r"rate_error = 'lee': must be one of \['rotors', 'corrected'\]"):
+    with pytest.raises(ControllerError, match=r"rate_error = 'lee': must be one of rotors, corrected$"):
         make_controller("decoupled_pd", MODEL, rate_error="lee")
 
 

@@ -12,6 +12,7 @@ from skyarm.control.model import Model
 from skyarm.control.named import choices, is_named, named
 from skyarm.control.registry import Controller
 from skyarm.files import number, shown, write_atomically
+from skyarm.simulate.scenario import HIGHEST_RATE
 from skyarm.simulate.scenario_file import list_scenarios, load_scenario
 from skyarm.vehicle.files import load_vehicle
 
@@ -32,7 +33,8 @@ def export(
     """Write a controller as a C file; returns one line on what was written.
 
     Args:
-        controller: a preset, a law or LAW_tuned, built for the vehicle; or a scenario, whose controller is taken as it flies.
+        controller: a preset, a law or LAW_tuned, built for the vehicle; or a scenario, whose controller is taken as it
+            flies.
         file: to write.
         vehicle: what the controller believes in; a scenario brings its own.
         gravity: m/s^2, believed; 9.81 if left out, a scenario brings its own.
@@ -44,6 +46,8 @@ def export(
         ValueError, OSError: one line.
     """
     held = None if rate is None else number(rate, "--rate", low=0.0, strict=True)
+    if held is not None and held > HIGHEST_RATE:
+        raise ValueError(f"--rate = {held!r}: must be at most {HIGHEST_RATE} Hz")
     if is_named(controller):
         if vehicle is None:
             raise ValueError(f"--vehicle: is missing; controller {controller!r} must know the vehicle it flies")

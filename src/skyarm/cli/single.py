@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.app import NOT_COMPLETED, Out, app, console, cores, tell
+from skyarm.cli.app import NOT_COMPLETED, Out, app, console, tell, workers
 from skyarm.cli.progress import bar
 
 
@@ -28,11 +28,10 @@ def reproduce(
 
     if plant not in (*PLANTS, "both"):
         raise ValueError(f"--plant = {plant!r}: must be one of {', '.join(PLANTS)} or both")
-    if jobs < 0:
-        raise ValueError(f"--jobs = {jobs}: must be at least 0")
+    processes = workers("--jobs", jobs)
     plants = PLANTS if plant == "both" else (plant,)
     with bar("flying", console) as advance:
-        table = perform(out, plants=plants, workers=jobs or cores(), progress=advance, note=console.print)
+        table = perform(out, plants=plants, workers=processes, progress=advance, note=console.print)
     console.print(headline(table))
     tell(f"results in {out}: report.html, table2.md, results.json, figures/")
 
