@@ -71,6 +71,14 @@ def test_the_margins_of_the_exact_law_hold_its_slow_adaptation(folder: Path) -> 
     assert max(radii) < 1.0
 
 
+def test_a_scenario_s_own_guard_stays_and_is_not_put_on_twice(folder: Path) -> None:
+    (folder / "guarded.toml").write_text(SHORT.replace('"paper_pd"', '"paper_pd"\nsafety = true'))
+    for words in ([], ["--safety"]):
+        ended = skyarm("margins", "indi", "guarded.toml", "--instants", "0", *words)
+        assert ended.code == 0, ended.err
+        assert ended.out.startswith("guarded_indi in short")
+
+
 def test_too_many_instants_are_refused(folder: Path) -> None:
     assert folder.exists()
     refused(

@@ -16,7 +16,7 @@ MOST = 1_000_000
 @app.command()
 def sweep(
     study: Annotated[str, typer.Argument(help="a study file (.toml) or the name of a shipped one")],
-    out: Annotated[Path | None, typer.Option("--out", help="folder of the rows; out/NAME if left out")] = None,
+    out: Annotated[str | None, typer.Option("--out", help="folder of the rows; out/NAME if left out")] = None,
     threads: Annotated[int, typer.Option(help="threads that fly; 0 takes every core")] = 0,
     ray: Annotated[str | None, typer.Option(help="address of a Ray cluster, or local")] = None,
 ) -> None:
@@ -32,7 +32,7 @@ def sweep(
 @app.command()
 def stats(
     folder: Annotated[Path, typer.Argument(help="folder that 'skyarm sweep' wrote")],
-    out: Annotated[Path | None, typer.Option("--out", help="folder of the results; FOLDER/stats if left out")] = None,
+    out: Annotated[str | None, typer.Option("--out", help="folder of the results; FOLDER/stats if left out")] = None,
     success: Annotated[
         list[str] | None, typer.Option(help="METRIC=LARGEST of a success, in place of the study's")
     ] = None,

@@ -63,8 +63,9 @@ def require_writable(folder: str | os.PathLike[str]) -> Path:
         target.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=target):
             pass
-    except OSError as error:
-        raise OSError(f"output folder = {shown(str(target))}: must be writable ({error.strerror})") from None
+    except (OSError, ValueError) as error:  # a NUL in its name is a ValueError
+        reason = getattr(error, "strerror", None) or error
+        raise OSError(f"output folder = {shown(str(target))}: must be writable ({reason})") from None
     return target
 
 
