@@ -121,7 +121,7 @@ def test_a_device_is_written_into_and_a_link_is_followed(folder: Path) -> None:
     assert json.loads((folder / "target.json").read_text())["schema"] == 1
     (folder / "loop").symlink_to("loop")
     refused(skyarm("list", "--json", "loop"), "file = 'loop': must be writable", "symbolic links")
-    refused(skyarm("list", "--json", ""), "must be writable (is a folder)")
+    refused(skyarm("list", "--json", ""), "must be writable (Is a directory)")
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,8 @@ import pytest
 from skyarm.simulate import Delays, ScenarioError, run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.closed_loop import commands_waiting
-from skyarm.simulate.paths import LATE, number_at
+from skyarm.simulate.paths import number_at
+from skyarm.simulate.places import LATE
 from skyarm.simulate.scenario_file import load_scenario
 
 DELAYS = (0.0, 0.001, 0.004, 0.005, 0.007, 0.010, 0.012, 0.015)

@@ -22,7 +22,7 @@ def write_atomically(path: str | os.PathLike[str], content: bytes) -> Path:
     """
     target = Path(os.path.realpath(path))
     if target.is_dir() or target.is_symlink():
-        reason = "is a folder" if target.is_dir() else os.strerror(errno.ELOOP)
+        reason = os.strerror(errno.EISDIR if target.is_dir() else errno.ELOOP)
         raise OSError(f"file = {str(path)!r}: must be writable ({reason})")
     # a name of its own for every writer; opened as an ordinary new file, so that the usual rights apply
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.part")

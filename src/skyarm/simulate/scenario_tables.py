@@ -20,7 +20,8 @@ from skyarm.environment import payload_from
 from skyarm.files import Fields, number, shown
 from skyarm.plant.sensors import SensorNoise
 from skyarm.simulate.law_table import law_from
-from skyarm.simulate.scenario import Delays, Rates, Scenario, check_quaternion, trimmed_state
+from skyarm.simulate.scenario import Delays, Rates, Scenario, trimmed_state
+from skyarm.simulate.scenario_checks import check_quaternion
 from skyarm.vehicle.files import list_vehicles, load_vehicle
 from skyarm.vehicle.records import Vehicle
 
