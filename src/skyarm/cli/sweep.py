@@ -24,7 +24,7 @@ def sweep(study: str, out: str | None, threads: int, ray: str | None, console: C
     from skyarm.sweep import load_study, run_sweep
 
     loaded = load_study(study)
-    folder = require_writable(Path("out") / loaded.name if out is None else out)
+    folder = Path("out") / loaded.name if out is None else require_writable(out)
     begin = time.perf_counter()
     before: list[int] = []
     with bar(loaded.name, console) as advance:
