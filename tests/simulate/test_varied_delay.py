@@ -67,7 +67,9 @@ def test_a_longest_delay_is_above_zero():
         moving(longest_command=0.0)
 
 
-@pytest.mark.parametrize(("longest", "count"), [(0.004, 2), (0.005, 2), (0.0051, 3), (0.010, 3), (0.015, 4), (0.035, 8)])
+@pytest.mark.parametrize(
+    ("longest", "count"), [(0.004, 2), (0.005, 2), (0.0051, 3), (0.010, 3), (0.015, 4), (0.035, 8)]
+)
 def test_the_loop_remembers_as_many_commands_as_the_longest_delay_needs(longest, count):
     assert commands_waiting(moving(longest_command=longest)) == count
 
