@@ -23,13 +23,13 @@ COMMON: Mapping[str, Any] = {
 PRESETS: Mapping[str, Mapping[str, Any]] = {
     "robust": {
         **COMMON,
-        "base": (20.0, 8.0, 200.0, 22.0),
+        "base": (22.0, 8.5, 205.0, 22.5),
         "yaw": (30.0, 9.0),
         "arm": (900.0, 60.0),
         "tip": (700.0, 53.0),
-        "observer": (25.0, 30.0, 34.0, 60.0),
+        "observer": (27.0, 31.0, 34.0, 60.0),
         "lag_inversion": 0.1,
-        "shift_rate": 4.0,
+        "shift_rate": 3.0,
     },
     "stiff": {
         **COMMON,

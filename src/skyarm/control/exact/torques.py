@@ -43,9 +43,7 @@ def needed(model: Model, state: State, wish: Wish, unknown: Disturbance) -> tupl
     )
     return force.torque - unknown.torque, tuple(
         add(sub(effort, extra), friction(link.joint, rate, dry))
-        for effort, extra, link, rate, dry in zip(
-            efforts, unknown.efforts, vehicle.links, qd, dry_rates, strict=True
-        )
+        for effort, extra, link, rate, dry in zip(efforts, unknown.efforts, vehicle.links, qd, dry_rates, strict=True)
     )
 
 
