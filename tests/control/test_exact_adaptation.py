@@ -1,4 +1,4 @@
-"""What the exact law learns of a load at the tip and of friction, and that its margins do not depend on it."""
+"""What the exact law learns of a load at the tip and of friction, and what teaches it nothing."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 from exact_flights import fly, planned
-from vehicles_random import TWINS, RandomState, random_state, random_vehicle, rotation_matrix
 
 import skyarm
 from skyarm.algebra import Mat3, Vec3
@@ -16,6 +15,7 @@ from skyarm.control.exact.adaptation import LEVEL, SLOW, SMALL, STICKIEST, adapt
 from skyarm.control.exact.wishes import Planned
 from skyarm.control.model import Model
 from skyarm.scalars.taylor import Taylor
+from vehicles_random import TWINS, RandomState, random_state, random_vehicle, rotation_matrix
 
 TRUTH = skyarm.load_vehicle("hummingbird_arm2_rotors")
 MODEL = Model(vehicle=TRUTH, gravity=9.8)
@@ -61,7 +61,7 @@ def test_a_load_pushes_by_what_pinocchio_needs_more_for_it(joints):
         R=Mat3(*(vec(row) for row in R)),
         rate=vec(state.velocity[3:6]),
         alpha=vec(acceleration[3:6]),
-        proper=vec(R.T @ (acceleration[:3] + [0.0, 0.0, 9.81])),
+        proper=vec(R.T @ (acceleration[:3] + np.array([0.0, 0.0, 9.81]))),
         joints=series,
         references=series,
     )
@@ -71,7 +71,7 @@ def test_a_load_pushes_by_what_pinocchio_needs_more_for_it(joints):
 
 
 def test_the_mass_moves_by_the_normalised_gradient():
-    """Torques that a load dm takes from a hovering arm of two links of 150 mm: the step is rate dt dm y.y / (y.y + s)."""
+    """A load dm takes torques dm y from a hovering arm of two 150 mm links: the step is rate dt dm y.y / (y.y + s)."""
     y = -9.8 * 0.15 * np.array([np.sin(0.3) + np.sin(-0.2), np.sin(-0.2)])
     before = dataclasses.replace(first_learned(2), tip_mass=0.01)
     found = adapted(law(adaptation=0.3), before, motion((0.3, -0.5)), tuple((0.05 * y).tolist()), FREE, 0.005)
