@@ -60,10 +60,9 @@ def test_a_default_on_the_page_changes_nothing_when_it_is_written_out(law):
         if not default.startswith("`"):
             continue
         value = tomllib.loads(f"x = {default.strip('`')}")["x"]
-        mode = {"mode": "ee"} if (law, option) == ("exact", "adaptation") else {}
-        plain, written = made(law, **mode).controller, made(law, **{**mode, option: value}).controller
+        plain, written = made(law).controller, made(law, **{option: value}).controller
         assert leaves(written.par) == leaves(plain.par), option
-        assert other_or_refused(law, {**mode, option: made_other(value)}, plain), option
+        assert other_or_refused(law, {option: made_other(value)}, plain), option
 
 
 def made_other(value):
@@ -114,8 +113,8 @@ def test_numbers_on_the_page_of_the_exact_law_are_those_of_its_presets():
     assert f"`reach` ({COMMON['reach']:g} m," in text
     assert f"`damping` ({COMMON['damping']:g} m," in text
     assert f"(`shift_limit`, {COMMON['shift_limit']:g} m)" in text
-    assert f'adapts in `mode="ee"` ({PRESETS["robust"]["adaptation"]:g} 1/s), `"stiff"` does not' in text
-    assert not PRESETS["stiff"]["adaptation"]
+    assert f"`adaptation` ({COMMON['adaptation']:g} 1/s) learns" in text
+    assert f"`friction_adaptation` ({COMMON['friction_adaptation']:g} 1/s) the damping" in text
     assert PRESETS["stiff"]["lag_inversion"] == 1.0, '"stiff" inverts the motor lag in full'
 
 

@@ -65,7 +65,7 @@ def test_wrong_words_are_one_line(folder: Path) -> None:
 def test_the_margins_of_the_exact_law_hold_its_slow_adaptation(folder: Path) -> None:
     ended = skyarm("margins", "exact_ee", "case3", "--instants", "2", "--json", "m.json")
     assert ended.code == 0, ended.err
-    assert "adaptation of the tip mass is held" in ended.out
+    assert "adaptation of load and friction is held" in ended.out
     found = json.loads((folder / "m.json").read_text())
     radii = [lag["radius"] for instant in found["instants"] for lag in instant["lag"].values()]
     assert max(radii) < 1.0

@@ -56,7 +56,7 @@ def test_perfect_state_joint_mode_keeps_base_and_joints_below_the_fraction_of_a_
         83.5, abs=1.0
     )  # 0.3 m times the tilt, for any law that keeps base and joints
     assert arm.mean("base") < 0.1
-    assert arm.mean("joint") < 2.0
+    assert arm.mean("joint") < 0.3
 
 
 def test_perfect_state_tip_mode_keeps_the_tip_in_the_wind():
@@ -75,6 +75,13 @@ def test_the_links_keep_their_absolute_angles_while_the_base_leans():
     # millimetres of base error over 0.3 m of arm
     np.testing.assert_allclose(flown.joints[0, at, 0], (flown.joints_d[:, 0] - pitch)[at], atol=0.02)
     np.testing.assert_allclose(flown.joints[0, at, 1], flown.joints_d[at, 1], atol=0.02)
+
+
+def test_noise_leaves_a_gust_below_seventy_millimetres_of_base():
+    flown = fly(planned("case2_gust", mode="ee", noisy=True), 8)
+    peaks = np.abs(flown.base_vector[:, flown.time >= 7.0, 0]).max(axis=1)
+    assert peaks.mean() < 70.0
+    assert flown.jitter < 15.0
 
 
 def test_a_gust_is_felt_by_the_base_and_hardly_by_the_tip():
@@ -96,7 +103,7 @@ def test_noise_and_a_known_delay_cost_about_a_millimetre():
     tip, base = fly(planned("case3_wind", mode="ee", noisy=True), 4), fly(planned("case2", noisy=True), 4)
     assert tip.mean("tip") < 1.6
     assert base.mean("base") < 1.0
-    assert base.mean("joint") < 3.0
+    assert base.mean("joint") < 1.2
     assert max(tip.jitter, base.jitter) < 15.0
 
 
@@ -104,18 +111,6 @@ def test_everything_wrong_at_once_costs_two_millimetres():
     flown = fly(spoiled(planned("case3_wind", mode="ee", noisy=True)), 4)
     assert flown.mean("tip") < 2.5
     assert flown.jitter < 15.0
-
-
-def test_the_adapted_mass_finds_a_payload():
-    flown = fly(loaded(planned("case3_wind", mode="ee", adaptation=1.0), 0.05))
-    # friction and the imu of the truth are in it as well
-    assert flown.memory.tip_mass == pytest.approx(0.05, abs=0.01)
-    assert flown.mean("tip") < 0.3
-
-
-def test_without_a_payload_the_adapted_mass_stays_near_zero():
-    flown = fly(planned("case3_wind", mode="ee", adaptation=1.0))
-    assert 0.0 <= flown.memory.tip_mass < 0.005
 
 
 @pytest.mark.parametrize("mode", ["joint", "ee"])

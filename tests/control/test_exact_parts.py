@@ -14,14 +14,14 @@ import skyarm
 from skyarm.actuation import Command, speed_after
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.control.exact import make_exact
-from skyarm.control.exact.adaptation import adapted_mass
 from skyarm.control.exact.attitude import Attitude, angular_acceleration, attitude, reachable
 from skyarm.control.exact.center_of_mass import thrust
+from skyarm.control.exact.disturbance import Disturbance
 from skyarm.control.exact.extrapolation import continued, samples
 from skyarm.control.exact.kinematics import derivative, moving, posture
 from skyarm.control.exact.lag import command_for
 from skyarm.control.exact.memory import Channel
-from skyarm.control.exact.motion import Disturbance, carried
+from skyarm.control.exact.motion import carried
 from skyarm.control.exact.parameters import BaseGains
 from skyarm.control.exact.tip import (
     Goal,
@@ -34,7 +34,7 @@ from skyarm.control.exact.tip import (
     shift,
 )
 from skyarm.control.exact.torques import fallen_away, needed
-from skyarm.control.exact.wishes import Wish
+from skyarm.control.exact.wishes import Planned, Wish
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.kinematics import frame_pose, link_poses
@@ -194,6 +194,12 @@ def test_a_constant_reference_stays_constant():
     assert np.all(found == np.array([1.5, 0.0, 0.0, 0.0, 0.0]))
 
 
+def planned(rates):
+    """A plan of which only the references' rates matter."""
+    zero, series = Vec3(0.0, 0.0, 0.0), tuple(Taylor((0.0, rate, 0.0)) for rate in rates)
+    return Planned(R=Mat3.identity(), rate=zero, alpha=zero, proper=zero, joints=series, references=series)
+
+
 def test_torques_give_the_wished_accelerations_to_pinocchios_free_vehicle():
     """The real thrust and the unknown force go in; base torque and joint torques are what the wish needs."""
     pytest.importorskip("pinocchio")
@@ -208,7 +214,7 @@ def test_torques_give_the_wished_accelerations_to_pinocchios_free_vehicle():
             thrust=float(10.0 * rng.normal()),
             alpha=vec(5.0 * rng.normal(size=3)),
             joints=tuple(rng.normal(size=n).tolist()),
-            reference_rates=(0.0,) * n,
+            planned=planned((0.0,) * n),
         )
         now = State(
             position=vec(state.position),
@@ -502,7 +508,7 @@ NONE = Disturbance(force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0), effort
 def test_known_friction_is_given_back_viscous_at_the_present_rate_dry_at_the_references():
     dry = TRUTH.with_joints(damping=0.02, coulomb=0.03, coulomb_rate=0.1)
     smooth = TRUTH.with_joints(damping=0.0, coulomb=0.0)
-    wish = Wish(thrust=6.0, alpha=Vec3(0.0, 0.0, 0.0), joints=(1.0, -2.0), reference_rates=(0.1, -0.2))
+    wish = Wish(thrust=6.0, alpha=Vec3(0.0, 0.0, 0.0), joints=(1.0, -2.0), planned=planned((0.1, -0.2)))
     now = level_flight(TRUTH, (1.5, -0.4))
     (torque, efforts), (bare_torque, bare) = (needed(Model(vehicle=v), now, wish, NONE) for v in (dry, smooth))
     given = np.array(efforts) - np.array(bare)
@@ -539,20 +545,6 @@ def test_the_tip_follows_base_errors_longer_than_its_reach(length):
     found = following(still, [Vec3(length, 0.0, 0.0), zero, zero], 0.12).tip
     expected = length**5 / (length**4 + 0.12**4)
     np.testing.assert_allclose(array(found[0]), [expected, 0.0, 0.0], rtol=1e-12, atol=1e-15)
-
-
-def test_the_adapted_mass_moves_by_the_normalised_gradient():
-    """Joint torques of a mass dm at the tip of a hovering arm, by hand: the step is rate dt dm y.y / (y.y + 0.001)."""
-    par = make_exact(Model(vehicle=TRUTH, gravity=9.8), mode="ee", adaptation=0.3).par
-    weight = float(TRUTH.mass) * 9.8
-    wish = Wish(thrust=weight, alpha=Vec3(0.0, 0.0, 0.0), joints=(0.0, 0.0), reference_rates=(0.0, 0.0))
-    # both links 150 mm; torques that hold 1 kg at the tip
-    y = 9.8 * 0.15 * np.array([np.sin(0.3) + np.sin(-0.2), np.sin(-0.2)])
-    unknown = dataclasses.replace(NONE, efforts=tuple((-0.05 * y).tolist()))
-    found = adapted_mass(
-        par, 0.01, Model(vehicle=TRUTH, gravity=9.8), level_flight(TRUTH, (0.0, 0.0)), wish, unknown, 0.005
-    )
-    assert found - 0.01 == pytest.approx(0.3 * 0.005 * 0.05 * (y @ y) / (y @ y + 1e-3), rel=1e-9)
 
 
 def asked_of_two_arms(gains, pull, preferred):

@@ -86,7 +86,7 @@ def margins(scenario: Scenario, instants: int, file: Path | None, console: Conso
         "all rotors, or all joints; instants along a flight are frozen in time, and no proof that it is stable"
     )
     if held is not scenario:
-        console.print("the law's slow adaptation of the tip mass is held")
+        console.print("the law's slow adaptation of load and friction is held")
     if not found.completed:
         console.print("the flight ended before its time: no instants beyond")
     if file is not None:
@@ -96,11 +96,12 @@ def margins(scenario: Scenario, instants: int, file: Path | None, console: Conso
 
 
 def _without_adaptation(scenario: Scenario) -> Scenario:
-    """The scenario with an adapted tip mass held: at the bound of its projection a derivative means nothing."""
+    """The scenario with what a law adapts held: at the bound of its projection a derivative means nothing."""
     par = scenario.controller.par
-    if not getattr(par, "adapts", False):
+    adapting = [name for name in ("adapts_load", "adapts_friction") if getattr(par, name, False)]
+    if not adapting:
         return scenario
-    still = dataclasses.replace(par, adapts=False, adaptation=0.0)
+    still = dataclasses.replace(par, **dict.fromkeys(adapting, False))
     return dataclasses.replace(scenario, controller=dataclasses.replace(scenario.controller, par=still))
 
 

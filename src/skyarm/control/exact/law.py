@@ -15,10 +15,11 @@ from __future__ import annotations
 from typing import Any
 
 from skyarm.actuation import Command
-from skyarm.control.exact.adaptation import adapted_mass, believed
+from skyarm.control.exact.adaptation import adapted, known
+from skyarm.control.exact.disturbance import Disturbance
 from skyarm.control.exact.extrapolation import continued, samples
 from skyarm.control.exact.memory import ExactMemory, Observed
-from skyarm.control.exact.motion import Disturbance, carried, with_side
+from skyarm.control.exact.motion import carried, with_side
 from skyarm.control.exact.observer import disturbance, observe
 from skyarm.control.exact.parameters import ExactParameters
 from skyarm.control.exact.torques import actuate
@@ -37,18 +38,26 @@ def exact(
     signals, channels, age = continued(
         memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period, par.continuation
     )
-    model = believed(par, memory.tip_mass)
+    model, before, fed = par.model, memory.observed, known(memory.learned)
     observed = observe(
-        model, par.observer, memory.observed, measurement, memory.sent[0], memory.started, memory.free, dt
+        model,
+        par.observer,
+        before,
+        measurement,
+        memory.sent[0],
+        disturbance(before) + fed,
+        memory.started,
+        memory.free,
+        dt,
     )
-    alone = disturbance(observed)
+    alone = disturbance(observed) + fed
     unknown = with_side(
         model, alone, observed.quaternion.rotation(), observed.rotor_speeds, observed.velocity, observed.rate
     )
     state = _present(par, model, measurement, memory, observed, unknown, dt)
     share = 1.0 - exp(-(par.tip.shift_rate * dt))
     slow = memory.slow_force + (observed.force - memory.slow_force) * share
-    steady = slow if par.mode == "ee" else observed.force
+    steady = (slow if par.mode == "ee" else observed.force) + fed.force
     wish = wishes(par, model, state, signals, unknown, steady)
     done = actuate(par, model, state, wish, unknown, memory.trim, dt)
     following = ExactMemory(
@@ -60,7 +69,7 @@ def exact(
         free=done.free,
         slow_force=slow,
         trim=done.trim,
-        tip_mass=adapted_mass(par, memory.tip_mass, model, state, wish, unknown, dt),
+        learned=adapted(par, memory.learned, wish.planned, observed.efforts, memory.free, dt),
     )
     return following, done.command
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from skyarm import dynamics
 from skyarm.actuation import AllocationError, Command, Mixer, make_mixer
 from skyarm.actuation.hover import hover_trim
-from skyarm.algebra import Vec3
+from skyarm.algebra import Mat3, Vec3
+from skyarm.control.exact.adaptation import SLOW, STICKIEST, first_learned
 from skyarm.control.exact.law import exact
 from skyarm.control.exact.memory import Channel, ExactMemory, data
 from skyarm.control.exact.observer import first_observed
@@ -58,8 +60,7 @@ def make_exact(
     vehicle = model.vehicle
     if (mode == "ee" or ("adaptation" in changes and gains["adaptation"])) and not vehicle.end_effector:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: has no end_effector, which mode 'ee' must have")
-    # a task of the tip is what an unknown load at the tip spoils
-    adaptation = gains["adaptation"] if "adaptation" in changes or (mode == "ee" and vehicle.n) else 0.0
+    adaptation = gains["adaptation"] if vehicle.n and vehicle.end_effector else 0.0
     kp, kv, kr, kw = gains["base"]
     yaw_kr, yaw_kw = gains["yaw"]
     stiffness, damping = gains["arm"]
@@ -94,7 +95,11 @@ def make_exact(
         thrust_floor=0.15 * vehicle.mass * model.gravity + 1e-3,
         adaptation=adaptation,
         tip_mass_limit=bounded("tip_mass_limit", tip_mass_limit, 0.0, 1e3),
-        adapts=adaptation > 0.0,
+        adapts_load=adaptation > 0.0,
+        friction_adaptation=gains["friction_adaptation"],
+        damping_limit=_most_damping(vehicle),
+        slow=tuple(SLOW[link.joint.kind] for link in vehicle.links),
+        adapts_friction=gains["friction_adaptation"] > 0.0 and vehicle.n > 0,
     )
     return Controller(name=f"exact_{mode}", law=exact, par=par, memory=first_memory(model, periods))
 
@@ -104,6 +109,12 @@ def _mixer(vehicle: Vehicle) -> Mixer:
         return make_mixer(vehicle, "priority")
     except AllocationError:
         return make_mixer(vehicle)
+
+
+def _most_damping(vehicle: Vehicle) -> tuple[float, ...]:
+    """The most that is learned of each joint's damping, by its inertia at rest."""
+    M = dynamics.mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)
+    return tuple(STICKIEST * float(M[6 + i][6 + i]) for i in range(vehicle.n))
 
 
 def first_memory(model: Model, delay_periods: int) -> ExactMemory:
@@ -122,5 +133,5 @@ def first_memory(model: Model, delay_periods: int) -> ExactMemory:
         free=(1.0,) * (1 + vehicle.n),
         slow_force=zero,
         trim=(0.0,) * len(speeds),
-        tip_mass=0.0,
+        learned=first_learned(vehicle.n),
     )

@@ -66,6 +66,23 @@ class Observed:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Learned:
+    """What is learned slowly, and what it pushes with one period after it was found.
+
+    Attributes:
+        tip_mass: kg. damping: beyond the model's, N m s/rad or N s/m. level: slow mean of the observer's efforts.
+        force: N, world axes. torque: N m, base axes. efforts: of the joints.
+    """
+
+    tip_mass: Scalar
+    damping: tuple[Scalar, ...]
+    level: tuple[Scalar, ...]
+    force: Vec3
+    torque: Vec3
+    efforts: tuple[Scalar, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class ExactMemory:
     """Everything between two steps.
 
@@ -77,7 +94,7 @@ class ExactMemory:
         free: 1 while no actuator was at its limit.
         slow_force: the observer's force, slowly filtered, N.
         trim: added to the squared speeds that the mixer asks for, (rad/s)^2.
-        tip_mass: kg, estimate.
+        learned: of a load at the tip and of friction.
     """
 
     started: Scalar
@@ -88,4 +105,4 @@ class ExactMemory:
     free: tuple[Scalar, ...]
     slow_force: Vec3
     trim: tuple[Scalar, ...]
-    tip_mass: Scalar
+    learned: Learned

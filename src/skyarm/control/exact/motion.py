@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from skyarm import dynamics
@@ -11,6 +10,7 @@ from skyarm.actuation import Command, joint_force, rotor_force, speed_after
 from skyarm.actuation.mixer import allocation_matrix
 from skyarm.algebra import ZERO3, Force, Mat3, Quaternion, Vec3
 from skyarm.compile.repeat import repeat
+from skyarm.control.exact.disturbance import Disturbance
 from skyarm.control.exact.memory import data
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -19,15 +19,6 @@ from skyarm.scalars import add, mul
 
 SUBSTEPS = 5
 """Model steps per control period across the delay: 1 ms at 200 Hz."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Disturbance:
-    """Forces that the model does not know: N, world axes, at the base origin; N m, base axes; of the joints."""
-
-    force: Vec3
-    torque: Vec3
-    efforts: tuple[Any, ...]
 
 
 def rotor_wrench(model: Model, squares: Sequence[Any]) -> Force:

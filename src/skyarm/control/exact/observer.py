@@ -15,8 +15,9 @@ from typing import Any
 from skyarm import dynamics
 from skyarm.actuation import Command
 from skyarm.algebra import ZERO3, Mat3, Motion, Quaternion, Vec3
+from skyarm.control.exact.disturbance import Disturbance
 from skyarm.control.exact.memory import Observed, choose, choose_each, data, vector_data
-from skyarm.control.exact.motion import Disturbance, acceleration, lagged, rotor_wrench, with_side
+from skyarm.control.exact.motion import acceleration, lagged, rotor_wrench, with_side
 from skyarm.control.exact.parameters import ObserverGains
 from skyarm.control.model import Model
 from skyarm.dynamics.measurement import Measurement
@@ -51,6 +52,7 @@ def observe(
     memory: Observed,
     measurement: Measurement,
     acted: Command,
+    unknown: Disturbance,
     started: Any,
     free: Sequence[Any],
     dt: Any,
@@ -63,6 +65,7 @@ def observe(
         memory: one period earlier.
         measurement: the new one.
         acted: the command of the period between them.
+        unknown: what else pushed on them, as believed before the new one.
         started: below 0.5 at the first measurement, which is taken as it is.
         free: 1 or 0 for the base and each joint; 0 holds that disturbance because an actuator is at its limit.
         dt: s.
@@ -75,9 +78,9 @@ def observe(
     ]
     R = memory.quaternion.plus(place.quaternion, 1.0).normalized().rotation()
     joints = tuple(0.5 * (a + b) for a, b in zip(memory.joints, place.joints, strict=True))
-    unknown = with_side(model, disturbance(memory), R, half, memory.velocity, memory.rate)
+    pushing = with_side(model, unknown, R, half, memory.velocity, memory.rate)
     linear, angular, qdd = acceleration(
-        model, R, memory.rate, joints, memory.joint_rates, rotor_wrench(model, squares), acted.efforts, unknown
+        model, R, memory.rate, joints, memory.joint_rates, rotor_wrench(model, squares), acted.efforts, pushing
     )
     v, w = memory.velocity + linear * dt, memory.rate + angular * dt
     rates = [r + a * dt for r, a in zip(memory.joint_rates, qdd, strict=True)]

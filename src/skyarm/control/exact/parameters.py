@@ -77,7 +77,9 @@ class ExactParameters:
         trim_rate: 1/s, of the correction of the rotors' mean squared speeds.
         measured_rates: 0 takes velocities from the observer, 1 from the sensors.
         tilt: largest tangent of the commanded tilt. thrust_floor: smallest commanded vertical force, N.
-        adaptation: 1/s; rate of the tip mass. tip_mass_limit: kg. adapts: False leaves the adaptation out.
+        adaptation: 1/s; rate of the load at the tip. tip_mass_limit: kg. adapts_load: False leaves it out.
+        friction_adaptation: 1/s; rate of the joints' damping. damping_limit: N m s/rad or N s/m. slow: square of a
+            joint's rate below which it teaches little, (rad/s)^2 or (m/s)^2. adapts_friction: False leaves it out.
     """
 
     model: Model
@@ -97,9 +99,14 @@ class ExactParameters:
     thrust_floor: Scalar
     adaptation: Scalar
     tip_mass_limit: Scalar
-    adapts: bool
+    adapts_load: bool
+    friction_adaptation: Scalar
+    damping_limit: tuple[Scalar, ...]
+    slow: tuple[Scalar, ...]
+    adapts_friction: bool
 
     def choices(self) -> list[str]:
         """What is structure, in words."""
-        adapted = ["adapted tip mass"] if self.adapts else []
+        adapted = ["adapted tip mass"] if self.adapts_load else []
+        adapted += ["adapted friction"] if self.adapts_friction else []
         return [f"mode '{self.mode}'", f"measurements {self.delay_periods} periods old", *adapted]

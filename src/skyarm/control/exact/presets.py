@@ -15,20 +15,21 @@ COMMON: Mapping[str, Any] = {
     "continuation": 1.0,
     "trim_rate": 3.0,
     "measured_rates": 0.0,
+    "adaptation": 0.3,
+    "friction_adaptation": 1.0,
 }
 """Limits and weights of both presets; see :class:`ExactParameters`, :class:`TipGains` and :class:`BaseGains`."""
 
 PRESETS: Mapping[str, Mapping[str, Any]] = {
     "robust": {
         **COMMON,
-        "base": (20.0, 8.0, 200.0, 22.0),
+        "base": (22.0, 8.5, 205.0, 22.5),
         "yaw": (30.0, 9.0),
         "arm": (900.0, 60.0),
         "tip": (700.0, 53.0),
-        "observer": (25.0, 30.0, 34.0, 60.0),
+        "observer": (27.0, 31.0, 34.0, 60.0),
         "lag_inversion": 0.1,
-        "adaptation": 0.3,
-        "shift_rate": 4.0,
+        "shift_rate": 3.0,
     },
     "stiff": {
         **COMMON,
@@ -38,7 +39,6 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "tip": (1600.0, 80.0),
         "observer": (40.0, 60.0, 60.0, 1e6),
         "lag_inversion": 1.0,
-        "adaptation": 0.0,
         "shift_rate": 12.0,
     },
 }
@@ -63,6 +63,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "measured_rates": (0.0, 1.0),
     "lag_inversion": (0.0, 1.0),
     "adaptation": (0.0, 100.0),
+    "friction_adaptation": (0.0, 100.0),
     "shift_rate": (0.0, 1e3),
 }
 """Lowest and highest value of the entries that are one number; the others are gains, at least 0."""

@@ -9,9 +9,10 @@ from typing import Any
 from skyarm import dynamics
 from skyarm.actuation import Command, friction, mix
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3, ldl_solve
+from skyarm.control.exact.disturbance import Disturbance
 from skyarm.control.exact.lag import command_for
 from skyarm.control.exact.memory import data
-from skyarm.control.exact.motion import Disturbance, lagged
+from skyarm.control.exact.motion import lagged
 from skyarm.control.exact.parameters import ExactParameters
 from skyarm.control.exact.wishes import Wish
 from skyarm.control.model import Model
@@ -30,6 +31,7 @@ def needed(model: Model, state: State, wish: Wish, unknown: Disturbance) -> tupl
     What the disturbance already does is left out; known friction is added, its dry part at the references' rates.
     """
     vehicle, qd = model.vehicle, state.joint_rates
+    dry_rates = [q.derivative(1) for q in wish.planned.references]
     force, efforts, _ = forces_under_thrust(
         vehicle,
         state.joints,
@@ -41,9 +43,7 @@ def needed(model: Model, state: State, wish: Wish, unknown: Disturbance) -> tupl
     )
     return force.torque - unknown.torque, tuple(
         add(sub(effort, extra), friction(link.joint, rate, dry))
-        for effort, extra, link, rate, dry in zip(
-            efforts, unknown.efforts, vehicle.links, qd, wish.reference_rates, strict=True
-        )
+        for effort, extra, link, rate, dry in zip(efforts, unknown.efforts, vehicle.links, qd, dry_rates, strict=True)
     )
 
 

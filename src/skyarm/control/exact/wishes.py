@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.algebra import ZERO3, Mat3, Vec3
+from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
 from skyarm.control.exact import center_of_mass, tip
 from skyarm.control.exact.attitude import Attitude, angular_acceleration, attitude
+from skyarm.control.exact.disturbance import Disturbance
 from skyarm.control.exact.kinematics import Posture, derivative, moving, posture
-from skyarm.control.exact.motion import Disturbance, side_wrench
+from skyarm.control.exact.motion import side_wrench
 from skyarm.control.exact.parameters import ExactParameters
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -20,13 +21,31 @@ from skyarm.scalars.taylor import Taylor
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Planned:
+    """Motion without errors.
+
+    Attributes:
+        R: R_WB, quasi-static attitude. rate, alpha: its angular velocity and acceleration, rad/s and rad/s^2.
+        proper: acceleration of the base origin less gravity, m/s^2. All in base axes.
+        joints: signals, series in time. references: the joints' own, which those of a tip on its reference leave.
+    """
+
+    R: Mat3
+    rate: Vec3
+    alpha: Vec3
+    proper: Vec3
+    joints: tuple[Taylor, ...]
+    references: tuple[Taylor, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Wish:
-    """Thrust along body z (N), angular acceleration (body axes, rad/s^2), joint accelerations, rates of references."""
+    """Thrust along body z (N), angular acceleration (body axes, rad/s^2), joint accelerations; the planned motion."""
 
     thrust: Any
     alpha: Vec3
     joints: tuple[Any, ...]
-    reference_rates: tuple[Any, ...]
+    planned: Planned
 
 
 def wishes(
@@ -41,7 +60,7 @@ def wishes(
 
     Args:
         par: constants.
-        model: belief, with the adapted tip mass.
+        model: belief.
         state: now.
         signals: x, y, z, yaw and the joints, series in time.
         unknown: disturbance.
@@ -55,15 +74,16 @@ def wishes(
     # drag at the reference's velocity: at the present one it would feed noise and errors into the posture
     drag = R.apply(side_wrench(model, state.rotor_speeds, R.apply_T(base[1]), ZERO3).force)
     still = attitude(center_of_mass.quasi_static(par, mass, base, steady + drag), yaw.truncated(2))
+    turned = joints
     now = posture(vehicle, moving(state.joints, state.joint_rates, (0,) * vehicle.n), 2)
     preferred = joint_accelerations(par, state, joints)
     if par.mode == "ee":
         goal = tip.goal(vehicle, base, yaw, joints, level)
         reach = derivative(now.tip, 0)
         turned = _level_links(par, model, goal, still, joints, level)
-        offset = tip.shift(level, yaw, turned, still, par.tip.shift_limit)
+        upright, level = level, posture(vehicle, turned, 4)
+        offset = tip.shift(upright, yaw, level, still, par.tip.shift_limit)
         base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[3:]]
-        level = turned
     push = center_of_mass.thrust(
         par,
         mass,
@@ -91,8 +111,15 @@ def wishes(
             goal, [state.position - base[0], state.velocity - base[1], push.acceleration - base[2]], par.tip.reach
         )
         preferred = tip.joint_accelerations(vehicle, par.tip, goal, present, preferred)
-    rates = tuple(q.derivative(1) for q in joints)
-    return Wish(thrust=push.along, alpha=alpha, joints=preferred, reference_rates=rates)
+    plan = Planned(
+        R=still.R,
+        rate=still.rate,
+        alpha=still.acceleration,
+        proper=still.R.apply_T(base[2] + E_Z * par.model.gravity),
+        joints=turned,
+        references=joints,
+    )
+    return Wish(thrust=push.along, alpha=alpha, joints=preferred, planned=plan)
 
 
 def joint_accelerations(par: ExactParameters, state: State, joints: Sequence[Taylor]) -> tuple[Any, ...]:
@@ -113,9 +140,9 @@ def _velocity(R: Mat3, w: Vec3, point: Vec3) -> Vec3:
 
 def _level_links(
     par: ExactParameters, model: Model, goal: tip.Goal, still: Attitude, joints: Sequence[Taylor], level: Posture
-) -> Posture:
-    """The posture whose links are turned as those of a level base, at the quasi-static attitude."""
+) -> tuple[Taylor, ...]:
+    """The joints whose links are turned as those of a level base, at the quasi-static attitude."""
     vehicle = model.vehicle
     poses = [Pose(Mat3(*(derivative(row, 0) for row in pose.R.rows)), ZERO3) for pose in level.links]
     change = tip.level_joints(vehicle, par.tip, goal, still.R, poses)
-    return posture(vehicle, [q + c for q, c in zip(joints, change, strict=True)], 4)
+    return tuple(q + c for q, c in zip(joints, change, strict=True))

@@ -21,10 +21,11 @@ from skyarm import dynamics
 from skyarm.actuation import Command, friction, mix
 from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
 from skyarm.control.exact.attitude import attitude, reachable
+from skyarm.control.exact.disturbance import Disturbance
 from skyarm.control.exact.extrapolation import continued, samples
 from skyarm.control.exact.lag import command_for
 from skyarm.control.exact.memory import Observed
-from skyarm.control.exact.motion import Disturbance, with_side
+from skyarm.control.exact.motion import with_side
 from skyarm.control.exact.observer import disturbance, observe
 from skyarm.control.geometric import angular_acceleration, attitude_error, attitude_loop, downward_acceleration
 from skyarm.control.laws import joint_accelerations, limited
@@ -119,7 +120,8 @@ def _unknown(memory: StepMemory, measurement: Measurement, dt: Any, par: StepPar
     before = dataclasses.replace(
         memory.observed, rotor_speeds=tuple(where(memory.started > 0.5, ours, theirs) for ours, theirs in speeds)
     )
-    observed = observe(par.model, par.observer, before, measurement, memory.sent[0], memory.started, memory.free, dt)
+    pushed, acted = disturbance(before), memory.sent[0]
+    observed = observe(par.model, par.observer, before, measurement, acted, pushed, memory.started, memory.free, dt)
     # the observer's model has the rotors' drag in still air: what the base feels is that and what is left to learn
     R = observed.quaternion.rotation()
     felt = with_side(par.model, disturbance(observed), R, observed.rotor_speeds, observed.velocity, observed.rate)
