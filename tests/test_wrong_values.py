@@ -138,7 +138,7 @@ def test_names_that_no_file_can_have_are_refused_on_a_short_line(name: str, reas
 @pytest.mark.parametrize(
     ("keyword", "value", "field"),
     [
-        *(("controller", each, "controller.preset") for each in (["paper_ct"], 3, "lqr")),
+        *(("controller", each, "controller") for each in (["paper_ct"], 3, "lqr")),
         *(("plant", each, "plant.kind") for each in (["mujoco"], 3, "gazebo")),
         *(("seed", each, "seed") for each in ("x", 1.5, True, -1, [1])),
         *(("duration", each, "duration") for each in ("x", [1], np.nan, True)),

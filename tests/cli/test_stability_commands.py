@@ -58,8 +58,8 @@ def test_wrong_words_are_one_line(folder: Path) -> None:
     assert folder.exists()
     refused(skyarm("margins", "best", "short.toml"), "controller = 'best': must be 'own', a preset")
     refused(skyarm("margins", "own", "short.toml", "--instants", "-1"), "instants = -1: must be from 0 to 10000")
-    refused(skyarm("basin", "own", "short.toml", "--flights", "0"), "flights = 0: must be at least 1")
-    refused(skyarm("basin", "own", "short.toml", "--threads", "-1"), "--threads = -1: must be at least 0")
+    refused(skyarm("basin", "own", "short.toml", "--flights", "0"), "flights = 0: must be from 1 to 100000000")
+    refused(skyarm("basin", "own", "short.toml", "--threads", "-1"), "--threads = -1: must be from 0 to 10000")
 
 
 def test_the_margins_of_the_exact_law_hold_its_slow_adaptation(folder: Path) -> None:
@@ -69,6 +69,14 @@ def test_the_margins_of_the_exact_law_hold_its_slow_adaptation(folder: Path) -> 
     found = json.loads((folder / "m.json").read_text())
     radii = [lag["radius"] for instant in found["instants"] for lag in instant["lag"].values()]
     assert max(radii) < 1.0
+
+
+def test_a_scenario_s_own_guard_stays_and_is_not_put_on_twice(folder: Path) -> None:
+    (folder / "guarded.toml").write_text(SHORT.replace('"paper_pd"', '"paper_pd"\nsafety = true'))
+    for words in ([], ["--safety"]):
+        ended = skyarm("margins", "indi", "guarded.toml", "--instants", "0", *words)
+        assert ended.code == 0, ended.err
+        assert ended.out.startswith("guarded_indi in short")
 
 
 def test_too_many_instants_are_refused(folder: Path) -> None:

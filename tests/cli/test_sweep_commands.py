@@ -52,7 +52,8 @@ def test_a_study_is_flown_continued_and_summed_up(folder: Path) -> None:
 
 def test_wrong_input_is_one_line_and_flies_nothing(folder: Path) -> None:
     refused(skyarm("sweep", "nothing"), "study = 'nothing'", "shipped studies are robustness")
-    refused(skyarm("sweep", "study.toml", "--threads", "-1"), "--threads = -1", "at least 0")
+    refused(skyarm("sweep", "study.toml", "--threads", "-1"), "--threads = -1", "from 0 to 10000")
+    refused(skyarm("sweep", "study.toml", "--out", ""), "output folder = ''", "must be the path of a folder")
     (folder / "wrong.toml").write_text(STUDY.replace("base.mass", "base.weight"))
     refused(skyarm("sweep", "wrong.toml"), "wrong.toml", "base.weight", "there are mass, com")
     (folder / "light.toml").write_text(STUDY.replace("[0.6, 0.9]", "[-0.6, 0.9]"))

@@ -20,7 +20,7 @@ def test_an_unknown_law_is_refused_with_the_choices():
 
 
 def test_an_unknown_rate_error_is_refused_with_the_choices():
-    with pytest.raises(ControllerError, match=r"rate_error = 'lee': must be one of \['rotors', 'corrected'\]"):
+    with pytest.raises(ControllerError, match=r"rate_error = 'lee': must be one of rotors, corrected$"):
         make_controller("decoupled_pd", MODEL, rate_error="lee")
 
 
@@ -123,7 +123,7 @@ def test_every_law_of_the_paper_says_which_terms_it_can_leave_out():
 
 def test_an_option_that_a_law_does_not_have_is_refused_with_those_it_has():
     with pytest.raises(
-        ControllerError, match=r"controller\.horizon: law 'decoupled_pd' has no such option.*joint_gains"
+        ControllerError, match=r"controller\.horizon = .*: law 'decoupled_pd' has no such option.*joint_gains"
     ):
         make_controller("decoupled_pd", MODEL, horizon=3)
 

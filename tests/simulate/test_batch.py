@@ -136,3 +136,22 @@ def test_every_lane_flies_through_turbulence_of_its_own():
         alone = run(dataclasses.replace(scenario, episode=k, duration=0.205))
         assert [float(c[k]) for c in outcome.state.position] == alone.position[-1].tolist()
     assert len(set(outcome.state.position.x.tolist())) == 3
+
+
+@pytest.mark.parametrize("path", ["plant.vehicle.base.mass", "reference.base.x.height"])
+def test_lost_is_measured_from_the_reference_of_the_end_not_from_that_of_the_start(path):
+    # 200 m/s from 950 m on: over 1000 m from where the reference was, some 450 m from where it is
+    vehicles = {"plant": {"vehicle": "hummingbird_arm2_rotors"}, "model": {"vehicle": "hummingbird_arm2"}}
+    ramp = {"kind": "ramp", "start": 0.0, "duration": 0.5, "height": 600.0}
+    scenario = scenario_from(
+        {
+            **{"name": "far", "duration": 0.6, "controller": {"preset": "paper_ct"}, **vehicles},
+            "reference": {"base": {"kind": "signals", "x": ramp, "z": 50.0}},
+            "initial": {"position": [950.0, 0.0, 50.0], "velocity": [200.0, 0.0, 0.0]},
+        }
+    )
+    log = run(scenario)
+    assert log.status == "completed"
+    assert log.position[-1, 0] > 1000.0
+    value = {"plant.vehicle.base.mass": 0.72, "reference.base.x.height": 600.0}[path]
+    assert Batch(scenario, (path,)).fly({path: np.array([value, value])}).status.tolist() == ["completed"] * 2

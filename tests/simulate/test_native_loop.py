@@ -15,7 +15,8 @@ from skyarm.control.registry import LAWS
 from skyarm.control.steps.maker import LADDER
 from skyarm.scalars.philox import normal
 from skyarm.simulate import Scenario, run
-from skyarm.simulate.inputs import episode_inputs, turbulence_start
+from skyarm.simulate.draws import turbulence_start
+from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.native import first_carry, fly, trace_scenario
 from skyarm.simulate.scenario_file import load_scenario, scenario_from
 

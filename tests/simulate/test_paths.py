@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 from simulate_flights import document
 
-from skyarm.simulate.paths import ROOTS, number_at, require_apart, with_numbers
+from skyarm.simulate.paths import number_at, require_apart, with_numbers
+from skyarm.simulate.places import ROOTS
 from skyarm.simulate.scenario import ScenarioError
 from skyarm.simulate.scenario_file import load_scenario, scenario_from
 

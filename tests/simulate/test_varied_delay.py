@@ -10,7 +10,8 @@ import pytest
 from skyarm.simulate import Delays, ScenarioError, run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.closed_loop import commands_waiting
-from skyarm.simulate.paths import LATE, number_at
+from skyarm.simulate.paths import number_at
+from skyarm.simulate.places import LATE
 from skyarm.simulate.scenario_file import load_scenario
 
 DELAYS = (0.0, 0.001, 0.004, 0.005, 0.007, 0.010, 0.012, 0.015)
@@ -66,7 +67,9 @@ def test_a_longest_delay_is_above_zero():
         moving(longest_command=0.0)
 
 
-@pytest.mark.parametrize(("longest", "count"), [(0.004, 2), (0.005, 2), (0.0051, 3), (0.010, 3), (0.015, 4)])
+@pytest.mark.parametrize(
+    ("longest", "count"), [(0.004, 2), (0.005, 2), (0.0051, 3), (0.010, 3), (0.015, 4), (0.035, 8)]
+)
 def test_the_loop_remembers_as_many_commands_as_the_longest_delay_needs(longest, count):
     assert commands_waiting(moving(longest_command=longest)) == count
 
@@ -77,6 +80,16 @@ def test_a_varied_delay_of_whole_periods_has_the_bits_of_a_fixed_one():
     for lane, delay in enumerate(whole.tolist()):
         alone = Batch(moving(command=delay), (), exact=True).fly({}).state
         assert [c[lane] for c in (*both.position, *both.velocity)] == [c[0] for c in (*alone.position, *alone.velocity)]
+
+
+def test_whole_periods_that_round_below_a_whole_number_are_whole_all_the_same():
+    delay = 0.145
+    assert delay * 200.0 < 29.0
+    assert 0.035 * 200.0 > 7.0, "and above, in the count of remembered commands"
+    short = dataclasses.replace(moving(longest_command=0.15), duration=1.0)
+    varied = Batch(short, (LATE,), exact=True).fly({LATE: np.array([delay])}).state
+    fixed = Batch(dataclasses.replace(short, delays=Delays(command=delay)), (), exact=True).fly({}).state
+    assert [c[0] for c in (*varied.position, *varied.velocity)] == [c[0] for c in (*fixed.position, *fixed.velocity)]
 
 
 def test_a_delay_outside_its_range_is_refused_lane_by_lane():

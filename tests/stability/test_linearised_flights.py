@@ -18,7 +18,7 @@ from skyarm.control.registry import make_controller
 from skyarm.plant.interface import World
 from skyarm.reference import hover
 from skyarm.simulate import Delays, run
-from skyarm.simulate.closed_loop import Row
+from skyarm.simulate.carry import Row
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.native import first_carry, fly
 from skyarm.stability import margins

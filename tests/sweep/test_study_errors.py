@@ -35,7 +35,7 @@ ERRORS: list[tuple[dict[str, Any], str]] = [
     ({"windows": {"early": [0, 1]}}, "windows.early = [0, 1]: unknown field"),
     ({"scenario": "case9"}, "scenario = 'case9': must be the path of a .toml file or a name; shipped scenarios are"),
     ({"scenario": 9}, "scenario = 9: must be the name of a shipped scenario or a path"),
-    ({"controllers": ["lqr"]}, "controller.preset = 'lqr': must be one of"),
+    ({"controllers": ["lqr"]}, "controller = 'lqr': must be a preset (paper_ct"),
     ({"controllers": []}, "controllers = []: must be a list of different presets"),
     ({"controllers": ["paper_ct", "paper_ct"]}, "must be a list of different presets"),
     ({"vary": {"mass": {"uniform": [0, 1]}}}, "vary.\"mass\": path = 'mass': must start with one of plant, model"),

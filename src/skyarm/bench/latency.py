@@ -12,7 +12,7 @@ from skyarm.compile import leaves
 from skyarm.compile.llvm_text import Lanes
 from skyarm.compile.loop import trace_loop
 from skyarm.compile.native import Kernel, Stepper
-from skyarm.dynamics.measurement import Measurement
+from skyarm.dynamics.measurement import measurement_of
 from skyarm.simulate.inputs import episode_inputs, first_state
 from skyarm.simulate.scenario import Scenario
 
@@ -25,17 +25,7 @@ def latency(scenario: Scenario, calls: int) -> dict[str, dict[str, float]]:
     controller, inputs = scenario.controller, episode_inputs(scenario)
     state = first_state(scenario)
     force = type(state.velocity)(0.0, 0.0, scenario.world.gravity)
-    reading = Measurement(
-        time=0.0,
-        position=state.position,
-        quaternion=state.quaternion,
-        velocity=state.velocity,
-        rate=state.rate,
-        specific_force=force,
-        joints=state.joints,
-        joint_rates=state.joint_rates,
-        rotor_speeds=state.rotor_speeds,
-    )
+    reading = measurement_of(state, force)
     period = 1.0 / scenario.rates.control
 
     def control(memory: Any, _parameters: Any, row: Any, _uniforms: Any) -> Any:

@@ -19,7 +19,9 @@ from skyarm.compile.llvm_text import Lanes
 from skyarm.compile.loop import Loop, trace_loop
 from skyarm.compile.native import Kernel, host_width
 from skyarm.plant.sensors import SensorNoise
-from skyarm.simulate.closed_loop import Row, draws_needed, make_period, structure_of
+from skyarm.simulate.carry import Row, structure_of
+from skyarm.simulate.closed_loop import make_period
+from skyarm.simulate.draws import draws_needed
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.native import first_carry
 from skyarm.simulate.paths import number_at, with_numbers

@@ -22,6 +22,9 @@ console = Console(markup=False, highlight=False, emoji=False)
 NOT_COMPLETED = 3
 """Exit code of a flight that ended before its time."""
 
+MOST_WORKERS = 10_000
+"""Threads or processes: beyond this it is a slip."""
+
 # text, not Path: an empty name would become the folder one stands in
 Out = Annotated[str, typer.Option("--out", help="folder for the results, made if missing")]
 
@@ -31,6 +34,17 @@ def cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def workers(option: str, value: int) -> int:
+    """How many threads or processes an option asks for; 0 takes every core.
+
+    Raises:
+        ValueError: one line.
+    """
+    if not 0 <= value <= MOST_WORKERS:
+        raise ValueError(f"{option} = {value}: must be from 0 to {MOST_WORKERS}")
+    return value or cores()
 
 
 def tell(line: str) -> None:

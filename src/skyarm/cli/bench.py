@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from skyarm.files import require_writable, write_atomically
+from skyarm.files import require_replaceable, require_writable, write_atomically
 
 
 def bench(file: Path | None, quick: bool, console: Console) -> None:
@@ -20,6 +20,7 @@ def bench(file: Path | None, quick: bool, console: Console) -> None:
 
     if file is not None:
         require_writable(file.parent)
+        require_replaceable(file)
     with console.status("measuring") as status:
         found = measure(quick=quick, progress=lambda what: status.update(f"measuring: {what}"))
     console.print(text(found), soft_wrap=True)

@@ -9,9 +9,10 @@ from skyarm import __version__
 from skyarm.actuation import AllocationError
 from skyarm.control.export import export_c
 from skyarm.control.model import Model
-from skyarm.control.presets import PRESETS, preset
-from skyarm.control.registry import LAWS, Controller, make_controller
-from skyarm.files import number, write_atomically
+from skyarm.control.named import choices, is_named, named
+from skyarm.control.registry import Controller
+from skyarm.files import number, shown, write_atomically
+from skyarm.simulate.scenario import HIGHEST_RATE
 from skyarm.simulate.scenario_file import list_scenarios, load_scenario
 from skyarm.vehicle.files import load_vehicle
 
@@ -32,7 +33,8 @@ def export(
     """Write a controller as a C file; returns one line on what was written.
 
     Args:
-        controller: a preset or a law, built for the vehicle; or a scenario, whose controller is taken as it flies.
+        controller: a preset, a law or LAW_tuned, built for the vehicle; or a scenario, whose controller is taken as it
+            flies.
         file: to write.
         vehicle: what the controller believes in; a scenario brings its own.
         gravity: m/s^2, believed; 9.81 if left out, a scenario brings its own.
@@ -44,11 +46,14 @@ def export(
         ValueError, OSError: one line.
     """
     held = None if rate is None else number(rate, "--rate", low=0.0, strict=True)
-    if controller in PRESETS or controller in LAWS:
+    if held is not None and held > HIGHEST_RATE:
+        raise ValueError(f"--rate = {held!r}: must be at most {HIGHEST_RATE} Hz")
+    if is_named(controller):
         if vehicle is None:
             raise ValueError(f"--vehicle: is missing; controller {controller!r} must know the vehicle it flies")
         felt = 9.81 if gravity is None else number(gravity, "--gravity", low=0.0)
-        chosen, title = _built(controller, Model(vehicle=load_vehicle(vehicle), gravity=felt)), controller
+        model = Model(vehicle=load_vehicle(vehicle), gravity=felt)
+        chosen, title = _built(controller, model, 1.0 / (held or RATE)), controller
     else:
         _require_known(controller)
         for option, value in (("--vehicle", vehicle), ("--gravity", gravity)):
@@ -66,9 +71,9 @@ def export(
     )
 
 
-def _built(name: str, model: Model) -> Controller:
+def _built(name: str, model: Model, period: float) -> Controller:
     try:
-        return preset(name, model) if name in PRESETS else make_controller(name, model)
+        return named(name, model, {"control_period": period})
     except AllocationError as error:
         raise ValueError(f"--vehicle = {model.vehicle.name!r}: {error}") from None
 
@@ -76,8 +81,8 @@ def _built(name: str, model: Model) -> Controller:
 def _require_known(controller: str) -> None:
     if controller not in list_scenarios() and Path(controller).suffix != ".toml":
         raise ValueError(
-            f"controller = {controller!r}: must be a preset ({', '.join(sorted(PRESETS))}), a law "
-            f"({', '.join(sorted(LAWS))}), a scenario ({', '.join(list_scenarios())}) or a scenario's .toml file"
+            f"controller = {shown(controller)}: must be {choices()}, or a scenario ({', '.join(list_scenarios())}) "
+            f"or a scenario's .toml file"
         )
 
 

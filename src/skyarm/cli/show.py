@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,16 +12,12 @@ from rich.text import Text
 
 from skyarm.actuation.hover import highest_thrust, hover_trim
 from skyarm.cli.tables import NOTHING, add, shown, table_of, titled
-from skyarm.control.presets import PRESETS
-from skyarm.control.registry import LAWS
 from skyarm.dynamics.arrays import center_of_mass
 from skyarm.dynamics.workspace import reach, static_torques
 from skyarm.experiments.paper import first_plant
 from skyarm.experiments.published import printed
 from skyarm.experiments.table import difference, number
 from skyarm.simulate.scenario import PLANTS
-from skyarm.simulate.scenario_file import list_scenarios, load_scenario
-from skyarm.vehicle.files import list_vehicles, load_vehicle
 from skyarm.vehicle.records import BASE, Vehicle
 
 HEADLINE = (
@@ -49,32 +44,6 @@ def headline(results: Mapping[str, Any]) -> RenderableType:
         ours = (number(cell[each]) for each in PLANTS)
         add(table, case, controller, metric, printed(case, controller, metric) or "-", *ours, difference(cell, plant))
     return titled("paper and ours (m, rad)", table)
-
-
-def library() -> RenderableType:
-    """Vehicles, scenarios, studies and controllers there are."""
-    from skyarm.sweep.study_file import LIBRARY as STUDIES
-    from skyarm.sweep.study_file import list_studies
-
-    vehicles = table_of("vehicle", "mass, kg", "rotors", "joints")
-    for name in list_vehicles():
-        v = load_vehicle(name)
-        kind = " (model only)" if v.planar else ""
-        add(vehicles, name + kind, f"{float(v.mass):.3f}", str(len(v.rotors)), str(v.n))
-    scenarios = table_of("scenario", "what", left=2)
-    for name in list_scenarios():
-        add(scenarios, name, load_scenario(name).title)
-    studies = table_of("study (skyarm sweep NAME)", "what", left=2)
-    for name in list_studies():
-        # its title alone: reading the study would read its scenario, too
-        add(studies, name, str(tomllib.loads((STUDIES / f"{name}.toml").read_text("utf-8")).get("title", "")))
-    presets, laws = table_of("controller preset (published gains)"), table_of("control law", "what", left=2)
-    for name in sorted(PRESETS):
-        add(presets, name)
-    for name, entry in LAWS.items():
-        add(laws, name, entry.title)
-    gap = Text("")
-    return Group(vehicles, gap, scenarios, gap, studies, gap, presets, gap, laws)
 
 
 def vehicle_sheet(vehicle: Vehicle, gravity: float) -> RenderableType:

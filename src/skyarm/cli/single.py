@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.app import NOT_COMPLETED, Out, app, console, cores, tell
+from skyarm.cli.app import NOT_COMPLETED, Out, app, console, tell, workers
 from skyarm.cli.progress import bar
 
 
@@ -28,11 +28,10 @@ def reproduce(
 
     if plant not in (*PLANTS, "both"):
         raise ValueError(f"--plant = {plant!r}: must be one of {', '.join(PLANTS)} or both")
-    if jobs < 0:
-        raise ValueError(f"--jobs = {jobs}: must be at least 0")
+    processes = workers("--jobs", jobs)
     plants = PLANTS if plant == "both" else (plant,)
     with bar("flying", console) as advance:
-        table = perform(out, plants=plants, workers=jobs or cores(), progress=advance, note=console.print)
+        table = perform(out, plants=plants, workers=processes, progress=advance, note=console.print)
     console.print(headline(table))
     tell(f"results in {out}: report.html, table2.md, results.json, figures/")
 
@@ -42,7 +41,7 @@ def run(
     scenario: Annotated[str, typer.Argument(help="a scenario file (.toml) or the name of a shipped one")],
     out: Out = "out/run",
     plant: Annotated[str | None, typer.Option(help="rigid_body or mujoco, in place of the file's")] = None,
-    controller: Annotated[str | None, typer.Option(help="a controller preset, in place of the file's")] = None,
+    controller: Annotated[str | None, typer.Option(help="a preset, a law or LAW_tuned, in place of the file's")] = None,
     seed: Annotated[int | None, typer.Option(help="seed of the noise, in place of the file's")] = None,
     duration: Annotated[float | None, typer.Option(help="seconds, in place of the file's")] = None,
 ) -> None:
@@ -70,11 +69,16 @@ def run(
 
 
 @app.command(name="list")
-def list_() -> None:
+def list_(
+    file: Annotated[Path | None, typer.Option("--json", help="write names, titles and laws' options there")] = None,
+) -> None:
     """List vehicles, scenarios, studies, controllers."""
-    from skyarm.cli.show import library
+    from skyarm.cli.library import contents, library, write
 
-    console.print(library(), soft_wrap=True)
+    found = contents()
+    console.print(library(found), soft_wrap=True)
+    if file is not None:
+        tell(f"written: {write(found, file)}")
 
 
 @app.command()
@@ -106,7 +110,7 @@ def show(
 
 @app.command(name="export-c")
 def export_c(
-    controller: Annotated[str, typer.Argument(help="a preset, a law, or a scenario (its controller and belief)")],
+    controller: Annotated[str, typer.Argument(help="a preset, a law, LAW_tuned, or a scenario (its controller)")],
     file: Annotated[Path, typer.Option("--out", "-o", help="the C file to write")],
     vehicle: Annotated[str | None, typer.Option(help="the vehicle that a preset or law believes in")] = None,
     gravity: Annotated[float | None, typer.Option(help="m/s^2, believed by a preset or law; 9.81")] = None,

@@ -12,13 +12,10 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from skyarm.actuation import AllocationError
 from skyarm.cli.lines import printable
-from skyarm.control.controller import Controller
-from skyarm.control.model import Model
-from skyarm.control.presets import PRESETS, preset
-from skyarm.control.registry import LAWS, make_controller
+from skyarm.control.named import choices, is_named
 from skyarm.control.safety import guarded
+from skyarm.control.safety.guard import Guarded
 from skyarm.files import require_writable, shown, write_atomically
 from skyarm.simulate.scenario import Scenario
 from skyarm.simulate.scenario_file import load_scenario
@@ -33,32 +30,22 @@ MOST_INSTANTS = 10_000
 
 
 def planned(controller: str, scenario: str, *, safety: bool) -> Scenario:
-    """A scenario with another controller, on the scenario's own belief.
+    """A scenario with another controller, on its own belief, told of its clocks, under guard where it says so.
 
     Args:
-        controller: a preset, a law, or "own" for the scenario's.
+        controller: a preset, a law, LAW_tuned, or "own" for the scenario's.
         scenario: a name or a file.
-        safety: put it under guard.
+        safety: put it under guard whatever the scenario says.
 
     Raises:
         ValueError: one line.
     """
-    loaded = load_scenario(scenario)
-    if controller != OWN:
-        loaded = dataclasses.replace(loaded, controller=_made(controller, loaded.controller.par.model))
-    return dataclasses.replace(loaded, controller=guarded(loaded.controller)) if safety else loaded
-
-
-def _made(name: str, model: Model) -> Controller:
-    if name not in PRESETS and name not in LAWS:
-        raise ValueError(
-            f"controller = {shown(name)}: must be {OWN!r}, a preset ({', '.join(sorted(PRESETS))}) or a law "
-            f"({', '.join(sorted(LAWS))})"
-        )
-    try:
-        return preset(name, model) if name in PRESETS else make_controller(name, model)
-    except AllocationError as error:
-        raise ValueError(f"model.vehicle = {model.vehicle.name!r}: {error}") from None
+    if controller != OWN and not is_named(controller):
+        raise ValueError(f"controller = {shown(controller)}: must be {OWN!r}, {choices()}")
+    loaded = load_scenario(scenario, controller=None if controller == OWN else controller)
+    if not safety or isinstance(loaded.controller.par, Guarded):
+        return loaded
+    return dataclasses.replace(loaded, controller=guarded(loaded.controller))
 
 
 def margins(scenario: Scenario, instants: int, file: Path | None, console: Console) -> bool:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.app import NOT_COMPLETED, Out, app, console, cores
+from skyarm.cli.app import NOT_COMPLETED, Out, app, console, workers
 
 MOST = 1_000_000
 """Flights of a cell of the bench: more belong into a sweep, which keeps them on disk."""
@@ -16,7 +16,7 @@ MOST = 1_000_000
 @app.command()
 def sweep(
     study: Annotated[str, typer.Argument(help="a study file (.toml) or the name of a shipped one")],
-    out: Annotated[Path | None, typer.Option("--out", help="folder of the rows; out/NAME if left out")] = None,
+    out: Annotated[str | None, typer.Option("--out", help="folder of the rows; out/NAME if left out")] = None,
     threads: Annotated[int, typer.Option(help="threads that fly; 0 takes every core")] = 0,
     ray: Annotated[str | None, typer.Option(help="address of a Ray cluster, or local")] = None,
 ) -> None:
@@ -26,15 +26,13 @@ def sweep(
     """
     from skyarm.cli.sweep import sweep as perform
 
-    if threads < 0:
-        raise ValueError(f"--threads = {threads}: must be at least 0")
-    perform(study, out, threads or cores(), ray, console)
+    perform(study, out, workers("--threads", threads), ray, console)
 
 
 @app.command()
 def stats(
     folder: Annotated[Path, typer.Argument(help="folder that 'skyarm sweep' wrote")],
-    out: Annotated[Path | None, typer.Option("--out", help="folder of the results; FOLDER/stats if left out")] = None,
+    out: Annotated[str | None, typer.Option("--out", help="folder of the results; FOLDER/stats if left out")] = None,
     success: Annotated[
         list[str] | None, typer.Option(help="METRIC=LARGEST of a success, in place of the study's")
     ] = None,
@@ -51,7 +49,7 @@ def stats(
 
 @app.command()
 def margins(
-    controller: Annotated[str, typer.Argument(help="a preset, a law, or 'own' for the scenario's")],
+    controller: Annotated[str, typer.Argument(help="a preset, a law, LAW_tuned, or 'own' for the scenario's")],
     scenario: Annotated[str, typer.Argument(help="a scenario file (.toml) or the name of a shipped one")],
     instants: Annotated[int, typer.Option(help="looked at along the scenario, beside hover")] = 4,
     safety: Annotated[bool, typer.Option("--safety", help="under the safety layer")] = False,
@@ -71,7 +69,7 @@ def margins(
 
 @app.command()
 def basin(
-    controller: Annotated[str, typer.Argument(help="a preset, a law, or 'own' for the scenario's")],
+    controller: Annotated[str, typer.Argument(help="a preset, a law, LAW_tuned, or 'own' for the scenario's")],
     scenario: Annotated[str, typer.Argument(help="a scenario file (.toml) or the name of a shipped one")],
     out: Out = "out/basin",
     flights: Annotated[int, typer.Option(help="initial states")] = 100_000,
@@ -86,11 +84,11 @@ def basin(
     from skyarm.cli.stability import basin as perform
     from skyarm.cli.stability import planned
 
-    for name, value in (("--threads", threads), ("--seed", seed)):
-        if value < 0:
-            raise ValueError(f"{name} = {value}: must be at least 0")
+    if seed < 0:
+        raise ValueError(f"--seed = {seed}: must be at least 0")
+    flying = workers("--threads", threads)
     limits = {"rate": rate, "offset": offset, "speed": speed, "seed": seed}
-    perform(planned(controller, scenario, safety=safety), flights, out, threads or cores(), limits, console, controller)
+    perform(planned(controller, scenario, safety=safety), flights, out, flying, limits, console, controller)
 
 
 @app.command()
@@ -129,9 +127,9 @@ def compare(
     for option, value in (("--plants", plants), ("--seeds", seeds)):
         if not 1 <= value <= MOST:
             raise ValueError(f"{option} = {value}: must be from 1 to {MOST}")
-    for option, value in (("--seed", seed), ("--threads", threads)):
-        if value < 0:
-            raise ValueError(f"{option} = {value}: must be at least 0")
+    if seed < 0:
+        raise ValueError(f"--seed = {seed}: must be at least 0")
+    flying = workers("--threads", threads)
     if plant not in PLANTS:
         raise ValueError(f"--plant = {plant!r}: must be one of {', '.join(PLANTS)}")
     perform(
@@ -143,6 +141,6 @@ def compare(
         seeds=seeds,
         seed=seed,
         plant=plant,
-        threads=threads or cores(),
+        threads=flying,
         console=console,
     )

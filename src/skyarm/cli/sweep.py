@@ -15,7 +15,7 @@ from skyarm.files import require_writable, write_atomically
 DPI = 160
 
 
-def sweep(study: str, out: Path | None, threads: int, ray: str | None, console: Console) -> None:
+def sweep(study: str, out: str | None, threads: int, ray: str | None, console: Console) -> None:
     """Fly a study, or what is missing of it.
 
     Raises:
@@ -24,7 +24,7 @@ def sweep(study: str, out: Path | None, threads: int, ray: str | None, console: 
     from skyarm.sweep import load_study, run_sweep
 
     loaded = load_study(study)
-    folder = out or Path("out") / loaded.name
+    folder = Path("out") / loaded.name if out is None else require_writable(out)
     begin = time.perf_counter()
     before: list[int] = []
     with bar(loaded.name, console) as advance:
@@ -48,7 +48,7 @@ def sweep(study: str, out: Path | None, threads: int, ray: str | None, console: 
 
 def stats(
     folder: Path,
-    out: Path | None,
+    out: str | None,
     success: list[str] | None,
     paths: tuple[str, str] | None,
     seed: int,
@@ -67,7 +67,7 @@ def stats(
 
     rows = Rows(folder, parse_limits(success) if success else None)
     maps = robustness_maps(rows, paths)
-    target = require_writable(out or folder / "stats")
+    target = require_writable(folder / "stats" if out is None else out)
     found = statistics(rows, seed=seed)
     images = {f"{each.controller}": image_bytes(robustness_figure(each), dpi=DPI) for each in maps}
     for name, content in images.items():

@@ -20,12 +20,11 @@ from skyarm.compare.entrants import Entrant
 from skyarm.compare.plants import draw
 from skyarm.compare.single import METRICS, fly_one_by_one
 from skyarm.compare.suite import CASES, Case, Condition
-from skyarm.files import write_atomically
+from skyarm.files import versions, write_atomically
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.paths import with_numbers
 from skyarm.simulate.scenario import Scenario
 from skyarm.sweep.identity import identity
-from skyarm.sweep.store import versions
 
 Array = npt.NDArray[Any]
 
@@ -154,7 +153,7 @@ def key(flights: Flights) -> str:
     """Digest of what the numbers of a cell depend on."""
     condition, scenario = flights.condition, flights.scenario()
     facts = {
-        "versions": versions(),
+        "versions": versions("numpy", "llvmlite"),
         "source": source(),
         "metrics": METRICS,
         "scenario": identity(scenario),

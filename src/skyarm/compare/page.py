@@ -9,8 +9,8 @@ from skyarm.compare.columns import COST, TRACKING, WRONG
 from skyarm.compare.entrants import Entrant
 from skyarm.compare.suite import CASES, Condition
 from skyarm.compare.tables import plants_rows, step_rows, truth_rows
+from skyarm.files import versions
 from skyarm.pages import image, page, section, table
-from skyarm.sweep.store import versions
 
 WRONG_NOTE = (
     "A success flies to its end and keeps the tip within 20 mm all through the last 5 s (intervals: Wilson, 95 %). "

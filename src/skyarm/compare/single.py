@@ -13,7 +13,8 @@ from skyarm.simulate import metrics as m
 from skyarm.simulate.log import Log
 from skyarm.simulate.loop import run
 from skyarm.simulate.measures import Windows
-from skyarm.simulate.paths import LATE, with_numbers
+from skyarm.simulate.paths import with_numbers
+from skyarm.simulate.places import LATE
 from skyarm.simulate.scenario import Delays, Scenario
 
 Array = npt.NDArray[Any]

@@ -85,20 +85,9 @@ class JaxKernel:
         threads: int = 1,
         every: int = 1,
     ) -> tuple[Array, Array]:
-        """Step all lanes through all rows. A number of lanes or rows that is new compiles anew.
+        """Step all lanes through all rows, with the arguments and results of :meth:`skyarm.compile.native.Kernel.run`.
 
-        Args:
-            carry: (carry, lanes).
-            parameters: (parameters, lanes).
-            rows: (steps, row), the same for all lanes.
-            seed: key of the random numbers.
-            episodes: the same, lane by lane; lane k is episode k if left out.
-            start: number of the first step, for the random numbers.
-            threads: blocks are shared out; results do not depend on it. Of no use on a GPU.
-            every: log each so many steps.
-
-        Returns:
-            carry after the last row, and the log (entries, logged, lanes), empty without logging.
+        A number of lanes or rows that is new compiles anew. Threads are of no use on a GPU.
         """
         lanes = carry.shape[1]
         jobs = [(*job, np.uint32(start)) for job in self.placed(carry, parameters, rows, seed, episodes, threads)]

@@ -13,14 +13,13 @@ import re
 from typing import Any
 
 from skyarm.actuation import Command
-from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import Program, leaves, trace
 from skyarm.compile.c_file import StepFile
 from skyarm.compile.c_source import Floats
 from skyarm.compile.c_struct import Place, Struct, make_struct
 from skyarm.control.controller import Controller
 from skyarm.control.export_units import NOTES, STRUCTS, TORQUE_NOTES
-from skyarm.dynamics.measurement import Measurement
+from skyarm.dynamics.measurement import Measurement, blank_measurement
 from skyarm.reference import Reference
 
 SHORTER = {"parameters": "", "model": "", "vehicle": "", "body": "", "links": "link", "frames": "frame"}
@@ -88,22 +87,11 @@ def export_c(
 def _examples(controller: Controller, period: float) -> dict[str, Any]:
     """Records of data: their values are not used but for the constants and the memory, which become defaults."""
     vehicle = controller.par.model.vehicle
-    zero, joints = Vec3(0.0, 0.0, 0.0), (0.0,) * vehicle.n
-    measurement = Measurement(
-        time=0.0,
-        position=zero,
-        quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
-        velocity=zero,
-        rate=zero,
-        specific_force=zero,
-        joints=joints,
-        joint_rates=joints,
-        rotor_speeds=(0.0,) * len(vehicle.rotors),
-    )
+    joints = (0.0,) * vehicle.n
     arm: dict[str, Any] = {f"joint{word}": joints for word in ("s", "_rates", "_accelerations", "_jerks", "_snaps")}
     return {
         "parameters": Constants(parameters=controller.par, period=period),
-        "measurement": measurement,
+        "measurement": blank_measurement(vehicle.n, len(vehicle.rotors)),
         "reference": Reference(**arm).dense(),
         "memory": controller.memory,
     }

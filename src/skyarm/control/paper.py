@@ -153,7 +153,7 @@ def make_paper_controller(
         AllocationError: the model's rotors do not span torque and thrust.
     """
     if rate_error not in RATE_ERRORS:
-        raise ControllerError(f"controller.rate_error = {shown(rate_error)}: must be one of {list(RATE_ERRORS)}")
+        raise ControllerError(f"controller.rate_error = {shown(rate_error)}: must be one of {', '.join(RATE_ERRORS)}")
     if name == "hybrid_computed_torque_euler":
         from skyarm.control.computed_torque_euler import require_paper_vehicle
 

@@ -28,21 +28,44 @@ TORQUE = JointGains(stiffness=(1.0, 0.5), damping=(0.04, 0.02))
 
 @dataclass(frozen=True, slots=True)
 class Preset:
-    """A law and its published gains."""
+    """A law with its published gains or other options.
 
+    Attributes:
+        title: one line for people. law: a key of ``LAWS``. options: of the law.
+    """
+
+    title: str
     law: str
     options: Mapping[str, Any]
 
 
 PRESETS: Mapping[str, Preset] = {
-    "paper_ct": Preset("hybrid_computed_torque", {"gains": HUMMINGBIRD, "joint_gains": ACCELERATION}),
-    "paper_ct_euler": Preset("hybrid_computed_torque_euler", {"gains": HUMMINGBIRD, "joint_gains": ACCELERATION}),
-    "paper_pd": Preset("decoupled_pd", {"gains": HUMMINGBIRD, "joint_gains": TORQUE}),
-    "rotors_hummingbird": Preset("rotors_position", {"gains": HUMMINGBIRD}),
-    "exact_joint": Preset("exact", {"mode": "joint"}),
-    "exact_joint_stiff": Preset("exact", {"mode": "joint", "preset": "stiff"}),
-    "exact_ee": Preset("exact", {"mode": "ee"}),
-    "exact_ee_stiff": Preset("exact", {"mode": "ee", "preset": "stiff"}),
+    "paper_ct": Preset(
+        "the paper's computed torque, gains of its Table A1",
+        "hybrid_computed_torque",
+        {"gains": HUMMINGBIRD, "joint_gains": ACCELERATION},
+    ),
+    "paper_ct_euler": Preset(
+        "the same gains in the paper's Euler-angle equations",
+        "hybrid_computed_torque_euler",
+        {"gains": HUMMINGBIRD, "joint_gains": ACCELERATION},
+    ),
+    "paper_pd": Preset(
+        "the paper's baseline, gains of its Table A2",
+        "decoupled_pd",
+        {"gains": HUMMINGBIRD, "joint_gains": TORQUE},
+    ),
+    "rotors_hummingbird": Preset(
+        "RotorS's controller with its Hummingbird's gains, joints free", "rotors_position", {"gains": HUMMINGBIRD}
+    ),
+    "exact_joint": Preset("the exact law, base and joints exact, robust", "exact", {"mode": "joint"}),
+    "exact_joint_stiff": Preset(
+        "the exact law, base and joints exact, for perfect state", "exact", {"mode": "joint", "preset": "stiff"}
+    ),
+    "exact_ee": Preset("the exact law, the tip exact, robust", "exact", {"mode": "ee"}),
+    "exact_ee_stiff": Preset(
+        "the exact law, the tip exact, for perfect state", "exact", {"mode": "ee", "preset": "stiff"}
+    ),
 }
 """The paper's controllers with its gains, and the exact law with its own."""
 

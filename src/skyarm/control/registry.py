@@ -141,9 +141,12 @@ def make_controller(name: str, model: Model, **options: Any) -> Controller:
     if not isinstance(model, Model):
         raise ControllerError(f"model = {shown(model)}: must be a Model of vehicle and gravity")
     entry = LAWS[name]
-    for option in options:
+    for option, value in options.items():
         if option not in entry.options():
-            raise ControllerError(f"controller.{option}: law '{name}' has no such option; it has {entry.options()}")
+            there = ", ".join(entry.options())
+            raise ControllerError(
+                f"controller.{option} = {shown(value)}: law '{name}' has no such option; it has {there}"
+            )
     made = entry.function()(model, **options, **dict(entry.fixed))
     # a maker of several laws may not know under which name it was asked
     return dataclasses.replace(made, name=name) if made.name in LAWS else made

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.dynamics.state import State
 from skyarm.scalars import Scalar
 
 
@@ -31,3 +32,34 @@ class Measurement:
     joints: tuple[Scalar, ...] = ()
     joint_rates: tuple[Scalar, ...] = ()
     rotor_speeds: tuple[Scalar, ...] = ()
+
+
+def blank_measurement(joints: int, rotors: int) -> Measurement:
+    """A reading of a vehicle that rests at the origin, level, at time 0: an example whose numbers are all data."""
+    zero, still = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
+    return Measurement(
+        time=0.0,
+        position=zero,
+        quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
+        velocity=zero,
+        rate=zero,
+        specific_force=zero,
+        joints=still,
+        joint_rates=still,
+        rotor_speeds=(0.0,) * rotors,
+    )
+
+
+def measurement_of(state: State, specific_force: Vec3) -> Measurement:
+    """A reading of a state by sensors without errors, at time 0; specific force in m/s^2, base axes."""
+    return Measurement(
+        time=0.0,
+        position=state.position,
+        quaternion=state.quaternion,
+        velocity=state.velocity,
+        rate=state.rate,
+        specific_force=specific_force,
+        joints=state.joints,
+        joint_rates=state.joint_rates,
+        rotor_speeds=state.rotor_speeds,
+    )

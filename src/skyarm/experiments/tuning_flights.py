@@ -27,7 +27,9 @@ from skyarm.environment.gust import Gust
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.sensors import SensorNoise
 from skyarm.scalars import Scalar, absolute, logical_and, maximum, where
-from skyarm.simulate.closed_loop import Carry, Row, Sample, blend, draws_needed, make_period, structure_of
+from skyarm.simulate.carry import Carry, Row, Sample, blend, structure_of
+from skyarm.simulate.closed_loop import make_period
+from skyarm.simulate.draws import draws_needed
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.kinematics import level_tool
 from skyarm.simulate.native import first_carry

@@ -3,6 +3,7 @@
 from skyarm.files.atomic import require_replaceable, require_writable, write_atomically
 from skyarm.files.fields import Fields, number, shown
 from skyarm.files.read import file_name, unreadable
+from skyarm.files.versions import versions
 
 __all__ = [
     "Fields",
@@ -12,5 +13,6 @@ __all__ = [
     "require_writable",
     "shown",
     "unreadable",
+    "versions",
     "write_atomically",
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import secrets
 import tempfile
@@ -14,24 +15,32 @@ from skyarm.files.fields import shown
 def write_atomically(path: str | os.PathLike[str], content: bytes) -> Path:
     """Write to a temporary file beside the target, then rename; a cut-off run leaves no half file.
 
+    A link is followed. A device or a pipe, such as /dev/stdout, is written into, never replaced.
+
     Raises:
         OSError: with one line that names the file.
     """
-    target = Path(path)
+    target = Path(os.path.realpath(path))
+    if target.is_dir() or target.is_symlink():
+        reason = os.strerror(errno.EISDIR if target.is_dir() else errno.ELOOP)
+        raise OSError(f"file = {str(path)!r}: must be writable ({reason})")
     # a name of its own for every writer; opened as an ordinary new file, so that the usual rights apply
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.part")
     try:
+        if target.exists() and not target.is_file():
+            target.write_bytes(content)
+            return Path(path)
         target.parent.mkdir(parents=True, exist_ok=True)
         with temporary.open("xb") as stream:
             stream.write(content)
         temporary.replace(target)
     except OSError as error:
         _forget(temporary)
-        raise OSError(f"file = {str(target)!r}: must be writable ({error.strerror})") from error
+        raise OSError(f"file = {str(path)!r}: must be writable ({error.strerror})") from error
     except BaseException:
         _forget(temporary)
         raise
-    return target
+    return Path(path)
 
 
 def _forget(temporary: Path) -> None:
@@ -54,8 +63,9 @@ def require_writable(folder: str | os.PathLike[str]) -> Path:
         target.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=target):
             pass
-    except OSError as error:
-        raise OSError(f"output folder = {shown(str(target))}: must be writable ({error.strerror})") from None
+    except (OSError, ValueError) as error:  # a NUL in its name is a ValueError
+        reason = getattr(error, "strerror", None) or error
+        raise OSError(f"output folder = {shown(str(target))}: must be writable ({reason})") from None
     return target
 
 

@@ -64,6 +64,13 @@ class Fields:
         x, y, z = (number(item, f"{at}[{index}]") for index, item in enumerate(value))
         return x, y, z
 
+    def numbers(self, name: str, *default: Any, low: float = -math.inf) -> tuple[float, ...]:
+        """A list of finite numbers, none below ``low``."""
+        values, at = self.take(name, *default), self.at(name)
+        if not isinstance(values, (list, tuple)):
+            raise ValueError(f"{at} = {shown(values)}: must be a list of numbers")
+        return tuple(number(value, f"{at}[{i}]", low=low) for i, value in enumerate(values))
+
     def choice(self, name: str, options: tuple[str, ...], default: Any = _REQUIRED) -> str:
         """One of several words."""
         value = self.take(name, default)

@@ -22,19 +22,16 @@ from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.scalars.philox import normal
 from skyarm.simulate.batch_log import BatchLog, Logged, batch_log
 from skyarm.simulate.batch_rows import Feed
-from skyarm.simulate.closed_loop import (
-    CHANNEL_TURBULENCE,
-    Carry,
-    draws_needed,
-    make_counting_period,
-    structure_of,
-)
+from skyarm.simulate.carry import Carry, structure_of
+from skyarm.simulate.closed_loop import make_counting_period
+from skyarm.simulate.draws import CHANNEL_TURBULENCE, draws_needed
 from skyarm.simulate.endings import endings
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.measures import Windows, metric_names, needed
 from skyarm.simulate.measures import values as metric_values
 from skyarm.simulate.native import first_carry
-from skyarm.simulate.paths import LATE, number_at, require_apart, with_numbers
+from skyarm.simulate.paths import number_at, require_apart, with_numbers
+from skyarm.simulate.places import LATE
 from skyarm.simulate.scenario import Scenario, ScenarioError, noise_key
 from skyarm.simulate.totals import first_totals
 

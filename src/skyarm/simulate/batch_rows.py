@@ -17,7 +17,8 @@ from skyarm.compile.arrays import evaluate
 from skyarm.compile.lower import live
 from skyarm.compile.tracer import Node
 from skyarm.reference import Publisher, Reference
-from skyarm.simulate.closed_loop import Row, goal_of
+from skyarm.simulate.carry import Row
+from skyarm.simulate.closed_loop import goal_of
 from skyarm.simulate.inputs import EpisodeInputs
 from skyarm.simulate.paths import with_numbers
 from skyarm.simulate.scenario import Scenario

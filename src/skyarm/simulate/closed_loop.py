@@ -8,96 +8,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.algebra import ZERO3, Vec3
-from skyarm.compile import leaves, rebuild
 from skyarm.compile.repeat import repeat
 from skyarm.dynamics import State, frame_pose
-from skyarm.dynamics.measurement import Measurement
-from skyarm.environment import Airspeed, DrydenMemory, WindSample, afflicted, dryden, wind
+from skyarm.environment import Airspeed, WindSample, afflicted, dryden, wind
 from skyarm.plant.interface import number
 from skyarm.plant.rigid_body import STEP, accelerate
 from skyarm.plant.sensors import measure, noise_count
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar, absolute, cos, floor, logical_and, maximum, sin, where
-from skyarm.scalars.philox import normal_pair
+from skyarm.scalars import absolute, cos, floor, logical_and, maximum, sin, where
+from skyarm.simulate.carry import Carry, Row, Sample, blend, ended
+from skyarm.simulate.draws import CHANNEL_SENSORS, draws_needed, normals
 from skyarm.simulate.monitor import FAR, LONG, LOST, lowest_point
 from skyarm.simulate.scenario import Scenario
 from skyarm.simulate.totals import Goal, Instant, Total, counted
 from skyarm.vehicle.records import Vehicle
 
-CHANNEL_SENSORS, CHANNEL_TURBULENCE = 0, 1
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Carry:
-    """What one control period hands to the next.
-
-    Attributes:
-        alive: 1 while the episode runs, 0 once it has ended. ticks: control periods flown.
-        state: of the plant. memory: of the controller.
-        queue: commands on their way, oldest first; the first acts now.
-        readings: measurements on their way, oldest first.
-        turbulence: of the air, or None.
-    """
-
-    alive: Scalar
-    ticks: Scalar
-    state: State
-    memory: Any
-    queue: tuple[Command, ...]
-    readings: tuple[Measurement, ...]
-    turbulence: DrydenMemory | None
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Row:
-    """What a control instant is fed from outside: its time and the held reference."""
-
-    time: Scalar
-    reference: Reference
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Sample:
-    """What may be logged of a control instant."""
-
-    alive: Scalar
-    state: State
-    command: Command
-    reading: Measurement
-    wind: WindSample
-
-
 Period = Callable[[Carry, Row, tuple[Any, ...]], tuple[Carry, Sample]]
-
-
-def draws_needed(scenario: Scenario) -> tuple[tuple[int, int], ...]:
-    """(channel, count) of the uniform numbers a period takes; counts are even, normals come in pairs."""
-    vehicle = scenario.world.vehicle
-    found = []
-    if leaves(scenario.sensors):
-        count = noise_count(vehicle.n, len(vehicle.rotors))
-        found.append((CHANNEL_SENSORS, count + count % 2))
-    if isinstance(scenario.wind, Airspeed) and scenario.wind.turbulence is not None:
-        found.append((CHANNEL_TURBULENCE, 4))
-    return tuple(found)
-
-
-def _normals(uniforms: tuple[Any, ...]) -> list[Any]:
-    numbers: list[Any] = []
-    for a, b in zip(uniforms[0::2], uniforms[1::2], strict=True):
-        numbers += normal_pair(a, b)
-    return numbers
-
-
-def blend(condition: Any, new: Any, old: Any) -> Any:
-    """``new`` where the condition holds, else ``old``, leaf by leaf; structure is the old record's."""
-    values = (where(condition, a, b) for a, b in zip(leaves(new), leaves(old), strict=True))
-    return rebuild(old, values)
 
 
 def healthy(scenario: Scenario, state: State, goal: Vec3) -> Any:
@@ -144,13 +74,13 @@ def make_period(scenario: Scenario, substeps: Callable[[float], int]) -> Period:
         alive = logical_and(carry.alive > 0.5, healthy(scenario, state, row.reference.position))
         gusts, moved = ZERO3, carry.turbulence
         if turbulence is not None and carry.turbulence is not None:
-            numbers = _normals(uniforms[sensor_draws:])
+            numbers = normals(uniforms[sensor_draws:])
             moved, gusts = dryden.step(carry.turbulence, Vec3(*numbers[:3]), period, par=turbulence)
         air = afflicted(wind(scenario.wind, row.time, gusts), scenario.faults, scenario.world.vehicle, row.time)
         old = _issued(carry.queue, whole)
         force, _ = accelerate(scenario.world, state, state.rotor_speeds, old.efforts, air)
         n, rotors = len(state.joints), len(state.rotor_speeds)
-        draws = _normals(uniforms[:sensor_draws]) if sensor_draws else [0] * (noise_count(n, rotors))
+        draws = normals(uniforms[:sensor_draws]) if sensor_draws else [0] * (noise_count(n, rotors))
         # where nothing pushes the reading is a structural zero
         proper = Vec3(*(number(c) for c in force.linear))
         now = measure(scenario.sensors, row.time, state, proper, draws[: noise_count(n, rotors)])
@@ -175,7 +105,7 @@ def make_period(scenario: Scenario, substeps: Callable[[float], int]) -> Period:
             readings=seen[1:],
             turbulence=moved,
         )
-        frozen = blend(alive, following, _ended(carry))
+        frozen = blend(alive, following, ended(carry))
         return frozen, Sample(alive=where(alive, 1.0, 0.0), state=state, command=command, reading=now, wind=air)
 
     return step
@@ -263,16 +193,3 @@ def goal_of(vehicle: Vehicle, reference: Reference) -> Goal:
         c, s = cos(reference.yaw), sin(reference.yaw)
         tool = tool + Vec3(c * held.x - s * held.y, s * held.x + c * held.y, held.z)
     return Goal(position=reference.position, joints=reference.joints, tool=tool)
-
-
-def _ended(carry: Carry) -> Carry:
-    """The carry of an episode that has ended: as it was, not alive."""
-    values = {field.name: getattr(carry, field.name) for field in fields(carry)}
-    return Carry(**{**values, "alive": 0.0})
-
-
-def structure_of(record: Any) -> Any:
-    """An example of a record: every scalar 0.0, structure kept."""
-    if is_dataclass(record) or isinstance(record, tuple):
-        return rebuild(record, iter([0.0] * len(leaves(record))))
-    return record

@@ -18,12 +18,10 @@ from skyarm.plant.interface import number
 from skyarm.plant.sensors import noise_count
 from skyarm.reference import Publisher, Reference
 from skyarm.scalars.philox import normal
+from skyarm.simulate.draws import CHANNEL_SENSORS, CHANNEL_TURBULENCE, turbulence_start
 from skyarm.simulate.scenario import Scenario, trimmed_state
 
 Array = npt.NDArray[Any]
-
-CHANNEL_SENSORS, CHANNEL_TURBULENCE = 0, 1
-"""Channels of the noise generator; every engine draws the same numbers for (seed, episode, channel, step)."""
 
 
 @dataclass(frozen=True)
@@ -170,9 +168,3 @@ def _turbulence(scenario: Scenario) -> list[Vec3]:
         memory, velocity = dryden.step(memory, Vec3(*draw), period, par=par)
         found.append(velocity)
     return found
-
-
-def turbulence_start(seed: int, episode: int) -> tuple[Vec3, Vec3]:
-    """Normal numbers that start the turbulence: steps -1 and -2 of its channel, the flight's own begin at step 0."""
-    draws = normal(seed, episode, CHANNEL_TURBULENCE, np.array([2**32 - 1, 2**32 - 2]), 3).tolist()
-    return Vec3(*draws[0]), Vec3(*draws[1])

@@ -5,11 +5,8 @@ from __future__ import annotations
 import io
 import json
 import os
-import platform
 import zipfile
 from dataclasses import dataclass, fields
-from functools import lru_cache
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +17,7 @@ from skyarm.algebra import Quaternion
 from skyarm.algebra.euler import euler_angles
 from skyarm.compile import leaves
 from skyarm.environment import WindSample
-from skyarm.files import write_atomically
+from skyarm.files import versions, write_atomically
 from skyarm.simulate.inputs import EpisodeInputs
 from skyarm.simulate.kinematics import level_tool, tool
 from skyarm.simulate.monitor import Ending
@@ -204,22 +201,6 @@ def assemble(scenario: Scenario, inputs: EpisodeInputs, flown: Samples, ending: 
     )
 
 
-def versions() -> dict[str, str]:
-    """Versions that a result depends on."""
-    return dict(_versions())
-
-
-@lru_cache(maxsize=1)
-def _versions() -> dict[str, str]:
-    found = {"python": platform.python_version()}
-    for name in ("skyarm", "numpy", "mujoco"):
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = "not installed"
-    return found
-
-
 def describe(scenario: Scenario, ending: Ending | None) -> dict[str, Any]:
     """What a log says about itself."""
     rates, whole = scenario.rates, plain(scenario)
@@ -242,7 +223,7 @@ def describe(scenario: Scenario, ending: Ending | None) -> dict[str, Any]:
         "status": ending.status if ending else "completed",
         "cause": ending.cause if ending else "",
         "end_time": ending.time if ending else scenario.duration,
-        "versions": versions(),
+        "versions": versions("numpy", "mujoco"),
         "scenario_record": whole,
         "digest": digest(whole),
     }

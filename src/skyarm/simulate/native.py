@@ -12,20 +12,20 @@ import numpy.typing as npt
 
 from skyarm.actuation import Command
 from skyarm.actuation.hover import hover_trim
-from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm_text import Lanes
 from skyarm.compile.loop import Loop, trace_loop
 from skyarm.compile.native import NO_MACHINE_CODE, Kernel
 from skyarm.compile.repeat import operations
-from skyarm.dynamics import State
-from skyarm.dynamics.measurement import Measurement
+from skyarm.dynamics.measurement import blank_measurement
 from skyarm.environment import Airspeed, DrydenMemory, dryden
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import number
 from skyarm.scalars.philox import uniforms
-from skyarm.simulate.closed_loop import Carry, Row, Sample, commands_waiting, draws_needed, make_period, structure_of
-from skyarm.simulate.inputs import EpisodeInputs, first_state, turbulence_start
+from skyarm.simulate.carry import Carry, Row, Sample, structure_of
+from skyarm.simulate.closed_loop import commands_waiting, make_period
+from skyarm.simulate.draws import draws_needed, turbulence_start
+from skyarm.simulate.inputs import EpisodeInputs, first_state
 from skyarm.simulate.log import Samples
 from skyarm.simulate.monitor import Ending, Monitor
 from skyarm.simulate.scenario import Scenario
@@ -50,23 +50,8 @@ def first_carry(scenario: Scenario) -> Carry:
         state=state,
         memory=scenario.controller.memory,
         queue=(standing,) * commands_waiting(scenario),
-        readings=(_blank_reading(state),) * old,
+        readings=(blank_measurement(vehicle.n, len(vehicle.rotors)),) * old,
         turbulence=_first_turbulence(scenario),
-    )
-
-
-def _blank_reading(state: State) -> Measurement:
-    zero = Vec3(0.0, 0.0, 0.0)
-    return Measurement(
-        time=0.0,
-        position=zero,
-        quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
-        velocity=zero,
-        rate=zero,
-        specific_force=zero,
-        joints=(0.0,) * len(state.joints),
-        joint_rates=(0.0,) * len(state.joints),
-        rotor_speeds=(0.0,) * len(state.rotor_speeds),
     )
 
 

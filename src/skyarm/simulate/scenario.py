@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
 import numbers
 import re
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.actuation import make_mixer
 from skyarm.actuation.hover import hover_trim
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.controller import Controller
@@ -19,10 +17,9 @@ from skyarm.plant.interface import World
 from skyarm.plant.interface import number as data
 from skyarm.plant.rigid_body import INTEGRATORS
 from skyarm.plant.sensors import SensorNoise
-from skyarm.plant.stiffness import friction_rate
 from skyarm.reference import Trajectory
 from skyarm.scalars import Scalar, cos, minimum, sin
-from skyarm.vehicle.check import TOLERANCE, concrete, require_plant
+from skyarm.simulate.scenario_checks import check_clocks, check_delays, check_initial, check_vehicles, require_whole
 
 PLANTS = ("rigid_body", "mujoco")
 
@@ -31,9 +28,6 @@ HIGHEST_RATE = 1_000_000
 
 LONGEST_FLIGHT = 10_000_000
 """Control periods of one episode, 14 h at 200 Hz: its log takes about 10 GB."""
-
-LONGEST_QUEUE = 100
-"""Control periods that a varied delay of the commands may take: the loop remembers as many commands."""
 
 PERFECT_SENSORS = SensorNoise()
 
@@ -165,31 +159,18 @@ def _check(scenario: Scenario) -> None:
     if scenario.duration * scenario.rates.control > LONGEST_FLIGHT:
         longest = LONGEST_FLIGHT / scenario.rates.control
         raise ScenarioError(f"duration = {scenario.duration!r}: must be at most {longest:g} s at this control rate")
-    _require_whole("duration", scenario.duration, scenario.rates.control, "control periods")
+    require_whole("duration", scenario.duration, scenario.rates.control, "control periods")
     for field, value, allowed in (
         ("plant.kind", scenario.plant, PLANTS),
         ("plant.integrator", scenario.integrator, INTEGRATORS),
     ):
         if value not in allowed:
             raise ScenarioError(f"{field} = {shown(value)}: must be one of {', '.join(allowed)}")
-    rates = scenario.rates
-    for name, rate, unit in (
-        ("measurement", rates.control, "control periods"),
-        ("command", rates.physics, "physics steps"),
-    ):
-        if not concrete(getattr(scenario.delays, name)):
-            continue
-        delay = number(getattr(scenario.delays, name), f"delays.{name}", low=0.0)
-        if delay > scenario.duration:
-            raise ScenarioError(f"delays.{name} = {delay!r}: must not exceed the duration of {scenario.duration:g} s")
-        # the closed loop in machine code takes any delay if it is told the longest; MuJoCo's plant steps
-        if name == "measurement" or scenario.delays.longest_command is None or scenario.plant == "mujoco":
-            _require_whole(f"delays.{name}", delay, rate, unit)
-    _check_longest(scenario)
-    _check_vehicles(scenario)
-    _check_clocks(scenario)
+    check_delays(scenario)
+    check_vehicles(scenario)
+    check_clocks(scenario)
     if scenario.initial is not None:
-        _check_initial(scenario.initial, scenario.world.vehicle.n, len(scenario.world.vehicle.rotors))
+        check_initial(scenario.initial, scenario.world.vehicle.n, len(scenario.world.vehicle.rotors))
 
 
 def check_name(name: str) -> None:
@@ -204,85 +185,6 @@ def noise_key(field: str, value: Any) -> int:
     if held is None or not 0 <= held < 2**32:
         raise ScenarioError(f"{field} = {shown(value)}: must be a whole number from 0 to 2**32 - 1")
     return held
-
-
-def _check_clocks(scenario: Scenario) -> None:
-    """A law that is told of its clocks is told of those that tick."""
-    par, rates = scenario.controller.par, scenario.rates
-    for name, rate in (("control_period", rates.control), ("reference_period", rates.reference)):
-        believed = getattr(par, name, None)
-        if believed is not None and concrete(believed) and abs(believed * rate - 1.0) > 1e-6:
-            clock = name.removesuffix("_period")
-            raise ScenarioError(f"controller.{name} = {believed!r}: must be {1.0 / rate:g} s, as rates.{clock} has it")
-
-
-def _check_longest(scenario: Scenario) -> None:
-    """A delay that varies stays below its longest."""
-    delays = scenario.delays
-    if delays.longest_command is None:
-        return
-    longest = number(delays.longest_command, "delays.longest_command", low=0.0, strict=True)
-    if longest * scenario.rates.control > LONGEST_QUEUE:
-        raise ScenarioError(
-            f"delays.longest_command = {longest!r}: must be at most {LONGEST_QUEUE} control periods, "
-            f"{LONGEST_QUEUE / scenario.rates.control:g} s"
-        )
-    if concrete(delays.command) and delays.command > delays.longest_command:
-        raise ScenarioError(
-            f"delays.command = {delays.command!r}: must not exceed delays.longest_command = {delays.longest_command!r}"
-        )
-
-
-def _check_vehicles(scenario: Scenario) -> None:
-    """Truth and belief have the same joints and rotors, the reference fits them, and the truth can be simulated.
-
-    Its rotors must reach every torque and thrust; whether they are strong enough to carry it, the flight shows.
-    """
-    truth, belief = scenario.world.vehicle, scenario.controller.par.model.vehicle
-    try:
-        require_plant(truth)
-        make_mixer(truth)
-        friction_rate(truth)
-    except ValueError as error:
-        raise ScenarioError(f"plant.vehicle = {truth.name!r}: {error}") from None
-    for what, ours, theirs in (("joints", truth.n, belief.n), ("rotors", len(truth.rotors), len(belief.rotors))):
-        if ours != theirs:
-            raise ScenarioError(
-                f"model.vehicle = {belief.name!r}: has {theirs} {what}, must have {ours} as the plant {truth.name!r}"
-            )
-    for i, fault in enumerate(scenario.faults):
-        try:
-            fault.check(truth)
-        except ValueError as error:
-            raise ScenarioError(f"environment.faults[{i}].{error}") from None
-    found = len(scenario.trajectory.joints)
-    if found != truth.n:
-        raise ScenarioError(f"reference.joints = {found} signals: must be {truth.n}, one for each joint")
-
-
-def _check_initial(state: State, joints: int, rotors: int) -> None:
-    counts = (("joints", joints), ("joint_rates", joints), ("rotor_speeds", rotors))
-    for name, count in counts:
-        if len(getattr(state, name)) != count:
-            raise ScenarioError(f"initial.{name}: {len(getattr(state, name))} values, must be {count}")
-    check_quaternion(tuple(state.quaternion))
-
-
-def check_quaternion(values: tuple[Any, ...]) -> None:
-    """Four numbers of unit length."""
-    good = len(values) == 4
-    if good and concrete(*values):
-        good = abs(math.sqrt(sum(c * c for c in values)) - 1.0) <= TOLERANCE
-    if not good:
-        raise ScenarioError(
-            f"initial.quaternion_wxyz = {shown(list(values))}: must be four numbers of length 1 within {TOLERANCE:g}"
-        )
-
-
-def _require_whole(field: str, seconds: float, rate: int, unit: str) -> None:
-    count = seconds * rate
-    if abs(count - round(count)) > 1e-6 or (seconds > 0.0 and round(count) < 1):
-        raise ScenarioError(f"{field} = {seconds!r}: must be a whole number of {unit} of {1.0 / rate:g} s")
 
 
 def trimmed_state(world: World, position: Vec3, yaw: float, joints: tuple[Any, ...]) -> State:

@@ -61,7 +61,7 @@ def load_scenario(
     Args:
         name_or_path: a name of :func:`list_scenarios`, or the path of a .toml file.
         plant: "rigid_body" or "mujoco".
-        controller: name of a preset.
+        controller: name of a preset or a law, or ``LAW_tuned`` (:mod:`skyarm.control.named`).
         seed: of the noise.
         duration: s.
 

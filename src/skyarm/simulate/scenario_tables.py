@@ -9,30 +9,28 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.actuation import AllocationError
-from skyarm.actuation.mixer import POLICIES
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.controller import Controller, ControllerError
-from skyarm.control.geometric import RATE_ERRORS
-from skyarm.control.model import GeometricGains, JointGains, Model, Terms
-from skyarm.control.paper import PAPER_LAWS
-from skyarm.control.presets import preset
-from skyarm.control.registry import LAWS, make_controller, suited
+from skyarm.control.model import Model
+from skyarm.control.named import named
+from skyarm.control.presets import PRESETS, preset
+from skyarm.control.registry import LAWS
 from skyarm.dynamics import State
 from skyarm.environment import payload_from
 from skyarm.files import Fields, number, shown
 from skyarm.plant.sensors import SensorNoise
-from skyarm.simulate.scenario import Delays, Rates, Scenario, check_quaternion, trimmed_state
+from skyarm.simulate.law_table import law_from
+from skyarm.simulate.scenario import Delays, Rates, Scenario, trimmed_state
+from skyarm.simulate.scenario_checks import check_quaternion
 from skyarm.vehicle.files import list_vehicles, load_vehicle
 from skyarm.vehicle.records import Vehicle
-
-TERMS = tuple(field.name for field in dataclasses.fields(Terms))
 
 
 def text(fields: Fields, name: str, *default: str) -> str:
     """Text; not empty where there is no default."""
     value = fields.take(name, *default)
     if not isinstance(value, str) or (not value and not default):
-        raise ValueError(f"{fields.at(name)} = {shown(value)}: must be text that is not empty")
+        raise ValueError(f"{fields.at(name)} = {shown(value)}: must be text{'' if default else ' that is not empty'}")
     return value
 
 
@@ -100,22 +98,36 @@ def rates(top: Fields) -> Rates:
 
 
 def controller(fields: Fields, model: Model, replaced: str | None, known: Mapping[str, Any]) -> Controller:
-    """A preset or a law with its constants, under guard if asked; ``replaced`` is a preset in place of the law.
+    """A preset or a law with its constants, under guard if asked.
+
+    ``replaced`` is a name of :mod:`skyarm.control.named` in place of the table's law.
 
     ``known`` is what a law may know of its loop (:func:`skyarm.control.presets.preset`).
     """
     safety = fields.take("safety", False)
     try:
         if replaced is not None:
-            return _guarded(preset(replaced, model, known), safety)
-        if "law" in fields.table or "preset" not in fields.table:
-            found = _law(fields, model, known)
-        else:
-            found = preset(text(fields, "preset"), model, known)
+            return _guarded(named(replaced, model, known), safety)
+        found = _preset(fields, model, known) if "law" not in fields.table else law_from(fields, model, known)
     except AllocationError as error:
         raise ValueError(f"model.vehicle = {model.vehicle.name!r}: {error}") from None
-    fields.done()
     return _guarded(found, safety)
+
+
+def _preset(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
+    """The preset of a table, which takes no options."""
+    name = fields.take("preset", None)
+    if name is None:
+        raise ValueError(f"{fields.where}: must have a preset ({', '.join(PRESETS)}) or a law ({', '.join(LAWS)})")
+    if isinstance(name, str) and name not in PRESETS and name in LAWS:
+        raise ValueError(f"{fields.at('preset')} = {name!r}: is no preset but a law: law = {name!r}")
+    for word, value in fields.table.items():
+        if word not in ("preset", "safety"):
+            raise ValueError(
+                f"{fields.at(word)} = {shown(value)}: unknown field; beside a preset only safety is allowed, a law in "
+                f"its place takes options"
+            )
+    return preset(name, model, known)
 
 
 def _guarded(found: Controller, safety: Any) -> Controller:
@@ -129,70 +141,11 @@ def _guarded(found: Controller, safety: Any) -> Controller:
     if not isinstance(safety, dict):
         raise ValueError(f"controller.safety = {shown(safety)}: must be true, false or a table of limits")
     table = Fields(safety, "controller.safety")
-    stow = _numbers(table, "stow") if "stow" in safety else None
+    stow = table.numbers("stow") if "stow" in safety else None
     try:
         return guarded(found, {name: value for name, value in safety.items() if name != "stow"}, stow=stow)
     except ControllerError as error:
         raise ValueError(f"controller.{error}") from None
-
-
-def _law(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
-    name, best = text(fields, "law"), fields.take("tuned", False)
-    if not isinstance(best, bool):
-        raise ValueError(f"controller.tuned = {shown(best)}: must be true or false")
-    if name in PAPER_LAWS and not best:
-        return _paper_law(name, fields, model)
-    options = {option: fields.take(option) for option in fields.table if option not in ("law", "tuned", "safety")}
-    if "mixer" in options:
-        options["mixer_policy"] = options.pop("mixer")
-    for option, read in (("gains", _gains), ("joint_gains", _joint_gains)):
-        if option in options:
-            options[option] = read(Fields(options[option], f"controller.{option}"))
-    options = {**(suited(name, known) if name in LAWS else {}), **options}
-    if not best:
-        return make_controller(name, model, **options)
-    from skyarm.control.tuned import tuned
-
-    return tuned(name, model, **options)
-
-
-def _paper_law(name: str, fields: Fields, model: Model) -> Controller:
-    gains, joint_gains = fields.take("gains", None), fields.take("joint_gains", None)
-    without = fields.take("without", [])
-    if not isinstance(without, list) or any(name not in TERMS for name in without):
-        raise ValueError(f"controller.without = {shown(without)}: must be a list of {', '.join(TERMS)}")
-    return make_controller(
-        name,
-        model,
-        gains=None if gains is None else _gains(Fields(gains, "controller.gains")),
-        joint_gains=None if joint_gains is None else _joint_gains(Fields(joint_gains, "controller.joint_gains")),
-        mixer_policy=fields.choice("mixer", POLICIES, "rotors_clip"),
-        rate_error=fields.choice("rate_error", RATE_ERRORS, "rotors"),
-        terms=Terms(**dict.fromkeys(without, False)),
-    )
-
-
-def _gains(fields: Fields) -> GeometricGains:
-    names = ("position", "velocity", "attitude", "rate")
-    vectors = {name: Vec3(*fields.vector(name)) for name in names}
-    fields.done()
-    for name, vector in vectors.items():
-        for axis, value in zip("xyz", vector, strict=True):
-            number(value, f"{fields.where}.{name}.{axis}", low=0.0)
-    return GeometricGains(**vectors)
-
-
-def _joint_gains(fields: Fields) -> JointGains:
-    rows = {name: _numbers(fields, name, low=0.0) for name in ("stiffness", "damping")}
-    fields.done()
-    return JointGains(**rows)
-
-
-def _numbers(fields: Fields, name: str, *default: Any, low: float = -math.inf) -> tuple[float, ...]:
-    values, at = fields.take(name, *default), fields.at(name)
-    if not isinstance(values, (list, tuple)):
-        raise ValueError(f"{at} = {shown(values)}: must be a list of numbers")
-    return tuple(number(value, f"{at}[{i}]", low=low) for i, value in enumerate(values))
 
 
 def sensors(top: Fields) -> SensorNoise:
@@ -216,12 +169,12 @@ def delays(top: Fields) -> Delays:
 def initial(fields: Fields, scenario: Scenario) -> State:
     """Hover trim at the reference with the given fields replaced."""
     start = scenario.trajectory.at(0.0)
-    joints = _numbers(fields, "joints", [float(q) for q in start.joints])
+    joints = fields.numbers("joints", [float(q) for q in start.joints])
     n = scenario.world.vehicle.n
     if len(joints) != n:
         raise ValueError(f"initial.joints: {len(joints)} values, must be {n}, one for each joint")
     trim = trimmed_state(scenario.world, start.position, float(start.yaw), joints)
-    quaternion = _numbers(fields, "quaternion_wxyz", list(trim.quaternion))
+    quaternion = fields.numbers("quaternion_wxyz", list(trim.quaternion))
     check_quaternion(quaternion)
     length = math.sqrt(sum(c * c for c in quaternion))
     state = State(
@@ -230,8 +183,8 @@ def initial(fields: Fields, scenario: Scenario) -> State:
         velocity=Vec3(*fields.vector("velocity", tuple(trim.velocity))),
         rate=Vec3(*fields.vector("rate", tuple(trim.rate))),
         joints=joints,
-        joint_rates=_numbers(fields, "joint_rates", trim.joint_rates),
-        rotor_speeds=_numbers(fields, "rotor_speeds", trim.rotor_speeds, low=0.0),
+        joint_rates=fields.numbers("joint_rates", trim.joint_rates),
+        rotor_speeds=fields.numbers("rotor_speeds", trim.rotor_speeds, low=0.0),
     )
     fields.done()
     return state

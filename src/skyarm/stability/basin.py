@@ -27,6 +27,12 @@ RETURNED = 0.5
 DURATION = 12.0
 """s, enough for a fall of a second and its recovery."""
 
+MOST_FLIGHTS = 100_000_000
+"""A map of one memory: each takes about 200 bytes."""
+
+LARGEST = 1e6
+"""Rate, offset or speed of a start: beyond this it is a slip of units."""
+
 TILTS, RATES = 18, 12
 """Bins of the map: ten degrees each, and twelfths of the largest rate."""
 
@@ -172,13 +178,13 @@ def basin(
         threads: the result does not depend on it.
 
     Raises:
-        ScenarioError: fewer than one flight, or a limit below zero.
+        ScenarioError: fewer than one flight or too many for a memory, or a limit below zero or beyond any flight.
     """
-    if count < 1:
-        raise ScenarioError(f"flights = {count}: must be at least 1")
+    if not 1 <= count <= MOST_FLIGHTS:
+        raise ScenarioError(f"flights = {count}: must be from 1 to {MOST_FLIGHTS}")
     for name, value in (("rate", rate), ("offset", offset), ("speed", speed)):
-        if not 0.0 <= value < math.inf:
-            raise ScenarioError(f"{name} = {value!r}: must be at least 0")
+        if not 0.0 <= value <= LARGEST:
+            raise ScenarioError(f"{name} = {value!r}: must be from 0 to {LARGEST:g}")
     flight = hovering(scenario)
     steps = math.ceil(DURATION * flight.rates.control)
     flight = dataclasses.replace(

@@ -25,13 +25,13 @@ from skyarm.compile.loop import trace_loop
 from skyarm.compile.native import Kernel, host_width
 from skyarm.compile.repeat import repeat
 from skyarm.dynamics import State
-from skyarm.dynamics.measurement import Measurement
+from skyarm.dynamics.measurement import Measurement, measurement_of
 from skyarm.environment import Airspeed, Wind, WindSample, afflicted, wind
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import number
 from skyarm.plant.rigid_body import STEP, accelerate
 from skyarm.plant.sensors import measure, noise_count
-from skyarm.simulate.closed_loop import Carry, Row, structure_of
+from skyarm.simulate.carry import Carry, Row, structure_of
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.native import first_carry
 from skyarm.simulate.scenario import PERFECT_SENSORS, Scenario
@@ -248,23 +248,9 @@ class Differentiator:
 def _point(carry: Carry) -> _Point:
     """Where the open period is differentiated, as far as the carry tells."""
     following = carry.queue[1] if len(carry.queue) > 1 else carry.queue[0]
-    seen = carry.readings[0] if carry.readings else _reading_of(carry.state)
+    # an open period asks for no time and no specific force
+    seen = carry.readings[0] if carry.readings else measurement_of(carry.state, carry.state.velocity * 0.0)
     return _Point(state=carry.state, old=carry.queue[0], new=following, memory=carry.memory, seen=seen)
-
-
-def _reading_of(state: State) -> Measurement:
-    """Measurement record of a state; its time and specific force are not those of the sensors."""
-    return Measurement(
-        time=0.0,
-        position=state.position,
-        quaternion=state.quaternion,
-        velocity=state.velocity,
-        rate=state.rate,
-        specific_force=state.velocity * 0.0,
-        joints=state.joints,
-        joint_rates=state.joint_rates,
-        rotor_speeds=state.rotor_speeds,
-    )
 
 
 def _turned(q: Quaternion, half: Sequence[float]) -> Quaternion:

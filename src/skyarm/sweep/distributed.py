@@ -9,10 +9,10 @@ import os
 from collections.abc import Iterator
 from typing import Any
 
+from skyarm.files import versions
 from skyarm.simulate.batch import Batch
 from skyarm.sweep.plan import Plan
 from skyarm.sweep.rows import fly_chunk
-from skyarm.sweep.store import versions
 
 LOCAL = "local"
 """Address that starts a cluster on this machine."""

@@ -9,14 +9,12 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import platform
 import re
 from collections.abc import Mapping
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from skyarm.files import require_writable, shown, write_atomically
+from skyarm.files import require_writable, shown, versions, write_atomically
 from skyarm.sweep.plan import Plan
 from skyarm.sweep.rows import MARK, mark, row_count
 from skyarm.sweep.study import StudyError
@@ -26,19 +24,11 @@ ROWS = "rows"
 KEYS = ("name", "title", "study", "scenarios", "success", "versions", "complete", "rows", "chunks")
 """What a manifest must have to be read."""
 
+ROWS_NEED = ("numpy", "llvmlite", "pyarrow")
+"""Packages whose versions the bits of rows may depend on."""
+
 LEFT = re.compile(r"\.(chunk_\d+\.parquet|manifest\.json)\.[0-9a-f]+\.part")
 """Names of what a killed process leaves of the file it was writing."""
-
-
-def versions() -> dict[str, str]:
-    """Versions that rows depend on."""
-    found = {"python": platform.python_version()}
-    for name in ("skyarm", "numpy", "llvmlite", "pyarrow"):
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = "not installed"
-    return found
 
 
 def read_manifest(folder: str | os.PathLike[str]) -> dict[str, Any]:
@@ -79,7 +69,7 @@ class Store:
         self.folder, self.plan = Path(folder), plan
         require_writable(self.folder)
         require_writable(self.folder / ROWS)
-        self._versions = versions()
+        self._versions = versions(*ROWS_NEED)
         before = self._previous()
         for path in (*self.folder.glob(".*.part"), *(self.folder / ROWS).glob(".*.part")):
             if LEFT.fullmatch(path.name):

@@ -209,7 +209,7 @@ def _scenarios(top: Fields, folder: Path, paths: list[str]) -> dict[str, Scenari
         or any(not isinstance(each, str) for each in controllers)
         or len(set(controllers)) != len(controllers)
     ):
-        raise ValueError(f"controllers = {shown(controllers)}: must be a list of different presets")
+        raise ValueError(f"controllers = {shown(controllers)}: must be a list of different presets or laws")
     duration = top.take("duration", None)
     if duration is not None:
         duration = number(duration, "duration", low=0.0, strict=True)

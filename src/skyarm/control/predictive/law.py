@@ -38,7 +38,7 @@ from skyarm.control.predictive.observer import Bandwidths, Estimate, observe, pr
 from skyarm.control.predictive.solve import Bounds, Plan, Problem, Riccati, Solver, shifted
 from skyarm.control.rivals.options import positive
 from skyarm.dynamics import State
-from skyarm.dynamics.measurement import Measurement
+from skyarm.dynamics.measurement import Measurement, blank_measurement
 from skyarm.files import shown
 from skyarm.reference import Reference, Trajectory
 from skyarm.vehicle.records import Vehicle
@@ -228,17 +228,7 @@ def _engine(par: PredictiveParameters, dt: float) -> Engine:
     state, _, disturbance, _ = examples(vehicle.n, len(vehicle.rotors))
     estimate = Estimate(state=state, disturbance=disturbance)
     command = Command(rotor_speeds=state.rotor_speeds, efforts=state.joints)
-    reading = Measurement(
-        time=0.0,
-        position=state.position,
-        quaternion=state.quaternion,
-        velocity=state.velocity,
-        rate=state.rate,
-        specific_force=state.position,
-        joints=state.joints,
-        joint_rates=state.joints,
-        rotor_speeds=state.rotor_speeds,
-    )
+    reading = blank_measurement(vehicle.n, len(vehicle.rotors))
     steps = stage_lengths(par, dt)
     bounds = Bounds(
         np.array([float(link.joint.effort_limit) for link in vehicle.links]),

@@ -1,0 +1,146 @@
+"""Presets, laws and tuned laws by one name, wherever a command takes a controller."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from test_cli_errors import refused, skyarm
+
+import skyarm as library
+from skyarm.compile import leaves
+from skyarm.control.model import Model
+from skyarm.control.named import is_named, named
+from skyarm.control.presets import PRESETS, preset
+from skyarm.control.registry import LAWS, make_controller
+from skyarm.control.tuned import tuned, tuned_factors
+from skyarm.simulate import Log
+
+MODEL = Model(vehicle=library.load_vehicle("hummingbird_arm2"))
+KNOWN = {"control_period": 0.0025, "reference_period": 0.01, "delay": 0.005, "delay_periods": 2}
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_every_name_makes_the_controller_that_its_maker_makes() -> None:
+    for name in PRESETS:
+        assert leaves(named(name, MODEL).par) == leaves(preset(name, MODEL).par)
+    for name in LAWS:
+        found, own = named(name, MODEL), make_controller(name, MODEL)
+        assert (found.name, leaves(found.par)) == (own.name, leaves(own.par))
+    for name in tuned_factors():
+        assert leaves(named(f"{name}_tuned", MODEL).par) == leaves(tuned(name, MODEL).par)
+        assert leaves(named(f"{name}_tuned", MODEL).par) != leaves(named(name, MODEL).par)
+
+
+def test_no_name_means_two_controllers() -> None:
+    assert not set(PRESETS) & set(LAWS)
+    assert not any(name.endswith("_tuned") for name in (*PRESETS, *LAWS))
+    assert not is_named("exact_tuned")
+    assert not is_named(["exact"])
+
+
+@pytest.mark.parametrize(("name", "periods"), [("exact", 2), ("exact_ee", 2), ("indi", 2), ("indi_tuned", 2)])
+def test_a_controller_is_told_of_its_loop(name: str, periods: int) -> None:
+    assert named(name, MODEL, KNOWN).par.delay_periods == periods
+    assert named(name, MODEL).par.delay_periods == 0
+
+
+@pytest.mark.parametrize(("name", "law"), [("exact", "exact_joint"), ("indi", "indi"), ("kim_sliding_mode_style", "")])
+def test_run_takes_any_law(folder: Path, name: str, law: str) -> None:
+    assert skyarm("run", "case1", "--duration", "0.1", "--controller", name).code == 0
+    assert Log.load_npz(folder / "out" / "run" / "case1.npz").info["controller"] == (law or name)
+
+
+def test_run_takes_tuned_gains(folder: Path) -> None:
+    records = []
+    for name in ("indi", "indi_tuned"):
+        assert skyarm("run", "case1", "--duration", "0.1", "--controller", name).code == 0
+        records.append(Log.load_npz(folder / "out" / "run" / "case1.npz").info["scenario_record"])
+    assert records[0] != records[1]
+
+
+def test_c_is_exported_of_any_name(folder: Path) -> None:
+    for name in ("ct_observer", "ct_observer_tuned", "exact_joint"):
+        ended = skyarm("export-c", name, "--vehicle", "hummingbird_arm2", "--out", f"{name}.c")
+        assert ended.code == 0, ended.err
+        assert f"{name}_step" in (folder / f"{name}.c").read_text()
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("run", "case1", "--controller", "{}"),
+        ("margins", "{}", "case1"),
+        ("basin", "{}", "case1"),
+        ("export-c", "{}", "--vehicle", "hummingbird", "--out", "x.c"),
+    ],
+)
+@pytest.mark.parametrize("name", ["lqr", "exact_tuned", "indi_tuned_tuned", ""])
+def test_an_unknown_name_is_refused_with_all_there_are(folder: Path, command: tuple[str, ...], name: str) -> None:
+    words = ("a preset (paper_ct, ", "a law (rotors_position, ", ", exact)", "LAW_tuned", "all laws have but")
+    refused(skyarm(*(each.format(name) for each in command)), f"controller = {name!r}: must be", *words)
+    assert not list(folder.iterdir())
+
+
+def test_the_list_is_written_as_data(folder: Path) -> None:
+    ended = skyarm("list", "--json", "l.json")
+    assert ended.code == 0, ended.err
+    found = json.loads((folder / "l.json").read_text())
+    assert [each["name"] for each in found["presets"]] == list(PRESETS)
+    laws = {each["name"]: each for each in found["laws"]}
+    assert list(laws) == list(LAWS)
+    assert "pull" in laws["exact"]["options"]
+    assert {name for name, each in laws.items() if each["tuned"]} == set(tuned_factors())
+    text = " ".join(skyarm("list").out.split())
+    for kind in ("scenarios", "studies", "presets", "laws"):
+        for each in found[kind]:
+            assert each["title"], each
+            assert each["title"] in text
+
+
+@pytest.mark.skipif(not Path("/dev/null").is_char_device(), reason="no device to write into")
+def test_a_device_is_written_into_and_a_link_is_followed(folder: Path) -> None:
+    os.mkfifo(folder / "pipe")
+    reader = os.open(folder / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        assert skyarm("list", "--json", "pipe").code == 0
+        assert (folder / "pipe").is_fifo(), "replaced by a file"
+        assert os.read(reader, 10).startswith(b"{")
+    finally:
+        os.close(reader)
+    (folder / "link.json").symlink_to("target.json")
+    assert skyarm("list", "--json", "link.json").code == 0
+    assert (folder / "link.json").is_symlink()
+    assert json.loads((folder / "target.json").read_text())["schema"] == 1
+    (folder / "loop").symlink_to("loop")
+    refused(skyarm("list", "--json", "loop"), "file = 'loop': must be writable", "symbolic links")
+    refused(skyarm("list", "--json", ""), "must be writable (Is a directory)")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("reproduce", "--jobs", "99999999999999999999"), "--jobs = 99999999999999999999: must be from 0 to 10000"),
+        (("sweep", "robustness", "--threads", "10001"), "--threads = 10001: must be from 0 to 10000"),
+        (("compare", "--threads", "10001"), "--threads = 10001: must be from 0 to 10000"),
+        (("basin", "own", "case1", "--threads", "10001"), "--threads = 10001: must be from 0 to 10000"),
+        (
+            ("basin", "own", "case1", "--flights", "99999999999999999999"),
+            "flights = 99999999999999999999: must be from 1",
+        ),
+        (("basin", "own", "case1", "--rate", "1e300"), "rate = 1e+300: must be from 0 to 1e+06"),
+        (("basin", "own", "case1", "--speed", "nan"), "speed = nan: must be from 0 to 1e+06"),
+        (("export-c", "case1", "--out", "x.c", "--rate", "1e300"), "--rate = 1e+300: must be at most 1000000 Hz"),
+        (("bench", "--json", ""), "must be writable"),
+    ],
+)
+def test_numbers_beyond_any_use_are_refused(folder: Path, arguments: tuple[str, ...], words: str) -> None:
+    refused(skyarm(*arguments), words)
+    assert not [path for path in folder.rglob("*") if path.is_file()]

@@ -1,0 +1,135 @@
+"""Options of the laws as docs/scenario_files.md lists them: all of them, with the defaults that they have."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from skyarm.compile import leaves
+from skyarm.control.exact.presets import COMMON, ENTRIES, PERIODS, PRESETS, RANGES
+from skyarm.control.registry import LAWS
+from skyarm.simulate.law_table import PYTHON_ONLY, WORDS, law_words
+from skyarm.simulate.scenario_file import scenario_from
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+PAGE = (DOCS / "scenario_files.md").read_text("utf-8").split("## Options of the laws")[1].split("## Safety")[0]
+ROWS = [[cell.strip() for cell in line.strip("| ").split(" | ")] for line in PAGE.splitlines() if line.startswith("|")]
+LAW_ROWS = [row for row in ROWS if "`" in row[0] and "`" in row[1]]
+EXACT_ROWS = {row[0].strip("`"): row for row in ROWS if "`" in row[0] and "`" not in row[1]}
+
+
+def laws_of(cell):
+    """Laws that a row is about."""
+    named = re.findall(r"`(\w+)`", cell)
+    return [law for law in LAWS if law not in named] if cell.startswith("all but") else named
+
+
+def documented(law):
+    if law == "exact":
+        return {option: row[2] for option, row in EXACT_ROWS.items()}
+    return {row[1].strip("`"): row[3] for row in LAW_ROWS if law in laws_of(row[0])}
+
+
+def made(law, **options):
+    vehicle = {"plant": {"vehicle": "hummingbird_arm2_rotors"}, "model": {"vehicle": "hummingbird_arm2"}}
+    hover = {"base": {"kind": "hover", "position": [0.0, 0.0, 2.0]}}
+    controller = {"law": law, **options}
+    return scenario_from({"name": "x", "duration": 0.1, **vehicle, "reference": hover, "controller": controller})
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_options_of_a_law_are_those_that_the_page_lists(law):
+    options = {WORDS.get(option, option) for option in LAWS[law].options()}
+    assert set(documented(law)) == options - set(PYTHON_ONLY)
+    assert set(documented(law)) == set(law_words(law)) - {"tuned", "safety"}
+
+
+def test_every_row_is_about_laws_and_complete():
+    assert len(LAW_ROWS) > 25
+    for row in (*LAW_ROWS, *EXACT_ROWS.values()):
+        assert len(row) == 5, row
+        assert all(row), row
+    assert {law for row in LAW_ROWS for law in laws_of(row[0])} == set(LAWS) - {"exact"}
+    assert "`network`" in PAGE
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_default_on_the_page_changes_nothing_when_it_is_written_out(law):
+    for option, default in documented(law).items():
+        if not default.startswith("`"):
+            continue
+        value = tomllib.loads(f"x = {default.strip('`')}")["x"]
+        plain, written = made(law).controller, made(law, **{option: value}).controller
+        assert leaves(written.par) == leaves(plain.par), option
+        assert other_or_refused(law, {option: made_other(value)}, plain), option
+
+
+def made_other(value):
+    """Another value of the same kind."""
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, list):
+        return [each * 1.5 for each in value] or ["coriolis"]
+    if isinstance(value, dict):
+        return {key: each * 1.5 for key, each in value.items()}
+    return value + 1 if isinstance(value, int) else value * 0.5 + 0.042 if isinstance(value, float) else "other"
+
+
+def other_or_refused(law, options, plain):
+    """The option is read: another value makes other constants, or is refused by name."""
+    try:
+        found = made(law, **options).controller
+    except ValueError as error:
+        return next(reversed(options)) in str(error)
+    return found.par != plain.par
+
+
+def test_the_weights_on_the_page_are_the_laws():
+    (table,) = re.findall(r"`(\{ position = 10\.0.*?\})`", PAGE, re.DOTALL)
+    weights = tomllib.loads(f"x = {table}")["x"]
+    assert leaves(made("nmpc", weights=weights).controller.par) == leaves(made("nmpc").controller.par)
+    named = next(row[4] for row in LAW_ROWS if row[1] == "`weights`")
+    assert set(re.findall(r"\w+", named.split("}")[0])) == set(weights)
+
+
+def test_both_columns_of_the_exact_law_are_its_presets():
+    for i, name in ((2, "robust"), (3, "stiff")):
+        for entry in ENTRIES:
+            value = tomllib.loads(f"x = {EXACT_ROWS[entry][i].strip('`')}")["x"]
+            held = PRESETS[name][entry]
+            assert value == (list(held) if isinstance(held, tuple) else held), (name, entry)
+
+
+def test_ranges_on_the_page_are_those_that_are_checked():
+    for entry, (low, high) in RANGES.items():
+        assert EXACT_ROWS[entry][4].startswith(f"{low:g} to {high:g}"), entry
+    for entry in ("control_period", "reference_period"):
+        assert EXACT_ROWS[entry][4].startswith("{:g} to {:g}".format(*PERIODS)), entry
+
+
+def test_numbers_on_the_page_of_the_exact_law_are_those_of_its_presets():
+    text = " ".join((DOCS / "exact_law.md").read_text("utf-8").split())
+    assert f"`reach` ({COMMON['reach']:g} m," in text
+    assert f"`damping` ({COMMON['damping']:g} m," in text
+    assert f"(`shift_limit`, {COMMON['shift_limit']:g} m)" in text
+    assert f"`adaptation` ({COMMON['adaptation']:g} 1/s) learns" in text
+    assert f"`friction_adaptation` ({COMMON['friction_adaptation']:g} 1/s) the damping" in text
+    assert PRESETS["stiff"]["lag_inversion"] == 1.0, '"stiff" inverts the motor lag in full'
+
+
+def test_the_exact_law_shown_is_made():
+    text = (DOCS / "exact_law.md").read_text("utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    names = {"model": made("exact").controller.par.model}
+    exec(compile(code, "exact_law.md", "exec"), names)
+    assert (names["controller"].name, names["controller"].par.delay_periods) == ("exact_ee", 1)
+
+
+def test_a_scenario_tells_the_laws_its_clocks_and_its_delay():
+    for law in (law for law in LAWS if {"delay", "delay_periods"} & set(LAWS[law].options())):
+        rates = {"rates": {"control": 100, "reference": 25}, "delays": {"measurement": 0.03}}
+        vehicle = {"plant": {"vehicle": "hummingbird_arm2_rotors"}, "duration": 1.0}
+        par = scenario_from({"name": "x", **rates, **vehicle, "controller": {"law": law}}).controller.par
+        assert par.delay_periods == 3
+        assert getattr(par, "reference_period", 0.04) == 0.04
