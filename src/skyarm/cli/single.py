@@ -16,11 +16,13 @@ def reproduce(
     out: Out = "out/paper",
     plant: Annotated[str, typer.Option(help="rigid_body, mujoco or both")] = "both",
     jobs: Annotated[int, typer.Option(help="processes that fly; 0 takes every core")] = 0,
+    bench: Annotated[bool, typer.Option("--bench", help="fly all laws on one bench too: about half an hour")] = False,
 ) -> None:
     """Fly the paper; write tables, figures, report.
 
     Five experiments with two controllers on two plants, and the variations behind the reasons: results.json, table2.md,
-    Figures 3-18 and one page, report.html.
+    Figures 3-18 and one page, report.html, with the exact law beside the paper's on the same cases. With --bench all of
+    'skyarm compare' into OUT/bench; the same command continues it.
     """
     from skyarm.cli.show import headline
     from skyarm.experiments.reproduce import reproduce as perform
@@ -31,8 +33,17 @@ def reproduce(
     if jobs < 0:
         raise ValueError(f"--jobs = {jobs}: must be at least 0")
     plants = PLANTS if plant == "both" else (plant,)
+    if bench:
+        from skyarm.compare.results import Bench
     with bar("flying", console) as advance:
-        table = perform(out, plants=plants, workers=jobs or cores(), progress=advance, note=console.print)
+        table = perform(
+            out,
+            plants=plants,
+            workers=jobs or cores(),
+            bench=Bench() if bench else None,
+            progress=advance,
+            note=console.print,
+        )
     console.print(headline(table))
     tell(f"results in {out}: report.html, table2.md, results.json, figures/")
 

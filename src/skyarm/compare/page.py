@@ -67,13 +67,17 @@ def main_tables(
     for name, condition in conditions.items():
         summaries = found["summaries"].get(name)
         if summaries:
-            note = f"{condition.episodes} flights of each case. {WRONG_NOTE if condition.spread else TRUTH_NOTE}"
+            note = f"{_flights(condition)} of each case. {WRONG_NOTE if condition.spread else TRUTH_NOTE}"
             parts.append((f"{name}: {condition.title}", _note(note) + _tables(summaries, entrants, condition)))
     for group in WHOLE:
         rows = ablation_rows(found["summaries"], entrants, group)
         if rows:
             parts.append((TITLES[group], _note(ABLATION_NOTE) + table(ablation_head(), rows, TITLES[group])))
     return parts
+
+
+def _flights(condition: Condition) -> str:
+    return "One flight" if condition.episodes == 1 else f"{condition.episodes} flights"
 
 
 def _note(words: str) -> str:

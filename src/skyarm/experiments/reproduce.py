@@ -8,19 +8,28 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from skyarm.compare.results import PAGE, Bench, fly_bench, prepare
+from skyarm.experiments.beyond import WIND, Beyond, in_the_wind
 from skyarm.experiments.campaign import Campaign, Progress, run_campaign
 from skyarm.experiments.paper import STEADY, WINDOWS, flights, results, settings
 from skyarm.experiments.reasons import Reasons, reasons
 from skyarm.experiments.report import report_html
+from skyarm.experiments.report_beyond import NAMES, bench_section, beyond_section
 from skyarm.experiments.table import markdown
 from skyarm.experiments.variations import variations
 from skyarm.figures.embed import image_bytes
 from skyarm.figures.overview import overview_figure
 from skyarm.figures.paper import paper_figures
+from skyarm.figures.tip import tip_figure
 from skyarm.files import require_replaceable, require_writable, write_atomically
 from skyarm.simulate.scenario import PLANTS
 
 Note = Callable[[str], None]
+
+BENCH = "bench"
+"""Folder of the whole bench, beside the report."""
+
+NAMED = (*(f"figure_{n:02d}" for n in range(3, 19)), "overview", "tip")
 
 DPI = 300
 """Resolution of the figure files, sharp in print at their size of one column."""
@@ -31,19 +40,21 @@ def reproduce(
     *,
     plants: Sequence[str] = PLANTS,
     workers: int = 1,
+    bench: Bench | None = None,
     progress: Progress | None = None,
     note: Note | None = None,
 ) -> dict[str, Any]:
     """Fly the paper's five experiments with both controllers and write everything that comes of it.
 
-    Writes ``results.json``, ``sensitivity.json``, ``table2.md``, ``report.html``, ``figures/figure_03.png`` ...
-    ``figure_18.png`` and ``overview.png`` (first plant), ``logs/PLANT/CASE_CONTROLLER.npz``; each file appears whole or
-    not at all.
+    Writes ``results.json``, ``sensitivity.json``, ``beyond.json``, ``table2.md``, ``report.html``,
+    ``figures/figure_03.png`` ... ``figure_18.png``, ``overview.png`` and ``tip.png`` (first plant),
+    ``logs/PLANT/CASE_CONTROLLER.npz``; each file appears whole or not at all.
 
     Args:
         out: folder, made if missing.
         plants: "rigid_body", "mujoco" or both.
         workers: processes that fly.
+        bench: fly it too, into ``bench/``, where it goes on if it was interrupted, and show its tables.
         progress: called after every episode.
         note: called with one line on the flights and one before each further stage.
 
@@ -63,6 +74,8 @@ def reproduce(
     for inner in ("figures", *(f"logs/{plant}" for plant in plants)):
         require_writable(folder / inner)
     require_replaceable(*_files(folder, plants))
+    if bench is not None:
+        prepare(folder / BENCH)
     say = note or (lambda _line: None)
     campaign = run_campaign(plants, workers=workers, progress=progress)
     say(campaign.effort.words())
@@ -78,16 +91,35 @@ def reproduce(
         "overview": overview_figure(first, STEADY),
     }.items():
         write_atomically(folder / "figures" / f"{name}.png", image_bytes(figure, dpi=DPI))
+    further = _further(folder, campaign)
+    if bench is not None:
+        say("flying the bench")
+        found = fly_bench(bench, folder / BENCH, threads=workers, progress=progress)
+        further["All laws on one bench"] = bench_section(found, bench, f"{BENCH}/{PAGE}")
     say("writing report.html")
-    page = report_html(table, campaign.sensitivity, campaign.logs, why, figures)
+    page = report_html(table, campaign.sensitivity, campaign.logs, why, figures, further)
     write_atomically(folder / "report.html", page.encode())
     return table
 
 
+def _further(folder: Path, campaign: Campaign) -> dict[str, str]:
+    """Sections beyond the paper: title -> HTML; their picture is written too. Empty where nothing of it flew."""
+    if not campaign.beyond.cells:
+        return {}
+    logs = in_the_wind(campaign.beyond, campaign.logs)
+    picture = b""
+    if logs:
+        flown = {NAMES[name]: log for name, log in next(iter(logs.values())).items()}
+        figure = tip_figure(flown, WINDOWS[WIND], "Case 3 in constant wind, perfect state")
+        picture = image_bytes(figure, dpi=160)
+        write_atomically(folder / "figures" / "tip.png", image_bytes(figure, dpi=DPI))
+    return {"Beyond the paper": beyond_section(campaign.beyond.summaries(), logs, picture)}
+
+
 def _files(folder: Path, plants: Sequence[str]) -> list[Path]:
     """Every file that will be written."""
-    pages = [folder / name for name in ("results.json", "sensitivity.json", "table2.md", "report.html")]
-    drawn = [folder / "figures" / f"{name}.png" for name in (*(f"figure_{n:02d}" for n in range(3, 19)), "overview")]
+    pages = [folder / name for name in ("results.json", "sensitivity.json", "beyond.json", "table2.md", "report.html")]
+    drawn = [folder / "figures" / f"{name}.png" for name in NAMED]
     return (
         pages
         + drawn
@@ -104,8 +136,14 @@ def _write_data(folder: Path, table: dict[str, Any], why: Reasons, campaign: Cam
     labels = {f"{each.group}/{each.value}": each.label for each in variations()}
     evidence = {"schema": 1, "labels": labels, "reasons": why, "variations": campaign.sensitivity}
     write_atomically(folder / "sensitivity.json", _json(evidence))
+    write_atomically(folder / "beyond.json", _json(_beyond(campaign.beyond)))
     write_atomically(folder / "table2.md", markdown(table, why).encode())
     for plant, cases in campaign.logs.items():
         for case, controllers in cases.items():
             for controller, log in controllers.items():
                 log.save_npz(folder / "logs" / plant / f"{case}_{controller}.npz")
+
+
+def _beyond(found: Beyond) -> dict[str, Any]:
+    """In the form of the bench's own results."""
+    return {"schema": 1, "seed": 0, "plant": "rigid_body", "summaries": found.summaries()}
