@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.compare.results import PAGE, Bench, fly_bench, prepare
-from skyarm.experiments.beyond import WIND, Beyond, in_the_wind
+from skyarm.experiments.beyond import WIND, in_the_wind
 from skyarm.experiments.campaign import Campaign, Progress, run_campaign
 from skyarm.experiments.paper import STEADY, WINDOWS, flights, results, settings
 from skyarm.experiments.reasons import Reasons, reasons
@@ -82,7 +82,8 @@ def reproduce(
     table = results(campaign.measured(), settings(campaign.all_logs()))
     why = reasons(table, campaign.sensitivity)
     say("writing tables and logs")
-    _write_data(folder, table, why, campaign)
+    summaries = campaign.beyond.summaries()
+    _write_data(folder, table, why, campaign, summaries)
     say("drawing Figures 3-18")
     first = campaign.logs[plants[0]]
     figures = paper_figures(first, WINDOWS)
@@ -91,7 +92,7 @@ def reproduce(
         "overview": overview_figure(first, STEADY),
     }.items():
         write_atomically(folder / "figures" / f"{name}.png", image_bytes(figure, dpi=DPI))
-    further = _further(folder, campaign)
+    further = _further(folder, campaign, summaries)
     if bench is not None:
         say("flying the bench")
         found = fly_bench(bench, folder / BENCH, threads=workers, progress=progress)
@@ -102,7 +103,7 @@ def reproduce(
     return table
 
 
-def _further(folder: Path, campaign: Campaign) -> dict[str, str]:
+def _further(folder: Path, campaign: Campaign, summaries: dict[str, Any]) -> dict[str, str]:
     """Sections beyond the paper: title -> HTML; their picture is written too. Empty where nothing of it flew."""
     if not campaign.beyond.cells:
         return {}
@@ -113,7 +114,7 @@ def _further(folder: Path, campaign: Campaign) -> dict[str, str]:
         figure = tip_figure(flown, WINDOWS[WIND], "Case 3 in constant wind, perfect state")
         picture = image_bytes(figure, dpi=160)
         write_atomically(folder / "figures" / "tip.png", image_bytes(figure, dpi=DPI))
-    return {"Beyond the paper": beyond_section(campaign.beyond.summaries(), logs, picture)}
+    return {"Beyond the paper": beyond_section(summaries, logs, picture)}
 
 
 def _files(folder: Path, plants: Sequence[str]) -> list[Path]:
@@ -131,19 +132,16 @@ def _json(value: Any) -> bytes:
     return (json.dumps(value, indent=1, allow_nan=False) + "\n").encode()
 
 
-def _write_data(folder: Path, table: dict[str, Any], why: Reasons, campaign: Campaign) -> None:
+def _write_data(
+    folder: Path, table: dict[str, Any], why: Reasons, campaign: Campaign, summaries: dict[str, Any]
+) -> None:
     write_atomically(folder / "results.json", _json(table))
     labels = {f"{each.group}/{each.value}": each.label for each in variations()}
     evidence = {"schema": 1, "labels": labels, "reasons": why, "variations": campaign.sensitivity}
     write_atomically(folder / "sensitivity.json", _json(evidence))
-    write_atomically(folder / "beyond.json", _json(_beyond(campaign.beyond)))
+    write_atomically(folder / "beyond.json", _json({"schema": 1, "seed": 0, "plant": "rigid_body", "summaries": summaries}))
     write_atomically(folder / "table2.md", markdown(table, why).encode())
     for plant, cases in campaign.logs.items():
         for case, controllers in cases.items():
             for controller, log in controllers.items():
                 log.save_npz(folder / "logs" / plant / f"{case}_{controller}.npz")
-
-
-def _beyond(found: Beyond) -> dict[str, Any]:
-    """In the form of the bench's own results."""
-    return {"schema": 1, "seed": 0, "plant": "rigid_body", "summaries": found.summaries()}
