@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -118,7 +117,7 @@ def show(
 @app.command(name="export-c")
 def export_c(
     controller: Annotated[str, typer.Argument(help="a preset, a law, or a scenario (its controller and belief)")],
-    file: Annotated[Path, typer.Option("--out", "-o", help="the C file to write")],
+    file: Annotated[str, typer.Option("--out", "-o", help="the C file to write")],
     vehicle: Annotated[str | None, typer.Option(help="the vehicle that a preset or law believes in")] = None,
     gravity: Annotated[float | None, typer.Option(help="m/s^2, believed by a preset or law; 9.81")] = None,
     rate: Annotated[float | None, typer.Option(help="Hz of the control; 200, or the scenario's")] = None,

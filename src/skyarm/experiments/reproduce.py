@@ -139,7 +139,9 @@ def _write_data(
     labels = {f"{each.group}/{each.value}": each.label for each in variations()}
     evidence = {"schema": 1, "labels": labels, "reasons": why, "variations": campaign.sensitivity}
     write_atomically(folder / "sensitivity.json", _json(evidence))
-    write_atomically(folder / "beyond.json", _json({"schema": 1, "seed": 0, "plant": "rigid_body", "summaries": summaries}))
+    write_atomically(
+        folder / "beyond.json", _json({"schema": 1, "seed": 0, "plant": "rigid_body", "summaries": summaries})
+    )
     write_atomically(folder / "table2.md", markdown(table, why).encode())
     for plant, cases in campaign.logs.items():
         for case, controllers in cases.items():
