@@ -8,7 +8,8 @@ from typing import Any
 
 from skyarm.compare.columns import BASE, JOINT, TOOL, Column, value
 from skyarm.compare.page import main_tables
-from skyarm.compare.results import Bench
+from skyarm.compare.results import CAPTION as CAPTION_OF_LAWS
+from skyarm.compare.results import Bench, bench_picture
 from skyarm.compare.suite import CASES, DELAY, NOISE
 from skyarm.compare.tables import DASH, number
 from skyarm.experiments.beyond import COLUMNS, HARDER, LAWS, WIND, columns, errors
@@ -56,9 +57,11 @@ def beyond_section(summaries: Mapping[str, Any], logs: Mapping[str, Mapping[str,
 def bench_section(found: Mapping[str, Any], bench: Bench, address: str) -> str:
     """HTML of the whole bench's tables; ``address`` of its own page is relative."""
     tables = main_tables(found, bench.entrants, bench.conditions)
+    drawn = image(CAPTION_OF_LAWS, CAPTION_OF_LAWS, bench_picture(found, list(bench.entrants)))
+    picture = f'<div class="single">{drawn}</div>'
     link = f'<a href="{text(address)}">its own page</a>'
     lead_in = f"<p>{len(bench.entrants)} laws, seed {text(found['seed'])}, plant {text(found['plant'])}; {link}.</p>"
-    return lead_in + "".join(details(title, content) for title, content in tables)
+    return lead_in + picture + "".join(details(title, content) for title, content in tables)
 
 
 def lead() -> str:
