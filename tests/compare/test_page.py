@@ -76,6 +76,7 @@ def test_every_law_stands_once_in_every_table_under_its_kind():
     for group, title in GROUPS.items():
         wanted += [title.replace("'", "&#x27;"), *(name for name in LAWS if ENTRANTS[name].group == group)]
     assert found == wanted
+    assert set(LAWS) < set(found)
 
 
 def test_the_page_holds_every_condition_and_both_ablations():

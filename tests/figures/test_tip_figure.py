@@ -13,6 +13,7 @@ from skyarm.figures.tip import SMALLEST, tip_figure
 
 def test_lines_are_the_largest_errors_of_short_stretches_in_millimetres():
     log = synthetic_log("case3_wind", "rigid_body", "CT", seconds=5.0)
+    log = dataclasses.replace(log, tool_held=log.tool_held + 1.0)
     peak = log.tool.copy()
     peak[503] += np.array([0.0, 0.09, 0.0])  # at 2.515 s, onto the 10 mm along y
     exact = dataclasses.replace(log, tool=log.tool_reference)
