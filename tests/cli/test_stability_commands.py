@@ -58,7 +58,7 @@ def test_wrong_words_are_one_line(folder: Path) -> None:
     assert folder.exists()
     refused(skyarm("margins", "best", "short.toml"), "controller = 'best': must be 'own', a preset")
     refused(skyarm("margins", "own", "short.toml", "--instants", "-1"), "instants = -1: must be from 0 to 10000")
-    refused(skyarm("basin", "own", "short.toml", "--flights", "0"), "flights = 0: must be from 1 to 100000000")
+    refused(skyarm("basin", "own", "short.toml", "--flights", "0"), "flights = 0: must be from 1 to 10000000")
     refused(skyarm("basin", "own", "short.toml", "--threads", "-1"), "--threads = -1: must be from 0 to 10000")
 
 
@@ -84,3 +84,39 @@ def test_too_many_instants_are_refused(folder: Path) -> None:
     refused(
         skyarm("margins", "paper_ct", "case3", "--instants", "10000000000"), "--instants = 10000000000: must be from 0"
     )
+
+
+@pytest.mark.parametrize("option", ["--rate", "--offset", "--speed"])
+def test_limits_beyond_reason_are_refused(folder: Path, option: str) -> None:
+    assert folder.exists()
+    refused(skyarm("basin", "own", "short.toml", option, "1e300"), f"{option[2:]} = 1e+300: must be from 0 to 1000")
+
+
+def test_the_limits_of_the_command_are_those_of_the_flights(folder: Path) -> None:
+    wanted = {"rate": 3.0, "offset": 0.25, "speed": 0.75}
+    options = [word for name, value in wanted.items() for word in (f"--{name}", str(value))]
+    ended = skyarm("basin", "own", "short.toml", "--flights", "16", *options, "--out", "b", "--threads", "1")
+    assert ended.code == 0, ended.err
+    (file,) = (folder / "b").glob("*.json")
+    assert json.loads(file.read_text())["limits"] == wanted
+    assert "caught: 12 s after its start within 5 m of the reference" in ended.out
+
+
+def test_a_file_without_a_name_is_refused_before_anything_is_done(folder: Path) -> None:
+    for words in (
+        ("margins", "own", "short.toml", "--json", ""),
+        ("bench", "--json", ""),
+    ):
+        refused(skyarm(*words), "--json = '': must be the path of a file")
+    export = ("export-c", "paper_ct", "--vehicle", "hummingbird_arm2")
+    refused(skyarm(*export, "-o", ""), "--out = '': must be the path of a file")
+    (folder / "there").mkdir()
+    refused(skyarm(*export, "-o", "there"), "there is a folder of this name")
+    refused(skyarm("margins", "own", "short.toml", "--json", "there"), "there is a folder of this name")
+
+
+@pytest.mark.parametrize("rate", ["1e300", "1e-300"])
+def test_an_exported_rate_beyond_reason_is_refused(folder: Path, rate: str) -> None:
+    words = ("export-c", "paper_ct", "--vehicle", "hummingbird_arm2", "-o", "law.c", "--rate", rate)
+    refused(skyarm(*words), "--rate = 1e", "must be from 0.001 to 1000000 Hz")
+    assert not (folder / "law.c").exists()

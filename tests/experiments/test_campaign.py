@@ -14,6 +14,7 @@ import pytest
 
 from logs_synthetic import synthetic_log
 from skyarm.experiments import campaign as room
+from skyarm.experiments.beyond import HarderJob, beyond_jobs
 from skyarm.experiments.campaign import Effort, Job, _perform_all, perform, run_campaign
 from skyarm.experiments.paper import Flight, flights, metrics, scenario, with_damping
 from skyarm.experiments.published import CASES
@@ -97,7 +98,9 @@ def test_there_are_twenty_flights() -> None:
 def test_a_campaign_files_every_flight_and_every_variation(monkeypatch: pytest.MonkeyPatch) -> None:
     flown: list[Job] = []
 
-    def pretend(job: Job) -> Any:
+    def pretend(job: Job | HarderJob) -> Any:
+        if isinstance(job, HarderJob):
+            return job
         flown.append(job)
         return {"position_error_mean": float(len(flown))} if job.group else job
 
@@ -122,7 +125,14 @@ def test_a_campaign_files_every_flight_and_every_variation(monkeypatch: pytest.M
     assert len(varied) == len(wanted)
     assert set(found.sensitivity["joint_damping"]) == {f"{damping:g}" for damping in DAMPINGS}
     assert set(found.sensitivity["joint_damping"]["0.02"]) == set(CASES)
-    assert not run_campaign(PLANTS[:1], sensitivity=False).sensitivity
+    assert len(found.beyond.cells) == len(beyond_jobs())
+    for (condition, case, name), cell in found.beyond.cells.items():
+        assert cell == HarderJob(condition, case, name)  # type: ignore[comparison-overlap]
+    for plant, logs in found.beyond.logs.items():
+        for preset, log in logs.items():
+            assert log.flight == Flight("case3_wind", preset, plant)  # type: ignore[attr-defined]
+    assert {plant: len(logs) for plant, logs in found.beyond.logs.items()} == dict.fromkeys(PLANTS, 2)
+    assert not run_campaign(PLANTS[:1], sensitivity=False, beyond=False).sensitivity
 
 
 def test_the_assumed_damping_is_that_of_the_table_and_needs_no_flight() -> None:

@@ -25,7 +25,7 @@ README = Path(__file__).parents[2] / "README.md"
 @pytest.fixture(scope="module")
 def campaign() -> Campaign:
     """Twenty episodes of 30 s, flown once a worker."""
-    return run_campaign(PLANTS, sensitivity=False)
+    return run_campaign(PLANTS, sensitivity=False, beyond=False)
 
 
 @pytest.fixture(scope="module")

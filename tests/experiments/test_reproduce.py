@@ -23,7 +23,7 @@ from skyarm.simulate.scenario_file import load_scenario
 
 def _few(plants: Any, *, workers: int = 1, progress: Any = None) -> Campaign:
     """The plain flights, and the variations that need no flight of their own."""
-    campaign = run_campaign(plants, sensitivity=False, workers=workers, progress=progress)
+    campaign = run_campaign(plants, sensitivity=False, beyond=False, workers=workers, progress=progress)
     log = campaign.logs[plants[0]]
     for each in variations():
         for case in each.cases:
@@ -50,7 +50,7 @@ def _no_constant(name: str) -> float:
 
 def test_every_promised_file_is_there_and_nothing_else(written: tuple[Path, dict[str, Any], list[str]]) -> None:
     folder, _, notes = written
-    wanted = {"results.json", "sensitivity.json", "table2.md", "report.html"}
+    wanted = {"results.json", "sensitivity.json", "beyond.json", "table2.md", "report.html"}
     wanted |= {f"figures/figure_{i:02d}.png" for i in range(3, 19)} | {"figures/overview.png"}
     wanted |= {f"logs/rigid_body/{case}_{controller}.npz" for case in CASES for controller in ("CT", "PD")}
     assert {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()} == wanted

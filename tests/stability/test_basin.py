@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import math
 
 import numpy as np
 import pytest
+from matplotlib.collections import QuadMesh
+from matplotlib.contour import ContourSet
 from scipy.spatial.transform import Rotation
 
 import skyarm
@@ -17,8 +20,9 @@ from skyarm.simulate import run
 from skyarm.simulate.inputs import first_state
 from skyarm.simulate.scenario import ScenarioError
 from skyarm.stability.along import hovering
-from skyarm.stability.basin import PATHS, at_rest, basin, initial_states
+from skyarm.stability.basin import PATHS, Basin, at_rest, basin, initial_states
 
+ROOM = importlib.import_module("skyarm.stability.basin")  # the room's own name is the function's, too
 SCENARIO = skyarm.load_scenario("case3")
 
 
@@ -106,10 +110,78 @@ def test_the_figure_shows_the_map(alone):
     figure = basin_figure(alone)
     ax = figure.axes[0]
     assert ax.get_xlabel() == "initial tilt, degrees"
-    assert f"of {len(alone.caught)} flights caught" in ax.get_title()
+    title = ax.get_title().replace("\n", " ")
+    assert title == f"hybrid_computed_torque in case3: {alone.caught.mean():.1%} of {len(alone.caught)} flights caught"
+    words = figure.get_supxlabel().replace("\n", " ")
+    assert words.startswith("Caught: 12 s after its start within 5 m")
+    assert words.endswith("slower than 0.5 m/s and 1 rad/s, every joint slower than 1 rad/s (m/s).")
 
 
-@pytest.mark.parametrize(("count", "limits", "words"), [(0, {}, "flights = 0"), (3, {"rate": -1.0}, "rate = -1.0")])
+def many(flights):
+    """A basin as flown, caught where the tilt is below 60 degrees."""
+    rng = np.random.default_rng(0)
+    tilt = rng.uniform(0.0, math.pi, flights)
+    caught = tilt < math.radians(60.0)
+    return Basin(
+        **{"controller": "c", "scenario": "s", "seed": 0, "tilt": tilt, "rate": rng.uniform(0.0, 12.0, flights)},
+        **{"offset": tilt, "speed": tilt, "caught": caught, "returned": caught, "status": caught},
+        **{"rate_limit": 12.0, "offset_limit": 1.0, "speed_limit": 2.0},
+    )
+
+
+@pytest.mark.parametrize(("flights", "shades", "line"), [(1199, 0, 0), (1200, 24, 0), (10800, 216, 1)])
+def test_few_flights_are_points_and_more_make_a_finer_map(flights, shades, line):
+    figure = basin_figure(many(flights))
+    ax = figure.axes[0]
+    meshes = [each for each in ax.collections if isinstance(each, QuadMesh)]
+    assert sum(mesh.get_array().size for mesh in meshes) == shades
+    contours = [each for each in ax.collections if isinstance(each, ContourSet)]
+    assert len(contours) == line
+    for contour in contours:
+        (path,) = [each for each in contour.get_paths() if len(each.vertices)]
+        np.testing.assert_allclose(path.vertices[:, 0], 60.0, atol=1.0)
+    points = [each for each in ax.lines if each.get_label() in ("caught", "not caught")]
+    assert sum(len(each.get_xdata()) for each in points) == (0 if shades else flights)
+
+
+@pytest.mark.parametrize("limit", ["POSITION", "TILT", "RATE", "SPEED", "JOINT_RATE"])
+def test_a_flight_must_be_within_every_limit_to_be_caught(limit, monkeypatch):
+    still = {"seed": 2, "rate": 0.5, "offset": 0.2, "speed": 0.2}
+    assert basin(SCENARIO, 16, **still).caught.any()
+    # no flight has settled so far; not zero, below which nothing at all is, not even what nobody looked at
+    monkeypatch.setattr(ROOM, f"CAUGHT_{limit}", 1e-12)
+    assert not basin(SCENARIO, 16, **still).caught.any()
+
+
+def test_rates_offsets_and_speeds_are_those_asked_for_and_flown():
+    limits = {"rate": 3.0, "offset": 0.5, "speed": 0.7}
+    found = basin(SCENARIO, 200, seed=4, **limits)
+    values = initial_states(SCENARIO, 200, 4, **limits)
+    start = np.array([float(c) for c in first_state(SCENARIO).position])
+    for name, first in (("rate", 4), ("offset", 7), ("speed", 10)):
+        vectors = np.array([values[path] for path in PATHS[first : first + 3]]).T - (start if name == "offset" else 0.0)
+        np.testing.assert_allclose(getattr(found, name), np.linalg.norm(vectors, axis=1), rtol=1e-12)
+        assert 0.9 * limits[name] < getattr(found, name).max() <= limits[name]
+        assert found.plain()["limits"][name] == limits[name]
+
+
+def test_slow_starts_are_caught_where_fast_ones_are_not():
+    slow = basin(SCENARIO, 200, seed=4, rate=0.0, offset=0.0, speed=0.0)
+    fast = basin(SCENARIO, 200, seed=4, rate=0.0, offset=0.0, speed=100.0)
+    assert fast.caught.mean() < slow.caught.mean() - 0.2
+
+
+@pytest.mark.parametrize(
+    ("count", "limits", "words"),
+    [
+        (0, {}, "flights = 0"),
+        (10**9, {}, "flights = 1000000000: must be from 1 to 10000000"),
+        (3, {"rate": -1.0}, "rate = -1.0"),
+        (3, {"rate": 1e300}, "must be from 0 to 1000"),
+        (3, {"speed": math.inf}, "speed = inf"),
+        (3, {"offset": math.nan}, "offset = nan"),
+    ],
+)
 def test_wrong_numbers_are_refused(count, limits, words):
     with pytest.raises(ScenarioError, match=words):
         basin(SCENARIO, count, **limits)

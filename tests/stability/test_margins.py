@@ -105,3 +105,49 @@ def test_clocks_are_no_part_of_the_loop():
 def test_a_delay_between_steps_is_refused():
     with pytest.raises(ValueError, match=r"must be a whole number of 0\.001 s"):
         radius(double_integrator(), extra_delay=0.0005)
+
+
+def two_axes(other_gain):
+    """Two double integrators side by side, each with an actuator of its own; the second under another gain."""
+    one = double_integrator()
+
+    def both(a, b):
+        return np.block([[a, np.zeros((a.shape[0], b.shape[1]))], [np.zeros((b.shape[0], a.shape[1])), b]])
+
+    parts = {name: getattr(one, name) for name in ("y_x", "y_old", "m_m", "m_y", "u_m")}
+    twice = {name: both(value, value) for name, value in parts.items()}
+    acting = {name: np.array([both(a, a) for a in getattr(one, name)]) for name in ("x_x", "x_old", "x_new")}
+    return dataclasses.replace(one, rotors=2, u_y=both(one.u_y, other_gain * one.u_y), **twice, **acting)
+
+
+def test_the_margin_of_one_rotor_is_that_of_the_most_delicate():
+    # by Jury as above: the second axis bears the smaller factor; alone each axis keeps its own margin
+    found = margins(two_axes(1.5))
+    edge = 2.0 / (KD * T)
+    assert found.one_rotor[1] == pytest.approx(edge / 1.5, rel=3e-4)
+    assert found.rotor_gain[1] == pytest.approx(edge / 1.5, rel=1e-6)
+    assert (found.one_rotor[0], found.one_joint) == (0.0, (0.0, math.inf))
+
+
+def test_a_joint_is_told_from_a_rotor():
+    found = margins(dataclasses.replace(two_axes(1.5), rotors=1))
+    edge = 2.0 / (KD * T)
+    assert found.one_rotor[1] == pytest.approx(edge, rel=3e-4)
+    assert found.one_joint[1] == pytest.approx(edge / 1.5, rel=3e-4)
+
+
+def test_actuators_that_share_a_load_bear_more_alone_than_together():
+    # two rotors push one mass, half each: alone (1 + k) / 2 is the factor on the loop, together k is
+    one = double_integrator()
+    shared = dataclasses.replace(
+        one,
+        rotors=2,
+        u_y=np.vstack([one.u_y, one.u_y]),
+        u_m=np.zeros((2, 0)),
+        y_old=np.zeros((2, 2)),
+        x_old=0.5 * np.repeat(one.x_old, 2, axis=2),
+        x_new=0.5 * np.repeat(one.x_new, 2, axis=2),
+    )
+    found, edge = margins(shared), 2.0 / (KD * T)
+    assert found.rotor_gain[1] == pytest.approx(edge, rel=1e-6)
+    assert found.one_rotor[1] == pytest.approx(2.0 * edge - 1.0, rel=3e-4)

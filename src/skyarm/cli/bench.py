@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 from rich.console import Console
 
-from skyarm.files import require_replaceable, require_writable, write_atomically
+from skyarm.files import output_file, write_atomically
 
 
-def bench(file: Path | None, quick: bool, console: Console) -> None:
+def bench(name: str | None, quick: bool, console: Console) -> None:
     """Measure, print, and write the numbers where they are wanted.
 
     Raises:
-        OSError: the file cannot be written; said before anything is measured.
+        ValueError, OSError: the file cannot be written; said before anything is measured.
     """
     from skyarm.bench.report import measure, text
 
-    if file is not None:
-        require_writable(file.parent)
-        require_replaceable(file)
+    file = None if name is None else output_file(name, "--json")
     with console.status("measuring") as status:
         found = measure(quick=quick, progress=lambda what: status.update(f"measuring: {what}"))
     console.print(text(found), soft_wrap=True)

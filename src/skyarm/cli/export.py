@@ -11,7 +11,7 @@ from skyarm.control.export import export_c
 from skyarm.control.model import Model
 from skyarm.control.named import choices, is_named, named
 from skyarm.control.registry import Controller
-from skyarm.files import number, shown, write_atomically
+from skyarm.files import number, output_file, shown, write_atomically
 from skyarm.simulate.scenario import HIGHEST_RATE
 from skyarm.simulate.scenario_file import list_scenarios, load_scenario
 from skyarm.vehicle.files import load_vehicle
@@ -19,10 +19,13 @@ from skyarm.vehicle.files import load_vehicle
 RATE = 200.0
 """Hz, as the scenarios' own default."""
 
+SLOWEST = 1e-3
+"""Hz: a slower control law is a slip of the keyboard."""
+
 
 def export(
     controller: str,
-    file: Path,
+    file: str,
     *,
     vehicle: str | None = None,
     gravity: float | None = None,
@@ -45,9 +48,10 @@ def export(
     Raises:
         ValueError, OSError: one line.
     """
+    written = output_file(file, "--out")
     held = None if rate is None else number(rate, "--rate", low=0.0, strict=True)
-    if held is not None and held > HIGHEST_RATE:
-        raise ValueError(f"--rate = {held!r}: must be at most {HIGHEST_RATE} Hz")
+    if held is not None and not SLOWEST <= held <= HIGHEST_RATE:
+        raise ValueError(f"--rate = {rate!r}: must be from {SLOWEST:g} to {HIGHEST_RATE} Hz")
     if is_named(controller):
         if vehicle is None:
             raise ValueError(f"--vehicle: is missing; controller {controller!r} must know the vehicle it flies")
@@ -64,7 +68,7 @@ def export(
         held = held or float(planned.rates.control)
     period, generator = 1.0 / (held or RATE), f"skyarm {__version__}"
     exported = export_c(chosen, name=name or _identifier(title), period=period, single=single, generator=generator)
-    written = write_atomically(file, exported.text.encode("ascii"))
+    write_atomically(written, exported.text.encode("ascii"))
     return (
         f"{written}: {exported.name}_step, {chosen.name} for {chosen.par.model.vehicle.name}, "
         f"{exported.operations} operations in {'float' if single else 'double'}, {len(exported.parameters)} parameters"

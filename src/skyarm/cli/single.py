@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -16,11 +15,13 @@ def reproduce(
     out: Out = "out/paper",
     plant: Annotated[str, typer.Option(help="rigid_body, mujoco or both")] = "both",
     jobs: Annotated[int, typer.Option(help="processes that fly; 0 takes every core")] = 0,
+    bench: Annotated[bool, typer.Option("--bench", help="fly all laws on one bench too: about half an hour")] = False,
 ) -> None:
     """Fly the paper; write tables, figures, report.
 
     Five experiments with two controllers on two plants, and the variations behind the reasons: results.json, table2.md,
-    Figures 3-18 and one page, report.html.
+    Figures 3-18 and one page, report.html, with the exact law beside the paper's on the same cases. With --bench all of
+    'skyarm compare' into OUT/bench; the same command continues it.
     """
     from skyarm.cli.show import headline
     from skyarm.experiments.reproduce import reproduce as perform
@@ -30,8 +31,17 @@ def reproduce(
         raise ValueError(f"--plant = {plant!r}: must be one of {', '.join(PLANTS)} or both")
     processes = workers("--jobs", jobs)
     plants = PLANTS if plant == "both" else (plant,)
+    if bench:
+        from skyarm.compare.results import Bench
     with bar("flying", console) as advance:
-        table = perform(out, plants=plants, workers=processes, progress=advance, note=console.print)
+        table = perform(
+            out,
+            plants=plants,
+            workers=processes,
+            bench=Bench() if bench else None,
+            progress=advance,
+            note=console.print,
+        )
     console.print(headline(table))
     tell(f"results in {out}: report.html, table2.md, results.json, figures/")
 
@@ -70,15 +80,17 @@ def run(
 
 @app.command(name="list")
 def list_(
-    file: Annotated[Path | None, typer.Option("--json", help="write names, titles and laws' options there")] = None,
+    file: Annotated[str | None, typer.Option("--json", help="write names, titles and laws' options there")] = None,
 ) -> None:
     """List vehicles, scenarios, studies, controllers."""
     from skyarm.cli.library import contents, library, write
+    from skyarm.files import output_file
 
+    written = None if file is None else output_file(file, "--json")
     found = contents()
     console.print(library(found), soft_wrap=True)
-    if file is not None:
-        tell(f"written: {write(found, file)}")
+    if written is not None:
+        tell(f"written: {write(found, written)}")
 
 
 @app.command()
@@ -111,7 +123,7 @@ def show(
 @app.command(name="export-c")
 def export_c(
     controller: Annotated[str, typer.Argument(help="a preset, a law, LAW_tuned, or a scenario (its controller)")],
-    file: Annotated[Path, typer.Option("--out", "-o", help="the C file to write")],
+    file: Annotated[str, typer.Option("--out", "-o", help="the C file to write")],
     vehicle: Annotated[str | None, typer.Option(help="the vehicle that a preset or law believes in")] = None,
     gravity: Annotated[float | None, typer.Option(help="m/s^2, believed by a preset or law; 9.81")] = None,
     rate: Annotated[float | None, typer.Option(help="Hz of the control; 200, or the scenario's")] = None,

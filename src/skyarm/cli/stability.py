@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -16,7 +15,7 @@ from skyarm.cli.lines import printable
 from skyarm.control.named import choices, is_named
 from skyarm.control.safety import guarded
 from skyarm.control.safety.guard import Guarded
-from skyarm.files import require_writable, shown, write_atomically
+from skyarm.files import output_file, require_writable, shown, write_atomically
 from skyarm.simulate.scenario import Scenario
 from skyarm.simulate.scenario_file import load_scenario
 
@@ -25,8 +24,11 @@ OWN = "own"
 
 DPI = 160
 
+GAINS = {"rotor_gain": "all rotors", "one_rotor": "one rotor", "joint_gain": "all joints", "one_joint": "one joint"}
+"""Field of the margins -> head of its column."""
+
 MOST_INSTANTS = 10_000
-"""Along a flight: each takes about 50 ms."""
+"""Along a flight: each takes about half a second."""
 
 
 def planned(controller: str, scenario: str, *, safety: bool) -> Scenario:
@@ -48,7 +50,7 @@ def planned(controller: str, scenario: str, *, safety: bool) -> Scenario:
     return dataclasses.replace(loaded, controller=guarded(loaded.controller))
 
 
-def margins(scenario: Scenario, instants: int, file: Path | None, console: Console) -> bool:
+def margins(scenario: Scenario, instants: int, name: str | None, console: Console) -> bool:
     """Print margins in hover and along the scenario, write them as JSON; False where the flight ended early.
 
     Raises:
@@ -58,10 +60,11 @@ def margins(scenario: Scenario, instants: int, file: Path | None, console: Conso
 
     if not 0 <= instants <= MOST_INSTANTS:
         raise ValueError(f"--instants = {instants}: must be from 0 to {MOST_INSTANTS}")
+    file = None if name is None else output_file(name, "--json")
     held = _without_adaptation(scenario)
     found = evidence(held, instants)
     table = Table(box=None, pad_edge=False, header_style="dim")
-    heads = ("instant", "largest |z|", "slowest, 1/s", "damping", "delay, ms", "rotor gain", "joint gain")
+    heads = ("instant", "largest |z|", "slowest, 1/s", "damping", "delay, ms", *GAINS.values())
     for i, head in enumerate(heads):
         table.add_column(Text(head), justify="right" if i else "left")
     for each in found.instants:
@@ -72,19 +75,17 @@ def margins(scenario: Scenario, instants: int, file: Path | None, console: Conso
             f"{max((s.real for s in rates), default=-math.inf):.3g}",
             f"{_damping(rates):.2f}",
             _number(1e3 * each.delay),
-            " ... ".join(_number(k) for k in each.gain("rotor_gain")),
-            " ... ".join(_number(k) for k in each.gain("joint_gain")),
+            *(" ... ".join(_number(k) for k in each.gain(field)) for field in GAINS),
         )
         table.add_row(*(Text(cell) for cell in cells))
     console.print(Text(printable(f"{found.controller} in {found.scenario}"), style="bold"))
     console.print(table)
     console.print("delay: further dead time it bears; gains: factors on the actuators' effect it bears; the worse of")
+    console.print("two linearisations, with the rotors' time constant upward and with that downward; a gain of all is")
     console.print(
-        "two linearisations, with the rotors' time constant upward and with that downward; a gain is common to"
+        "common to them, a gain of one is that of any single rotor or joint, the others as they are; instants"
     )
-    console.print(
-        "all rotors, or all joints; instants along a flight are frozen in time, and no proof that it is stable"
-    )
+    console.print("along a flight are frozen in time, and no proof that it is stable")
     if held is not scenario:
         console.print("the law's slow adaptation of load and friction is held")
     if not found.completed:
@@ -138,6 +139,8 @@ def _plain(found: Any) -> dict[str, Any]:
                         "delay_margin": _finite(m.delay),
                         "rotor_gain": [_finite(k) for k in m.rotor_gain],
                         "joint_gain": [_finite(k) for k in m.joint_gain],
+                        "one_rotor": [_finite(k) for k in m.one_rotor],
+                        "one_joint": [_finite(k) for k in m.one_joint],
                     }
                     for lag, m in each.by_lag.items()
                 },
@@ -163,7 +166,8 @@ def basin(
     """
     from skyarm.figures.basin import basin_figure
     from skyarm.figures.embed import image_bytes
-    from skyarm.stability import basin as fly
+    from skyarm.stability.basin import CAUGHT
+    from skyarm.stability.basin import basin as fly
 
     seed = int(limits.pop("seed"))
     folder = require_writable(out)
@@ -179,4 +183,5 @@ def basin(
         f"{found.caught[upside].mean() if upside.any() else 0.0:.2%}",
         soft_wrap=True,
     )
+    console.print(f"caught: {CAUGHT}", soft_wrap=True)
     console.print(f"map in {folder}: {name}.png, {name}.json", soft_wrap=True)

@@ -53,7 +53,7 @@ def margins(
     scenario: Annotated[str, typer.Argument(help="a scenario file (.toml) or the name of a shipped one")],
     instants: Annotated[int, typer.Option(help="looked at along the scenario, beside hover")] = 4,
     safety: Annotated[bool, typer.Option("--safety", help="under the safety layer")] = False,
-    file: Annotated[Path | None, typer.Option("--json", help="write eigenvalues and margins there")] = None,
+    file: Annotated[str | None, typer.Option("--json", help="write eigenvalues and margins there")] = None,
 ) -> None:
     """Linearise the closed loop: eigenvalues, margins.
 
@@ -94,7 +94,7 @@ def basin(
 @app.command()
 def bench(
     quick: Annotated[bool, typer.Option("--quick", help="fewer rounds, shorter flights: about a minute")] = False,
-    file: Annotated[Path | None, typer.Option("--json", help="write the numbers there too")] = None,
+    file: Annotated[str | None, typer.Option("--json", help="write the numbers there too")] = None,
 ) -> None:
     """Measure every engine beside MuJoCo and others.
 

@@ -36,6 +36,10 @@ ALONE = 2
 """Episodes of a cell whose law flies them one by one, about a thousand times slower than a batch."""
 
 
+FEW = 16
+"""Episodes up to which a compiler's full effort takes longer than it saves."""
+
+
 @dataclass(frozen=True, slots=True)
 class Cell:
     """Metrics of an entrant's flights of a case under a condition, one entry per episode.
@@ -107,6 +111,7 @@ def fly(flights: Flights, threads: int = 1) -> Cell:
         metrics=(*METRICS, *efforts),
         windows=flights.case.windows,
         stiffest=with_numbers(scenario, damping),
+        effort=0 if episodes <= FEW else 2,
     )
     found = batch.fly(values, seed=flights.seed, episodes=np.arange(episodes), threads=threads)
     return Cell(found.metrics, found.status)

@@ -14,6 +14,8 @@ from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
 
+from skyarm.compare.cells import Cell
+from skyarm.experiments.beyond import Beyond, HarderJob, beyond_jobs, exact_flights, fly_harder
 from skyarm.experiments.paper import Flight, Metrics, flights, fly, metrics
 from skyarm.experiments.published import CONTROLLERS
 from skyarm.experiments.variations import Variation, variation, variations
@@ -54,19 +56,28 @@ class Job:
     value: str = ""
 
     @property
+    def plant(self) -> str:
+        """That it flies on."""
+        return self.flight.plant
+
+    @property
     def label(self) -> str:
         """In words, for a progress bar."""
         words = f"{self.flight.case} {self.flight.controller} {self.flight.plant}"
         return f"{words}, {self.group} {self.value}" if self.group else words
 
 
+AnyJob = Job | HarderJob
+
+
 @dataclass(slots=True)
 class Campaign:
-    """What came out: a log per flight, metrics per variation, and what it took."""
+    """What came out: a log per flight, metrics per variation, flights beyond the paper, and what it took."""
 
     logs: dict[str, dict[str, dict[str, Log]]] = field(default_factory=dict)
     sensitivity: Sensitivity = field(default_factory=dict)
     effort: Effort = field(default_factory=Effort)
+    beyond: Beyond = field(default_factory=Beyond)
 
     def measured(self) -> dict[tuple[str, str, str], Metrics]:
         """Metrics by (case, controller, plant)."""
@@ -86,28 +97,36 @@ class Campaign:
         cases.setdefault(flight.case, {})[flight.controller] = found
 
 
-def perform(job: Job) -> Log | Metrics:
-    """Fly one job: the log of a plain flight, the metrics of a varied one."""
+def perform(job: AnyJob) -> Log | Metrics | Cell:
+    """Fly one job: the log of a plain flight, the metrics of a varied one, the cell of one of the bench."""
+    if isinstance(job, HarderJob):
+        return fly_harder(job)
     if not job.group:
         return fly(job.flight)
     varied = variation(job.group, job.value)
     return varied.measure(job.flight.case, fly(job.flight, varied.change))
 
 
-def _timed(work: Callable[[Job], Any], job: Job) -> tuple[Any, float]:
+def _timed(work: Callable[[AnyJob], Any], job: AnyJob) -> tuple[Any, float]:
     """What a job gives and the seconds it takes."""
     begun = perf_counter()
     return work(job), perf_counter() - begun
 
 
 def run_campaign(
-    plants: Sequence[str], *, sensitivity: bool = True, workers: int = 1, progress: Progress | None = None
+    plants: Sequence[str],
+    *,
+    sensitivity: bool = True,
+    beyond: bool = True,
+    workers: int = 1,
+    progress: Progress | None = None,
 ) -> Campaign:
     """Fly everything. Results do not depend on the number of workers.
 
     Args:
         plants: "rigid_body", "mujoco" or both; variations are flown on the first.
         sensitivity: fly the variations too.
+        beyond: fly the exact law beside the paper's, on the bench's cases, too.
         workers: processes; 1 flies in this one.
         progress: called after every episode.
     """
@@ -120,15 +139,21 @@ def run_campaign(
         for flight in flights(plants[:1])
         if flight.case in each.cases
     ]
+    exact = [Job(flight) for flight in exact_flights(plants)] if beyond else []
+    harder = beyond_jobs() if beyond else []
     campaign = Campaign()
     begun = perf_counter()
-    done = _perform_all([*plain, *varied], workers, progress, campaign.effort)
+    done = _perform_all([*plain, *varied, *exact, *harder], workers, progress, campaign.effort)
     campaign.effort.wall = perf_counter() - begun
     for job in plain:
         cases = campaign.logs.setdefault(job.flight.plant, {}).setdefault(job.flight.case, {})
         cases[job.flight.controller] = done[job]
     for job in varied:
         campaign._file(job.group, job.value, job.flight, done[job])
+    for job in exact:
+        campaign.beyond.logs.setdefault(job.flight.plant, {})[job.flight.controller] = done[job]
+    for cell in harder:
+        campaign.beyond.cells[cell.condition, cell.case, cell.entrant] = done[cell]
     for each in chosen:
         if each.change is None:
             _measure_again(campaign, each, plants[0])
@@ -163,14 +188,14 @@ def _end_with_parent() -> None:
 
 
 def _perform_all(
-    jobs: Sequence[Job], workers: int, progress: Progress | None, effort: Effort | None = None
-) -> dict[Job, Any]:
-    done: dict[Job, Any] = {}
+    jobs: Sequence[AnyJob], workers: int, progress: Progress | None, effort: Effort | None = None
+) -> dict[AnyJob, Any]:
+    done: dict[AnyJob, Any] = {}
     effort = effort or Effort()
 
-    def note(job: Job, timed: tuple[Any, float]) -> None:
+    def note(job: AnyJob, timed: tuple[Any, float]) -> None:
         done[job], seconds = timed
-        effort.seconds.setdefault(job.flight.plant, []).append(seconds)
+        effort.seconds.setdefault(job.plant, []).append(seconds)
         if progress is not None:
             progress(len(done), len(jobs), job.label)
 

@@ -29,7 +29,7 @@ Metrics = dict[str, float | None]
 
 @dataclass(frozen=True, slots=True)
 class Flight:
-    """One episode of the paper: a case, a controller ("CT" or "PD"), a plant."""
+    """One episode of the paper: a case, a controller ("CT", "PD" or a preset), a plant."""
 
     case: str
     controller: str
@@ -43,7 +43,9 @@ def flights(plants: Sequence[str] = PLANTS) -> list[Flight]:
 
 def scenario(flight: Flight) -> Scenario:
     """The scenario of a flight; nothing but plant and controller is chosen here."""
-    return load_scenario(flight.case, plant=flight.plant, controller=CONTROLLERS[flight.controller])
+    return load_scenario(
+        flight.case, plant=flight.plant, controller=CONTROLLERS.get(flight.controller, flight.controller)
+    )
 
 
 def fly(flight: Flight, change: Callable[[Scenario], Scenario] | None = None) -> Log:

@@ -52,6 +52,7 @@ def report_html(
     logs: Logs,
     reasons: Mapping[str, Mapping[str, Mapping[str, str]]],
     figures: Mapping[int, Figure] | None = None,
+    further: Mapping[str, str] | None = None,
 ) -> str:
     """Write the report.
 
@@ -61,6 +62,7 @@ def report_html(
         logs: plant -> experiment -> controller -> log, for the interactive plots.
         reasons: experiment -> controller -> metric -> why it differs from the paper, one line.
         figures: the paper's number -> static figure, put into the page as images.
+        further: title -> HTML of a section of its own, on what goes beyond the paper.
 
     Returns:
         A whole HTML document: scripts, styles and images inside, no address outside.
@@ -73,6 +75,7 @@ def report_html(
         ("experiments", "Experiments", _experiments(experiments, reasons, logs, plots)),
         ("sensitivity", "Sensitivity to assumptions", _sensitivity(sensitivity, experiments, plant, plots)),
         ("figures", "Figures 3-18", _paper_figures(figures or {}, plant)),
+        *((f"further-{i}", title, content) for i, (title, content) in enumerate((further or {}).items(), 1)),
         ("assumptions", "Assumptions", bullets(prose.ASSUMPTIONS)),
         ("not-modelled", "What is not modelled", bullets(prose.NOT_MODELLED)),
         ("definitions", "Definitions", f"<p>{text(prose.READING)}</p>{definitions_table()}"),

@@ -8,19 +8,28 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from skyarm.compare.results import PAGE, Bench, fly_bench, prepare
+from skyarm.experiments.beyond import WIND, in_the_wind
 from skyarm.experiments.campaign import Campaign, Progress, run_campaign
 from skyarm.experiments.paper import STEADY, WINDOWS, flights, results, settings
 from skyarm.experiments.reasons import Reasons, reasons
 from skyarm.experiments.report import report_html
+from skyarm.experiments.report_beyond import NAMES, bench_section, beyond_section
 from skyarm.experiments.table import markdown
 from skyarm.experiments.variations import variations
 from skyarm.figures.embed import image_bytes
 from skyarm.figures.overview import overview_figure
 from skyarm.figures.paper import paper_figures
+from skyarm.figures.tip import tip_figure
 from skyarm.files import require_replaceable, require_writable, write_atomically
 from skyarm.simulate.scenario import PLANTS
 
 Note = Callable[[str], None]
+
+BENCH = "bench"
+"""Folder of the whole bench, beside the report."""
+
+NAMED = (*(f"figure_{n:02d}" for n in range(3, 19)), "overview", "tip")
 
 DPI = 300
 """Resolution of the figure files, sharp in print at their size of one column."""
@@ -31,19 +40,21 @@ def reproduce(
     *,
     plants: Sequence[str] = PLANTS,
     workers: int = 1,
+    bench: Bench | None = None,
     progress: Progress | None = None,
     note: Note | None = None,
 ) -> dict[str, Any]:
     """Fly the paper's five experiments with both controllers and write everything that comes of it.
 
-    Writes ``results.json``, ``sensitivity.json``, ``table2.md``, ``report.html``, ``figures/figure_03.png`` ...
-    ``figure_18.png`` and ``overview.png`` (first plant), ``logs/PLANT/CASE_CONTROLLER.npz``; each file appears whole or
-    not at all.
+    Writes ``results.json``, ``sensitivity.json``, ``beyond.json``, ``table2.md``, ``report.html``,
+    ``figures/figure_03.png`` ... ``figure_18.png``, ``overview.png`` and ``tip.png`` (first plant),
+    ``logs/PLANT/CASE_CONTROLLER.npz``; each file appears whole or not at all.
 
     Args:
         out: folder, made if missing.
         plants: "rigid_body", "mujoco" or both.
         workers: processes that fly.
+        bench: fly it too, into ``bench/``, where it goes on if it was interrupted, and show its tables.
         progress: called after every episode.
         note: called with one line on the flights and one before each further stage.
 
@@ -63,13 +74,16 @@ def reproduce(
     for inner in ("figures", *(f"logs/{plant}" for plant in plants)):
         require_writable(folder / inner)
     require_replaceable(*_files(folder, plants))
+    if bench is not None:
+        prepare(folder / BENCH)
     say = note or (lambda _line: None)
     campaign = run_campaign(plants, workers=workers, progress=progress)
     say(campaign.effort.words())
     table = results(campaign.measured(), settings(campaign.all_logs()))
     why = reasons(table, campaign.sensitivity)
     say("writing tables and logs")
-    _write_data(folder, table, why, campaign)
+    summaries = campaign.beyond.summaries()
+    _write_data(folder, table, why, campaign, summaries)
     say("drawing Figures 3-18")
     first = campaign.logs[plants[0]]
     figures = paper_figures(first, WINDOWS)
@@ -78,16 +92,35 @@ def reproduce(
         "overview": overview_figure(first, STEADY),
     }.items():
         write_atomically(folder / "figures" / f"{name}.png", image_bytes(figure, dpi=DPI))
+    further = _further(folder, campaign, summaries)
+    if bench is not None:
+        say("flying the bench")
+        found = fly_bench(bench, folder / BENCH, threads=workers, progress=progress)
+        further["All laws on one bench"] = bench_section(found, bench, f"{BENCH}/{PAGE}")
     say("writing report.html")
-    page = report_html(table, campaign.sensitivity, campaign.logs, why, figures)
+    page = report_html(table, campaign.sensitivity, campaign.logs, why, figures, further)
     write_atomically(folder / "report.html", page.encode())
     return table
 
 
+def _further(folder: Path, campaign: Campaign, summaries: dict[str, Any]) -> dict[str, str]:
+    """Sections beyond the paper: title -> HTML; their picture is written too. Empty where nothing of it flew."""
+    if not campaign.beyond.cells:
+        return {}
+    logs = in_the_wind(campaign.beyond, campaign.logs)
+    picture = b""
+    if logs:
+        flown = {NAMES[name]: log for name, log in next(iter(logs.values())).items()}
+        figure = tip_figure(flown, WINDOWS[WIND], "Case 3 in constant wind, perfect state")
+        picture = image_bytes(figure, dpi=160)
+        write_atomically(folder / "figures" / "tip.png", image_bytes(figure, dpi=DPI))
+    return {"Beyond the paper": beyond_section(summaries, logs, picture)}
+
+
 def _files(folder: Path, plants: Sequence[str]) -> list[Path]:
     """Every file that will be written."""
-    pages = [folder / name for name in ("results.json", "sensitivity.json", "table2.md", "report.html")]
-    drawn = [folder / "figures" / f"{name}.png" for name in (*(f"figure_{n:02d}" for n in range(3, 19)), "overview")]
+    pages = [folder / name for name in ("results.json", "sensitivity.json", "beyond.json", "table2.md", "report.html")]
+    drawn = [folder / "figures" / f"{name}.png" for name in NAMED]
     return (
         pages
         + drawn
@@ -99,11 +132,16 @@ def _json(value: Any) -> bytes:
     return (json.dumps(value, indent=1, allow_nan=False) + "\n").encode()
 
 
-def _write_data(folder: Path, table: dict[str, Any], why: Reasons, campaign: Campaign) -> None:
+def _write_data(
+    folder: Path, table: dict[str, Any], why: Reasons, campaign: Campaign, summaries: dict[str, Any]
+) -> None:
     write_atomically(folder / "results.json", _json(table))
     labels = {f"{each.group}/{each.value}": each.label for each in variations()}
     evidence = {"schema": 1, "labels": labels, "reasons": why, "variations": campaign.sensitivity}
     write_atomically(folder / "sensitivity.json", _json(evidence))
+    write_atomically(
+        folder / "beyond.json", _json({"schema": 1, "seed": 0, "plant": "rigid_body", "summaries": summaries})
+    )
     write_atomically(folder / "table2.md", markdown(table, why).encode())
     for plant, cases in campaign.logs.items():
         for case, controllers in cases.items():

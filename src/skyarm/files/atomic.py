@@ -69,6 +69,25 @@ def require_writable(folder: str | os.PathLike[str]) -> Path:
     return target
 
 
+def output_file(name: str, field: str) -> Path:
+    """Path of a file to come, checked before any work is done.
+
+    Args:
+        name: as it was given.
+        field: what it was given to, for the message.
+
+    Raises:
+        ValueError: no name at all.
+        OSError: it is a folder, or its own folder cannot be written.
+    """
+    if not name:
+        raise ValueError(f"{field} = '': must be the path of a file")
+    file = Path(name)
+    require_replaceable(file)
+    require_writable(file.parent)
+    return file
+
+
 def require_replaceable(*files: Path) -> None:
     """Refuse names of files to come that are taken by folders, before any work is done.
 

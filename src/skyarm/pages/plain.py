@@ -20,14 +20,37 @@ def section(title: str, content: str) -> str:
     return f"<section><h2>{escape(title)}</h2>{content}</section>"
 
 
-def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+Rows = Iterable[Iterable[str]]
+
+
+def table(head: Iterable[str], rows: Rows, caption: str = "") -> str:
     """A table whose first column names the rows; wide ones scroll by themselves."""
-    top = "".join(f'<th scope="col">{escape(cell)}</th>' for cell in head)
-    lines = []
-    for first, *others in rows:
-        cells = "".join(f"<td>{escape(cell)}</td>" for cell in others)
-        lines.append(f'<tr><th scope="row">{escape(first)}</th>{cells}</tr>')
-    return f'<div class="table"><table><thead><tr>{top}</tr></thead><tbody>{"".join(lines)}</tbody></table></div>'
+    return grouped(head, [("", rows)], caption)
+
+
+def grouped(head: Iterable[str], groups: Iterable[tuple[str, Rows]], caption: str = "") -> str:
+    """The same with rows in groups.
+
+    Args:
+        head: names of the columns; one that begins with ">" holds numbers and is set to the right.
+        groups: (title or "", rows).
+        caption: above it, or "".
+    """
+    names = list(head)
+    kinds = [' class="num"' if name[:1] == ">" else "" for name in names]
+    top = "".join(
+        f'<th scope="col"{kind}>{escape(name.removeprefix(">"))}</th>' for name, kind in zip(names, kinds, strict=True)
+    )
+    bodies = []
+    for title, rows in groups:
+        heading = f'<tr class="group"><th scope="rowgroup" colspan="{len(names)}">{escape(title)}</th></tr>'
+        lines = [heading] if title else []
+        for first, *others in rows:
+            cells = "".join(f"<td{kind}>{escape(cell)}</td>" for kind, cell in zip(kinds[1:], others, strict=True))
+            lines.append(f'<tr><th scope="row">{escape(first)}</th>{cells}</tr>')
+        bodies.append(f"<tbody>{''.join(lines)}</tbody>")
+    above = f"<caption>{escape(caption)}</caption>" if caption else ""
+    return f'<div class="table"><table>{above}<thead><tr>{top}</tr></thead>{"".join(bodies)}</table></div>'
 
 
 def image(alternative: str, caption: str, png: bytes) -> str:

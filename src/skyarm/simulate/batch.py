@@ -71,6 +71,7 @@ class Batch:
         log_every: keep state, command and reference of each so many control periods; 0 keeps none. A sample takes
             8 bytes (4 if single) a number, 14 + 3 joints + 2 rotors + the reference's: 0.3 to 0.5 kB for two joints and
             four rotors. All of it is there twice while it is sorted.
+        effort: of the compiler, as of :class:`skyarm.compile.native.Kernel`; 0 is worth it for few, short episodes.
     """
 
     def __init__(
@@ -85,6 +86,7 @@ class Batch:
         stiffest: Scenario | None = None,
         width: int | None = None,
         log_every: int = 0,
+        effort: int = 2,
     ) -> None:
         self.scenario, self.paths, self.windows = scenario, tuple(paths), windows or Windows()
         self.names = metric_names(metrics, scenario.world.vehicle.n)
@@ -116,7 +118,7 @@ class Batch:
         loop = trace_loop(step, example, tuple(self.base.tolist()), fed, draws_needed(scenario), loops=True)
         self._logged = loop.result[1]
         lanes = Lanes(width or host_width(single=single), single=single, contract=not exact)
-        self.kernel = Kernel(loop, lanes, logging=log_every > 0)
+        self.kernel = Kernel(loop, lanes, logging=log_every > 0, effort=effort)
 
     def _varied(self, values: Sequence[Any]) -> Scenario:
         return with_numbers(self.scenario, dict(zip(self.paths, values, strict=True)))

@@ -27,11 +27,17 @@ RETURNED = 0.5
 DURATION = 12.0
 """s, enough for a fall of a second and its recovery."""
 
-MOST_FLIGHTS = 100_000_000
-"""A map of one memory: each takes about 200 bytes."""
+CAUGHT = (
+    f"{DURATION:g} s after its start within {CAUGHT_POSITION:g} m of the reference, tilted less than "
+    f"{math.degrees(CAUGHT_TILT):g} deg, slower than {CAUGHT_SPEED:g} m/s and {CAUGHT_RATE:g} rad/s, every joint "
+    f"slower than {CAUGHT_JOINT_RATE:g} rad/s (m/s)"
+)
+"""In words."""
 
-LARGEST = 1e6
-"""Rate, offset or speed of a start: beyond this it is a slip of units."""
+MOST = {"rate": 1000.0, "offset": 1000.0, "speed": 1000.0}
+"""rad/s, m, m/s: largest limits of the draws."""
+
+MOST_FLIGHTS = 10_000_000
 
 TILTS, RATES = 18, 12
 """Bins of the map: ten degrees each, and twelfths of the largest rate."""
@@ -72,16 +78,21 @@ class Basin:
     @property
     def tilt_edges(self) -> Array:
         """rad, of the map's bins."""
-        return np.linspace(0.0, math.pi, TILTS + 1)
+        return self.edges(TILTS, RATES)[1]
 
     @property
     def rate_edges(self) -> Array:
         """rad/s."""
-        return np.linspace(0.0, self.rate_limit, RATES + 1)
+        return self.edges(TILTS, RATES)[0]
 
-    def counts(self) -> tuple[Array, Array]:
+    def edges(self, tilts: int, rates: int) -> tuple[Array, Array]:
+        """Of so many bins: rad/s of rate, rad of tilt."""
+        # where every flight begins without a rate the bins need a width all the same
+        return np.linspace(0.0, self.rate_limit or 1.0, rates + 1), np.linspace(0.0, math.pi, tilts + 1)
+
+    def counts(self, tilts: int = TILTS, rates: int = RATES) -> tuple[Array, Array]:
         """(caught, flown) per bin, (rates, tilts)."""
-        edges = (self.rate_edges, self.tilt_edges)
+        edges = self.edges(tilts, rates)
         flown, _, _ = np.histogram2d(self.rate, self.tilt, bins=edges)
         caught, _, _ = np.histogram2d(self.rate[self.caught], self.tilt[self.caught], bins=edges)
         return caught.astype(int), flown.astype(int)
@@ -178,13 +189,13 @@ def basin(
         threads: the result does not depend on it.
 
     Raises:
-        ScenarioError: fewer than one flight or too many for a memory, or a limit below zero or beyond any flight.
+        ScenarioError: fewer than one flight or too many, or a limit below zero or beyond ``MOST``.
     """
     if not 1 <= count <= MOST_FLIGHTS:
         raise ScenarioError(f"flights = {count}: must be from 1 to {MOST_FLIGHTS}")
     for name, value in (("rate", rate), ("offset", offset), ("speed", speed)):
-        if not 0.0 <= value <= LARGEST:
-            raise ScenarioError(f"{name} = {value!r}: must be from 0 to {LARGEST:g}")
+        if not 0.0 <= value <= MOST[name]:
+            raise ScenarioError(f"{name} = {value!r}: must be from 0 to {MOST[name]:g}")
     flight = hovering(scenario)
     steps = math.ceil(DURATION * flight.rates.control)
     flight = dataclasses.replace(

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,8 +24,8 @@ LONGEST = 0.1
 WIDEST, STRIDE = 100.0, 1.25
 """Largest change of a gain that is looked at, and the factor between two looks."""
 
-HALVINGS = 24
-"""Of the interval that holds a gain margin: to 1e-8 of it."""
+HALVINGS, FEW_HALVINGS = 24, 10
+"""Of the interval that holds a gain margin: to 1e-8 of it; of single actuators, which are many, to 2e-4."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -36,8 +37,9 @@ class Margins:
         radius: largest |z|; the loop is stable below 1.
         delay: s of further dead time of the commands that the loop bears; inf beyond 0.1 s, 0 if it is unstable.
         rotor_gain, joint_gain: (lower, upper) factors on the effect of all rotor commands, of all torques, between
-            which the loop is stable; 0 and inf beyond a hundredfold. The factor is common to the group: of one rotor
-            or one joint alone it says nothing.
+            which the loop is stable; 0 and inf beyond a hundredfold. The factor is common to the group.
+        one_rotor, one_joint: the same of one actuator alone, the others as they are: the largest lower and the smallest
+            upper factor of any of them.
     """
 
     z: npt.NDArray[np.complex128]
@@ -46,13 +48,23 @@ class Margins:
     delay: float
     rotor_gain: tuple[float, float]
     joint_gain: tuple[float, float]
+    one_rotor: tuple[float, float]
+    one_joint: tuple[float, float]
 
 
-def closed_loop(loop: OpenLoop, *, extra_delay: float = 0.0, rotor_gain: float = 1.0, joint_gain: float = 1.0) -> Array:
+def closed_loop(
+    loop: OpenLoop,
+    *,
+    extra_delay: float = 0.0,
+    rotor_gain: float = 1.0,
+    joint_gain: float = 1.0,
+    alone: tuple[int, float] | None = None,
+) -> Array:
     """Matrix of one period: [state, memory, measurements on their way, commands on their way] to the next.
 
     ``extra_delay`` (s, with the loop's own a multiple of its ``lates``) joins the commands' own; the gains scale what
-    the actuators make of the commands, not what the law believes it sent.
+    the actuators make of the commands, not what the law believes it sent; ``alone`` is the place of one command, from 0
+    with the rotors first, and a further factor on it.
     """
     whole, late = _split(loop, loop.command_delay + extra_delay)
     nx, nm, nu, ny = loop.x_x.shape[1], len(loop.m_m), loop.u_m.shape[0], len(loop.y_x)
@@ -62,6 +74,8 @@ def closed_loop(loop: OpenLoop, *, extra_delay: float = 0.0, rotor_gain: float =
     x, m, readings, queue = places[0], places[1], places[2 : 2 + r], places[2 + r :]
     size = int(ends[-1])
     gains = np.array([rotor_gain] * loop.rotors + [joint_gain] * (nu - loop.rotors))
+    if alone is not None:
+        gains[alone[0]] *= alone[1]
     now = np.zeros((ny, size))
     now[:, x], now[:, queue[0]] = loop.y_x, loop.y_old
     seen = np.eye(size)[readings[0]] if r else now
@@ -110,7 +124,7 @@ def _reached(links: npt.NDArray[np.bool_], first: npt.NDArray[np.bool_]) -> npt.
         found = more
 
 
-def radius(loop: OpenLoop, **changes: float) -> float:
+def radius(loop: OpenLoop, **changes: Any) -> float:
     """Spectral radius of the closed loop, changed as :func:`closed_loop` says; inf where it is not finite."""
     A = closed_loop(loop, **changes)
     if not np.isfinite(A).all():
@@ -131,7 +145,19 @@ def margins(loop: OpenLoop) -> Margins:
         delay=delay_margin(loop),
         rotor_gain=_gain_margin(lambda k: radius(loop, rotor_gain=k)),
         joint_gain=_gain_margin(lambda k: radius(loop, joint_gain=k)),
+        one_rotor=_of_any(loop, range(loop.rotors)),
+        one_joint=_of_any(loop, range(loop.rotors, loop.u_m.shape[0])),
     )
+
+
+def _of_any(loop: OpenLoop, places: range) -> tuple[float, float]:
+    """The narrowest interval of single commands; everything is borne where there is none."""
+
+    def margin(place: int) -> tuple[float, float]:
+        return _gain_margin(lambda k: radius(loop, alone=(place, k)), FEW_HALVINGS)
+
+    found = [margin(place) for place in places]
+    return max((low for low, _ in found), default=0.0), min((high for _, high in found), default=math.inf)
 
 
 def delay_margin(loop: OpenLoop) -> float:
@@ -150,20 +176,20 @@ def delay_margin(loop: OpenLoop) -> float:
     return math.inf
 
 
-def _gain_margin(radius_at: Callable[[float], float]) -> tuple[float, float]:
+def _gain_margin(radius_at: Callable[[float], float], halvings: int = HALVINGS) -> tuple[float, float]:
     """(lower, upper) factor at which the loop becomes unstable; (1, 1) if it is so already."""
     if radius_at(1.0) > EDGE:
         return 1.0, 1.0
-    return _edge(radius_at, 1.0 / STRIDE, 0.0), _edge(radius_at, STRIDE, math.inf)
+    return _edge(radius_at, 1.0 / STRIDE, 0.0, halvings), _edge(radius_at, STRIDE, math.inf, halvings)
 
 
-def _edge(radius_at: Callable[[float], float], factor: float, beyond: float) -> float:
+def _edge(radius_at: Callable[[float], float], factor: float, beyond: float, halvings: int) -> float:
     """First gain from 1 on, in strides of ``factor``, at which the loop is unstable; ``beyond`` if there is none."""
     stable, gain = 1.0, factor
     while 1.0 / WIDEST <= gain <= WIDEST:
         if radius_at(gain) > EDGE:
             unstable = gain
-            for _ in range(HALVINGS):
+            for _ in range(halvings):
                 middle = math.sqrt(stable * unstable)
                 stable, unstable = (stable, middle) if radius_at(middle) > EDGE else (middle, unstable)
             return stable

@@ -16,6 +16,9 @@ RESAMPLES = 2000
 GROUPS = 2**14
 """Values that a mean is resampled from; more of them are first averaged in groups of equal size."""
 
+BLOCK = 2**18
+"""Values resampled at a time: few resamples of many values, or many of few."""
+
 
 def wilson(successes: int, count: int, confidence: float = 0.95) -> tuple[float, float]:
     """Score interval of a share.
@@ -75,7 +78,11 @@ def bootstrap_mean(
     """
     groups = _grouped(values)
     generator = np.random.default_rng(seed)
-    means = np.array([groups[generator.integers(0, groups.size, groups.size)].mean() for _ in range(resamples)])
+    means = np.empty(resamples)
+    block = max(1, BLOCK // groups.size)
+    for first in range(0, resamples, block):
+        count = min(block, resamples - first)
+        means[first : first + count] = groups[generator.integers(0, groups.size, (count, groups.size))].mean(axis=1)
     return _percentile(means, confidence)
 
 

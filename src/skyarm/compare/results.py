@@ -1,0 +1,100 @@
+"""A whole bench into a folder: cells, results.json, tables.md, laws.png, report.html."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from skyarm.compare.bench import Progress, perform, step_times
+from skyarm.compare.columns import TRACKING, value
+from skyarm.compare.entrants import ENTRANTS, Entrant
+from skyarm.compare.page import comparison_page
+from skyarm.compare.suite import Condition, conditions
+from skyarm.compare.summary import pairs, table
+from skyarm.compare.tables import report
+from skyarm.figures.embed import image_bytes
+from skyarm.figures.laws import Share, laws_figure
+from skyarm.files import require_writable, write_atomically
+
+DPI = 160
+SUITE = "paper-suite"
+CAPTION = "Tip error in the wind, and share of successes on wrong plants"
+PAGE = "report.html"
+WIND_TIP = next(c for c in TRACKING if c.case == "case3_wind" and c.metric.startswith("ee"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bench:
+    """What flies.
+
+    Attributes:
+        entrants: in order. conditions: in order. seed: of plants and noise. plant: "rigid_body" or "mujoco".
+    """
+
+    entrants: Mapping[str, Entrant] = field(default_factory=lambda: ENTRANTS)
+    conditions: Mapping[str, Condition] = field(default_factory=conditions)
+    seed: int = 0
+    plant: str = "rigid_body"
+
+
+def prepare(folder: Path) -> None:
+    """Make the folders of a bench.
+
+    Raises:
+        OSError: one of them cannot be written.
+    """
+    require_writable(folder)
+    require_writable(folder / "cells")
+
+
+def fly_bench(bench: Bench, folder: Path, *, threads: int = 1, progress: Progress | None = None) -> dict[str, Any]:
+    """Fly what is missing of a bench, write its files, and return the content of ``results.json``."""
+    prepare(folder)
+    cells = perform(
+        bench.entrants,
+        bench.conditions,
+        folder / "cells",
+        seed=bench.seed,
+        plant=bench.plant,
+        threads=threads,
+        progress=progress,
+    )
+    found: dict[str, Any] = {"schema": 1, "suite": SUITE, "seed": bench.seed, "plant": bench.plant}
+    found["summaries"] = table(cells)
+    found["paired"] = pairs(cells)
+    found["step_times"] = step_times(bench.entrants, next(iter(bench.conditions.values())))
+    picture = bench_picture(found, list(bench.entrants))
+    write_atomically(folder / "laws.png", picture)
+    write_atomically(folder / "results.json", (json.dumps(found, indent=1, allow_nan=False) + "\n").encode())
+    write_atomically(folder / "tables.md", report(found, bench.entrants, bench.conditions).encode())
+    page = comparison_page(found, bench.entrants, bench.conditions, {CAPTION: picture})
+    write_atomically(folder / PAGE, page.encode())
+    return found
+
+
+def bench_picture(found: Mapping[str, Any], names: Sequence[str]) -> bytes:
+    """PNG of the tip's errors and of the successes of every law."""
+    summaries = found["summaries"]
+    errors = {
+        title: [value(summaries.get(condition, {}), WIND_TIP, name) for name in names]
+        for title, condition in (("perfect state", "perfect"), ("noise and delay", "noisy"))
+        if condition in summaries
+    }
+    wrong = summaries.get("plants_noisy", {}).get("case3_wind", {})
+    figure = laws_figure(
+        names,
+        errors,
+        [_share(wrong.get(name)) for name in names],
+        error_label="mean tip error, Case 3 in wind [mm]",
+        share_label="tip within 20 mm: share of wrong plants",
+    )
+    return image_bytes(figure, dpi=DPI)
+
+
+def _share(summary: Mapping[str, Any] | None) -> Share | None:
+    if summary is None or summary["success_rate"] is None:
+        return None
+    return Share(summary["success_rate"], *summary["success_interval"])

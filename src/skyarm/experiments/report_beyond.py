@@ -1,0 +1,134 @@
+"""The report's section on laws beyond the paper: tables of the bench, a picture, and how to read them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from skyarm.compare.columns import BASE, JOINT, TOOL, Column, value
+from skyarm.compare.page import main_tables
+from skyarm.compare.results import CAPTION as CAPTION_OF_LAWS
+from skyarm.compare.results import Bench, bench_picture
+from skyarm.compare.suite import CASES, DELAY, NOISE
+from skyarm.compare.tables import DASH, number
+from skyarm.experiments.beyond import COLUMNS, HARDER, LAWS, WIND, columns, errors
+from skyarm.experiments.report_markup import bullets, details, text
+from skyarm.pages import grouped, image
+from skyarm.simulate import Log
+
+NAMES = {
+    "paper_pd": "the paper's PD",
+    "paper_ct": "the paper's CT",
+    "exact_joint": "exact, joint mode",
+    "exact_ee": "exact, tip mode",
+}
+
+QUANTITIES = (("base, mm", BASE), ("joints, mrad", JOINT), ("tip, mm", TOOL))
+PEAKS = (("base, mm", "gust_peak_x_continuous"), ("joints, mrad", ""), ("tip, mm", "gust_ee_peak_x_continuous"))
+"""In the gust: largest errors along it from its start on."""
+
+SIDE = "case3_wind_side"
+
+JITTER = ("rotor jitter, rad/s", "rotor_jitter")
+
+CAPTION = (
+    "Means over 10 to 20 s against the continuous reference; in the gust the largest errors along it. Rotor jitter: "
+    "RMS change of a commanded rotor speed from one control period to the next"
+)
+
+
+def beyond_section(summaries: Mapping[str, Any], logs: Mapping[str, Mapping[str, Log]], picture: bytes) -> str:
+    """HTML of the section.
+
+    Args:
+        summaries: by condition, case, entrant.
+        logs: plant -> entrant -> log in the wind with perfect state.
+        picture: PNG of the tip's error over time, or nothing.
+    """
+    parts = [f"<p>{text(lead())}</p>", bullets(hints(summaries)), harder_table(summaries)]
+    if picture:
+        words = f"Case 3 in constant wind, perfect state, {next(iter(logs), '')}: error of the tip, logarithmic."
+        parts.append(f'<div class="single">{image(words, words, picture)}</div>')
+    parts.append(plants_table(logs))
+    return "".join(parts)
+
+
+def bench_section(found: Mapping[str, Any], bench: Bench, address: str) -> str:
+    """HTML of the whole bench's tables; ``address`` of its own page is relative."""
+    tables = main_tables(found, bench.entrants, bench.conditions)
+    drawn = image(CAPTION_OF_LAWS, CAPTION_OF_LAWS, bench_picture(found, list(bench.entrants)))
+    picture = f'<div class="single">{drawn}</div>'
+    link = f'<a href="{text(address)}">its own page</a>'
+    lead_in = f"<p>{len(bench.entrants)} laws, seed {text(found['seed'])}, plant {text(found['plant'])}; {link}.</p>"
+    return lead_in + picture + "".join(details(title, content) for title, content in tables)
+
+
+def lead() -> str:
+    """What flew, from the bench's own constants."""
+    noise = (
+        f"{1e3 * NOISE.position:g} mm, {1e2 * NOISE.velocity:g} cm/s, {1e3 * NOISE.attitude:g} mrad, "
+        f"{NOISE.rate:g} rad/s, joints {1e3 * NOISE.joints:g} mrad and {NOISE.joint_rates:g} rad/s"
+    )
+    return (
+        "The exact law of this library beside the paper's two controllers, on the paper's cases and with the wind from "
+        "two more sides; the plant is rigid_body. Perfect state: one flight. Noisy: white noise of "
+        f"{noise}, measurements {1e3 * DELAY:g} ms old, mean of {columns()['noisy'].episodes} seeds; the exact law is "
+        "told of the delay. The other laws, and plants that nobody believes in: skyarm compare."
+    )
+
+
+def hints(summaries: Mapping[str, Any]) -> list[str]:
+    """What a reader would else take for a fault, with the numbers of these flights."""
+    perfect = summaries.get(COLUMNS[0], {})
+
+    def shown(entrant: str, metric: str, factor: float = 1e3, case: str = WIND) -> str:
+        return number(value(perfect, Column("", case, metric, factor), entrant))
+
+    return [
+        f"Joint mode cannot keep the tip in the wind, nor can any law that keeps the joints: against the wind the base "
+        f"must lean (here by up to {shown('exact_joint', 'tilt_max', math.degrees(1.0))} deg), and an arm that hangs "
+        f"from it with its joints on their references leans along. With the base exact to "
+        f"{shown('exact_joint', BASE)} mm and the joints to {shown('exact_joint', JOINT)} mrad the tip is "
+        f"{shown('exact_joint', TOOL)} mm away.",
+        f"Tip mode gives up what it does not need: the joints leave their references (by {shown('exact_ee', JOINT)} "
+        f"mrad in the wind) and the base gives way (by {shown('exact_ee', BASE)} mm, or "
+        f"{shown('exact_ee', BASE, case=SIDE)} mm where the wind blows across the plane of the arm), so that the tip "
+        f"stays within {shown('exact_ee', TOOL)} mm ({shown('exact_ee', TOOL, case=SIDE)} mm).",
+    ]
+
+
+def harder_table(summaries: Mapping[str, Any]) -> str:
+    """Base, joints and tip of every law in every case, perfect and noisy, with the rotors' jitter."""
+    head = ["law", *(f">{condition}: {words}" for condition in COLUMNS for words, _ in QUANTITIES), f">{JITTER[0]}"]
+    groups = []
+    for case in HARDER:
+        quantities = PEAKS if case == "case2_gust" else QUANTITIES
+        rows = []
+        for name in LAWS:
+            cells = [
+                number(value(summaries.get(condition, {}), Column("", case, metric), name)) if metric else DASH
+                for condition in COLUMNS
+                for _, metric in quantities
+            ]
+            jitter = value(summaries.get(COLUMNS[-1], {}), Column("", case, JITTER[1], 1.0), name)
+            rows.append([NAMES[name], *cells, number(jitter)])
+        groups.append((f"{case}: {CASES[case].title}", rows))
+    return grouped(head, groups, CAPTION)
+
+
+def plants_table(logs: Mapping[str, Mapping[str, Log]]) -> str:
+    """The flights in the wind with perfect state on every plant that was asked for."""
+    found = {plant: {name: errors(log) for name, log in flown.items()} for plant, flown in logs.items()}
+    if not found:
+        return ""
+    head = ["law", *(f">{plant}: {words}" for plant in found for words, _ in QUANTITIES)]
+    rows = [
+        [NAMES[name], *(_shown(laws[name][metric]) for laws in found.values() for _, metric in QUANTITIES)]
+        for name in LAWS
+    ]
+    return grouped(head, [("", rows)], "Case 3 in constant wind with perfect state, plant by plant")
+
+
+def _shown(metres: float) -> str:
+    return number(1e3 * metres) if math.isfinite(metres) else DASH

@@ -1,0 +1,94 @@
+"""The bench's page: every law in its kind, and what a part buys in numbers of the right case and condition."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from skyarm.compare.ablations import COLUMNS, WHOLE, ablation_head, ablation_rows
+from skyarm.compare.cells import Cell
+from skyarm.compare.entrants import ENTRANTS
+from skyarm.compare.page import GROUPS, comparison_page, main_tables
+from skyarm.compare.suite import CASES, conditions
+from skyarm.compare.summary import SUCCESS_METRIC, table
+from skyarm.pages import grouped
+
+EVERY = conditions(plants=4, seeds=2)
+METRICS = ("position_error_mean_continuous", "ee_error_mean_continuous", "rotor_jitter")
+LAWS = list(ENTRANTS)
+
+
+def number(condition, case, name, metric):
+    """Distinct for every cell, m or rad/s."""
+    places = (list(EVERY).index(condition), list(CASES).index(case), LAWS.index(name), METRICS.index(metric))
+    a, b, c, d = places
+    return 1.0 + 0.3 * a + 0.03 * b + 0.001 * c + 0.1 * d
+
+
+def made():
+    cells = {}
+    for condition in EVERY:
+        for case in EVERY[condition].cases:
+            for name in LAWS:
+                numbers = {m: np.array([number(condition, case, name, m)] * 4) for m in METRICS}
+                # of four plants as many succeed as the law's name has letters, modulo five
+                good = np.arange(4) < len(name) % 5
+                numbers[SUCCESS_METRIC] = np.where(good, 0.01, 1.0)
+                cells[condition, case, name] = Cell(numbers, np.array(["completed"] * 4))
+    return {"summaries": table(cells), "step_times": {}, "seed": 0, "plant": "rigid_body"}
+
+
+def test_a_row_of_the_ablations_is_its_law_in_the_case_and_condition_of_the_head():
+    found = made()["summaries"]
+    for group, whole in WHOLE.items():
+        rows = ablation_rows(found, ENTRANTS, group)
+        assert [row[0] for row in rows] == [whole, *(name for name in LAWS if ENTRANTS[name].group == group)]
+        for row in rows:
+            assert len(row) == len(ablation_head())
+            for shown, (condition, column) in zip(row[1:], COLUMNS, strict=False):
+                wanted = number(condition, column.case, row[0], column.metric) * column.factor
+                assert abs(float(shown) - wanted) <= (0.51 if wanted > 100.0 else 0.0051)
+            assert row[-2:] == [f"{len(row[0]) % 5 / 4:.1%}"] * 2
+
+
+def test_heads_of_the_ablations_name_case_and_condition():
+    assert [column.head for _, column in COLUMNS][:3] == ["perfect: Case 3 base, mm", "tip, mm", "wind base, mm"]
+    assert [(condition, column.case) for condition, column in COLUMNS] == [
+        *([("perfect", "case3")] * 2),
+        *([("perfect", "case3_wind")] * 2),
+        *([("noisy", "case3_wind")] * 3),
+    ]
+
+
+def test_a_group_that_did_not_enter_has_no_table():
+    few = {name: ENTRANTS[name] for name in ("paper_ct", "exact_ee")}
+    assert ablation_rows(made()["summaries"], few, "step") == []
+    assert len(main_tables(made(), few, EVERY)) == len(EVERY)
+
+
+def test_every_law_stands_once_in_every_table_under_its_kind():
+    titles = dict(main_tables(made(), ENTRANTS, EVERY))
+    (first,) = [content for title, content in titles.items() if title.startswith("perfect:")]
+    errors = first.split("</table>")[0]
+    found = re.findall(r'<th scope="row(?:group)?"[^>]*>([^<]*)</th>', errors)
+    wanted = []
+    for group, title in GROUPS.items():
+        wanted += [title.replace("'", "&#x27;"), *(name for name in LAWS if ENTRANTS[name].group == group)]
+    assert found == wanted
+    assert set(LAWS) < set(found)
+
+
+def test_the_page_holds_every_condition_and_both_ablations():
+    page = comparison_page(made(), ENTRANTS, EVERY, {})
+    for condition in EVERY.values():
+        assert f"{condition.name}: {condition.title}" in page
+    assert page.count("<h2>Ablation") == 2
+
+
+def test_columns_of_numbers_are_set_to_the_right_and_text_is_escaped():
+    text = grouped(["law", ">tip", "what"], [("a & b", [["<x>", "1", "words"]])], "c < d")
+    assert "<caption>c &lt; d</caption>" in text
+    assert '<th scope="rowgroup" colspan="3">a &amp; b</th>' in text
+    assert '<th scope="row">&lt;x&gt;</th><td class="num">1</td><td>words</td>' in text
+    assert '<th scope="col" class="num">tip</th>' in text
