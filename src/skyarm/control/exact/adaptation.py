@@ -20,7 +20,7 @@ from skyarm.control.exact.wishes import Wish
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.kinematics import jacobian_columns
-from skyarm.scalars import add, clip, divide, mul, sub
+from skyarm.scalars import add, clip, divide, logical_and, mul, sub, where
 from skyarm.vehicle.records import Vehicle
 
 SMALL = 1e-3
@@ -47,9 +47,20 @@ def unit_efforts(vehicle: Vehicle, state: State, alpha: Vec3, linear: Vec3, acce
 
 
 def adapted_mass(
-    par: ExactParameters, tip_mass: Any, model: Model, state: State, wish: Wish, unknown: Disturbance, dt: Any
+    par: ExactParameters,
+    tip_mass: Any,
+    model: Model,
+    state: State,
+    wish: Wish,
+    unknown: Disturbance,
+    dt: Any,
+    obeyed: Sequence[Any] = (),
 ) -> Any:
-    """The tip mass one period later, kg; the wished accelerations, as measured ones would close a loop through it."""
+    """The tip mass one period later, kg; the wished accelerations, as measured ones would close a loop through it.
+
+    Where commands were changed on their way (an entry of ``obeyed`` is 0), what was wished is not what happens: the
+    mass stands still.
+    """
     if not par.adapts:
         return tip_mass
     share = divide(1.0, model.vehicle.mass)
@@ -59,4 +70,7 @@ def adapted_mass(
     for y, d in zip(unit_efforts(model.vehicle, state, wish.alpha, linear, wish.joints), unknown.efforts, strict=True):
         match, size = sub(match, mul(y, d)), add(size, mul(y, y))
     step = mul(par.adaptation * dt, divide(match, size))
-    return clip(tip_mass + step, 0.0, par.tip_mass_limit)
+    true: Any = True
+    for each in obeyed:
+        true = logical_and(true, each > 0.5)
+    return where(true, clip(tip_mass + step, 0.0, par.tip_mass_limit), tip_mass)

@@ -15,6 +15,7 @@ from __future__ import annotations
 from typing import Any
 
 from skyarm.actuation import Command
+from skyarm.control.controller import all_obeyed
 from skyarm.control.exact.adaptation import adapted_mass, believed
 from skyarm.control.exact.extrapolation import continued, samples
 from skyarm.control.exact.memory import ExactMemory, Observed
@@ -50,17 +51,18 @@ def exact(
     slow = memory.slow_force + (observed.force - memory.slow_force) * share
     steady = slow if par.mode == "ee" else observed.force
     wish = wishes(par, model, state, signals, unknown, steady)
-    done = actuate(par, model, state, wish, unknown, memory.trim, dt)
+    done = actuate(par, model, state, wish, unknown, memory.trim, memory.obeyed[0], dt)
     following = ExactMemory(
         started=memory.started * 0.0 + 1.0,
         age=age,
         channels=channels,
         observed=observed,
         sent=(*memory.sent[1:], done.command),
+        obeyed=all_obeyed(model.vehicle.n),
         free=done.free,
         slow_force=slow,
         trim=done.trim,
-        tip_mass=adapted_mass(par, memory.tip_mass, model, state, wish, unknown, dt),
+        tip_mass=adapted_mass(par, memory.tip_mass, model, state, wish, unknown, dt, memory.obeyed),
     )
     return following, done.command
 
