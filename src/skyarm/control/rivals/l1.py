@@ -7,9 +7,9 @@ With z = [v (world), w (body), joint rates] and one Hurwitz rate -a per group:
     [F, T, tau] = M(q) sigma,   u = u_b - C(s) [F . b_z, T, tau]
 
 zdd is the model's forward dynamics with the command that was sent, as the actuators can give it (limits included, which
-keeps the estimate from winding up); u_b is the geometric law through the coupled inverse dynamics. C(s) is a first-order low-pass
-on the thrust and two in series on the torques. The force across body z is unmatched: the published law leaves it; with
-``lateral`` its low-pass goes into the wanted acceleration, which is no part of the publication.
+keeps the estimate from winding up); u_b is the geometric law through the coupled inverse dynamics. C(s) is a
+first-order low-pass on the thrust and two in series on the torques. The force across body z is unmatched: the published
+law leaves it; with ``lateral`` its low-pass goes into the wanted acceleration, which is no part of the publication.
 
 Of a constant disturbance the adaptation finds the share e, one period's decay: 1 - e of it stays, as published.
 
