@@ -363,7 +363,7 @@ def test_adaptation_follows_s_within_its_limit_and_waits_while_an_actuator_is_at
     assert held.position == weak.memory.position
 
 
-def test_sliding_mode_adapts_no_coordinate_whose_actuators_were_sent_something_else():
+def test_sliding_mode_does_not_adapt_while_what_was_sent_is_not_what_it_wished():
     weak = soft("kim_sliding_mode_style", adaptation=(2.0, 2.0, 3.0))
     state, reference = dataclasses.replace(gentle(1), position=np.array([0.1, 0.0, 0.0])), wanted(1)
     memory, command = weak.law(weak.memory, measured(state), reference, DT, par=weak.par)
@@ -374,10 +374,12 @@ def test_sliding_mode_adapts_no_coordinate_whose_actuators_were_sent_something_e
         return weak.law(informed(memory, sent), measured(state), reference, DT, par=weak.par)[0]
 
     free, rotor, joint = next_after(), next_after(rotor=1e-9), next_after(joint=-1e-9)
-    assert (rotor.position, rotor.attitude) == (memory.position, memory.attitude)
-    assert rotor.joints == free.joints != memory.joints
-    assert (joint.position, joint.attitude) == (free.position, free.attitude) != (memory.position, memory.attitude)
-    assert joint.joints == (free.joints[0], memory.joints[1])
+    for held in (rotor, joint):
+        assert (held.position, held.attitude, held.joints) == (memory.position, memory.attitude, memory.joints)
+    assert free.position != memory.position
+    assert free.attitude != memory.attitude
+    assert free.joints != memory.joints
+    assert memory.obeyed == free.obeyed == (1.0, 1.0, 1.0)
 
 
 @pytest.mark.parametrize("rate", [1.0, 10.0, 60.0])

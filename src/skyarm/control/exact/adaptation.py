@@ -18,9 +18,10 @@ from skyarm.control.exact.motion import Disturbance
 from skyarm.control.exact.parameters import ExactParameters
 from skyarm.control.exact.wishes import Wish
 from skyarm.control.model import Model
+from skyarm.control.parts.saturation import all_follow
 from skyarm.dynamics import State
 from skyarm.dynamics.kinematics import jacobian_columns
-from skyarm.scalars import add, clip, divide, logical_and, mul, sub, where
+from skyarm.scalars import add, clip, divide, mul, sub, where
 from skyarm.vehicle.records import Vehicle
 
 SMALL = 1e-3
@@ -70,7 +71,4 @@ def adapted_mass(
     for y, d in zip(unit_efforts(model.vehicle, state, wish.alpha, linear, wish.joints), unknown.efforts, strict=True):
         match, size = sub(match, mul(y, d)), add(size, mul(y, y))
     step = mul(par.adaptation * dt, divide(match, size))
-    true: Any = True
-    for each in obeyed:
-        true = logical_and(true, each > 0.5)
-    return where(true, clip(tip_mass + step, 0.0, par.tip_mass_limit), tip_mass)
+    return where(all_follow(obeyed), clip(tip_mass + step, 0.0, par.tip_mass_limit), tip_mass)

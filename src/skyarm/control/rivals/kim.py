@@ -7,7 +7,7 @@ For position, attitude and joints the sliding variable is s = edot + Lambda e, a
 goes through the whole inverse dynamics. Position gives the thrust vector, the attitude error is geometric. Lambda, K
 come from the gains kp, kd of a PD law with the same linear part: K + Lambda = kd, K Lambda = kp, real if
 kd^2 >= 4 kp, else Lambda = K = kd / 2. delta stands still while an actuator is at its limit, and while others change
-its command.
+any command.
 
 Assumed (the text at hand is Barakou et al. 2026's summary): sliding variables per coordinate; tanh in a boundary layer
 for the sign; the adaptation of a lumped disturbance acceleration with projection onto a box; body coordinates in place
@@ -27,7 +27,7 @@ from skyarm.algebra import E_Z, Mat3, Motion, Sym3, Vec3, ldl_solve
 from skyarm.control.controller import Controller, all_obeyed
 from skyarm.control.geometric import attitude_error, desired_attitude, rate_error
 from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
-from skyarm.control.parts.saturation import joints_follow, rotors_follow
+from skyarm.control.parts.saturation import all_follow, joints_follow, rotors_follow
 from skyarm.control.rivals.base import commanded, make_parameters, no_command
 from skyarm.control.rivals.options import three
 from skyarm.dynamics.measurement import Measurement
@@ -95,16 +95,14 @@ def kim_sliding_mode(
         vehicle, measurement.joints, measurement.rate, measurement.joint_rates, base, qdd
     )
     command, squares = commanded(par, force.torque, force.force.z, torques)
-    free = logical_and(rotors_follow(par.mixer, squares), memory.obeyed[0] > 0.5)
+    told = all_follow(memory.obeyed)
+    free = logical_and(rotors_follow(par.mixer, squares), told)
 
     def adapted(delta: Any, s: Any, group: int, inside: Any) -> Any:
         moved = clip(delta + par.adaptation[group] * s * dt, -par.limit[group], par.limit[group])
         return where(inside, moved, delta)
 
-    follow = [
-        logical_and(fits, each > 0.5)
-        for fits, each in zip(joints_follow(vehicle, torques), memory.obeyed[1:], strict=True)
-    ]
+    follow = [logical_and(fits, told) for fits in joints_follow(vehicle, torques)]
     return SlidingMemory(
         position=Vec3(*(adapted(d, s, 0, free) for d, s in zip(memory.position, s_p, strict=True))),
         attitude=Vec3(*(adapted(d, s, 1, free) for d, s in zip(memory.attitude, s_R, strict=True))),
