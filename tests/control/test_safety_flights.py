@@ -167,6 +167,9 @@ def test_a_measurement_that_is_not_finite_leaves_the_last_command():
     after, again = controller.law(memory, seen, reference, 0.005, par=controller.par)
     assert again == command
     assert after == memory
+    # the joints alone could be commanded, but the law's memory would not know it
+    turned = dataclasses.replace(seen, joint_rates=(1.0, -1.0))
+    assert controller.law(memory, turned, reference, 0.005, par=controller.par)[1] == command
 
 
 def _measurement(log):

@@ -215,9 +215,10 @@ def _checked(name: str, value: Any, joints: int, default: Any) -> Any:
 
 def _below(name: str, value: float, at: str, default: float) -> float:
     """The value, if it is none above its upper end that is still a number."""
-    if max(MOST.get(name, math.inf), default) < value < math.inf:
+    most = max(MOST.get(name, math.inf), default if default < math.inf else 0.0)
+    if most < value < math.inf:
         never = "" if name in FINITE else ", or inf for no limit"
-        raise ValueError(f"{at} = {value!r}: must be at most {max(MOST[name], default):g}{never}")
+        raise ValueError(f"{at} = {value!r}: must be at most {most:g}{never}")
     return value
 
 
