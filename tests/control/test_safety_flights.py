@@ -303,6 +303,16 @@ def test_the_papers_law_under_guard_survives_the_loss_of_thrust_and_of_joint_tor
     assert np.abs(log.joints).max() < math.pi
 
 
+def test_a_rotor_and_both_drives_lost_at_once_are_survived_by_a_guard_that_trusts_the_joints_less():
+    """By default it waits 0.25 s from 0.6 rad on, which laws that keep the tip in place may take: then it is too late."""
+    lost = (FRONT, SHOULDER, ELBOW)
+    status = [
+        Flown(planned(safety, name="case3", duration=10.0, faults=lost)).status
+        for safety in (True, {"trusted_joint_error": 0.3})
+    ]
+    assert status == ["ended", "completed"]
+
+
 def test_without_the_guard_the_shoulders_loss_is_the_end():
     assert Flown(planned(None, name="case3", duration=13.0, faults=(SHOULDER,))).status == "ended"
 
