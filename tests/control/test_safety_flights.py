@@ -304,7 +304,7 @@ def test_the_papers_law_under_guard_survives_the_loss_of_thrust_and_of_joint_tor
 
 
 def test_a_rotor_and_both_drives_lost_at_once_are_survived_by_a_guard_that_trusts_the_joints_less():
-    """By default it waits 0.25 s from 0.6 rad on, which laws that keep the tip in place may take: then it is too late."""
+    """By default it waits 0.25 s beyond 0.6 rad, which a law that keeps the tip in place may take: that is too late."""
     lost = (FRONT, SHOULDER, ELBOW)
     status = [
         Flown(planned(safety, name="case3", duration=10.0, faults=lost)).status
