@@ -43,12 +43,20 @@ def test_every_member_of_every_struct_of_a_law_has_its_unit(law):
 
 def test_units_of_laws_are_of_fields_that_exist():
     from skyarm.control.parts import filters
-    from skyarm.control.rivals import indi, kim, l1
+    from skyarm.control.rivals import indi, kim, l1, l1_predictor
     from skyarm.control.steps import parameters as steps
     from skyarm.vehicle import records
 
     classes = [steps.StepParameters, steps.StepMemory, kim.SlidingParameters, kim.SlidingMemory, l1.L1Parameters]
-    classes += [l1.L1Memory, l1.Predicted, indi.IndiParameters, indi.IndiMemory, filters.Taps, records.Rotor]
+    classes += [
+        l1.L1Memory,
+        l1_predictor.Velocities,
+        l1_predictor.Past,
+        indi.IndiParameters,
+        indi.IndiMemory,
+        filters.Taps,
+        records.Rotor,
+    ]
     classes += [records.Joint]
     known = {f"{each.__name__}.{field.name}" for each in classes for field in dataclasses.fields(each)}
     assert set(LAW_NOTES) <= known

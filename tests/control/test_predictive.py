@@ -22,7 +22,6 @@ from skyarm.control.predictive.observer import Bandwidths, Estimate, observe, pr
 from skyarm.control.predictive.riccati import Linear, policy, rollout
 from skyarm.control.predictive.solve import Bounds, Plan, Problem, Riccati, shifted
 from skyarm.control.registry import make_controller
-from skyarm.control.safety import guarded
 from skyarm.dynamics.measurement import Measurement
 from skyarm.reference import Reference
 from skyarm.simulate.batch import Batch
@@ -376,7 +375,6 @@ def test_what_needs_a_law_over_scalars_refuses_in_one_line():
         lambda: Batch(scenario),
         lambda: fly(scenario, episode_inputs(scenario)),
         lambda: export_c(scenario.controller, name="nmpc", period=DT),
-        lambda: guarded(scenario.controller),
     ):
         with pytest.raises(
             ControllerError, match=r"^controller 'nmpc': its law is not over scalars, .* needs one that is$"

@@ -12,14 +12,16 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 import skyarm
+from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.control.controller import informed
 from skyarm.control.model import Model
 from skyarm.control.parts.center_of_mass import arm_reaction, center_velocity, central_inertia, locked_inertia
 from skyarm.control.parts.underactuated import forces_under_thrust
 from skyarm.control.registry import make_controller
 from skyarm.control.rivals.guo import center_reference
 from skyarm.control.rivals.kim import sliding_rates
-from skyarm.control.rivals.l1 import adaptation
+from skyarm.control.rivals.l1_predictor import adaptation, predicted
 from skyarm.dynamics.measurement import Measurement
 from skyarm.reference import Reference
 from vehicles_random import PinocchioTwin, RandomState, random_state, random_vehicle
@@ -361,6 +363,25 @@ def test_adaptation_follows_s_within_its_limit_and_waits_while_an_actuator_is_at
     assert held.position == weak.memory.position
 
 
+def test_sliding_mode_does_not_adapt_while_what_was_sent_is_not_what_it_wished():
+    weak = soft("kim_sliding_mode_style", adaptation=(2.0, 2.0, 3.0))
+    state, reference = dataclasses.replace(gentle(1), position=np.array([0.1, 0.0, 0.0])), wanted(1)
+    memory, command = weak.law(weak.memory, measured(state), reference, DT, par=weak.par)
+
+    def next_after(rotor=0.0, joint=0.0):
+        first, *others = command.rotor_speeds
+        sent = Command(rotor_speeds=(first + rotor, *others), efforts=(command.efforts[0], command.efforts[1] + joint))
+        return weak.law(informed(memory, sent), measured(state), reference, DT, par=weak.par)[0]
+
+    free, rotor, joint = next_after(), next_after(rotor=1e-9), next_after(joint=-1e-9)
+    for held in (rotor, joint):
+        assert (held.position, held.attitude, held.joints) == (memory.position, memory.attitude, memory.joints)
+    assert free.position != memory.position
+    assert free.attitude != memory.attitude
+    assert free.joints != memory.joints
+    assert memory.obeyed == free.obeyed == (1.0, 1.0, 1.0)
+
+
 @pytest.mark.parametrize("rate", [1.0, 10.0, 60.0])
 def test_piecewise_constant_adaptation_is_the_publications_matrix_formula(rate):
     """sigma = -Phi^-1 mu with Phi = A^-1 (exp(A T) - 1), mu = exp(A T) ztilde."""
@@ -373,28 +394,33 @@ def test_piecewise_constant_adaptation_is_the_publications_matrix_formula(rate):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_predictor_steps_with_pinocchios_forward_dynamics_of_the_command(seed):
+def test_the_predictor_steps_with_pinocchios_forward_dynamics_of_what_was_sent(seed):
     controller, state, reference = soft("l1_adaptive"), gentle(seed), wanted(seed)
-    before, reading = controller.memory, measured(state)
-    rng = np.random.default_rng(seed)
-    off = 0.01 * rng.normal(size=8)
-    predicted = dataclasses.replace(
-        before.predicted,
-        velocity=vec(state.velocity[:3] + off[:3]),
-        rate=vec(state.velocity[3:6] + off[3:6]),
-        joint_rates=tuple((state.velocity[6:] + off[6:]).tolist()),
+    law, par, rng = controller.law, controller.par, np.random.default_rng(seed)
+    memory, wished = law(controller.memory, measured(state), reference, DT, par=par)
+    sent = Command(
+        rotor_speeds=tuple((scalars(wished.rotor_speeds) + 30.0 * rng.normal(size=4)).tolist()),
+        efforts=tuple((scalars(wished.efforts) + 0.02 * rng.normal(size=2)).tolist()),
     )
-    memory = dataclasses.replace(before, started=1.0, predicted=predicted)
-    after, command = controller.law(memory, reading, reference, DT, par=controller.par)
-    torque, thrust = pushes(ARM, command)
-    R = rotation(state).as_matrix()
-    applied = np.concatenate([R[:, 2] * thrust, torque, scalars(command.efforts)])
-    acceleration = PinocchioTwin(ARM).forward_dynamics(state, applied)
-    rates = np.repeat(scalars(controller.par.predictor), [3, 3, 2])
+    later = dataclasses.replace(state, velocity=state.velocity + 0.01 * rng.normal(size=8))
+    after, _ = law(informed(memory, sent), measured(later), reference, DT, par=par)
+
+    def acceleration(at, command):
+        torque, thrust = pushes(ARM, command)
+        applied = np.concatenate([rotation(at).as_matrix()[:, 2] * thrust, torque, scalars(command.efforts)])
+        return PinocchioTwin(ARM).forward_dynamics(at, applied)
+
+    off = state.velocity + DT * acceleration(state, sent) - later.velocity
+    rates = np.repeat(scalars(par.predictor), [3, 3, 2])
     e = np.exp(-rates * DT)
     sigma = off * rates * e / (e - 1.0)
-    expected = state.velocity + off + DT * (acceleration + sigma - rates * off)
-    found = np.concatenate(
-        [scalars(after.predicted.velocity), scalars(after.predicted.rate), after.predicted.joint_rates]
-    )
-    np.testing.assert_allclose(found, expected, atol=1e-10)
+    np.testing.assert_allclose(flat(after.past.error), off, atol=1e-10)
+    np.testing.assert_allclose(flat(after.past.sigma), sigma, atol=1e-8)  # off over a period of 5 ms
+    expected = later.velocity + off + DT * (acceleration(later, after.sent) + sigma - rates * off)
+    found = predicted(par.model, par.predictor, after.past, after.sent, DT)
+    np.testing.assert_allclose(flat(found), expected, atol=1e-10)
+
+
+def flat(velocities):
+    """The predictor's three groups in one array."""
+    return np.concatenate([scalars(velocities.linear), scalars(velocities.rate), scalars(velocities.joints)])

@@ -18,7 +18,7 @@ from skyarm.control.model import Model
 from skyarm.control.safety import guarded
 from skyarm.control.safety.fence import _bounded, fenced, floating_inertia_times
 from skyarm.control.safety.governor import governed_base, governed_joints
-from skyarm.control.safety.limits import limits_for
+from skyarm.control.safety.limits import FINITE, MOST, Limits, limits_for
 from skyarm.control.safety.recovery import steep_error, stowed
 from skyarm.control.safety.saturation import ranked, reachable, slewed
 from skyarm.control.safety.trust import Doubt, doubted
@@ -222,11 +222,55 @@ def test_a_memory_is_told_what_was_sent_if_it_keeps_that():
         ({"rotor_slew": 1e-9}, "safety.rotor_slew = 1e-09: must be at least"),
         ({"effort": [1.0]}, r"safety.effort = \[1.0\]: 1 values, must be 2"),
         ({"effort": [1.0, -1.0]}, r"safety.effort\[1\] = -1.0: must be above 0"),
+        ({"speed": 1e300}, r"^safety.speed = 1e\+300: must be at most 1000, or inf for no limit$"),
+        ({"patience": 1e300}, r"^safety.patience = 1e\+300: must be at most 1e\+06, or inf for no limit$"),
+        ({"joint_pole": 1e300}, r"^safety.joint_pole = 1e\+300: must be at most 10000$"),
+        ({"effort": [1.0, 2e6]}, r"^safety.effort\[1\] = 2000000.0: must be at most 1e\+06, or inf for no limit$"),
+        ({"joint_margin": 2e3}, r"^safety.joint_margin\[0\] = 2000.0: must be at most 1000$"),
     ],
 )
 def test_wrong_limits_are_refused_by_name(given, words):
     with pytest.raises(ControllerError, match=words):
         limits_for(controller("hybrid_computed_torque"), **given)
+
+
+def test_every_limit_has_an_upper_end_and_infinity_is_none():
+    own_ends = {"tilt", "climb", "trusted_tilt"}
+    law, pull = controller("hybrid_computed_torque"), {"stiffness": 5.0, "damping": 2.7}
+    for name in {field.name for field in dataclasses.fields(Limits)} - own_ends:
+        limits_for(law, **(pull | {name: MOST[name]}))
+        with pytest.raises(ControllerError, match=rf"^safety.{name}.* must be at most [0-9e+]+"):
+            limits_for(law, **(pull | {name: 1.001 * MOST[name]}))
+        if name not in FINITE:
+            limits_for(law, **(pull | {name: math.inf}))
+
+
+def test_an_upper_end_does_not_refuse_what_a_vehicle_has_by_itself():
+    strong = Model(vehicle=ARM2.with_joints(effort_limit=5e6), gravity=9.81)
+    assert limits_for(controller("hybrid_computed_torque", strong)).effort == (5e6, 5e6)
+
+
+@pytest.mark.parametrize("limits", [3, "tight", [0.5]])
+def test_what_are_no_limits_is_refused(limits):
+    with pytest.raises(ControllerError, match=r"^safety = .*: must be Limits or a mapping of some of their fields$"):
+        guarded(controller("hybrid_computed_torque"), limits)
+
+
+def test_limits_given_as_a_record_are_checked_too():
+    law = controller("hybrid_computed_torque")
+    assert guarded(law, LIMITS).par.limits == LIMITS
+    for field, value, words in (
+        ("speed", math.nan, "^safety.speed = nan: must be a number$"),
+        ("tilt", 2.0, "^safety.tilt = 2.0: must be at most 1.484$"),
+        ("effort", (1.0,), r"^safety.effort = \(1.0,\): 1 values, must be 2 \(one per joint\)$"),
+    ):
+        with pytest.raises(ControllerError, match=words):
+            guarded(law, dataclasses.replace(LIMITS, **{field: value}))
+
+
+def test_what_is_no_controller_is_not_guarded():
+    with pytest.raises(ControllerError, match=r"^controller = 'paper_ct': must be a Controller$"):
+        guarded("paper_ct")
 
 
 @pytest.mark.parametrize(

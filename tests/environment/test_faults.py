@@ -46,6 +46,11 @@ def test_tables_become_faults():
         ([{"rotor": "a", "joint": "b", "effectiveness": 0.5}], "must name one of the two"),
         ([{"rotor": 7, "effectiveness": 0.5}], r"\[0\]: rotor = 7: must be a name"),
         ([{"rotor": "a", "effectiveness": -0.1}], r"effectiveness = -0.1: must be at least 0"),
+        (
+            [{"rotor": "a", "effectiveness": 1.01}],
+            r"\[0\]: effectiveness = 1.01: must be at most 1; a fault adds no force",
+        ),
+        ([{"rotor": "a", "effectiveness": 0.5, "start": -0.1}], r"\[0\].start = -0.1: must be at least 0"),
         ([{"rotor": "a"}], "effectiveness: is missing"),
         ([{"rotor": "a", "effectiveness": 0.5, "begin": 1.0}], "begin = 1.0: unknown field"),
     ],
@@ -61,4 +66,17 @@ def test_wrong_tables_are_refused_by_name(tables, words):
 )
 def test_a_fault_holds_numbers(field, value):
     with pytest.raises(ValueError, match=rf"^{field} = .*: must be a finite number$"):
+        Fault(**({"rotor": "front", "effectiveness": 0.5, "start": 0.0} | {field: value}))
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "words"),
+    [
+        ("start", -1.0, "at least 0"),
+        ("effectiveness", -0.5, "at least 0"),
+        ("effectiveness", 1.5, "at most 1; a fault adds no force"),
+    ],
+)
+def test_a_fault_takes_force_away_in_flight(field, value, words):
+    with pytest.raises(ValueError, match=rf"^{field} = {value}: must be {words}$"):
         Fault(**({"rotor": "front", "effectiveness": 0.5, "start": 0.0} | {field: value}))

@@ -14,7 +14,7 @@ from rich.text import Text
 from skyarm.cli.lines import printable
 from skyarm.control.named import choices, is_named
 from skyarm.control.safety import guarded
-from skyarm.control.safety.guard import Guarded
+from skyarm.control.safety.memory import Guarded
 from skyarm.files import output_file, require_writable, shown, write_atomically
 from skyarm.simulate.scenario import Scenario
 from skyarm.simulate.scenario_file import load_scenario

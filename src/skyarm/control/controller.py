@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.actuation import Command
+from skyarm.scalars import logical_and, where
 
 Law = Callable[..., tuple[Any, Any]]
 """step(memory, measurement, reference, dt, *, par) -> (memory, command)."""
@@ -56,10 +57,29 @@ def informed(memory: Any, sent: Command) -> Any:
     A law that observes or integrates must know what acted, not what it wished. It keeps its commands in a field
     ``sent`` of its memory: one :class:`Command`, or a tuple of them with the newest last. Whoever changes a command on
     its way (saturation, slew, fallback) writes the changed one there; a law without the field is left as it is.
+
+    A law that integrates has a field ``obeyed`` too, in which it writes :func:`all_obeyed`: here the actuators whose
+    command was changed become 0, and the law's integrators stand still for them in the next period.
     """
     kept = getattr(memory, "sent", None)
     if isinstance(kept, Command):
-        return dataclasses.replace(memory, sent=sent)
-    if isinstance(kept, tuple) and kept and all(isinstance(each, Command) for each in kept):
-        return dataclasses.replace(memory, sent=(*kept[:-1], sent))
-    return memory
+        wished, told = kept, dataclasses.replace(memory, sent=sent)
+    elif isinstance(kept, tuple) and kept and all(isinstance(each, Command) for each in kept):
+        wished, told = kept[-1], dataclasses.replace(memory, sent=(*kept[:-1], sent))
+    else:
+        return memory
+    return dataclasses.replace(told, obeyed=_obeyed(wished, sent)) if hasattr(memory, "obeyed") else told
+
+
+def all_obeyed(joints: int) -> tuple[float, ...]:
+    """1 for the rotors together and 1 for each joint: every command was sent as wished."""
+    return (1.0,) * (1 + joints)
+
+
+def _obeyed(wished: Command, sent: Command) -> tuple[Any, ...]:
+    """1 for the rotors, and for each joint, whose commands are the wished ones; else 0, as for a wish that is NaN."""
+    rotors: Any = True
+    for a, b in zip(wished.rotor_speeds, sent.rotor_speeds, strict=True):
+        rotors = logical_and(rotors, logical_and(a <= b, a >= b))
+    joints = (logical_and(a <= b, a >= b) for a, b in zip(wished.efforts, sent.efforts, strict=True))
+    return tuple(where(same, 1.0, 0.0) for same in (rotors, *joints))

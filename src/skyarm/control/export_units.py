@@ -75,6 +75,7 @@ NOTES = {
     "ExactMemory.started": "0 before the first measurement",
     "ExactMemory.age": "s, since the held reference sample appeared",
     "ExactMemory.free": "1 for base and joints whose actuators are not at their limit",
+    "ExactMemory.obeyed": "1 for rotors and joints whose last command was sent as wished",
     "ExactMemory.slow_force": "N, the observer's force, slowly filtered",
     "ExactMemory.trim": "(rad/s)^2, added to the squared speeds that the mixer asks for",
     "Learned.tip_mass": "kg, adapted",

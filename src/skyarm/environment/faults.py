@@ -20,8 +20,8 @@ class Fault:
 
     Attributes:
         rotor: name of the rotor, or joint: name of the joint whose drive it is; exactly one of them.
-        effectiveness: share of the force that is left, from 0 (none) on. A rotor keeps its speed and its lag.
-        start: s.
+        effectiveness: share of the force that is left, from 0 (none) to 1 (all). A rotor keeps its speed and its lag.
+        start: s, at least 0: the flight begins at 0, and so does a fault that was there before.
     """
 
     rotor: str = ""
@@ -35,10 +35,12 @@ class Fault:
                 raise ValueError(f"{field} = {shown(getattr(self, field))}: must be a name")
         if bool(self.rotor) == bool(self.joint):
             raise ValueError(f"rotor = {self.rotor!r}, joint = {self.joint!r}: must name one of the two")
-        for field, low in (("effectiveness", 0.0), ("start", -float("inf"))):
+        for field in ("effectiveness", "start"):
             value = getattr(self, field)
             if concrete(value) or not hasattr(value, "__mul__") or isinstance(value, (str, bytes, list, tuple)):
-                object.__setattr__(self, field, number(value, field, low=low))
+                object.__setattr__(self, field, number(value, field, low=0.0))
+        if concrete(self.effectiveness) and self.effectiveness > 1.0:
+            raise ValueError(f"effectiveness = {self.effectiveness!r}: must be at most 1; a fault adds no force")
 
     @property
     def name(self) -> str:
@@ -88,7 +90,7 @@ def faults_from(tables: Any, where: str) -> tuple[Fault, ...]:
             "rotor": fields.take("rotor", ""),
             "joint": fields.take("joint", ""),
             "effectiveness": fields.number("effectiveness", low=0.0),
-            "start": fields.number("start", 0.0),
+            "start": fields.number("start", 0.0, low=0.0),
         }
         fields.done()
         try:

@@ -62,7 +62,7 @@ def adapted(
         learned: memory.
         planned: motion without errors.
         left: joint torques or forces that the observer still finds.
-        free: 1 or 0 for the base and each joint; 0 holds what an actuator at its limit would teach.
+        free: 1 or 0 for the base and each joint; 0 holds what an actuator at its limit, or under guard, would teach.
         dt: s.
     """
     nothing = Vec3(0.0, 0.0, 0.0)

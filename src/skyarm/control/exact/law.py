@@ -15,6 +15,7 @@ from __future__ import annotations
 from typing import Any
 
 from skyarm.actuation import Command
+from skyarm.control.controller import all_obeyed
 from skyarm.control.exact.adaptation import adapted, known
 from skyarm.control.exact.disturbance import Disturbance
 from skyarm.control.exact.extrapolation import continued, samples
@@ -25,10 +26,11 @@ from skyarm.control.exact.parameters import ExactParameters
 from skyarm.control.exact.torques import actuate
 from skyarm.control.exact.wishes import wishes
 from skyarm.control.model import Model
+from skyarm.control.parts.saturation import all_follow
 from skyarm.dynamics import State
 from skyarm.dynamics.measurement import Measurement
 from skyarm.reference import Reference
-from skyarm.scalars import add, exp, mul, sub
+from skyarm.scalars import add, exp, mul, sub, where
 
 
 def exact(
@@ -59,17 +61,21 @@ def exact(
     slow = memory.slow_force + (observed.force - memory.slow_force) * share
     steady = (slow if par.mode == "ee" else observed.force) + fed.force
     wish = wishes(par, model, state, signals, unknown, steady)
-    done = actuate(par, model, state, wish, unknown, memory.trim, dt)
+    done = actuate(par, model, state, wish, unknown, memory.trim, memory.obeyed[0], dt)
+    # a command that others changed moves the vehicle away from its plan: nothing of that is a load or friction
+    followed = all_follow(memory.obeyed)
+    free = tuple(where(followed, each, 0.0) for each in memory.free)
     following = ExactMemory(
         started=memory.started * 0.0 + 1.0,
         age=age,
         channels=channels,
         observed=observed,
         sent=(*memory.sent[1:], done.command),
+        obeyed=all_obeyed(model.vehicle.n),
         free=done.free,
         slow_force=slow,
         trim=done.trim,
-        learned=adapted(par, memory.learned, wish.planned, observed.efforts, memory.free, dt),
+        learned=adapted(par, memory.learned, wish.planned, observed.efforts, free, dt),
     )
     return following, done.command
 

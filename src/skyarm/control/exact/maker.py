@@ -8,6 +8,7 @@ from skyarm import dynamics
 from skyarm.actuation import AllocationError, Command, Mixer, make_mixer
 from skyarm.actuation.hover import hover_trim
 from skyarm.algebra import Mat3, Vec3
+from skyarm.control.controller import all_obeyed
 from skyarm.control.exact.adaptation import SLOW, STICKIEST, first_learned
 from skyarm.control.exact.law import exact
 from skyarm.control.exact.memory import Channel, ExactMemory, data
@@ -130,6 +131,7 @@ def first_memory(model: Model, delay_periods: int) -> ExactMemory:
         channels=(Channel(),) * (4 + vehicle.n),
         observed=first_observed(vehicle.n, speeds),
         sent=(standing,) * (delay_periods + 1),
+        obeyed=all_obeyed(vehicle.n),
         free=(1.0,) * (1 + vehicle.n),
         slow_force=zero,
         trim=(0.0,) * len(speeds),

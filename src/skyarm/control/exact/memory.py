@@ -91,6 +91,7 @@ class ExactMemory:
         age: s since the held reference sample appeared. channels: its signals: x, y, z, yaw, joints.
         observed: of the observer.
         sent: the last commands, oldest first, one more than the delay has periods.
+        obeyed: 1 for the rotors and each joint whose last command was sent as wished.
         free: 1 while no actuator was at its limit.
         slow_force: the observer's force, slowly filtered, N.
         trim: added to the squared speeds that the mixer asks for, (rad/s)^2.
@@ -102,6 +103,7 @@ class ExactMemory:
     channels: tuple[Channel, ...]
     observed: Observed
     sent: tuple[Command, ...]
+    obeyed: tuple[Scalar, ...]
     free: tuple[Scalar, ...]
     slow_force: Vec3
     trim: tuple[Scalar, ...]

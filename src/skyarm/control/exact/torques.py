@@ -22,7 +22,7 @@ from skyarm.scalars import absolute, add, clip, divide, logical_and, maximum, mu
 from skyarm.vehicle.records import Vehicle
 
 TRIM = 0.1
-"""Bound of the trim, of a rotor's largest squared speed: a command that others change would wind it up."""
+"""Bound of the trim, of a rotor's largest squared speed: more than the lag of motors takes."""
 
 
 def needed(model: Model, state: State, wish: Wish, unknown: Disturbance) -> tuple[Vec3, tuple[Any, ...]]:
@@ -92,12 +92,20 @@ class Done:
 
 
 def actuate(
-    par: ExactParameters, model: Model, state: State, wish: Wish, unknown: Disturbance, trim: tuple[Any, ...], dt: Any
+    par: ExactParameters,
+    model: Model,
+    state: State,
+    wish: Wish,
+    unknown: Disturbance,
+    trim: tuple[Any, ...],
+    obeyed: Any,
+    dt: Any,
 ) -> Done:
     """The command for a wish.
 
     Motors that slow down later than they speed up lose thrust under noise, so that the mean of what they do (their
-    model knows it) misses the mean of what was wanted: the trim integrates that difference, within bounds.
+    model knows it) misses the mean of what was wanted: the trim integrates that difference, within bounds, but not
+    while others change the rotors' commands (``obeyed`` is 0), which would wind it up.
     """
     torque, efforts = needed(model, state, wish, unknown)
     limits = [link.joint.effort_limit for link in model.vehicle.links]
@@ -115,7 +123,7 @@ def actuate(
     )
     command = Command(rotor_speeds=speeds, efforts=held)
     reached = lagged(model, state.rotor_speeds, command, dt)
-    step = where(inside, par.trim_rate * dt, 0.0)
+    step = where(logical_and(inside, obeyed > 0.5), par.trim_rate * dt, 0.0)
     return Done(
         command=command,
         free=(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,12 +22,13 @@ class History:
     """Filtered motion and commands.
 
     Attributes:
-        started: 0 before the first step.
+        started: 0 before the first measurement. commanded: 0 before the first command.
         velocity: world axes, m/s. rate: base axes, rad/s. joint_rates: rad/s or m/s.
         force, torque: that the commanded rotor speeds make in still air, base axes, N, N m. efforts: N m or N.
     """
 
     started: Scalar
+    commanded: Scalar
     velocity: Vec3
     rate: Vec3
     joint_rates: tuple[Scalar, ...]
@@ -38,7 +40,16 @@ class History:
 def no_history(joints: int) -> History:
     """Before the first step."""
     zero, still = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
-    return History(started=0.0, velocity=zero, rate=zero, joint_rates=still, force=zero, torque=zero, efforts=still)
+    return History(
+        started=0.0,
+        commanded=0.0,
+        velocity=zero,
+        rate=zero,
+        joint_rates=still,
+        force=zero,
+        torque=zero,
+        efforts=still,
+    )
 
 
 def feature_names(joints: int) -> tuple[str, ...]:
@@ -88,24 +99,42 @@ def features(measurement: Measurement, reference: Reference, history: History) -
 
 
 def remembered(vehicle: Vehicle, history: History, measurement: Measurement, command: Command, dt: Any) -> History:
-    """History after a step."""
+    """History after a step: of its measurement, and of the command that was sent."""
+    return with_command(vehicle, with_motion(history, measurement, dt), command, dt)
+
+
+def with_motion(history: History, measurement: Measurement, dt: Any) -> History:
+    """History with a measurement in it."""
+    new = history.started < 0.5
+    return dataclasses.replace(
+        history,
+        started=where(new, 1.0, history.started),
+        velocity=Vec3(*_followed(new, history.velocity, measurement.velocity, dt)),
+        rate=Vec3(*_followed(new, history.rate, measurement.rate, dt)),
+        joint_rates=_followed(new, history.joint_rates, measurement.joint_rates, dt),
+    )
+
+
+def with_command(vehicle: Vehicle, history: History, command: Command, dt: Any) -> History:
+    """History with the command in it that was sent after its last measurement; as it is before the first."""
     pushed = Force(ZERO3, ZERO3)
     for rotor, speed in zip(vehicle.rotors, command.rotor_speeds, strict=True):
         pushed = pushed + rotor_force(rotor, speed, ZERO3)
-    new, share = history.started < 0.5, 1.0 - exp(mul(-HISTORY, dt))
+    begun, new = history.started > 0.5, history.commanded < 0.5
 
-    def follow(filtered: Any, x: Any) -> Any:
-        return where(new, x, add(filtered, mul(share, sub(x, filtered))))
+    def after(filtered: Any, values: Any) -> tuple[Any, ...]:
+        return tuple(where(begun, b, a) for a, b in zip(filtered, _followed(new, filtered, values, dt), strict=True))
 
-    def all_follow(filtered: Any, values: Any) -> tuple[Any, ...]:
-        return tuple(follow(a, b) for a, b in zip(filtered, values, strict=True))
-
-    return History(
-        started=where(new, 1.0, history.started),
-        velocity=Vec3(*all_follow(history.velocity, measurement.velocity)),
-        rate=Vec3(*all_follow(history.rate, measurement.rate)),
-        joint_rates=all_follow(history.joint_rates, measurement.joint_rates),
-        force=Vec3(*all_follow(history.force, pushed.force)),
-        torque=Vec3(*all_follow(history.torque, pushed.torque)),
-        efforts=all_follow(history.efforts, command.efforts),
+    return dataclasses.replace(
+        history,
+        commanded=where(begun, 1.0, history.commanded),
+        force=Vec3(*after(history.force, pushed.force)),
+        torque=Vec3(*after(history.torque, pushed.torque)),
+        efforts=after(history.efforts, command.efforts),
     )
+
+
+def _followed(new: Any, filtered: Any, values: Any, dt: Any) -> tuple[Any, ...]:
+    """Values through the filter, which starts at the first of them."""
+    share = 1.0 - exp(mul(-HISTORY, dt))
+    return tuple(where(new, x, add(y, mul(share, sub(x, y)))) for y, x in zip(filtered, values, strict=True))

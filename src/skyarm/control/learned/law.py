@@ -25,7 +25,7 @@ from skyarm.algebra import Motion, Vec3
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.geometric import attitude_loop, downward_acceleration
 from skyarm.control.laws import joint_accelerations, limited
-from skyarm.control.learned.features import History, feature_names, features, no_history, remembered
+from skyarm.control.learned.features import History, feature_names, features, no_history, with_command, with_motion
 from skyarm.control.learned.network import Network, shipped_network, unlike
 from skyarm.control.model import GeometricGains, JointGains, Model, Terms
 from skyarm.control.paper import fitting_gains, fitting_mixer
@@ -54,9 +54,13 @@ class LearnedParameters:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LearnedMemory:
-    """History that the network sees, and its filtered answer: force and torque, base axes (N, N m), joint torques."""
+    """History that the network sees, and its filtered answer: force and torque, base axes (N, N m), joint torques.
+
+    The last command, ``sent``, enters the history one step later, when it is known whether it was sent as wished.
+    """
 
     history: History
+    sent: Command
     answer: tuple[Scalar, ...]
 
 
@@ -112,7 +116,8 @@ def make_learned_controller(
         network=found,
         answer=float(answer),
     )
-    memory = LearnedMemory(history=no_history(n), answer=(0.0,) * (6 + n))
+    nothing = Command(rotor_speeds=(0.0,) * len(model.vehicle.rotors), efforts=(0.0,) * n)
+    memory = LearnedMemory(history=no_history(n), sent=nothing, answer=(0.0,) * (6 + n))
     return Controller(name="learned_compensator_style", law=learned_compensator, par=par, memory=memory)
 
 
@@ -123,12 +128,12 @@ def learned_compensator(
 
     Source: Wu et al. 2024 (idea only), Barakou et al. 2026, eq. (82)-(96).
     """
-    told = par.network(features(measurement, reference, memory.history))
+    history = with_command(par.model.vehicle, memory.history, memory.sent, dt)
+    told = par.network(features(measurement, reference, history))
     share = 1.0 - exp(mul(-par.answer, dt))
     answer = tuple(add(old, mul(share, sub(new, old))) for old, new in zip(memory.answer, told, strict=True))
     command = compensated(measurement, reference, answer, par)
-    history = remembered(par.model.vehicle, memory.history, measurement, command, dt)
-    return LearnedMemory(history=history, answer=answer), command
+    return LearnedMemory(history=with_motion(history, measurement, dt), sent=command, answer=answer), command
 
 
 def compensated(

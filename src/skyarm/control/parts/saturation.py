@@ -19,6 +19,17 @@ def rotors_follow(mixer: Mixer, squares: Sequence[Any]) -> Any:
     return inside
 
 
+def all_follow(obeyed: Sequence[Any]) -> Any:
+    """True while no command was changed on its way (:func:`skyarm.control.controller.informed`).
+
+    One for all: through the coupled dynamics what one actuator does not do is missing from every acceleration.
+    """
+    found: Any = True
+    for each in obeyed:
+        found = logical_and(found, each > 0.5)
+    return found
+
+
 def joints_follow(vehicle: Vehicle, efforts: Sequence[Any]) -> list[Any]:
     """For each joint, True while its wanted effort lies within its limit."""
     return [absolute(e) <= link.joint.effort_limit for e, link in zip(efforts, vehicle.links, strict=True)]

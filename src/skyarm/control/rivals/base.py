@@ -84,6 +84,11 @@ def commanded(par: Parameters, torque: Vec3, thrust: Any, efforts: Any) -> tuple
     return Command(rotor_speeds=speeds, efforts=limited(par, efforts)), squares
 
 
+def no_command(vehicle: Vehicle) -> Command:
+    """What a first memory keeps in place of a command: nothing was sent yet."""
+    return Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=(0.0,) * vehicle.n)
+
+
 def rotor_thrust(vehicle: Vehicle, speeds: Any) -> tuple[Vec3, Vec3]:
     """Torque about and force at the base origin of rotors that turn in calm air, base axes."""
     torque, force = ZERO3, ZERO3

@@ -6,7 +6,8 @@ For position, attitude and joints the sliding variable is s = edot + Lambda e, a
 
 goes through the whole inverse dynamics. Position gives the thrust vector, the attitude error is geometric. Lambda, K
 come from the gains kp, kd of a PD law with the same linear part: K + Lambda = kd, K Lambda = kp, real if
-kd^2 >= 4 kp, else Lambda = K = kd / 2. delta stands still while an actuator is at its limit.
+kd^2 >= 4 kp, else Lambda = K = kd / 2. delta stands still while an actuator is at its limit, and while others change
+any command.
 
 Assumed (the text at hand is Barakou et al. 2026's summary): sliding variables per coordinate; tanh in a boundary layer
 for the sign; the adaptation of a lumped disturbance acceleration with projection onto a box; body coordinates in place
@@ -23,15 +24,15 @@ from typing import Any
 from skyarm import dynamics
 from skyarm.actuation import Command
 from skyarm.algebra import E_Z, Mat3, Motion, Sym3, Vec3, ldl_solve
-from skyarm.control.controller import Controller
+from skyarm.control.controller import Controller, all_obeyed
 from skyarm.control.geometric import attitude_error, desired_attitude, rate_error
 from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
-from skyarm.control.parts.saturation import joints_follow, rotors_follow
-from skyarm.control.rivals.base import commanded, make_parameters
+from skyarm.control.parts.saturation import all_follow, joints_follow, rotors_follow
+from skyarm.control.rivals.base import commanded, make_parameters, no_command
 from skyarm.control.rivals.options import three
 from skyarm.dynamics.measurement import Measurement
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar, clip, divide, maximum, sqrt, tanh, where
+from skyarm.scalars import Scalar, clip, divide, logical_and, maximum, sqrt, tanh, where
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -53,11 +54,18 @@ class SlidingParameters(Parameters):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SlidingMemory:
-    """Adapted disturbance accelerations of position (world), attitude (base axes) and joints."""
+    """What the law remembers.
+
+    Attributes:
+        position, attitude, joints: adapted disturbance accelerations, world axes, base axes, of the joints.
+        sent: the last command. obeyed: 1 for the rotors and each joint for which it was sent as wished.
+    """
 
     position: Vec3
     attitude: Vec3
     joints: tuple[Scalar, ...]
+    sent: Command
+    obeyed: tuple[Scalar, ...]
 
 
 def sliding_rates(stiffness: Any, damping: Any) -> tuple[Any, Any]:
@@ -87,17 +95,20 @@ def kim_sliding_mode(
         vehicle, measurement.joints, measurement.rate, measurement.joint_rates, base, qdd
     )
     command, squares = commanded(par, force.torque, force.force.z, torques)
-    free = rotors_follow(par.mixer, squares)
+    told = all_follow(memory.obeyed)
+    free = logical_and(rotors_follow(par.mixer, squares), told)
 
     def adapted(delta: Any, s: Any, group: int, inside: Any) -> Any:
         moved = clip(delta + par.adaptation[group] * s * dt, -par.limit[group], par.limit[group])
         return where(inside, moved, delta)
 
-    follow = joints_follow(vehicle, torques)
+    follow = [logical_and(fits, told) for fits in joints_follow(vehicle, torques)]
     return SlidingMemory(
         position=Vec3(*(adapted(d, s, 0, free) for d, s in zip(memory.position, s_p, strict=True))),
         attitude=Vec3(*(adapted(d, s, 1, free) for d, s in zip(memory.attitude, s_R, strict=True))),
         joints=tuple(adapted(d, s, 2, ok) for d, s, ok in zip(memory.joints, s_q, follow, strict=True)),
+        sent=command,
+        obeyed=all_obeyed(vehicle.n),
     ), command
 
 
@@ -184,5 +195,8 @@ def make_kim(
         limit=three("limit", limit),
     )
     still = Vec3(0.0, 0.0, 0.0)
-    memory = SlidingMemory(position=still, attitude=still, joints=(0.0,) * model.vehicle.n)
+    n = model.vehicle.n
+    memory = SlidingMemory(
+        position=still, attitude=still, joints=(0.0,) * n, sent=no_command(model.vehicle), obeyed=all_obeyed(n)
+    )
     return Controller(name="kim_sliding_mode_style", law=kim_sliding_mode, par=par, memory=memory)

@@ -6,10 +6,10 @@ With z = [v (world), w (body), joint rates] and one Hurwitz rate -a per group:
     sigma = -Phi^-1 mu = -(-a) e / (e - 1) ztilde,      e = exp(-a dt)
     [F, T, tau] = M(q) sigma,   u = u_b - C(s) [F . b_z, T, tau]
 
-zdd is the model's forward dynamics with the command as the actuators can give it (limits included, which keeps the
-estimate from winding up); u_b is the geometric law through the coupled inverse dynamics. C(s) is a first-order low-pass
-on the thrust and two in series on the torques. The force across body z is unmatched: the published law leaves it; with
-``lateral`` its low-pass goes into the wanted acceleration, which is no part of the publication.
+zdd is the model's forward dynamics with the command that was sent, as the actuators can give it (limits included, which
+keeps the estimate from winding up); u_b is the geometric law through the coupled inverse dynamics. C(s) is a
+first-order low-pass on the thrust and two in series on the torques. The force across body z is unmatched: the published
+law leaves it; with ``lateral`` its low-pass goes into the wanted acceleration, which is no part of the publication.
 
 Of a constant disturbance the adaptation finds the share e, one period's decay: 1 - e of it stays, as published.
 
@@ -22,6 +22,7 @@ Technology 33, 2025 (arXiv 2302.07208), section III; parameter values start from
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,15 +37,15 @@ from skyarm.control.rivals.base import (
     commanded,
     inverse_mass,
     make_parameters,
-    rotor_thrust,
+    no_command,
     turn_towards,
     wanted_specific_force,
 )
+from skyarm.control.rivals.l1_predictor import Past, estimates, nowhere, past_of, prediction_error
 from skyarm.control.rivals.options import positive, three
 from skyarm.dynamics.measurement import Measurement
-from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar, clip, divide, exp, minimum, where
+from skyarm.scalars import Scalar, clip
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -72,27 +73,19 @@ class L1Parameters(Parameters):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Predicted:
-    """State of the predictor: velocity (world, m/s), body rate (rad/s), joint rates."""
-
-    velocity: Vec3
-    rate: Vec3
-    joint_rates: tuple[Scalar, ...]
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
 class L1Memory:
     """What the law remembers.
 
     Attributes:
         started: 0 before the first measurement.
-        predicted: for the present instant.
+        past: what the prediction of the present instant begins from. sent: the command in between.
         force: low-pass of the estimated force, world axes, N. thrust: along body z, N.
         torque, torque_twice: after one and two filters, N m. efforts, efforts_twice: of the joints.
     """
 
     started: Scalar
-    predicted: Predicted
+    past: Past
+    sent: Command
     force: Vec3
     thrust: Scalar
     torque: Vec3
@@ -101,67 +94,24 @@ class L1Memory:
     efforts_twice: tuple[Scalar, ...]
 
 
-def adaptation(error: Any, rate: Any, dt: Any) -> Any:
-    """Piecewise-constant estimate -Phi^-1 mu of one channel from its prediction error, for the predictor rate -a.
-
-    The error that sigma makes in one period from ztilde = 0 is e^(a dt) times itself: the next sigma cancels it.
-    """
-    e = exp(-(rate * dt))
-    return error * divide(rate * e, e - 1.0)
-
-
 def l1_adaptive(
     memory: L1Memory, measurement: Measurement, reference: Reference, dt: Any, *, par: L1Parameters
 ) -> tuple[L1Memory, Command]:
     """Geometric law through the coupled inverse dynamics, less the filtered estimate of what else acts."""
     vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
-    error = _prediction_error(memory, measurement)
-    sigma = _estimates(error, dt, par)
+    error = prediction_error(par.model, par.predictor, memory.started, memory.past, memory.sent, measurement, dt)
+    sigma = estimates(error, par.predictor, dt)
     force, efforts = dynamics.inverse_dynamics(
         vehicle,
         measurement.joints,
         ZERO3,
         (0,) * vehicle.n,
-        Motion(sigma.rate, R.apply_T(sigma.velocity)),
-        sigma.joint_rates,
+        Motion(sigma.rate, R.apply_T(sigma.linear)),
+        sigma.joints,
     )
     filtered = _filtered(memory, R, force, efforts, dt, par)
     command = _command(filtered, measurement, reference, R, par)
-    predicted = _predicted(error, sigma, measurement, R, command, dt, par)
-    return L1Memory(
-        started=1.0,
-        predicted=predicted,
-        force=filtered.force,
-        thrust=filtered.thrust,
-        torque=filtered.torque,
-        torque_twice=filtered.torque_twice,
-        efforts=filtered.efforts,
-        efforts_twice=filtered.efforts_twice,
-    ), command
-
-
-def _prediction_error(memory: L1Memory, measurement: Measurement) -> Predicted:
-    """Ztilde = zhat - z; zero at the first call."""
-
-    def off(predicted: Any, measured: Any) -> Any:
-        return where(memory.started > 0.5, predicted - measured, 0.0)
-
-    past = memory.predicted
-    return Predicted(
-        velocity=Vec3(*(off(p, m) for p, m in zip(past.velocity, measurement.velocity, strict=True))),
-        rate=Vec3(*(off(p, m) for p, m in zip(past.rate, measurement.rate, strict=True))),
-        joint_rates=tuple(off(p, m) for p, m in zip(past.joint_rates, measurement.joint_rates, strict=True)),
-    )
-
-
-def _estimates(error: Predicted, dt: Any, par: L1Parameters) -> Predicted:
-    """Sigma as accelerations of the three groups."""
-    linear, angular, joints = par.predictor
-    return Predicted(
-        velocity=Vec3(*(adaptation(e, linear, dt) for e in error.velocity)),
-        rate=Vec3(*(adaptation(e, angular, dt) for e in error.rate)),
-        joint_rates=tuple(adaptation(e, joints, dt) for e in error.joint_rates),
-    )
+    return dataclasses.replace(filtered, past=past_of(measurement, error, sigma), sent=command), command
 
 
 def _filtered(memory: L1Memory, R: Mat3, force: Force, efforts: Any, dt: Any, par: L1Parameters) -> L1Memory:
@@ -185,7 +135,8 @@ def _filtered(memory: L1Memory, R: Mat3, force: Force, efforts: Any, dt: Any, pa
     thrust = smoothed(memory.thrust, force.force.z, par.thrust_filter, dt)
     return L1Memory(
         started=1.0,
-        predicted=memory.predicted,
+        past=memory.past,
+        sent=memory.sent,
         force=passed(memory.force, R.apply(force.force), par.lateral_filter, par.force_limit),
         thrust=clip(thrust, -par.force_limit, par.force_limit),
         torque=torque,
@@ -213,33 +164,6 @@ def _command(filtered: L1Memory, measurement: Measurement, reference: Reference,
     )
     held = [a - b for a, b in zip(efforts, filtered.efforts_twice, strict=True)]
     return commanded(par, force.torque - filtered.torque_twice, force.force.z - filtered.thrust, held)[0]
-
-
-def _predicted(
-    error: Predicted, sigma: Predicted, measurement: Measurement, R: Mat3, command: Command, dt: Any, par: L1Parameters
-) -> Predicted:
-    """Zhat one period on, by Euler's step as the authors take it."""
-    vehicle = par.model.vehicle
-    rotors = zip(command.rotor_speeds, vehicle.rotors, strict=True)
-    speeds = [minimum(speed, rotor.max_speed) for speed, rotor in rotors]
-    applied = Force(*rotor_thrust(vehicle, speeds))
-    proper, qdd = dynamics.forward_dynamics(
-        vehicle, measurement.joints, measurement.rate, measurement.joint_rates, applied, command.efforts
-    )
-    linear, angular = coordinate_acceleration(R, proper, par.model.gravity)
-    slow, fast, arm = par.predictor
-
-    def ahead(measured: Any, off: Any, acceleration: Any, disturbance: Any, rate: Any) -> Any:
-        return measured + off + dt * (acceleration + disturbance - rate * off)
-
-    def group(measured: Any, off: Any, acceleration: Any, disturbance: Any, rate: Any) -> list[Any]:
-        return [ahead(*each, rate) for each in zip(measured, off, acceleration, disturbance, strict=True)]
-
-    return Predicted(
-        velocity=Vec3(*group(measurement.velocity, error.velocity, linear, sigma.velocity, slow)),
-        rate=Vec3(*group(measurement.rate, error.rate, angular, sigma.rate, fast)),
-        joint_rates=tuple(group(measurement.joint_rates, error.joint_rates, qdd, sigma.joint_rates, arm)),
-    )
 
 
 def make_l1(
@@ -294,7 +218,8 @@ def make_l1(
     still, arm = Vec3(0.0, 0.0, 0.0), (0.0,) * vehicle.n
     memory = L1Memory(
         started=0.0,
-        predicted=Predicted(velocity=still, rate=still, joint_rates=arm),
+        past=nowhere(vehicle.n),
+        sent=no_command(vehicle),
         force=still,
         thrust=0.0,
         torque=still,

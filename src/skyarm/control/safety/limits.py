@@ -95,6 +95,33 @@ PER_JOINT = (
 FINITE = ("stiffness", "damping", "joint_margin", "joint_pole")
 """Fields that multiply or are multiplied: infinity times nothing is no number."""
 
+MOST = {
+    "speed": 1e3,
+    "step": 1e3,
+    "step_speed": 1e3,
+    "stiffness": 1e4,
+    "damping": 1e4,
+    "joint_speed": 1e4,
+    "joint_step": 1e3,
+    "joint_slew": 1e4,
+    "joint_margin": 1e3,
+    "joint_pole": 1e4,
+    "effort": 1e6,
+    "rotor_slew": 1e9,
+    "effort_slew": 1e9,
+    "trusted_rate": 1e4,
+    "trusted_joint_error": 1e3,
+    "lost_rate": 1e5,
+    "lost_speed": 1e4,
+    "lost_joint_speed": 1e5,
+    "patience": 1e6,
+    "calm": 1e6,
+}
+"""Upper ends, or the default where that is more: far beyond any vehicle, squares and products far from overflow.
+
+Infinity stands for no limit, except in ``FINITE``. Tilts and climb have ends of their own.
+"""
+
 SLOWEST = 0.1
 """1/s, of the rotors' highest speed: a smaller slew could not hold an attitude."""
 
@@ -115,10 +142,11 @@ def limits_for(controller: Controller, **given: Any) -> Limits:
     for name in given:
         if name not in names:
             raise ControllerError(f"safety.{name}: unknown field; allowed: {names}")
-    values = _defaults(model, joints) | given
+    default = _defaults(model, joints)
     if "stiffness" not in given or "damping" not in given:
-        values = dict(zip(("stiffness", "damping"), law_stiffness(controller), strict=True)) | values
-    checked = {name: _checked(name, values[name], len(joints)) for name in names}
+        default |= dict(zip(("stiffness", "damping"), law_stiffness(controller), strict=True))
+    values = default | given
+    checked = {name: _checked(name, values[name], len(joints), default.get(name, 0.0)) for name in names}
     _check_ranges(checked, model)
     return Limits(**checked)
 
@@ -167,19 +195,31 @@ def _margin(joint: Joint) -> float:
     return min(MARGINS[joint.kind], 0.1 * (float(joint.upper) - float(joint.lower)))
 
 
-def _checked(name: str, value: Any, joints: int) -> Any:
+def _checked(name: str, value: Any, joints: int, default: Any) -> Any:
+    """One number, or one per joint, within its ends."""
     at = f"safety.{name}"
+    strict, infinite = name not in ("patience", "joint_margin"), name not in FINITE
     try:
         if name not in PER_JOINT:
-            return number(value, at, low=0.0, strict=name != "patience", infinite=name not in FINITE)
+            return _below(name, number(value, at, low=0.0, strict=strict, infinite=infinite), at, default)
         row = list(value) if isinstance(value, (list, tuple)) else [value] * joints
         if len(row) != joints:
             raise ValueError(f"{at} = {shown(value)}: {len(row)} values, must be {joints} (one per joint)")
-        strict = name != "joint_margin"
-        infinite = name not in FINITE
-        return tuple(number(v, f"{at}[{i}]", low=0.0, strict=strict, infinite=infinite) for i, v in enumerate(row))
+        found = [number(v, f"{at}[{i}]", low=0.0, strict=strict, infinite=infinite) for i, v in enumerate(row)]
+        return tuple(
+            _below(name, v, f"{at}[{i}]", usual) for i, (v, usual) in enumerate(zip(found, default, strict=True))
+        )
     except ValueError as error:
         raise ControllerError(str(error)) from None
+
+
+def _below(name: str, value: float, at: str, default: float) -> float:
+    """The value, if it is none above its upper end that is still a number."""
+    most = max(MOST.get(name, math.inf), default if default < math.inf else 0.0)
+    if most < value < math.inf:
+        never = "" if name in FINITE else ", or inf for no limit"
+        raise ValueError(f"{at} = {value!r}: must be at most {most:g}{never}")
+    return value
 
 
 def _check_ranges(values: dict[str, Any], model: Model) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 from skyarm import dynamics
 from skyarm.actuation import Command, Mixer, mix
 from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
+from skyarm.control.controller import ControllerError
 from skyarm.control.geometric import (
     angular_acceleration,
     attitude_error,
@@ -18,12 +19,17 @@ from skyarm.control.geometric import (
 )
 from skyarm.control.model import GeometricGains, JointGains, Model
 from skyarm.dynamics.measurement import Measurement
+from skyarm.files import number, shown
 from skyarm.reference import Reference
 from skyarm.scalars import Scalar, add, divide, maximum, mul, sqrt, sub
-from skyarm.vehicle.records import Joint
+from skyarm.vehicle.records import Joint, Link
 
 STRAIGHT = 1e-6
 """1 + tr(R_d^T R) within 0.06 degrees of 180, where the axis is lost."""
+
+
+STOW_SPEEDS = {"revolute": 1.0, "prismatic": 0.1}
+"""rad/s and m/s: the arm's way to its stowed pose hardly moves the base."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -47,6 +53,24 @@ def stowed(joint: Joint) -> float:
     if low > -float("inf") and high < float("inf"):
         return 0.5 * (low + high)
     return min(max(0.0, low), high)
+
+
+def pose_of(stow: Any, links: tuple[Link, ...]) -> tuple[float, ...]:
+    """A pose within the joints' limits."""
+    listed = stow if isinstance(stow, (str, bytes)) or not hasattr(stow, "__iter__") else list(stow)
+    if not isinstance(listed, list) or len(listed) != len(links):
+        raise ControllerError(f"safety.stow = {shown(listed)}: must be {len(links)} numbers, one per joint")
+    found = []
+    for i, (value, link) in enumerate(zip(listed, links, strict=True)):
+        at, low, high = f"safety.stow[{i}]", float(link.joint.lower), float(link.joint.upper)
+        try:
+            held = number(value, at)
+        except ValueError as error:
+            raise ControllerError(str(error)) from None
+        if not low <= held <= high:
+            raise ControllerError(f"{at} = {value!r}: must be within the joint's limits, {low:g} to {high:g}")
+        found.append(held)
+    return tuple(found)
 
 
 def recover(recovery: Recovery, model: Model, mixer: Mixer, measurement: Measurement, reference: Reference) -> Command:

@@ -22,7 +22,7 @@ PERIOD = 0.005
 """s; the stiffness of a law hardly depends on it."""
 
 USUAL = (5.0, 2.7)
-"""1/s^2 and 1/s, RotorS's Hummingbird: for a law whose thrust does not answer a vertical error."""
+"""1/s^2 and 1/s, RotorS's Hummingbird: for a law whose thrust does not answer a vertical error, or cannot be asked."""
 
 
 def law_stiffness(controller: Controller) -> tuple[float, float]:
@@ -30,7 +30,12 @@ def law_stiffness(controller: Controller) -> tuple[float, float]:
 
     Vertical, because there the thrust answers in the same period; horizontal gains are taken to be the same. Each call
     starts from the first memory, so that an observer has nothing to learn.
+
+    A law that is not over scalars is taken for a usual one: a predictive one spreads its answer over its horizon, so
+    that its first command tells little of its pull, and each first memory may cost it seconds.
     """
+    if not controller.compiled:
+        return USUAL
     still = _thrust(controller, 0.0, 0.0)
     mass = float(controller.par.model.vehicle.mass)
     found = []

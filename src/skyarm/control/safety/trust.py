@@ -38,6 +38,11 @@ def finite(record: Any) -> Any:
     return fine
 
 
+def not_finite(record: Any) -> Any:
+    """True where any number of a record is infinite or NaN."""
+    return where(finite(record), False, True)
+
+
 def doubted(limits: Limits, doubt: Doubt, measurement: Measurement, joints: Any, failed: Any, dt: Any) -> Doubt:
     """The doubt after one measurement.
 

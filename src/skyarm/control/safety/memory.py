@@ -1,0 +1,90 @@
+"""Constants and memory of a law under guard."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.actuation import Command, Mixer
+from skyarm.algebra import Vec3
+from skyarm.compile import leaves, rebuild
+from skyarm.control.controller import Controller
+from skyarm.control.model import Model
+from skyarm.control.safety.limits import Limits
+from skyarm.control.safety.recovery import Recovery
+from skyarm.control.safety.trust import Doubt
+from skyarm.scalars import Scalar, where
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Guarded:
+    """Constants of a guarded law: one belief for all, and the law's own constants without theirs.
+
+    Attributes:
+        model: belief. mixer: its rotors, with priorities where they allow them.
+        limits: of what is asked and sent. recovery: what flies when the law is given up.
+        inner: constants of the law; its model and mixer are those above, given to it at each call.
+    """
+
+    model: Model
+    mixer: Mixer
+    limits: Limits
+    recovery: Recovery
+    inner: Any
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class GuardMemory:
+    """What a guarded law keeps.
+
+    Attributes:
+        inner: memory of the law.
+        started: 0 before the first step.
+        joints: rad or m, governed references of the law. ramping: 1 where one is on its way.
+        arm: those of the recovery.
+        sent: the last command.
+        doubt: of the law. hold: m, where the recovery hovers. yaw: rad, its heading.
+    """
+
+    inner: Any
+    started: Scalar
+    joints: tuple[Scalar, ...]
+    ramping: tuple[Scalar, ...]
+    arm: tuple[Scalar, ...]
+    sent: Command
+    doubt: Doubt
+    hold: Vec3
+    yaw: Scalar
+
+
+def first_memory(controller: Controller) -> GuardMemory:
+    """Memory of a controller under guard before its first step."""
+    vehicle = controller.par.model.vehicle
+    still = (0.0,) * vehicle.n
+    return GuardMemory(
+        inner=controller.memory,
+        started=0.0,
+        joints=still,
+        ramping=still,
+        arm=still,
+        sent=Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=still),
+        doubt=Doubt(given_up=0.0, outside=0.0, calm=0.0),
+        hold=Vec3(0.0, 0.0, 0.0),
+        yaw=0.0,
+    )
+
+
+def blend(condition: Any, new: Any, old: Any) -> Any:
+    """``new`` where the condition holds, else ``old``, leaf by leaf."""
+    dense_new, dense_old = _dense(new), _dense(old)
+    return rebuild(
+        dense_old, (where(condition, a, b) for a, b in zip(leaves(dense_new), leaves(dense_old), strict=True))
+    )
+
+
+def _dense(record: Any) -> Any:
+    """A command with structural zeros as data, as a law with free joints sends them; other records as they are."""
+    if not isinstance(record, Command):
+        return record
+    data = (tuple(float(v) if type(v) is int else v for v in row) for row in (record.rotor_speeds, record.efforts))
+    return Command(**dict(zip(("rotor_speeds", "efforts"), data, strict=True)))
