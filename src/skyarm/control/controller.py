@@ -31,6 +31,7 @@ class Controller:
         limit: that place in words.
         compiled: the law is over scalars, so that machine code, C and other engines can be made of it; a law that is
             not is called with floats.
+        keeps_tip: the law takes the joints from their references to keep the tip on its own.
     """
 
     name: str
@@ -40,6 +41,7 @@ class Controller:
     margin: Callable[[Any], Any] | None = None
     limit: str = ""
     compiled: bool = True
+    keeps_tip: bool = False
 
     def require_compiled(self, what: str) -> None:
         """Refuse a law that cannot be traced for something that needs it traced.

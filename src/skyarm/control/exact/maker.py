@@ -102,7 +102,8 @@ def make_exact(
         slow=tuple(SLOW[link.joint.kind] for link in vehicle.links),
         adapts_friction=gains["friction_adaptation"] > 0.0 and vehicle.n > 0,
     )
-    return Controller(name=f"exact_{mode}", law=exact, par=par, memory=first_memory(model, periods))
+    memory = first_memory(model, periods)
+    return Controller(name=f"exact_{mode}", law=exact, par=par, memory=memory, keeps_tip=mode == "ee")
 
 
 def _mixer(vehicle: Vehicle) -> Mixer:
