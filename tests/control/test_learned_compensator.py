@@ -27,7 +27,10 @@ from skyarm.control.learned.network import read_network, shipped_network, write_
 from skyarm.control.model import Model
 from skyarm.control.presets import ACCELERATION, HUMMINGBIRD
 from skyarm.control.registry import make_controller
-from skyarm.experiments.learn import Budget, Trainer, learn, random_scenario, residuals, training_record
+from skyarm.experiments.learn.flights import random_scenario
+from skyarm.experiments.learn.rounds import learn, training_record
+from skyarm.experiments.learn.samples import residuals
+from skyarm.experiments.learn.training import Budget, Trainer
 from skyarm.simulate.loop import run
 from skyarm.simulate.metrics import Errors
 from skyarm.simulate.scenario_file import load_scenario
