@@ -248,10 +248,13 @@ def write(laws: Sequence[str], path: Path, *, budget: Budget | None = None, work
 def main() -> None:
     """Tune laws (all if none is named) into the package's file."""
     parser = argparse.ArgumentParser(description="Tune the gains of laws.")
-    parser.add_argument("laws", nargs="*", metavar="LAW", choices=[[], *KNOBS], help="all if none is named")
+    parser.add_argument("laws", nargs="*", metavar="LAW", help=f"all if none is named; of {', '.join(KNOBS)}")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="threads or processes")
     parser.add_argument("--file", type=Path, default=Path(tuned.__file__).with_name("tuned.toml"))
     given = parser.parse_args()
+    unknown = [law for law in given.laws if law not in KNOBS]
+    if unknown:
+        parser.error(f"{unknown[0]!r} has no gains to tune; there are {', '.join(KNOBS)}")
     write(given.laws or tuple(KNOBS), given.file, workers=given.workers)
 
 
