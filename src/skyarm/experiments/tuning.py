@@ -1,4 +1,4 @@
-"""Tuning of the laws' gains: one procedure and one budget for every law.
+"""Tuning of the laws' gains: one procedure, and one budget for every law over scalars.
 
     python -m skyarm.experiments.tuning [LAW ...]    writes skyarm/control/tuned.toml, laws that are not named stay
 
@@ -215,7 +215,8 @@ def cost(score: Score, *, noisy: bool) -> Array:
 def document(found: Mapping[str, Tuned], kept: Mapping[str, str]) -> str:
     """The file of tuned gains; ``kept`` are tables of laws as they stand."""
     head = (
-        "# Factors on each law's own gains, found by one procedure on one budget (skyarm/experiments/tuning.py).\n"
+        "# Factors on each law's own gains, found by one procedure on one budget but where noted\n"
+        "# (skyarm/experiments/tuning.py).\n"
         "# Written by: python -m skyarm.experiments.tuning\nschema = 1\n"
     )
     tables = {**kept, **{law: _table(law, each) for law, each in found.items()}}
