@@ -27,7 +27,10 @@ from skyarm.control.learned.network import read_network, shipped_network, write_
 from skyarm.control.model import Model
 from skyarm.control.presets import ACCELERATION, HUMMINGBIRD
 from skyarm.control.registry import make_controller
-from skyarm.experiments.learn import Budget, Trainer, learn, random_scenario, residuals, training_record
+from skyarm.experiments.learn.flights import random_scenario
+from skyarm.experiments.learn.rounds import learn, training_record
+from skyarm.experiments.learn.samples import residuals, samples
+from skyarm.experiments.learn.training import Budget, Trainer
 from skyarm.simulate.loop import run
 from skyarm.simulate.metrics import Errors
 from skyarm.simulate.scenario_file import load_scenario
@@ -214,6 +217,34 @@ def test_what_the_model_leaves_out_of_a_flight_is_the_push_that_was_given():
     # differences over a period of 5 ms against the force at its beginning
     np.testing.assert_allclose(found[20:, :3], pushed[20:], atol=0.05)
     assert np.abs(found[40:, 3:]).max() < 5e-3
+
+
+def test_a_noisy_flight_is_seen_through_every_channel_of_the_bench_s_noise():
+    log = run(random_scenario(np.random.default_rng(2), load_scenario("case3").controller, 8.0, 0))
+    clean, noisy = samples(MODEL, [log, log], [False, True], np.random.default_rng(3))[0]
+    # NumPy's view of the true flight
+    turned = Rotation.from_quat(log.quaternion[:-1][:, [1, 2, 3, 0]]).inv()
+    names = list(feature_names(2))
+    truths = {
+        "up_B x": turned.apply([0.0, 0.0, 1.0])[:, 0],
+        "velocity_B x": turned.apply(log.velocity[:-1])[:, 0],
+        "rate_B y": log.rate[:-1, 1],
+        "joint 2": log.joints[:-1, 1],
+        "joint_rate 1": log.joint_rates[:-1, 0],
+        "position_error_B z": turned.apply(log.position[:-1] - log.position_held[:-1])[:, 2],
+    }
+    for name, truth in truths.items():
+        np.testing.assert_allclose(clean[:, names.index(name)], truth, atol=1e-12)
+    # 1600 draws: a deviation is known to 1.8 %
+    for name, sigma in (("up_B x", 0.002), ("rate_B y", 0.01), ("joint 2", 0.001), ("joint_rate 1", 0.01)):
+        off = (noisy - clean)[:, names.index(name)]
+        assert off.std() == pytest.approx(sigma, rel=0.08), name
+        assert abs(off.mean()) < 5.0 * off.std() / math.sqrt(len(off))
+    # a wrong attitude turns a vector; its length shows the vector's own noise
+    for group, sigma in (("position_error_B", 0.001), ("velocity_B", 0.01)):
+        at = names.index(f"{group} x")
+        off = np.linalg.norm(noisy[:, at : at + 3], axis=1) - np.linalg.norm(clean[:, at : at + 3], axis=1)
+        assert off.std() == pytest.approx(sigma, rel=0.08), group
 
 
 def test_the_gradient_of_training_is_that_of_the_loss():

@@ -19,7 +19,7 @@ from skyarm.control.presets import ACCELERATION, HUMMINGBIRD
 from skyarm.control.registry import make_controller
 from skyarm.control.steps.law import _force_series, _turn
 from skyarm.control.steps.maker import LADDER
-from skyarm.experiments.tuning_flights import FLIGHTS, Course
+from skyarm.experiments.tuning_flights import Together, Trial
 from skyarm.reference import Reference
 from skyarm.simulate.scenario_file import load_scenario
 from vehicles_random import PinocchioTwin
@@ -165,8 +165,8 @@ def test_each_step_buys_something_with_the_papers_gains():
     model = load_scenario("case3").controller.par.model
     flown = {}
     for law in ("ct_consistent", "ct_observer", "ct_feedforward", "ct_extrapolation", "ct_lag_inversion"):
-        course = Course(make_controller(law, model, gains=HUMMINGBIRD, joint_gains=ACCELERATION))
-        flown[law] = [course.fly(FLIGHTS[name], {}, noise=0.0) for name in ("case3", "wind")]
+        course = Together(make_controller(law, model, gains=HUMMINGBIRD, joint_gains=ACCELERATION))
+        flown[law] = [course.fly(Trial(case=name), {}) for name in ("case3", "case3_wind")]
     base = {law: float(scores[0].base[0]) for law, scores in flown.items()}
     joint = {law: float(scores[0].joint[0]) for law, scores in flown.items()}
     assert flown["ct_consistent"][1].base[0] > 0.5

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import re
+from collections import Counter
 from importlib import resources
 
 import numpy as np
 import pytest
 from scipy.stats import qmc
 
+from skyarm.compare.suite import CASES, PAPER_CASES, conditions
 from skyarm.control.registry import make_controller
-from skyarm.control.tuned import KNOBS, tuned_factors
+from skyarm.control.tuned import KNOBS, rescaled, tuned_factors
 from skyarm.experiments import tuning
-from skyarm.experiments.tuning import Budget, Judge, cost, existing, points, tune
-from skyarm.experiments.tuning_flights import FLIGHTS, Course, Score
+from skyarm.experiments.tuning import FULL, ONE_BY_ONE, Budget, Judge, budget_of, cost, existing, plain, points, tune
+from skyarm.experiments.tuning_alone import Alone, scored
+from skyarm.experiments.tuning_flights import Score, Together, Trial
 from skyarm.simulate import run
 from skyarm.simulate.metrics import Errors
 from skyarm.simulate.scenario_file import load_scenario
@@ -51,42 +53,122 @@ def test_the_shipped_factors_have_the_cost_that_is_noted():
     before, after = map(float, re.search(rf"\[law\.{LAW}\]  # cost (\S+) -> (\S+),", text).groups())
     factors = tuned_factors()[LAW]
     logs = np.array([[0.0] * len(factors), [math.log(value) for value in factors.values()]])
-    np.testing.assert_allclose(Judge(LAW, KNOBS[LAW]).costs(logs), [before, after], atol=0.02)
+    np.testing.assert_allclose(Judge(LAW).costs(logs), [before, after], atol=0.02)
 
 
 def test_a_flights_score_is_that_of_the_logged_flight():
-    """The same flight in Python: errors against the continuous reference over [10, 20) s."""
-    scenario = load_scenario("case3", duration=20.0)
-    score = Course(make_controller(LAW, scenario.controller.par.model)).fly(FLIGHTS["case3"], {}, noise=0.0)
-    log = run(dataclasses.replace(scenario, controller=make_controller(LAW, scenario.controller.par.model)))
-    inside = log.time >= 10.0
-    errors = Errors.continuous(log)
-    # fused multiplications move a stable flight by 1e-9 of its errors
-    assert score.base[0] == pytest.approx(errors.position[inside].mean(), rel=1e-6)
-    assert score.joint[0] == pytest.approx(errors.joints[inside].mean(), rel=1e-6)
-    assert score.tool[0] == pytest.approx(errors.tool[inside].mean(), rel=1e-6)
-    assert score.peak[0] == pytest.approx(np.abs(errors.vector[inside, 0]).max(), rel=1e-6)
-    changes = np.abs(np.diff(log.rotor_commands, axis=0)).mean(axis=1)
-    assert score.jitter[0] == pytest.approx(changes[inside[1:]].mean(), rel=1e-5)
+    """The same flights in Python, one with a factor: errors against the continuous reference over the window."""
+    model, path = load_scenario("case3").controller.par.model, "gains.position"
+    trial = Trial(case="case2_gust", sensing="noisy", seed=3, start=6.5, duration=9.0)
+    found = Together(make_controller(LAW, model), [path]).fly(trial, {path: np.array([1.0, 1.7])})
+    for lane, factor in enumerate((1.0, 1.7)):
+        log = run(trial.scenario(rescaled(make_controller(LAW, model), {path: factor})))
+        assert log.info["seed"] == 3
+        inside, errors = log.time >= 6.5, Errors.continuous(log)
+        changes = np.abs(np.diff(log.rotor_commands, axis=0)).mean(axis=1)
+        wanted = errors.position[inside].mean(), errors.joints[inside].mean(), changes[inside[1:]].mean()
+        ours = found.base[lane], found.joint[lane], found.jitter[lane]
+        # fused multiplications move a stable flight by 1e-9 of its errors
+        assert ours == pytest.approx(wanted, rel=1e-6)
+        assert scored(log, trial.window) == pytest.approx((*wanted, True), rel=1e-12)
+        assert found.completed[lane]
+    assert found.base[0] > 1.05 * found.base[1], "a stiffer base is blown less far"
 
 
-def scored(**values) -> Score:
-    numbers = {"base": 0.01, "joint": 0.1, "tool": 0.0, "peak": 0.0, "jitter": 0.0, **values}
-    arrays = {name: np.array([value]) for name, value in numbers.items() if name != "completed"}
-    return Score(**arrays, completed=np.array([values.get("completed", True)]))
+def test_every_law_that_compiles_has_one_budget_and_one_course():
+    flown = {law: budget_of(law) for law in KNOBS}
+    assert {law for law, budget in flown.items() if budget != Budget()} == {"nmpc"}
+    assert flown["nmpc"] == ONE_BY_ONE
+    assert Counter(trial.sensing for trial in FULL) == {"perfect": 5, "noisy": 10, "late": 2}
+    assert {trial.case for trial in FULL} == set(PAPER_CASES)
+
+
+def test_the_noise_of_tuning_is_that_of_the_bench():
+    controller = plain(LAW)
+    noisy = conditions()["noisy"].apply(CASES["case3"].build())
+    for sensing, periods in (("noisy", 1), ("late", 3)):
+        found = Trial(case="case3", sensing=sensing).scenario(controller)
+        assert found.sensors == noisy.sensors
+        assert found.delays.measurement == pytest.approx(periods * noisy.delays.measurement)
+    perfect = Trial(case="case3").scenario(controller)
+    assert (perfect.sensors, perfect.delays) == (CASES["case3"].build().sensors, CASES["case3"].build().delays)
+
+
+TINY = tuple(
+    Trial(case=case, sensing=sensing, start=0.1, duration=0.25)
+    for case, sensing in (("case3_wind", "perfect"), ("case2_gust", "noisy"), ("case3", "late"))
+)
+
+
+def test_a_law_judged_one_by_one_costs_what_it_costs_in_a_batch():
+    """The same law both ways, in this process and in two others."""
+    paths = ("gains.position", "joint_gains.damping")
+    factors = {paths[0]: np.array([1.0, 0.5, 3.0]), paths[1]: np.array([1.0, 2.0, 0.4])}
+    together = Together(plain(LAW), paths)
+    wanted = [together.fly(trial, factors) for trial in TINY]
+    for workers in (1, 2):
+        for ours, theirs in zip(Alone(LAW, workers=workers).fly_all(TINY, factors), wanted, strict=True):
+            for field in ("base", "joint", "jitter", "completed"):
+                np.testing.assert_allclose(getattr(ours, field), getattr(theirs, field), rtol=1e-6)
+
+
+def test_a_law_that_does_not_compile_is_tuned_on_a_small_budget_and_says_so():
+    budget = Budget(first=2, later=1, rounds=1, elite=1, reach=3.0, trials=TINY[:1])
+    found = tune("nmpc", budget)
+    assert tuple(found.factors) == KNOBS["nmpc"]
+    assert found.candidates == 3
+    assert found.after <= found.before
+    assert all(1.0 / 3.0 - 1e-4 <= factor <= 3.0 for factor in found.factors.values())
+    assert "3 candidates, on the smaller budget" in tuning.document({"nmpc": found}, {})
+
+
+def test_the_weights_of_an_uncompiled_law_take_their_factors():
+    law = plain("nmpc")
+    changed = rescaled(law, dict.fromkeys(KNOBS["nmpc"], 2.0)).par
+    assert changed.weights.joints == 2.0 * law.par.weights.joints
+    assert changed.weights.position == law.par.weights.position
+    assert changed.weights.tool == law.par.weights.tool
+    assert changed.bandwidths.angular == 2.0 * law.par.bandwidths.angular
+
+
+@pytest.mark.parametrize(
+    ("base", "joint", "completed", "wanted"),
+    [
+        (0.19, 0.19, True, 0.0),
+        (0.21, 0.0, True, 1.0),
+        (0.0, 0.21, True, 1.0),
+        (0.0, 0.0, False, 1.0),
+        (math.nan, 0.0, True, 1.0),
+    ],
+)
+def test_a_late_flight_costs_one_where_it_is_lost(monkeypatch, base, joint, completed, wanted):
+    class Flown:
+        def fly_all(self, trials, factors):
+            late = score(base=base, joint=joint, completed=completed)
+            return [late if trial.sensing == "late" else score() for trial in trials]
+
+    monkeypatch.setattr(tuning, "_flyer", lambda law, workers: Flown())
+    found = Judge(LAW, TINY).costs(np.zeros((1, len(KNOBS[LAW]))))[0]
+    assert found == pytest.approx(cost(score(), noisy=False)[0] + wanted)
+
+
+def score(**values) -> Score:
+    numbers = {"base": 0.01, "joint": 0.1, "jitter": 0.0, **values}
+    arrays = [np.array([numbers[name]]) for name in ("base", "joint", "jitter")]
+    return Score(*arrays, np.array([values.get("completed", True)]))
 
 
 def test_the_cost_is_the_logarithm_of_base_and_joint_error_at_the_arms_length():
-    assert cost(scored(), noisy=False)[0] == pytest.approx(math.log(0.01 + 0.3 * 0.1 + 1e-4))
-    assert cost(scored(jitter=30.0), noisy=False) == cost(scored(), noisy=False)
+    assert cost(score(), noisy=False)[0] == pytest.approx(math.log(0.01 + 0.3 * 0.1 + 1e-4))
+    assert cost(score(jitter=30.0), noisy=False) == cost(score(), noisy=False)
 
 
 def test_jitter_costs_in_a_noisy_flight_beyond_15_rad_s():
-    quiet = cost(scored(jitter=14.9), noisy=True)[0]
-    assert quiet == cost(scored(), noisy=True)[0]
-    assert cost(scored(jitter=30.0), noisy=True)[0] - quiet == pytest.approx(1.0)
+    quiet = cost(score(jitter=14.9), noisy=True)[0]
+    assert quiet == cost(score(), noisy=True)[0]
+    assert cost(score(jitter=30.0), noisy=True)[0] - quiet == pytest.approx(1.0)
 
 
 def test_a_flight_that_ends_counts_as_ten_metres():
-    for lost in (scored(completed=False), scored(base=math.nan), scored(base=1e6)):
+    for lost in (score(completed=False), score(base=math.nan), score(base=1e6)):
         assert cost(lost, noisy=True)[0] == pytest.approx(math.log(10.0001))

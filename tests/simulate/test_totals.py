@@ -86,6 +86,7 @@ def expected(log):
         paper |= {f"gust_{name}": value for name, value in gusty.items()}
         paper["held_position_error"] = of_log.held_position_error(log, errors, WINDOWS.holds)
         found |= {f"{name}{suffix}": value for name, value in paper.items()}
+    found["rotor_jitter_mean"] = of_log.rotor_jitter_mean(log, WINDOWS.steady)
     return found | {"hover_offset": of_log.hover_offset(log, WINDOWS.hover)}
 
 

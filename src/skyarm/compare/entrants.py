@@ -80,7 +80,7 @@ def _all() -> tuple[Entrant, ...]:
         Entrant(name="paper_ct (tuned)", group="rival", law="hybrid_computed_torque", tuned=True),
         Entrant(name="ct_lag_inversion (tuned)", group="rival", law="ct_lag_inversion", tuned=True),
         *(Entrant(name=name, group="rival", law=name, tuned=True) for name in rivals),
-        Entrant(name="learned_compensator_style", group="rival", law="learned_compensator_style"),
+        Entrant(name="learned_compensator_style", group="rival", law="learned_compensator_style", tuned=True),
         Entrant(name="nmpc", group="rival", law="nmpc"),
         Entrant(name="exact_joint", group="exact", law="exact", options={"mode": "joint"}, perfect=stiff),
         Entrant(name="exact_ee", group="exact", law="exact", options={"mode": "ee"}, perfect=stiff),

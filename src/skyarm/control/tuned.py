@@ -27,7 +27,7 @@ COMMON = (
     "joint_gains.stiffness",
     "joint_gains.damping",
 )
-"""Constants that every law has; each path stands for all numbers below it, which keep their ratios."""
+"""Constants that every law with gains has; each path stands for all numbers below it, which keep their ratios."""
 
 OBSERVER = ("observer.force", "observer.torque", "observer.joints")
 
@@ -47,6 +47,12 @@ KNOBS: Mapping[str, tuple[str, ...]] = {
     "l1_adaptive": (*COMMON, "predictor", "thrust_filter", "torque_filter", "joint_filter"),
     "l1_adaptive_lateral": (*COMMON, "predictor", "thrust_filter", "torque_filter", "joint_filter", "lateral_filter"),
     "indi": (*COMMON, "cutoff"),
+    "learned_compensator_style": (*COMMON, "answer"),
+    "nmpc": (
+        *("weights.velocity", "weights.heading", "weights.rate", "weights.joints", "weights.joint_rates"),
+        *("weights.joint_accelerations", "weights.rotor_accelerations"),
+        *("bandwidths.linear", "bandwidths.angular", "bandwidths.joints"),
+    ),
 }
 """What is tuned of each law."""
 

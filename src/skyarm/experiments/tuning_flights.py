@@ -1,7 +1,7 @@
-"""Flights by which gains are tuned and laws compared: the paper's cases, many candidates at once, in machine code.
+"""Flights by which gains are judged: the paper's cases, all candidates of a law at once, in machine code.
 
-Errors are taken against the continuous reference. Perfect: no noise, no delay. Noisy: 1 mm, 1 cm/s, 2 mrad, 0.01 rad/s,
-joints 1 mrad and 0.01 rad/s, and one control period of delay. Late: noisy and two more periods that no law knows of.
+Errors are taken against the continuous reference. Perfect: no noise, no delay. Noisy: the bench's noise, and one
+control period of delay. Late: noisy and two more periods that no law knows of.
 """
 
 from __future__ import annotations
@@ -14,247 +14,121 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.algebra import Vec3
-from skyarm.compile import leaves, rebuild
-from skyarm.compile.llvm_text import Lanes
-from skyarm.compile.loop import trace_loop
-from skyarm.compile.native import Kernel, host_width
+from skyarm.compare.suite import DELAY, NOISE
 from skyarm.control.controller import Controller
-from skyarm.control.tuned import rescaled
-from skyarm.dynamics import frame_pose
-from skyarm.environment import RotorsForce
-from skyarm.environment.gust import Gust
-from skyarm.plant.compiled import RigidBodyPlant
-from skyarm.plant.sensors import SensorNoise
-from skyarm.scalars import Scalar, absolute, logical_and, maximum, where
-from skyarm.simulate.carry import Carry, Row, Sample, blend, structure_of
-from skyarm.simulate.closed_loop import make_period
-from skyarm.simulate.draws import draws_needed
-from skyarm.simulate.inputs import episode_inputs
-from skyarm.simulate.kinematics import level_tool
-from skyarm.simulate.native import first_carry
-from skyarm.simulate.scenario import Delays, Scenario
+from skyarm.simulate.batch import Batch
+from skyarm.simulate.measures import Windows
+from skyarm.simulate.metrics import Window
+from skyarm.simulate.scenario import PERFECT_SENSORS, Delays, Scenario
 from skyarm.simulate.scenario_file import load_scenario
-from skyarm.simulate.totals import distance, joint_norm
+from skyarm.simulate.vocabulary import Place, part
 
 Array = npt.NDArray[np.float64]
 
-NOISE = SensorNoise(position=1e-3, velocity=1e-2, attitude=2e-3, rate=1e-2, joints=1e-3, joint_rates=1e-2)
+LATENESS: Mapping[str, int] = {"perfect": 0, "noisy": 1, "late": 3}
+"""Ages of the measurement, in the bench's delay."""
 
-DURATION = 20.0
-GUST = (7.5, 3.0)
-"""Start and length of the gust, s."""
+METRICS = ("position_error_mean_continuous", "joint_error_mean_continuous", "rotor_jitter_mean")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Flight:
-    """One of the paper's flights.
+class Trial:
+    """One flight of every candidate.
 
     Attributes:
-        case: scenario that gives reference and vehicles. force, air, gust: along x, N, m/s, N.
-        start: of the window of means, s.
+        case: shipped scenario. sensing: a key of ``LATENESS``. seed: of the noise, which all candidates share.
+        start: of the window of means, s; it ends with the flight.
+        duration: s.
     """
 
     case: str
-    force: float = 0.0
-    air: float = 0.0
-    gust: float = 0.0
+    sensing: str = "perfect"
+    seed: int = 0
     start: float = 10.0
+    duration: float = 20.0
 
+    def scenario(self, controller: Controller) -> Scenario:
+        """The flight of a controller."""
+        return dataclasses.replace(
+            load_scenario(self.case, duration=self.duration),
+            controller=controller,
+            sensors=PERFECT_SENSORS if self.sensing == "perfect" else NOISE,
+            delays=Delays(measurement=LATENESS[self.sensing] * DELAY),
+            seed=self.seed,
+        )
 
-FLIGHTS: Mapping[str, Flight] = {
-    "case1": Flight(case="case1"),
-    "case2": Flight(case="case2"),
-    "case3": Flight(case="case3"),
-    "wind": Flight(case="case3", force=2.0, air=2.0),
-    "gust": Flight(case="case2", gust=2.0, start=5.0),
-}
-
-SENSING: Mapping[str, tuple[float, int]] = {"perfect": (0.0, 0), "noisy": (1.0, 1), "late": (1.0, 3)}
-"""Factor on the noise, and periods of delay."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Goal:
-    """What an instant is measured against: the continuous reference, and 1 inside the window."""
-
-    position: Vec3
-    joints: tuple[Scalar, ...]
-    tool: Vec3
-    counted: Scalar
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Tally:
-    """Sums over the window, and the last commands.
-
-    Attributes:
-        count: instants. base, joint, tool: error norms. base_x: largest |x error|.
-        jitter: changes of rotor commands.
-        speeds: commands of the instant before.
-    """
-
-    count: Scalar
-    base: Scalar
-    joint: Scalar
-    tool: Scalar
-    base_x: Scalar
-    jitter: Scalar
-    speeds: tuple[Scalar, ...]
+    @property
+    def window(self) -> Window:
+        """Of the means."""
+        return Window(self.start, self.duration)
 
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """Of each candidate: mean errors (m, rad, m), largest base error along x (m), jitter (rad/s), completion."""
+    """Of each candidate: mean errors (m, rad), mean jitter (rad/s per period), whether it flew to the end."""
 
     base: Array
     joint: Array
-    tool: Array
-    peak: Array
     jitter: Array
     completed: npt.NDArray[np.bool_]
 
 
-class Course:
-    """A law compiled for the flights: gains, wind and noise differ from lane to lane.
+class Together:
+    """Candidates of a law over scalars, one lane each.
 
     Args:
         controller: the law with the gains that factors multiply.
-        paths: constants that get a factor per lane.
-        delay: of the measurement, control periods.
+        paths: constants that get a factor; each stands for all numbers below it.
+        threads: results do not depend on it.
     """
 
-    def __init__(self, controller: Controller, paths: Sequence[str] = (), *, delay: int = 0) -> None:
-        base = load_scenario("case3", duration=DURATION)
-        wind = RotorsForce(
-            force_W=Vec3(0.0, 0, 0),
-            air_velocity_W=Vec3(0.0, 0, 0),
-            gust=Gust(peak=Vec3(0.0, 0, 0), start=GUST[0], duration=GUST[1]),
-        )
-        self.scenario = dataclasses.replace(
-            base,
-            controller=controller,
-            wind=wind,
-            sensors=NOISE,
-            delays=Delays(measurement=delay / base.rates.control),
-        )
-        self.paths = tuple(paths)
-        vehicle = self.scenario.world.vehicle
-        inputs = episode_inputs(self.scenario)
-        plant = RigidBodyPlant(self.scenario.world, inputs.wind_example, base.integrator, 1.0 / base.rates.physics)
-        row = Row(time=0.0, reference=structure_of(inputs.reference.dense()))
-        goal = Goal(position=Vec3(0.0, 0.0, 0.0), joints=(0.0,) * vehicle.n, tool=Vec3(0.0, 0.0, 0.0), counted=0.0)
-        tally = Tally(
-            count=0.0, base=0.0, joint=0.0, tool=0.0, base_x=0.0, jitter=0.0, speeds=(-1.0,) * len(vehicle.rotors)
-        )
-        self._first = (first_carry(self.scenario), tally)
-        values = (0.0,) * (4 + len(self.paths))
-        draws = draws_needed(self.scenario)
+    def __init__(self, controller: Controller, paths: Sequence[str] = (), *, threads: int = 1) -> None:
+        self.controller, self.threads = controller, threads
+        self.places = {path: _numbers(controller.par, tuple(path.split("."))) for path in paths}
+        self._batches: dict[Trial, Batch] = {}
 
-        def step(both: Any, lane: tuple[Any, ...], fed: tuple[Row, Goal], uniforms: Any) -> tuple[Any, tuple[()]]:
-            carry, sums = both
-            following, sample = make_period(self._varied(lane), plant.substeps)(carry, fed[0], uniforms)
-            alive = sample.alive > 0.5
-            return (following, blend(alive, self._tallied(sums, sample, fed[1]), sums)), ()
-
-        loop = trace_loop(step, structure_of(self._first), values, (row, goal), draws, loops=True)
-        self.kernel = Kernel(loop, Lanes(host_width()))
-        self._tables: dict[str, Array] = {}
-
-    def _varied(self, lane: tuple[Any, ...]) -> Scenario:
-        """The scenario of a lane: wind along x, air, gust, noise, factors."""
-        force, air, gust, noise, *factors = lane
-        held = self.scenario.wind
-        assert isinstance(held, RotorsForce)
-        assert held.gust is not None
-        wind = dataclasses.replace(
-            held,
-            force_W=Vec3(force, 0, 0),
-            air_velocity_W=Vec3(air, 0, 0),
-            gust=dataclasses.replace(held.gust, peak=Vec3(gust, 0, 0)),
-        )
-        sigmas = [leaf * noise for leaf in leaves(NOISE)]
-        controller = rescaled(self.scenario.controller, dict(zip(self.paths, factors, strict=True)))
-        sensors = rebuild(NOISE, iter(sigmas))
-        return dataclasses.replace(self.scenario, wind=wind, sensors=sensors, controller=controller)
-
-    def _tallied(self, sums: Tally, sample: Sample, goal: Goal) -> Tally:
-        vehicle, state = self.scenario.world.vehicle, sample.state
-        tool = state.position
-        if vehicle.end_effector:
-            reach = frame_pose(vehicle, vehicle.frame(), state.joints).p
-            tool = tool + state.quaternion.rotation().apply(reach)
-        inside = goal.counted
-        speeds = sample.command.rotor_speeds
-        first = sums.speeds[0] < 0.0
-        change: Any = 0.0
-        for new, old in zip(speeds, sums.speeds, strict=True):
-            change = change + absolute(new - where(first, new, old)) * (1.0 / len(speeds))
-        off = absolute(state.position.x - goal.position.x)
-        return Tally(
-            count=sums.count + inside,
-            base=sums.base + inside * distance(state.position, goal.position),
-            joint=sums.joint + inside * joint_norm(state.joints, goal.joints),
-            tool=sums.tool + inside * distance(tool, goal.tool),
-            base_x=where(logical_and(inside > 0.5, off > sums.base_x), off, sums.base_x),
-            jitter=sums.jitter + inside * change,
-            speeds=tuple(maximum(s, 0.0) for s in speeds),
-        )
-
-    def _table(self, flight: Flight) -> Array:
-        """Rows of a flight: time, held reference, its tool (unused), continuous goals, window."""
-        key = f"{flight.case} {flight.start}"
-        if key not in self._tables:
-            scenario = load_scenario(flight.case, duration=DURATION)
-            inputs = episode_inputs(scenario)
-            steps = scenario.steps
-
-            def column(values: Any) -> Array:
-                return np.broadcast_to(np.asarray(values, dtype=float), (steps,))
-
-            now = inputs.reference.dense()
-            p = np.stack([column(c) for c in now.position], axis=1)
-            q = np.stack([column(c) for c in now.joints], axis=1)
-            tool = level_tool(scenario.world.vehicle, p, column(now.yaw), q)
-            inside = (inputs.times >= flight.start) & (inputs.times < DURATION)
-            held = np.stack([column(leaf) for leaf in leaves(inputs.held_reference.dense())], axis=1)
-            columns = [inputs.times, held, p, q, tool, inside.astype(float)]
-            self._tables[key] = np.column_stack(columns)
-        return self._tables[key]
-
-    def fly(
-        self,
-        flight: Flight,
-        factors: Mapping[str, Array],
-        *,
-        noise: float,
-        seed: int = 0,
-        lanes: int = 1,
-        threads: int = 1,
-    ) -> Score:
-        """Fly one candidate per lane; every lane draws the same noise.
+    def fly(self, trial: Trial, factors: Mapping[str, Array], lanes: int = 1) -> Score:
+        """Fly one candidate per lane.
 
         Args:
-            flight: which.
+            trial: which flight.
             factors: path -> (lanes,).
-            noise: factor on the deviations.
-            seed: of the noise.
             lanes: number of candidates where there are no paths.
-            threads: results do not depend on it.
         """
-        columns = [np.asarray(factors[path], dtype=float) for path in self.paths]
-        count = columns[0].size if columns else lanes
-        wind = [np.full(count, value) for value in (flight.force, flight.air, flight.gust, noise)]
-        carry = np.repeat(np.array(leaves(self._first))[:, None], count, axis=1)
-        table = self._table(flight)
-        ended, _ = self.kernel.run(
-            carry, np.stack([*wind, *columns]), table, seed=seed, episodes=np.zeros(count, dtype=int), threads=threads
-        )
-        found: tuple[Carry, Tally] = rebuild(self._first, iter(list(ended)))
-        state, sums = found
-        with np.errstate(all="ignore"):
-            n = np.asarray(sums.count)
-            means = [np.asarray(total) / n for total in (sums.base, sums.joint, sums.tool, sums.jitter)]
-        base, joint, tool, jitter = means
-        completed = np.asarray(state.ticks) >= len(table)
-        return Score(base, joint, tool, np.asarray(sums.base_x), jitter, completed)
+        batch = self._batch(dataclasses.replace(trial, seed=0))
+        values = {
+            ".".join(("controller", *place)): number * np.asarray(factors[path], dtype=float)
+            for path, numbers in self.places.items()
+            for place, number in numbers.items()
+        }
+        count = len(next(iter(values.values()))) if values else lanes
+        # every lane draws the same noise
+        found = batch.fly(values, seed=trial.seed, episodes=np.zeros(count, dtype=int), threads=self.threads)
+        base, joint, jitter = (found.metrics[name] for name in METRICS)
+        return Score(base, joint, jitter, found.completed)
+
+    def fly_all(self, trials: Sequence[Trial], factors: Mapping[str, Array]) -> list[Score]:
+        """Fly all candidates in every trial."""
+        return [self.fly(trial, factors) for trial in trials]
+
+    def _batch(self, trial: Trial) -> Batch:
+        if trial not in self._batches:
+            paths = [".".join(("controller", *place)) for numbers in self.places.values() for place in numbers]
+            windows = Windows(steady=trial.window)
+            self._batches[trial] = Batch(trial.scenario(self.controller), paths, metrics=METRICS, windows=windows)
+        return self._batches[trial]
+
+
+def _numbers(record: Any, place: Place) -> dict[Place, float]:
+    """Numbers that vary below a place of a record, by their places."""
+    below = part(record, place)
+    if isinstance(below, float):
+        return {place: below}
+    if isinstance(below, tuple):
+        names = [str(i) for i in range(len(below))]
+    else:
+        names = [field.name for field in dataclasses.fields(below)] if dataclasses.is_dataclass(below) else []
+    found: dict[Place, float] = {}
+    for name in names:
+        found |= _numbers(record, (*place, name))
+    return found

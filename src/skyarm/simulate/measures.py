@@ -134,6 +134,7 @@ FREE = {
     "tilt_max": _extreme("max", "whole", "tilt"),
     "rate_rms": _root_mean("steady", "rate_square"),
     "rotor_jitter": _root_mean("steady", "jitter_square"),
+    "rotor_jitter_mean": _mean("steady", "jitter_size"),
     # against the continuous reference always, as a mean height before the motion
     "hover_offset": _mean("hover", f"height{CONTINUOUS}"),
 }

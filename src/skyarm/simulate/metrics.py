@@ -192,6 +192,12 @@ def calmness(log: Log, errors: Errors, window: Window) -> dict[str, float]:
     }
 
 
+def rotor_jitter_mean(log: Log, window: Window) -> float:
+    """Mean over instants and rotors of the size of the change of commanded speed since a control period ago, rad/s."""
+    change = np.diff(log.rotor_commands, axis=0, prepend=log.rotor_commands[:1])
+    return _mean(np.abs(change[window.of(log)]))
+
+
 def tool_peak(log: Log, errors: Errors, window: Window) -> float:
     """End-effector error of largest magnitude along x, with its sign, m."""
     return _peak(errors.tool_vector[window.of(log), 0])
