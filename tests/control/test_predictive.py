@@ -15,12 +15,14 @@ from skyarm.control.controller import ControllerError
 from skyarm.control.export import export_c
 from skyarm.control.predictive import preview
 from skyarm.control.predictive.cost import input_residuals, state_residuals
-from skyarm.control.predictive.law import WEIGHTS, stage_lengths
+from skyarm.control.predictive.engine import stage_lengths
 from skyarm.control.predictive.linearise import Stages, examples
 from skyarm.control.predictive.motion import Disturbance, Inputs, advance, command_for
 from skyarm.control.predictive.observer import Bandwidths, Estimate, observe, predict
+from skyarm.control.predictive.parameters import WEIGHTS
 from skyarm.control.predictive.riccati import Linear, policy, rollout
-from skyarm.control.predictive.solve import Bounds, Plan, Problem, Riccati, shifted
+from skyarm.control.predictive.rollout import Bounds, Rollouts
+from skyarm.control.predictive.solve import Plan, Problem, Riccati, shifted
 from skyarm.control.registry import make_controller
 from skyarm.control.safety import guarded
 from skyarm.dynamics.measurement import Measurement
@@ -253,8 +255,7 @@ def test_a_jump_of_the_reference_starts_without_jerk():
 
 
 def test_stages_begin_with_control_periods_and_fill_the_horizon():
-    par = make_controller("nmpc", MODEL, every=3, stages=12, horizon=0.7).par
-    steps = stage_lengths(par, DT)
+    steps = stage_lengths(stages=12, every=3, horizon=0.7, dt=DT)
     assert steps[:3] == pytest.approx([DT] * 3)
     assert steps.sum() == pytest.approx(0.7)
     assert steps[4:] / steps[3:-1] == pytest.approx([steps[5] / steps[4]] * 8)
@@ -273,7 +274,7 @@ def test_a_plan_moved_on_in_time_is_the_plan_at_its_own_stages():
 def tilted_problem():
     """A start with small errors, 14 stages, hover wanted."""
     par = make_controller("nmpc", MODEL).par
-    steps = stage_lengths(par, DT)
+    steps = stage_lengths(par.stages, par.every, par.horizon, DT)
     (state, _, _, goal), *_ = random_stage(0)
     x = np.array(
         leaves(
@@ -285,6 +286,10 @@ def tilted_problem():
     return par, steps, Problem(x, np.zeros(8), np.tile(wanted, (15, 1))), guess
 
 
+def iterations(par, stages, steps, bounds):
+    return Riccati(stages, Rollouts(MODEL, par.weights, par.mode, bounds), steps, par.weights.final, bounds)
+
+
 def test_iterations_reach_the_optimum_that_fatrop_finds():
     pytest.importorskip("casadi")
     from skyarm.control.predictive.interior_point import InteriorPoint
@@ -293,7 +298,7 @@ def test_iterations_reach_the_optimum_that_fatrop_finds():
     bounds = Bounds(np.array([0.5, 0.5]), np.full(4, 838.0))
     stages = Stages(MODEL, par.weights, par.mode, SCALES)
     best = InteriorPoint("fatrop", MODEL, par.weights, par.mode, stages, steps, bounds).solve(problem, guess)
-    ours, plan = Riccati(stages, steps, par.weights.final, bounds), guess
+    ours, plan = iterations(par, stages, steps, bounds), guess
     for _ in range(25):
         plan = ours.solve(problem, plan)
     # Gauss-Newton closes in by 0.6 a step; rotor speeds are hundreds of rad/s
@@ -323,7 +328,7 @@ def test_with_torques_at_their_limits_it_is_as_good_as_fatrop():
     bounds = Bounds(np.array([0.05, 0.05]), np.full(4, 838.0))
     stages = Stages(MODEL, par.weights, par.mode, SCALES)
     best = InteriorPoint("fatrop", MODEL, par.weights, par.mode, stages, steps, bounds).solve(problem, guess)
-    ours, plan = Riccati(stages, steps, par.weights.final, bounds), guess
+    ours, plan = iterations(par, stages, steps, bounds), guess
     for _ in range(25):
         plan = ours.solve(problem, plan)
     assert np.abs(plan.u[0, 4:]).max() == pytest.approx(0.05)

@@ -40,13 +40,14 @@ class Policy:
     P: Array
 
 
-def policy(problem: Linear, held: Array | None = None, at: Array | None = None) -> Policy:
+def policy(problem: Linear, held: Array | None = None, at: Array | None = None, *, damping: float = 0.0) -> Policy:
     """Minimise the sum of squared residuals.
 
     Args:
         problem: the stages.
         held: (N, nu) True where an input is fixed.
         at: (N, nu) where to.
+        damping: share by which the second derivatives of the inputs are raised: the step is shorter.
 
     Source: Mayne 1966; Rawlings, Mayne, Diehl 2017, section 8.8.3 (Gauss-Newton, Riccati recursion).
     """
@@ -63,7 +64,7 @@ def policy(problem: Linear, held: Array | None = None, at: Array | None = None) 
         M = H[i] + AB.T @ PAB
         m = g[i] + AB.T @ (P @ problem.c[i] + p)
         # a held input weighs more than all else by a factor of its own, whatever its unit
-        weight = FLOOR + strength[i] * np.diagonal(M[nx:, nx:])
+        weight = FLOOR + (strength[i] + damping) * np.diagonal(M[nx:, nx:])
         right = np.column_stack([m[nx:] - weight * wanted[i] * (strength[i] > 0.0), M[nx:, :nx]])
         solved = np.linalg.solve(M[nx:, nx:] + np.diag(weight), right)
         k[i], K[i] = -solved[:, 0], -solved[:, 1:]
