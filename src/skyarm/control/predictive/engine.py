@@ -53,7 +53,8 @@ class Observation:
         )
 
         def look(before: Estimate, _par: Any, row: Any, _uniforms: Any) -> Any:
-            return observe(model, bandwidths, before, *row, dt), ()
+            command, reading = row
+            return observe(model, bandwidths, before, command, reading, dt), ()
 
         def move(before: Estimate, _par: Any, row: Any, _uniforms: Any) -> Any:
             return Estimate(state=predict(model, before, row, dt), disturbance=before.disturbance), ()

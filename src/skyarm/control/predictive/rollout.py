@@ -84,8 +84,12 @@ class Rollouts:
         """Motions from ``start`` of the policy about a guess x (N + 1, nx), u (N, nu).
 
         Args:
-            x, u: the guess. found: its policy. a: (lanes,) shares of its feed-forward. start: (nx,) the state now.
-            given: lengths (N + 1,) of the stages and time for which each state counts, s; leaves of the disturbance;
+            x: (N + 1, nx) states of the guess.
+            u: (N, nu) its inputs.
+            found: its policy.
+            a: (lanes,) shares of the policy's feed-forward.
+            start: (nx,) the state now.
+            given: (N + 1, 2) lengths of the stages and time for which each state counts, s; leaves of the disturbance;
                 goals (N + 1, leaves of a goal).
         """
         times, d, goals = given
