@@ -34,6 +34,7 @@ def compare(
     columns: str | None,
     plants: int,
     seeds: int,
+    single: int,
     seed: int,
     plant: str,
     threads: int,
@@ -51,8 +52,9 @@ def compare(
     flown = _chosen("--conditions", columns, flown)
     folder = require_writable(out)
     require_writable(folder / "cells")
-    with bar(suite, console) as advance:
-        cells = perform(entrants, flown, folder / "cells", seed=seed, plant=plant, threads=threads, progress=advance)
+    with bar(suite, console, pause=0.0) as advance:
+        options: dict[str, Any] = {"seed": seed, "plant": plant, "single": single, "threads": threads}
+        cells = perform(entrants, flown, folder / "cells", progress=advance, **options)
     found: dict[str, Any] = {"schema": 1, "suite": suite, "seed": seed, "plant": plant, "summaries": table(cells)}
     found["paired"] = pairs(cells)
     found["step_times"] = step_times(entrants, next(iter(flown.values())))

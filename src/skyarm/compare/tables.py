@@ -63,12 +63,17 @@ def plants_rows(summaries: Mapping[str, Any], entrants: Mapping[str, Entrant], c
 
 
 def step_rows(found: Mapping[str, Any]) -> list[list[str]]:
-    """One row per law: median and 99th percentile of a control step, microseconds."""
-    times = found.get("step_times") or {}
-    return [
-        [name, *(DASH,) * 2] if each is None else [name, f"{each['p50_us']:.2f}", f"{each['p99_us']:.2f}"]
-        for name, each in times.items()
-    ]
+    """One row per law: median and 99th percentile of a control step, microseconds; one more for steps that solve."""
+    rows = []
+    for name, each in (found.get("step_times") or {}).items():
+        rows.append([name, *_times(each)])
+        if each and each.get("solving"):
+            rows.append([f"{name}, solving", *_times(each["solving"])])
+    return rows
+
+
+def _times(found: Mapping[str, float] | None) -> list[str]:
+    return [DASH, DASH] if found is None else [f"{found[which]:.2f}" for which in ("p50_us", "p99_us")]
 
 
 def report(found: Mapping[str, Any], entrants: Mapping[str, Entrant], conditions: Mapping[str, Condition]) -> str:

@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from concurrent.futures import as_completed
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
@@ -18,6 +12,7 @@ from skyarm.experiments.paper import Flight, Metrics, flights, fly, metrics
 from skyarm.experiments.published import CONTROLLERS
 from skyarm.experiments.variations import Variation, variation, variations
 from skyarm.simulate import Log
+from skyarm.simulate.workers import workers as spread
 
 Progress = Callable[[int, int, str], None]
 """Called with (jobs done, jobs in all, what was done last)."""
@@ -148,20 +143,6 @@ def _measure_again(campaign: Campaign, varied: Variation, plant: str) -> None:
             campaign._file(varied.group, varied.value, Flight(case, controller, plant), varied.measure(case, log))
 
 
-def _serve_parent() -> None:
-    """What a worker does first: leave Ctrl-C, which reaches every process of a terminal, to the parent; end with it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True, name="end with parent").start()
-
-
-def _end_with_parent() -> None:
-    """Wait for the parent's end, however it comes: a killed parent cannot tell its workers, who would wait for ever."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
-
-
 def _perform_all(
     jobs: Sequence[Job], workers: int, progress: Progress | None, effort: Effort | None = None
 ) -> dict[Job, Any]:
@@ -178,33 +159,8 @@ def _perform_all(
         for job in jobs:
             note(job, _timed(perform, job))
         return done
-    before = set(multiprocessing.active_children())
-    # spawn, not fork: the parent may hold threads (a progress bar), and the same code runs on every system
-    spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=spawn, initializer=_serve_parent) as pool:
-        try:
-            with _deaf_to_interrupts():
-                futures = {pool.submit(_timed, perform, job): job for job in jobs}
-            for future in as_completed(futures):
-                note(futures[future], future.result())
-        except BrokenProcessPool as error:
-            raise OSError(f"workers = {workers}: a process ended unexpectedly (out of memory?); try 1") from error
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for child in set(multiprocessing.active_children()) - before:
-                child.terminate()  # nobody waits for what still flies
-            raise
+    with spread(workers) as submit:
+        futures = {submit(_timed, perform, job): job for job in jobs}
+        for future in as_completed(futures):
+            note(futures[future], future.result())
     return done
-
-
-@contextmanager
-def _deaf_to_interrupts() -> Iterator[None]:
-    """Processes started here inherit the deafness, before they can ask for it themselves."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    usual = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, usual)
