@@ -17,7 +17,7 @@ from skyarm.control.predictive import preview
 from skyarm.control.predictive.cost import input_residuals, state_residuals
 from skyarm.control.predictive.engine import stage_lengths
 from skyarm.control.predictive.linearise import Stages, examples
-from skyarm.control.predictive.motion import Disturbance, Inputs, advance, command_for
+from skyarm.control.predictive.motion import Disturbance, Inputs, advance, command_for, motors
 from skyarm.control.predictive.observer import Bandwidths, Estimate, observe, predict
 from skyarm.control.predictive.parameters import WEIGHTS
 from skyarm.control.predictive.riccati import Linear, policy, rollout
@@ -108,7 +108,7 @@ def test_held_inputs_stay_and_the_others_make_the_best_of_it(seed):
 @pytest.mark.parametrize("acceleration", [-3000.0, -20.0, 0.0, 15.0, 2500.0])
 def test_the_command_brings_a_lagging_rotor_where_the_plan_wants_it(acceleration):
     rotor = ARM2.rotors[0]
-    command = command_for(rotor, 480.0, acceleration, DT)
+    (command,) = command_for(motors([rotor], DT), np.array([480.0]), np.array([acceleration]), DT)
     assert speed_after(rotor, 480.0, command, DT) == pytest.approx(480.0 + acceleration * DT, abs=1e-9)
 
 

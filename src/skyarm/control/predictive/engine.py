@@ -17,6 +17,7 @@ from skyarm.compile.native import Kernel
 from skyarm.control.model import Model
 from skyarm.control.predictive.cost import Weights
 from skyarm.control.predictive.linearise import Stages, examples
+from skyarm.control.predictive.motion import Motors, motors
 from skyarm.control.predictive.observer import Bandwidths, Estimate, observe, predict
 from skyarm.control.predictive.parameters import PredictiveParameters
 from skyarm.control.predictive.rollout import Bounds, Rollouts
@@ -82,6 +83,8 @@ class Engine:
 
     solver: Solver
     observation: Observation
+    motors: Motors
+    bounds: Bounds
 
 
 def engine_for(par: PredictiveParameters, dt: float) -> Engine:
@@ -117,7 +120,7 @@ def _engine(
         from skyarm.control.predictive.interior_point import InteriorPoint
 
         made = InteriorPoint(solver, model, weights, mode, compiled, steps, bounds)
-    return Engine(made, Observation(model, bandwidths, dt))
+    return Engine(made, Observation(model, bandwidths, dt), motors(vehicle.rotors, dt), bounds)
 
 
 def stage_lengths(stages: int, every: int, horizon: float, dt: float) -> Array:

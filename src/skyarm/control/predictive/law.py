@@ -72,7 +72,7 @@ def nmpc(
     if plan is None or since >= par.every:
         problem = _problem(engine, x, estimate[nx:], sample, measurement.time + par.delay_periods * dt, par)
         plan, since = _solved(engine, plan, since * dt, problem, par), 0
-    command = _command(par, plan, since, x, dt)
+    command = _command(engine, plan, since, x, dt)
     following = PredictiveMemory(
         engine=engine,
         estimate=estimate,
@@ -92,9 +92,9 @@ def _estimated(
     engine: Engine, memory: PredictiveMemory, measurement: Measurement, par: PredictiveParameters
 ) -> tuple[Array, tuple[Command, ...]]:
     """Estimate at the measurement, and the commands that came after it."""
-    reading = np.array(leaves(measurement), dtype=float)
     if memory.estimate is None:
         return _first(measurement, par.model.vehicle.n), ()
+    reading = np.array(leaves(measurement), dtype=float)
     if len(memory.sent) <= par.delay_periods:
         # the first measurements are those of the start, seen again
         return memory.estimate, memory.sent
@@ -153,16 +153,10 @@ def _solved(engine: Engine, last: Plan | None, passed: float, problem: Problem, 
         return rest
 
 
-def _command(par: PredictiveParameters, plan: Plan, stage: int, x: Array, dt: float) -> Command:
+def _command(engine: Engine, plan: Plan, stage: int, x: Array, dt: float) -> Command:
     """Inputs of a stage with its feedback, as the actuators take them."""
-    vehicle = par.model.vehicle
-    u = (plan.u[stage] + plan.K[stage] @ (x - plan.x[stage])).tolist()
-    rotors = len(vehicle.rotors)
-    speeds = x[len(x) - rotors :].tolist()
-    limits = [float(link.joint.effort_limit) for link in vehicle.links]
-    return Command(
-        rotor_speeds=tuple(
-            float(command_for(rotor, w, a, dt)) for rotor, w, a in zip(vehicle.rotors, speeds, u[:rotors], strict=True)
-        ),
-        efforts=tuple(min(max(t, -high), high) for t, high in zip(u[rotors:], limits, strict=True)),
-    )
+    u = plan.u[stage] + plan.K[stage] @ (x - plan.x[stage])
+    rotors, most = len(engine.motors.most), engine.bounds.efforts
+    speeds = command_for(engine.motors, x[len(x) - rotors :], u[:rotors], dt)
+    efforts = np.minimum(np.maximum(u[rotors:], -most), most)
+    return Command(rotor_speeds=tuple(speeds.tolist()), efforts=tuple(efforts.tolist()))
