@@ -73,7 +73,8 @@ def flown_latency(scenario: Scenario) -> dict[str, Any]:
         solved.append(getattr(following, "plan", None) is not getattr(memory, "plan", None))
         return following, command
 
-    run_in_python(dataclasses.replace(scenario, controller=dataclasses.replace(controller, law=timed)))
+    called = dataclasses.replace(controller, law=timed, compiled=False)
+    run_in_python(dataclasses.replace(scenario, controller=called))
     every, solving = np.array(spent[1:], dtype=float), np.array(solved[1:], dtype=bool)
     return {**_spread(every), "solving": _spread(every[solving]) if solving.any() else None}
 
