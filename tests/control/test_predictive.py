@@ -354,7 +354,8 @@ def stepped_problem(step):
 def test_a_rolled_out_motion_is_the_model_s_with_inputs_within_their_limits():
     par, _, problem, guess = stepped_problem(0.3)
     steps = np.linspace(0.004, 0.01, 14)
-    bounds = Bounds(np.array([0.05, 0.04]), np.full(4, 640.0))
+    problem.start[-4:] = 490.0, 490.0, 490.0, 3.0
+    bounds = Bounds(np.array([0.05, 0.04]), np.full(4, 495.0))
     rng, shares = np.random.default_rng(4), np.array([1.0, 0.3, 0.0])
     found = Policy(
         rng.normal(size=(14, 6)) * SCALES, 2e-3 * rng.normal(size=(14, 6, 21)) * SCALES[:, None], np.zeros((21, 21))
@@ -363,7 +364,7 @@ def test_a_rolled_out_motion_is_the_model_s_with_inputs_within_their_limits():
     made = Rollouts(MODEL, par.weights, par.mode, bounds)
     motions = made.run(guess.x, guess.u, found, shares, problem.start, (times, problem.disturbance, problem.goals))
     (state, inputs, nothing, goal), *_ = random_stage(0)
-    clipped = 0
+    clipped = stopped = fastest = 0
     for lane, share in enumerate(shares):
         x, total = problem.start, 0.0
         for k in range(15):
@@ -374,10 +375,12 @@ def test_a_rolled_out_motion_is_the_model_s_with_inputs_within_their_limits():
             if k == 14:
                 break
             u = guess.u[k] + share * found.k[k] + found.K[k] @ (x - guess.x[k])
-            u[:4] = np.clip(u[:4], -x[-4:] / steps[k], (640.0 - x[-4:]) / steps[k])
+            u[:4] = np.clip(u[:4], -x[-4:] / steps[k], (495.0 - x[-4:]) / steps[k])
             u[4:] = np.clip(u[4:], -bounds.efforts, bounds.efforts)
             np.testing.assert_allclose(motions.u[k, :, lane], u, rtol=1e-7, atol=1e-7)
             clipped += int((np.abs(u[4:]) == bounds.efforts).sum())
+            stopped += int(u[3] == -x[-1] / steps[k])
+            fastest += int((u[:3] == (495.0 - x[-4:-1]) / steps[k]).sum())
             taken = rebuild(inputs, iter(u.tolist()))
             pushes = input_residuals(MODEL, WEIGHTS, at, taken, nothing, wanted)
             total += steps[k] * sum(float(e) ** 2 for e in pushes)
@@ -385,6 +388,7 @@ def test_a_rolled_out_motion_is_the_model_s_with_inputs_within_their_limits():
         # 1e-9: fused multiplications of vector code
         assert motions.cost[lane] == pytest.approx(total, rel=1e-9)
     assert 0 < clipped < 3 * 14 * 2
+    assert stopped > 0 < fastest
 
 
 @pytest.mark.parametrize("step", [0.3, 2.0, 10.0])
