@@ -15,7 +15,8 @@ from skyarm.compare.crew import fly_in_processes
 from skyarm.compare.entrants import ENTRANTS
 from skyarm.compare.plants import Spread
 from skyarm.compare.suite import CASES, Case, Condition, conditions
-from skyarm.compare.tables import report, step_rows
+from skyarm.compare.summary import SUCCESS_METRIC, summary
+from skyarm.compare.tables import plants_rows, report, step_rows
 from skyarm.simulate import Window
 from skyarm.simulate.measures import Windows
 
@@ -100,6 +101,16 @@ def test_steps_that_solve_have_a_row_of_their_own(monkeypatch):
     assert [row[0] for row in rows] == ["nmpc", "nmpc, solving", "paper_ct"]
     text = report({"summaries": {}, "step_times": times}, entrants, {})
     assert f"| nmpc, solving | {times['nmpc']['solving']['p50_us']:.2f} |" in text
+
+
+def test_a_share_of_fewer_flights_than_others_flew_says_of_how_many():
+    def flown(count):
+        return summary(Cell({SUCCESS_METRIC: np.full(count, 0.001)}, np.full(count, "completed")))
+
+    found = {"case3_wind": {"paper_ct": flown(50), "nmpc": flown(20)}}
+    rows = {row[0]: row[1] for row in plants_rows(found, ENTRANTS, ["case3_wind"])}
+    assert rows["nmpc"].endswith("] of 20")
+    assert rows["paper_ct"].endswith("]")
 
 
 def test_a_law_without_plans_solves_nothing():

@@ -12,7 +12,7 @@ from skyarm.compare.suite import CASES, Condition
 DASH = "-"
 
 FEW = 10
-"""Below this a share says how many flights it is of."""
+"""Below this a share says how many flights it is of; and where others flew more."""
 
 
 def number(found: float | None) -> str:
@@ -54,7 +54,8 @@ def plants_rows(summaries: Mapping[str, Any], entrants: Mapping[str, Entrant], c
                 continue
             low, high = found["success_interval"]
             spread = found["metrics"].get(TOOL)
-            few = f" of {found['episodes']}" if found["episodes"] < FEW else ""
+            others = max(each["episodes"] for each in summaries[case].values())
+            few = f" of {found['episodes']}" if found["episodes"] < max(FEW, others) else ""
             cells.append(f"{found['success_rate']:.1%} [{low:.1%}, {high:.1%}]{few}")
             cells.append(DASH if spread is None else f"{number(spread['mean'] * 1e3)} / {number(spread['p95'] * 1e3)}")
         if any(cell != DASH for cell in cells):
