@@ -2,6 +2,7 @@
 
 import dataclasses
 import sys
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,17 +11,22 @@ from flown import ARM2, MODEL
 
 from skyarm.actuation import Command, speed_after
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.compare.cells import Flights
+from skyarm.compare.entrants import ENTRANTS
+from skyarm.compare.suite import CASES, conditions
 from skyarm.compile import leaves, rebuild, trace
 from skyarm.control.controller import ControllerError
 from skyarm.control.export import export_c
 from skyarm.control.predictive import preview
 from skyarm.control.predictive.cost import input_residuals, state_residuals
-from skyarm.control.predictive.law import WEIGHTS, stage_lengths
+from skyarm.control.predictive.engine import engine_for, stage_lengths
 from skyarm.control.predictive.linearise import Stages, examples
-from skyarm.control.predictive.motion import Disturbance, Inputs, advance, command_for
+from skyarm.control.predictive.motion import Disturbance, Inputs, advance, command_for, motors
 from skyarm.control.predictive.observer import Bandwidths, Estimate, observe, predict
-from skyarm.control.predictive.riccati import Linear, policy, rollout
-from skyarm.control.predictive.solve import Bounds, Plan, Problem, Riccati, shifted
+from skyarm.control.predictive.parameters import WEIGHTS
+from skyarm.control.predictive.riccati import Linear, Policy, policy, rollout
+from skyarm.control.predictive.rollout import Bounds, Rollouts
+from skyarm.control.predictive.solve import NoPlanError, Plan, Problem, Riccati, damped, shifted
 from skyarm.control.registry import make_controller
 from skyarm.dynamics.measurement import Measurement
 from skyarm.reference import Reference
@@ -105,7 +111,7 @@ def test_held_inputs_stay_and_the_others_make_the_best_of_it(seed):
 @pytest.mark.parametrize("acceleration", [-3000.0, -20.0, 0.0, 15.0, 2500.0])
 def test_the_command_brings_a_lagging_rotor_where_the_plan_wants_it(acceleration):
     rotor = ARM2.rotors[0]
-    command = command_for(rotor, 480.0, acceleration, DT)
+    (command,) = command_for(motors([rotor], DT), np.array([480.0]), np.array([acceleration]), DT)
     assert speed_after(rotor, 480.0, command, DT) == pytest.approx(480.0 + acceleration * DT, abs=1e-9)
 
 
@@ -252,8 +258,7 @@ def test_a_jump_of_the_reference_starts_without_jerk():
 
 
 def test_stages_begin_with_control_periods_and_fill_the_horizon():
-    par = make_controller("nmpc", MODEL, every=3, stages=12, horizon=0.7).par
-    steps = stage_lengths(par, DT)
+    steps = stage_lengths(stages=12, every=3, horizon=0.7, dt=DT)
     assert steps[:3] == pytest.approx([DT] * 3)
     assert steps.sum() == pytest.approx(0.7)
     assert steps[4:] / steps[3:-1] == pytest.approx([steps[5] / steps[4]] * 8)
@@ -272,7 +277,7 @@ def test_a_plan_moved_on_in_time_is_the_plan_at_its_own_stages():
 def tilted_problem():
     """A start with small errors, 14 stages, hover wanted."""
     par = make_controller("nmpc", MODEL).par
-    steps = stage_lengths(par, DT)
+    steps = stage_lengths(par.stages, par.every, par.horizon, DT)
     (state, _, _, goal), *_ = random_stage(0)
     x = np.array(
         leaves(
@@ -284,6 +289,10 @@ def tilted_problem():
     return par, steps, Problem(x, np.zeros(8), np.tile(wanted, (15, 1))), guess
 
 
+def iterations(par, stages, steps, bounds):
+    return Riccati(stages, Rollouts(MODEL, par.weights, par.mode, bounds), steps, par.weights.final, bounds)
+
+
 def test_iterations_reach_the_optimum_that_fatrop_finds():
     pytest.importorskip("casadi")
     from skyarm.control.predictive.interior_point import InteriorPoint
@@ -292,7 +301,7 @@ def test_iterations_reach_the_optimum_that_fatrop_finds():
     bounds = Bounds(np.array([0.5, 0.5]), np.full(4, 838.0))
     stages = Stages(MODEL, par.weights, par.mode, SCALES)
     best = InteriorPoint("fatrop", MODEL, par.weights, par.mode, stages, steps, bounds).solve(problem, guess)
-    ours, plan = Riccati(stages, steps, par.weights.final, bounds), guess
+    ours, plan = iterations(par, stages, steps, bounds), guess
     for _ in range(25):
         plan = ours.solve(problem, plan)
     # Gauss-Newton closes in by 0.6 a step; rotor speeds are hundreds of rad/s
@@ -322,12 +331,145 @@ def test_with_torques_at_their_limits_it_is_as_good_as_fatrop():
     bounds = Bounds(np.array([0.05, 0.05]), np.full(4, 838.0))
     stages = Stages(MODEL, par.weights, par.mode, SCALES)
     best = InteriorPoint("fatrop", MODEL, par.weights, par.mode, stages, steps, bounds).solve(problem, guess)
-    ours, plan = Riccati(stages, steps, par.weights.final, bounds), guess
+    ours, plan = iterations(par, stages, steps, bounds), guess
     for _ in range(25):
         plan = ours.solve(problem, plan)
     assert np.abs(plan.u[0, 4:]).max() == pytest.approx(0.05)
     costs = [cost(each, problem, stages, steps, par.weights.final) for each in (plan, best)]
     assert costs[0] < 1.001 * costs[1]
+
+
+def stepped_problem(step):
+    """A hover whose wanted position jumps sideways."""
+    par, steps, problem, guess = tilted_problem()
+    goals = problem.goals.copy()
+    goals[:, 0] += step
+    speed = np.sqrt(ARM2.mass * 9.81 / 4.0 / float(ARM2.rotors[0].thrust_coefficient))
+    x = np.tile(problem.start, (15, 1))
+    x[:, -4:] = speed
+    return par, steps, Problem(x[0], problem.disturbance, goals), dataclasses.replace(guess, x=x)
+
+
+def test_a_rolled_out_motion_is_the_model_s_with_inputs_within_their_limits():
+    par, _, problem, guess = stepped_problem(0.3)
+    steps = np.linspace(0.004, 0.01, 14)
+    problem.start[-4:] = 490.0, 490.0, 490.0, 3.0
+    bounds = Bounds(np.array([0.05, 0.04]), np.full(4, 495.0))
+    rng, shares = np.random.default_rng(4), np.array([1.0, 0.3, 0.0])
+    found = Policy(
+        rng.normal(size=(14, 6)) * SCALES, 2e-3 * rng.normal(size=(14, 6, 21)) * SCALES[:, None], np.zeros((21, 21))
+    )
+    times = np.column_stack([np.append(steps, steps[-1]), np.append(steps, 0.2)])
+    made = Rollouts(MODEL, par.weights, par.mode, bounds)
+    motions = made.run(guess.x, guess.u, found, shares, problem.start, (times, problem.disturbance, problem.goals))
+    (state, inputs, nothing, goal), *_ = random_stage(0)
+    clipped = stopped = fastest = 0
+    for lane, share in enumerate(shares):
+        x, total = problem.start, 0.0
+        for k in range(15):
+            at, wanted = rebuild(state, iter(x.tolist())), rebuild(goal, iter(problem.goals[k].tolist()))
+            errors = state_residuals(MODEL, WEIGHTS, at, wanted, "tool")
+            total += times[k, 1] * sum(float(e) ** 2 for e in errors)
+            np.testing.assert_allclose(motions.x[k, :, lane], x, rtol=1e-9, atol=1e-9)
+            if k == 14:
+                break
+            u = guess.u[k] + share * found.k[k] + found.K[k] @ (x - guess.x[k])
+            u[:4] = np.clip(u[:4], -x[-4:] / steps[k], (495.0 - x[-4:]) / steps[k])
+            u[4:] = np.clip(u[4:], -bounds.efforts, bounds.efforts)
+            np.testing.assert_allclose(motions.u[k, :, lane], u, rtol=1e-7, atol=1e-7)
+            clipped += int((np.abs(u[4:]) == bounds.efforts).sum())
+            stopped += int(u[3] == -x[-1] / steps[k])
+            fastest += int((u[:3] == (495.0 - x[-4:-1]) / steps[k]).sum())
+            taken = rebuild(inputs, iter(u.tolist()))
+            pushes = input_residuals(MODEL, WEIGHTS, at, taken, nothing, wanted)
+            total += steps[k] * sum(float(e) ** 2 for e in pushes)
+            x = np.array(leaves(advance(MODEL, at, taken, nothing, steps[k])))
+        # 1e-9: fused multiplications of vector code
+        assert motions.cost[lane] == pytest.approx(total, rel=1e-9)
+    assert 0 < clipped < 3 * 14 * 2
+    assert stopped > 0 < fastest
+
+
+@pytest.mark.parametrize("step", [0.3, 2.0, 10.0])
+def test_no_step_towards_a_far_goal_makes_the_motion_dearer(step):
+    par, steps, problem, plan = stepped_problem(step)
+    bounds = Bounds(np.array([0.5, 0.5]), np.full(4, 838.0))
+    stages = Stages(MODEL, par.weights, par.mode, SCALES)
+    ours, costs, shares = iterations(par, stages, steps, bounds), [], []
+    for _ in range(20):
+        plan = ours.solve(problem, plan)
+        assert plan.cost == pytest.approx(cost(plan, problem, stages, steps, par.weights.final), rel=1e-6)
+        costs.append(plan.cost)
+        shares.append(plan.share)
+    # 1e-9: at share 0 the old motion is followed, but for rounding
+    assert all(after <= before * (1.0 + 1e-9) for before, after in pairwise(costs))
+    assert costs[-1] < 0.9 * costs[0]
+    assert min(shares) < 1.0
+
+
+def test_steps_that_were_cut_are_damped_and_whole_ones_free():
+    assert [damped(0.0, 1.0), damped(0.0, 0.7), damped(0.0, 0.25)] == [0.0, 0.0, 1e-3]
+    assert damped(1e-3, 1.0) == 0.0
+    assert damped(0.1, 0.05) == pytest.approx(0.8)
+    assert damped(0.8, 1.0) == pytest.approx(0.1)
+    assert damped(1e3, 0.0) == 1e3
+
+
+def test_damping_shortens_the_step_and_turns_it_towards_steepest_descent():
+    problem, wide = random_problem(1), np.full((5, 2), np.inf)
+    problem = dataclasses.replace(problem, c=np.zeros_like(problem.c))
+    steps = [
+        rollout(problem, policy(problem, damping=damping), np.zeros(4), -wide, wide)[1][-1]
+        for damping in (0.0, 1.0, 1e6)
+    ]
+    # the last stage alone: one small system, H raised by a share of its own diagonal
+    J, r = problem.J[-2:], problem.r[-2:]
+    AB = problem.AB[-1]
+    H = J[0].T @ J[0] + AB.T @ (J[1, :, :4].T @ J[1, :, :4]) @ AB
+    g = J[0].T @ r[0] + AB.T @ J[1, :, :4].T @ r[1]
+    k = policy(problem, damping=1.0).k[-1]
+    np.testing.assert_allclose(k, -np.linalg.solve(H[4:, 4:] + np.diag(np.diag(H[4:, 4:])), g[4:]), rtol=1e-6)
+    assert np.linalg.norm(steps[2]) < 1e-3 * np.linalg.norm(steps[1]) < np.linalg.norm(steps[0])
+
+
+def test_a_guess_that_leads_nowhere_says_so_and_the_law_begins_again_from_rest():
+    par, _, problem, guess = tilted_problem()
+    engine = engine_for(par, DT)
+    with pytest.raises(NoPlanError):
+        engine.solver.solve(problem, dataclasses.replace(guess, x=guess.x * np.nan))
+    controller = make_controller("nmpc", MODEL)
+    state = rebuild(random_stage(0)[0][0], iter(problem.start.tolist()))
+    reading = standing_measurement(state)
+    still = Reference(
+        position=Vec3(0.0, 0.0, 1.0), joints=(0.0, 0.0), joint_rates=(0.0, 0.0), joint_accelerations=(0.0, 0.0)
+    )
+    memory, _ = controller.law(controller.memory, reading, still, DT, par=controller.par)
+    lost = dataclasses.replace(memory.plan, u=memory.plan.u * np.nan)
+    (again, command), (_, fresh) = (
+        controller.law(dataclasses.replace(memory, plan=plan, since=2), reading, still, DT, par=controller.par)
+        for plan in (lost, None)
+    )
+    assert command == fresh
+    assert np.isfinite(leaves(command)).all()
+    assert np.isfinite(again.plan.cost)
+
+
+def test_machine_code_is_made_once_for_a_belief_and_its_options():
+    one, other = (make_controller("nmpc", MODEL).par for _ in range(2))
+    assert engine_for(one, DT) is engine_for(other, DT)
+    assert engine_for(one, DT) is not engine_for(make_controller("nmpc", MODEL, stages=13).par, DT)
+
+
+@pytest.mark.parametrize("episode", [0, 3])
+def test_noise_delay_and_wind_do_not_lose_the_step_with_which_the_circle_ends(episode):
+    flights = Flights(entrant=ENTRANTS["nmpc"], case=CASES["case3_wind_45"], condition=conditions()["noisy"], seed=0)
+    scenario = flights.scenario()
+    late = {"trajectory": scenario.trajectory.shifted(-20.0), "duration": 2.5, "episode": episode}
+    log = run(dataclasses.replace(scenario, **late))
+    assert log.status == "completed"
+    # the circle ends after 1 s with a step of 0.3 m
+    assert np.abs(log.joints).max() < 1.2
+    assert np.linalg.norm(log.position[-1] - np.array([0.0, 0.0, 1.0])) < 0.1
 
 
 def early_case3(controller=None, **changes):

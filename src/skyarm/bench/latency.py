@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable
 from typing import Any
@@ -14,6 +15,7 @@ from skyarm.compile.loop import trace_loop
 from skyarm.compile.native import Kernel, Stepper
 from skyarm.dynamics.measurement import measurement_of
 from skyarm.simulate.inputs import episode_inputs, first_state
+from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.scenario import Scenario
 
 
@@ -44,6 +46,29 @@ def latency(scenario: Scenario, calls: int) -> dict[str, dict[str, float]]:
     }
 
 
+def flown_latency(scenario: Scenario) -> dict[str, Any]:
+    """Microseconds of one control step of a law that is called with floats, all through a flight.
+
+    The first step, which makes machine code, is left out. ``solving``: of the steps in which the plan in the law's
+    memory is a new one; None for a law without plans.
+    """
+    controller, clock = scenario.controller, time.perf_counter_ns
+    spent: list[int] = []
+    solved: list[bool] = []
+
+    def timed(memory: Any, *arguments: Any, **constants: Any) -> Any:
+        begin = clock()
+        following, command = controller.law(memory, *arguments, **constants)
+        spent.append(clock() - begin)
+        solved.append(getattr(following, "plan", None) is not getattr(memory, "plan", None))
+        return following, command
+
+    called = dataclasses.replace(controller, law=timed, compiled=False)
+    run_in_python(dataclasses.replace(scenario, controller=called))
+    every, solving = np.array(spent[1:], dtype=float), np.array(solved[1:], dtype=bool)
+    return {**_spread(every), "solving": _spread(every[solving]) if solving.any() else None}
+
+
 def _percentiles(call: Callable[[], Any], calls: int) -> dict[str, float]:
     clock = time.perf_counter_ns
     spent = np.empty(calls)
@@ -51,5 +76,9 @@ def _percentiles(call: Callable[[], Any], calls: int) -> dict[str, float]:
         begin = clock()
         call()
         spent[k] = clock() - begin
-    p50, p99 = (float(value) / 1e3 for value in np.percentile(spent, (50, 99)))
+    return _spread(spent)
+
+
+def _spread(nanoseconds: Any) -> dict[str, float]:
+    p50, p99 = (float(value) / 1e3 for value in np.percentile(nanoseconds, (50, 99)))
     return {"p50_us": p50, "p99_us": p99}

@@ -24,6 +24,7 @@ def compare(
     columns: str | None,
     plants: int,
     seeds: int,
+    single: int,
     seed: int,
     plant: str,
     threads: int,
@@ -40,8 +41,8 @@ def compare(
     flown = _chosen("--conditions", columns, conditions(plants, seeds))
     folder = require_writable(out)
     prepare(folder)
-    with bar(suite, console) as advance:
-        bench = Bench(entrants=entrants, conditions=flown, seed=seed, plant=plant)
+    with bar(suite, console, pause=0.0) as advance:
+        bench = Bench(entrants=entrants, conditions=flown, seed=seed, plant=plant, single=single)
         found = fly_bench(bench, folder, threads=threads, progress=advance)
     console.print(report(found, entrants, flown), soft_wrap=True)
     console.print(f"comparison in {folder}: report.html, tables.md, results.json, laws.png", soft_wrap=True)

@@ -113,6 +113,7 @@ def compare(
     conditions: Annotated[str | None, typer.Option(help="names, with commas; all if left out")] = None,
     plants: Annotated[int, typer.Option(help="how many wrong plants")] = 1000,
     seeds: Annotated[int, typer.Option(help="noisy flights of the truth")] = 8,
+    single: Annotated[int, typer.Option(help="wrong plants for what flies one by one: nmpc, MuJoCo")] = 8,
     seed: Annotated[int, typer.Option(help="of plants and noise")] = 0,
     plant: Annotated[str, typer.Option(help="rigid_body or mujoco")] = "rigid_body",
     threads: Annotated[int, typer.Option(help="threads that fly; 0 takes every core")] = 0,
@@ -124,7 +125,7 @@ def compare(
     from skyarm.cli.compare import compare as perform
     from skyarm.simulate.scenario import PLANTS
 
-    for option, value in (("--plants", plants), ("--seeds", seeds)):
+    for option, value in (("--plants", plants), ("--seeds", seeds), ("--single", single)):
         if not 1 <= value <= MOST:
             raise ValueError(f"{option} = {value}: must be from 1 to {MOST}")
     if seed < 0:
@@ -139,6 +140,7 @@ def compare(
         columns=conditions,
         plants=plants,
         seeds=seeds,
+        single=single,
         seed=seed,
         plant=plant,
         threads=flying,

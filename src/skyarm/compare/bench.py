@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from skyarm.bench.latency import latency
-from skyarm.compare.cells import Cell, Cells, Flights, chosen, fly
+from skyarm.bench.latency import flown_latency, latency
+from skyarm.compare.cells import SINGLE, Cell, Cells, Flights, chosen, fly
+from skyarm.compare.crew import fly_in_processes
 from skyarm.compare.entrants import Entrant
 from skyarm.compare.suite import CASES, Condition
 
 Progress = Callable[[int, int, str], None]
 
 CALLS = 20_000
-"""Control steps timed for each law."""
+"""Control steps timed for each law that compiles."""
+
+SECONDS = 30.0
+"""Flight in which the steps of any other law are timed."""
 
 
 def perform(
@@ -24,6 +29,7 @@ def perform(
     *,
     seed: int = 0,
     plant: str = "rigid_body",
+    single: int = SINGLE,
     threads: int = 1,
     progress: Progress | None = None,
 ) -> dict[tuple[str, str, str], Cell]:
@@ -34,27 +40,54 @@ def perform(
         conditions: under what.
         folder: of the cells; an interrupted bench goes on where it stopped.
         seed: of plants and noise.
-        plant: "rigid_body", or "mujoco", which flies one episode after the other.
-        threads: of the batches; results do not depend on it.
+        plant: "rigid_body", or "mujoco", on which every law flies one episode after the other.
+        single: wrong plants that a law meets whose flights fly one by one.
+        threads: of the batches, and processes for flights one by one; results do not depend on it.
         progress: called after every cell.
     """
     cells, found = Cells(folder), {}
-    todo = chosen(entrants, conditions, seed=seed, plant=plant)
-    for number, flights in enumerate(todo):
-        cell = cells.get(flights)
-        if cell is None:
-            cell = fly(flights, threads)
-            cells.put(flights, cell)
-        found[flights.condition.name, flights.case.name, flights.entrant.name] = cell
+    todo = chosen(entrants, conditions, seed=seed, plant=plant, single=single)
+
+    def note(flights: Flights, cell: Cell) -> None:
+        found[name_of(flights)] = cell
         if progress is not None:
-            progress(number + 1, len(todo), flights.label.replace("__", " "))
-    return found
+            progress(len(found), len(todo), flights.label.replace("__", " "))
+
+    def keep(flights: Flights, cell: Cell) -> None:
+        cells.put(flights, cell)
+        note(flights, cell)
+
+    later = []
+    for flights in todo:
+        cell = cells.get(flights)
+        if cell is not None:
+            note(flights, cell)
+        elif threads > 1 and flights.alone(flights.scenario()):
+            later.append(flights)
+        else:
+            keep(flights, fly(flights, threads))
+    fly_in_processes(later, threads, keep)
+    return {name_of(flights): found[name_of(flights)] for flights in todo}
 
 
-def step_times(entrants: Mapping[str, Entrant], condition: Condition, calls: int = CALLS) -> dict[str, Any]:
-    """Microseconds of one control step of each law that compiles: median and 99th percentile."""
+def name_of(flights: Flights) -> tuple[str, str, str]:
+    """Condition, case, entrant."""
+    return flights.condition.name, flights.case.name, flights.entrant.name
+
+
+def step_times(
+    entrants: Mapping[str, Entrant], condition: Condition, calls: int = CALLS, seconds: float = SECONDS
+) -> dict[str, Any]:
+    """Microseconds of one control step of each law: median and 99th percentile.
+
+    A law that does not compile is timed in a flight; ``solving`` says the same of the steps in which it solves a
+    problem.
+    """
     found: dict[str, Any] = {}
     for name, entrant in entrants.items():
         scenario = Flights(entrant=entrant, case=CASES["case3_wind"], condition=condition).scenario()
-        found[name] = latency(scenario, calls)["compiled"] if scenario.controller.compiled else None
+        if scenario.controller.compiled:
+            found[name] = latency(scenario, calls)["compiled"]
+        else:
+            found[name] = flown_latency(dataclasses.replace(scenario, duration=seconds))
     return found

@@ -32,8 +32,8 @@ Array = npt.NDArray[Any]
 BRIEF, WIDEST = ("step", "part"), "case3_wind"
 """Groups of entrants that meet wrong plants in one case only: their tables ask what a part buys."""
 
-ALONE = 2
-"""Episodes of a cell whose law flies them one by one, about a thousand times slower than a batch."""
+SINGLE = 8
+"""Wrong plants that a law meets whose flights fly one by one, about a thousand times slower than a batch."""
 
 
 FEW = 16
@@ -60,13 +60,19 @@ class Cell:
 
 @dataclass(frozen=True, kw_only=True)
 class Flights:
-    """What fixes a cell."""
+    """What fixes a cell.
+
+    Attributes:
+        entrant, case, condition: who flies what. plant: "rigid_body" or "mujoco". seed: of plants and noise.
+        single: wrong plants at most, if the episodes fly one by one.
+    """
 
     entrant: Entrant
     case: Case
     condition: Condition
     plant: str = "rigid_body"
     seed: int = 0
+    single: int = SINGLE
 
     @property
     def label(self) -> str:
@@ -92,8 +98,9 @@ class Flights:
         return self.plant != "rigid_body" or not scenario.controller.compiled
 
     def episodes(self, scenario: Scenario) -> int:
-        """How many fly: the first of the condition's, if they fly one by one."""
-        return min(ALONE, self.condition.episodes) if self.alone(scenario) else self.condition.episodes
+        """How many fly: of wrong plants the first ``single``, if they fly one by one."""
+        every = self.condition.episodes
+        return min(self.single, every) if self.condition.spread and self.alone(scenario) else every
 
 
 def fly(flights: Flights, threads: int = 1) -> Cell:
@@ -181,11 +188,16 @@ def source() -> str:
 
 
 def chosen(
-    entrants: Mapping[str, Entrant], conditions: Mapping[str, Condition], *, seed: int = 0, plant: str = "rigid_body"
+    entrants: Mapping[str, Entrant],
+    conditions: Mapping[str, Condition],
+    *,
+    seed: int = 0,
+    plant: str = "rigid_body",
+    single: int = SINGLE,
 ) -> list[Flights]:
     """Every cell of a bench, entrant by entrant."""
     return [
-        Flights(entrant=entrant, case=CASES[case], condition=condition, seed=seed, plant=plant)
+        Flights(entrant=entrant, case=CASES[case], condition=condition, seed=seed, plant=plant, single=single)
         for entrant in entrants.values()
         for condition in conditions.values()
         for case in condition.cases

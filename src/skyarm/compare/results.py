@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.compare.bench import Progress, perform, step_times
+from skyarm.compare.cells import SINGLE
 from skyarm.compare.columns import TRACKING, value
 from skyarm.compare.entrants import ENTRANTS, Entrant
 from skyarm.compare.page import comparison_page
@@ -32,12 +33,14 @@ class Bench:
 
     Attributes:
         entrants: in order. conditions: in order. seed: of plants and noise. plant: "rigid_body" or "mujoco".
+        single: wrong plants that a law meets whose flights fly one by one.
     """
 
     entrants: Mapping[str, Entrant] = field(default_factory=lambda: ENTRANTS)
     conditions: Mapping[str, Condition] = field(default_factory=conditions)
     seed: int = 0
     plant: str = "rigid_body"
+    single: int = SINGLE
 
 
 def prepare(folder: Path) -> None:
@@ -59,6 +62,7 @@ def fly_bench(bench: Bench, folder: Path, *, threads: int = 1, progress: Progres
         folder / "cells",
         seed=bench.seed,
         plant=bench.plant,
+        single=bench.single,
         threads=threads,
         progress=progress,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -57,16 +57,28 @@ def _single(scenario: Scenario, numbers: dict[str, float]) -> Scenario:
     return dataclasses.replace(changed, delays=delays)
 
 
+def numbers_of(values: Mapping[str, Array], episode: int) -> dict[str, float]:
+    """The numbers of one episode, by path."""
+    return {path: float(column[episode]) for path, column in values.items()}
+
+
+def fly_single(
+    scenario: Scenario, numbers: dict[str, float], episode: int, windows: Windows
+) -> tuple[dict[str, float], str]:
+    """Metrics and ending of one flight."""
+    log = run(dataclasses.replace(_single(scenario, numbers), episode=episode))
+    return of_log(log, windows), str(log.status)
+
+
+def collected(flown: Sequence[tuple[dict[str, float], str]]) -> tuple[dict[str, Array], Array]:
+    """Metrics by name and endings of flights, one entry per episode; NaN where a flight has none."""
+    names = dict.fromkeys(name for row, _ in flown for name in row)
+    found = {name: np.array([row.get(name, np.nan) for row, _ in flown]) for name in names}
+    return found, np.array([status for _, status in flown])
+
+
 def fly_one_by_one(
     scenario: Scenario, values: Mapping[str, Array], episodes: int, windows: Windows
 ) -> tuple[dict[str, Array], Array]:
     """Metrics by name and endings, one entry per episode."""
-    rows, status = [], []
-    for episode in range(episodes):
-        numbers = {path: float(column[episode]) for path, column in values.items()}
-        log = run(dataclasses.replace(_single(scenario, numbers), episode=episode))
-        rows.append(of_log(log, windows))
-        status.append(log.status)
-    names = dict.fromkeys(name for row in rows for name in row)
-    found = {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
-    return found, np.array(status)
+    return collected([fly_single(scenario, numbers_of(values, k), k, windows) for k in range(episodes)])

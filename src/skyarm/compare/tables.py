@@ -12,7 +12,7 @@ from skyarm.compare.suite import CASES, Condition
 DASH = "-"
 
 FEW = 10
-"""Below this a share says how many flights it is of."""
+"""Below this a share says how many flights it is of; and where others flew more."""
 
 
 def number(found: float | None) -> str:
@@ -54,7 +54,8 @@ def plants_rows(summaries: Mapping[str, Any], entrants: Mapping[str, Entrant], c
                 continue
             low, high = found["success_interval"]
             spread = found["metrics"].get(TOOL)
-            few = f" of {found['episodes']}" if found["episodes"] < FEW else ""
+            others = max(each["episodes"] for each in summaries[case].values())
+            few = f" of {found['episodes']}" if found["episodes"] < max(FEW, others) else ""
             cells.append(f"{found['success_rate']:.1%} [{low:.1%}, {high:.1%}]{few}")
             cells.append(DASH if spread is None else f"{number(spread['mean'] * 1e3)} / {number(spread['p95'] * 1e3)}")
         if any(cell != DASH for cell in cells):
@@ -63,12 +64,17 @@ def plants_rows(summaries: Mapping[str, Any], entrants: Mapping[str, Entrant], c
 
 
 def step_rows(found: Mapping[str, Any]) -> list[list[str]]:
-    """One row per law: median and 99th percentile of a control step, microseconds."""
-    times = found.get("step_times") or {}
-    return [
-        [name, *(DASH,) * 2] if each is None else [name, f"{each['p50_us']:.2f}", f"{each['p99_us']:.2f}"]
-        for name, each in times.items()
-    ]
+    """One row per law: median and 99th percentile of a control step, microseconds; one more for steps that solve."""
+    rows = []
+    for name, each in (found.get("step_times") or {}).items():
+        rows.append([name, *_times(each)])
+        if each and each.get("solving"):
+            rows.append([f"{name}, solving", *_times(each["solving"])])
+    return rows
+
+
+def _times(found: Mapping[str, float] | None) -> list[str]:
+    return [DASH, DASH] if found is None else [f"{found[which]:.2f}" for which in ("p50_us", "p99_us")]
 
 
 def report(found: Mapping[str, Any], entrants: Mapping[str, Entrant], conditions: Mapping[str, Condition]) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from enum import Enum
+from functools import cache
 from typing import Any, TypeVar
 
 Record = TypeVar("Record")
@@ -19,9 +20,9 @@ _STRUCTURE = (int, str, bool, type(None), Enum)
 def _map(record: Any, visit: Callable[[Any], Any]) -> Any:
     if isinstance(record, tuple):
         return tuple(_map(item, visit) for item in record)
-    if dataclasses.is_dataclass(record):
-        values = {field.name: _map(getattr(record, field.name), visit) for field in dataclasses.fields(record)}
-        return dataclasses.replace(record, **values)  # type: ignore[type-var]
+    names = _names(type(record))  # type: ignore[arg-type]
+    if names is not None:
+        return type(record)(**{name: _map(getattr(record, name), visit) for name in names})
     return record if isinstance(record, _STRUCTURE) else visit(record)
 
 
@@ -41,11 +42,17 @@ def _visit_only(record: Any, visit: Callable[[Any], Any]) -> None:
     if isinstance(record, tuple):
         for item in record:
             _visit_only(item, visit)
-    elif dataclasses.is_dataclass(record):
-        for field in dataclasses.fields(record):
-            _visit_only(getattr(record, field.name), visit)
+    elif (names := _names(type(record))) is not None:  # type: ignore[arg-type]
+        for name in names:
+            _visit_only(getattr(record, name), visit)
     elif not isinstance(record, _STRUCTURE):
         visit(record)
+
+
+@cache
+def _names(kind: type) -> tuple[str, ...] | None:
+    """Fields of a dataclass; None for any other type. Laws that are called with floats ask at every step."""
+    return tuple(field.name for field in dataclasses.fields(kind)) if dataclasses.is_dataclass(kind) else None
 
 
 def mismatch(example: Any, record: Any, path: str) -> str | None:

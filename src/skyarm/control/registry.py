@@ -67,7 +67,7 @@ LAWS: Mapping[str, Entry] = {
     "hybrid_computed_torque_euler": _paper(
         "hybrid_computed_torque_euler", "the same in the paper's Euler-angle equations"
     ),
-    "nmpc": Entry("whole-body model predictive control", "predictive.law", "make_predictive_controller"),
+    "nmpc": Entry("whole-body model predictive control", "predictive.maker", "make_predictive_controller"),
     "learned_compensator_style": Entry(
         "the paper's law and a network for what its model leaves out", "learned.law", "make_learned_controller"
     ),

@@ -14,7 +14,8 @@ from skyarm.control.predictive.cost import Weights, input_residuals, state_resid
 from skyarm.control.predictive.linearise import Stages, examples
 from skyarm.control.predictive.motion import Inputs, advance
 from skyarm.control.predictive.riccati import Linear, policy
-from skyarm.control.predictive.solve import Bounds, Plan, Problem, linear_problem
+from skyarm.control.predictive.rollout import Bounds
+from skyarm.control.predictive.solve import NoPlanError, Plan, Problem, linear_problem
 from skyarm.dynamics import State
 
 Array = npt.NDArray[np.float64]
@@ -57,13 +58,17 @@ class InteriorPoint:
         self.high = (high, np.concatenate([turning, bounds.efforts]))
 
     def solve(self, problem: Problem, guess: Plan) -> Plan:
-        """The best motion, and the policy around it; the guess's if the solver gives no numbers."""
+        """The best motion, and the policy around it.
+
+        Raises:
+            NoPlanError: the solver gives no numbers.
+        """
         dt = np.append(self.steps, self.steps[-1])[:, None]
         held = np.broadcast_to(problem.disturbance, (len(dt), len(problem.disturbance)))
         parameters = np.hstack([dt, held, problem.goals])
         first = np.vstack([problem.start, guess.x[1:]])
         x, u, _ = self.shooting.solve(problem.start, parameters, first, guess.u, self.low, self.high)
         if not (np.isfinite(x).all() and np.isfinite(u).all()):
-            return guess
+            raise NoPlanError
         found: Linear = linear_problem(self.stages, problem, x, u, self.steps, self.roots)
         return Plan(x, u, policy(found).K)

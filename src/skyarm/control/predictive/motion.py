@@ -6,8 +6,11 @@ motors speed up faster than they slow down. The command that makes a rotor turn 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from skyarm import dynamics
 from skyarm.actuation import rotor_force
@@ -103,9 +106,26 @@ def moved(state: State, rate: State, dt: Any) -> State:
     return rebuild(state, iter([x + dt * dx for x, dx in zip(leaves(state), leaves(rate), strict=True)]))
 
 
-def command_for(rotor: Rotor, speed: Any, acceleration: Any, dt: Any) -> Any:
-    """Commanded speed (rad/s) that brings a lagging rotor to speed + acceleration * dt after ``dt`` seconds."""
+@dataclass(frozen=True, slots=True)
+class Motors:
+    """Rotors as commands see them, an array each: shares of a change made in a period upward and downward, rad/s."""
+
+    up: Any
+    down: Any
+    most: Any
+
+
+def motors(rotors: Sequence[Rotor], dt: float) -> Motors:
+    """The motors of rotors at a control period of ``dt`` s."""
+    up, down = (
+        np.array([1.0 - exp(divide(-dt, getattr(rotor, name))) for rotor in rotors])
+        for name in ("time_constant_up", "time_constant_down")
+    )
+    return Motors(up, down, np.array([float(rotor.max_speed) for rotor in rotors]))
+
+
+def command_for(lags: Motors, speed: Any, acceleration: Any, dt: Any) -> Any:
+    """Commanded speeds (rad/s) that bring lagging rotors to speed + acceleration * dt after ``dt`` seconds."""
     change = acceleration * dt
-    tau = where(change > 0.0, rotor.time_constant_up, rotor.time_constant_down)
-    wanted = speed + divide(change, 1.0 - exp(divide(-dt, tau)))
-    return maximum(0.0, minimum(wanted, rotor.max_speed))
+    wanted = speed + divide(change, where(change > 0.0, lags.up, lags.down))
+    return maximum(0.0, minimum(wanted, lags.most))

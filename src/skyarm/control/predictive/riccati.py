@@ -40,40 +40,43 @@ class Policy:
     P: Array
 
 
-def policy(problem: Linear, held: Array | None = None, at: Array | None = None) -> Policy:
+def policy(problem: Linear, held: Array | None = None, at: Array | None = None, *, damping: float = 0.0) -> Policy:
     """Minimise the sum of squared residuals.
 
     Args:
         problem: the stages.
         held: (N, nu) True where an input is fixed.
         at: (N, nu) where to.
+        damping: share by which the second derivatives of the inputs are raised: the step is shorter.
 
     Source: Mayne 1966; Rawlings, Mayne, Diehl 2017, section 8.8.3 (Gauss-Newton, Riccati recursion).
     """
     stages, nx, width = problem.AB.shape
-    H = problem.J.transpose(0, 2, 1) @ problem.J
-    g = (problem.J.transpose(0, 2, 1) @ problem.r[:, :, None])[:, :, 0]
-    P, p = H[stages, :nx, :nx], g[stages, :nx]
-    k, K = np.empty((stages, width - nx)), np.empty((stages, width - nx, nx))
-    nothing = np.zeros_like(k)
+    nu = width - nx
+    # columns in the order inputs, states, one: every stage is then two products and one small system
+    J = np.concatenate([problem.J[:, :, nx:], problem.J[:, :, :nx], problem.r[:, :, None]], axis=2)
+    step = np.concatenate([problem.AB[:, :, nx:], problem.AB[:, :, :nx], problem.c[:, :, None]], axis=2)
+    own = J.transpose(0, 2, 1)[:, :width] @ J
+    P, p = own[stages, nu:, nu:width], own[stages, nu:, width]
+    Kk = np.empty((stages, nu, nx + 1))
+    nothing = np.zeros((stages, nu))
     strength, wanted = (nothing, nothing) if held is None or at is None else (np.where(held, HOLD, 0.0), at)
+    raised = strength + damping
     for i in reversed(range(stages)):
-        AB = problem.AB[i]
-        PAB = P @ AB
-        M = H[i] + AB.T @ PAB
-        m = g[i] + AB.T @ (P @ problem.c[i] + p)
+        ahead = P @ step[i]
+        ahead[:, width] += p
+        M = own[i] + step[i, :, :width].T @ ahead
+        inner, cross = M[:nu, :nu], M[:nu, nu:]
         # a held input weighs more than all else by a factor of its own, whatever its unit
-        weight = FLOOR + strength[i] * np.diagonal(M[nx:, nx:])
-        right = np.column_stack([m[nx:] - weight * wanted[i] * (strength[i] > 0.0), M[nx:, :nx]])
-        solved = np.linalg.solve(M[nx:, nx:] + np.diag(weight), right)
-        k[i], K[i] = -solved[:, 0], -solved[:, 1:]
+        weight = FLOOR + raised[i] * inner.diagonal()
+        left, right = inner.copy(), cross.copy()
+        left.flat[:: nu + 1] += weight
+        right[:, nx] -= weight * wanted[i] * (strength[i] > 0.0)
+        found = Kk[i] = -np.linalg.solve(left, right)
         # the general form: with held inputs K and k are not the minimiser's
-        MK = M[nx:, nx:] @ K[i]
-        cross = K[i].T @ M[nx:, :nx]
-        P = M[:nx, :nx] + cross + cross.T + K[i].T @ MK
-        P = 0.5 * (P + P.T)
-        p = m[:nx] + K[i].T @ m[nx:] + (M[:nx, nx:] + MK.T) @ k[i]
-    return Policy(k, K, P)
+        to_go = M[nu:, nu:] + found[:, :nx].T @ (inner @ found + cross) + M[nu:, :nu] @ found
+        P, p = 0.5 * (to_go[:, :nx] + to_go[:, :nx].T), to_go[:, nx]
+    return Policy(Kk[:, :, nx], Kk[:, :, :nx], P)
 
 
 def rollout(problem: Linear, found: Policy, first: Array, low: Any, high: Any) -> tuple[Array, Array]:

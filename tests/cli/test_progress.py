@@ -1,0 +1,51 @@
+"""Progress without a terminal: lines on standard error, not too many."""
+
+from __future__ import annotations
+
+import io
+import sys
+
+from rich.console import Console
+
+from skyarm.cli import progress
+
+
+def lines_of(monkeypatch, pause, seconds):
+    """What is written when ``advance`` is called at these instants."""
+    clock, errors = [0.0], io.StringIO()
+    monkeypatch.setattr(progress.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(sys, "stderr", errors)
+    with progress.bar("flying", Console(file=io.StringIO()), pause) as advance:
+        for done, second in enumerate(seconds):
+            clock[0] = second
+            advance(done + 1, len(seconds), f"case {done}\x1b[2J")
+    return errors.getvalue().splitlines()
+
+
+def test_without_a_pause_every_step_is_a_line(monkeypatch):
+    found = lines_of(monkeypatch, 0.0, [0.0, 0.1])
+    assert found == ["skyarm: flying: 1 of 2 case 0\\x1b[2J", "skyarm: flying: 2 of 2 case 1\\x1b[2J"]
+
+
+def test_lines_are_ten_seconds_apart_and_the_first_waits_as_long(monkeypatch):
+    found = lines_of(monkeypatch, progress.PAUSE, [1.0, 9.9, 10.1, 15.0, 20.0, 20.2])
+    assert [line.split()[2] for line in found] == ["3", "6"]
+
+
+def test_nothing_stops_when_nobody_reads_any_more(monkeypatch):
+    class Gone(io.StringIO):
+        def write(self, _text):
+            raise BrokenPipeError
+
+    monkeypatch.setattr(sys, "stderr", Gone())
+    with progress.bar("flying", Console(file=io.StringIO()), 0.0) as advance:
+        advance(1, 2, "")
+
+
+def test_a_terminal_gets_a_bar_and_no_lines(monkeypatch):
+    errors, out = io.StringIO(), io.StringIO()
+    monkeypatch.setattr(sys, "stderr", errors)
+    with progress.bar("flying", Console(file=out, force_terminal=True), 0.0) as advance:
+        advance(1, 2, "case")
+    assert not errors.getvalue()
+    assert "flying" in out.getvalue()
