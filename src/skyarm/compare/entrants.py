@@ -82,6 +82,7 @@ def _all() -> tuple[Entrant, ...]:
         *(Entrant(name=name, group="rival", law=name, tuned=True) for name in rivals),
         Entrant(name="learned_compensator_style", group="rival", law="learned_compensator_style", tuned=True),
         Entrant(name="nmpc", group="rival", law="nmpc"),
+        Entrant(name="nmpc (tuned)", group="rival", law="nmpc", tuned=True),
         Entrant(name="exact_joint", group="exact", law="exact", options={"mode": "joint"}, perfect=stiff),
         Entrant(name="exact_ee", group="exact", law="exact", options={"mode": "ee"}, perfect=stiff),
         *(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
 import signal
@@ -28,21 +29,35 @@ def workers(count: int) -> Iterator[Submit]:
     before = set(multiprocessing.active_children())
     # spawn, not fork: the parent may hold threads (a progress bar), and the same code runs on every system
     spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(count, mp_context=spawn, initializer=_serve_parent) as pool:
+    pool = ProcessPoolExecutor(count, mp_context=spawn, initializer=_serve_parent)
 
-        def submit(function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-            with _deaf_to_interrupts():
-                return pool.submit(function, *arguments)
+    def submit(function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        with _deaf_to_interrupts():
+            return pool.submit(function, *arguments)
 
-        try:
-            yield submit
-        except BrokenProcessPool as error:
-            raise OSError(f"workers = {count}: a process ended unexpectedly (out of memory?); try 1") from error
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for child in set(multiprocessing.active_children()) - before:
-                child.terminate()  # nobody waits for what still flies
-            raise
+    try:
+        yield submit
+    except BrokenProcessPool as error:
+        raise OSError(f"workers = {count}: a process ended unexpectedly (out of memory?); try 1") from error
+    except BaseException:
+        _abandon(pool, set(multiprocessing.active_children()) - before)
+        raise
+    finally:
+        pool.shutdown()
+
+
+def _abandon(pool: ProcessPoolExecutor, children: set[Any]) -> None:
+    """End what still flies; nobody waits for it.
+
+    A process may be cut off while it sends a result. The pool's thread would wait for the rest for ever, since this
+    process holds the sending end as well: it is closed first.
+    """
+    results = getattr(pool, "_result_queue", None)
+    pool.shutdown(wait=False, cancel_futures=True)
+    with contextlib.suppress(AttributeError, OSError):
+        results._writer.close()  # type: ignore[union-attr]
+    for child in children:
+        child.terminate()
 
 
 def _serve_parent() -> None:

@@ -7,9 +7,9 @@ import math
 from typing import Any
 
 from skyarm.actuation.hover import hover_trim
-from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra import Vec3
 from skyarm.control.controller import Controller
-from skyarm.dynamics.measurement import Measurement
+from skyarm.dynamics.measurement import blank_measurement
 from skyarm.reference import Reference
 
 STEP = 1e-3
@@ -51,23 +51,14 @@ def _thrust(controller: Controller, position: float, velocity: float) -> float:
     vehicle, joints = model.vehicle, (0.0,) * model.vehicle.n
     trim = hover_trim(vehicle, joints, model.gravity)
     arm: dict[str, Any] = {f"joint{word}": joints for word in ("s", "_rates", "_accelerations", "_jerks", "_snaps")}
-    zero = Vec3(0.0, 0.0, 0.0)
     wanted = dataclasses.replace(
         Reference(**arm), position=Vec3(0.0, 0.0, position), velocity=Vec3(0.0, 0.0, velocity)
     ).dense()
+    weight = Vec3(0.0, 0.0, float(model.gravity))
+    resting = dataclasses.replace(blank_measurement(vehicle.n, len(vehicle.rotors)), specific_force=weight)
     speeds = tuple(float(speed) for speed in trim.speeds)
     for _ in range(SETTLING):
-        seen = Measurement(
-            time=0.0,
-            position=zero,
-            quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
-            velocity=zero,
-            rate=zero,
-            specific_force=Vec3(0.0, 0.0, float(model.gravity)),
-            joints=joints,
-            joint_rates=joints,
-            rotor_speeds=speeds,
-        )
+        seen = dataclasses.replace(resting, rotor_speeds=speeds)
         _, command = controller.law(controller.memory, seen, wanted, PERIOD, par=controller.par)
         speeds = tuple(float(speed) for speed in command.rotor_speeds)
     shares = (rotor.axis.z * rotor.thrust_coefficient for rotor in vehicle.rotors)
