@@ -130,7 +130,8 @@ def test_a_law_whose_commands_are_changed_knows_it_winds_nothing_up_and_comes_ba
     assert log.status == "completed"
     # what the paper's laws do not know of rotors and gravity leaves 0.1 m
     np.testing.assert_allclose(log.position[-1], [0.2, 0.0, 3.0], atol=0.12)
-    assert np.abs(log.position - log.position_reference).max() < 0.3
+    # the step of 0.2 m, and what a network far from its training adds
+    assert np.abs(log.position - log.position_reference).max() < 0.4
 
 
 @pytest.mark.parametrize("changed", ["rotor", "joint"])
