@@ -197,7 +197,7 @@ def test_a_constant_reference_stays_constant():
 def planned(rates):
     """A plan of which only the references' rates matter."""
     zero, series = Vec3(0.0, 0.0, 0.0), tuple(Taylor((0.0, rate, 0.0)) for rate in rates)
-    return Planned(R=Mat3.identity(), rate=zero, alpha=zero, proper=zero, joints=series, references=series)
+    return Planned(R=Mat3.identity(), rate=zero, alpha=zero, proper=zero, joints=series)
 
 
 def test_torques_give_the_wished_accelerations_to_pinocchios_free_vehicle():

@@ -416,7 +416,15 @@ def test_units_are_of_fields_that_exist():
     classes = [Measurement, Reference, Command, Mixer, export.Constants, model.Model]
     classes += [model.GeometricGains, model.JointGains, records.Body, records.Joint, records.Frame]
     classes += [skyarm.Rotor]
-    classes += [memory.ExactMemory, memory.Learned, memory.Channel, memory.Observed, parameters.ExactParameters]
+    classes += [
+        memory.ExactMemory,
+        memory.Learned,
+        memory.JointLearned,
+        memory.Heard,
+        memory.Channel,
+        memory.Observed,
+        parameters.ExactParameters,
+    ]
     classes += [parameters.BaseGains, parameters.ObserverGains, parameters.TipGains]
     known = {f"{each.__name__}.{field.name}" for each in classes for field in dataclasses.fields(each)}
     assert set(NOTES) - set(LAW_NOTES) - set(LEARNED_NOTES) <= known

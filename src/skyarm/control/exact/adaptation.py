@@ -4,47 +4,59 @@ The observer finds any disturbance, but late. Of two the course is known beforeh
 -m Y on base and joints, Y that of 1 kg in the *planned* motion, and damping b takes b qd_d of a joint's torque. With d
 what the observer still finds at the joints, m and b move along their normalised gradients within their bounds:
 
-    mdot = gamma_m (-Y.d) / (s_m + Y.Y),      bdot = -gamma_b (d - level) qd_d / (s_b + qd_d^2)
+    mdot = gamma_m (-Y.d) / (s_m + Y.Y),      bdot = -gamma_b (d - c - k q_d) qd_d / (s_b + qd_d^2)
 
-``level`` is d's slow mean: a constant torque is no friction, however the projection would rectify it. Regressors are
-those of the references (desired compensation): neither noise nor an oscillation of the closed loop enters them, and
-since what is learned never multiplies a measurement, the loop's margins are those without it. The force on the base is
-not used to learn the mass: it cannot be told from wind and thrust error there.
-Sources: Sadegh, Horowitz 1990 (desired compensation); Ioannou, Sun 1996, 4.3, 4.4 (normalised gradient, projection).
+c and k, learned the same way, are what of d is constant or goes with the joint's position, as an error of its weight or
+inertia does: no friction, however slow the motion. What cannot be told from friction is a load that m does not stand
+for, on joints that swing at one frequency out of phase. Regressors are heard as the observer hears d, through its two
+poles and the known delay; else fast motion would be learned in a wrong phase. A joint that does not follow its plan
+teaches nothing.
+
+Regressors are those of the references (desired compensation): noise does not enter them, and what is learned is a
+feed-forward, so that the loop keeps its gains. It meets measurements in the attitude of the plan, which the mean force
+asks for. The force on the base is not used to learn the mass: it cannot be told from wind and thrust error there.
+Sources: Sadegh, Horowitz 1990 (desired compensation); Ioannou, Sun 1996, 4.3, 4.4 (filtered regressors, normalised
+gradient, projection).
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import Vec3
 from skyarm.control.exact.disturbance import Disturbance
 from skyarm.control.exact.kinematics import derivative, posture
-from skyarm.control.exact.memory import Learned, data, vector_data
+from skyarm.control.exact.memory import Heard, JointLearned, Learned, data, vector_data
 from skyarm.control.exact.parameters import ExactParameters
 from skyarm.control.exact.wishes import Planned
 from skyarm.dynamics.kinematics import jacobian_columns
-from skyarm.scalars import add, clip, divide, exp, mul, sub
+from skyarm.scalars import add, clip, divide, exp, maximum, mul, sub
 from skyarm.vehicle.records import Vehicle
 
 SMALL = 1e-3
 """(N m / kg)^2: a load's signal weaker than this teaches little."""
 
-SLOW = {"revolute": 0.1, "prismatic": 1e-3}
-"""(rad/s)^2 and (m/s)^2: a joint's motion slower than this teaches little."""
+SLOW = {"revolute": (0.01, 0.1), "prismatic": (1e-4, 1e-3)}
+"""rad^2 and (rad/s)^2, m^2 and (m/s)^2: a joint's motion smaller and slower than this teaches little."""
 
-LEVEL = 1.0
-"""1/s, of the slow mean of what the observer finds at a joint."""
+WEIGHT = 1.0
+"""1/s, of what of the observer's efforts is constant and what goes with the position."""
 
-STICKIEST = 100.0
+STICKIEST = 50.0
 """1/s: the largest damping that is learned, over the inertia of the joint on a fixed base."""
+
+FOLLOWING = 2.0
+"""1/s, of the mean squares of a joint's planned rate and of what its own is off."""
 
 
 def first_learned(joints: int) -> Learned:
     """Memory before the first measurement: nothing is known."""
     still, zero = (0.0,) * joints, Vec3(0.0, 0.0, 0.0)
-    return Learned(tip_mass=0.0, damping=still, level=still, force=zero, torque=zero, efforts=still)
+    silent = Heard(load=0.0, place=0.0, rate=0.0)
+    joint = JointLearned(damping=0.0, level=0.0, slope=0.0, once=silent, twice=silent, moving=0.0, off=0.0)
+    return Learned(tip_mass=0.0, joints=(joint,) * joints, force=zero, torque=zero, efforts=still)
 
 
 def known(learned: Learned) -> Disturbance:
@@ -53,7 +65,13 @@ def known(learned: Learned) -> Disturbance:
 
 
 def adapted(
-    par: ExactParameters, learned: Learned, planned: Planned, left: Sequence[Any], free: Sequence[Any], dt: Any
+    par: ExactParameters,
+    learned: Learned,
+    planned: Planned,
+    rates: Sequence[Any],
+    left: Sequence[Any],
+    free: Sequence[Any],
+    dt: Any,
 ) -> Learned:
     """Memory one period later.
 
@@ -61,31 +79,30 @@ def adapted(
         par: constants.
         learned: memory.
         planned: motion without errors.
+        rates: of the joints now.
         left: joint torques or forces that the observer still finds.
         free: 1 or 0 for the base and each joint; 0 holds what an actuator at its limit, or under guard, would teach.
         dt: s.
     """
-    nothing = Vec3(0.0, 0.0, 0.0)
-    load = Disturbance(force=nothing, torque=nothing, efforts=(0.0,) * len(learned.damping))
-    mass, damping, level = learned.tip_mass, learned.damping, learned.level
+    places = [q.derivative(0) for q in planned.joints]
+    wanted = [q.derivative(1) for q in planned.joints]
+    unit = unit_load(par.model.vehicle, planned) if par.adapts_load else _no_load(len(places))
+    share = _share(par, dt)
+    seen = []
+    for joint, load, place, rate, qd in zip(learned.joints, unit.efforts, places, wanted, rates, strict=True):
+        seen.append(_seen(joint, Heard(load=load, place=place, rate=rate), qd, share, dt))
+    trust = [mul(f, _follows(joint, slow)) for f, joint, (_, slow) in zip(free[1:], seen, par.slow, strict=True)]
+    mass = learned.tip_mass
     if par.adapts_load:
-        unit = unit_load(par.model.vehicle, planned)
-        mass = _mass(par, mass, unit.efforts, left, free[1:], dt)
-        load = Disturbance(
-            force=unit.force * mass, torque=unit.torque * mass, efforts=tuple(mul(mass, y) for y in unit.efforts)
-        )
-    rates = [q.derivative(1) for q in planned.references]
-    if par.adapts_friction:
-        damping = _damping(par, learned, rates, left, free[1:], dt)
-        level = tuple(_moved(mean, d, f, dt) for mean, d, f in zip(level, left, free[1:], strict=True))
-    taken = (mul(b, rate) for b, rate in zip(damping, rates, strict=True))
+        mass = _mass(par, mass, [joint.twice.load for joint in seen], left, trust, dt)
+    joints = [_joint(par, i, joint, d, t, dt) for i, (joint, d, t) in enumerate(zip(seen, left, trust, strict=True))]
+    taken = [mul(joint.damping, rate) for joint, rate in zip(joints, wanted, strict=True)]
     return Learned(
         tip_mass=mass,
-        damping=damping,
-        level=level,
-        force=vector_data(load.force),
-        torque=vector_data(load.torque),
-        efforts=tuple(data(sub(d, t)) for d, t in zip(load.efforts, taken, strict=True)),
+        joints=tuple(joints),
+        force=vector_data(unit.force * mass),
+        torque=vector_data(unit.torque * mass),
+        efforts=tuple(data(sub(mul(mass, y), t)) for y, t in zip(unit.efforts, taken, strict=True)),
     )
 
 
@@ -103,25 +120,70 @@ def unit_load(vehicle: Vehicle, planned: Planned) -> Disturbance:
     )
 
 
+def _no_load(joints: int) -> Disturbance:
+    zero = Vec3(0.0, 0.0, 0.0)
+    return Disturbance(force=zero, torque=zero, efforts=(0.0,) * joints)
+
+
+def _share(par: ExactParameters, dt: Any) -> Any:
+    """Of a new value in each of two stages that delay as the joints' observer and the age of measurements do."""
+    late = add(divide(1.0, par.observer.joints), 0.5 * par.delay_periods * dt)
+    return 1.0 - exp(-divide(dt, late))
+
+
+def _seen(joint: JointLearned, heard: Heard, rate: Any, share: Any, dt: Any) -> JointLearned:
+    """Memory of a joint after what it was planned to do, and did, in a period."""
+    once, slow = _nearer(joint.once, heard, share), 1.0 - exp(-(FOLLOWING * dt))
+    off = sub(rate, heard.rate)
+    return dataclasses.replace(
+        joint,
+        once=once,
+        twice=_nearer(joint.twice, once, share),
+        moving=_moved(joint.moving, mul(heard.rate, heard.rate), slow),
+        off=_moved(joint.off, mul(off, off), slow),
+    )
+
+
+def _nearer(old: Heard, new: Heard, share: Any) -> Heard:
+    return Heard(
+        load=_moved(old.load, new.load, share),
+        place=_moved(old.place, new.place, share),
+        rate=_moved(old.rate, new.rate, share),
+    )
+
+
+def _moved(old: Any, new: Any, share: Any) -> Any:
+    return add(old, mul(share, sub(new, old)))
+
+
+def _follows(joint: JointLearned, slow: Any) -> Any:
+    """1 for a joint that keeps its planned rate, 0 for one that is off by 0.7 of it, in the mean square, and more."""
+    return maximum(0.0, sub(1.0, divide(mul(2.0, joint.off), add(joint.moving, slow))))
+
+
 def _mass(
-    par: ExactParameters, mass: Any, unit: Sequence[Any], left: Sequence[Any], free: Sequence[Any], dt: Any
+    par: ExactParameters, mass: Any, unit: Sequence[Any], left: Sequence[Any], trust: Sequence[Any], dt: Any
 ) -> Any:
     match: Any = 0.0
     size: Any = SMALL
-    for y, d, f in zip(unit, left, free, strict=True):
-        match, size = add(match, mul(f, mul(y, d))), add(size, mul(y, y))
-    return clip(mass + mul(par.adaptation * dt, divide(match, size)), 0.0, par.tip_mass_limit)
+    for y, d, t in zip(unit, left, trust, strict=True):
+        match, size = add(match, mul(t, mul(y, d))), add(size, mul(y, y))
+    limit = par.tip_mass_limit
+    return clip(add(mass, mul(par.adaptation * dt, divide(match, size))), -limit, limit)
 
 
-def _damping(
-    par: ExactParameters, learned: Learned, rates: Sequence[Any], left: Sequence[Any], free: Sequence[Any], dt: Any
-) -> tuple[Any, ...]:
-    found = []
-    for i, (b, mean, qd, d) in enumerate(zip(learned.damping, learned.level, rates, left, strict=True)):
-        step = divide(mul(sub(d, mean), qd), add(mul(qd, qd), par.slow[i]))
-        found.append(clip(sub(b, mul(par.friction_adaptation * dt, mul(free[i], step))), 0.0, par.damping_limit[i]))
-    return tuple(found)
-
-
-def _moved(mean: Any, d: Any, free: Any, dt: Any) -> Any:
-    return add(mean, mul(mul(free, 1.0 - exp(-(LEVEL * dt))), sub(d, mean)))
+def _joint(par: ExactParameters, i: int, joint: JointLearned, left: Any, trust: Any, dt: Any) -> JointLearned:
+    """Damping, and what is none, of joint ``i``."""
+    if not par.adapts_friction:
+        return joint
+    (small, slow), (low, high) = par.slow[i], par.damping_limits[i]
+    place, rate = joint.twice.place, joint.twice.rate
+    error = mul(trust, sub(sub(left, joint.level), mul(joint.slope, place)))
+    step = divide(mul(error, rate), add(mul(rate, rate), slow))
+    turn = divide(mul(error, place), add(mul(place, place), small))
+    return dataclasses.replace(
+        joint,
+        damping=clip(sub(joint.damping, mul(par.friction_adaptation * dt, step)), low, high),
+        level=add(joint.level, mul(WEIGHT * dt, error)),
+        slope=add(joint.slope, mul(WEIGHT * dt, turn)),
+    )

@@ -75,7 +75,7 @@ def exact(
         free=done.free,
         slow_force=slow,
         trim=done.trim,
-        learned=adapted(par, memory.learned, wish.planned, observed.efforts, free, dt),
+        learned=adapted(par, memory.learned, wish.planned, observed.joint_rates, observed.efforts, free, dt),
     )
     return following, done.command
 

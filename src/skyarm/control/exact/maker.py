@@ -98,7 +98,7 @@ def make_exact(
         tip_mass_limit=bounded("tip_mass_limit", tip_mass_limit, 0.0, 1e3),
         adapts_load=adaptation > 0.0,
         friction_adaptation=gains["friction_adaptation"],
-        damping_limit=_most_damping(vehicle),
+        damping_limits=_dampings(vehicle),
         slow=tuple(SLOW[link.joint.kind] for link in vehicle.links),
         adapts_friction=gains["friction_adaptation"] > 0.0 and vehicle.n > 0,
     )
@@ -113,10 +113,12 @@ def _mixer(vehicle: Vehicle) -> Mixer:
         return make_mixer(vehicle)
 
 
-def _most_damping(vehicle: Vehicle) -> tuple[float, ...]:
-    """The most that is learned of each joint's damping, by its inertia at rest."""
+def _dampings(vehicle: Vehicle) -> tuple[tuple[float, float], ...]:
+    """Least and most that is learned of each joint's damping: back to none, and by its inertia at rest."""
     M = dynamics.mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)
-    return tuple(STICKIEST * float(M[6 + i][6 + i]) for i in range(vehicle.n))
+    return tuple(
+        (-float(link.joint.damping), STICKIEST * float(M[6 + i][6 + i])) for i, link in enumerate(vehicle.links)
+    )
 
 
 def first_memory(model: Model, delay_periods: int) -> ExactMemory:

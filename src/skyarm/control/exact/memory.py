@@ -66,17 +66,45 @@ class Observed:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Heard:
+    """Planned signals of one joint: torque of 1 kg at the tip (N m/kg), position (rad or m), rate."""
+
+    load: Scalar
+    place: Scalar
+    rate: Scalar
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class JointLearned:
+    """What is learned of one joint.
+
+    Attributes:
+        damping: beyond the model's, N m s/rad or N s/m.
+        level, slope: of the observer's effort what is constant, N m or N, and what goes with the position, per rad or
+            m. once, twice: planned signals after one and two stages of the observer's lag.
+        moving, off: mean squares of the planned rate and of what the joint's own is off.
+    """
+
+    damping: Scalar
+    level: Scalar
+    slope: Scalar
+    once: Heard
+    twice: Heard
+    moving: Scalar
+    off: Scalar
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Learned:
     """What is learned slowly, and what it pushes with one period after it was found.
 
     Attributes:
-        tip_mass: kg. damping: beyond the model's, N m s/rad or N s/m. level: slow mean of the observer's efforts.
+        tip_mass: kg, beyond the model's. joints: of each.
         force: N, world axes. torque: N m, base axes. efforts: of the joints.
     """
 
     tip_mass: Scalar
-    damping: tuple[Scalar, ...]
-    level: tuple[Scalar, ...]
+    joints: tuple[JointLearned, ...]
     force: Vec3
     torque: Vec3
     efforts: tuple[Scalar, ...]

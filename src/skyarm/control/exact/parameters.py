@@ -78,8 +78,9 @@ class ExactParameters:
         measured_rates: 0 takes velocities from the observer, 1 from the sensors.
         tilt: largest tangent of the commanded tilt. thrust_floor: smallest commanded vertical force, N.
         adaptation: 1/s; rate of the load at the tip. tip_mass_limit: kg. adapts_load: False leaves it out.
-        friction_adaptation: 1/s; rate of the joints' damping. damping_limit: N m s/rad or N s/m. slow: square of a
-            joint's rate below which it teaches little, (rad/s)^2 or (m/s)^2. adapts_friction: False leaves it out.
+        friction_adaptation: 1/s; rate of the joints' damping. damping_limits: lowest and highest of each, N m s/rad
+            or N s/m. slow: squares of position and rate below which a joint teaches little, rad^2 and (rad/s)^2 or m^2
+            and (m/s)^2. adapts_friction: False leaves it out.
     """
 
     model: Model
@@ -101,8 +102,8 @@ class ExactParameters:
     tip_mass_limit: Scalar
     adapts_load: bool
     friction_adaptation: Scalar
-    damping_limit: tuple[Scalar, ...]
-    slow: tuple[Scalar, ...]
+    damping_limits: tuple[tuple[Scalar, Scalar], ...]
+    slow: tuple[tuple[Scalar, Scalar], ...]
     adapts_friction: bool
 
     def choices(self) -> list[str]:

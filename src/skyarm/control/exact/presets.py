@@ -15,8 +15,8 @@ COMMON: Mapping[str, Any] = {
     "continuation": 1.0,
     "trim_rate": 3.0,
     "measured_rates": 0.0,
-    "adaptation": 0.3,
-    "friction_adaptation": 1.0,
+    "adaptation": 0.6,
+    "friction_adaptation": 2.0,
 }
 """Limits and weights of both presets; see :class:`ExactParameters`, :class:`TipGains` and :class:`BaseGains`."""
 
@@ -62,8 +62,8 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "trim_rate": (0.0, 50.0),
     "measured_rates": (0.0, 1.0),
     "lag_inversion": (0.0, 1.0),
-    "adaptation": (0.0, 100.0),
-    "friction_adaptation": (0.0, 100.0),
+    "adaptation": (0.0, 5.0),
+    "friction_adaptation": (0.0, 5.0),
     "shift_rate": (0.0, 1e3),
 }
 """Lowest and highest value of the entries that are one number; the others are gains, at least 0."""

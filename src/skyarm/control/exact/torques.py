@@ -31,7 +31,7 @@ def needed(model: Model, state: State, wish: Wish, unknown: Disturbance) -> tupl
     What the disturbance already does is left out; known friction is added, its dry part at the references' rates.
     """
     vehicle, qd = model.vehicle, state.joint_rates
-    dry_rates = [q.derivative(1) for q in wish.planned.references]
+    dry_rates = [q.derivative(1) for q in wish.planned.joints]
     force, efforts, _ = forces_under_thrust(
         vehicle,
         state.joints,

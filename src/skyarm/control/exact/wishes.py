@@ -27,7 +27,7 @@ class Planned:
     Attributes:
         R: R_WB, quasi-static attitude. rate, alpha: its angular velocity and acceleration, rad/s and rad/s^2.
         proper: acceleration of the base origin less gravity, m/s^2. All in base axes.
-        joints: signals, series in time. references: the joints' own, which those of a tip on its reference leave.
+        joints: signals, series in time.
     """
 
     R: Mat3
@@ -35,7 +35,6 @@ class Planned:
     alpha: Vec3
     proper: Vec3
     joints: tuple[Taylor, ...]
-    references: tuple[Taylor, ...]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -117,7 +116,6 @@ def wishes(
         alpha=still.acceleration,
         proper=still.R.apply_T(base[2] + E_Z * par.model.gravity),
         joints=turned,
-        references=joints,
     )
     return Wish(thrust=push.along, alpha=alpha, joints=preferred, planned=plan)
 
