@@ -208,3 +208,10 @@ def test_differences_are_from_the_first_law_on_the_same_flights():
     found = pairs({("noisy", "case3", "a"): first, ("noisy", "case3", "b"): second})
     assert found["noisy"]["case3"]["b"]["from"] == "a"
     assert found["noisy"]["case3"]["b"]["mean"] == pytest.approx(-0.2)
+
+
+def test_peaks_to_either_side_are_no_small_peak():
+    peaks = np.array([-0.012, 0.011])
+    cell = Cell({SUCCESS_METRIC: np.zeros(2), "gust_ee_peak_x_continuous": peaks}, np.array(["completed"] * 2))
+    found = summary(cell)["metrics"]["gust_ee_peak_x_continuous"]
+    assert (found["mean"], found["max"]) == pytest.approx((0.0115, 0.012))

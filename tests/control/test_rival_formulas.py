@@ -421,6 +421,17 @@ def test_the_predictor_steps_with_pinocchios_forward_dynamics_of_what_was_sent(s
     np.testing.assert_allclose(flat(found), expected, atol=1e-10)
 
 
+def test_the_predictor_turns_no_rotor_faster_than_it_can():
+    par, state = soft("l1_adaptive").par, gentle(3)
+    memory, wished = soft("l1_adaptive").law(soft("l1_adaptive").memory, measured(state), wanted(3), DT, par=par)
+    top = tuple(float(rotor.max_speed) for rotor in ARM.rotors)
+    limited, beyond = (
+        predicted(par.model, par.predictor, memory.past, dataclasses.replace(wished, rotor_speeds=speeds), DT)
+        for speeds in (top, tuple(2.0 * speed for speed in top))
+    )
+    assert np.array_equal(flat(limited), flat(beyond))
+
+
 def flat(velocities):
     """The predictor's three groups in one array."""
     return np.concatenate([scalars(velocities.linear), scalars(velocities.rate), scalars(velocities.joints)])

@@ -63,14 +63,20 @@ def leaning(command):
     return Command(rotor_speeds=(500.0, 487.0, 474.0, 487.0), efforts=command.efforts)
 
 
-def dividing(command):
-    raise ZeroDivisionError
+def raising(error):
+    def how(command):
+        raise error
+
+    return how
 
 
-@pytest.mark.parametrize("how", [nan, dividing])
+FAILED = [OverflowError(), np.linalg.LinAlgError("singular"), ValueError("math domain error"), RuntimeError("solver")]
+
+
+@pytest.mark.parametrize("how", [nan, *map(raising, FAILED)], ids=["nan", *(type(e).__name__ for e in FAILED)])
 def test_a_predictive_law_that_fails_is_replaced_by_the_recovery(how):
     controller = failing(how, 0.5)
-    if how is not dividing:
+    if how is nan:
         assert flown(controller, 2.0).status != "completed"
     log = flown(guarded(controller, {"trusted_tilt": 0.8}), 4.0)
     healthy = flown(predictive(), 0.5)
@@ -82,6 +88,11 @@ def test_a_predictive_law_that_fails_is_replaced_by_the_recovery(how):
     assert np.linalg.norm(log.position[-1] - then) < 1.5
     assert np.linalg.norm(log.velocity[-1]) < 0.3
     assert np.abs(log.euler[-1, :2]).max() < 0.3
+
+
+def test_a_mistake_in_a_laws_code_is_not_hidden():
+    with pytest.raises(TypeError, match="a mistake"):
+        flown(guarded(failing(raising(TypeError("a mistake")), 0.1)), 0.2)
 
 
 def counted(controller):

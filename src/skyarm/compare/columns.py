@@ -56,4 +56,4 @@ def value(summaries: Mapping[str, Any], column: Column, entrant: str) -> float |
     """Mean of a column's metric for an entrant, in the unit of its head; None where no flight came to its end."""
     found = summaries.get(column.case, {}).get(entrant)
     spread = found["metrics"].get(column.metric) if found else None
-    return None if spread is None else abs(spread["mean"]) * column.factor
+    return None if spread is None else spread["mean"] * column.factor

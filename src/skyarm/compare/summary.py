@@ -17,7 +17,8 @@ SUCCESS_METRIC, SUCCESS_LIMIT = "ee_error_last_max_continuous", 0.020
 def summary(cell: Cell) -> dict[str, Any]:
     """Episodes, successes with Wilson's interval, and of each metric mean, its bootstrap interval, 95th percentile.
 
-    Metrics are those of the episodes that flew to their end; null where none did.
+    Metrics are those of the episodes that flew to their end; null where none did. Peaks along an axis count by their
+    size: of two flights that swing either way the mean is no small peak.
     """
     whole = cell.completed
     good = successes(cell)
@@ -29,8 +30,13 @@ def summary(cell: Cell) -> dict[str, Any]:
         "success_rate": float(good.mean()) if count else None,
         "success_interval": list(wilson(int(good.sum()), count)),
         "endings": {str(name): int((cell.status == name).sum()) for name in np.unique(cell.status)},
-        "metrics": {name: _spread(values[whole]) for name, values in cell.metrics.items()},
+        "metrics": {name: _spread(sized(name, values[whole])) for name, values in cell.metrics.items()},
     }
+
+
+def sized(name: str, values: Any) -> Any:
+    """Values of a metric, peaks along an axis without their sign."""
+    return np.abs(values) if "peak" in name else values
 
 
 def successes(cell: Cell) -> Any:

@@ -21,6 +21,9 @@ from skyarm.files import shown
 from skyarm.reference import Reference
 from skyarm.scalars import logical_or
 
+FAILURES = (ArithmeticError, ValueError, RuntimeError)
+"""What numbers and solvers raise, numpy's LinAlgError among them; other exceptions are mistakes in a law's code."""
+
 
 def guarded(
     controller: Controller, limits: Limits | Mapping[str, Any] | None = None, *, stow: tuple[float, ...] | None = None
@@ -37,7 +40,8 @@ def guarded(
     not come back. A measurement that is not finite changes nothing: the last command stands.
 
     A law that is not over scalars is guarded as well, in Python. Of its memory, which may be anything, nothing is
-    looked at; an arithmetic error it raises gives it up; while the recovery flies it is not called.
+    looked at; an error of its numbers or its solver (``FAILURES``) gives it up; while the recovery flies it is not
+    called.
 
     Args:
         controller: any law. Its own constants are then found under ``controller.inner``.
@@ -129,7 +133,7 @@ def _called(controller: Controller) -> Law:
             try:
                 following, wished = inner(memory.inner, measurement, was.reference, dt, par=_own(par))
                 failed = not finite(wished) or (margin is not None and margin(measurement.quaternion) < 0.0)
-            except ArithmeticError:
+            except FAILURES:
                 failed = True
         new = decided(par, memory, measurement, was, wished, failed, dt)
         kept = first if new.doubt.given_up > 0.5 else following
