@@ -53,7 +53,11 @@ def test_a_row_of_the_ablations_is_its_law_in_the_case_and_condition_of_the_head
 
 
 def test_heads_of_the_ablations_name_case_and_condition():
-    assert [column.head for _, column in COLUMNS][:3] == ["perfect: Case 3 base, mm", "tip, mm", "wind base, mm"]
+    assert [column.head for _, column in COLUMNS][:3] == [
+        "perfect: case 3 base, mm",
+        "perfect: case 3 tip, mm",
+        "perfect: wind base, mm",
+    ]
     assert [(condition, column.case) for condition, column in COLUMNS] == [
         *([("perfect", "case3")] * 2),
         *([("perfect", "case3_wind")] * 2),
