@@ -146,7 +146,14 @@ def limits(values: Iterable[Array], *, floor: bool, span: float, cap: float) -> 
     return low - 0.07 * (high - low), high + 0.07 * (high - low)
 
 
-def legend(figure: Figure, handles: Sequence[Any], labels: Sequence[str]) -> None:
+def legend(
+    figure: Figure,
+    handles: Sequence[Any],
+    labels: Sequence[str],
+    *,
+    size: float = SMALL_SIZE,
+    family: Sequence[str] = FONT,
+) -> None:
     """One legend for the whole figure, below the time axis."""
     figure.legend(
         handles,
@@ -154,7 +161,7 @@ def legend(figure: Figure, handles: Sequence[Any], labels: Sequence[str]) -> Non
         loc="outside lower center",
         ncols=min(len(labels), 5) or 1,
         frameon=False,
-        prop={"size": SMALL_SIZE, "family": FONT},
+        prop={"size": size, "family": list(family)},
         handlelength=2.2,
         columnspacing=1.1,
         handletextpad=0.5,
