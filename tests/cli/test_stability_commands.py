@@ -56,7 +56,7 @@ def test_margins_keep_their_digits_within_78_columns(folder: Path) -> None:
     assert hover[1] == f"{max(each['radius'] for each in lag.values()):.6f}"
     low = max(each["rotor_gain"][0] for each in lag.values())
     high = min(each["rotor_gain"][1] for each in lag.values())
-    assert hover[5] == f"{low:.2f}-{high:.2f}"
+    assert hover[5] == f"{low:.2f}-{high:.1f}"
 
 
 def test_a_basin_is_flown_drawn_and_written(folder: Path) -> None:
