@@ -66,6 +66,9 @@ def test_show_prints_the_paper_s_vehicle() -> None:
     assert "0.82103 kg" in text
     assert "g = 9.8 m/s^2" in text
     assert "0.3 m" in text
+    # faults and payloads name them
+    assert re.search(r"^rotors +front, left, back, right *$", text, re.MULTILINE)
+    assert re.search(r"^frames +tip \(end effector\) *$", text, re.MULTILINE)
     # both links horizontal: (0.045 0.075 + 0.045 0.225 + 0.005 0.3) 9.8 N m, see test_workspace
     assert re.search(r"static effort of joint1 +0\.147 N m, limit 0\.5 N m, margin 3\.4", text)
     assert re.search(r"static efforts +for a level base", text)

@@ -45,6 +45,20 @@ def test_margins_are_printed_and_written(folder: Path) -> None:
     assert lag["radius"] == pytest.approx(max(abs(complex(*z)) for z in lag["z"]), rel=1e-12)
 
 
+def test_margins_keep_their_digits_within_78_columns(folder: Path) -> None:
+    ended = skyarm("margins", "paper_ct", "short.toml", "--instants", "1", "--json", "m.json")
+    lines = ended.out.splitlines()
+    assert max(len(line) for line in lines) <= 78
+    head, hover, flying = (line.split() for line in lines[1:4])
+    assert head[:5] == ["at", "max", "|z|", "slowest", "damping"]
+    assert (hover[0], flying[:2]) == ("hover", ["0.99", "s"])
+    lag = json.loads((folder / "m.json").read_text())["instants"][0]["lag"]
+    assert hover[1] == f"{max(each['radius'] for each in lag.values()):.6f}"
+    low = max(each["rotor_gain"][0] for each in lag.values())
+    high = min(each["rotor_gain"][1] for each in lag.values())
+    assert hover[5] == f"{low:.2f}-{high:.1f}"
+
+
 def test_a_basin_is_flown_drawn_and_written(folder: Path) -> None:
     ended = skyarm("basin", "own", "short.toml", "--flights", "64", "--safety", "--out", "b", "--threads", "1")
     assert ended.code == 0, ended.err

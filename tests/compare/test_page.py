@@ -53,7 +53,11 @@ def test_a_row_of_the_ablations_is_its_law_in_the_case_and_condition_of_the_head
 
 
 def test_heads_of_the_ablations_name_case_and_condition():
-    assert [column.head for _, column in COLUMNS][:3] == ["perfect: Case 3 base, mm", "tip, mm", "wind base, mm"]
+    assert [column.head for _, column in COLUMNS][:3] == [
+        "perfect: case 3 base, mm",
+        "perfect: case 3 tip, mm",
+        "perfect: wind base, mm",
+    ]
     assert [(condition, column.case) for condition, column in COLUMNS] == [
         *([("perfect", "case3")] * 2),
         *([("perfect", "case3_wind")] * 2),
@@ -92,3 +96,19 @@ def test_columns_of_numbers_are_set_to_the_right_and_text_is_escaped():
     assert '<th scope="rowgroup" colspan="3">a &amp; b</th>' in text
     assert '<th scope="row">&lt;x&gt;</th><td class="num">1</td><td>words</td>' in text
     assert '<th scope="col" class="num">tip</th>' in text
+
+
+def test_no_two_columns_of_a_table_have_the_same_head():
+    for title, content in main_tables(made(), ENTRANTS, EVERY):
+        for head in re.findall(r"<thead>(.*?)</thead>", content):
+            names = re.findall(r"<th[^>]*>([^<]*)</th>", head)
+            assert len(set(names)) == len(names), (title, names)
+
+
+def test_the_table_of_costs_says_its_case():
+    tables = [content for _, content in main_tables(made(), ENTRANTS, EVERY) if "rotor jitter" in content]
+    assert any("What they were bought with, in Case 3 in wind" in content for content in tables)
+
+
+def test_the_picture_takes_the_whole_width_of_the_page():
+    assert '<figure class="wide"><img alt="words"' in comparison_page(made(), ENTRANTS, EVERY, {"words": b"png"})

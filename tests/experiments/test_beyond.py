@@ -25,6 +25,7 @@ from skyarm.experiments import campaign as campaign_room
 from skyarm.experiments import reproduce as room
 from skyarm.experiments.beyond import COLUMNS, HARDER, LAWS, HarderJob, beyond_jobs, errors, fly_harder
 from skyarm.experiments.campaign import Campaign, run_campaign
+from skyarm.experiments.published import TITLES
 from skyarm.experiments.report_beyond import NAMES, beyond_section, hints
 from skyarm.simulate import run
 from skyarm.simulate.scenario_file import load_scenario
@@ -122,20 +123,22 @@ def made() -> dict[str, Any]:
 
 def test_every_number_stands_where_it_belongs() -> None:
     rows = Cells(beyond_section(made(), {}, b"")).rows
-    at = rows.index(next(row for row in rows if row[0].startswith("case3_wind:")))
+    at = rows.index(next(row for row in rows if row[0] == "Case 3 in constant wind"))
     assert rows[at + 1] == [NAMES["paper_pd"], "1400", "1401", "1402", "2400", "2401", "2402", "2.40"]
     assert rows[at + 4] == [NAMES["exact_ee"], "1430", "1431", "1432", "2430", "2431", "2432", "2.43"]
-    gust = rows.index(next(row for row in rows if row[0].startswith("case2_gust:")))
+    gust = rows.index(next(row for row in rows if row[0] == TITLES["case2_gust"]))
     # millimetres; 1.2 + 0.003 and 0.004
     assert rows[gust + 1] == [NAMES["paper_pd"], "1203", "-", "1204", "2203", "-", "2204", "2.21"]
 
 
 def test_the_hint_on_joint_mode_takes_its_numbers_from_the_flights() -> None:
-    joint, tip = hints(made())
+    joint, tip, noise = hints(made())
     assert "1420 mm and the joints to 1421 mrad the tip is 1422 mm away" in joint
     assert "by 1431 mrad in the wind" in tip
     assert "1430 mm, or 1630 mm" in tip
-    assert "within 1432 mm (1632 mm)" in tip
+    assert "mean tip error is 1432 mm (1632 mm)" in tip
+    assert "CT 1010 and 2010 mm, PD 1000 and 2000 mm" in noise
+    assert "1001 and 2001 mrad" in noise
 
 
 def test_a_law_that_did_not_fly_is_a_dash() -> None:

@@ -6,8 +6,10 @@ from typing import Any
 
 from rich.console import Console
 
+from skyarm.cli.lines import say
 from skyarm.cli.progress import bar
 from skyarm.compare.entrants import ENTRANTS
+from skyarm.compare.replaced import replaced
 from skyarm.compare.results import SUITE, Bench, fly_bench, prepare
 from skyarm.compare.suite import conditions
 from skyarm.compare.tables import report
@@ -41,8 +43,11 @@ def compare(
     flown = _chosen("--conditions", columns, conditions(plants, seeds))
     folder = require_writable(out)
     prepare(folder)
+    bench = Bench(entrants=entrants, conditions=flown, seed=seed, plant=plant, single=single)
+    other = replaced(bench, folder / "results.json")
+    if other:
+        say(f"{folder}: replaces the report of a bench of {'; '.join(other)} (cells of what flies no more stay)", 0)
     with bar(suite, console, pause=0.0) as advance:
-        bench = Bench(entrants=entrants, conditions=flown, seed=seed, plant=plant, single=single)
         found = fly_bench(bench, folder, threads=threads, progress=advance)
     console.print(report(found, entrants, flown), soft_wrap=True)
     console.print(f"comparison in {folder}: report.html, tables.md, results.json, laws.png", soft_wrap=True)

@@ -56,6 +56,7 @@ def vehicle_sheet(vehicle: Vehicle, gravity: float) -> RenderableType:
     add(table, "centre of mass from base origin", f"{millimetres} mm")
     if vehicle.planar:
         add(table, "inertia", "planar model: may be believed by a controller, not flown")
+    add(table, "frames", ", ".join(_frame(vehicle, frame.name) for frame in vehicle.frames) or "none")
     _hover_rows(table, vehicle, gravity)
     if vehicle.links:
         add(table, "arm reach from its first joint", _reach(vehicle))
@@ -94,10 +95,15 @@ def _reach(vehicle: Vehicle) -> str:
     return f"{shown(reach(vehicle), 4)} m"
 
 
+def _frame(vehicle: Vehicle, name: str) -> str:
+    return f"{name} (end effector)" if name == vehicle.end_effector else name
+
+
 def _hover_rows(table: Table, vehicle: Vehicle, gravity: float) -> None:
     if not vehicle.rotors:
         add(table, "rotors", "none")
         return
+    add(table, "rotors", ", ".join(rotor.name for rotor in vehicle.rotors))
     trim = hover_trim(vehicle, tuple(0.0 for _ in vehicle.links), gravity)
     if min(float(square) for square in trim.squared) < 0.0:
         add(table, "hover", "not possible level: a rotor would have to pull down")

@@ -8,10 +8,10 @@ import math
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from skyarm.cli.lines import printable
+from skyarm.cli.tables import aligned
 from skyarm.control.named import choices, is_named
 from skyarm.control.safety import guarded
 from skyarm.control.safety.memory import Guarded
@@ -24,8 +24,16 @@ OWN = "own"
 
 DPI = 160
 
-GAINS = {"rotor_gain": "all rotors", "one_rotor": "one rotor", "joint_gain": "all joints", "one_joint": "one joint"}
+GAINS = {"rotor_gain": "rotors", "one_rotor": "one rotor", "joint_gain": "joints", "one_joint": "one joint"}
 """Field of the margins -> head of its column."""
+
+NOTE = """\
+max |z|: spectral radius; slowest: largest real part of a rate, 1/s; delay:
+further dead time it bears, ms; rotors, joints: factors on the actuators'
+effect it bears, common to all of them, or (one) on that of any single rotor
+or joint, the others as they are. The worse of two linearisations, with the
+rotors' time constant upward and with that downward. Instants along a flight
+are frozen in time, and no proof that it is stable."""
 
 MOST_INSTANTS = 10_000
 """Along a flight: each takes about half a second."""
@@ -63,10 +71,7 @@ def margins(scenario: Scenario, instants: int, name: str | None, console: Consol
     file = None if name is None else output_file(name, "--json")
     held = _without_adaptation(scenario)
     found = evidence(held, instants)
-    table = Table(box=None, pad_edge=False, header_style="dim")
-    heads = ("instant", "largest |z|", "slowest, 1/s", "damping", "delay, ms", *GAINS.values())
-    for i, head in enumerate(heads):
-        table.add_column(Text(head), justify="right" if i else "left")
+    rows = [("at", "max |z|", "slowest", "damping", "delay", *GAINS.values())]
     for each in found.instants:
         rates = [s for m in each.by_lag.values() for s in m.s]
         cells = (
@@ -75,17 +80,13 @@ def margins(scenario: Scenario, instants: int, name: str | None, console: Consol
             f"{max((s.real for s in rates), default=-math.inf):.3g}",
             f"{_damping(rates):.2f}",
             _number(1e3 * each.delay),
-            *(" ... ".join(_number(k) for k in each.gain(field)) for field in GAINS),
+            *("-".join(_factor(k) for k in each.gain(field)) for field in GAINS),
         )
-        table.add_row(*(Text(cell) for cell in cells))
+        rows.append(cells)
     console.print(Text(printable(f"{found.controller} in {found.scenario}"), style="bold"))
-    console.print(table)
-    console.print("delay: further dead time it bears; gains: factors on the actuators' effect it bears; the worse of")
-    console.print("two linearisations, with the rotors' time constant upward and with that downward; a gain of all is")
-    console.print(
-        "common to them, a gain of one is that of any single rotor or joint, the others as they are; instants"
-    )
-    console.print("along a flight are frozen in time, and no proof that it is stable")
+    for line in aligned(rows):
+        console.print(line, soft_wrap=True)
+    console.print(NOTE, soft_wrap=True)
     if held is not scenario:
         console.print("the law's slow adaptation of load and friction is held")
     if not found.completed:
@@ -109,6 +110,13 @@ def _without_adaptation(scenario: Scenario) -> Scenario:
 def _damping(rates: list[complex]) -> float:
     """Smallest damping ratio of the oscillating eigenvalues; 1 without any."""
     return min((-s.real / abs(s) for s in rates if s.imag != 0.0 and abs(s) > 0.0), default=1.0)
+
+
+def _factor(value: float) -> str:
+    """A factor in at most four characters: a range of two fits its column."""
+    if math.isinf(value):
+        return "none"
+    return f"{value:.0f}" if value >= 99.95 else f"{value:.1f}" if value >= 9.995 else f"{value:.2f}"
 
 
 def _number(value: float) -> str:

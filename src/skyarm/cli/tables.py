@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
@@ -23,6 +25,18 @@ def table_of(*columns: str, left: int = 1) -> Table:
 def add(table: Table, *cells: str) -> None:
     """Add a row of plain text: rich would read [s] in a cell as markup."""
     table.add_row(*(Text(printable(cell)) for cell in cells))
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Rows as lines that never wrap or lose digits, however narrow the terminal: first column left, others right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        " ".join(
+            cell.rjust(width) if i else cell.ljust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in rows
+    ]
 
 
 def titled(title: str, table: Table) -> RenderableType:

@@ -20,13 +20,13 @@ TITLES = {
 CASE = "case3_wind"
 
 COLUMNS = (
-    ("perfect", Column("perfect: Case 3 base, mm", "case3", BASE)),
-    ("perfect", Column("tip, mm", "case3", TOOL)),
-    ("perfect", Column("wind base, mm", CASE, BASE)),
-    ("perfect", Column("tip, mm", CASE, TOOL)),
+    ("perfect", Column("perfect: case 3 base, mm", "case3", BASE)),
+    ("perfect", Column("perfect: case 3 tip, mm", "case3", TOOL)),
+    ("perfect", Column("perfect: wind base, mm", CASE, BASE)),
+    ("perfect", Column("perfect: wind tip, mm", CASE, TOOL)),
     ("noisy", Column("noisy: wind base, mm", CASE, BASE)),
-    ("noisy", Column("tip, mm", CASE, TOOL)),
-    ("noisy", Column("rotor jitter, rad/s", CASE, "rotor_jitter", 1.0)),
+    ("noisy", Column("noisy: wind tip, mm", CASE, TOOL)),
+    ("noisy", Column("noisy: wind rotor jitter, rad/s", CASE, "rotor_jitter", 1.0)),
 )
 
 SPREAD = ("plants", "plants_noisy")

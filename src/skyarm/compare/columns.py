@@ -21,20 +21,23 @@ BASE, JOINT, TOOL = (f"{what}_error_mean_continuous" for what in ("position", "j
 
 TRACKING = (
     Column("case 1 base, mm", "case1", BASE),
-    Column("joints, mrad", "case1", JOINT),
+    Column("case 1 joints, mrad", "case1", JOINT),
     Column("case 2 base, mm", "case2", BASE),
-    Column("joints, mrad", "case2", JOINT),
+    Column("case 2 joints, mrad", "case2", JOINT),
     Column("gust base x, mm", "case2_gust", "gust_peak_x_continuous"),
     Column("gust tip x, mm", "case2_gust", "gust_ee_peak_x_continuous"),
     Column("case 3 base, mm", "case3", BASE),
-    Column("tip, mm", "case3", TOOL),
+    Column("case 3 tip, mm", "case3", TOOL),
     Column("wind base, mm", "case3_wind", BASE),
-    Column("tip, mm", "case3_wind", TOOL),
+    Column("wind tip, mm", "case3_wind", TOOL),
     Column("45 deg tip, mm", "case3_wind_45", TOOL),
     Column("side tip, mm", "case3_wind_side", TOOL),
     Column("50 g, wind tip, mm", "case3_wind_payload", TOOL),
 )
 """Where the laws are on the truth."""
+
+WHICH = "gust: of Case 2; wind, 45 deg, side, 50 g: of Case 3"
+"""Which case a head means that names none."""
 
 WRONG = (
     Column("wind base, mm", "case3_wind", BASE),
@@ -49,7 +52,9 @@ COST = (
     Column("attitude motion, rad/s", "case3_wind", "rate_rms", 1.0),
     Column("largest tilt, deg", "case3_wind", "tilt_max", 57.29577951308232),
 )
-"""What the errors were bought with."""
+"""What the errors were bought with, in :data:`COST_CASE`."""
+
+COST_CASE = "Case 3 in wind"
 
 
 def value(summaries: Mapping[str, Any], column: Column, entrant: str) -> float | None:

@@ -7,7 +7,7 @@ from html import escape
 from typing import Any
 
 from skyarm.compare.ablations import TITLES, WHOLE, ablation_head, ablation_rows
-from skyarm.compare.columns import COST, TRACKING, WRONG, Column
+from skyarm.compare.columns import COST, COST_CASE, TRACKING, WHICH, WRONG, Column
 from skyarm.compare.entrants import Entrant
 from skyarm.compare.suite import CASES, Condition
 from skyarm.compare.tables import plants_rows, step_rows, truth_rows
@@ -48,7 +48,7 @@ def comparison_page(
         conditions: in order.
         pictures: caption -> PNG.
     """
-    body = ["".join(image(caption, caption, png) for caption, png in pictures.items())]
+    body = ["".join(image(caption, caption, png, wide=True) for caption, png in pictures.items())]
     body += [section(title, content) for title, content in main_tables(found, entrants, conditions)]
     times = step_rows(found)
     if times:
@@ -88,15 +88,19 @@ def _tables(summaries: Mapping[str, Any], entrants: Mapping[str, Entrant], condi
     if condition.spread:
         head = ["law"]
         for case in condition.cases:
-            head += [f">{case} success", ">tip, mm: mean / 95 %"]
-        rows = plants_rows(summaries, entrants, condition.cases)
+            head += [f">{case} success", f">{case} tip, mm: mean / 95 %"]
+        # an interval must not break inside: a wide table breaks before it
+        rows = [
+            [cell.replace(", ", ",\N{NO-BREAK SPACE}") for cell in row]
+            for row in plants_rows(summaries, entrants, condition.cases)
+        ]
         return grouped(head, _by_kind(rows, entrants), "Successes and tip errors")
     columns: Sequence[Column] = WRONG if condition.change else TRACKING
     return "".join(
         grouped(
             ("law", *(f">{c.head}" for c in each)), _by_kind(truth_rows(summaries, entrants, each), entrants), caption
         )
-        for caption, each in (("Errors", columns), ("What they were bought with", COST))
+        for caption, each in ((f"Errors ({WHICH})", columns), (f"What they were bought with, in {COST_CASE}", COST))
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from skyarm.compare.columns import COST, TOOL, TRACKING, WRONG, Column, value
+from skyarm.compare.columns import COST, COST_CASE, TOOL, TRACKING, WHICH, WRONG, Column, value
 from skyarm.compare.entrants import Entrant
 from skyarm.compare.suite import CASES, Condition
 
@@ -92,12 +92,17 @@ def report(found: Mapping[str, Any], entrants: Mapping[str, Entrant], conditions
             continue
         parts.append(f"## {name}: {condition.title}\n\n{condition.episodes} flights of each case.")
         if condition.spread:
-            head = ["law", *(part for case in condition.cases for part in (f"{case} success", "tip, mm: mean / 95 %"))]
+            head = [
+                "law",
+                *(part for case in condition.cases for part in (f"{case} success", f"{case} tip, mm: mean / 95 %")),
+            ]
             parts.append(markdown(head, plants_rows(summaries, entrants, condition.cases)))
             continue
         columns = WRONG if condition.change else TRACKING
+        parts.append(f"Errors ({WHICH}):")
         parts.append(markdown(["law", *(c.head for c in columns)], truth_rows(summaries, entrants, columns)))
         rows = truth_rows(summaries, entrants, COST)
+        parts.append(f"What they were bought with, in {COST_CASE}:")
         parts.append(markdown(["law", *(c.head for c in COST)], rows))
     rows = step_rows(found)
     if rows:

@@ -30,6 +30,8 @@ FURNITURE_HEIGHT = 0.58
 FONT = ["STIXGeneral", "DejaVu Serif"]
 TEXT_SIZE, SMALL_SIZE = 8.0, 7.0
 """pt."""
+PAGE_FONT, PAGE_WIDTH, PAGE_SIZE = ["DejaVu Sans"], 11.0, 9.5
+"""Of a figure as wide as a page: font like the page's, in, pt; 9.5 pt are about 14 px there."""
 SMALLEST_SPAN = {"m": 0.02, "rad": 0.02}
 """Extent of a value axis below which differences mean nothing in the paper's figures."""
 FRAME, GRID = "#333333", "#d9d9d9"
@@ -90,10 +92,10 @@ def stacked(title: str, panels: int) -> tuple[Figure, list[Axes]]:
     return figure, axes
 
 
-def dress(ax: Axes) -> Axes:
-    """Frame, grid and ticks of one panel."""
+def dress(ax: Axes, *, size: float = SMALL_SIZE, family: str = FONT[0]) -> Axes:
+    """Frame, grid and ticks of one panel; ticks of ``size`` pt."""
     ax.set_facecolor("white")
-    ax.tick_params(labelsize=SMALL_SIZE, labelfontfamily=FONT[0], direction="in", width=0.5, length=2.5, color=FRAME)
+    ax.tick_params(labelsize=size, labelfontfamily=family, direction="in", width=0.5, length=2.5, color=FRAME)
     ax.grid(visible=True, color=GRID, linewidth=0.4)
     ax.set_axisbelow(True)
     ax.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 2.5, 5, 10]))
@@ -144,7 +146,14 @@ def limits(values: Iterable[Array], *, floor: bool, span: float, cap: float) -> 
     return low - 0.07 * (high - low), high + 0.07 * (high - low)
 
 
-def legend(figure: Figure, handles: Sequence[Any], labels: Sequence[str]) -> None:
+def legend(
+    figure: Figure,
+    handles: Sequence[Any],
+    labels: Sequence[str],
+    *,
+    size: float = SMALL_SIZE,
+    family: Sequence[str] = FONT,
+) -> None:
     """One legend for the whole figure, below the time axis."""
     figure.legend(
         handles,
@@ -152,7 +161,7 @@ def legend(figure: Figure, handles: Sequence[Any], labels: Sequence[str]) -> Non
         loc="outside lower center",
         ncols=min(len(labels), 5) or 1,
         frameon=False,
-        prop={"size": SMALL_SIZE, "family": FONT},
+        prop={"size": size, "family": list(family)},
         handlelength=2.2,
         columnspacing=1.1,
         handletextpad=0.5,

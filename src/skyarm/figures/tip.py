@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -14,8 +15,10 @@ from skyarm.figures import style
 from skyarm.figures.style import Look
 from skyarm.simulate import Log, Window
 
-WIDTH, HEIGHT = 5.2, 3.1
+HEIGHT = 4.6
 """in."""
+
+TEXT: dict[str, Any] = {"fontsize": style.PAGE_SIZE, "family": style.PAGE_FONT}
 
 SMALLEST = 1e-3
 """mm: below it a crossing of zero says nothing and would stretch the axis."""
@@ -39,9 +42,10 @@ def tip_figure(logs: Mapping[str, Log], window: Window, title: str) -> Figure:
         window: of the metrics; shaded.
         title: of the figure.
     """
-    figure = Figure(figsize=(WIDTH, HEIGHT), layout=ConstrainedLayoutEngine(w_pad=0.04, h_pad=0.04), facecolor="white")
+    layout = ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.05)
+    figure = Figure(figsize=(style.PAGE_WIDTH, HEIGHT), layout=layout, facecolor="white")
     FigureCanvasAgg(figure)
-    ax = style.dress(figure.subplots())
+    ax = style.dress(figure.subplots(), size=style.PAGE_SIZE, family=style.PAGE_FONT[0])
     style.shade_window(ax, (window.start, window.stop))
     for (name, log), look in zip(logs.items(), LINES, strict=False):
         error = 1e3 * np.linalg.norm(log.tool - log.tool_reference, axis=1)
@@ -53,9 +57,9 @@ def tip_figure(logs: Mapping[str, Log], window: Window, title: str) -> Figure:
     ax.set_yscale("log")
     ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     ax.set_xlim(0.0, max((float(log.time[-1]) for log in logs.values() if log.time.size), default=1.0))
-    ax.set_xlabel("Time [s]", fontsize=style.TEXT_SIZE, family=style.FONT)
-    ax.set_ylabel("Error of the tip [mm]", fontsize=style.TEXT_SIZE, family=style.FONT)
-    ax.set_title(title, fontsize=style.TEXT_SIZE, family=style.FONT)
+    ax.set_xlabel("Time [s]", **TEXT)
+    ax.set_ylabel("Error of the tip [mm]", **TEXT)
+    ax.set_title(title, **TEXT)
     handles, labels = ax.get_legend_handles_labels()
-    style.legend(figure, handles, labels)
+    style.legend(figure, handles, labels, size=style.PAGE_SIZE, family=style.PAGE_FONT)
     return figure

@@ -22,6 +22,9 @@ def section(title: str, content: str) -> str:
 
 Rows = Iterable[Iterable[str]]
 
+MANY = 9
+"""Columns above which a table is set smaller and its cells may break."""
+
 
 def table(head: Iterable[str], rows: Rows, caption: str = "") -> str:
     """A table whose first column names the rows; wide ones scroll by themselves."""
@@ -50,11 +53,13 @@ def grouped(head: Iterable[str], groups: Iterable[tuple[str, Rows]], caption: st
             lines.append(f'<tr><th scope="row">{escape(first)}</th>{cells}</tr>')
         bodies.append(f"<tbody>{''.join(lines)}</tbody>")
     above = f"<caption>{escape(caption)}</caption>" if caption else ""
-    return f'<div class="table"><table>{above}<thead><tr>{top}</tr></thead>{"".join(bodies)}</table></div>'
+    size = ' class="many"' if len(names) > MANY else ""
+    return f'<div class="table"><table{size}>{above}<thead><tr>{top}</tr></thead>{"".join(bodies)}</table></div>'
 
 
-def image(alternative: str, caption: str, png: bytes) -> str:
-    """A picture inside the page."""
+def image(alternative: str, caption: str, png: bytes, *, wide: bool = False) -> str:
+    """A picture inside the page; a wide one takes all of its width."""
     data = base64.b64encode(png).decode("ascii")
     picture = f'<img alt="{escape(alternative)}" src="data:image/png;base64,{data}">'
-    return f"<figure>{picture}<figcaption>{escape(caption)}</figcaption></figure>"
+    kind = ' class="wide"' if wide else ""
+    return f"<figure{kind}>{picture}<figcaption>{escape(caption)}</figcaption></figure>"
