@@ -103,7 +103,7 @@ def _all() -> tuple[Entrant, ...]:
             name="exact_ee without adaptation",
             group="part",
             law="exact",
-            options={"mode": "ee", "adaptation": 0.0},
+            options={"mode": "ee", "adaptation": 0.0, "friction_adaptation": 0.0},
             perfect=stiff,
         ),
     )
