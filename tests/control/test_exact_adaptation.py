@@ -225,6 +225,23 @@ def test_what_is_learned_acts_as_what_is_observed(mode):
     np.testing.assert_allclose(other.efforts, one.efforts, atol=2e-4)
 
 
+def test_what_is_learned_is_what_the_observer_finds_in_this_period():
+    """A joint that is faster than foreseen, from a memory that knows of no disturbance."""
+    scenario = planned("case3_wind", preset="robust")
+    flown = fly(scenario).memory
+    still = first_learned(2)
+    calm = dataclasses.replace(flown.observed, efforts=(0.0, 0.0))
+    reading = measurement_of(calm)
+    pushed = dataclasses.replace(reading, joint_rates=tuple(rate + 0.1 for rate in reading.joint_rates))
+    memory = dataclasses.replace(flown, observed=calm, learned=still)
+    wanted = scenario.trajectory.at(20.0).dense()
+    following, _ = scenario.controller.law(memory, pushed, wanted, 0.005, par=scenario.controller.par)
+    assert np.abs(following.observed.efforts).min() > 1e-4
+    for joint, found in zip(following.learned.joints, following.observed.efforts, strict=True):
+        # all of it is taken for constant at first, but for what the joint's own error takes from its trust
+        assert 0.5 < joint.level / (WEIGHT * 0.005 * found) <= 1.0
+
+
 def measurement_of(observed):
     blank = blank_measurement(2, 4)
     names = ("position", "quaternion", "velocity", "rate", "joints", "joint_rates", "rotor_speeds")
