@@ -181,6 +181,9 @@ def basin(
     folder = require_writable(out)
     found = fly(scenario, flights, seed=seed, threads=threads, **limits)
     flown = label if label and label != OWN else found.controller
+    # a map under guard is another map
+    if isinstance(scenario.controller.par, Guarded) and not flown.startswith("guarded_"):
+        flown = f"guarded_{flown}"
     name = f"basin_{flown}_{scenario.name}"
     write_atomically(folder / f"{name}.json", (json.dumps(found.plain(), indent=1, allow_nan=False) + "\n").encode())
     write_atomically(folder / f"{name}.png", image_bytes(basin_figure(found), dpi=DPI))
