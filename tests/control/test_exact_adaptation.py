@@ -90,8 +90,8 @@ def test_the_mass_moves_by_the_normalised_gradient():
     before = hearing(par, plan, dataclasses.replace(first_learned(2), tip_mass=0.01))
     found = adapted(par, before, plan, (0.0, 0.0), tuple((0.05 * y).tolist()), FREE, 0.005)
     assert found.tip_mass - 0.01 == pytest.approx(0.3 * 0.005 * 0.05 * (y @ y) / (y @ y + SMALL), rel=1e-9)
-    np.testing.assert_allclose(found.efforts, found.tip_mass * y, rtol=1e-12)
-    np.testing.assert_allclose(array(found.force), [0.0, 0.0, -9.8 * found.tip_mass], atol=1e-15)
+    np.testing.assert_allclose(found.fed.efforts, found.tip_mass * y, rtol=1e-12)
+    np.testing.assert_allclose(array(found.fed.force), [0.0, 0.0, -9.8 * found.tip_mass], atol=1e-15)
 
 
 def test_each_joint_moves_by_the_normalised_gradient():
@@ -109,7 +109,7 @@ def test_each_joint_moves_by_the_normalised_gradient():
         assert joint.level == pytest.approx(level + WEIGHT * 0.005 * error, rel=1e-9)
         assert joint.slope == pytest.approx(slope + WEIGHT * 0.005 * error * q[i] / (q[i] ** 2 + small), rel=1e-9)
         # friction acts against the motion
-        assert found.efforts[i] == pytest.approx(-joint.damping * qd[i], rel=1e-12)
+        assert found.fed.efforts[i] == pytest.approx(-joint.damping * qd[i], rel=1e-12)
 
 
 @pytest.mark.parametrize("periods", [0, 2])
@@ -208,14 +208,14 @@ def test_what_is_learned_acts_as_what_is_observed(mode):
     law, par = scenario.controller.law, scenario.controller.par
     flown = fly(scenario).memory
     observed = flown.observed
-    learned = dataclasses.replace(flown.learned, force=observed.force, torque=observed.torque, efforts=observed.efforts)
+    fed = Disturbance(force=observed.force, torque=observed.torque, efforts=observed.efforts)
     moved = dataclasses.replace(
         flown,
-        learned=learned,
+        learned=dataclasses.replace(flown.learned, fed=fed),
         observed=dataclasses.replace(observed, force=ZERO, torque=ZERO, efforts=(0.0, 0.0)),
         slow_force=ZERO,
     )
-    none = dataclasses.replace(flown.learned, force=ZERO, torque=ZERO, efforts=(0.0, 0.0))
+    none = dataclasses.replace(flown.learned, fed=Disturbance(force=ZERO, torque=ZERO, efforts=(0.0, 0.0)))
     plain = dataclasses.replace(flown, learned=none, slow_force=observed.force)
     reading = measurement_of(observed)
     wanted = scenario.trajectory.at(20.0).dense()

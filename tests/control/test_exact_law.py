@@ -200,14 +200,14 @@ def test_the_observer_finds_a_constant_force_and_its_torque(windy):
     observed, learned = windy.memory.observed, windy.memory.learned
     # a trace of the start is still taken for a load
     assert abs(learned.tip_mass) < 1e-4
-    assert leaves(observed.force + learned.force) == pytest.approx((0.6, -0.4, 0.3), abs=1e-4)
+    assert leaves(observed.force + learned.fed.force) == pytest.approx((0.6, -0.4, 0.3), abs=1e-4)
     # the force turned into the tilted body, at its point
     from scipy.spatial.transform import Rotation
 
     w, x, y, z = windy.quaternion[0, -1]
     push = Rotation.from_quat([x, y, z, w]).inv().apply([0.6, -0.4, 0.3])
-    assert leaves(observed.torque + learned.torque) == pytest.approx(np.cross([0.03, -0.02, 0.0], push), abs=1e-5)
-    efforts = [a + b for a, b in zip(observed.efforts, learned.efforts, strict=True)]
+    assert leaves(observed.torque + learned.fed.torque) == pytest.approx(np.cross([0.03, -0.02, 0.0], push), abs=1e-5)
+    efforts = [a + b for a, b in zip(observed.efforts, learned.fed.efforts, strict=True)]
     assert efforts == pytest.approx((0.0, 0.0), abs=1e-5)
     assert windy.base[0, -1] < 0.01
 

@@ -420,6 +420,7 @@ def test_units_are_of_fields_that_exist():
         memory.ExactMemory,
         memory.Learned,
         memory.JointLearned,
+        memory.Disturbance,
         memory.Heard,
         memory.Channel,
         memory.Observed,

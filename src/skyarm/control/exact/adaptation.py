@@ -53,15 +53,9 @@ FOLLOWING = 2.0
 
 def first_learned(joints: int) -> Learned:
     """Memory before the first measurement: nothing is known."""
-    still, zero = (0.0,) * joints, Vec3(0.0, 0.0, 0.0)
     silent = Heard(load=0.0, place=0.0, rate=0.0)
     joint = JointLearned(damping=0.0, level=0.0, slope=0.0, once=silent, twice=silent, moving=0.0, off=0.0)
-    return Learned(tip_mass=0.0, joints=(joint,) * joints, force=zero, torque=zero, efforts=still)
-
-
-def known(learned: Learned) -> Disturbance:
-    """What is fed forward."""
-    return Disturbance(force=learned.force, torque=learned.torque, efforts=learned.efforts)
+    return Learned(tip_mass=0.0, joints=(joint,) * joints, fed=_nothing(joints))
 
 
 def adapted(
@@ -86,7 +80,7 @@ def adapted(
     """
     places = [q.derivative(0) for q in planned.joints]
     wanted = [q.derivative(1) for q in planned.joints]
-    unit = unit_load(par.model.vehicle, planned) if par.adapts_load else _no_load(len(places))
+    unit = unit_load(par.model.vehicle, planned) if par.adapts_load else _nothing(len(places))
     share = _share(par, dt)
     seen = []
     for joint, load, place, rate, qd in zip(learned.joints, unit.efforts, places, wanted, rates, strict=True):
@@ -97,13 +91,12 @@ def adapted(
         mass = _mass(par, mass, [joint.twice.load for joint in seen], left, trust, dt)
     joints = [_joint(par, i, joint, d, t, dt) for i, (joint, d, t) in enumerate(zip(seen, left, trust, strict=True))]
     taken = [mul(joint.damping, rate) for joint, rate in zip(joints, wanted, strict=True)]
-    return Learned(
-        tip_mass=mass,
-        joints=tuple(joints),
+    fed = Disturbance(
         force=vector_data(unit.force * mass),
         torque=vector_data(unit.torque * mass),
         efforts=tuple(data(sub(mul(mass, y), t)) for y, t in zip(unit.efforts, taken, strict=True)),
     )
+    return Learned(tip_mass=mass, joints=tuple(joints), fed=fed)
 
 
 def unit_load(vehicle: Vehicle, planned: Planned) -> Disturbance:
@@ -120,7 +113,7 @@ def unit_load(vehicle: Vehicle, planned: Planned) -> Disturbance:
     )
 
 
-def _no_load(joints: int) -> Disturbance:
+def _nothing(joints: int) -> Disturbance:
     zero = Vec3(0.0, 0.0, 0.0)
     return Disturbance(force=zero, torque=zero, efforts=(0.0,) * joints)
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.control.controller import all_obeyed
-from skyarm.control.exact.adaptation import adapted, known
+from skyarm.control.exact.adaptation import adapted
 from skyarm.control.exact.disturbance import Disturbance
 from skyarm.control.exact.extrapolation import continued, samples
 from skyarm.control.exact.memory import ExactMemory, Observed
@@ -40,7 +40,7 @@ def exact(
     signals, channels, age = continued(
         memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period, par.continuation
     )
-    model, before, fed = par.model, memory.observed, known(memory.learned)
+    model, before, fed = par.model, memory.observed, memory.learned.fed
     observed = observe(
         model,
         par.observer,

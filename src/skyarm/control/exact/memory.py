@@ -7,6 +7,7 @@ from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.control.exact.disturbance import Disturbance
 from skyarm.scalars import Scalar, where
 
 
@@ -100,14 +101,12 @@ class Learned:
 
     Attributes:
         tip_mass: kg, beyond the model's. joints: of each.
-        force: N, world axes. torque: N m, base axes. efforts: of the joints.
+        fed: forward, as a disturbance that is known.
     """
 
     tip_mass: Scalar
     joints: tuple[JointLearned, ...]
-    force: Vec3
-    torque: Vec3
-    efforts: tuple[Scalar, ...]
+    fed: Disturbance
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
