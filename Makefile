@@ -1,24 +1,38 @@
-# Two jobs for a newcomer: `make reproduce` and `make test`. Both build .venv first if it is not there.
+# Two jobs for a newcomer: `make reproduce` and `make test`. Both build .venv first if it is not there; `make help` says the rest.
 PYTHON ?= python3
 VENV := .venv
+LOWEST := .venv-lowest
 BIN := $(VENV)/bin
+PIP := -m pip install --quiet --disable-pip-version-check
 OUT ?= out/paper
+BENCH ?= out/bench.json
+WORKERS ?= 2
+TESTS ?=
 
-.PHONY: reproduce test bench lint clean help
+.PHONY: reproduce test test-lowest docs fresh attack digests mutants bench lint hooks clean help
 
 help:
-	@echo "make reproduce   fly the paper's five experiments on both plants; results in $(OUT)"
-	@echo "make test        lint, types, import contract, every test"
-	@echo "make bench       measure every engine on this machine; numbers in out/bench.json"
-	@echo "make lint        ruff, mypy, import contract"
+	@echo "make reproduce    fly the paper's five experiments on both plants; OUT=$(OUT) is the folder of the results"
+	@echo "make test         lint, and every test but attacks and digests; TESTS='tests/plant -k wind' runs these only"
+	@echo "make test-lowest  every test on the lowest versions of pyproject.toml, in $(LOWEST); PYTHON must be 3.11"
+	@echo "make docs         the tests of README, docs and examples: what they show is run"
+	@echo "make fresh        build source and wheel into dist, install the wheel alone, weigh it, run the README's commands"
+	@echo "make attack       kills at random times, signal races, full disks, forged folders, fuzzed files: some minutes"
+	@echo "make digests      every flight of the paper's cases against the digest it had: some twenty minutes"
+	@echo "make mutants      change 300 drawn lines, one at a time, and name those no test sees: hours; WORKERS=$(WORKERS) processes"
+	@echo "make bench        measure every engine on this machine; BENCH=$(BENCH) is the file of the numbers"
+	@echo "make lint         ruff, mypy, import contract"
+	@echo "make hooks        run lint's quick parts before each commit (pre-commit, in $(VENV))"
+	@echo "make clean        remove environments, results, builds and caches"
+	@echo "PYTHON=$(PYTHON) makes the environments, of the versions in constraints.txt."
 
 $(VENV)/.core: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	$(BIN)/python $(PIP) -c constraints.txt -e .
 	@touch $@
 
 $(VENV)/.test: $(VENV)/.core
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[test]"
+	$(BIN)/python $(PIP) -c constraints.txt -e ".[test]"
 	@touch $@
 
 reproduce: $(VENV)/.core
@@ -31,10 +45,43 @@ lint: $(VENV)/.test
 	$(BIN)/lint-imports
 
 test: lint
-	$(BIN)/pytest
+	$(BIN)/pytest $(TESTS)
+
+$(LOWEST)/.installed: pyproject.toml tests/lowest.py
+	rm -rf $(LOWEST)
+	$(PYTHON) -m venv $(LOWEST)
+	$(LOWEST)/bin/python tests/lowest.py pins > $(LOWEST)/pins.txt
+	$(LOWEST)/bin/python $(PIP) -r $(LOWEST)/pins.txt
+	$(LOWEST)/bin/python $(PIP) --no-deps -e .
+	@touch $@
+
+test-lowest: $(LOWEST)/.installed
+	$(LOWEST)/bin/python tests/lowest.py run
+
+docs: $(VENV)/.test
+	$(BIN)/pytest tests/test_readme.py tests/test_docs*.py tests/openness
+
+fresh:
+	$(PYTHON) tests/release.py build
+	$(PYTHON) tests/release.py install
+
+attack: $(VENV)/.test
+	$(BIN)/pytest -m attack tests/attacks
+
+digests: $(VENV)/.test
+	$(BIN)/pytest -m digests tests/simulate/test_flight_digests.py
+
+mutants: $(VENV)/.test
+	$(BIN)/python tests/mutation/mutants.py reach --workers $(WORKERS)
+	$(BIN)/python tests/mutation/mutants.py run --workers $(WORKERS)
+	$(BIN)/python tests/mutation/mutants.py score
 
 bench: $(VENV)/.core
-	$(BIN)/python -m skyarm bench --json out/bench.json
+	$(BIN)/python -m skyarm bench --json $(BENCH)
+
+hooks: $(VENV)/.test
+	$(BIN)/python $(PIP) -c constraints.txt pre-commit
+	$(BIN)/pre-commit install
 
 clean:
-	rm -rf $(VENV) out build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) $(LOWEST) out build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache

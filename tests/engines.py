@@ -11,6 +11,12 @@ import pytest
 ENGINES = ("floats", "numpy", "jax", "casadi", "trace")
 
 
+def jax_doubles(allowed: bool = True) -> Any:
+    """A context in which JAX computes in 64 bits, or in 32; newer versions have it under another name."""
+    jax = pytest.importorskip("jax")
+    return jax.enable_x64(allowed) if hasattr(jax, "enable_x64") else jax.experimental.enable_x64(allowed)
+
+
 def evaluate(engine: str, function: Callable[..., Sequence[Any]], lanes: Sequence[Sequence[float]]) -> np.ndarray:
     """``function(*scalars) -> sequence of scalars`` at each lane; rows are lanes, columns outputs."""
     return {"floats": _floats, "numpy": _numpy, "jax": _jax, "casadi": _casadi, "trace": _trace}[engine](
@@ -33,7 +39,7 @@ def _numpy(function: Any, lanes: Any) -> np.ndarray:
 
 def _jax(function: Any, lanes: Any) -> np.ndarray:
     jax = pytest.importorskip("jax")
-    with jax.enable_x64(True):
+    with jax_doubles():
         columns = [jax.numpy.asarray(column) for column in np.array(lanes, dtype=float).T]
         return _spread(function(*columns), len(lanes))
 

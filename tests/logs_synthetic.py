@@ -67,6 +67,7 @@ def synthetic_log(case: str, plant: str, controller: str, seconds: float = 30.0)
             "status": "completed",
             "cause": "",
             "end_time": seconds,
+            "duration": seconds,
             "rates_hz": {"physics": 1000, "control": 200, "reference": 50},
         },
     )

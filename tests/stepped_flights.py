@@ -10,15 +10,15 @@ import numpy as np
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves
+from skyarm.control.catalogue import preset
 from skyarm.control.model import Model
-from skyarm.control.presets import preset
 from skyarm.dynamics import State
-from skyarm.dynamics.measurement import Measurement
 from skyarm.environment import WindSample
-from skyarm.plant.interface import World
+from skyarm.plant.interface import Truth
 from skyarm.plant.rigid_body import step_euler, step_rk4
 from skyarm.reference import Constant, Reference, Sine, Trajectory
 from skyarm.scalars import cos, log, philox, sin, sqrt
+from skyarm.sensors.measurement import Measurement
 
 PERIOD = 0.005
 
@@ -52,7 +52,7 @@ def pendulum_step(at: Pendulum, par: Constants, row: Any, draws: Any) -> Any:
 
 TRUTH = skyarm.load_vehicle("hummingbird_arm2_rotors")
 CONTROLLER = preset("paper_ct", Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"), gravity=9.81))
-FLOWN = World(vehicle=TRUTH, gravity=9.8)
+FLOWN = Truth(vehicle=TRUTH, gravity=9.8)
 FLIGHT = Trajectory(
     x=Sine(amplitude=0.3, frequency_hz=0.5),
     z=Constant(1.0),

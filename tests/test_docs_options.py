@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from skyarm.compile import leaves
-from skyarm.control.exact.presets import COMMON, ENTRIES, PERIODS, PRESETS, RANGES
-from skyarm.control.registry import LAWS
-from skyarm.simulate.law_table import PYTHON_ONLY, WORDS, law_words
-from skyarm.simulate.scenario_file import scenario_from
+from skyarm.control.catalogue import LAWS
+from skyarm.control.laws.centroidal.gain_presets import COMMON, ENTRIES, PERIODS, PRESETS, RANGES
+from skyarm.scenario.law_table import PYTHON_ONLY, WORDS, law_words
+from skyarm.scenario.scenario_file import scenario_from
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = (DOCS / "scenario_files.md").read_text("utf-8").split("## Options of the laws")[1].split("## Safety")[0]
@@ -26,7 +26,7 @@ def laws_of(cell):
 
 
 def documented(law):
-    if law == "exact":
+    if law == "centroidal":
         return {option: row[2] for option, row in EXACT_ROWS.items()}
     return {row[1].strip("`"): row[3] for row in LAW_ROWS if law in laws_of(row[0])}
 
@@ -50,7 +50,7 @@ def test_every_row_is_about_laws_and_complete():
     for row in (*LAW_ROWS, *EXACT_ROWS.values()):
         assert len(row) == 5, row
         assert all(row), row
-    assert {law for row in LAW_ROWS for law in laws_of(row[0])} == set(LAWS) - {"exact"}
+    assert {law for row in LAW_ROWS for law in laws_of(row[0])} == set(LAWS) - {"centroidal"}
     assert "`network`" in PAGE
 
 
@@ -93,7 +93,7 @@ def test_the_weights_on_the_page_are_the_laws():
     assert set(re.findall(r"\w+", named.split("}")[0])) == set(weights)
 
 
-def test_both_columns_of_the_exact_law_are_its_presets():
+def test_both_columns_of_the_centroidal_law_are_its_presets():
     for i, name in ((2, "robust"), (3, "stiff")):
         for entry in ENTRIES:
             value = tomllib.loads(f"x = {EXACT_ROWS[entry][i].strip('`')}")["x"]
@@ -108,8 +108,8 @@ def test_ranges_on_the_page_are_those_that_are_checked():
         assert EXACT_ROWS[entry][4].startswith("{:g} to {:g}".format(*PERIODS)), entry
 
 
-def test_numbers_on_the_page_of_the_exact_law_are_those_of_its_presets():
-    text = " ".join((DOCS / "exact_law.md").read_text("utf-8").split())
+def test_numbers_on_the_page_of_the_centroidal_law_are_those_of_its_presets():
+    text = " ".join((DOCS / "centroidal_law.md").read_text("utf-8").split())
     assert f"`reach` ({COMMON['reach']:g} m," in text
     assert f"`damping` ({COMMON['damping']:g} m," in text
     assert f"(`shift_limit`, {COMMON['shift_limit']:g} m)" in text
@@ -118,12 +118,12 @@ def test_numbers_on_the_page_of_the_exact_law_are_those_of_its_presets():
     assert PRESETS["stiff"]["lag_inversion"] == 1.0, '"stiff" inverts the motor lag in full'
 
 
-def test_the_exact_law_shown_is_made():
-    text = (DOCS / "exact_law.md").read_text("utf-8")
+def test_the_centroidal_law_shown_is_made():
+    text = (DOCS / "centroidal_law.md").read_text("utf-8")
     (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    names = {"model": made("exact").controller.par.model}
-    exec(compile(code, "exact_law.md", "exec"), names)
-    assert (names["controller"].name, names["controller"].par.delay_periods) == ("exact_ee", 1)
+    names = {"model": made("centroidal").controller.par.model}
+    exec(compile(code, "centroidal_law.md", "exec"), names)
+    assert (names["controller"].name, names["controller"].par.delay_periods) == ("centroidal_tip", 1)
 
 
 def test_a_scenario_tells_the_laws_its_clocks_and_its_delay():

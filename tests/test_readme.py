@@ -4,13 +4,10 @@ import re
 import shlex
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[1]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-LINES = [line.split("#")[0].strip() for line in README.splitlines() if line.startswith("    ")]
+from readme_commands import LINES, README, ROOT, SHOWN, code_shown, words_to_run
 
 
 def test_every_make_target_shown_exists():
@@ -18,9 +15,6 @@ def test_every_make_target_shown_exists():
     shown = {line.split()[1] for line in LINES if line.startswith("make ")}
     assert shown
     assert shown <= targets
-
-
-SHOWN = [line for line in LINES if line.startswith("skyarm ")]
 
 
 def test_the_readme_shows_commands():
@@ -36,17 +30,13 @@ def test_the_readme_shows_commands():
         "compare",
         "margins",
         "basin",
+        "cache",
     }
 
 
 @pytest.mark.parametrize("line", SHOWN)
 def test_every_command_shown_runs(line, tmp_path):
-    words = shlex.split(line)[1:]
-    if words[0] in ("reproduce", "sweep", "stats", "bench", "compare", "margins", "basin"):
-        # these take a minute or need the one before, and have tests of their own; here their options must be understood
-        words = [*words, "--help"]
-    elif words[0] == "run":
-        words = [*words, "--duration", "1", "--out", str(tmp_path)]
+    words = words_to_run(line, tmp_path)
     done = subprocess.run(
         [sys.executable, "-m", "skyarm", *words], capture_output=True, text=True, check=False, cwd=tmp_path
     )
@@ -55,7 +45,7 @@ def test_every_command_shown_runs(line, tmp_path):
 
 
 def test_the_code_shown_runs(capsys):
-    (code,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    code = code_shown()
     assert len(code.strip().splitlines()) <= 12
     exec(compile(code, "README.md", "exec"), {})
     words = capsys.readouterr().out.split()
@@ -77,7 +67,7 @@ def test_the_table_of_laws_is_what_flights_give():
     (table,) = re.findall(r"<!-- compare: .*?-->\n(.*?)<!-- /compare -->", README, re.DOTALL)
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.strip().splitlines()[2:]]
     perfect = conditions()["perfect"]
-    for row, name in zip(rows, ("paper_pd", "paper_ct", "exact_joint", "exact_ee"), strict=True):
+    for row, name in zip(rows, ("paper_pd", "paper_ct", "centroidal_joint", "centroidal_tip"), strict=True):
         flown = []
         for case in ("case3", "case3_wind"):
             found = fly(Flights(entrant=ENTRANTS[name], case=CASES[case], condition=perfect)).metrics

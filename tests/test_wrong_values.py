@@ -98,12 +98,12 @@ def test_gravity_is_one_finite_number(value: Any) -> None:
         refused("gravity", value, "must be one finite number", call)
     refused("gravity", value, "one", lambda: skyarm.euler_lagrange.gravity_vector(RATES, gravity=value))
     if not isinstance(value, np.ndarray):
-        for record in (skyarm.World, skyarm.Model):
+        for record in (skyarm.Truth, skyarm.Model):
             refused("gravity", value, "number", lambda: record(vehicle=vehicle(), gravity=value))  # noqa: B023
 
 
 def test_gravity_does_not_push_up() -> None:
-    for record in (skyarm.World, skyarm.Model):
+    for record in (skyarm.Truth, skyarm.Model):
         refused("gravity", -9.81, "must be at least 0", lambda: record(vehicle=vehicle(), gravity=-9.81))  # noqa: B023
 
 
@@ -113,7 +113,7 @@ def test_what_is_no_record_is_refused(value: Any) -> None:
     refused("document", value, "must be a table", lambda: skyarm.scenario_from(value), skyarm.ScenarioError)
     refused("model", value, "must be a Model", lambda: skyarm.make_controller("decoupled_pd", value))
     refused("model", value, "must be a Model", lambda: skyarm.preset("paper_ct", value))
-    refused("world.vehicle", value, "must be a Vehicle", lambda: skyarm.World(vehicle=value))
+    refused("world.vehicle", value, "must be a Vehicle", lambda: skyarm.Truth(vehicle=value))
     refused("model.vehicle", value, "must be a Vehicle", lambda: skyarm.Model(vehicle=value))
 
 

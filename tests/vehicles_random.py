@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import Mat3, Sym3, Vec3
-from skyarm.vehicle.records import BASE, Body, Frame, Joint, Link, Vehicle
+from skyarm.vehicle.vehicle_records import BASE, Body, Frame, Joint, Link, Vehicle
 
 GRAVITY = 9.81
 

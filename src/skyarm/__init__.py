@@ -7,14 +7,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 if TYPE_CHECKING:
+    from skyarm.actuation import Command
+    from skyarm.actuation.drive import Drive
+    from skyarm.algebra import Mat3, Quaternion, Vec3
+    from skyarm.control.catalogue import Controller, make_controller, preset
     from skyarm.control.model import Model
-    from skyarm.control.presets import preset
-    from skyarm.control.registry import Controller, make_controller
-    from skyarm.dynamics import euler_lagrange
-    from skyarm.dynamics.arrays import (
+    from skyarm.dynamics import State, euler_lagrange
+    from skyarm.dynamics.array_front import (
         center_of_mass,
         energy,
         forward_dynamics,
@@ -24,20 +26,44 @@ if TYPE_CHECKING:
         mass_matrix,
         momentum,
     )
-    from skyarm.experiments.reproduce import reproduce
-    from skyarm.plant.interface import World
-    from skyarm.plant.sensors import SensorNoise
-    from skyarm.reference import Ramp, Sine, Trajectory, circle, hover
-    from skyarm.simulate import Delays, Log, Rates, Scenario, ScenarioError, run
-    from skyarm.simulate.scenario_file import list_scenarios, load_scenario, scenario_from
+    from skyarm.environment import Air, Fault, Force, ForceWind, Gust, MovingAir, Payload, Wrench
+    from skyarm.estimate.estimator import Estimator
+    from skyarm.figures.flight_plot import plot
+    from skyarm.log.flight_log import Log
+    from skyarm.log.formats import LogFormat, load_log, save_log
+    from skyarm.metrics.metric import Metric
+    from skyarm.metrics.score import score
+    from skyarm.metrics.windows import Windows
+    from skyarm.paper.reproduce import reproduce
+    from skyarm.plant.interface import Truth
+    from skyarm.reference import Constant, Ramp, Reference, Sine, Trajectory, circle, hover
+    from skyarm.registry import register
+    from skyarm.scalars.philox import normals
+    from skyarm.scenario.endings import Ending
+    from skyarm.scenario.numbers import with_numbers
+    from skyarm.scenario.scenario_file import list_scenarios, load_scenario, scenario_from
+    from skyarm.scenario.scenario_record import Delays, JointDrive, NamedSensor, Rates, Scenario, ScenarioError
+    from skyarm.sensors.measurement import Measurement
+    from skyarm.sensors.noise import SensorNoise
+    from skyarm.sensors.sensor import Sensor
+    from skyarm.simulate.batch import Batch
+    from skyarm.simulate.batch_session import BatchSession
+    from skyarm.simulate.loop import run
+    from skyarm.simulate.session import Session
+    from skyarm.sweep.fly_sweep import fly_sweep
+    from skyarm.sweep.study import StudyError
+    from skyarm.sweep.study_file import list_studies, load_study
     from skyarm.vehicle import Body, Frame, Joint, Link, Rotor, Vehicle, VehicleError
-    from skyarm.vehicle.files import list_vehicles, load_vehicle
+    from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 
 _ROOMS = {
+    "skyarm.actuation": ("Command",),
+    "skyarm.actuation.drive": ("Drive",),
+    "skyarm.algebra": ("Mat3", "Quaternion", "Vec3"),
+    "skyarm.control.catalogue": ("Controller", "make_controller", "preset"),
     "skyarm.control.model": ("Model",),
-    "skyarm.control.presets": ("preset",),
-    "skyarm.control.registry": ("Controller", "make_controller"),
-    "skyarm.dynamics.arrays": (
+    "skyarm.dynamics": ("State",),
+    "skyarm.dynamics.array_front": (
         "center_of_mass",
         "energy",
         "forward_dynamics",
@@ -47,71 +73,141 @@ _ROOMS = {
         "mass_matrix",
         "momentum",
     ),
-    "skyarm.experiments.reproduce": ("reproduce",),
-    "skyarm.plant.interface": ("World",),
-    "skyarm.plant.sensors": ("SensorNoise",),
-    "skyarm.reference": ("Ramp", "Sine", "Trajectory", "circle", "hover"),
-    "skyarm.simulate": ("Delays", "Log", "Rates", "Scenario", "ScenarioError", "run"),
-    "skyarm.simulate.scenario_file": ("list_scenarios", "load_scenario", "scenario_from"),
+    "skyarm.environment": ("Air", "MovingAir", "Fault", "Force", "Gust", "Payload", "ForceWind", "Wrench"),
+    "skyarm.estimate.estimator": ("Estimator",),
+    "skyarm.figures.flight_plot": ("plot",),
+    "skyarm.log.flight_log": ("Log",),
+    "skyarm.log.formats": ("LogFormat", "load_log", "save_log"),
+    "skyarm.metrics.metric": ("Metric",),
+    "skyarm.metrics.score": ("score",),
+    "skyarm.metrics.windows": ("Windows",),
+    "skyarm.paper.reproduce": ("reproduce",),
+    "skyarm.plant.interface": ("Truth",),
+    "skyarm.reference": ("Constant", "Ramp", "Reference", "Sine", "Trajectory", "circle", "hover"),
+    "skyarm.registry": ("register",),
+    "skyarm.scalars.philox": ("normals",),
+    "skyarm.scenario.endings": ("Ending",),
+    "skyarm.scenario.numbers": ("with_numbers",),
+    "skyarm.scenario.scenario_file": ("list_scenarios", "load_scenario", "scenario_from"),
+    "skyarm.scenario.scenario_record": ("Delays", "JointDrive", "NamedSensor", "Rates", "Scenario", "ScenarioError"),
+    "skyarm.sensors.measurement": ("Measurement",),
+    "skyarm.sensors.noise": ("SensorNoise",),
+    "skyarm.sensors.sensor": ("Sensor",),
+    "skyarm.simulate.batch": ("Batch",),
+    "skyarm.simulate.batch_session": ("BatchSession",),
+    "skyarm.simulate.loop": ("run",),
+    "skyarm.simulate.session": ("Session",),
+    "skyarm.sweep.fly_sweep": ("fly_sweep",),
+    "skyarm.sweep.study": ("StudyError",),
+    "skyarm.sweep.study_file": ("list_studies", "load_study"),
     "skyarm.vehicle": ("Body", "Frame", "Joint", "Link", "Rotor", "Vehicle", "VehicleError"),
-    "skyarm.vehicle.files": ("list_vehicles", "load_vehicle"),
+    "skyarm.vehicle.vehicle_files": ("list_vehicles", "load_vehicle"),
 }
+_OLD = {"Airspeed": "MovingAir", "RotorsForce": "ForceWind", "World": "Truth"}
+"""Names of the last version."""
 _HOME = {name: room for room, names in _ROOMS.items() for name in names}
 
 __all__ = [
+    "Air",
+    "Batch",
+    "BatchSession",
     "Body",
+    "Command",
+    "Constant",
     "Controller",
     "Delays",
+    "Drive",
+    "Ending",
+    "Estimator",
+    "Fault",
+    "Force",
+    "ForceWind",
     "Frame",
+    "Gust",
     "Joint",
+    "JointDrive",
     "Link",
     "Log",
+    "LogFormat",
+    "Mat3",
+    "Measurement",
+    "Metric",
     "Model",
+    "MovingAir",
+    "NamedSensor",
+    "Payload",
+    "Quaternion",
     "Ramp",
     "Rates",
+    "Reference",
     "Rotor",
     "Scenario",
     "ScenarioError",
+    "Sensor",
     "SensorNoise",
+    "Session",
     "Sine",
+    "State",
+    "StudyError",
     "Trajectory",
+    "Truth",
+    "Vec3",
     "Vehicle",
     "VehicleError",
-    "World",
+    "Windows",
+    "Wrench",
     "__version__",
     "center_of_mass",
     "circle",
     "energy",
     "euler_lagrange",
+    "fly_sweep",
     "forward_dynamics",
     "frame_jacobian",
     "frame_pose_world",
     "hover",
     "inverse_dynamics",
     "list_scenarios",
+    "list_studies",
     "list_vehicles",
+    "load_log",
     "load_scenario",
+    "load_study",
     "load_vehicle",
     "make_controller",
     "mass_matrix",
     "momentum",
+    "normals",
+    "plot",
     "preset",
+    "register",
     "reproduce",
     "run",
+    "save_log",
     "scenario_from",
+    "score",
+    "with_numbers",
 ]
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name's room when it is first used, so that ``import skyarm`` stays light."""
+    """Import a public name, or a room, when it is first used, so that ``import skyarm`` stays light."""
     from importlib import import_module
+    from importlib.util import find_spec
 
+    if name in _OLD:
+        from skyarm.files.old_names import warn_of_old_name
+
+        warn_of_old_name(f"skyarm.{name}", f"skyarm.{_OLD[name]}")
+        return __getattr__(_OLD[name])
     if name == "euler_lagrange":
         return import_module("skyarm.dynamics.euler_lagrange")
     if name in _HOME:
         value = getattr(import_module(_HOME[name]), name)
         globals()[name] = value
         return value
+    if not name.startswith("_") and find_spec(f"skyarm.{name}") is not None:
+        return import_module(f"skyarm.{name}")
     raise AttributeError(f"module 'skyarm' has no attribute '{name}'")
 
 

@@ -86,8 +86,8 @@ def test_a_roll_to_the_left_speeds_up_the_left_rotor_less_than_the_right_one():
     assert speeds[0] > speeds[1]
 
 
-def test_the_rotors_clip_has_a_floor_and_no_ceiling():
-    mixer = make_mixer(HUMMINGBIRD, "rotors_clip")
+def test_the_clip_policy_has_a_floor_and_no_ceiling():
+    mixer = make_mixer(HUMMINGBIRD, "clip")
     speeds, raw = mix(mixer, Vec3(2.0, 0.0, 0.0), 8.0)
     half = 2.0 / (2.0 * ARM * K_F)
     assert raw[1] == pytest.approx(8.0 / (4.0 * K_F) + half, rel=1e-12)
@@ -99,7 +99,7 @@ def test_the_rotors_clip_has_a_floor_and_no_ceiling():
 
 
 def test_zero_command_is_zero_speed():
-    for policy in ("rotors_clip", "priority"):
+    for policy in ("clip", "priority"):
         speeds, _ = mix(make_mixer(HUMMINGBIRD, policy), Vec3(0.0, 0.0, 0.0), 0.0)
         assert speeds == (0.0,) * 4
 
@@ -120,11 +120,11 @@ def test_a_layout_without_full_rank_is_refused_by_name(rotors, rank):
 
 
 def test_an_unknown_policy_lists_the_policies():
-    with pytest.raises(AllocationError, match=r"mixer policy = 'fair': must be one of \['rotors_clip', 'priority'\]"):
+    with pytest.raises(AllocationError, match=r"mixer policy = 'fair': must be one of \['clip', 'priority'\]"):
         make_mixer(HUMMINGBIRD, "fair")
 
 
-@pytest.mark.parametrize("policy", ["rotors_clip", "priority"])
+@pytest.mark.parametrize("policy", ["clip", "priority"])
 def test_a_batch_is_a_loop_of_singles(policy):
     mixer = make_mixer(LAYOUTS["lopsided"], policy)
     rng = np.random.default_rng(3)
@@ -136,7 +136,7 @@ def test_a_batch_is_a_loop_of_singles(policy):
         np.testing.assert_array_equal([s[lane] for s in speeds], single)
 
 
-@pytest.mark.parametrize("policy", ["rotors_clip", "priority"])
+@pytest.mark.parametrize("policy", ["clip", "priority"])
 def test_a_traced_mixer_gives_the_same_bits(policy):
     mixer = make_mixer(LAYOUTS["hexa"], policy)
     program = trace(lambda torque, thrust: mix(mixer, torque, thrust), Vec3(0.0, 0.0, 0.0), 0.0)
@@ -146,7 +146,7 @@ def test_a_traced_mixer_gives_the_same_bits(policy):
 
 def test_nan_in_is_nan_out():
     """A limit must not hide a crash."""
-    for policy in ("rotors_clip", "priority"):
+    for policy in ("clip", "priority"):
         speeds, _ = mix(make_mixer(LAYOUTS["hexa"], policy), Vec3(math.nan, 0.0, 0.0), 8.0)
         assert any(math.isnan(speed) for speed in speeds)
         speeds, _ = mix(make_mixer(HUMMINGBIRD, policy), Vec3(0.0, 0.0, 0.0), math.nan)

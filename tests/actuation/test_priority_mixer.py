@@ -13,7 +13,7 @@ from rotor_layouts import ARM, HIGHEST, K_F, K_M, LAYOUTS, hummingbird_rotor, la
 from skyarm.actuation import AllocationError, allocation_matrix, make_mixer, mix
 from skyarm.actuation.mixer import _largest_share
 from skyarm.algebra import Vec3
-from skyarm.vehicle.records import Vehicle
+from skyarm.vehicle.vehicle_records import Vehicle
 
 TOP = HIGHEST**2
 FULL = 4.0 * K_F * TOP
@@ -89,7 +89,7 @@ def test_a_rotor_without_a_share_in_thrust_is_refused_by_name():
     tail = hummingbird_rotor(name="tail", position=Vec3(-0.5, 0, 0), axis=Vec3(0, 1, 0))
     quad = LAYOUTS["hummingbird"]
     helicopter = Vehicle(name="helicopter", base=quad.base, rotors=(*quad.rotors, tail))
-    make_mixer(helicopter, "rotors_clip")
+    make_mixer(helicopter, "clip")
     with pytest.raises(AllocationError, match=r"vehicle 'helicopter': rotors\[tail\] takes .* must be positive"):
         make_mixer(helicopter, "priority")
 

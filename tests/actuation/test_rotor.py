@@ -12,7 +12,7 @@ from rotor_layouts import HUMMINGBIRD, K_F, K_M, hummingbird_rotor
 from skyarm.actuation import rotor_force, rotor_forces, speed_after
 from skyarm.algebra import Vec3
 from skyarm.compile import trace
-from skyarm.vehicle.files import load_vehicle
+from skyarm.vehicle.vehicle_files import load_vehicle
 
 ROTOR = hummingbird_rotor()
 UP = [(0.01, 0.449329), (0.005, 0.670320), (0.002, 0.852144), (0.001, 0.923116)]

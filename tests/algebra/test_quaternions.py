@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from engines import ENGINES, evaluate
+from engines import ENGINES, evaluate, jax_doubles
 from skyarm.algebra import Quaternion, Vec3
 
 Rotation = pytest.importorskip("scipy.spatial.transform").Rotation
@@ -79,7 +79,7 @@ def test_the_gradient_of_a_rotation_vectors_quaternion_is_right_at_zero_and_besi
     def quaternion(vector):
         return jax.numpy.stack([*Quaternion.of_rotation_vector(Vec3(*vector))])
 
-    with jax.enable_x64(True):
+    with jax_doubles():
         jacobian = np.array(jax.jacobian(quaternion)(np.array(v)))
     h = 1e-4
     for column, unit_vector in zip(jacobian.T, np.eye(3), strict=True):

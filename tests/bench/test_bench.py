@@ -7,15 +7,17 @@ import json
 import numpy as np
 import pytest
 
-from skyarm.bench import contest as room
-from skyarm.bench import counts, machine, ours, report
+from skyarm.bench import bench_report as report
+from skyarm.bench import counts, machine
+from skyarm.bench import engines as ours
+from skyarm.bench import timing as room
 from skyarm.bench.accuracy import accuracy
-from skyarm.bench.contest import Contender, contest
 from skyarm.bench.latency import latency
-from skyarm.compile.llvm_text import Lanes
-from skyarm.compile.native import Kernel
-from skyarm.simulate.scenario_file import load_scenario
-from skyarm.vehicle.files import load_vehicle
+from skyarm.bench.timing import Contender, contest
+from skyarm.compile.llvm.kernel import Kernel
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.vehicle.vehicle_files import load_vehicle
 
 
 @pytest.fixture(autouse=True)

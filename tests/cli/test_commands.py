@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.control.presets import PRESETS
-from skyarm.control.registry import LAWS
+from skyarm.cli.earlier_files import keep_earlier
+from skyarm.control.catalogue import LAWS, PRESETS
+from skyarm.scenario.scenario_file import list_scenarios
 from skyarm.simulate import Log
-from skyarm.simulate.scenario_file import list_scenarios
 from skyarm.sweep import list_studies
-from skyarm.vehicle.files import LIBRARY as VEHICLES
-from skyarm.vehicle.files import list_vehicles
+from skyarm.vehicle.vehicle_files import LIBRARY as VEHICLES
+from skyarm.vehicle.vehicle_files import list_vehicles
 
 COMMAND = [sys.executable, "-W", "error", "-m", "skyarm"]
 
@@ -115,6 +115,8 @@ def test_run_writes_the_log_and_prints_what_came_out(tmp_path: Path) -> None:
     text = succeeded(shell("run", "case3", "--duration", "1", "--seed", "3", "--out", "made/here", cwd=tmp_path))
     lines = text.splitlines()
     assert lines[0] == "case3: completed at 1 s"
+    assert lines[1] == "law hybrid_computed_torque on hummingbird_arm2_rotors, plant rigid_body (rk4), seed 3"
+    assert " ".join(lines[2].split()) == "error mean, [0.3333, 1) s max, [0.3333, 1) s max, whole flight"
     assert "made/here/case3.npz" in lines[-1]
     log = Log.load_npz(tmp_path / "made" / "here" / "case3.npz")
     assert (log.info["seed"], log.time.size) == (3, 200)
@@ -122,7 +124,63 @@ def test_run_writes_the_log_and_prints_what_came_out(tmp_path: Path) -> None:
     position = next(line for line in lines if line.startswith("position, m")).split()
     norm = np.linalg.norm(log.position - log.position_reference, axis=1)
     assert float(position[-1]) == pytest.approx(norm.max(), rel=1e-3)
-    assert float(position[-3]) == pytest.approx(norm[log.time >= 2 / 3 * log.time[-1]].mean(), rel=1e-3)
+    assert float(position[-3]) == pytest.approx(norm[log.time >= 1 / 3].mean(), rel=1e-3)
+
+
+STEADY = """
+[windows]
+steady = [0.2, 0.3]
+"""
+
+
+def test_run_sums_up_over_the_scenario_s_own_window(tmp_path: Path) -> None:
+    low = LOW.replace("0.1]", "1.0]") + STEADY
+    (tmp_path / "low.toml").write_text(low)
+    lines = succeeded(shell("run", "low.toml", "--controller", "indi", cwd=tmp_path)).splitlines()
+    assert lines[1].startswith("law indi on hummingbird_arm2_rotors, ")
+    log = Log.load_npz(tmp_path / "out" / "run" / "low.npz")
+    norm = np.linalg.norm(log.position - log.position_reference, axis=1)[40:60]
+    assert "mean, [0.2, 0.3) s" in lines[2]
+    position = next(line for line in lines if line.startswith("position, m")).split()
+    assert float(position[-3]) == pytest.approx(norm.mean(), rel=1e-3)
+    assert float(position[-2]) == pytest.approx(norm.max(), rel=1e-3)
+
+
+def test_the_centroidal_law_shows_what_the_readme_says(tmp_path: Path) -> None:
+    """The tip of Case 3 stays within a millimetre; in the last third of the flight its reference jumps."""
+    lines = succeeded(shell("run", "case3", "--controller", "centroidal_tip", cwd=tmp_path)).splitlines()
+    mean, largest, whole = next(line for line in lines if line.startswith("tip, m")).split()[-3:]
+    assert float(mean) < float(largest) < 1e-3
+    assert float(whole) > 0.1
+
+
+def test_the_log_of_an_earlier_flight_keeps_a_number(tmp_path: Path) -> None:
+    """The newest has the plain name; --force replaces it."""
+    words = ("run", "case1", "--duration", "0.1", "--out", ".")
+    for seed, more in ((1, ()), (2, ()), (3, ()), (4, ("--force",))):
+        text = succeeded(shell(*words, "--seed", str(seed), *more, cwd=tmp_path))
+        assert ("the flight before it is kept" in text) == (seed in (2, 3)), text
+    seeds = {p.name: Log.load_npz(p).info["seed"] for p in tmp_path.glob("*.npz")}
+    assert seeds == {"case1.npz": 4, "case1_1.npz": 1, "case1_2.npz": 2}
+    assert sorted(p.name for p in tmp_path.glob("*.csv")) == ["case1.csv", "case1_1.csv", "case1_2.csv"]
+
+
+def test_numbers_that_are_taken_are_left_and_links_stay(tmp_path: Path) -> None:
+    a, b = tmp_path / "a.npz", tmp_path / "a.csv"
+    for file in (a, tmp_path / "a_1.csv", tmp_path / "real"):
+        file.write_text(file.name)
+    b.symlink_to(tmp_path / "real")
+    assert keep_earlier([a, b]) == [(a, tmp_path / "a_2.npz")]
+    assert (tmp_path / "a_2.npz").read_text() == "a.npz"
+    assert (tmp_path / "a_1.csv").read_text() == "a_1.csv"
+    assert b.is_symlink()
+    assert keep_earlier([a, b]) == []
+
+
+def test_plugins_that_flew_are_named(tmp_path: Path) -> None:
+    plugin = Path(__file__).resolve().parents[2] / "examples" / "own_metric.py"
+    words = ("run", "case1", "--duration", "0.1", "--plugin", str(plugin))
+    assert succeeded(shell(*words, cwd=tmp_path)).splitlines()[1].endswith(", seed 0, plugins own_metric.py")
 
 
 def test_run_chooses_plant_and_controller(tmp_path: Path) -> None:
@@ -131,13 +189,15 @@ def test_run_chooses_plant_and_controller(tmp_path: Path) -> None:
     assert (log.info["plant"], log.info["controller"]) == ("mujoco", "decoupled_pd")
 
 
+LOW = (
+    'name = "low"\nduration = 1.0\n[plant]\nvehicle = "hummingbird_arm2_rotors"\n[model]\n'
+    'vehicle = "hummingbird_arm2"\n[controller]\npreset = "paper_ct"\n[reference.base]\nkind = "hover"\n'
+    "position = [0, 0, 0.1]\n"
+)
+
+
 def test_a_flight_that_ends_early_is_a_result_with_its_cause(tmp_path: Path) -> None:
-    scenario = (
-        'name = "low"\nduration = 1.0\n[plant]\nvehicle = "hummingbird_arm2_rotors"\n[model]\n'
-        'vehicle = "hummingbird_arm2"\n[controller]\npreset = "paper_ct"\n[reference.base]\nkind = "hover"\n'
-        "position = [0, 0, 0.1]\n"
-    )
-    (tmp_path / "low.toml").write_text(scenario)
+    (tmp_path / "low.toml").write_text(LOW)
     result = shell("run", "low.toml", cwd=tmp_path)
     assert result.stdout.startswith("low: ground at 0 s: lowest point at z = -0.2 m")
     assert result.stderr == ""

@@ -11,11 +11,17 @@ from test_cli_errors import refused, skyarm
 
 import skyarm as library
 from skyarm.compile import leaves
+from skyarm.control.catalogue import (
+    LAWS,
+    PRESETS,
+    is_named,
+    make_controller,
+    make_named,
+    make_tuned,
+    preset,
+    tuned_factors,
+)
 from skyarm.control.model import Model
-from skyarm.control.named import is_named, named
-from skyarm.control.presets import PRESETS, preset
-from skyarm.control.registry import LAWS, make_controller
-from skyarm.control.tuned import tuned, tuned_factors
 from skyarm.simulate import Log
 
 MODEL = Model(vehicle=library.load_vehicle("hummingbird_arm2"))
@@ -30,29 +36,32 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_every_name_makes_the_controller_that_its_maker_makes() -> None:
     for name in PRESETS:
-        assert leaves(named(name, MODEL).par) == leaves(preset(name, MODEL).par)
+        assert leaves(make_named(name, MODEL).par) == leaves(preset(name, MODEL).par)
     for name in LAWS:
-        found, own = named(name, MODEL), make_controller(name, MODEL)
+        found, own = make_named(name, MODEL), make_controller(name, MODEL)
         assert (found.name, leaves(found.par)) == (own.name, leaves(own.par))
     for name in tuned_factors():
-        assert leaves(named(f"{name}_tuned", MODEL).par) == leaves(tuned(name, MODEL).par)
-        assert leaves(named(f"{name}_tuned", MODEL).par) != leaves(named(name, MODEL).par)
+        assert leaves(make_named(f"{name}_tuned", MODEL).par) == leaves(make_tuned(name, MODEL).par)
+        assert leaves(make_named(f"{name}_tuned", MODEL).par) != leaves(make_named(name, MODEL).par)
 
 
 def test_no_name_means_two_controllers() -> None:
     assert not set(PRESETS) & set(LAWS)
     assert not any(name.endswith("_tuned") for name in (*PRESETS, *LAWS))
     assert not is_named("exact_tuned")
+    assert not is_named("centroidal_tuned")
     assert not is_named(["exact"])
 
 
-@pytest.mark.parametrize(("name", "periods"), [("exact", 2), ("exact_ee", 2), ("indi", 2), ("indi_tuned", 2)])
+@pytest.mark.parametrize(
+    ("name", "periods"), [("centroidal", 2), ("centroidal_tip", 2), ("indi", 2), ("indi_tuned", 2)]
+)
 def test_a_controller_is_told_of_its_loop(name: str, periods: int) -> None:
-    assert named(name, MODEL, KNOWN).par.delay_periods == periods
-    assert named(name, MODEL).par.delay_periods == 0
+    assert make_named(name, MODEL, KNOWN).par.delay_periods == periods
+    assert make_named(name, MODEL).par.delay_periods == 0
 
 
-@pytest.mark.parametrize(("name", "law"), [("exact", "exact_joint"), ("indi", "indi"), ("kim_sliding_mode_style", "")])
+@pytest.mark.parametrize(("name", "law"), [("centroidal", "centroidal_joint"), ("indi", "indi"), ("kim2013", "")])
 def test_run_takes_any_law(folder: Path, name: str, law: str) -> None:
     assert skyarm("run", "case1", "--duration", "0.1", "--controller", name).code == 0
     assert Log.load_npz(folder / "out" / "run" / "case1.npz").info["controller"] == (law or name)
@@ -67,7 +76,7 @@ def test_run_takes_tuned_gains(folder: Path) -> None:
 
 
 def test_c_is_exported_of_any_name(folder: Path) -> None:
-    for name in ("ct_observer", "ct_observer_tuned", "exact_joint"):
+    for name in ("ct_observer", "ct_observer_tuned", "centroidal_joint"):
         ended = skyarm("export-c", name, "--vehicle", "hummingbird_arm2", "--out", f"{name}.c")
         assert ended.code == 0, ended.err
         assert f"{name}_step" in (folder / f"{name}.c").read_text()
@@ -77,15 +86,15 @@ def test_c_is_exported_of_any_name(folder: Path) -> None:
     "command",
     [
         ("run", "case1", "--controller", "{}"),
-        ("margins", "{}", "case1"),
-        ("basin", "{}", "case1"),
+        ("margins", "case1", "--controller", "{}"),
+        ("basin", "case1", "--controller", "{}"),
         ("export-c", "{}", "--vehicle", "hummingbird", "--out", "x.c"),
     ],
 )
 @pytest.mark.parametrize("name", ["lqr", "exact_tuned", "indi_tuned_tuned", ""])
 def test_an_unknown_name_is_refused_with_all_there_are(folder: Path, command: tuple[str, ...], name: str) -> None:
-    words = ("a preset (paper_ct, ", "a law (rotors_position, ", ", exact)", "LAW_tuned", "all laws have but")
-    refused(skyarm(*(each.format(name) for each in command)), f"controller = {name!r}: must be", *words)
+    words = ("a preset (paper_ct, ", "a law (rotors_sim_position, ", ", centroidal)", "LAW_tuned", "all laws have but")
+    refused(skyarm(*(each.format(name) for each in command)), f"controller = {name!r}: ", "must be", *words)
     assert not list(folder.iterdir())
 
 
@@ -96,7 +105,7 @@ def test_the_list_is_written_as_data(folder: Path) -> None:
     assert [each["name"] for each in found["presets"]] == list(PRESETS)
     laws = {each["name"]: each for each in found["laws"]}
     assert list(laws) == list(LAWS)
-    assert "pull" in laws["exact"]["options"]
+    assert "pull" in laws["centroidal"]["options"]
     assert {name for name, each in laws.items() if each["tuned"]} == set(tuned_factors())
     text = " ".join(skyarm("list").out.split())
     for kind in ("scenarios", "studies", "presets", "laws"):
@@ -127,16 +136,19 @@ def test_a_device_is_written_into_and_a_link_is_followed(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("reproduce", "--jobs", "99999999999999999999"), "--jobs = 99999999999999999999: must be from 0 to 10000"),
-        (("sweep", "robustness", "--threads", "10001"), "--threads = 10001: must be from 0 to 10000"),
-        (("compare", "--threads", "10001"), "--threads = 10001: must be from 0 to 10000"),
-        (("basin", "own", "case1", "--threads", "10001"), "--threads = 10001: must be from 0 to 10000"),
         (
-            ("basin", "own", "case1", "--flights", "99999999999999999999"),
+            ("reproduce", "--workers", "99999999999999999999"),
+            "--workers = 99999999999999999999: must be from 0 to 10000",
+        ),
+        (("sweep", "robustness", "--workers", "10001"), "--workers = 10001: must be from 0 to 10000"),
+        (("compare", "--workers", "10001"), "--workers = 10001: must be from 0 to 10000"),
+        (("basin", "case1", "--workers", "10001"), "--workers = 10001: must be from 0 to 10000"),
+        (
+            ("basin", "case1", "--flights", "99999999999999999999"),
             "flights = 99999999999999999999: must be from 1",
         ),
-        (("basin", "own", "case1", "--rate", "1e300"), "rate = 1e+300: must be from 0 to 1000"),
-        (("basin", "own", "case1", "--speed", "nan"), "speed = nan: must be from 0 to 1000"),
+        (("basin", "case1", "--rate", "1e300"), "rate = 1e+300: must be from 0 to 1000"),
+        (("basin", "case1", "--speed", "nan"), "speed = nan: must be from 0 to 1000"),
         (("export-c", "case1", "--out", "x.c", "--rate", "1e300"), "--rate = 1e+300: must be from 0.001 to 1000000 Hz"),
         (("bench", "--json", ""), "--json = ''"),
     ],
@@ -144,3 +156,38 @@ def test_a_device_is_written_into_and_a_link_is_followed(folder: Path) -> None:
 def test_numbers_beyond_any_use_are_refused(folder: Path, arguments: tuple[str, ...], words: str) -> None:
     refused(skyarm(*arguments), words)
     assert not [path for path in folder.rglob("*") if path.is_file()]
+
+
+@pytest.mark.parametrize("word", ["mylqr.py", "mylqr.py:", "mylqr.toml:make", "mylqr.py:4"])
+@pytest.mark.parametrize(
+    "words", [("run", "case3", "--controller"), ("margins", "case3", "--controller"), ("export-c", "-o", "x.c")]
+)
+def test_a_law_of_a_file_that_is_written_otherwise_is_told_how(folder: Path, words: tuple[str, ...], word: str) -> None:
+    refused(
+        skyarm(*words, word),
+        f"controller = '{word}'",
+        "FILE.py:make, its function named behind a colon",
+        "mylqr.py:make",
+    )
+
+
+def test_every_list_of_controllers_and_every_help_says_file_make(folder: Path) -> None:
+    refused(skyarm("run", "case3", "--controller", "lqr"), "or FILE.py:make on the command line")
+    for command in ("run", "margins", "basin", "export-c"):
+        shown = " ".join(skyarm(command, "--help").out.replace("│", " ").split())
+        assert "FILE.py:make" in shown, command
+
+
+def test_no_help_shows_a_type_of_python(folder: Path) -> None:
+    for command in ("run", "sweep", "stats", "margins", "basin", "compare", "export-c"):
+        assert "list[" not in skyarm(command, "--help").out, command
+    assert "list[" not in skyarm("--help").out
+
+
+def test_an_unknown_kind_in_a_file_is_told_of_plugins(folder: Path) -> None:
+    from skyarm.scenario.scenario_file import LIBRARY
+
+    (folder / "mine.toml").write_text(
+        (LIBRARY / "case3.toml").read_text("utf-8") + '\n[sensors.cam]\nkind = "camera10"\n', "utf-8"
+    )
+    refused(skyarm("run", "mine.toml"), "sensors.cam.kind = 'camera10'", "names of one's own come by --plugin FILE.py")

@@ -17,8 +17,8 @@ if sys.platform == "win32":
     pytest.skip("signals of POSIX", allow_module_level=True)
 
 COMMAND = [sys.executable, "-W", "error", "-m", "skyarm"]
-REPRODUCE = ["reproduce", "--jobs", "2"]
-COMPARE = ["compare", "--laws", "nmpc", "--conditions", "noisy", "--threads", "2", "--out", "out"]
+REPRODUCE = ["reproduce", "--workers", "2"]
+COMPARE = ["compare", "--laws", "nmpc", "--conditions", "noisy", "--workers", "2", "--out", "out"]
 INTERRUPTED = "skyarm: interrupted; finished files are whole\n"
 PATIENCE = 60.0
 """s, on a busy machine."""

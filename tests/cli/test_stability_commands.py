@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import functools
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from test_cli_errors import refused, skyarm
+
+from skyarm.cli import stability_commands
+from skyarm.cli.progress import bar
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.stability.along import evidence
 
 SHORT = """
 schema = 1
@@ -33,7 +42,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_margins_are_printed_and_written(folder: Path) -> None:
-    ended = skyarm("margins", "paper_ct", "short.toml", "--instants", "1", "--json", "m.json")
+    ended = skyarm("margins", "short.toml", "--controller", "paper_ct", "--instants", "1", "--json", "m.json")
     assert ended.code == 0, ended.err
     assert "hybrid_computed_torque in short" in ended.out
     assert "hover" in ended.out
@@ -46,7 +55,7 @@ def test_margins_are_printed_and_written(folder: Path) -> None:
 
 
 def test_margins_keep_their_digits_within_78_columns(folder: Path) -> None:
-    ended = skyarm("margins", "paper_ct", "short.toml", "--instants", "1", "--json", "m.json")
+    ended = skyarm("margins", "short.toml", "--controller", "paper_ct", "--instants", "1", "--json", "m.json")
     lines = ended.out.splitlines()
     assert max(len(line) for line in lines) <= 78
     head, hover, flying = (line.split() for line in lines[1:4])
@@ -59,8 +68,75 @@ def test_margins_keep_their_digits_within_78_columns(folder: Path) -> None:
     assert hover[5] == f"{low:.2f}-{high:.1f}"
 
 
+@pytest.mark.parametrize("law", ["own", "paper_ct"])
+def test_the_old_order_is_taken_with_a_line_that_says_the_new(folder: Path, law: str) -> None:
+    assert folder.exists()
+    options = [] if law == "own" else ["--controller", law]
+    new = skyarm("margins", "short.toml", *options, "--instants", "0")
+    old = skyarm("margins", law, "short.toml", "--instants", "0")
+    assert (old.code, old.out) == (0, new.out)
+    assert new.err == ""
+    words = " ".join(["skyarm margins short.toml", *options])
+    assert old.err == f"skyarm: 'skyarm margins LAW SCENARIO' is now: {words}\n"
+    old = skyarm("basin", law, "short.toml", "--flights", "16", "--out", "b", "--workers", "1")
+    assert old.code == 0
+    assert old.err.endswith(f" is now: {words.replace('margins', 'basin')}\n")
+
+
+def test_a_law_named_twice_is_refused(folder: Path) -> None:
+    assert folder.exists()
+    refused(skyarm("margins", "indi", "short.toml", "--controller", "paper_ct"), "controller = 'paper_ct': must be")
+    refused(skyarm("basin", "indi", "short.toml", "case3"), "'case3': must be left out: one scenario at a time")
+
+
+def test_margins_say_how_far_they_are(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert folder.exists()
+    told: list[tuple[int, int]] = []
+    scenario = load_scenario("short.toml")
+    evidence(scenario, 2, lambda done, total: told.append((done, total)))
+    assert told == [(0, 3), (1, 3), (2, 3), (3, 3)]
+    monkeypatch.setattr(stability_commands, "bar", functools.partial(bar, pause=0.0))
+    ended = skyarm("margins", "short.toml", "--instants", "2")
+    assert ended.err.splitlines() == [f"skyarm: short: {done} of 3 instants" for done in range(4)]
+
+
+ARM6 = """
+schema = 1
+name = "arm6"
+duration = 2.0
+[plant]
+vehicle = "hexarotor_arm6"
+[controller]
+preset = "centroidal_tip"
+[reference]
+base = { kind = "hover", position = [0.0, 0.0, 1.5] }
+joints = [0.2, 0.3, 0.3, 0.0, 0.2, 0.0]
+"""
+
+
+def test_margins_of_a_six_joint_arm_are_told(folder: Path) -> None:
+    (folder / "arm6.toml").write_text(ARM6)
+    ended = skyarm("margins", "arm6.toml", "--instants", "1")
+    assert ended.code == 0, ended.err
+    assert "2.00 s" in ended.out
+
+
+def test_the_command_line_keeps_blas_to_one_thread_and_leaves_what_the_user_set() -> None:
+    code = "import os, sys; sys.argv = ['skyarm', '--version']; from skyarm.cli.main import main\n"
+    code += "try: main()\nexcept SystemExit: print('numpy' in sys.modules, os.environ['OPENBLAS_NUM_THREADS'])"
+    for given, kept in (({}, "1"), ({"OPENBLAS_NUM_THREADS": "3"}, "3")):
+        plain = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+        done = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=plain | given
+        )
+        assert done.stdout.split()[-1] == kept
+    code = "import sys, skyarm.cli.main; print('numpy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False", "the variables would come too late"
+
+
 def test_a_basin_is_flown_drawn_and_written(folder: Path) -> None:
-    ended = skyarm("basin", "own", "short.toml", "--flights", "64", "--safety", "--out", "b", "--threads", "1")
+    ended = skyarm("basin", "short.toml", "--flights", "64", "--safety", "--out", "b", "--workers", "1")
     assert ended.code == 0, ended.err
     assert "guarded_decoupled_pd:" in ended.out
     found = json.loads((folder / "b" / "basin_guarded_decoupled_pd_short.json").read_text())
@@ -70,14 +146,14 @@ def test_a_basin_is_flown_drawn_and_written(folder: Path) -> None:
 
 def test_wrong_words_are_one_line(folder: Path) -> None:
     assert folder.exists()
-    refused(skyarm("margins", "best", "short.toml"), "controller = 'best': must be 'own', a preset")
-    refused(skyarm("margins", "own", "short.toml", "--instants", "-1"), "instants = -1: must be from 0 to 10000")
-    refused(skyarm("basin", "own", "short.toml", "--flights", "0"), "flights = 0: must be from 1 to 10000000")
-    refused(skyarm("basin", "own", "short.toml", "--threads", "-1"), "--threads = -1: must be from 0 to 10000")
+    refused(skyarm("margins", "short.toml", "--controller", "best"), "controller = 'best': must be 'own', a preset")
+    refused(skyarm("margins", "short.toml", "--instants", "-1"), "instants = -1: must be from 0 to 10000")
+    refused(skyarm("basin", "short.toml", "--flights", "0"), "flights = 0: must be from 1 to 10000000")
+    refused(skyarm("basin", "short.toml", "--workers", "-1"), "--workers = -1: must be from 0 to 10000")
 
 
-def test_the_margins_of_the_exact_law_hold_its_slow_adaptation(folder: Path) -> None:
-    ended = skyarm("margins", "exact_ee", "case3", "--instants", "2", "--json", "m.json")
+def test_the_margins_of_the_centroidal_law_hold_its_slow_adaptation(folder: Path) -> None:
+    ended = skyarm("margins", "case3", "--controller", "centroidal_tip", "--instants", "2", "--json", "m.json")
     assert ended.code == 0, ended.err
     assert "adaptation of load and friction is held" in ended.out
     found = json.loads((folder / "m.json").read_text())
@@ -88,28 +164,26 @@ def test_the_margins_of_the_exact_law_hold_its_slow_adaptation(folder: Path) -> 
 def test_a_scenario_s_own_guard_stays_and_is_not_put_on_twice(folder: Path) -> None:
     (folder / "guarded.toml").write_text(SHORT.replace('"paper_pd"', '"paper_pd"\nsafety = true'))
     for words in ([], ["--safety"]):
-        ended = skyarm("margins", "indi", "guarded.toml", "--instants", "0", *words)
+        ended = skyarm("margins", "guarded.toml", "--controller", "indi", "--instants", "0", *words)
         assert ended.code == 0, ended.err
         assert ended.out.startswith("guarded_indi in short")
 
 
 def test_too_many_instants_are_refused(folder: Path) -> None:
     assert folder.exists()
-    refused(
-        skyarm("margins", "paper_ct", "case3", "--instants", "10000000000"), "--instants = 10000000000: must be from 0"
-    )
+    refused(skyarm("margins", "case3", "--instants", "10000000000"), "--instants = 10000000000: must be from 0")
 
 
 @pytest.mark.parametrize("option", ["--rate", "--offset", "--speed"])
 def test_limits_beyond_reason_are_refused(folder: Path, option: str) -> None:
     assert folder.exists()
-    refused(skyarm("basin", "own", "short.toml", option, "1e300"), f"{option[2:]} = 1e+300: must be from 0 to 1000")
+    refused(skyarm("basin", "short.toml", option, "1e300"), f"{option[2:]} = 1e+300: must be from 0 to 1000")
 
 
 def test_the_limits_of_the_command_are_those_of_the_flights(folder: Path) -> None:
     wanted = {"rate": 3.0, "offset": 0.25, "speed": 0.75}
     options = [word for name, value in wanted.items() for word in (f"--{name}", str(value))]
-    ended = skyarm("basin", "own", "short.toml", "--flights", "16", *options, "--out", "b", "--threads", "1")
+    ended = skyarm("basin", "short.toml", "--flights", "16", *options, "--out", "b", "--workers", "1")
     assert ended.code == 0, ended.err
     (file,) = (folder / "b").glob("*.json")
     assert json.loads(file.read_text())["limits"] == wanted
@@ -118,7 +192,7 @@ def test_the_limits_of_the_command_are_those_of_the_flights(folder: Path) -> Non
 
 def test_a_file_without_a_name_is_refused_before_anything_is_done(folder: Path) -> None:
     for words in (
-        ("margins", "own", "short.toml", "--json", ""),
+        ("margins", "short.toml", "--json", ""),
         ("bench", "--json", ""),
     ):
         refused(skyarm(*words), "--json = '': must be the path of a file")
@@ -126,7 +200,7 @@ def test_a_file_without_a_name_is_refused_before_anything_is_done(folder: Path) 
     refused(skyarm(*export, "-o", ""), "--out = '': must be the path of a file")
     (folder / "there").mkdir()
     refused(skyarm(*export, "-o", "there"), "there is a folder of this name")
-    refused(skyarm("margins", "own", "short.toml", "--json", "there"), "there is a folder of this name")
+    refused(skyarm("margins", "short.toml", "--json", "there"), "there is a folder of this name")
 
 
 @pytest.mark.parametrize("rate", ["1e300", "1e-300"])

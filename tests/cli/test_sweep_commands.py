@@ -34,7 +34,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_study_is_flown_continued_and_summed_up(folder: Path) -> None:
-    first = skyarm("sweep", "study.toml", "--threads", "1")
+    first = skyarm("sweep", "study.toml", "--workers", "1")
     assert first.code == 0, first.err
     assert "48 rows in out/quick: 24 episodes of paper_ct, paper_pd; 48 flights" in first.out.replace("\\", "/")
     (folder / "out" / "quick" / "rows" / "chunk_0000001.parquet").unlink()
@@ -52,7 +52,7 @@ def test_a_study_is_flown_continued_and_summed_up(folder: Path) -> None:
 
 def test_wrong_input_is_one_line_and_flies_nothing(folder: Path) -> None:
     refused(skyarm("sweep", "nothing"), "study = 'nothing'", "shipped studies are robustness")
-    refused(skyarm("sweep", "study.toml", "--threads", "-1"), "--threads = -1", "from 0 to 10000")
+    refused(skyarm("sweep", "study.toml", "--workers", "-1"), "--workers = -1", "from 0 to 10000")
     refused(skyarm("sweep", "study.toml", "--out", ""), "output folder = ''", "must be the path of a folder")
     (folder / "wrong.toml").write_text(STUDY.replace("base.mass", "base.weight"))
     refused(skyarm("sweep", "wrong.toml"), "wrong.toml", "base.weight", "there are mass, com")

@@ -5,12 +5,19 @@ from __future__ import annotations
 import dataclasses
 import math
 
+import numpy as np
 import pytest
 
 import skyarm
 from skyarm.actuation.hover import highest_thrust, hover_trim
 from skyarm.algebra import Vec3
-from skyarm.dynamics.workspace import reach, static_torques
+from skyarm.cli.lines import say_if_many
+from skyarm.cli.show import vehicle_sheet
+from skyarm.cli.terminal import Terminal
+from skyarm.dynamics import workspace
+from skyarm.dynamics.workspace import LANES, SAMPLES, STEPS, WIDTH, reach, search_of, static_torques
+from skyarm.scenario.scenario_checks import MOST_JOINTS
+from skyarm.vehicle import Vehicle
 
 
 def test_the_reach_of_two_links_is_their_sum() -> None:
@@ -67,3 +74,80 @@ def test_hover_trim_carries_weight_and_the_arm_s_moment() -> None:
     assert (thrusts["back"] - thrusts["front"]) * 0.17 == pytest.approx(moment, rel=1e-9)
     assert thrusts["left"] == pytest.approx(thrusts["right"], rel=1e-12)
     assert highest_thrust(vehicle) == pytest.approx(4 * 8.54858e-6 * 838.0**2, rel=1e-12)
+
+
+def long_arm(joints: int) -> Vehicle:
+    """The two-joint arm's links, over and over, in one chain."""
+    arm = skyarm.load_vehicle("hummingbird_arm2")
+    links = []
+    for i in range(joints):
+        link = arm.links[i % 2]
+        links.append(
+            dataclasses.replace(
+                link, name=f"link{i}", parent=i - 1, joint=dataclasses.replace(link.joint, name=f"joint{i}")
+            )
+        )
+    frames = tuple(dataclasses.replace(frame, link=joints - 1) for frame in arm.frames if frame.name == "tip")
+    return dataclasses.replace(arm, links=tuple(links), frames=frames, end_effector="tip")
+
+
+@pytest.mark.parametrize("joints", [1, 2, 6, 25, 31, 50, 200, 1200, 5000])
+@pytest.mark.parametrize("each", [False, True])
+def test_a_search_is_whole_for_an_arm_and_bounded_for_any_number_of_joints(joints: int, each: bool) -> None:
+    quantities = joints if each else 1
+    search = search_of(joints, quantities)
+    assert search.whole == (joints <= (25 if each else 50))
+    assert 8 <= search.samples <= SAMPLES
+    assert search.rounds * joints <= STEPS
+    assert joints * search.samples <= max(WIDTH, 8 * joints)
+    assert joints * (search.samples + search.rounds * quantities * (search.around + 1)) <= 1.1 * LANES
+
+
+@pytest.mark.parametrize("joints", [40, 300])
+def test_an_arm_of_many_joints_is_tried_as_often_as_was_said(joints: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    arm, tried = long_arm(joints), []
+    real = workspace.inverse_dynamics
+
+    def counting(vehicle: Vehicle, q: tuple[np.ndarray, ...], *rest: object) -> object:
+        tried.append(q[0].size)
+        return real(vehicle, q, *rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(workspace, "inverse_dynamics", counting)
+    monkeypatch.setattr(workspace, "LANES", 200_000)  # a sixtieth of the time
+    search = search_of(joints, joints)
+    efforts = static_torques(arm, 9.81)
+    assert tried == [search.samples] + [joints * (search.around + 1)] * search.rounds
+    assert len(efforts) == joints
+    # no joint can hold more than all links beyond it, stretched out level, weigh there
+    masses = [float(link.body.mass) for link in arm.links]
+    for i, effort in enumerate(efforts):
+        level = sum(mass * 0.15 * (k + 1) for k, mass in enumerate(masses[i:]))
+        assert 0.0 < effort <= 9.81 * level
+
+
+def test_what_was_tried_less_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def sheet(vehicle: Vehicle) -> str:
+        console = Terminal(width=200, markup=False)
+        with console.capture() as told:
+            console.print(vehicle_sheet(vehicle, 9.81))
+        return told.get()
+
+    assert "for a level base, over all joint values" in sheet(long_arm(2))
+    monkeypatch.setattr(workspace, "LANES", 200_000)  # a sixtieth of the time
+    told = sheet(long_arm(120))
+    assert "(shortened: 120 joints)" in told
+    assert told.count("random joint values") == 2, "reach and efforts"
+
+
+def test_a_vehicle_of_more_joints_than_llvm_bears_is_not_flown() -> None:
+    """1200 joints ended the process in a segmentation fault, after minutes without a word."""
+    scenario = skyarm.load_scenario("case1")
+    arm = long_arm(MOST_JOINTS + 1)
+    with pytest.raises(ValueError, match=r"plant\.vehicle = '\w+': has 257 joints, must have at most 256 to fly$"):
+        dataclasses.replace(scenario, world=dataclasses.replace(scenario.world, vehicle=arm))
+
+
+@pytest.mark.parametrize(("joints", "lines"), [(50, 0), (51, 1)])
+def test_long_equations_are_announced(joints: int, lines: int, capsys: pytest.CaptureFixture[str]) -> None:
+    say_if_many("arm", joints)
+    assert capsys.readouterr().err.count("\n") == lines

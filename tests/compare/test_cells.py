@@ -1,23 +1,25 @@
-"""Cells of the bench: a batch of flights is those flights one by one; files are flown once; summaries count right."""
+"""Cells of the comparison: a batch is its flights one by one; files are flown once; summaries count right."""
 
 from __future__ import annotations
 
 import dataclasses
+import hashlib
+import io
 
 import numpy as np
 import pytest
 
-from skyarm.compare import bench
+from skyarm.compare import fly_comparison as comparison
 from skyarm.compare.cells import Cell, Cells, Flights, fly, key
+from skyarm.compare.comparison_tables import report
 from skyarm.compare.entrants import ENTRANTS
-from skyarm.compare.plants import Spread
-from skyarm.compare.single import fly_one_by_one
+from skyarm.compare.one_by_one import fly_one_by_one
+from skyarm.compare.perturbed_plants import Spread
 from skyarm.compare.suite import CASES, NOISE, Case, Condition, conditions
 from skyarm.compare.summary import SUCCESS_METRIC, paired, pairs, summary
-from skyarm.compare.tables import report
-from skyarm.plant.sensors import SensorNoise
+from skyarm.metrics.windows import Windows
+from skyarm.sensors.noise import SensorNoise
 from skyarm.simulate import Delays, Window
-from skyarm.simulate.measures import Windows
 
 EARLY = Windows(steady=Window(1.0, 2.0), gust=Window(0.5, 2.0), last=0.5)
 
@@ -75,6 +77,28 @@ def test_single_flights_round_their_delay_to_physics_steps():
     assert late[SUCCESS_METRIC] != soon[SUCCESS_METRIC]
 
 
+FORGED = {
+    "no archive": b"no archive",
+    "nothing in it": {},
+    "no status": {"identity": None, "metric.x": np.zeros(2)},
+    "objects": {"identity": None, "status": np.array([{}, {}], dtype=object)},
+    "numbers for words": {"identity": None, "status": np.zeros(2)},
+    "other lengths": {"identity": None, "status": np.array(["completed"]), "metric.x": np.zeros(2)},
+    "words for numbers": {"identity": None, "status": np.array(["completed"]), "metric.x": np.array(["y"])},
+}
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_a_forged_cell_behind_a_checksum_that_fits_counts_as_not_flown(tmp_path, name):
+    held = FORGED[name]
+    if isinstance(held, dict):
+        stream = io.BytesIO()
+        np.savez(stream, **{field: key(flights()) if value is None else value for field, value in held.items()})
+        held = stream.getvalue()
+    (tmp_path / f"{flights().label}.cell").write_bytes(hashlib.sha256(held).digest() + held)
+    assert Cells(tmp_path).get(flights()) is None
+
+
 def test_a_cell_that_is_there_is_not_flown_again(tmp_path):
     cells, cell = Cells(tmp_path), Cell({SUCCESS_METRIC: np.array([0.1, 0.2])}, np.array(["completed", "diverged"]))
     assert cells.get(flights()) is None
@@ -111,7 +135,7 @@ def test_a_damaged_cell_is_flown_again(tmp_path):
     assert cells.get(flights()) is None
 
 
-def test_a_bench_that_was_interrupted_flies_the_rest(tmp_path, monkeypatch):
+def test_a_comparison_that_was_interrupted_flies_the_rest(tmp_path, monkeypatch):
     flown = []
 
     def counted(planned, threads):
@@ -120,12 +144,12 @@ def test_a_bench_that_was_interrupted_flies_the_rest(tmp_path, monkeypatch):
             raise KeyboardInterrupt
         return Cell({SUCCESS_METRIC: np.array([0.001])}, np.array(["completed"]))
 
-    monkeypatch.setattr(bench, "fly", counted)
+    monkeypatch.setattr(comparison, "fly", counted)
     columns = {"noisy": dataclasses.replace(NOISY, cases=("case1", "case2"))}
     with pytest.raises(KeyboardInterrupt):
-        bench.perform(ENTRANTS, columns, tmp_path)
+        comparison.perform(ENTRANTS, columns, tmp_path)
     begun = flown[:2]
-    bench.perform(ENTRANTS, columns, tmp_path)
+    comparison.perform(ENTRANTS, columns, tmp_path)
     assert len(flown) == 3 + 2 * len(ENTRANTS) - 2
     assert not set(begun) & set(flown[3:])
 
@@ -184,9 +208,9 @@ def test_cases_turn_the_wind_and_carry_the_load():
 
 def test_laws_that_can_use_a_known_delay_are_told_of_it_where_there_is_noise():
     model = CASES["case3"].build().controller.par.model
-    assert ENTRANTS["exact_ee"].controller(model, noisy=True).par.delay_periods == 1
-    assert ENTRANTS["exact_ee"].controller(model, noisy=False).par.delay_periods == 0
-    assert ENTRANTS["exact_ee without prediction"].controller(model, noisy=True).par.delay_periods == 0
+    assert ENTRANTS["centroidal_tip"].controller(model, noisy=True).par.delay_periods == 1
+    assert ENTRANTS["centroidal_tip"].controller(model, noisy=False).par.delay_periods == 0
+    assert ENTRANTS["centroidal_tip without prediction"].controller(model, noisy=True).par.delay_periods == 0
 
 
 def test_a_cell_with_one_bit_changed_is_flown_again(tmp_path):

@@ -9,16 +9,17 @@ import numpy as np
 import pytest
 
 from skyarm.bench.latency import flown_latency
-from skyarm.compare import bench, cells
+from skyarm.compare import cells
+from skyarm.compare import fly_comparison as comparison
 from skyarm.compare.cells import Cell, Flights, chosen, fly
-from skyarm.compare.crew import fly_in_processes
+from skyarm.compare.comparison_tables import plants_rows, report, step_rows
 from skyarm.compare.entrants import ENTRANTS
-from skyarm.compare.plants import Spread
+from skyarm.compare.perturbed_plants import Spread
+from skyarm.compare.processes import fly_in_processes
 from skyarm.compare.suite import CASES, Case, Condition, conditions
 from skyarm.compare.summary import SUCCESS_METRIC, summary
-from skyarm.compare.tables import plants_rows, report, step_rows
+from skyarm.metrics.windows import Windows
 from skyarm.simulate import Window
-from skyarm.simulate.measures import Windows
 
 EARLY = Windows(steady=Window(0.1, 0.4), gust=Window(0.1, 0.4), last=0.1)
 
@@ -47,7 +48,7 @@ def same(one: Cell, other: Cell) -> bool:
 
 
 def test_flights_in_processes_are_those_of_one_process():
-    todo = [flights(), flights(WRONG, single=1), flights(law="paper_ct", plant="mujoco")]
+    todo = [flights(), flights(WRONG, one_by_one=1), flights(law="paper_ct", plant="mujoco")]
     found = []
     fly_in_processes(todo, 2, lambda planned, cell: found.append((planned, cell)))
     assert [planned for planned, _ in found] == todo
@@ -57,16 +58,16 @@ def test_flights_in_processes_are_those_of_one_process():
     assert len({float(value) for value in found[0][1].metrics["ee_error_mean_continuous"]}) == 2
 
 
-def test_a_bench_on_two_processes_keeps_the_order_of_its_cells(tmp_path, monkeypatch):
+def test_a_comparison_on_two_processes_keeps_the_order_of_its_cells(tmp_path, monkeypatch):
     monkeypatch.setattr(cells, "CASES", {"case3_wind": SHORT})
     entrants = {name: ENTRANTS[name] for name in ("nmpc", "paper_ct")}
     told = []
-    found = bench.perform(
+    found = comparison.perform(
         entrants, {"noisy": NOISY}, tmp_path, threads=2, progress=lambda *heard: told.append(heard[:2])
     )
     assert [name for _, _, name in found] == ["nmpc", "paper_ct"]
     assert told == [(1, 2), (2, 2)]
-    again = bench.perform(entrants, {"noisy": NOISY}, tmp_path, threads=1)
+    again = comparison.perform(entrants, {"noisy": NOISY}, tmp_path, threads=1)
     assert all(same(found[name], again[name]) for name in found)
 
 
@@ -74,13 +75,13 @@ def test_of_wrong_plants_a_law_that_flies_alone_meets_some_and_of_noise_all():
     def count(planned):
         return planned.episodes(planned.scenario())
 
-    assert count(flights(single=2)) == NOISY.episodes
-    assert count(flights(WRONG, single=2)) == 2
-    assert count(flights(WRONG, single=9)) == WRONG.episodes
-    assert count(flights(WRONG, law="paper_ct", single=2)) == WRONG.episodes
-    assert count(flights(WRONG, law="paper_ct", single=2, plant="mujoco")) == 2
-    every = chosen({"nmpc": ENTRANTS["nmpc"]}, conditions(), single=3)
-    assert {planned.single for planned in every} == {3}
+    assert count(flights(one_by_one=2)) == NOISY.episodes
+    assert count(flights(WRONG, one_by_one=2)) == 2
+    assert count(flights(WRONG, one_by_one=9)) == WRONG.episodes
+    assert count(flights(WRONG, law="paper_ct", one_by_one=2)) == WRONG.episodes
+    assert count(flights(WRONG, law="paper_ct", one_by_one=2, plant="mujoco")) == 2
+    every = chosen({"nmpc": ENTRANTS["nmpc"]}, conditions(), one_by_one=3)
+    assert {planned.one_by_one for planned in every} == {3}
 
 
 @pytest.mark.parametrize("name", ENTRANTS)
@@ -91,7 +92,7 @@ def test_every_entrant_s_scenario_travels_to_a_process(name):
 
 def test_steps_that_solve_have_a_row_of_their_own(monkeypatch):
     entrants = {name: ENTRANTS[name] for name in ("nmpc", "paper_ct")}
-    times = bench.step_times(entrants, NOISY, calls=200, seconds=0.5)
+    times = comparison.step_times(entrants, NOISY, calls=200, seconds=0.5)
     for each in (times["nmpc"], times["nmpc"]["solving"], times["paper_ct"]):
         assert each["p99_us"] >= each["p50_us"] > 0.0
     # every other step only applies the feedback

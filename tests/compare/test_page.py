@@ -1,4 +1,4 @@
-"""The bench's page: every law in its kind, and what a part buys in numbers of the right case and condition."""
+"""The comparison's page: every law in its kind, and what a part buys in numbers of the right case and condition."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 
 from skyarm.compare.ablations import COLUMNS, WHOLE, ablation_head, ablation_rows
 from skyarm.compare.cells import Cell
+from skyarm.compare.comparison_page import GROUPS, comparison_page, main_tables
 from skyarm.compare.entrants import ENTRANTS
-from skyarm.compare.page import GROUPS, comparison_page, main_tables
 from skyarm.compare.suite import CASES, conditions
 from skyarm.compare.summary import SUCCESS_METRIC, table
 from skyarm.pages import grouped
@@ -66,7 +66,7 @@ def test_heads_of_the_ablations_name_case_and_condition():
 
 
 def test_a_group_that_did_not_enter_has_no_table():
-    few = {name: ENTRANTS[name] for name in ("paper_ct", "exact_ee")}
+    few = {name: ENTRANTS[name] for name in ("paper_ct", "centroidal_tip")}
     assert ablation_rows(made()["summaries"], few, "step") == []
     assert len(main_tables(made(), few, EVERY)) == len(EVERY)
 

@@ -1,4 +1,4 @@
-"""A folder that holds another bench's report is told from one that holds this bench's."""
+"""A folder that holds another comparison's report is told from one that holds this comparison's."""
 
 from __future__ import annotations
 
@@ -7,25 +7,25 @@ import json
 
 import pytest
 
+from skyarm.compare.comparison import Comparison
 from skyarm.compare.entrants import ENTRANTS
-from skyarm.compare.replaced import replaced
-from skyarm.compare.results import Bench
+from skyarm.compare.overwrites import replaced
 from skyarm.compare.suite import conditions
 
 
-def bench(laws=("paper_ct", "exact_ee"), flown=("perfect", "plants"), plants=5, **more):
+def comparison(laws=("paper_ct", "centroidal_tip"), flown=("perfect", "plants"), plants=5, **more):
     every = conditions(plants, 2)
-    return Bench(
+    return Comparison(
         entrants={name: ENTRANTS[name] for name in laws}, conditions={name: every[name] for name in flown}, **more
     )
 
 
 @pytest.fixture
 def stored(tmp_path):
-    """Of paper_ct and exact_ee, perfect and on five wrong plants."""
+    """Of paper_ct and centroidal_tip, perfect and on five wrong plants."""
     flights = {"perfect": 1, "plants": 5}
     summaries = {
-        name: {"case3_wind": {law: {"episodes": count} for law in ("paper_ct", "exact_ee")}}
+        name: {"case3_wind": {law: {"episodes": count} for law in ("paper_ct", "centroidal_tip")}}
         for name, count in flights.items()
     }
     file = tmp_path / "results.json"
@@ -33,16 +33,16 @@ def stored(tmp_path):
     return file
 
 
-def test_the_same_bench_replaces_nothing(stored):
-    assert replaced(bench(), stored) == []
+def test_the_same_comparison_replaces_nothing(stored):
+    assert replaced(comparison(), stored) == []
 
 
-def test_another_bench_says_what_the_stored_one_was_of(stored):
-    assert replaced(bench(laws=("paper_ct",)), stored) == ["laws exact_ee, paper_ct"]
-    assert replaced(bench(flown=("perfect",)), stored) == ["conditions perfect, plants"]
-    assert replaced(bench(plants=8), stored) == ["plants of 5 flights"]
-    assert replaced(bench(seed=1), stored) == ["seed 0"]
-    assert replaced(dataclasses.replace(bench(), plant="mujoco", single=5), stored) == ["plant rigid_body"]
+def test_another_comparison_says_what_the_stored_one_was_of(stored):
+    assert replaced(comparison(laws=("paper_ct",)), stored) == ["laws centroidal_tip, paper_ct"]
+    assert replaced(comparison(flown=("perfect",)), stored) == ["conditions perfect, plants"]
+    assert replaced(comparison(plants=8), stored) == ["plants of 5 flights"]
+    assert replaced(comparison(seed=1), stored) == ["seed 0"]
+    assert replaced(dataclasses.replace(comparison(), plant="mujoco", one_by_one=5), stored) == ["plant rigid_body"]
 
 
 @pytest.mark.parametrize("content", [None, "{", "[]", '{"summaries": 1}', '{"summaries": {"perfect": {}}, "seed": 0}'])
@@ -50,4 +50,4 @@ def test_a_file_of_something_else_says_nothing(tmp_path, content):
     file = tmp_path / "results.json"
     if content is not None:
         file.write_text(content)
-    assert replaced(bench(), file) == []
+    assert replaced(comparison(), file) == []

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from skyarm.compare.plants import Spread, draw
+from skyarm.compare.perturbed_plants import Spread, draw
 from skyarm.compare.suite import CASES, conditions
+from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.simulate import Delays
-from skyarm.simulate.paths import number_at, with_numbers
 
 SCENARIO = CASES["case3_wind"].build()
 COUNT = 2000

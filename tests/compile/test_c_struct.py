@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import pytest
 
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
 from skyarm.compile import leaves
-from skyarm.compile.c_source import Floats
-from skyarm.compile.c_struct import comment, declaration, initialiser, make_struct
+from skyarm.compile.c.c_source import Floats
+from skyarm.compile.c.c_struct import comment, declaration, initialiser, make_struct
+from skyarm.records.units import Unit
 
 
 @dataclass(frozen=True)
 class Inner:
-    mass: float
-    com: Vec3
+    mass: Annotated[float, Unit("kg")]
+    com: Annotated[Vec3, Unit("m")]
 
 
 @dataclass(frozen=True)
 class Outer:
     name: str
-    gains: Vec3
+    gains: Annotated[Vec3, Unit("N")]
     attitude: Quaternion
     parts: tuple[Inner, ...]
     rows: tuple[tuple[float, ...], ...]
@@ -40,7 +42,6 @@ RECORD = Outer(
     turn=Mat3(Vec3(20.0, 21.0, 22.0), Vec3(23.0, 24.0, 25.0), Vec3(26.0, 27.0, 28.0)),
     moments=Sym3(29.0, 0, 30.0),
 )
-NOTES = {"Outer.gains": "N", "Inner.mass": "kg", "Inner.com": "m"}
 
 
 def name(path):
@@ -48,7 +49,7 @@ def name(path):
 
 
 def made(keep=None):
-    return make_struct(RECORD, NOTES, name, keep or [True] * len(leaves(RECORD)))
+    return make_struct(RECORD, name, keep or [True] * len(leaves(RECORD)))
 
 
 def test_every_leaf_has_the_place_of_its_value():
@@ -76,6 +77,11 @@ def test_declaration_and_values_follow_the_same_order():
     assert values.index("/* parts_0_com_y */") < values.index("/* parts_1_mass */")
 
 
+def test_a_unit_that_is_another_here_stands_in_the_comment():
+    struct = make_struct(RECORD, name, [True] * 30, {("parts", "1"): {"mass": Unit("g", "of this law")}})
+    assert [member.note for member in struct.members if "mass" in member.name] == ["kg", "g, of this law"]
+
+
 def test_a_leaf_nobody_wants_has_no_member():
     keep = [True] * 30
     keep[1] = keep[7] = False
@@ -86,14 +92,14 @@ def test_a_leaf_nobody_wants_has_no_member():
 
 
 def test_no_member_at_all_is_a_reserved_one():
-    struct = make_struct((), {}, name, [])
+    struct = make_struct((), name, [])
     assert "double reserved;" in declaration("s", struct, Floats())
     assert initialiser(struct, Floats()) == "{0.0}"
 
 
 def test_two_fields_of_one_name_are_refused():
     with pytest.raises(ValueError, match="share the names \\['same'\\]"):
-        make_struct(RECORD, NOTES, lambda path: "same", [True] * 30)
+        make_struct(RECORD, lambda path: "same", [True] * 30)
 
 
 @pytest.mark.parametrize("text", ["a */ b", "/* x", "a **/ b", "/*/", "??/", "end \\", "two\nlines", "\u00e9", "*//*"])

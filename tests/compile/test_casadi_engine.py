@@ -9,7 +9,7 @@ casadi = pytest.importorskip("casadi")
 
 # ruff: noqa: E402  the engine needs the library
 from skyarm.compile import TracedBranchError, leaves, rebuild, trace
-from skyarm.compile.casadi_engine import casadi_function
+from skyarm.compile.casadi.casadi_engine import casadi_function
 from skyarm.scalars import (
     absolute,
     acos,

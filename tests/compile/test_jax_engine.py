@@ -9,16 +9,19 @@ import sys
 import numpy as np
 import pytest
 
+from engines import jax_doubles
+
 jax = pytest.importorskip("jax")
 
 # ruff: noqa: E402  the engine needs the library
 from skyarm.compile import shaped_like, trace
-from skyarm.compile.jax_engine import JaxKernel, jax_loop
-from skyarm.compile.jax_gradient import gradient
-from skyarm.compile.jax_operations import evaluate
-from skyarm.compile.jax_random import uniforms
-from skyarm.compile.loop import trace_loop
-from skyarm.compile.repeat import repeat
+from skyarm.compile.jax.jax_engine import JaxKernel, jax_loop
+from skyarm.compile.jax.jax_gradient import gradient
+from skyarm.compile.jax.jax_operations import evaluate
+from skyarm.compile.jax.jax_random import uniforms
+from skyarm.compile.tracing.repeat import repeat
+from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.files import needs_extra
 from skyarm.scalars import absolute, acos, atan2, divide, exp, floor, philox, sqrt, tan, tanh, where
 from skyarm.scalars import log as ln
 from skyarm.scalars.functions import copysign
@@ -42,7 +45,7 @@ from stepped_flights import (
 
 @pytest.fixture(autouse=True)
 def _double():
-    with jax.enable_x64(True):
+    with jax_doubles():
         yield
 
 
@@ -108,7 +111,7 @@ def test_a_decimated_log_holds_every_nth_entry(every):
 def test_single_precision_needs_no_64_bit_numbers_and_stays_within_its_digits():
     """Tolerance: 120 steps of 6e-8 each on numbers below 3."""
     carry, parameters = pendulum_lanes(3)
-    with jax.enable_x64(False):
+    with jax_doubles(False):
         kernel = pendulum(single=True)
         found = kernel.run(carry, parameters, TORQUES, seed=5)[0]
     assert found.dtype == np.float32
@@ -125,7 +128,7 @@ def test_uniform_numbers_equal_philox_to_the_bit(single):
     steps = np.arange(2000, dtype=np.uint32) * np.uint32(2_147_483)
     seed = 0xFEDCBA9876543210
     words = np.array([seed & 0xFFFFFFFF, seed >> 32], dtype=np.uint32)
-    with jax.enable_x64(not single):
+    with jax_doubles(not single):
         draw = jax.vmap(lambda e, s: uniforms(words, e, s, ((2, 5), (9, 2)), dtype))
         found = jax.jit(draw)(episodes, steps)
     expected = [philox.uniforms(seed, episodes, channel, steps, count) for channel, count in ((2, 5), (9, 2))]
@@ -134,7 +137,7 @@ def test_uniform_numbers_equal_philox_to_the_bit(single):
 
 def test_single_uniforms_round_ties_and_tiny_numbers_as_the_double_does():
     """Words chosen so that the 53 bits end just at, above and below a tie of 24 bits, at every magnitude."""
-    from skyarm.compile.jax_random import _unit32
+    from skyarm.compile.jax.jax_random import _unit32
 
     rng = np.random.default_rng(8)
     ones = [int(rng.integers(1, 2**24)) for _ in range(20)]
@@ -179,10 +182,10 @@ STEPS, GRADIENT_STEPS = 160, 40
 
 FLIGHTS = """
 import sys
-from skyarm.compile.jax_engine import configure_cpu, jax_loop
+from skyarm.compile.jax.jax_engine import configure_cpu, jax_loop
 configure_cpu()
 import jax, numpy as np
-from skyarm.compile.jax_gradient import gradient
+from skyarm.compile.jax.jax_gradient import gradient
 from stepped_flights import *
 jax.config.update("jax_enable_x64", True)
 def flight(step):
@@ -301,7 +304,7 @@ def test_slopes_are_right_at_ordinary_points_and_finite_beside_a_branch_not_take
 
 
 def test_double_precision_that_jax_does_not_allow_is_refused_with_the_setting():
-    with jax.enable_x64(False), pytest.raises(ValueError, match=r'update\("jax_enable_x64", True\).*single=True'):
+    with jax_doubles(False), pytest.raises(ValueError, match=r'update\("jax_enable_x64", True\).*single=True'):
         pendulum()
 
 
@@ -329,7 +332,7 @@ def test_a_loop_without_parameters_rows_or_steps_runs():
 
 
 def test_a_program_traced_with_loops_is_refused(monkeypatch):
-    monkeypatch.setattr("skyarm.compile.repeat.WRITTEN_OUT", 0)
+    monkeypatch.setattr("skyarm.compile.tracing.repeat.WRITTEN_OUT", 0)
 
     def step(carry, par, row, draws):
         return repeat(3, lambda x: (x[0] * 0.5,), carry), ()
@@ -343,7 +346,7 @@ def test_a_program_traced_with_loops_is_refused(monkeypatch):
 
 FRESH = """
 import os, sys
-from skyarm.compile.jax_engine import JaxStartedError, configure_cpu
+from skyarm.compile.jax.jax_engine import JaxStartedError, configure_cpu
 configure_cpu()
 flags = os.environ["XLA_FLAGS"]
 import jax, numpy as np
@@ -372,9 +375,9 @@ def test_the_cpu_flags_are_known_to_this_jaxlib_and_come_before_it_starts():
 
 
 def test_a_missing_library_is_named_with_its_extra():
-    hidden = "import sys; sys.modules[{0!r}] = None; import skyarm.compile.{0}_engine"
+    hidden = "import sys; sys.modules[{0!r}] = None; import skyarm.compile.{0}.{0}_engine"
     for extra in ("jax", "casadi"):
         done = subprocess.run(
             [sys.executable, "-c", hidden.format(extra)], capture_output=True, text=True, timeout=60, check=False
         )
-        assert f"ImportError: needs the extra '{extra}': pip install skyarm[{extra}]" in done.stderr
+        assert f"ImportError: {needs_extra(extra)}" in done.stderr

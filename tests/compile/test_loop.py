@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from programs_random import bits, oscillator
 
-from skyarm.compile.loop import trace_loop
-from skyarm.compile.lower import lower
-from skyarm.compile.tracer import FOLD, Graph
+from skyarm.compile.tracing.lower import lower
+from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.compile.tracing.tracer import FOLD, Graph
 from skyarm.scalars.elementary import COMPOSED
 
 BASIC = set(FOLD) - set(COMPOSED) | {"input", "const"}

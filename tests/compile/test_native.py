@@ -13,20 +13,23 @@ import numpy as np
 import pytest
 from programs_random import SPECIAL, bits, oscillator, random_function, same_bits
 
-from skyarm.compile import TracedBranchError, native
-from skyarm.compile.llvm_text import Lanes
-from skyarm.compile.loop import trace_loop
-from skyarm.compile.native import Kernel, host_width
+from skyarm.compile import TracedBranchError
+from skyarm.compile.llvm import kernel as native
+from skyarm.compile.llvm.kernel import Kernel, host_width
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.llvm.stepper import Stepper
+from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.scalars import elementary
 from skyarm.scalars.philox import uniforms
 
-SOURCE = str(Path(native.__file__).parents[2])
+SOURCE = str(Path(native.__file__).parents[3])
 
 
 @pytest.fixture(autouse=True)
 def cache(tmp_path, monkeypatch):
     folder = tmp_path / "cache"
     monkeypatch.setenv("SKYARM_CACHE", str(folder))
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     return folder
 
 
@@ -193,7 +196,7 @@ def test_only_contraction_flushes_numbers_below_the_normal_range_and_no_caller_n
     for contract in (False, True):
         kernel = Kernel(loop, Lanes(1, contract=contract))
         ends[contract] = kernel.run(smallest, np.zeros((0, 1)), np.zeros((1, 0)))[0][0, 0]
-        stepper = native.Stepper(kernel, smallest[:, 0])
+        stepper = Stepper(kernel, smallest[:, 0])
         stepper.step()
         assert stepper.carry[0] == ends[contract]
         assert float(smallest[0, 0]) * 0.5 > 0.0
@@ -234,7 +237,7 @@ def test_code_made_in_a_hurry_has_the_bits_of_the_other_and_an_entry_of_its_own(
         Kernel(loop, Lanes(2), logging=True, effort=effort).run(carry, parameters, rows, seed=3) for effort in (2, 0)
     ]
     assert all(same_bits(a, b) for a, b in zip(*flights, strict=True))
-    assert len(list(tmp_path.iterdir())) == 2
+    assert len(list(tmp_path.glob("*.o"))) == 2
 
 
 def test_no_lanes_are_no_error():
@@ -255,7 +258,7 @@ class TestCache:
         def compile_again(*_arguments):
             raise AssertionError("compiled although the cache holds it")
 
-        monkeypatch.setattr(native, "_keep", compile_again)
+        monkeypatch.setattr(native, "build", compile_again)
         assert same_bits(fly(Kernel(spring()))[0], first)
         assert entry.stat().st_mtime_ns == written
 
@@ -276,13 +279,13 @@ class TestCache:
         assert fly(Kernel(spring()))[0].shape == (2, 11)
 
     def test_no_home_folder_is_no_error(self, monkeypatch):
-        for name in ("SKYARM_CACHE", "XDG_CACHE_HOME", "LOCALAPPDATA", "HOME", "USERPROFILE"):
+        for name in ("SKYARM_CACHE", "XDG_CACHE_HOME", "XDG_STATE_HOME", "LOCALAPPDATA", "HOME", "USERPROFILE"):
             monkeypatch.delenv(name, raising=False)
 
         def no_home():
             raise RuntimeError("Could not determine home directory.")
 
-        monkeypatch.setattr(native.Path, "home", staticmethod(no_home))
+        monkeypatch.setattr(Path, "home", staticmethod(no_home))
         assert fly(Kernel(spring()))[0].shape == (2, 11)
 
     def test_another_processor_has_entries_of_its_own(self, cache, monkeypatch):
@@ -307,14 +310,19 @@ class TestCache:
         script.write_text(
             "import sys, numpy as np\n"
             "from programs_random import oscillator\n"
-            "from skyarm.compile.loop import trace_loop\n"
-            "from skyarm.compile.native import Kernel\n"
+            "from skyarm.compile.tracing.stepped_loop import trace_loop\n"
+            "from skyarm.compile.llvm.kernel import Kernel\n"
             "for k in range(4):\n"
             "    kernel = Kernel(trace_loop(oscillator, (0.0, 0.0), (0.0,), (0.0,), ((k, 2),)))\n"
             "    print(kernel.run(np.ones((2, 3)), np.ones((1, 3)), np.ones((9, 1)))[0].tolist())\n"
         )
         paths = os.pathsep.join([SOURCE, str(Path(__file__).parent)])
-        environment = {**os.environ, "PYTHONPATH": paths, "SKYARM_CACHE": str(cache)}
+        environment = {
+            **os.environ,
+            "PYTHONPATH": paths,
+            "SKYARM_CACHE": str(cache),
+            "XDG_STATE_HOME": str(tmp_path / "s"),
+        }
         running = [
             subprocess.Popen([sys.executable, str(script)], env=environment, stdout=subprocess.PIPE, text=True)
             for _ in range(3)
@@ -352,7 +360,7 @@ def test_the_width_of_the_host_is_a_register_of_it():
 class TestStepper:
     def test_it_steps_as_the_kernel_does(self):
         kernel = Kernel(spring(), Lanes(1), logging=True)
-        stepper = native.Stepper(kernel, np.array([0.4, -0.1]), np.array([7.0]))
+        stepper = Stepper(kernel, np.array([0.4, -0.1]), np.array([7.0]))
         rows = np.sin(np.arange(30.0))[:, None]
         carry, log = kernel.run(np.array([[0.4], [-0.1]]), np.array([[7.0]]), rows)
         for k, row in enumerate(rows):
@@ -363,15 +371,15 @@ class TestStepper:
 
     def test_it_keeps_its_own_copies_and_its_machine_code_alive(self):
         carry = np.array([1.0, 0.0])
-        step = native.Stepper(Kernel(spring(), Lanes(1)), carry, np.array([1.0])).step
+        step = Stepper(Kernel(spring(), Lanes(1)), carry, np.array([1.0])).step
         for _ in range(100):
             step()
         assert carry.tolist() == [1.0, 0.0]
 
     def test_what_does_not_fit_is_refused(self):
         with pytest.raises(ValueError, match=r"lanes.width = 2: must be 1"):
-            native.Stepper(Kernel(spring(), Lanes(2)), np.zeros(2), np.zeros(1))
+            Stepper(Kernel(spring(), Lanes(2)), np.zeros(2), np.zeros(1))
         with pytest.raises(ValueError, match=r"carry: shape \(3,\), allowed \(2,\)"):
-            native.Stepper(Kernel(spring(), Lanes(1)), np.zeros(3), np.zeros(1))
+            Stepper(Kernel(spring(), Lanes(1)), np.zeros(3), np.zeros(1))
         with pytest.raises(ValueError, match=r"parameters: shape \(0,\), allowed \(1,\)"):
-            native.Stepper(Kernel(spring(), Lanes(1)), np.zeros(2))
+            Stepper(Kernel(spring(), Lanes(1)), np.zeros(2))

@@ -10,16 +10,16 @@ import subprocess
 import sys
 from pathlib import Path
 
-from skyarm.compile import native
+from skyarm.compile.llvm import kernel as native
 
 PROGRAM = """
 import dataclasses, sys
 import numpy as np
 from skyarm.algebra import Force, Vec3
 from skyarm.compile import leaves
-from skyarm.compile.llvm_text import Lanes
-from skyarm.compile.loop import trace_loop
-from skyarm.compile.native import Kernel, host_width
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.dynamics import forward_dynamics
 from vehicles_random import random_vehicle
 
@@ -66,7 +66,7 @@ print("alive")
 def test_random_topologies_with_any_numbers_never_crash_the_process(tmp_path):
     """500 lanes each, one in fifty with a mass of 0, -1, 1e300, NaN, infinity or 5e-324; widths agree."""
     count = os.environ.get("SKYARM_TOPOLOGIES", "16")
-    tests, source = Path(__file__).parents[1], Path(native.__file__).parents[2]
+    tests, source = Path(__file__).parents[1], Path(native.__file__).parents[3]
     environment = {
         **os.environ,
         "PYTHONPATH": os.pathsep.join(map(str, (source, tests))),

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Vec3
-from skyarm.compile import quick, trace
-from skyarm.compile.quick import Quick
+from skyarm.compile import trace
+from skyarm.compile.llvm import quick_function as quick
+from skyarm.compile.llvm.quick_function import Quick
+from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.scalars import cos, sqrt, where
 
 
@@ -32,7 +34,7 @@ def made(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Qui
     if request.param == "python":
 
         def refuse(*_: Any, **__: Any) -> None:
-            raise ImportError("No module named 'llvmlite'")
+            raise NoMachineCodeError
 
         monkeypatch.setattr(quick, "Kernel", refuse)
     return Quick(law, *EXAMPLES)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from programs_random import bits, random_function, same_bits
 
-from skyarm.compile import repeat as room
-from skyarm.compile.llvm_text import Lanes
-from skyarm.compile.loop import trace_loop
-from skyarm.compile.native import Kernel
-from skyarm.compile.repeat import operations, repeat
+from skyarm.compile.llvm.kernel import Kernel
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.tracing import repeat as room
+from skyarm.compile.tracing.repeat import operations, repeat
+from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.scalars import sin, where
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skyarm.compile import trace
-from skyarm.compile.arrays import OPERATIONS, evaluate
+from skyarm.compile.tracing.array_evaluation import OPERATIONS, evaluate
 from skyarm.scalars import (
     absolute,
     acos,

@@ -237,3 +237,16 @@ def test_too_few_or_too_many_arguments_are_refused():
     for arguments in ((1.0,), (1.0, 2.0, 3.0)):
         with pytest.raises(ValueError, match="arguments is"):
             program(*arguments)
+
+
+def test_a_truth_value_of_numpy_is_one():
+    """A comparison of NumPy's scalars, as gains of a law often are, is folded before the tracer sees it."""
+    program = trace(
+        lambda x: scalars.where(scalars.logical_and(x > 0.0, np.float64(1.0) < np.float64(2.0)), 1.0, 2.0), 0.5
+    )
+    assert (program.flat((0.5,)), program.flat((-0.5,))) == ((1.0,), (2.0,))
+    constants = [node.value for node in program.nodes if node.op == "const"]
+    assert all(type(value) in (bool, float) for value in constants)
+    graph = Graph()
+    assert graph.constant(np.bool_(True)) is graph.constant(True)
+    assert graph.constant(np.float64(1.0)) is graph.constant(1.0)

@@ -9,8 +9,8 @@ import itertools
 from typing import Any
 
 import numpy as np
-from flown import Case, G
 
+from flown import Case, G
 from skyarm.dynamics import euler_lagrange as el
 
 MASS = 0.716 + 0.04 + 0.04 + 0.01

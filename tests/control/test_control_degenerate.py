@@ -5,12 +5,12 @@ import math
 
 import numpy as np
 import pytest
-from flown import ARM2, LAWS, MODEL, G, cases, changed, controller, hovering, pushes, raw_squares, step, unclipped, vec
 from scipy.spatial.transform import Rotation
 
+from flown import ARM2, LAWS, MODEL, G, cases, changed, controller, hovering, pushes, raw_squares, step, unclipped, vec
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.compile import leaves
-from skyarm.control.geometric import SMALL_SINE, desired_attitude, message_quaternion
+from skyarm.control.blocks.geometric import SMALL_SINE, desired_attitude, message_quaternion
 from skyarm.control.model import Model
 from skyarm.dynamics import euler_lagrange as el
 from skyarm.vehicle import Body
@@ -84,7 +84,7 @@ def test_an_attitude_error_of_180_degrees_is_finite_and_asks_for_no_turn_about_t
     measured = dataclasses.replace(hovering().measurement(), quaternion=Quaternion(*half))
     command = step(controller(name), measured, _reference())
     assert finite(command)
-    if name in ("rotors_position", "decoupled_pd"):
+    if name in ("rotors_sim_position", "decoupled_pd"):
         raw = raw_squares(step(unclipped(controller(name)), measured, _reference()))
         assert np.ptp(raw) < 1e-9 * np.abs(raw).max()  # e_R = sin(180 deg) = 0: no torque, an unstable equilibrium
         assert np.sign(raw.sum()) == (
@@ -144,7 +144,7 @@ def test_a_tip_without_mass_is_a_vehicle_like_any_other():
 
 
 USED = {
-    "rotors_position": ("position", "quaternion", "velocity", "rate"),
+    "rotors_sim_position": ("position", "quaternion", "velocity", "rate"),
     "decoupled_pd": ("position", "quaternion", "velocity", "rate", "joints", "joint_rates"),
     "hybrid_computed_torque": ("position", "quaternion", "velocity", "rate", "joints", "joint_rates"),
     "hybrid_computed_torque_euler": ("position", "quaternion", "velocity", "rate", "joints", "joint_rates"),
@@ -201,7 +201,7 @@ def test_the_body_form_is_finite_and_smooth_through_a_pitch_of_90_degrees():
 def test_thrust_of_a_vehicle_on_its_side_is_its_share_of_the_wanted_force():
     """At a pitch of 90 degrees gravity has no part along body z: RotorS's law gives no thrust while it turns up."""
     case = hovering(euler=(0.0, np.pi / 2, 0.0))
-    torque, _ = pushes(MODEL.vehicle, step(controller("rotors_position"), case.measurement(), case.reference()))
+    torque, _ = pushes(MODEL.vehicle, step(controller("rotors_sim_position"), case.measurement(), case.reference()))
     assert torque[1] < 0.0
-    raw = raw_squares(step(unclipped(controller("rotors_position")), case.measurement(), case.reference()))
+    raw = raw_squares(step(unclipped(controller("rotors_sim_position")), case.measurement(), case.reference()))
     assert abs(raw.sum()) < 1e-9 * np.abs(raw).max()

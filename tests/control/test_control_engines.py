@@ -4,12 +4,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-from flown import ARM2, LAWS, MODEL, G, cases, changed, controller, hovering, raw_squares, stacked, step, unclipped
 
+from engines import jax_doubles
+from flown import ARM2, LAWS, MODEL, G, cases, changed, controller, hovering, raw_squares, stacked, step, unclipped
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves, rebuild, trace
+from skyarm.control.catalogue import make_controller
 from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
-from skyarm.control.registry import make_controller
 
 CASES = cases(6, seed=31)
 INPUTS = [(case.measurement(), case.reference()) for case in CASES]
@@ -47,7 +48,7 @@ def test_degenerate_lanes_do_not_disturb_their_neighbours(name):
 def test_jax_agrees_with_floats(name):
     jax = pytest.importorskip("jax")
     flown = controller(name)
-    with jax.enable_x64(True):
+    with jax_doubles():
         measured, reference = (stacked(records) for records in zip(*INPUTS, strict=True))
         values = [jax.numpy.asarray(leaf) for leaf in (*leaves(measured), *leaves(reference))]
         split = len(leaves(measured))
@@ -126,7 +127,7 @@ def test_a_controllers_mixer_may_come_from_a_traced_vehicle():
     measured, reference = INPUTS[0]
 
     def law(model, m, r):
-        return step(make_controller("rotors_position", model), m, r)
+        return step(make_controller("rotors_sim_position", model), m, r)
 
     program = trace(law, MODEL, measured, reference)
     assert leaves(program(MODEL, measured, reference)) == leaves(law(MODEL, measured, reference))

@@ -5,20 +5,19 @@ import math
 
 import numpy as np
 import pytest
-from flown import ARM2, JOINT_GAINS, G, changed, controller, hovering, pushes, raw_squares, step, unclipped
 from scipy.spatial.transform import Rotation
 
 import skyarm
+from flown import ARM2, JOINT_GAINS, G, changed, controller, hovering, pushes, raw_squares, step, unclipped
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.control.catalogue import HUMMINGBIRD, make_controller
 from skyarm.control.model import Model
-from skyarm.control.presets import HUMMINGBIRD
-from skyarm.control.registry import make_controller
-from skyarm.plant.interface import World
+from skyarm.plant.interface import Truth
 from skyarm.reference import Constant, Sine, hover
+from skyarm.scenario.scenario_record import trimmed_state
 from skyarm.simulate import Scenario, run
-from skyarm.simulate.scenario import trimmed_state
 
-TRUTH = World(vehicle=skyarm.load_vehicle("hummingbird_arm2_rotors"), gravity=9.8)
+TRUTH = Truth(vehicle=skyarm.load_vehicle("hummingbird_arm2_rotors"), gravity=9.8)
 
 
 def moving(vehicle):
@@ -34,7 +33,7 @@ def moving(vehicle):
 def flight(vehicle):
     found = make_controller("hybrid_computed_torque", Model(vehicle=vehicle))
     trajectory = hover((0.0, 0.0, 2.0), joints=moving(vehicle))
-    log = run(Scenario(name="x", duration=5.0, world=World(vehicle=vehicle), controller=found, trajectory=trajectory))
+    log = run(Scenario(name="x", duration=5.0, world=Truth(vehicle=vehicle), controller=found, trajectory=trajectory))
     assert log.status == "completed"
     return log
 
@@ -64,7 +63,7 @@ def test_viscous_joints_lag_by_what_the_law_leaves_out_and_the_base_does_not_not
     assert 0.03 < lag < 0.5
 
 
-def upset(axis, degrees, *, law, policy="rotors_clip", height=60.0, seconds=6.0, ground=False):
+def upset(axis, degrees, *, law, policy="clip", height=60.0, seconds=6.0, ground=False):
     """Fly from rest at an attitude turned about one axis, the reference at the same place."""
     x, y, z, w = Rotation.from_euler(axis, degrees, degrees=True).as_quat()
     start = trimmed_state(TRUTH, Vec3(0.0, 0.0, height), 0.0, (0.0, 0.0))
@@ -120,7 +119,7 @@ def test_the_euler_form_recovers_from_a_pitch_of_80_degrees_as_the_body_form_doe
 
 @pytest.mark.parametrize("law", ["decoupled_pd", "hybrid_computed_torque"])
 @pytest.mark.parametrize("axis", ["x", "y"])
-def test_rotors_clip_recovers_from_120_degrees(law, axis):
+def test_the_clip_policy_recovers_from_120_degrees(law, axis):
     assert_recovered(upset(axis, 120.0, law=law))
 
 
@@ -131,7 +130,7 @@ def test_rotors_law_stays_on_its_back_because_every_rotor_is_clipped_to_rest():
     0.7 sin(roll) / (2 0.17), is above its share m g |cos(roll)| / 4 of the thrust: up to 135 degrees at rest.
     """
     inverted = hovering(euler=(math.radians(179.0), 0.0, 0.0))
-    flown = controller("rotors_position")
+    flown = controller("rotors_sim_position")
     assert np.all(raw_squares(step(unclipped(flown), inverted.measurement(), inverted.reference())) < 0.0)
     assert step(flown, inverted.measurement(), inverted.reference()).rotor_speeds == (0.0,) * 4
     turning = math.pi - math.atan(0.806 * G / 4.0 / (0.7 / (2.0 * 0.17)))

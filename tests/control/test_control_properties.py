@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from flown import ARM2, LAWS, MODEL, G, cases, changed, controller, hovering, pushes, step, vec
 from scipy.spatial.transform import Rotation
 
+from flown import ARM2, LAWS, MODEL, G, cases, changed, controller, hovering, pushes, step, vec
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
-from skyarm.control.geometric import (
+from skyarm.control.blocks.geometric import (
     angular_acceleration,
     attitude_error,
     body_thrust,
@@ -15,7 +15,7 @@ from skyarm.control.geometric import (
     rate_error,
     yaw_of,
 )
-from skyarm.control.presets import HUMMINGBIRD
+from skyarm.control.catalogue import HUMMINGBIRD
 from skyarm.dynamics import euler_lagrange as el
 
 
@@ -190,18 +190,21 @@ def test_the_corrected_rate_error_vanishes_where_the_attitude_error_stands_still
     R_d = desired_attitude(Vec3(0.0, 0.0, -G), 0.4, Mat3.identity())
     for euler in ((0.5, 0.0, 0.0), (0.2, -0.6, 1.0), (-0.4, 0.3, 2.0)):
         R = Rotation.from_euler("ZYX", euler[::-1]).as_matrix()
-        w = {form: -np.array(tuple(rate_error(zero, mat(R), R_d, yaw_rate, form))) for form in ("corrected", "rotors")}
+        w = {
+            form: -np.array(tuple(rate_error(zero, mat(R), R_d, yaw_rate, form)))
+            for form in ("corrected", "rotors_sim")
+        }
         # central differences of order h^2 = 1e-10 and rounding 1e-16 / h
         np.testing.assert_allclose(_error_rate(R, w["corrected"], yaw_rate), 0.0, atol=1e-8)
-        assert np.abs(_error_rate(R, w["rotors"], yaw_rate)).max() > 0.1
+        assert np.abs(_error_rate(R, w["rotors_sim"], yaw_rate)).max() > 0.1
         np.testing.assert_allclose(w["corrected"], R.T @ array(R_d) @ [0.0, 0.0, yaw_rate], atol=1e-15)
 
 
 def test_rate_errors_agree_without_a_yaw_rate_and_in_the_wanted_attitude():
     R, R_d = (mat(Rotation.random(random_state=seed).as_matrix()) for seed in (1, 2))
     w = Vec3(0.1, -0.2, 0.3)
-    assert rate_error(w, R, R_d, 0.0, "rotors") == rate_error(w, R, R_d, 0.0, "corrected") == w
-    same = (rate_error(w, R, R, 0.7, form) for form in ("rotors", "corrected"))
+    assert rate_error(w, R, R_d, 0.0, "rotors_sim") == rate_error(w, R, R_d, 0.0, "corrected") == w
+    same = (rate_error(w, R, R, 0.7, form) for form in ("rotors_sim", "corrected"))
     for found in same:
         np.testing.assert_allclose(tuple(found), (0.1, -0.2, -0.4), atol=1e-15)
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from flown import MODEL, G, cases, changed, controller, hovering, pushes, raw_squares, step, unclipped, unlimited
 from paper_oracle import (
     ACCELERATION,
     MASS,
@@ -16,8 +15,9 @@ from paper_oracle import (
     mixed,
 )
 
+from flown import MODEL, G, cases, changed, controller, hovering, pushes, raw_squares, step, unclipped, unlimited
+from skyarm.control.catalogue import ControllerError, make_controller
 from skyarm.control.model import Model, Terms
-from skyarm.control.registry import ControllerError, make_controller
 from skyarm.dynamics import euler_lagrange as el
 
 CASES = cases(40, seed=11)
@@ -39,7 +39,7 @@ def pinocchio():
 
 
 @pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("rate_error", ["rotors", "corrected"])
+@pytest.mark.parametrize("rate_error", ["rotors_sim", "corrected"])
 def test_each_form_is_pinocchios_inverse_dynamics_of_the_papers_accelerations(pinocchio, form, rate_error):
     flown = unclipped(controller(form, FREE, rate_error=rate_error))
     for case in CASES:
@@ -142,7 +142,7 @@ def test_pd_baseline_is_rotors_controller_and_a_pd_with_reduced_gravity():
 
 
 def test_rotors_controller_alone_feeds_the_acceleration_forward_and_leaves_the_joints():
-    flown = unclipped(controller("rotors_position", FREE))
+    flown = unclipped(controller("rotors_sim_position", FREE))
     for case in CASES[:10]:
         linear, alpha = accelerations(case)
         thrust = MASS * np.add(linear, [0.0, 0.0, G]) @ case.R[:, 2]

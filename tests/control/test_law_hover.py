@@ -1,15 +1,15 @@
-"""Every law of the ladder and every rival stands still where its model says it can, on any vehicle."""
+"""Every law of the ladder and every published law stands still where its model says it can, on any vehicle."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from law_flights import RIVALS, STEPS, TOP, flown_to_the_end, hovering_scenario, scalars
 
 import skyarm
+from law_flights import RIVALS, STEPS, TOP, flown_to_the_end, hovering_scenario, scalars
 from skyarm.actuation.hover import hover_trim
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.dynamics.measurement import Measurement
+from skyarm.sensors.measurement import Measurement
 
 ARM = "hummingbird_arm2_rotors"
 
@@ -20,7 +20,7 @@ def test_a_law_that_knows_its_vehicle_hovers_exactly(law):
 
     The adaptation of the sliding mode is a slower integrator, near 0.4 rad/s: it gets 80 s.
     """
-    seconds = 80.0 if law == "kim_sliding_mode_style" else 25.0
+    seconds = 80.0 if law == "kim2013" else 25.0
     state = flown_to_the_end(hovering_scenario(law, ARM, seconds=seconds, offset=0.02))
     assert np.abs([*state.position.x, *state.position.y]).max() < 1e-9
     assert abs(float(state.position.z[0]) - 2.0) < 1e-9

@@ -1,4 +1,4 @@
-"""Options of the ladder and the rivals: refused by name and value, tuned gains by name."""
+"""Options of the ladder and the published laws: refused by name and value, tuned gains by name."""
 
 from __future__ import annotations
 
@@ -11,11 +11,18 @@ import pytest
 import skyarm
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves
+from skyarm.control.catalogue import (
+    HUMMINGBIRD,
+    KNOBS,
+    LAWS,
+    ControllerError,
+    make_controller,
+    make_tuned,
+    rescale,
+    tuned_factors,
+)
 from skyarm.control.model import JointGains, Model, Terms
-from skyarm.control.presets import HUMMINGBIRD
-from skyarm.control.registry import LAWS, ControllerError, make_controller
-from skyarm.control.tuned import KNOBS, rescaled, tuned, tuned_factors
-from skyarm.simulate.scenario_file import scenario_from
+from skyarm.scenario.scenario_file import scenario_from
 
 MODEL = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"))
 
@@ -27,8 +34,8 @@ WRONG = [
     ("indi", "delay_periods", True, r"controller\.delay_periods = True: must be a whole number"),
     ("l1_adaptive", "predictor", (1.0, 2.0), r"controller\.predictor = \(1\.0, 2\.0\): must be three numbers"),
     ("l1_adaptive", "thrust_filter", float("nan"), r"controller\.thrust_filter = nan: must be a finite number"),
-    ("kim_sliding_mode_style", "boundary", (0.1, 0.0, 0.1), r"controller\.boundary\[1\] = 0\.0: must be above 0"),
-    ("kim_sliding_mode_style", "limit", 3.0, r"controller\.limit = 3\.0: must be three numbers"),
+    ("kim2013", "boundary", (0.1, 0.0, 0.1), r"controller\.boundary\[1\] = 0\.0: must be above 0"),
+    ("kim2013", "limit", 3.0, r"controller\.limit = 3\.0: must be three numbers"),
     ("ct_observer", "observer", (1.0, 2.0, -3.0), r"controller\.observer\[2\] = -3\.0: must be above 0"),
     ("ct_lag_inversion", "reference_period", 0, r"controller\.reference_period = 0: must be above 0"),
     ("nmpc", "weights", 3, r"controller\.weights = 3: must be Weights"),
@@ -36,9 +43,9 @@ WRONG = [
     ("nmpc", "horizon", True, r"controller\.horizon = True: must be a number of s"),
     ("nmpc", "stages", 10**9, r"controller\.stages = 1000000000: must be a whole number from 2 to 200"),
     ("nmpc", "delay_periods", 101, r"controller\.delay_periods = 101: must be a whole number from 0 to 100"),
-    ("learned_compensator_style", "network", "x", r"controller\.network = 'x': must be a Network"),
+    ("learned_compensator", "network", "x", r"controller\.network = 'x': must be a Network"),
     (
-        "learned_compensator_style",
+        "learned_compensator",
         "answer",
         1e9,
         r"controller\.answer = 1000000000\.0: must be a number of rad/s above 0",
@@ -47,8 +54,8 @@ WRONG = [
     ("hybrid_computed_torque", "rate_error", [1], r"controller\.rate_error = \[1\]: must be one of"),
 ]
 
-GAINED = ("decoupled_pd", "hybrid_computed_torque", "ct_observer", "indi", "kim_sliding_mode_style")
-GAINED += ("l1_adaptive", "learned_compensator_style")
+GAINED = ("decoupled_pd", "hybrid_computed_torque", "ct_observer", "indi", "kim2013")
+GAINED += ("l1_adaptive", "learned_compensator")
 
 
 @pytest.mark.parametrize("law", GAINED)
@@ -73,8 +80,8 @@ GAINED += ("l1_adaptive", "learned_compensator_style")
             JointGains(stiffness=(1.0, 1.0), damping=(1.0,)),
             r"^controller\.joint_gains\.damping: 1 values, must be 2",
         ),
-        ("mixer_policy", "fair", r"^controller\.mixer = 'fair': must be one of rotors_clip, priority$"),
-        ("mixer_policy", [1], r"^controller\.mixer = \[1\]: must be one of rotors_clip, priority$"),
+        ("mixer_policy", "fair", r"^controller\.mixer = 'fair': must be one of clip, priority$"),
+        ("mixer_policy", [1], r"^controller\.mixer = \[1\]: must be one of clip, priority$"),
     ],
 )
 def test_gains_and_mixers_that_no_law_can_fly_are_refused_by_name(law, option, value, words):
@@ -120,7 +127,7 @@ def test_a_wrong_value_is_refused_by_name(law, option, value, words):
         make_controller(law, MODEL, **{option: value})
 
 
-@pytest.mark.parametrize("law", ["guo_center_of_inertia_style", "ct_observer"])
+@pytest.mark.parametrize("law", ["guo2023", "ct_observer"])
 def test_joint_gains_for_another_number_of_joints_are_refused(law):
     with pytest.raises(ControllerError, match=r"joint_gains\.stiffness: 1 values, must be 2"):
         make_controller(law, MODEL, joint_gains=JointGains(stiffness=(1.0,), damping=(1.0, 2.0)))
@@ -140,8 +147,8 @@ def test_what_a_name_fixes_is_no_option():
 
 def test_a_controller_is_named_as_its_law():
     for law in LAWS:
-        # the exact law says which of its two modes flies
-        assert make_controller(law, MODEL).name == (f"{law}_joint" if law == "exact" else law)
+        # the centroidal law says which of its two modes flies
+        assert make_controller(law, MODEL).name == (f"{law}_joint" if law == "centroidal" else law)
 
 
 def test_the_files_factors_are_of_laws_and_constants_that_there_are():
@@ -153,8 +160,8 @@ def test_the_files_factors_are_of_laws_and_constants_that_there_are():
 
 
 def test_tuned_gains_are_the_laws_own_times_the_factors():
-    plain, best = make_controller("kim_sliding_mode_style", MODEL), tuned("kim_sliding_mode_style", MODEL)
-    factors = tuned_factors()["kim_sliding_mode_style"]
+    plain, best = make_controller("kim2013", MODEL), make_tuned("kim2013", MODEL)
+    factors = tuned_factors()["kim2013"]
     assert float(best.par.gains.rate.y) == pytest.approx(float(plain.par.gains.rate.y) * factors["gains.rate"])
     assert best.par.adaptation[1] == pytest.approx(plain.par.adaptation[1] * factors["adaptation.1"])
     untouched = dataclasses.replace(
@@ -170,19 +177,19 @@ def test_tuned_gains_are_the_laws_own_times_the_factors():
 def test_a_factor_of_one_changes_nothing():
     for law, paths in KNOBS.items():
         plain = make_controller(law, MODEL)
-        assert leaves(rescaled(plain, dict.fromkeys(paths, 1.0)).par) == leaves(plain.par)
+        assert leaves(rescale(plain, dict.fromkeys(paths, 1.0)).par) == leaves(plain.par)
 
 
 def test_a_factor_on_a_constant_that_is_not_there_is_refused():
     with pytest.raises(ControllerError, match=r"controller\.cutoff: the law has no such constant"):
-        rescaled(make_controller("l1_adaptive", MODEL), {"cutoff": 2.0})
+        rescale(make_controller("l1_adaptive", MODEL), {"cutoff": 2.0})
     with pytest.raises(ControllerError, match=r"controller\.adaptation\.3: the law has no such constant"):
-        rescaled(make_controller("kim_sliding_mode_style", MODEL), {"adaptation.3": 2.0})
+        rescale(make_controller("kim2013", MODEL), {"adaptation.3": 2.0})
 
 
 def test_a_law_without_tuned_gains_is_refused_with_those_there_are():
-    with pytest.raises(ControllerError, match=r"controller\.law = 'rotors_position': has no tuned gains.*'indi'"):
-        tuned("rotors_position", MODEL)
+    with pytest.raises(ControllerError, match=r"controller\.law = 'rotors_sim_position': has no tuned gains.*'indi'"):
+        make_tuned("rotors_sim_position", MODEL)
 
 
 def scenario(**controller):

@@ -7,40 +7,39 @@ import re
 
 import numpy as np
 import pytest
-from flown import ARM2, MODEL, cases, hovering, pushes
 from scipy.spatial.transform import Rotation
-from test_export_c import Loaded
 
 from c_compiler import needs_cc
+from exported_law import Loaded
+from flown import ARM2, MODEL, cases, hovering, pushes
+from log_metrics import Errors
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves, trace
-from skyarm.compile.llvm_text import Lanes
-from skyarm.compile.loop import trace_loop
-from skyarm.compile.native import Kernel
+from skyarm.compile.llvm.kernel import Kernel
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.control.catalogue import ACCELERATION, HUMMINGBIRD, make_controller
 from skyarm.control.controller import ControllerError
-from skyarm.control.export import export_c
-from skyarm.control.laws import hybrid_computed_torque
-from skyarm.control.learned.features import HISTORY, feature_names, features, no_history, remembered
-from skyarm.control.learned.law import compensated
-from skyarm.control.learned.network import read_network, shipped_network, write_network
+from skyarm.control.laws.learned.features import HISTORY, feature_names, features, no_history, remembered
+from skyarm.control.laws.learned.law import compensated
+from skyarm.control.laws.learned.network import read_network, shipped_network, write_network
+from skyarm.control.laws.paper.computed_torque import hybrid_computed_torque
 from skyarm.control.model import Model
-from skyarm.control.presets import ACCELERATION, HUMMINGBIRD
-from skyarm.control.registry import make_controller
-from skyarm.experiments.learn.flights import random_scenario
-from skyarm.experiments.learn.rounds import learn, training_record
-from skyarm.experiments.learn.samples import residuals, samples
-from skyarm.experiments.learn.training import Budget, Trainer
+from skyarm.learn.learning_flights import random_scenario
+from skyarm.learn.samples import residuals, samples
+from skyarm.learn.training import Budget, Trainer
+from skyarm.learn.training_rounds import learn, training_record
+from skyarm.onboard.export_c import export_c
+from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate.loop import run
-from skyarm.simulate.metrics import Errors
-from skyarm.simulate.scenario_file import load_scenario
-from skyarm.vehicle.files import load_vehicle
+from skyarm.vehicle.vehicle_files import load_vehicle
 
 TINY = Budget(flights=3, rounds=1, duration=0.6, hidden=8, epochs=20, batch=16, seed=5)
 
 
 def learned(**options):
-    return make_controller("learned_compensator_style", MODEL, gains=HUMMINGBIRD, joint_gains=ACCELERATION, **options)
+    return make_controller("learned_compensator", MODEL, gains=HUMMINGBIRD, joint_gains=ACCELERATION, **options)
 
 
 def numpy_forward(network, x):
@@ -74,7 +73,7 @@ def test_answers_beyond_what_training_saw_are_limited():
 
 def test_the_file_says_how_it_was_made_and_reads_back_as_written():
     network, training = shipped_network()
-    assert training["command"] == "python -m skyarm.experiments.learn FILE"
+    assert training["command"] == "python -m skyarm.learn FILE"
     assert training["inputs"] == list(feature_names(2))
     assert len(training["outputs"]) == len(training["held_out_rms_error"]) == 8
     text = write_network(network, training)
@@ -175,7 +174,7 @@ def test_in_c_it_has_the_bits_of_the_law_in_python_over_several_steps(tmp_path):
 
 def test_another_arm_is_refused():
     with pytest.raises(ControllerError, match=r"takes 39 inputs, a vehicle of 6 joints gives 63; train one"):
-        make_controller("learned_compensator_style", Model(vehicle=load_vehicle("hexarotor_arm6")))
+        make_controller("learned_compensator", Model(vehicle=load_vehicle("hexarotor_arm6")))
 
 
 def test_the_shipped_network_is_refused_for_a_vehicle_it_was_not_trained_on_unless_it_is_given():
@@ -185,10 +184,10 @@ def test_the_shipped_network_is_refused_for_a_vehicle_it_was_not_trained_on_unle
     long = dataclasses.replace(ARM2, links=(first, dataclasses.replace(second, joint=joint)))
     for vehicle, words in ((heavy, r"masses \[2.148, .*trained with \[0.716"), (long, r"places .*trained with \[0.0")):
         with pytest.raises(ControllerError, match=words):
-            make_controller("learned_compensator_style", Model(vehicle=vehicle))
-        make_controller("learned_compensator_style", Model(vehicle=vehicle), network=shipped_network()[0])
+            make_controller("learned_compensator", Model(vehicle=vehicle))
+        make_controller("learned_compensator", Model(vehicle=vehicle), network=shipped_network()[0])
     for name in ("hummingbird_arm2", "hummingbird_arm2_rotors"):
-        make_controller("learned_compensator_style", Model(vehicle=load_vehicle(name)))
+        make_controller("learned_compensator", Model(vehicle=load_vehicle(name)))
 
 
 def test_wind_moves_it_a_tenth_of_what_it_moves_the_paper_s_law():

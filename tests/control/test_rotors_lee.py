@@ -7,16 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flown import G, cases, controller, step, vec
 
 import skyarm
+from flown import G, cases, controller, step, vec
 from skyarm.actuation import mix
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves, trace
-from skyarm.control.geometric import message_quaternion, yaw_of
+from skyarm.control.blocks.geometric import message_quaternion, yaw_of
+from skyarm.control.catalogue import HUMMINGBIRD
+from skyarm.control.laws.paper.rotors_node import rotors_sim_lee_command
 from skyarm.control.model import Model
-from skyarm.control.presets import HUMMINGBIRD
-from skyarm.control.rotors_lee import rotors_lee_command
 
 GOLDEN = json.loads((Path(__file__).parents[1] / "data" / "lee_golden.json").read_text(encoding="utf-8"))
 VEHICLE = skyarm.load_vehicle("hummingbird")
@@ -42,7 +42,7 @@ INPUTS = {
 
 def command(case, vehicle=VEHICLE, **options):
     inputs = {ours: case[theirs] for ours, theirs in INPUTS.items()}
-    return rotors_lee_command(vehicle, HUMMINGBIRD, case["mass_param"], **inputs, **options)
+    return rotors_sim_lee_command(vehicle, HUMMINGBIRD, case["mass_param"], **inputs, **options)
 
 
 def numbers(value):
@@ -140,9 +140,9 @@ def test_a_quaternion_just_longer_than_eigens_epsilon_is_normalised():
 def test_fields_a_message_leaves_out_are_zero():
     case = GOLDEN["cases"][30]
     state = {ours: case[theirs] for ours, theirs in INPUTS.items() if "ref" not in ours}
-    spare = rotors_lee_command(VEHICLE, HUMMINGBIRD, 0.716, **state, p_ref_W=case["p_ref_W"])
+    spare = rotors_sim_lee_command(VEHICLE, HUMMINGBIRD, 0.716, **state, p_ref_W=case["p_ref_W"])
     zero = [0.0, 0.0, 0.0]
-    full = rotors_lee_command(
+    full = rotors_sim_lee_command(
         VEHICLE,
         HUMMINGBIRD,
         0.716,
@@ -158,10 +158,10 @@ def test_fields_a_message_leaves_out_are_zero():
 
 def test_the_flown_law_gives_the_rotor_speeds_of_the_message_entry():
     """Same law behind two doors: velocity in world axes and a yaw, or RotorS's messages."""
-    flown = controller("rotors_position", Model(vehicle=VEHICLE, gravity=G))
+    flown = controller("rotors_sim_position", Model(vehicle=VEHICLE, gravity=G))
     for case in cases(10, seed=3, joints=0):
         half = 0.5 * case.yaw
-        through_messages = rotors_lee_command(
+        through_messages = rotors_sim_lee_command(
             VEHICLE,
             HUMMINGBIRD,
             VEHICLE.mass,
@@ -188,7 +188,7 @@ def test_the_message_entry_traces_to_the_same_bits():
     inputs = tuple(tuple(float(x) for x in case[theirs]) for theirs in INPUTS.values())
 
     def law(mass, *values):
-        return rotors_lee_command(VEHICLE, HUMMINGBIRD, mass[0], **dict(zip(INPUTS, values, strict=True)))
+        return rotors_sim_lee_command(VEHICLE, HUMMINGBIRD, mass[0], **dict(zip(INPUTS, values, strict=True)))
 
     program = trace(law, (0.716,), *inputs)
     for other in GOLDEN["cases"][::7]:
@@ -200,6 +200,6 @@ def test_the_message_entry_traces_to_the_same_bits():
 def test_squared_speeds_are_what_the_mixer_gives_for_torque_and_thrust():
     case = GOLDEN["cases"][12]
     found = command(case)
-    flown = controller("rotors_position", Model(vehicle=VEHICLE))
+    flown = controller("rotors_sim_position", Model(vehicle=VEHICLE))
     torque = VEHICLE.base.inertia.apply(found.angular_acceleration)
     assert mix(flown.par.mixer, torque, found.thrust)[1] == found.squared_speeds

@@ -1,4 +1,4 @@
-"""The guard around a law that is not over scalars: called with floats, with a memory of any kind."""
+"""The guard around a law that cannot be traced: called with floats, with a memory of any kind."""
 
 from __future__ import annotations
 
@@ -9,11 +9,15 @@ import numpy as np
 import pytest
 
 import skyarm
+from flying_vehicles import random_flyer
 from skyarm.actuation import Command
+from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import Controller
-from skyarm.control.registry import make_controller
-from skyarm.control.safety import guarded
-from skyarm.control.safety.stiffness import USUAL, law_stiffness
+from skyarm.control.law_checks import LawError, checked_law
+from skyarm.control.model import Model
+from skyarm.control.safety import safety_layer, with_safety_layer
+from skyarm.control.safety.law_stiffness import USUAL, law_stiffness
+from skyarm.environment.payload import Payload
 from skyarm.reference import Constant, Trajectory
 from skyarm.simulate import run
 from skyarm.simulate.loop import run_in_python
@@ -43,15 +47,15 @@ def failing(how, start):
 
 
 def test_the_predictive_law_flies_under_guard_as_it_does_without():
-    logs = [flown(controller, 1.0) for controller in (predictive(), guarded(predictive()))]
+    logs = [flown(controller, 1.0) for controller in (predictive(), with_safety_layer(predictive()))]
     assert logs[1].status == "completed"
     # nothing is limited in this flight, and nothing is computed in another order
     for name in ("position", "joints", "rotor_commands", "efforts"):
         assert np.array_equal(getattr(logs[0], name), getattr(logs[1], name))
-    controller = guarded(predictive())
+    controller = with_safety_layer(predictive())
     assert (controller.name, controller.compiled) == ("guarded_nmpc", False)
     assert (controller.par.limits.stiffness, controller.par.limits.damping) == USUAL == law_stiffness(predictive())
-    assert guarded(predictive(), {"stiffness": 9.0}).par.limits.stiffness == 9.0
+    assert with_safety_layer(predictive(), {"stiffness": 9.0}).par.limits.stiffness == 9.0
 
 
 def nan(command):
@@ -70,15 +74,22 @@ def raising(error):
     return how
 
 
+def unmakeable(command):
+    """A record of the library's that refuses the number."""
+    return Payload(mass=command.efforts[0] * math.nan)
+
+
 FAILED = [OverflowError(), np.linalg.LinAlgError("singular"), ValueError("math domain error"), RuntimeError("solver")]
 
 
-@pytest.mark.parametrize("how", [nan, *map(raising, FAILED)], ids=["nan", *(type(e).__name__ for e in FAILED)])
+@pytest.mark.parametrize(
+    "how", [nan, unmakeable, *map(raising, FAILED)], ids=["nan", "record", *(type(e).__name__ for e in FAILED)]
+)
 def test_a_predictive_law_that_fails_is_replaced_by_the_recovery(how):
     controller = failing(how, 0.5)
     if how is nan:
         assert flown(controller, 2.0).status != "completed"
-    log = flown(guarded(controller, {"trusted_tilt": 0.8}), 4.0)
+    log = flown(with_safety_layer(controller, {"trusted_tilt": 0.8}), 4.0)
     healthy = flown(predictive(), 0.5)
     # until then the law itself flew
     assert np.array_equal(log.rotor_commands[: len(healthy.time)], healthy.rotor_commands)
@@ -92,11 +103,50 @@ def test_a_predictive_law_that_fails_is_replaced_by_the_recovery(how):
 
 def test_a_mistake_in_a_laws_code_is_not_hidden():
     with pytest.raises(TypeError, match="a mistake"):
-        flown(guarded(failing(raising(TypeError("a mistake")), 0.1)), 0.2)
+        flown(with_safety_layer(failing(raising(TypeError("a mistake")), 0.1)), 0.2)
+
+
+def test_a_mistake_that_is_told_by_a_law_error_is_not_hidden_either():
+    with pytest.raises(LawError, match="gives 3 rotor_speeds: must be 4"):
+        flown(
+            with_safety_layer(failing(lambda c: Command(rotor_speeds=c.rotor_speeds[1:], efforts=c.efforts), 0.1)), 0.2
+        )
+
+
+def test_a_called_law_under_guard_is_made_ready_to_be_looked_at_once(monkeypatch):
+    called, calls = counted(WIND.controller)
+    made = []
+    monkeypatch.setattr(safety_layer, "checked_law", lambda each: made.append(each) or checked_law(each))
+    flown(with_safety_layer(called), 0.2)
+    assert len(calls) == 40
+    assert len(made) == 1
+
+
+def test_one_law_of_two_vehicles_is_looked_at_for_each():
+    class Two:
+        """Has no hash, and commands two joints whatever the vehicle."""
+
+        __hash__ = None
+
+        def __call__(self, memory, measurement, reference, dt, *, par):
+            return memory, Command(rotor_speeds=(480.0,) * 4, efforts=(0.0, 0.0))
+
+    law = Two()
+    pars = [
+        with_safety_layer(make_controller("ct_lag_inversion", Model(vehicle=random_flyer(1, n)))).par for n in (2, 1)
+    ]
+    both = [safety_layer._once_checked(safety_layer._Asked(law, par)) for par in pars]
+    again = safety_layer._once_checked(safety_layer._Asked(law, dataclasses.replace(pars[0])))
+    rotors = {len(par.model.vehicle.rotors) for par in pars}
+    assert rotors == {4}
+    assert again is both[0]
+    both[0]((), None, None, 0.01, par=None)
+    with pytest.raises(LawError, match="gives 2 efforts: must be 1"):
+        both[1]((), None, None, 0.01, par=None)
 
 
 def counted(controller):
-    """A law over scalars that is called with floats, and how often it was."""
+    """A traceable law that is called with floats, and how often it was."""
     calls = []
 
     def law(memory, measurement, reference, dt, *, par):
@@ -111,7 +161,10 @@ def test_a_called_law_under_guard_flies_the_bits_of_a_traced_one():
     tight = {"rotor_slew": 2e3, "effort": 0.05, "stiffness": 5.0, "damping": 2.7}
     called, calls = counted(law)
     scenario = dataclasses.replace(WIND, duration=0.5)
-    logs = [run_in_python(dataclasses.replace(scenario, controller=guarded(each, tight))) for each in (law, called)]
+    logs = [
+        run_in_python(dataclasses.replace(scenario, controller=with_safety_layer(each, tight)))
+        for each in (law, called)
+    ]
     assert len(calls) == 100
     for name in ("position", "joints", "rotor_commands", "efforts"):
         assert np.array_equal(getattr(logs[0], name), getattr(logs[1], name))
@@ -126,7 +179,7 @@ def test_a_called_law_rests_while_the_recovery_flies_and_starts_anew():
 
     called, calls = counted(dataclasses.replace(inner, law=law, memory=None))
     calm = dataclasses.replace(skyarm.load_scenario("case1"), duration=1.5, initial=None, trajectory=HOVER)
-    run(dataclasses.replace(calm, controller=guarded(called, {"calm": 0.4})))
+    run(dataclasses.replace(calm, controller=with_safety_layer(called, {"calm": 0.4})))
     silent = np.diff(calls).max()
     # given up at 0.2 s, calm for 0.4 s and asked again in the period after
     assert 0.4 < silent < 0.8
@@ -135,7 +188,7 @@ def test_a_called_law_rests_while_the_recovery_flies_and_starts_anew():
 
 def test_a_measurement_that_is_not_finite_is_not_shown_to_a_called_law():
     called, calls = counted(WIND.controller)
-    guard: Controller = guarded(called)
+    guard: Controller = with_safety_layer(called)
     seen = []
 
     def law(memory, measurement, reference, dt, *, par):
@@ -157,7 +210,7 @@ def test_a_predictive_law_that_turns_the_vehicle_over_is_replaced_by_the_recover
     law = failing(leaning, 0.1)
     alone, log = (
         run(dataclasses.replace(calm, controller=each))
-        for each in (law, guarded(law, {"trusted_tilt": 0.3, "patience": 0.05}))
+        for each in (law, with_safety_layer(law, {"trusted_tilt": 0.3, "patience": 0.05}))
     )
     assert np.abs(alone.euler[:, 1]).max() > 1.0
     assert log.status == "completed"

@@ -1,4 +1,4 @@
-"""Guarded flights: limits kept, failures survived, and ordinary flights left as they are."""
+"""SafetyParameters flights: limits kept, failures survived, and ordinary flights left as they are."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ import pytest
 import skyarm
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
-from skyarm.control.controller import Controller, ControllerError, informed
-from skyarm.control.export import export_c
-from skyarm.control.registry import make_controller
-from skyarm.control.safety import guarded, limits_for
+from skyarm.control.catalogue import make_controller
+from skyarm.control.controller import Controller, ControllerError, with_applied_command
+from skyarm.control.safety import limits_for, with_safety_layer
 from skyarm.environment import Fault
+from skyarm.onboard.export_c import export_c
 from skyarm.reference import Constant, Trajectory
 from skyarm.scalars import where
+from skyarm.scenario.scenario_file import ScenarioError, scenario_from
 from skyarm.simulate import run
 from skyarm.simulate.batch import Batch
+from skyarm.simulate.compiled_flight import fly
 from skyarm.simulate.inputs import episode_inputs
-from skyarm.simulate.native import fly
-from skyarm.simulate.scenario_file import ScenarioError, scenario_from
 
 LIFT = Constant(3.0)
 
@@ -37,7 +37,7 @@ def planned(safety: Any = True, *, name="case1", **fields):
     if safety is None:
         return scenario
     limits = safety if isinstance(safety, dict) else {}
-    return dataclasses.replace(scenario, controller=guarded(scenario.controller, limits))
+    return dataclasses.replace(scenario, controller=with_safety_layer(scenario.controller, limits))
 
 
 class Flown:
@@ -71,7 +71,7 @@ def test_an_ordinary_flight_is_not_touched():
 
 def test_a_step_of_thirty_metres_is_flown_level_and_slowly():
     moved = held(x=30.0)
-    state = skyarm.simulate.scenario.trimmed_state(planned().world, held().at(0.0).position, 0.0, (0.0, 0.0))
+    state = skyarm.scenario.scenario_record.trimmed_state(planned().world, held().at(0.0).position, 0.0, (0.0, 0.0))
     log = Flown(planned(trajectory=moved, duration=14.0, initial=state))
     free = Flown(planned(None, trajectory=moved, duration=14.0, initial=state))
     assert log.status == "completed"
@@ -87,12 +87,12 @@ def test_joint_limits_are_kept_where_the_law_alone_runs_through_them():
     world = dataclasses.replace(truth, vehicle=truth.vehicle.with_joints(lower=-0.4, upper=0.6))
     model = dataclasses.replace(planned(None).controller.par.model, vehicle=skyarm.load_vehicle("hummingbird_arm2"))
     model = dataclasses.replace(model, vehicle=model.vehicle.with_joints(lower=-0.4, upper=0.6))
-    law = skyarm.control.presets.preset("paper_ct", model)
+    law = skyarm.control.catalogue.preset("paper_ct", model)
     scenario = planned(None, world=world, trajectory=held(joints=(1.2, -1.2)), duration=3.0)
-    state = skyarm.simulate.scenario.trimmed_state(world, held().at(0.0).position, 0.0, (0.0, 0.0))
+    state = skyarm.scenario.scenario_record.trimmed_state(world, held().at(0.0).position, 0.0, (0.0, 0.0))
     scenario = dataclasses.replace(scenario, initial=state)
     assert run(dataclasses.replace(scenario, controller=law)).status == "joint_limit"
-    log = run(dataclasses.replace(scenario, controller=guarded(law)))
+    log = run(dataclasses.replace(scenario, controller=with_safety_layer(law)))
     assert log.status == "completed"
     assert log.joints.max() < 0.6
     assert log.joints.min() > -0.4
@@ -103,7 +103,7 @@ def test_joint_limits_are_kept_where_the_law_alone_runs_through_them():
 def test_the_fence_alone_stops_a_law_that_pushes_into_the_limits():
     model = planned(None).controller.par.model
     vehicle = model.vehicle.with_joints(lower=-0.4, upper=0.6)
-    inner = skyarm.control.presets.preset("paper_ct", dataclasses.replace(model, vehicle=vehicle))
+    inner = skyarm.control.catalogue.preset("paper_ct", dataclasses.replace(model, vehicle=vehicle))
 
     def pushing(memory, measurement, reference, dt, *, par):
         following, command = inner.law(memory, measurement, reference, dt, par=par)
@@ -115,7 +115,7 @@ def test_the_fence_alone_stops_a_law_that_pushes_into_the_limits():
     scenario = planned(None, world=world, trajectory=held(), duration=2.0)
     assert run(dataclasses.replace(scenario, controller=law)).status == "joint_limit"
     never = {"trusted_joint_error": math.inf}
-    log = run(dataclasses.replace(scenario, controller=guarded(law, never)))
+    log = run(dataclasses.replace(scenario, controller=with_safety_layer(law, never)))
     assert log.status == "completed"
     assert 0.3 < log.joints[:, 0].max() < 0.6
 
@@ -136,7 +136,7 @@ def broken(from_time: float, until: float = math.inf) -> Controller:
 def test_a_law_that_fails_is_replaced_by_a_hover_where_it_failed_with_the_arm_stowed():
     scenario = planned(None, name="case3", duration=14.0, controller=broken(9.0))
     assert Flown(scenario).status == "ended"
-    log = Flown(dataclasses.replace(scenario, controller=guarded(broken(9.0), stow=(0.3, -0.2))))
+    log = Flown(dataclasses.replace(scenario, controller=with_safety_layer(broken(9.0), stow=(0.3, -0.2))))
     assert log.status == "completed"
     then = log.position[log.time >= 9.0][0]
     # the recovery knows neither wind nor the truth's masses: it hangs lower by the weight it does not know over Kp
@@ -149,7 +149,7 @@ def test_a_law_that_fails_is_replaced_by_a_hover_where_it_failed_with_the_arm_st
 def test_a_law_comes_back_after_calm_flight_if_that_is_asked():
     controller = broken(9.0, 9.5)
     gone, back = (
-        Flown(planned(None, name="case3", duration=16.0, controller=guarded(controller, limits)))
+        Flown(planned(None, name="case3", duration=16.0, controller=with_safety_layer(controller, limits)))
         for limits in ({}, {"calm": 2.0})
     )
     error = [np.linalg.norm(log.position[-1] - log.position_reference[-1]) for log in (gone, back)]
@@ -158,7 +158,7 @@ def test_a_law_comes_back_after_calm_flight_if_that_is_asked():
 
 
 def test_a_measurement_that_is_not_finite_leaves_the_last_command():
-    controller = guarded(planned(None).controller)
+    controller = with_safety_layer(planned(None).controller)
     scenario = planned(trajectory=held(), duration=0.1)
     log = run(scenario)
     x = log.position[-1]
@@ -175,7 +175,7 @@ def test_a_measurement_that_is_not_finite_leaves_the_last_command():
 
 def _measurement(log):
     from skyarm.algebra import Quaternion, Vec3
-    from skyarm.dynamics.measurement import Measurement
+    from skyarm.sensors.measurement import Measurement
 
     return Measurement(
         time=0.0,
@@ -195,7 +195,7 @@ class Sent:
     """Memory of a law that wants to know."""
 
     sent: Command
-    wished: Command
+    desired: Command
 
 
 def test_an_observer_learns_what_was_really_sent():
@@ -207,13 +207,13 @@ def test_an_observer_learns_what_was_really_sent():
         return Sent(command, command), command
 
     watching = dataclasses.replace(inner, law=law, memory=Sent(none, none))
-    state = skyarm.simulate.scenario.trimmed_state(planned().world, held().at(0.0).position, 0.0, (0.0, 0.0))
+    state = skyarm.scenario.scenario_record.trimmed_state(planned().world, held().at(0.0).position, 0.0, (0.0, 0.0))
     scenario = planned(None, trajectory=held(x=0.5), duration=0.1, initial=state)
-    carry = Flown(dataclasses.replace(scenario, controller=guarded(watching, {"rotor_slew": 200.0}))).carry
+    carry = Flown(dataclasses.replace(scenario, controller=with_safety_layer(watching, {"rotor_slew": 200.0}))).carry
     memory = carry.memory
     assert memory.inner.sent == memory.sent == carry.queue[-1]
     # a step of half a metre asks for more than a slew of 1 rad/s per period
-    assert memory.inner.wished != memory.sent
+    assert memory.inner.desired != memory.sent
 
 
 @pytest.mark.parametrize(
@@ -227,9 +227,9 @@ def test_an_observer_learns_what_was_really_sent():
 )
 def test_laws_that_use_their_commands_are_told_what_was_really_sent(law, options):
     scenario = planned(None, trajectory=held(x=0.5), duration=0.1)
-    state = skyarm.simulate.scenario.trimmed_state(scenario.world, held().at(0.0).position, 0.0, (0.0, 0.0))
+    state = skyarm.scenario.scenario_record.trimmed_state(scenario.world, held().at(0.0).position, 0.0, (0.0, 0.0))
     model = scenario.controller.par.model
-    slow = guarded(make_controller(law, model, **options), {"rotor_slew": 200.0})
+    slow = with_safety_layer(make_controller(law, model, **options), {"rotor_slew": 200.0})
     memory = Flown(dataclasses.replace(scenario, initial=state, controller=slow)).carry.memory
     assert memory.inner.sent[-1] == memory.sent
 
@@ -241,7 +241,7 @@ def test_modelled_rotors_turn_as_what_was_sent():
     seen, wanted = _measurement(run(planned(None, duration=0.05))), held().at(0.0)
     memory, _ = indi.law(indi.memory, seen, wanted, 0.005, par=indi.par)
     sent = Command(rotor_speeds=(300.0, 400.0, 500.0, 600.0), efforts=(0.0, 0.0))
-    memory, _ = indi.law(informed(memory, sent), seen, wanted, 0.005, par=indi.par)
+    memory, _ = indi.law(with_applied_command(memory, sent), seen, wanted, 0.005, par=indi.par)
     for speed, start, target, rotor in zip(
         memory.speeds, seen.rotor_speeds, sent.rotor_speeds, model.vehicle.rotors, strict=True
     ):
@@ -258,7 +258,7 @@ def test_a_law_starts_anew_from_its_first_memory_when_it_comes_back():
         return (memory[0] + 1.0 + wrong,), command
 
     law = dataclasses.replace(inner, law=counting, memory=(0.0,))
-    scenario = planned(None, trajectory=held(), duration=2.0, controller=guarded(law, {"calm": 0.5}))
+    scenario = planned(None, trajectory=held(), duration=2.0, controller=with_safety_layer(law, {"calm": 0.5}))
     count = Flown(scenario).carry.memory.inner[0]
     # it failed until 1.1 s, then had to be calm for half a second
     assert count == pytest.approx(0.4 / 0.005, abs=25)
@@ -266,14 +266,14 @@ def test_a_law_starts_anew_from_its_first_memory_when_it_comes_back():
 
 def test_where_a_law_is_not_defined_it_is_given_up_at_once():
     controller = skyarm.load_scenario("case1", controller="paper_ct_euler").controller
-    trusting = guarded(controller, {"trusted_tilt": 3.1, "patience": 100.0})
+    trusting = with_safety_layer(controller, {"trusted_tilt": 3.1, "patience": 100.0})
     log = run(planned(trajectory=held(), duration=0.05))
     for pitch, expected in ((1.0, 0.0), (0.5 * math.pi, 1.0)):
         seen = dataclasses.replace(
             _measurement(log), quaternion=skyarm.algebra.Quaternion(math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0)
         )
         memory, _ = trusting.law(trusting.memory, seen, held().at(0.0).dense(), 0.005, par=trusting.par)
-        assert memory.doubt.given_up == expected
+        assert memory.confidence.given_up == expected
 
 
 FRONT, ELBOW, SHOULDER = (
@@ -317,10 +317,10 @@ def test_a_rotor_and_both_drives_lost_at_once_are_survived_by_a_guard_that_trust
 def test_a_law_that_keeps_the_tip_may_take_the_joints_far_from_their_references():
     """6 N of wind lean the base by 0.65 rad, and the first joint against it; trusted as a tracker it is given up."""
     base = skyarm.load_scenario("case3_wind", duration=10.0)
-    law = make_controller("exact", base.controller.par.model, mode="ee", preset="stiff")
+    law = make_controller("centroidal", base.controller.par.model, mode="tip", preset="stiff")
     wind = dataclasses.replace(base.wind, force_W=Vec3(6.0, 0.0, 0.0))
     kept, stowed = (
-        run(dataclasses.replace(base, wind=wind, controller=guarded(law, limits)))
+        run(dataclasses.replace(base, wind=wind, controller=with_safety_layer(law, limits)))
         for limits in ({}, {"trusted_joint_error": 0.6})
     )
     assert kept.status == stowed.status == "completed"
@@ -334,10 +334,10 @@ def test_without_the_guard_the_shoulders_loss_is_the_end():
     assert Flown(planned(None, name="case3", duration=13.0, faults=(SHOULDER,))).status == "ended"
 
 
-@pytest.mark.parametrize("preset", ["paper_ct", "paper_ct_euler", "paper_pd", "rotors_hummingbird"])
+@pytest.mark.parametrize("preset", ["paper_ct", "paper_ct_euler", "paper_pd", "rotors_sim_hummingbird"])
 def test_machine_code_of_every_law_under_guard_has_the_bits_of_python(preset):
     scenario = skyarm.load_scenario("case2_gust", controller=preset, duration=0.1)
-    scenario = dataclasses.replace(scenario, controller=guarded(scenario.controller))
+    scenario = dataclasses.replace(scenario, controller=with_safety_layer(scenario.controller))
     inputs = episode_inputs(scenario)
     assert np.array_equal(fly(scenario, inputs).rows, fly(scenario, inputs, reference=True).rows)
 
@@ -346,19 +346,19 @@ def test_pitching_through_ninety_degrees_no_longer_ends_the_euler_form():
     scenario = skyarm.load_scenario("case1", controller="paper_ct_euler", duration=6.0)
     half = 0.25 * math.pi
     state = dataclasses.replace(
-        skyarm.simulate.scenario.trimmed_state(scenario.world, held().at(0.0).position, 0.0, (0.0, 0.0)),
+        skyarm.scenario.scenario_record.trimmed_state(scenario.world, held().at(0.0).position, 0.0, (0.0, 0.0)),
         quaternion=skyarm.algebra.Quaternion(math.cos(half), 0.0, math.sin(half), 0.0),
     )
     scenario = dataclasses.replace(scenario, initial=state, trajectory=held())
     assert run(scenario).status == "controller_undefined"
-    log = Flown(dataclasses.replace(scenario, controller=guarded(scenario.controller)))
+    log = Flown(dataclasses.replace(scenario, controller=with_safety_layer(scenario.controller)))
     assert log.status == "completed"
     assert tilt(log)[-1] < 0.05
 
 
 def test_limits_vary_from_lane_to_lane():
     scenario = planned(trajectory=held(x=3.0), duration=1.5)
-    state = skyarm.simulate.scenario.trimmed_state(scenario.world, held().at(0.0).position, 0.0, (0.0, 0.0))
+    state = skyarm.scenario.scenario_record.trimmed_state(scenario.world, held().at(0.0).position, 0.0, (0.0, 0.0))
     scenario = dataclasses.replace(scenario, initial=state)
     outcome = Batch(scenario, ("controller.limits.tilt",)).fly({"controller.limits.tilt": np.array([0.1, 0.6])})
     assert outcome.completed.all()
@@ -366,8 +366,10 @@ def test_limits_vary_from_lane_to_lane():
 
 
 def test_a_guarded_law_is_written_as_c():
-    exported = export_c(planned().controller, name="guarded", period=0.005)
+    exported = export_c(planned().controller, name="with_safety_layer", period=0.005)
     assert "limits_tilt" in exported.text
+    assert "double doubt_given_up;" in exported.text, "members keep the names of the last version"
+    assert "A traceable law with the safety layer" in exported.text
     assert "inner_model" not in exported.text
 
 
@@ -398,7 +400,7 @@ def test_a_scenario_file_asks_for_the_guard():
 
 
 def test_a_guarded_controller_is_not_guarded_twice():
-    once = guarded(planned(None).controller)
-    with pytest.raises(ControllerError, match="is guarded already"):
-        guarded(once)
+    once = with_safety_layer(planned(None).controller)
+    with pytest.raises(ControllerError, match="has a safety layer already"):
+        with_safety_layer(once)
     assert limits_for(planned(None).controller) == once.par.limits

@@ -7,21 +7,21 @@ import math
 
 import numpy as np
 import pytest
-from flown import ARM2, MODEL, cases, controller, pushes, vec
 from scipy.spatial.transform import Rotation
 
+from flown import ARM2, MODEL, cases, controller, pushes, vec
 from skyarm import dynamics
 from skyarm.actuation import Command, make_mixer
 from skyarm.algebra import ZERO3, Force, Mat3, Vec3
-from skyarm.control.controller import ControllerError, informed
+from skyarm.control.controller import ControllerError, with_applied_command
 from skyarm.control.model import Model
-from skyarm.control.safety import guarded
-from skyarm.control.safety.fence import _bounded, fenced, floating_inertia_times
-from skyarm.control.safety.governor import governed_base, governed_joints
+from skyarm.control.safety import with_safety_layer
+from skyarm.control.safety.command_limits import limit_slew, reachable, with_priorities
+from skyarm.control.safety.governor import govern_base, govern_joints
+from skyarm.control.safety.joint_barrier import _bounded, apply_joint_barrier, floating_inertia_times
 from skyarm.control.safety.limits import FINITE, MOST, Limits, limits_for
 from skyarm.control.safety.recovery import steep_error, stowed
-from skyarm.control.safety.saturation import ranked, reachable, slewed
-from skyarm.control.safety.trust import Doubt, doubted
+from skyarm.control.safety.supervisor import Confidence, update_confidence
 
 LIMITS = limits_for(controller("hybrid_computed_torque"), step=1e-6, step_speed=1e-6)
 CASES = cases(200, seed=5)
@@ -35,7 +35,7 @@ def asked(case, reference):
 
 
 def governed(case, limits=LIMITS):
-    return governed_base(
+    return govern_base(
         case.reference(),
         case.measurement(),
         limits=limits,
@@ -46,7 +46,7 @@ def governed(case, limits=LIMITS):
 
 
 def test_the_stiffness_of_the_papers_laws_is_found():
-    for name in ("hybrid_computed_torque", "decoupled_pd", "rotors_position"):
+    for name in ("hybrid_computed_torque", "decoupled_pd", "rotors_sim_position"):
         limits = limits_for(controller(name))
         mass = float(ARM2.mass)
         expected = 4.0 / mass, 2.2 / mass
@@ -98,7 +98,7 @@ def test_joint_references_are_slewed_and_kept_inside_their_limits():
     reference = dataclasses.replace(CASES[0].reference(), joints=(2.0, -0.3), joint_rates=(5.0, 0.1))
     at, ramping, seen = (0.0, -0.3), (0.0, 0.0), []
     for _ in range(200):
-        found, ramping = governed_joints(
+        found, ramping = govern_joints(
             reference, at, ramping, limits.joint_slew, limits.joint_step, 0.005, model=model, limits=limits
         )
         seen.append((found.joints[0] - at[0]) / 0.005)
@@ -127,7 +127,7 @@ def test_the_fence_leaves_torques_far_from_limits_alone_bit_for_bit():
     model = limited_arm(-20.0, 20.0)
     limits = limits_for(controller("hybrid_computed_torque", model), joint_speed=100.0)
     measurement = CASES[1].measurement()
-    assert fenced(model, limits, measurement, (0.01, -0.02)) == (0.01, -0.02)
+    assert apply_joint_barrier(model, limits, measurement, (0.01, -0.02)) == (0.01, -0.02)
 
 
 def test_the_fence_brakes_a_joint_that_runs_at_its_limit():
@@ -135,7 +135,7 @@ def test_the_fence_brakes_a_joint_that_runs_at_its_limit():
     limits = limits_for(controller("hybrid_computed_torque", model))
     case = dataclasses.replace(CASES[1], q=np.array([0.7, 0.0]), qd=np.array([3.0, 0.0]))
     measurement = case.measurement()
-    efforts = fenced(model, limits, measurement, (0.3, 0.0))
+    efforts = apply_joint_barrier(model, limits, measurement, (0.3, 0.0))
     thrust = sum(r.thrust_coefficient * 480.0**2 for r in ARM2.rotors)
     _, qdd = dynamics.forward_dynamics(
         ARM2, measurement.joints, measurement.rate, measurement.joint_rates, Force(ZERO3, vec([0, 0, thrust])), efforts
@@ -146,7 +146,7 @@ def test_the_fence_brakes_a_joint_that_runs_at_its_limit():
 
 
 def test_yaw_gives_way_before_roll_pitch_and_thrust():
-    mixer = ranked(MODEL, make_mixer(ARM2))
+    mixer = with_priorities(MODEL, make_mixer(ARM2))
     speeds = (870.0, 600.0, 860.0, 610.0)  # two are beyond 838 rad/s
     torque, thrust = pushes(ARM2, Command(rotor_speeds=speeds))
     found = reachable(MODEL, mixer, speeds)
@@ -158,18 +158,18 @@ def test_yaw_gives_way_before_roll_pitch_and_thrust():
 
 
 def test_speeds_in_reach_pass_bit_for_bit():
-    mixer = ranked(MODEL, make_mixer(ARM2))
+    mixer = with_priorities(MODEL, make_mixer(ARM2))
     speeds = (790.0, 300.0, 0.0, 838.0)
     assert reachable(MODEL, mixer, speeds) == speeds
 
 
 def test_a_command_moves_no_faster_than_its_slew_but_the_first_is_free():
     last, wanted = Command(rotor_speeds=(100.0,), efforts=(0.1,)), Command(rotor_speeds=(500.0,), efforts=(-0.4,))
-    assert slewed(wanted, last, 0.0, 1e3, (2.0,), 0.005) == wanted
-    found = slewed(wanted, last, 1.0, 1e3, (2.0,), 0.005)
+    assert limit_slew(wanted, last, 0.0, 1e3, (2.0,), 0.005) == wanted
+    found = limit_slew(wanted, last, 1.0, 1e3, (2.0,), 0.005)
     assert found.rotor_speeds == pytest.approx([105.0])
     assert found.efforts == pytest.approx([0.09])
-    assert slewed(wanted, last, 1.0, math.inf, (math.inf,), 0.005) == wanted
+    assert limit_slew(wanted, last, 1.0, math.inf, (math.inf,), 0.005) == wanted
 
 
 def test_the_steep_attitude_error_grows_up_to_180_degrees():
@@ -199,10 +199,10 @@ class Observing:
 
 def test_a_memory_is_told_what_was_sent_if_it_keeps_that():
     first, second = Command(rotor_speeds=(1.0,)), Command(rotor_speeds=(2.0,))
-    assert informed((), second) == ()
-    assert informed(Observing(first), second) == Observing(second)
-    assert informed(Observing((first, first)), second) == Observing((first, second))
-    assert informed(Observing("no command"), second) == Observing("no command")
+    assert with_applied_command((), second) == ()
+    assert with_applied_command(Observing(first), second) == Observing(second)
+    assert with_applied_command(Observing((first, first)), second) == Observing((first, second))
+    assert with_applied_command(Observing("no command"), second) == Observing("no command")
 
 
 @pytest.mark.parametrize(
@@ -253,24 +253,24 @@ def test_an_upper_end_does_not_refuse_what_a_vehicle_has_by_itself():
 @pytest.mark.parametrize("limits", [3, "tight", [0.5]])
 def test_what_are_no_limits_is_refused(limits):
     with pytest.raises(ControllerError, match=r"^safety = .*: must be Limits or a mapping of some of their fields$"):
-        guarded(controller("hybrid_computed_torque"), limits)
+        with_safety_layer(controller("hybrid_computed_torque"), limits)
 
 
 def test_limits_given_as_a_record_are_checked_too():
     law = controller("hybrid_computed_torque")
-    assert guarded(law, LIMITS).par.limits == LIMITS
+    assert with_safety_layer(law, LIMITS).par.limits == LIMITS
     for field, value, words in (
         ("speed", math.nan, "^safety.speed = nan: must be a number$"),
         ("tilt", 2.0, "^safety.tilt = 2.0: must be at most 1.484$"),
         ("effort", (1.0,), r"^safety.effort = \(1.0,\): 1 values, must be 2 \(one per joint\)$"),
     ):
         with pytest.raises(ControllerError, match=words):
-            guarded(law, dataclasses.replace(LIMITS, **{field: value}))
+            with_safety_layer(law, dataclasses.replace(LIMITS, **{field: value}))
 
 
 def test_what_is_no_controller_is_not_guarded():
     with pytest.raises(ControllerError, match=r"^controller = 'paper_ct': must be a Controller$"):
-        guarded("paper_ct")
+        with_safety_layer("paper_ct")
 
 
 @pytest.mark.parametrize(
@@ -286,15 +286,15 @@ def test_what_is_no_controller_is_not_guarded():
 )
 def test_a_pose_that_the_arm_cannot_take_is_refused(stow, words):
     with pytest.raises(ControllerError, match=words):
-        guarded(controller("hybrid_computed_torque", limited_arm()), stow=stow)
+        with_safety_layer(controller("hybrid_computed_torque", limited_arm()), stow=stow)
 
 
 def test_a_law_is_given_up_at_once_above_the_speed_at_which_it_is_lost():
     still = dataclasses.replace(CASES[0], euler=np.zeros(3), w=np.zeros(3), q=np.zeros(2), qd=np.zeros(2))
     for speed, given_up in ((0.99, 0.0), (1.01, 1.0)):
         seen = dataclasses.replace(still.measurement(), velocity=Vec3(0.6, 0.0, 0.8) * (speed * LIMITS.lost_speed))
-        none = Doubt(given_up=0.0, outside=0.0, calm=0.0)
-        assert doubted(LIMITS, none, seen, seen.joints, False, 0.005).given_up == given_up
+        none = Confidence(given_up=0.0, outside=0.0, calm=0.0)
+        assert update_confidence(LIMITS, none, seen, seen.joints, False, 0.005).given_up == given_up
 
 
 def test_near_its_largest_speed_a_joint_is_accelerated_by_four_poles_times_what_is_left():

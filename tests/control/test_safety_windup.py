@@ -7,21 +7,21 @@ import math
 
 import numpy as np
 import pytest
-from law_flights import PAPER
 
 import skyarm
+from law_flights import PAPER
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.control.controller import all_obeyed, informed
-from skyarm.control.registry import LAWS, make_controller
-from skyarm.control.safety import guarded
-from skyarm.dynamics.measurement import Measurement
+from skyarm.control.catalogue import LAWS, make_controller
+from skyarm.control.controller import all_applied, with_applied_command
+from skyarm.control.safety import with_safety_layer
 from skyarm.reference import Constant, Trajectory
 from skyarm.reference.signals import Ramp
 from skyarm.scalars import logical_and, where
+from skyarm.sensors.measurement import Measurement
 from skyarm.simulate import run
+from skyarm.simulate.compiled_flight import fly
 from skyarm.simulate.inputs import episode_inputs
-from skyarm.simulate.native import fly
 
 START, RELEASE, END = 1.0, 2.0, 5.0
 EFFORT, SLEW = 0.03, 3e3
@@ -37,9 +37,9 @@ MOVED = Trajectory(
 )
 
 WITHOUT_MEMORY = {*PAPER, "ct_level_gravity", "ct_coupled_thrust", "ct_consistent"}
-WITHOUT_MEMORY |= {"bulut_computed_torque_style", "guo_center_of_inertia_style", "li_feedforward_style"}
+WITHOUT_MEMORY |= {"bulut2019", "guo2023", "li2024"}
 
-CASES = [*((name, {}) for name in sorted(LAWS)), ("exact", {"mode": "ee", "adaptation": 1.0})]
+CASES = [*((name, {}) for name in sorted(LAWS)), ("centroidal", {"mode": "tip", "adaptation": 1.0})]
 CASES += [("indi", {"delay_periods": 1, "measured_speeds": False})]
 
 
@@ -49,7 +49,7 @@ SEEN: list = []
 
 def squeezed(controller, slew):
     """The controller under a guard whose limits are tight for a second; its memories go to SEEN if it is called."""
-    guard = guarded(controller, TRUSTING)
+    guard = with_safety_layer(controller, TRUSTING)
     SEEN.clear()
 
     def law(memory, measurement, reference, dt, *, par):
@@ -78,7 +78,7 @@ def at_release(scenario):
 def estimated(memory):
     """What a law has integrated, each with the most that it may be at release: some times what it is in free flight.
 
-    The plant's rotors and joints differ from the belief by 0.14 N and 1e-4 N m. Taken for granted, the wished commands
+    The plant's rotors and joints differ from the belief by 0.14 N and 1e-4 N m. Taken for granted, the desired commands
     would make it 0.1 N m (l1), 0.075 N m (learned: a network far from its training), the adaptation's bounds (sliding
     mode).
     """
@@ -96,7 +96,7 @@ def estimated(memory):
         found = [(unknown[:3], 0.2), (unknown[6:], 0.006)]
     if getattr(memory, "observed", ()):
         found = [((*memory.observed.force,), 0.2), (memory.observed.efforts, 0.006)]
-    if kind == "ExactMemory":
+    if kind == "CentroidalMemory":
         found += [
             ([v / 838.0**2 for v in memory.trim], 0.03),
             ((memory.learned.tip_mass,), 1e-3),
@@ -109,13 +109,13 @@ def estimated(memory):
 def test_a_law_whose_commands_are_changed_knows_it_winds_nothing_up_and_comes_back(law, options):
     base = skyarm.load_scenario("case1", duration=END if law != "nmpc" else 3.5)
     made = make_controller(law, base.controller.par.model, **options)
-    # tracking joints, the exact law does not fly on rotors that are slewed and an arm that does not follow at once
-    controller = squeezed(made, math.inf if (law, options) == ("exact", {}) else SLEW)
+    # tracking joints, the centroidal law does not fly on rotors that are slewed and an arm that does not follow at once
+    controller = squeezed(made, math.inf if (law, options) == ("centroidal", {}) else SLEW)
     scenario = dataclasses.replace(base, trajectory=MOVED, initial=None, controller=controller)
     log = run(scenario)
     memory = at_release(scenario)
     # a memory may hold programs: names of their own keep it out of what a failing test prints
-    given_up, sent, kept = memory.doubt.given_up, memory.sent, getattr(memory.inner, "sent", ())
+    given_up, sent, kept = memory.confidence.given_up, memory.sent, getattr(memory.inner, "sent", ())
     assert given_up == 0.0
     if law in WITHOUT_MEMORY:
         assert not kept
@@ -124,7 +124,7 @@ def test_a_law_whose_commands_are_changed_knows_it_winds_nothing_up_and_comes_ba
     for values, most in estimated(memory.inner):
         assert np.abs(values).max() <= most
     tight = (log.time >= START) & (log.time < RELEASE)
-    if law != "rotors_position":  # which leaves the joints alone
+    if law != "rotors_sim_position":  # which leaves the joints alone
         assert np.abs(log.efforts[tight]).max() == EFFORT < 1.1 * np.abs(log.efforts[~tight]).max()
         np.testing.assert_allclose(log.joints[-1], [0.3, -0.2], atol=0.03)
     assert log.status == "completed"
@@ -135,9 +135,9 @@ def test_a_law_whose_commands_are_changed_knows_it_winds_nothing_up_and_comes_ba
 
 
 @pytest.mark.parametrize("changed", ["rotor", "joint"])
-def test_the_exact_laws_trim_and_what_it_learns_stand_still_while_what_was_sent_is_not_what_it_wished(changed):
+def test_the_centroidal_law_trim_and_what_it_learns_stand_still_while_what_was_sent_is_not_what_it_wished(changed):
     scenario = skyarm.load_scenario("case1", duration=0.05)
-    law = make_controller("exact", scenario.controller.par.model, mode="ee", adaptation=1.0)
+    law = make_controller("centroidal", scenario.controller.par.model, mode="tip", adaptation=1.0)
     reading = reading_of(run(dataclasses.replace(scenario, trajectory=MOVED)))
     wanted = MOVED.at(0.0).dense()
     memory, command = law.law(law.memory, reading, wanted, 0.005, par=law.par)
@@ -149,8 +149,10 @@ def test_the_exact_laws_trim_and_what_it_learns_stand_still_while_what_was_sent_
     else:
         pulled[1] += 1e-9
     sent = Command(rotor_speeds=tuple(turned), efforts=tuple(pulled))
-    free, held = (law.law(informed(memory, each), reading, wanted, 0.005, par=law.par)[0] for each in (command, sent))
-    assert free.obeyed == held.obeyed == all_obeyed(2)
+    free, held = (
+        law.law(with_applied_command(memory, each), reading, wanted, 0.005, par=law.par)[0] for each in (command, sent)
+    )
+    assert free.applied == held.applied == all_applied(2)
     assert free.learned.tip_mass != memory.learned.tip_mass == held.learned.tip_mass
     assert free.learned.joints[0].level != memory.learned.joints[0].level == held.learned.joints[0].level
     # the trim is of the rotors alone
@@ -178,32 +180,32 @@ class Obeying:
     """Memory of a law that integrates."""
 
     sent: object
-    obeyed: tuple[float, ...]
+    applied: tuple[float, ...]
 
 
 @pytest.mark.parametrize("several", [False, True])
 def test_a_memory_is_told_which_actuators_did_something_else(several):
-    wished = Command(rotor_speeds=(1.0, 2.0), efforts=(0.1, -0.2))
+    desired = Command(rotor_speeds=(1.0, 2.0), efforts=(0.1, -0.2))
     before = Command(rotor_speeds=(9.0, 9.0), efforts=(9.0, 9.0))
-    memory = Obeying((before, wished) if several else wished, all_obeyed(2))
-    for sent, obeyed in (
-        (wished, (1.0, 1.0, 1.0)),
-        (dataclasses.replace(wished, rotor_speeds=(1.0, 2.5)), (0.0, 1.0, 1.0)),
-        (dataclasses.replace(wished, rotor_speeds=(0.5, 2.0)), (0.0, 1.0, 1.0)),
-        (dataclasses.replace(wished, efforts=(0.1, 0.0)), (1.0, 1.0, 0.0)),
-        (dataclasses.replace(wished, efforts=(math.nan, -0.3)), (1.0, 0.0, 0.0)),
+    memory = Obeying((before, desired) if several else desired, all_applied(2))
+    for sent, applied in (
+        (desired, (1.0, 1.0, 1.0)),
+        (dataclasses.replace(desired, rotor_speeds=(1.0, 2.5)), (0.0, 1.0, 1.0)),
+        (dataclasses.replace(desired, rotor_speeds=(0.5, 2.0)), (0.0, 1.0, 1.0)),
+        (dataclasses.replace(desired, efforts=(0.1, 0.0)), (1.0, 1.0, 0.0)),
+        (dataclasses.replace(desired, efforts=(math.nan, -0.3)), (1.0, 0.0, 0.0)),
     ):
-        assert informed(memory, sent).obeyed == obeyed
+        assert with_applied_command(memory, sent).applied == applied
 
 
 def test_the_learned_laws_history_is_of_what_was_sent():
     scenario = skyarm.load_scenario("case1", duration=0.05)
-    law = make_controller("learned_compensator_style", scenario.controller.par.model)
+    law = make_controller("learned_compensator", scenario.controller.par.model)
     reading, wanted = reading_of(run(dataclasses.replace(scenario, trajectory=MOVED))), MOVED.at(0.0).dense()
     memory, _ = law.law(law.memory, reading, wanted, 0.005, par=law.par)
     for k, effort in enumerate((0.4, 0.1)):
         sent = Command(rotor_speeds=(500.0,) * 4, efforts=(effort, 0.0))
-        memory, _ = law.law(informed(memory, sent), reading, wanted, 0.005, par=law.par)
+        memory, _ = law.law(with_applied_command(memory, sent), reading, wanted, 0.005, par=law.par)
         # the filter starts at the first command and follows the second at 15 rad/s
         share = 1.0 - math.exp(-15.0 * 0.005)
         assert memory.history.efforts[0] == pytest.approx(0.4 if k == 0 else 0.4 - 0.3 * share, rel=1e-12)

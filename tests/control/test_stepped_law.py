@@ -7,21 +7,20 @@ import itertools
 
 import numpy as np
 import pytest
-from flown import pushes
-from law_flights import STEPS, scalars
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
-from test_rival_formulas import ARM, DT, MODEL, UP, gentle, measured, rotation, vec, wanted
+from test_published_formulas import ARM, DT, MODEL, UP, gentle, measured, rotation, vec, wanted
 
-from skyarm.control.exact.motion import Disturbance
+from flown import pushes
+from law_flights import STEPS, scalars
+from skyarm.control.blocks.prediction import Disturbance
+from skyarm.control.catalogue import ACCELERATION, HUMMINGBIRD, make_controller
+from skyarm.control.laws.ladder.law import _force_series, _turn
+from skyarm.control.laws.ladder.make import LADDER
 from skyarm.control.model import Model, Terms
-from skyarm.control.presets import ACCELERATION, HUMMINGBIRD
-from skyarm.control.registry import make_controller
-from skyarm.control.steps.law import _force_series, _turn
-from skyarm.control.steps.maker import LADDER
-from skyarm.experiments.tuning_flights import Together, Trial
 from skyarm.reference import Reference
-from skyarm.simulate.scenario_file import load_scenario
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.tune.trials import Together, Trial
 from vehicles_random import PinocchioTwin
 
 NOTHING = Disturbance(force=vec(np.zeros(3)), torque=vec(np.zeros(3)), efforts=(0.0, 0.0))

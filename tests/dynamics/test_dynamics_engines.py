@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engines import ENGINES, evaluate
+from engines import ENGINES, evaluate, jax_doubles
 from skyarm import dynamics
 from skyarm.algebra import Force, Motion, Quaternion, Vec3
-from skyarm.dynamics import State, arrays
+from skyarm.dynamics import State
+from skyarm.dynamics import array_front as arrays
 from vehicles_random import random_state, random_vehicle
 
 N = 2
@@ -64,7 +65,7 @@ def test_an_engine_gives_the_numbers_of_plain_floats(engine, function):
 def test_the_gradient_of_kinetic_energy_is_the_generalized_momentum_in_jax():
     jax = pytest.importorskip("jax")
     state = random_state(np.random.default_rng(33), N)
-    with jax.enable_x64(True):
+    with jax_doubles():
 
         def kinetic(v):
             record = State(

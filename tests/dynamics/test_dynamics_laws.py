@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Mat3, Sym3, Vec3
-from skyarm.dynamics import Pose, arrays, forward_kinematics
-from skyarm.vehicle.records import BASE, Body, Joint, Link, Vehicle
+from skyarm.dynamics import Pose, forward_kinematics
+from skyarm.dynamics import array_front as arrays
+from skyarm.vehicle.vehicle_records import BASE, Body, Joint, Link, Vehicle
 from vehicles_random import (
     array3,
     array33,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skyarm.dynamics import arrays
+from skyarm.dynamics import array_front as arrays
 from vehicles_random import TWINS, random_state, random_vehicle
 
 # relative to the largest entry: three recursions of up to seven joints, in other orders, on three sets of axes

@@ -10,8 +10,8 @@ import pytest
 from skyarm import dynamics
 from skyarm.algebra import Mat3, Quaternion, Vec3, axis_rotation
 from skyarm.dynamics import State
-from skyarm.dynamics.working_axes import members
-from skyarm.vehicle.files import load_vehicle
+from skyarm.dynamics.link_axes import members
+from skyarm.vehicle.vehicle_files import load_vehicle
 
 ARM = load_vehicle("hexarotor_arm6")
 X, Y, Z = Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1)

@@ -7,8 +7,10 @@ import pytest
 
 from skyarm.algebra import E_X
 from skyarm.compile import leaves
-from skyarm.environment import NO_WIND, Airspeed, Gust, Payload, RotorsForce, payload_from, wind, wind_from
-from skyarm.environment import parse as module
+from skyarm.environment import NO_WIND, ForceWind, Gust, MovingAir, Payload, payload_from, wind_from
+from skyarm.environment import environment_tables as module
+from skyarm.environment.dryden import DrydenMemory
+from wind_samples import wind
 
 
 def examples():
@@ -20,26 +22,26 @@ def examples():
 
 def test_the_documented_examples_load():
     rotors, air, none = (wind_from(table, "x") for table in examples())
-    assert isinstance(rotors, RotorsForce)
+    assert isinstance(rotors, ForceWind)
     assert list(wind(rotors, 8.0).force_W) == [4.0, 0, 0]
     assert list(wind(rotors, 11.0).air_velocity_W) == [2.0, 0, 0]
-    assert isinstance(air, Airspeed)
-    assert wind(air, 6.0).air_velocity_W.y == pytest.approx(3.0)
+    assert isinstance(air, MovingAir)
+    assert wind(air, 6.0, DrydenMemory(0, 0, 0, 0, 0)).air_velocity_W.y == pytest.approx(3.0)
     assert air.turbulence.airspeed == 5.0
     assert list(air.turbulence.scale_length)[2] == 6.0
     assert none is NO_WIND
 
 
 def test_zeros_of_the_table_are_structure_and_other_numbers_data():
-    par = wind_from({"mode": "rotors_force", "force": [1, 0, 0.0]}, "x")
+    par = wind_from({"mode": "force_wind", "force": [1, 0, 0.0]}, "x")
     assert leaves(par) == [1.0]
 
 
 def test_turbulence_lies_along_the_mean_wind():
-    table = {"mode": "airspeed", "velocity": [3, -4, 0], "turbulence": {"altitude": 10, "wind_20ft": 5}}
+    table = {"mode": "moving_air", "velocity": [3, -4, 0], "turbulence": {"altitude": 10, "wind_20ft": 5}}
     par = wind_from(table, "x")
     assert list(par.turbulence.direction_W) == pytest.approx([0.6, -0.8, 0.0])
-    calm = wind_from({"mode": "airspeed", "turbulence": {"altitude": 10, "wind_20ft": 5}}, "x")
+    calm = wind_from({"mode": "moving_air", "turbulence": {"altitude": 10, "wind_20ft": 5}}, "x")
     assert calm.turbulence.direction_W == E_X
     assert calm.turbulence.airspeed == 1.0
 
@@ -50,7 +52,7 @@ def test_a_payload_is_a_mass_and_a_frame():
 
 
 def test_the_gust_is_read_field_by_field():
-    table = {"mode": "airspeed", "gust": {"velocity": [0, 3, 1], "start": 5, "duration": 2}}
+    table = {"mode": "moving_air", "gust": {"velocity": [0, 3, 1], "start": 5, "duration": 2}}
     gust = wind_from(table, "x").gust
     assert gust == Gust(peak=gust.peak, start=5.0, duration=2.0, shape="step")
     assert list(gust.peak) == [0, 3.0, 1.0]
@@ -64,31 +66,31 @@ AIR = {"altitude": 10, "wind_20ft": 5}
     ("table", "message"),
     [
         ({}, "f.toml: wind.mode: is missing"),
-        ({"mode": "storm"}, "f.toml: wind.mode = 'storm': must be one of none, rotors_force, airspeed"),
+        ({"mode": "storm"}, "f.toml: wind.mode = 'storm': must be one of none, force_wind, moving_air"),
         ({"mode": "none", "force": [1, 0, 0]}, "f.toml: wind.force = [1, 0, 0]: unknown field"),
-        ({"mode": "rotors_force", "velocity": [1, 0, 0]}, "f.toml: wind.velocity = [1, 0, 0]: unknown field"),
-        ({"mode": "rotors_force", "force": 2}, "f.toml: wind.force = 2: must be three numbers"),
-        ({"mode": "rotors_force", "force": [1, 0]}, "f.toml: wind.force = [1, 0]: must be three numbers"),
-        ({"mode": "rotors_force", "force": [1, math.nan, 0]}, "f.toml: wind.force[1] = nan: must be a finite number"),
-        ({"mode": "rotors_force", "force": [1, True, 0]}, "f.toml: wind.force[1] = True: must be a finite number"),
-        ({"mode": "rotors_force", "gust": 3}, "f.toml: wind.gust = 3: must be a table"),
-        ({"mode": "rotors_force", "gust": GUST | {"duration": 0}}, "f.toml: wind.gust.duration = 0: must be above 0"),
-        ({"mode": "rotors_force", "gust": GUST | {"speed": 1}}, "f.toml: wind.gust.speed = 1: unknown field"),
+        ({"mode": "force_wind", "velocity": [1, 0, 0]}, "f.toml: wind.velocity = [1, 0, 0]: unknown field"),
+        ({"mode": "force_wind", "force": 2}, "f.toml: wind.force = 2: must be three numbers"),
+        ({"mode": "force_wind", "force": [1, 0]}, "f.toml: wind.force = [1, 0]: must be three numbers"),
+        ({"mode": "force_wind", "force": [1, math.nan, 0]}, "f.toml: wind.force[1] = nan: must be a finite number"),
+        ({"mode": "force_wind", "force": [1, True, 0]}, "f.toml: wind.force[1] = True: must be a finite number"),
+        ({"mode": "force_wind", "gust": 3}, "f.toml: wind.gust = 3: must be a table"),
+        ({"mode": "force_wind", "gust": GUST | {"duration": 0}}, "f.toml: wind.gust.duration = 0: must be above 0"),
+        ({"mode": "force_wind", "gust": GUST | {"speed": 1}}, "f.toml: wind.gust.speed = 1: unknown field"),
         (
-            {"mode": "rotors_force", "gust": GUST | {"shape": "one_minus_cosine"}},
+            {"mode": "force_wind", "gust": GUST | {"shape": "one_minus_cosine"}},
             "f.toml: wind.gust.shape = 'one_minus_cosine': must be one of step",
         ),
-        ({"mode": "airspeed", "gust": GUST}, "f.toml: wind.gust.velocity: is missing"),
+        ({"mode": "moving_air", "gust": GUST}, "f.toml: wind.gust.velocity: is missing"),
         (
-            {"mode": "airspeed", "turbulence": AIR | {"altitude": 2}},
+            {"mode": "moving_air", "turbulence": AIR | {"altitude": 2}},
             "f.toml: wind.turbulence.altitude = 2: must be at least 3.048",
         ),
         (
-            {"mode": "airspeed", "turbulence": AIR | {"altitude": 400}},
+            {"mode": "moving_air", "turbulence": AIR | {"altitude": 400}},
             "f.toml: wind.turbulence.altitude = 400.0: must be at most 304.8 m",
         ),
         (
-            {"mode": "airspeed", "turbulence": AIR | {"wind_20ft": -1}},
+            {"mode": "moving_air", "turbulence": AIR | {"wind_20ft": -1}},
             "f.toml: wind.turbulence.wind_20ft = -1: must be at least 0",
         ),
     ],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import skyarm
-from skyarm.environment import NO_WIND, Effectiveness, Fault, WindSample, afflicted, faults_from, wind
+from skyarm.environment import Effectiveness, Fault, effectiveness_at, faults_from
 
 ARM2 = skyarm.load_vehicle("hummingbird_arm2_rotors")
 FRONT = Fault(rotor="front", effectiveness=0.7, start=5.0)
@@ -17,19 +17,18 @@ def test_a_fault_begins_at_its_start_and_stays():
 
 
 def test_untouched_actuators_are_structure_and_fold_away():
-    left = afflicted(WindSample(), (FRONT, ELBOW), ARM2, 3.0).effectiveness
+    left = effectiveness_at((FRONT, ELBOW), ARM2, 3.0)
     assert left == Effectiveness((1.0, 1, 1, 1), (1, 0.0))
     assert [type(share) for share in left.rotors] == [float, int, int, int]
 
 
 def test_faults_of_one_actuator_multiply():
     twice = (FRONT, Fault(rotor="front", effectiveness=0.5, start=6.0))
-    assert afflicted(WindSample(), twice, ARM2, 7.0).effectiveness.rotors[0] == pytest.approx(0.35, rel=1e-15)
+    assert effectiveness_at(twice, ARM2, 7.0).rotors[0] == pytest.approx(0.35, rel=1e-15)
 
 
-def test_without_faults_the_sample_is_the_same_object():
-    sample = wind(NO_WIND, 0.0)
-    assert afflicted(sample, (), ARM2, 0.0) is sample
+def test_without_faults_nothing_is_there_to_compute():
+    assert effectiveness_at((), ARM2, 0.0) is None
 
 
 def test_tables_become_faults():

@@ -108,7 +108,9 @@ def test_magnitudes_begin_at_zero(drawn: dict[int, Figure]) -> None:
 
 def test_the_window_of_the_metrics_and_the_gust_are_shaded(drawn: dict[int, Figure]) -> None:
     def spans(number: int) -> list[tuple[float, float]]:
-        return [(p.get_x(), p.get_x() + p.get_width()) for p in drawn[number].axes[0].patches]
+        # a rectangle or, in older versions of Matplotlib, a polygon
+        boxes = [p.get_path().get_extents(p.get_patch_transform()) for p in drawn[number].axes[0].patches]
+        return [(box.x0, box.x1) for box in boxes]
 
     assert spans(6) == [(10.0, 20.0)]
     assert spans(16) == [(10.0, 20.0)]

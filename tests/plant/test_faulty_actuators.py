@@ -13,10 +13,10 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.environment import Effectiveness, Fault, WindSample
 from skyarm.plant.loads import applied_force
+from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate import run
+from skyarm.simulate.compiled_flight import fly
 from skyarm.simulate.inputs import episode_inputs
-from skyarm.simulate.native import fly
-from skyarm.simulate.scenario import ScenarioError
 
 ARM2 = skyarm.load_vehicle("hummingbird_arm2")
 

@@ -6,15 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, tumbling
 from independent_flight import Flight
 
+from engines import jax_doubles
+from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, tumbling
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves
 from skyarm.environment import WindSample
 from skyarm.plant.compiled import RigidBodyPlant
-from skyarm.plant.interface import World, flat
+from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.rigid_body import step_euler, step_rk4
 from vehicles_random import MujocoTwin, RandomState, random_vehicle
@@ -40,7 +41,7 @@ def problem(vehicle):
     efforts = tuple(0.05 * (-1) ** i for i in range(vehicle.n))
     x = flat(tumbling(vehicle))
     return (
-        World(vehicle=vehicle, gravity=G),
+        Truth(vehicle=vehicle, gravity=G),
         x,
         (*SPEEDS, *efforts),
         Flight(vehicle, G, WIND).fly(x, SPEEDS, efforts, 0.16),
@@ -78,12 +79,48 @@ def test_mujocos_runge_kutta_under_held_forces_is_of_first_order_and_converges_t
     assert order(errors)[-1] == pytest.approx(1.0, abs=0.2)
 
 
+def rough(vehicle):
+    """The vehicle with joints of viscous and dry friction, the dry part smooth enough for the steps below."""
+    return vehicle.with_joints(damping=0.002, coulomb=0.004, coulomb_rate=1.0)
+
+
+@pytest.fixture(scope="module", params=["hummingbird_arm", "random3", "hummingbird_arm, friction", "random3, friction"])
+def tumbled_rough(request):
+    name, _, friction = request.param.partition(", ")
+    vehicle = hummingbird_arm() if name == "hummingbird_arm" else random_flyer(3, 3)
+    return problem(rough(vehicle) if friction else vehicle)
+
+
+def test_mujocos_bodies_with_loads_at_each_stage_fly_to_fourth_order(tumbled_rough):
+    """Wind, drag, lagging rotors and joint friction, against DOP853 on equations of their own."""
+    world, x, command, end = tumbled_rough
+    errors = []
+    for dt in (0.008, 0.004, 0.002, 0.001):
+        plant = MujocoPlant(world, WIND, "rk4_staged", physics_step=dt)
+        errors.append(np.abs(np.array(plant.advance(x, command, leaves(WIND), 0.16)) - end).max())
+    assert errors[-1] > 1e-11
+    assert order(errors)[-1] == pytest.approx(4.0, abs=0.2)
+
+
+def test_the_attitude_of_a_body_that_spins_fast_is_of_fourth_order():
+    """25 rad/s about no principal axis, nothing pushing: the rotation vector's double product counts."""
+    vehicle = replace(random_vehicle(np.random.default_rng([5, 0]), 0), rotors=())
+    world = Truth(vehicle=vehicle, gravity=0.0)
+    x = flat(replace(tumbling(vehicle), rate=Vec3(20.0, -9.0, 12.0)))
+    end = Flight(vehicle, 0.0, WindSample()).fly(x, (), (), 0.16)
+    errors = []
+    for dt in (0.004, 0.002, 0.001):
+        plant = MujocoPlant(world, WindSample(), "rk4_staged", physics_step=dt)
+        errors.append(np.abs(np.array(plant.advance(x, (), (), 0.16)) - end)[3:7].max())
+    assert order(errors)[-1] == pytest.approx(4.0, abs=0.2)
+
+
 @pytest.mark.parametrize(("steps", "pose", "rates"), [(1, 2e-8, 3e-5), (16, 1e-11, 1e-9)])
 def test_control_periods_of_a_flight_are_those_of_dop853(steps, pose, rates):
     """Ten periods of 5 ms with changing commands: one Runge-Kutta step a period as in use, and sixteen (measured errors
     1.2e-8 and 1.8e-5, 1.9e-13 and 2.9e-10; the largest is that of the outer joint's rate)."""
     vehicle = hummingbird_arm()
-    world, flight = World(vehicle=vehicle, gravity=G), Flight(vehicle, G, WIND)
+    world, flight = Truth(vehicle=vehicle, gravity=G), Flight(vehicle, G, WIND)
     plant = RigidBodyPlant(world, WIND, "rk4")
     x = flat(hovering(vehicle))
     reference = np.array(x)
@@ -102,7 +139,7 @@ def test_control_periods_of_a_flight_are_those_of_dop853(steps, pose, rates):
 
 def test_rotor_speeds_do_not_depend_on_the_step():
     vehicle = hummingbird_arm()
-    plant = RigidBodyPlant(World(vehicle=vehicle, gravity=G), WIND, "rk4")
+    plant = RigidBodyPlant(Truth(vehicle=vehicle, gravity=G), WIND, "rk4")
     x, command = flat(tumbling(vehicle)), (*SPEEDS, 0.0, 0.0)
     coarse, fine = flown(plant, x, command, 0.01, 0.05), flown(plant, x, command, 0.001, 0.05)
     np.testing.assert_allclose(coarse[-4:], fine[-4:], rtol=1e-13)
@@ -111,8 +148,8 @@ def test_rotor_speeds_do_not_depend_on_the_step():
 def test_the_quaternion_stays_of_unit_length():
     vehicle = random_flyer(1, 3)
     for kind in (RigidBodyPlant, MujocoPlant):
-        for integrator in ("rk4", "euler"):
-            plant = kind(World(vehicle=vehicle, gravity=G), WIND, integrator)
+        for integrator in ("rk4", "euler", "rk4_staged"):
+            plant = kind(Truth(vehicle=vehicle, gravity=G), WIND, integrator)
             x = flat(tumbling(vehicle))
             for _ in range(100):
                 x = plant.advance(x, (HOVER,) * 4 + (0.0,) * 3, leaves(WIND), 0.005)
@@ -130,7 +167,7 @@ def _random_state(x, n):
 def test_free_fall_in_vacuum_keeps_energy_and_momentum(kind, dt, joints):
     """No rotors, air or friction; energy and momentum are MuJoCo's. Runge-Kutta errs by about (rate dt)^4 a second."""
     vehicle = random_vehicle(np.random.default_rng([5, joints]), joints)
-    plant, twin = kind(World(vehicle=vehicle, gravity=G), WindSample(), "rk4"), MujocoTwin(vehicle)
+    plant, twin = kind(Truth(vehicle=vehicle, gravity=G), WindSample(), "rk4"), MujocoTwin(vehicle)
     x = flat(tumbling(vehicle, seed=2))
     before = _random_state(x, joints)
     energy, momentum = twin.energy(before, G), twin.momentum(before)
@@ -139,8 +176,9 @@ def test_free_fall_in_vacuum_keeps_energy_and_momentum(kind, dt, joints):
         x = plant.advance(x, (0.0,) * joints, (), dt)
     after = _random_state(x, joints)
     weight = np.array([0.0, 0.0, -sum(float(b.mass) for b in vehicle.bodies) * G * seconds, 0.0, 0.0, 0.0])
-    assert twin.energy(after, G) == pytest.approx(energy, abs=1e-7)
-    np.testing.assert_allclose(twin.momentum(after), momentum + weight, rtol=0.0, atol=1e-7)
+    error = 1e-7
+    assert twin.energy(after, G) == pytest.approx(energy, abs=error)
+    np.testing.assert_allclose(twin.momentum(after), momentum + weight, rtol=0.0, atol=error)
     assert np.abs(np.subtract(x[3:7], before.quaternion)).max() > 0.2  # it did turn
 
 
@@ -151,7 +189,7 @@ def test_joint_damping_takes_energy():
     )
     twin = MujocoTwin(vehicle)
     for kind in (RigidBodyPlant, MujocoPlant):
-        plant, x, energies = kind(World(vehicle=vehicle, gravity=G), WindSample()), flat(tumbling(vehicle)), []
+        plant, x, energies = kind(Truth(vehicle=vehicle, gravity=G), WindSample()), flat(tumbling(vehicle)), []
         for _ in range(50):
             energies.append(twin.energy(_random_state(x, 3), G))
             x = plant.advance(x, (0.0,) * 3, (), 0.005)
@@ -165,14 +203,14 @@ def test_both_steps_have_gradients_where_nothing_moves():
     still = replace(
         hovering(vehicle), joint_rates=(0.0, 0.0), rotor_speeds=(0.0,) * 4, quaternion=Quaternion(1.0, 0.0, 0.0, 0.0)
     )
-    command, world = Command(rotor_speeds=(0.0,) * 4, efforts=(0.0, 0.0)), World(vehicle=vehicle, gravity=G)
+    command, world = Command(rotor_speeds=(0.0,) * 4, efforts=(0.0, 0.0)), Truth(vehicle=vehicle, gravity=G)
     for law in (step_euler, step_rk4):
 
         def turned(rate, law=law):
             moved = law(world, replace(still, rate=Vec3(*rate)), command, WindSample(), dt)
             return jax.numpy.stack([*moved.quaternion])
 
-        with jax.enable_x64(True):
+        with jax_doubles():
             gradient = np.array(jax.jacobian(turned)(np.zeros(3)))
         # half the angle of a turn by w dt; the arm's own motion bends it by no more than dt^2
         assert np.allclose(gradient, 0.5 * dt * np.eye(4)[:, 1:], rtol=0.0, atol=1e-12), law.__name__

@@ -10,19 +10,19 @@ from independent_flight import Flight
 from skyarm.compile import leaves
 from skyarm.environment import WindSample
 from skyarm.plant.compiled import RigidBodyPlant, example_command
-from skyarm.plant.interface import World, flat
+from skyarm.plant.friction_rate import friction_rate
+from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco import MujocoPlant
-from skyarm.plant.stiffness import friction_rate
-from skyarm.simulate.scenario import trimmed_state
+from skyarm.scenario.scenario_record import trimmed_state
 from skyarm.vehicle import VehicleError
-from skyarm.vehicle.files import load_vehicle
+from skyarm.vehicle.vehicle_files import load_vehicle
 from vehicles_random import MujocoTwin, RandomState
 
 TRUTH = load_vehicle("hummingbird_arm2_rotors")
 
 
 def flown(plant, vehicle, dt, seconds=0.2):
-    start = trimmed_state(World(vehicle=vehicle), (0.0, 0.0, 10.0), 0.0, (0.4, -0.3))
+    start = trimmed_state(Truth(vehicle=vehicle), (0.0, 0.0, 10.0), 0.0, (0.4, -0.3))
     x, command = flat(start), [*start.rotor_speeds, 0.02, -0.01]
     assert len(command) == len(leaves(example_command(2, 4)))
     for _ in range(round(seconds / dt)):
@@ -103,7 +103,7 @@ def test_the_step_keeps_the_error_of_the_fastest_mode_that_its_bound_promises(pr
     # nothing but the fastest mode: no weight, no thrust
     rates, modes = np.linalg.eig(joint_mobility(vehicle, here))
     mode = 0.3 * modes[:, np.argmax(rates)]
-    world = World(vehicle=vehicle, gravity=0.0)
+    world = Truth(vehicle=vehicle, gravity=0.0)
     start = dataclasses.replace(
         trimmed_state(world, (0.0, 0.0, 10.0), 0.0, here), joint_rates=tuple(mode.tolist()), rotor_speeds=(0.0,) * 4
     )
@@ -117,7 +117,7 @@ def test_the_step_keeps_the_error_of_the_fastest_mode_that_its_bound_promises(pr
 @pytest.mark.parametrize("damping", [0.001, 0.02, 0.05])
 def test_one_control_period_per_call_is_as_good_as_many_small_steps(damping):
     vehicle = TRUTH.with_joints(damping=damping)
-    world = World(vehicle=vehicle)
+    world = Truth(vehicle=vehicle)
     coarse = flown(RigidBodyPlant(world, WindSample()), vehicle, 0.005)
     fine = flown(RigidBodyPlant(world, WindSample()), vehicle, 0.00025)
     # 6e-4 of a mode that has decayed to a few thousandths of its start
@@ -126,11 +126,21 @@ def test_one_control_period_per_call_is_as_good_as_many_small_steps(damping):
 
 def test_mujoco_holds_stiff_friction_for_short_steps_only():
     vehicle = TRUTH.with_joints(damping=0.05)
-    world = World(vehicle=vehicle)
+    world = Truth(vehicle=vehicle)
     ours = flown(RigidBodyPlant(world, WindSample()), vehicle, 0.005)
     theirs = flown(MujocoPlant(world, WindSample()), vehicle, 0.005)
     # first order in rate * step = 0.1, on angles of a tenth of a radian
     assert np.abs(ours - theirs)[13:15].max() < 2e-3
+
+
+def test_mujocos_bodies_with_loads_at_each_stage_take_shorter_steps_where_friction_is_stiff():
+    vehicle = TRUTH.with_joints(damping=0.3)
+    assert 0.001 * friction_rate(vehicle) > 2.8, "beyond which a step of fourth order is unstable"
+    world = Truth(vehicle=vehicle)
+    ours = flown(RigidBodyPlant(world, WindSample()), vehicle, 0.005)
+    theirs = flown(MujocoPlant(world, WindSample(), "rk4_staged"), vehicle, 0.005)
+    # as between steps of the rigid-body plant alone, above
+    assert np.abs(ours - theirs)[:17].max() < 2e-5
 
 
 def test_friction_beyond_any_explicit_integrator_is_refused_by_joint_and_field():
@@ -138,4 +148,4 @@ def test_friction_beyond_any_explicit_integrator_is_refused_by_joint_and_field()
     with pytest.raises(
         VehicleError, match=r"^joints\[joint2\].coulomb = 0.1: joint friction decays .* raise coulomb_rate"
     ):
-        RigidBodyPlant(World(vehicle=sticky), WindSample())
+        RigidBodyPlant(Truth(vehicle=sticky), WindSample())

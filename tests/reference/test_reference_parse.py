@@ -18,7 +18,7 @@ from skyarm.reference import (
     signal_from,
     trajectory_from,
 )
-from skyarm.reference import parse as module
+from skyarm.reference import reference_tables as module
 
 CASE1 = """
 yaw = 0.1
@@ -101,10 +101,16 @@ SEQUENCE = {"kind": "sequence", "start": 6, "segments": [[1, 0.3]]}
 @pytest.mark.parametrize(
     ("table", "message"),
     [
-        ({"bass": {}}, "f.toml: reference.bass = {}: unknown field; allowed: ['base', 'yaw', 'joints']"),
+        (
+            {"bass": {}},
+            "f.toml: reference.bass = {}: unknown field; did you mean 'base'? allowed: ['base', 'yaw', 'joints']",
+        ),
         ({"base": 3}, "f.toml: reference.base = 3: must be a table"),
         ({"base": {"position": [0, 0, 1]}}, "f.toml: reference.base.kind: is missing; there are ['position']"),
-        ({"base": {"kind": "spiral"}}, "f.toml: reference.base.kind = 'spiral': must be one of hover, circle, signals"),
+        (
+            {"base": {"kind": "spiral"}},
+            "f.toml: reference.base.kind = 'spiral': did you mean 'signals'? must be one of hover, circle, signals",
+        ),
         ({"base": {"kind": ["hover"]}}, "f.toml: reference.base.kind = ['hover']: must be one of hover"),
         ({"base": {"kind": "hover"}}, "f.toml: reference.base.position: is missing"),
         ({"base": {"kind": "hover", "position": [0, 0]}}, "f.toml: reference.base.position = [0, 0]: must be three"),
@@ -116,7 +122,7 @@ SEQUENCE = {"kind": "sequence", "start": 6, "segments": [[1, 0.3]]}
         ({"base": CIRCLE | {"radius": "0.3"}}, "f.toml: reference.base.radius = '0.3': must be a finite number"),
         (
             {"base": CIRCLE | {"frequency": 1}},
-            "f.toml: reference.base.frequency = 1: unknown field; allowed: ['kind', 'r",
+            "f.toml: reference.base.frequency = 1: unknown field; did you mean 'frequency_hz'? allowed: ['kind', 'r",
         ),
         ({"base": CIRCLE | {"start": 9, "stop": 6}}, "f.toml: reference.base.stop = 6.0: must be after start = 9.0"),
         (

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from engines import jax_doubles
 from skyarm.compile import trace
 from skyarm.reference import Constant, Ramp, Shifted, Sine, Sum, Windowed, sequence
 
@@ -164,7 +165,7 @@ def test_jax_and_casadi_give_what_floats_give():
     for value in (1.0, 2.5, 6.0, 10.1, 21.0):
         single = signal.derivatives(value)
         np.testing.assert_allclose(np.array(function(value)).ravel(), single, atol=1e-12)
-        with jax.experimental.enable_x64() if hasattr(jax.experimental, "enable_x64") else jax.enable_x64(True):
+        with jax_doubles():
             ours = jax.jit(lambda s: jax.numpy.stack([1.0 * d for d in signal.derivatives(s)]))(value)
         np.testing.assert_allclose(ours, single, atol=1e-12)
 

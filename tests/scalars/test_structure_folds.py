@@ -67,7 +67,7 @@ def test_a_structural_zero_removes_even_a_nan():
 @pytest.mark.parametrize(
     ("value", "kind"), [(0.0, int), (-0.0, int), (1.0, int), (-1.0, int), (2.0, float), (0.5, float)]
 )
-def test_exact_zero_and_one_of_a_description_become_structure(value, kind):
+def test_centroidal_zero_and_one_of_a_description_become_structure(value, kind):
     assert type(structural(value)) is kind
     assert structural(value) == value
 

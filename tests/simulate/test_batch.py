@@ -6,13 +6,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-from simulate_flights import document
 
+from simulate_flights import document
+from skyarm.metrics.windows import Windows
+from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate import Window, run
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.measures import Windows
-from skyarm.simulate.paths import with_numbers
-from skyarm.simulate.scenario_file import scenario_from
 
 NOISE = {"position": 0.003, "velocity": 0.02, "attitude": 0.004, "rate": 0.03, "joint_rates": 0.02, "rotor_speeds": 1.0}
 MASS, GAIN, DAMPING = (
@@ -38,7 +38,7 @@ def scenario():
 
 @pytest.fixture(scope="module")
 def exact(scenario, _cache):
-    return Batch(scenario, PATHS, windows=WINDOWS, exact=True)
+    return Batch(scenario, PATHS, windows=WINDOWS, bit_exact=True)
 
 
 def numbers(batch, lanes, salt=0):
@@ -73,7 +73,7 @@ def test_results_do_not_depend_on_threads_chunks_or_width(scenario, exact):
     values = numbers(exact, 21)
     whole = flat(exact.fly(values, seed=5))
     assert flat(exact.fly(values, seed=5, threads=2)).tobytes() == whole.tobytes()
-    narrow = Batch(scenario, PATHS, windows=WINDOWS, exact=True, width=2)
+    narrow = Batch(scenario, PATHS, windows=WINDOWS, bit_exact=True, width=2)
     assert flat(narrow.fly(values, seed=5)).tobytes() == whole.tobytes()
     for a, b in ((0, 5), (5, 6), (6, 21)):
         part = {path: column[a:b] for path, column in values.items()}
@@ -121,7 +121,7 @@ def test_a_mass_that_is_swept_changes_what_the_mass_changes(exact):
 
 
 def test_a_batch_without_paths_repeats_the_scenario_with_other_noise(scenario):
-    batch = Batch(scenario, windows=WINDOWS, exact=True)
+    batch = Batch(scenario, windows=WINDOWS, bit_exact=True)
     outcome = batch.fly({}, seed=5, episodes=np.array([0, 1, 0]))
     columns = flat(outcome)
     assert columns[:, 0].tobytes() == columns[:, 2].tobytes()
@@ -129,9 +129,9 @@ def test_a_batch_without_paths_repeats_the_scenario_with_other_noise(scenario):
 
 
 def test_every_lane_flies_through_turbulence_of_its_own():
-    wind = {"mode": "airspeed", "velocity": [1.0, 0.0, 0.0], "turbulence": {"altitude": 6.0, "wind_20ft": 7.7}}
+    wind = {"mode": "moving_air", "velocity": [1.0, 0.0, 0.0], "turbulence": {"altitude": 6.0, "wind_20ft": 7.7}}
     scenario = scenario_from(document("case2", duration=0.2, environment__wind=wind), "test")
-    outcome = Batch(scenario, (MASS,), exact=True).fly({MASS: np.full(3, float(scenario.world.vehicle.base.mass))})
+    outcome = Batch(scenario, (MASS,), bit_exact=True).fly({MASS: np.full(3, float(scenario.world.vehicle.base.mass))})
     for k in range(3):
         alone = run(dataclasses.replace(scenario, episode=k, duration=0.205))
         assert [float(c[k]) for c in outcome.state.position] == alone.position[-1].tolist()

@@ -9,19 +9,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from simulate_flights import document
 
 import skyarm
+from simulate_flights import document
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.dynamics import State
 from skyarm.plant.rigid_body import accelerate, step_rk4
-from skyarm.plant.sensors import measure
 from skyarm.scalars.philox import normal
+from skyarm.scenario.scenario_file import load_scenario, scenario_from
+from skyarm.scenario.scenario_record import first_state
+from skyarm.sensors.noise import measure
 from skyarm.simulate import Log, Scenario, run
-from skyarm.simulate.loop import first_state
-from skyarm.simulate.scenario_file import load_scenario, scenario_from
+from wind_samples import wind as blown
 
 NOISY = document(
     "case3_wind",
@@ -49,7 +50,7 @@ def slow_loop(scenario: Scenario) -> tuple[list[State], list[Command]]:
     """Fly with plain floats: 200 Hz control, 50 Hz reference, RK4 over each stretch of one command."""
     ticks = np.arange(scenario.steps)
     held = [scenario.trajectory.at((k - k % 4) / 200) for k in range(scenario.steps)]
-    blowing = scenario.wind.sample(ticks / 200)
+    blowing = blown(scenario.wind, ticks / 200)
     world, controller = scenario.world, scenario.controller
     n, rotors = world.vehicle.n, len(world.vehicle.rotors)
     noisy = bool(leaves(scenario.sensors))
@@ -173,7 +174,7 @@ def test_the_reference_is_held_at_its_own_rate() -> None:
 
 @pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
 def test_a_gust_starts_and_stops_on_its_tick(plant: str) -> None:
-    wind = {"mode": "rotors_force", "gust": {"force": [2.0, 0.0, 0.0], "start": 0.15, "duration": 0.1}}
+    wind = {"mode": "force_wind", "gust": {"force": [2.0, 0.0, 0.0], "start": 0.15, "duration": 0.1}}
     gusty = run(scenario_from(document("case1", duration=0.4, environment={"wind": wind}), replaced={"plant": plant}))
     calm = run(scenario_from(document("case1", duration=0.4), replaced={"plant": plant}))
     blowing = np.flatnonzero(gusty.wind_force[:, 0])

@@ -12,10 +12,9 @@ import pytest
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.scalars import where
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.scenario_record import first_state, trimmed_state
 from skyarm.simulate import Delays, Log, Scenario, run
-from skyarm.simulate.loop import first_state
-from skyarm.simulate.scenario import trimmed_state
-from skyarm.simulate.scenario_file import load_scenario
 
 LOW, HIGH, STEP, TAU_UP = 400.0, 500.0, 0.05, 0.0125
 

@@ -8,16 +8,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from simulate_flights import document
 
+from added_components import with_law
+from simulate_flights import document
+from skyarm import Batch, BatchSession, Session
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.compile import leaves
 from skyarm.dynamics import State
 from skyarm.scalars import where
+from skyarm.scenario.endings import apart, lowest_point
+from skyarm.scenario.scenario_file import load_scenario, scenario_from
+from skyarm.scenario.scenario_record import first_state
 from skyarm.simulate import Log, Scenario, run
-from skyarm.simulate.loop import first_state
-from skyarm.simulate.monitor import apart, lowest_point
-from skyarm.simulate.scenario_file import load_scenario, scenario_from
+from skyarm.simulate.check_endings import Ended, ended_by
 
 
 def _same_ending(log: Log, status: str) -> None:
@@ -145,13 +149,19 @@ def test_the_lowest_point_is_the_tip_of_a_hanging_arm_and_a_rotor_when_inverted(
         ("rate", Vec3(0.0, 0.0, 2e4), "rate.z passed 10000"),
         ("joint_rates", (0.0, -2e4), "rate of joint 'joint2' passed 10000"),
         ("position", Vec3(1002.0, 0.0, 5.0), "position.x is over 1000 m from the reference"),
-        ("joints", (math.nan, 0.0), "joint 'joint1' is not finite"),
     ],
 )
 def test_divergence_names_the_quantity(field: str, value: Any, cause: str) -> None:
     base = load_scenario("case1", duration=0.1)
     log = run(dataclasses.replace(base, initial=dataclasses.replace(first_state(base), **{field: value})))
     assert (log.status, log.info["cause"], log.info["end_time"]) == ("diverged", cause, 0.0)
+
+
+def test_a_joint_that_became_nan_is_a_divergence_with_its_name() -> None:
+    base = load_scenario("case1", duration=0.1)
+    broken = dataclasses.replace(first_state(base), joints=(math.nan, 0.0))
+    ended = ended_by(base, 0.05, leaves(broken), (0.0, 0.0, 1.0))
+    assert ended == Ended("diverged", "joint 'joint1' is not finite", 0.05)
 
 
 def test_a_flight_far_from_the_origin_is_no_divergence() -> None:
@@ -182,3 +192,39 @@ def test_a_joint_just_past_its_limit_says_which_and_by_how_much() -> None:
     start = dataclasses.replace(first_state(base), joints=(0.20004, 0.0))
     log = run(dataclasses.replace(base, world=world, initial=start))
     assert (log.status, log.info["cause"]) == ("joint_limit", "joint 'joint1' at 0.20004 passed 0.2")
+
+
+def test_an_ending_in_the_very_last_period_is_told_in_one_way_everywhere() -> None:
+    """A vehicle without thrust reaches the ground as its time is over; beside it one falls from higher up."""
+
+    def falling(memory: Any, measurement: Any, reference: Any, dt: Any, *, par: Any) -> tuple[Any, Command]:
+        del measurement, reference, dt, par
+        return memory, Command(rotor_speeds=(0.0,) * 4, efforts=(0.0, 0.0))
+
+    base = with_law(load_scenario("case1", duration=2.0), falling, memory=())
+    base = dataclasses.replace(base, initial=first_state(base))
+    end = run(base).info["end_time"]
+    assert 0.3 < end < 0.7
+    short, longer = (dataclasses.replace(base, duration=end + more) for more in (0.0, 0.005))
+    session = Session(short)
+    assert (run(short).status, session.run().status, session.ended.status) == ("ground", "ground", "ground")
+    at, heights = "initial.position.z", np.array([base.initial.position.z, 3.0])
+    for planned, tick in ((short, short.steps), (longer, short.steps)):
+        found = Batch(planned, [at], bit_exact=True).fly({at: heights})
+        assert found.status.tolist() == ["ground", "completed"]
+        assert found.completed.tolist() == [False, True]
+        assert found.end_time[0] == end
+        batch = BatchSession(planned, 2, [at], bit_exact=True, law=True, autoreset=False)
+        batch.set({at: heights})
+        batch.reset()
+        for _ in range(tick - 1):
+            batch.step()
+            assert not batch.ended.any()
+            assert not batch.truncated.any()
+        batch.step()
+        if planned is longer:
+            assert not batch.ended.any()
+            batch.step()
+        assert batch.ended.tolist() == [True, False]
+        assert batch.truncated.tolist() == [False, True]
+        assert batch.state.position.z[0] == session.state.position.z

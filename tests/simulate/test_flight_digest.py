@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from simulate_flights import document
 
+from simulate_flights import document
 from skyarm.compile import leaves
+from skyarm.records.plain import digest, plain
 from skyarm.reference import Constant, Sine
+from skyarm.scenario.scenario_file import list_scenarios, load_scenario, scenario_from
 from skyarm.simulate import Log, Scenario, run
-from skyarm.simulate.plain import digest, plain
-from skyarm.simulate.scenario_file import list_scenarios, load_scenario, scenario_from
 
 
 @pytest.fixture(scope="module")
@@ -62,8 +62,8 @@ CHANGES: list[dict[str, Any]] = [
     {"controller__gains__rate": [0.1, 0.11, 0.025]},
     {"controller__joint_gains__stiffness": [350.0, 151.0]},
     {"controller__joint_gains__damping": [12.1, 10.0]},
-    {"controller__mixer": "rotors_clip"},
-    {"controller__rate_error": "rotors"},
+    {"controller__mixer": "clip"},
+    {"controller__rate_error": "rotors_sim"},
     {"controller__without": []},
     {"controller__without": ["feedforward"]},
     {"reference__base__position": [0.0, 0.0, 1.1]},
@@ -121,12 +121,14 @@ def test_a_log_holds_its_scenario_through_its_file_and_its_csv_does_not(log: Log
 
 def test_the_record_says_what_was_flown_in_words_of_the_scenario(log: Log) -> None:
     record = log.info["scenario_record"]
-    assert record["delays"] == {"type": "Delays", "measurement": 0.005, "command": 0.003, "longest_command": None}
-    assert record["controller"]["law"] == "hybrid_computed_torque"
+    kind = "skyarm.scenario.scenario_parts:Delays"
+    delays = {"measurement": 0.005, "command": 0.003, "rotors": 0, "joints": 0, "longest_command": None}
+    assert record["delays"] == {"type": kind, **delays}
+    assert record["controller"]["law"]["name"].endswith(":hybrid_computed_torque")
     assert record["controller"]["par"]["terms"]["coupling"] is False
     assert record["world"]["vehicle"]["links"][0]["joint"]["damping"] == 0.002
     assert record["world"]["vehicle"]["links"][0]["joint"]["lower"] == "-inf"
-    assert record["wind"]["type"] == "Airspeed"
+    assert record["wind"]["type"] == "skyarm.environment.wind:MovingAir"
     assert record["trajectory"]["yaw"]["shape"] == "quintic"
 
 
@@ -159,14 +161,19 @@ def test_values_of_any_kind_become_strict_json() -> None:
         "object": Wobble(0.25),
     }
     assert json.loads(json.dumps(plain(value), allow_nan=False)) == {
-        "array": [1.0, "inf"],
+        "array": {"type": "array", "kind": "float64", "entries": [1.0, "inf"]},
         "scalar": 0.5,
         "whole": 3,
         "nan": "nan",
         "set": [1.0, 2.0],
-        "function": "math.sin",
-        "partial": {"type": "partial", "function": "builtins.round", "arguments": [2.5], "keywords": {"ndigits": 0}},
-        "object": {"type": f"{__name__}.Wobble", "height": 0.25},
+        "function": {"type": "function", "name": "math:sin"},
+        "partial": {
+            "type": "partial",
+            "function": {"type": "function", "name": "builtins:round"},
+            "arguments": [2.5],
+            "keywords": {"ndigits": 0},
+        },
+        "object": {"type": f"{__name__}:Wobble", "height": 0.25},
     }
 
 

@@ -15,25 +15,30 @@ from typing import Any
 
 import numpy as np
 import pytest
-from simulate_flights import document
 
+from simulate_flights import document
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves
+from skyarm.compile.machine_code import NoMachineCodeError, SlowFlightWarning
+from skyarm.log import flight_log as log
 from skyarm.scalars import where
-from skyarm.simulate import Log, Scenario, inputs, log, native, run
-from skyarm.simulate.inputs import episode_inputs, first_state
+from skyarm.scalars.philox import uniforms
+from skyarm.scenario.scenario_file import load_scenario, scenario_from
+from skyarm.scenario.scenario_record import first_state
+from skyarm.simulate import Log, Scenario, draws, run, staged_flight
+from skyarm.simulate import compiled_flight as native
+from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop import run_in_python
-from skyarm.simulate.scenario_file import load_scenario, scenario_from
 
 NOISE = {"position": 0.003, "velocity": 0.02, "attitude": 0.004, "rate": 0.03, "joints": 0.002, "rotor_speeds": 1.0}
 TURBULENT = {
-    "mode": "airspeed",
+    "mode": "moving_air",
     "velocity": [1.0, 0.5, 0.0],
     "gust": {"velocity": [0.0, 1.0, 0.0], "start": 0.3, "duration": 0.5, "shape": "one_minus_cosine"},
     "turbulence": {"altitude": 6.0, "wind_20ft": 7.7},
 }
-GUST = {"mode": "rotors_force", "gust": {"force": [2.0, 0.0, 0.0], "start": 0.15, "duration": 0.1}}
+GUST = {"mode": "force_wind", "gust": {"force": [2.0, 0.0, 0.0], "start": 0.15, "duration": 0.1}}
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -182,16 +187,15 @@ def test_the_effort_follows_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
     assert efforts == [0, 2]
 
 
-@pytest.mark.parametrize("error", [ImportError("No module named 'llvmlite'"), RuntimeError("no such CPU")])
-def test_without_a_compiler_it_flies_in_python_and_says_so(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
+def test_without_a_compiler_it_flies_in_python_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = planned(duration=0.25, sensors=NOISE)
     ours = run(scenario)
 
     def refuse(*_: Any, **__: Any) -> None:
-        raise error
+        raise NoMachineCodeError("no machine code here")
 
     monkeypatch.setattr(native, "Kernel", refuse)
-    with pytest.warns(RuntimeWarning, match=rf"no machine code here \({error}\): flying in Python"):
+    with pytest.warns(SlowFlightWarning, match="^no machine code here; flying as Python floats: about"):
         assert_same(ours, run(scenario))
 
 
@@ -256,10 +260,17 @@ def test_nothing_is_made_that_machine_code_makes_itself(monkeypatch: pytest.Monk
     def never(*_: Any) -> None:
         raise AssertionError("tables of Python floats in a flight of machine code")
 
-    monkeypatch.setattr(inputs, "_wind", never)
-    monkeypatch.setattr(inputs, "normal", never)
-    monkeypatch.setattr(native, "turbulence_start", lambda *_: (Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0)))
+    steps = []
+
+    def few(seed: int, episode: Any, channel: int, asked: Any, count: int) -> Any:
+        steps.extend(np.ravel(asked).tolist())
+        return uniforms(seed, episode, channel, asked, count)
+
+    monkeypatch.setattr(staged_flight, "uniforms", never)
+    monkeypatch.setattr(native, "uniforms", never)
+    monkeypatch.setattr(draws, "uniforms", few)
     assert run(FLIGHTS["noise, delays, turbulence"][1]()).status == "completed"
+    assert set(steps) == set(draws.STARTS), "the flight's own numbers are drawn where it flies"
 
 
 def test_a_long_flight_needs_little_more_memory_than_its_log() -> None:
@@ -276,11 +287,11 @@ def test_a_long_flight_needs_little_more_memory_than_its_log() -> None:
     assert peak < 3.0 * sum(array.nbytes for array in flown.arrays().values())
 
 
-def test_machine_code_and_monitor_that_disagree_are_an_error_and_no_completed_flight(
+def test_machine_code_and_endings_that_disagree_are_an_error_and_no_completed_flight(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(native.Monitor, "ending", lambda *_: None)
-    with pytest.raises(RuntimeError, match="the monitor finds nothing wrong"):
+    monkeypatch.setattr(native, "ended_by", lambda *_: None)
+    with pytest.raises(RuntimeError, match="machine code ended a flight in which no ending finds anything wrong"):
         run(FLIGHTS["ground"][1]())
 
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from simulate_flights import FULL, document
 
+from simulate_flights import FULL, document
+from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.simulate import Rates, run
-from skyarm.simulate.scenario_file import load_scenario, scenario_from
-from skyarm.vehicle.files import list_vehicles, load_vehicle
+from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 
 FLYABLE = [name for name in list_vehicles() if not load_vehicle(name).planar]
 
@@ -100,7 +100,7 @@ def test_every_table_at_once_flies() -> None:
 
 
 def test_turbulence_moves_the_vehicle_and_depends_on_the_seed_alone() -> None:
-    wind = {"mode": "airspeed", "velocity": [4.0, 0.0, 0.0], "turbulence": {"altitude": 10.0, "wind_20ft": 7.7}}
+    wind = {"mode": "moving_air", "velocity": [4.0, 0.0, 0.0], "turbulence": {"altitude": 10.0, "wind_20ft": 7.7}}
     windy = document("case1", duration=5.0, environment={"wind": wind})
     first, again, other = (run(scenario_from(windy, replaced={"seed": seed})) for seed in (1, 1, 2))
     assert first.status == other.status == "completed"
@@ -149,13 +149,13 @@ def test_noisy_sensors_fly_and_are_worse_than_perfect_ones() -> None:
 
 
 def test_a_vehicle_file_beside_the_scenario_is_found(tmp_path: Path) -> None:
-    from skyarm.vehicle.files import LIBRARY
+    from skyarm.vehicle.vehicle_files import LIBRARY
 
     (tmp_path / "vehicles").mkdir()
     (tmp_path / "vehicles" / "mine.toml").write_bytes((LIBRARY / "hummingbird.toml").read_bytes())
     (tmp_path / "flight.toml").write_text(
         'name = "flight"\nduration = 0.1\n[plant]\nvehicle = "vehicles/mine.toml"\n[controller]\n'
-        'law = "rotors_position"\n[reference.base]\nkind = "hover"\nposition = [0, 0, 1]\n'
+        'law = "rotors_sim_position"\n[reference.base]\nkind = "hover"\nposition = [0, 0, 1]\n'
     )
     log = run(load_scenario(tmp_path / "flight.toml"))
     assert log.status == "completed"

@@ -6,19 +6,21 @@ import dataclasses
 
 import numpy as np
 import pytest
-from simulate_flights import document
 
+from simulate_flights import document
+from skyarm.algebra import Vec3
 from skyarm.compile import leaves
-from skyarm.compile.llvm_text import Lanes
-from skyarm.compile.native import Kernel
-from skyarm.control.registry import LAWS
-from skyarm.control.steps.maker import LADDER
+from skyarm.compile.llvm.kernel import Kernel
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.control.catalogue import LAWS
+from skyarm.control.laws.ladder.make import LADDER
+from skyarm.environment import dryden
 from skyarm.scalars.philox import normal
+from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.simulate import Scenario, run
-from skyarm.simulate.draws import turbulence_start
+from skyarm.simulate.compiled_flight import fly, trace_scenario
+from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
-from skyarm.simulate.native import first_carry, fly, trace_scenario
-from skyarm.simulate.scenario_file import load_scenario, scenario_from
 
 NOISE = {
     "position": 0.003,
@@ -31,7 +33,7 @@ NOISE = {
     "rotor_speeds": 1.0,
 }
 TURBULENT = {
-    "mode": "airspeed",
+    "mode": "moving_air",
     "velocity": [1.0, 0.5, 0.0],
     "gust": {"velocity": [0.0, 1.0, 0.0], "start": 0.3, "duration": 0.5, "shape": "one_minus_cosine"},
     "turbulence": {"altitude": 6.0, "wind_20ft": 7.7},
@@ -133,7 +135,7 @@ def test_every_law_flies_alike(law):
 
 @pytest.mark.parametrize("vehicle", ["hummingbird", "hexarotor_arm6", "octo_coaxial_two_arms", "tilted_hexarotor"])
 def test_every_vehicle_flies_alike(vehicle):
-    from skyarm.vehicle.files import load_vehicle
+    from skyarm.vehicle.vehicle_files import load_vehicle
 
     joints = [0.1] * load_vehicle(vehicle).n
     scenario = planned(
@@ -181,9 +183,10 @@ def test_an_episode_that_has_ended_keeps_the_state_it_ended_in():
 
 
 def test_turbulence_starts_from_the_two_steps_before_the_first():
-    first, second = turbulence_start(17, 4)
-    assert list(first) == normal(17, 4, 1, 2**32 - 1, 3).tolist()
-    assert list(second) == normal(17, 4, 1, 2**32 - 2, 3).tolist()
+    scenario = planned("case3_wind", environment__wind=TURBULENT, seed=17, episode=4)
+    first, second = (Vec3(*normal(17, 4, 1, 2**32 - back, 3).tolist()) for back in (1, 2))
+    wanted = dryden.start(first, second, 0.005, par=scenario.wind.turbulence)
+    assert first_loop_state(scenario).components == (wanted,)
 
 
 def test_the_reference_in_python_is_machine_code_to_the_bit():
@@ -198,7 +201,7 @@ def lanes_of(scenario, lanes):
     """Carry after the flight of ten lanes with initial heights of their own."""
     inputs = episode_inputs(scenario)
     traced = trace_scenario(scenario, inputs)
-    carry = np.repeat(np.array(leaves(first_carry(scenario)), dtype=float)[:, None], 10, axis=1)
+    carry = np.repeat(np.array(leaves(first_loop_state(scenario)), dtype=float)[:, None], 10, axis=1)
     carry[4] += 0.05 * np.arange(10)
     rows = np.column_stack([inputs.times, np.array(inputs.held).reshape(scenario.steps, -1)])
     return Kernel(traced.loop, lanes).run(carry, np.zeros((0, 10)), rows, seed=5)[0]

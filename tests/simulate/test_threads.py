@@ -8,10 +8,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from simulate_flights import document
 
+from simulate_flights import document
+from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.simulate import Log, Scenario, run
-from skyarm.simulate.scenario_file import load_scenario, scenario_from
 
 
 @pytest.fixture

@@ -7,12 +7,12 @@ import dataclasses
 import numpy as np
 import pytest
 
+from skyarm.scenario.numbers import number_at
+from skyarm.scenario.places import LATE
+from skyarm.scenario.scenario_file import load_scenario
 from skyarm.simulate import Delays, ScenarioError, run
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.closed_loop import commands_waiting
-from skyarm.simulate.paths import number_at
-from skyarm.simulate.places import LATE
-from skyarm.simulate.scenario_file import load_scenario
+from skyarm.simulate.stages import commands_waiting
 
 DELAYS = (0.0, 0.001, 0.004, 0.005, 0.007, 0.010, 0.012, 0.015)
 
@@ -76,9 +76,9 @@ def test_the_loop_remembers_as_many_commands_as_the_longest_delay_needs(longest,
 
 def test_a_varied_delay_of_whole_periods_has_the_bits_of_a_fixed_one():
     whole = np.array([0.0, 0.005, 0.010, 0.015])
-    both = Batch(moving(longest_command=0.015), (LATE,), exact=True).fly({LATE: whole}).state
+    both = Batch(moving(longest_command=0.015), (LATE,), bit_exact=True).fly({LATE: whole}).state
     for lane, delay in enumerate(whole.tolist()):
-        alone = Batch(moving(command=delay), (), exact=True).fly({}).state
+        alone = Batch(moving(command=delay), (), bit_exact=True).fly({}).state
         assert [c[lane] for c in (*both.position, *both.velocity)] == [c[0] for c in (*alone.position, *alone.velocity)]
 
 
@@ -87,8 +87,8 @@ def test_whole_periods_that_round_below_a_whole_number_are_whole_all_the_same():
     assert delay * 200.0 < 29.0
     assert 0.035 * 200.0 > 7.0, "and above, in the count of remembered commands"
     short = dataclasses.replace(moving(longest_command=0.15), duration=1.0)
-    varied = Batch(short, (LATE,), exact=True).fly({LATE: np.array([delay])}).state
-    fixed = Batch(dataclasses.replace(short, delays=Delays(command=delay)), (), exact=True).fly({}).state
+    varied = Batch(short, (LATE,), bit_exact=True).fly({LATE: np.array([delay])}).state
+    fixed = Batch(dataclasses.replace(short, delays=Delays(command=delay)), (), bit_exact=True).fly({}).state
     assert [c[0] for c in (*varied.position, *varied.velocity)] == [c[0] for c in (*fixed.position, *fixed.velocity)]
 
 

@@ -7,17 +7,17 @@ import dataclasses
 
 import numpy as np
 import pytest
-from simulate_flights import document
 
+from simulate_flights import document
 from skyarm.algebra import Quaternion
 from skyarm.compile import leaves
+from skyarm.metrics.windows import Windows
+from skyarm.records.plain import digest, plain
+from skyarm.scenario.numbers import number_at, require_apart, with_numbers
+from skyarm.scenario.scenario_file import scenario_from
+from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate import Window, run
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.measures import Windows
-from skyarm.simulate.paths import number_at, require_apart, with_numbers
-from skyarm.simulate.plain import digest, plain
-from skyarm.simulate.scenario import ScenarioError
-from skyarm.simulate.scenario_file import scenario_from
 
 TEXT = document(
     "everything",
@@ -192,7 +192,7 @@ def test_each_lane_is_the_single_flight_of_its_numbers_bit_for_bit(scenario, gro
     own_motion = group < 2
     replaced = {path: every[path] for path in groups[group]}
     paths = tuple(replaced)
-    batch = Batch(scenario, paths, exact=True, log_every=1, metrics=("iae_position",))
+    batch = Batch(scenario, paths, bit_exact=True, log_every=1, metrics=("iae_position",))
     alone = 4 if own_motion else 1
     values = {p: np.full(len(paths) + 1 + alone, base) for p, base in zip(paths, batch.base, strict=True)}
     for k, path in enumerate(paths):
@@ -218,7 +218,7 @@ def test_the_tool_of_each_lane_is_measured_where_its_own_frame_is():
     windows = Windows(steady=Window(0.1, 0.2))
     names = ("ee_error_mean", "ee_error_mean_continuous")
     for paths in ((path,), (path, "reference.base.0.radius")):
-        batch = Batch(scenario, paths, exact=True, windows=windows, metrics=names)
+        batch = Batch(scenario, paths, bit_exact=True, windows=windows, metrics=names)
         values = {path: np.array([-0.1, -0.3]), "reference.base.0.radius": np.array([0.3, 0.5])}
         values = {p: values[p] for p in paths}
         outcome = batch.fly(values, seed=scenario.seed, episodes=np.array([1, 1]))
@@ -276,7 +276,7 @@ REFUSED = {
     "reference.base.3.radius": r"no '3' here; there are 0, 1, 2",
     "reference.base.0": r"must lead to a number; there are x, y, z, radius",
     "reference.joints.0.height": r"no 'height' here; there are amplitude, frequency_hz, phase",
-    "plant.payload.hand.mass": r"must be plant.payload.mass \(at the end effector\) or one of plant.payload.tip.mass",
+    "plant.payload.hand.mass": r"must be plant.payload.mass \(at the tip\) or one of plant.payload.tip.mass",
     "plant.joints.mass": r"no 'mass' here; there are damping, coulomb, coulomb_rate, effort_limit",
     "environment.wind.turbulence.gusts": r"no 'gusts' here; there are intensity",
     "initial.heading": r"no 'heading' here; there are position, quaternion",
@@ -293,7 +293,7 @@ def test_a_log_keeps_every_kth_instant_and_nothing_of_the_dead():
     """The second lane falls to the ground: what it left is NaN from there on."""
     scenario = scenario_from(document("case2", duration=1.0), "test")
     mass = "plant.vehicle.base.mass"
-    batch = Batch(scenario, (mass,), exact=True, log_every=7)
+    batch = Batch(scenario, (mass,), bit_exact=True, log_every=7)
     outcome = batch.fly({mass: np.array([0.73, 9.0])})
     log, alone = outcome.log, [run(with_numbers(scenario, {mass: m})) for m in (0.73, 9.0)]
     assert log.time.tolist() == alone[0].time[::7].tolist()
@@ -305,4 +305,4 @@ def test_a_log_keeps_every_kth_instant_and_nothing_of_the_dead():
         assert log.reference.position.z[k, :count].tolist() == single.position_held[::7, 2].tolist()
         assert np.isnan(log.state.velocity.z[k, count:]).all()
     assert outcome.status.tolist() == ["completed", "ground"]
-    assert Batch(scenario, (mass,), exact=True).fly({mass: np.array([0.73])}).log is None
+    assert Batch(scenario, (mass,), bit_exact=True).fly({mass: np.array([0.73])}).log is None

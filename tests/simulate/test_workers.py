@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from skyarm.files.code_place import OwnCodeError
 from skyarm.simulate.workers import workers
 
 CUT_OFF = """
@@ -51,3 +52,21 @@ def test_what_is_handed_over_comes_back() -> None:
 def test_an_error_in_a_process_is_the_parents() -> None:
     with pytest.raises(ZeroDivisionError), workers(1) as submit:
         submit(divmod, 1, 0).result()
+
+
+def raises_value() -> None:
+    raise ValueError("gain must be positive")
+
+
+def raises_exit() -> None:
+    sys.exit(7)
+
+
+@pytest.mark.parametrize(
+    ("function", "words"), [(raises_value, "ValueError: gain must be positive"), (raises_exit, "SystemExit: 7")]
+)
+def test_what_own_code_raises_in_a_process_comes_back_with_file_and_line(function, words) -> None:
+    line = function.__code__.co_firstlineno + 1
+    with workers(1) as submit, pytest.raises(OwnCodeError) as caught:
+        submit(function).result()
+    assert str(caught.value) == f"{__file__}:{line}: {words}"

@@ -14,11 +14,10 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.control.safety import guarded
-from skyarm.figures.basin import basin_figure
+from skyarm.control.safety import with_safety_layer
+from skyarm.figures.basin_map import basin_figure
+from skyarm.scenario.scenario_record import ScenarioError, first_state
 from skyarm.simulate import run
-from skyarm.simulate.inputs import first_state
-from skyarm.simulate.scenario import ScenarioError
 from skyarm.stability.along import hovering
 from skyarm.stability.basin import PATHS, Basin, at_rest, basin, initial_states
 
@@ -33,7 +32,7 @@ def alone():
 
 @pytest.fixture(scope="module")
 def under_guard():
-    return basin(dataclasses.replace(SCENARIO, controller=guarded(SCENARIO.controller)), 400, seed=1)
+    return basin(dataclasses.replace(SCENARIO, controller=with_safety_layer(SCENARIO.controller)), 400, seed=1)
 
 
 def test_attitudes_are_drawn_evenly_over_the_tilt_up_to_upside_down():
@@ -58,7 +57,7 @@ def test_the_recorded_tilt_is_the_flown_one(alone):
 
 def test_a_lane_is_caught_where_a_single_flight_is(under_guard):
     values = initial_states(SCENARIO, 400, 1, rate=12.0, offset=1.0, speed=2.0)
-    flight = hovering(dataclasses.replace(SCENARIO, controller=guarded(SCENARIO.controller)))
+    flight = hovering(dataclasses.replace(SCENARIO, controller=with_safety_layer(SCENARIO.controller)))
     k = int(np.argmax(under_guard.tilt))
     at = [float(values[path][k]) for path in PATHS]
     state = dataclasses.replace(

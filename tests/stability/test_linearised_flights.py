@@ -13,14 +13,15 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves
+from skyarm.control.catalogue import make_controller
 from skyarm.control.model import Model
-from skyarm.control.registry import make_controller
-from skyarm.plant.interface import World
+from skyarm.plant.interface import Truth
 from skyarm.reference import hover
 from skyarm.simulate import Delays, run
-from skyarm.simulate.carry import Row
+from skyarm.simulate.compiled_flight import fly
+from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
-from skyarm.simulate.native import first_carry, fly
+from skyarm.simulate.loop_state import Row
 from skyarm.stability import margins
 from skyarm.stability.along import evidence, hovering
 from skyarm.stability.margins import closed_loop, radius
@@ -39,8 +40,8 @@ def rotors_hover():
     base = skyarm.load_scenario("case1", duration=0.01)
     scenario = dataclasses.replace(
         base,
-        world=World(vehicle=vehicle, gravity=9.81),
-        controller=make_controller("rotors_position", Model(vehicle=vehicle)),
+        world=Truth(vehicle=vehicle, gravity=9.81),
+        controller=make_controller("rotors_sim_position", Model(vehicle=vehicle)),
         trajectory=hover(Vec3(0.0, 0.0, 2.0)),
         ground=False,
     )
@@ -94,10 +95,10 @@ def coordinates(log, k, still):
 
 @pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0), (0.3, -0.2, 0.9)], ids=["level", "tilted"])
 def test_eigenvalues_are_those_of_finite_differences_of_episodes(rotors_hover, turn):
-    start = first_carry(rotors_hover).state
+    start = first_loop_state(rotors_hover).state
     start = dataclasses.replace(start, quaternion=turned(start.quaternion, turn), rate=Vec3(0.2, -0.1, 0.3 * turn[0]))
     flight = dataclasses.replace(rotors_hover, initial=start)
-    carry, still = first_carry(flight), run(flight)
+    carry, still = first_loop_state(flight), run(flight)
     step, columns = 1e-5, []
     for i in range(12 + len(start.rotor_speeds)):
         logs = [run(dataclasses.replace(rotors_hover, initial=moved(start, i, side * step))) for side in (1.0, -1.0)]
@@ -119,7 +120,7 @@ def arm_hover():
 
 def growth(scenario, delay):
     """How much a small tilt grows in a real flight with a further command delay: late over early motion."""
-    state = first_carry(scenario).state
+    state = first_loop_state(scenario).state
     begun = dataclasses.replace(scenario, initial=moved(state, 4, 1e-4), duration=8.0, delays=Delays(command=delay))
     still = dataclasses.replace(begun, initial=state)
     rows = [fly(each, episode_inputs(each)).rows[:, 1:] for each in (begun, still)]
@@ -128,7 +129,7 @@ def growth(scenario, delay):
 
 
 def test_flights_grow_beyond_the_delay_margin_and_settle_below(arm_hover):
-    carry = first_carry(arm_hover)
+    carry = first_loop_state(arm_hover)
     loop = Differentiator(arm_hover).at(carry, [0.0, *episode_inputs(arm_hover).held[0]], "up")
     edge = 1e3 * margins(loop).delay
     assert 20.0 < edge < 50.0
@@ -137,7 +138,7 @@ def test_flights_grow_beyond_the_delay_margin_and_settle_below(arm_hover):
 
 
 def test_a_flight_grows_at_the_rate_of_the_largest_eigenvalue(arm_hover):
-    carry = first_carry(arm_hover)
+    carry = first_loop_state(arm_hover)
     loop = Differentiator(arm_hover).at(carry, [0.0, *episode_inputs(arm_hover).held[0]], "up")
     delay = (math.ceil(1e3 * margins(loop).delay) + 4) * 1e-3
     rate = math.log(radius(loop, extra_delay=delay)) * 200.0
@@ -147,10 +148,10 @@ def test_a_flight_grows_at_the_rate_of_the_largest_eigenvalue(arm_hover):
 
 def test_the_jacobians_are_casadis_exact_ones(arm_hover):
     casadi = pytest.importorskip("casadi")
-    from skyarm.compile.casadi_engine import casadi_function
+    from skyarm.compile.casadi.casadi_engine import casadi_function
 
     found = Differentiator(arm_hover)
-    carry, held = first_carry(arm_hover), episode_inputs(arm_hover)
+    carry, held = first_loop_state(arm_hover), episode_inputs(arm_hover)
     point = dataclasses.replace(_point(carry))
     row = Row(time=0.0, reference=held.reference_example)
 
@@ -208,7 +209,7 @@ def test_evidence_along_a_flight_is_stable_and_says_where():
 def test_a_flight_that_ends_early_is_said_to():
     scenario = skyarm.load_scenario("case1", duration=6.0)
     state = dataclasses.replace(
-        first_carry(scenario).state, position=Vec3(0.0, 0.0, 0.2), velocity=Vec3(0.0, 0.0, -9.0)
+        first_loop_state(scenario).state, position=Vec3(0.0, 0.0, 0.2), velocity=Vec3(0.0, 0.0, -9.0)
     )
     found = evidence(dataclasses.replace(scenario, initial=state), 2)
     assert not found.completed

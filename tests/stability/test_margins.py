@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import sys
 
 import numpy as np
 import pytest
@@ -151,3 +152,25 @@ def test_actuators_that_share_a_load_bear_more_alone_than_together():
     found, edge = margins(shared), 2.0 / (KD * T)
     assert found.rotor_gain[1] == pytest.approx(edge, rel=1e-6)
     assert found.one_rotor[1] == pytest.approx(2.0 * edge - 1.0, rel=3e-4)
+
+
+def test_a_loop_is_closed_once_for_all_gains_and_once_for_each_delay(monkeypatch):
+    """Loops of six joints have hundreds of gains to try: what a gain does not change is put together once."""
+    module = sys.modules["skyarm.stability.margins"]
+    counted = {"closed": 0, "radius": 0}
+
+    def counting(name):
+        function = getattr(module, name)
+
+        def call(*arguments, **options):
+            counted[name.strip("_")] += 1
+            return function(*arguments, **options)
+
+        monkeypatch.setattr(module, name, call)
+
+    counting("closed")
+    counting("_radius")
+    loop = double_integrator()
+    margins(loop)
+    assert counted["closed"] > 1
+    assert counted["radius"] > 3 * counted["closed"]

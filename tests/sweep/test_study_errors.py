@@ -24,7 +24,7 @@ ERRORS: list[tuple[dict[str, Any], str]] = [
     ({"episodes": True}, "episodes = True: must be a whole number"),
     ({"chunk": 0}, "chunk = 0: must be a whole number from 1 to 1048576"),
     ({"seed": -1}, "seed = -1: must be a whole number from 0"),
-    ({"precision": "half"}, "precision = 'half': must be one of double, single, exact"),
+    ({"precision": "half"}, "precision = 'half': must be one of double, single, bit_exact"),
     ({"design": "latin"}, "design = 'latin': must be one of random, grid, sobol"),
     ({"design": "grid"}, "design = 'grid': must come with a grid or a list under vary"),
     ({"design": "grid", "vary": {MASS: {"grid": [0.5, 1, 3]}}, "episodes": 50}, "multiple of the grid's 3 cells"),
@@ -33,7 +33,11 @@ ERRORS: list[tuple[dict[str, Any], str]] = [
     ({"windows": {"steady": [2, 1]}}, "windows.steady = [2, 1]: must start before it stops"),
     ({"windows": {"steady": 3}}, "windows.steady = 3: must be [start, stop] in s"),
     ({"windows": {"early": [0, 1]}}, "windows.early = [0, 1]: unknown field"),
-    ({"scenario": "case9"}, "scenario = 'case9': must be the path of a .toml file or a name; shipped scenarios are"),
+    (
+        {"scenario": "case9"},
+        "scenario = 'case9': did you mean 'case3'? must be the path of a .toml file or a log, or a name; shipped "
+        "scenarios are",
+    ),
     ({"scenario": 9}, "scenario = 9: must be the name of a shipped scenario or a path"),
     ({"controllers": ["lqr"]}, "controller = 'lqr': must be a preset (paper_ct"),
     ({"controllers": []}, "controllers = []: must be a list of different presets"),
@@ -94,7 +98,7 @@ def test_a_number_that_some_episode_cannot_fly_with_is_refused_before_any_flies(
 
 
 def test_a_study_on_the_other_plant_is_refused(tmp_path: Path) -> None:
-    from skyarm.simulate.scenario_file import LIBRARY
+    from skyarm.scenario.scenario_file import LIBRARY
 
     text = (LIBRARY / "case1.toml").read_text("utf-8").replace("[plant]\n", '[plant]\nkind = "mujoco"\n')
     (tmp_path / "flight.toml").write_text(text)
@@ -135,3 +139,11 @@ def test_every_shipped_study_loads_and_can_be_prepared() -> None:
 
 def test_the_wind_is_a_number_of_the_small_study() -> None:
     assert WIND in small_study().paths
+
+
+def test_a_study_says_which_plugins_it_needs() -> None:
+    with pytest.raises(StudyError, match=r"plugins\.need = 'gusty.py': is not loaded; --plugin gusty.py"):
+        study_from(document(plugins={"need": ["gusty.py"]}))
+    with pytest.raises(StudyError, match=r"plugins\.want = 1: unknown field"):
+        study_from(document(plugins={"want": 1}))
+    assert study_from(document(plugins={"need": []})).document == study_from(document()).document

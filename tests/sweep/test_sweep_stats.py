@@ -14,8 +14,8 @@ from skyarm.figures.embed import image_bytes
 from skyarm.figures.robustness import robustness_figure
 from skyarm.sweep import StudyError, run_sweep
 from skyarm.sweep.maps import Axis, RobustnessMap, axis, robustness_maps, success_map
-from skyarm.sweep.page import page
 from skyarm.sweep.stats import Rows, parse_limits, statistics
+from skyarm.sweep.study_page import page
 from sweeps import MASS, WIND, read, small_study
 
 pytest.importorskip("pyarrow")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Mat3, Sym3, Vec3
-from skyarm.dynamics import arrays
+from skyarm.dynamics import array_front as arrays
 from skyarm.vehicle import Body, Joint, Link, Vehicle, VehicleError, description, mobility
 
 SOLID = Body(mass=2.0, com=Vec3(0.01, -0.02, 0.03), inertia=Sym3(0.02, 0.03, 0.04, 0.001, 0.002, -0.003))

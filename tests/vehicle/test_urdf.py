@@ -7,9 +7,9 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from skyarm.dynamics import arrays
+from skyarm.dynamics import array_front as arrays
 from skyarm.vehicle import VehicleError
-from skyarm.vehicle.files import load_vehicle
+from skyarm.vehicle.vehicle_files import load_vehicle
 
 
 def rotation(rng):

@@ -13,7 +13,7 @@ from test_vehicle_errors import DOCUMENT, file_of
 
 from skyarm.algebra import Mat3, Sym3, Vec3
 from skyarm.vehicle import Body, Joint, Link, Vehicle, VehicleError, description
-from skyarm.vehicle.files import load_vehicle
+from skyarm.vehicle.vehicle_files import load_vehicle
 
 SOLID = Body(mass=1.0, inertia=Sym3(0.01, 0.01, 0.01))
 

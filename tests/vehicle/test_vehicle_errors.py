@@ -2,13 +2,14 @@
 
 import copy
 import math
+import random
 import tomllib
 from pathlib import Path
 
 import pytest
 
-from skyarm.vehicle import VehicleError
-from skyarm.vehicle.files import list_vehicles, load_vehicle
+from skyarm.vehicle import VehicleError, description
+from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 
 DOCUMENT = tomllib.loads(
     next(
@@ -300,3 +301,21 @@ def test_a_base_that_is_a_point_is_refused(tmp_path):
     document["links"], document["frames"], document["end_effector"] = [], [], ""
     document["sources"] = {}
     assert "base.inertia = 'base of 1.0 kg': must leave no axis without inertia" in refusal(file_of(tmp_path, document))
+
+
+@pytest.mark.parametrize("order", ["forward", "backward", "shuffled"])
+def test_links_are_put_in_order_whatever_their_number_and_order_in_the_file(order):
+    names = [f"l{i}" for i in range(3000)]
+    parents = {name: "base" if i == 0 else names[i - 1] for i, name in enumerate(names)}
+    items = list(parents.items())
+    if order == "backward":
+        items.reverse()
+    elif order == "shuffled":
+        random.Random(1).shuffle(items)
+    assert description.tree_order(dict(items), "base", "{}") == names
+
+
+def test_links_that_could_stand_in_any_order_keep_that_of_the_file():
+    parents = {"d": "b", "b": "base", "c": "a", "a": "base", "e": "base"}
+    # of those whose parent stands already always the first in the file
+    assert description.tree_order(parents, "base", "{}") == ["b", "d", "a", "c", "e"]

@@ -1,9 +1,9 @@
 """Rotors, mixer and joint drives: from commands to forces on the vehicle."""
 
 from skyarm.actuation.command import Command
-from skyarm.actuation.joint import friction, joint_force
+from skyarm.actuation.joint import friction, joint_force, limited_effort
 from skyarm.actuation.mixer import AllocationError, Mixer, allocation_matrix, make_mixer, mix
-from skyarm.actuation.rotor import rotor_force, rotor_forces, speed_after
+from skyarm.actuation.rotor import rotor_force, rotor_forces, speed_after, speeds_after
 
 __all__ = [
     "AllocationError",
@@ -12,9 +12,11 @@ __all__ = [
     "allocation_matrix",
     "friction",
     "joint_force",
+    "limited_effort",
     "make_mixer",
     "mix",
     "rotor_force",
     "rotor_forces",
     "speed_after",
+    "speeds_after",
 ]

@@ -8,7 +8,7 @@ from typing import Any
 from skyarm import dynamics
 from skyarm.actuation.mixer import make_mixer, mix
 from skyarm.algebra import E_Z, ZERO3, Motion
-from skyarm.vehicle.records import Vehicle
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from skyarm.scalars import add, clip, divide, mul, sub, tanh
-from skyarm.vehicle.records import Joint
+from skyarm.vehicle.vehicle_records import Joint
 
 
 def joint_force(joint: Joint, command: Any, rate: Any, effectiveness: Any = 1) -> Any:
@@ -14,8 +14,12 @@ def joint_force(joint: Joint, command: Any, rate: Any, effectiveness: Any = 1) -
     ``effectiveness`` is the share of the drive's effort that a fault leaves; friction stays.
     The friction law c tanh(qd / v0) is smooth through zero, so that both plants integrate the same right-hand side.
     """
-    effort = mul(effectiveness, clip(command, -joint.effort_limit, joint.effort_limit))
-    return sub(effort, friction(joint, rate, rate))
+    return sub(mul(effectiveness, limited_effort(joint, command)), friction(joint, rate, rate))
+
+
+def limited_effort(joint: Joint, command: Any) -> Any:
+    """What the drive gives of a commanded torque (N m) or force (N): no more than its limit, either way."""
+    return clip(command, -joint.effort_limit, joint.effort_limit)
 
 
 def friction(joint: Joint, rate: Any, dry_rate: Any) -> Any:

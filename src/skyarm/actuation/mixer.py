@@ -7,14 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from skyarm.algebra import Vec3, ldl_solve
+from skyarm.files.old_names import renamed
+from skyarm.records.coerce import concrete
+from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, add, divide, maximum, minimum, mul, sqrt, sub, where
-from skyarm.vehicle.check import concrete
-from skyarm.vehicle.records import Vehicle
+from skyarm.vehicle.vehicle_records import Vehicle
 
-POLICIES = ("rotors_clip", "priority")
+POLICIES = ("clip", "priority")
+
+OLD_POLICIES = {"rotors_clip": "clip"}
+"""Names of the last version."""
 
 
 LARGEST = 1e100
@@ -32,13 +37,16 @@ class Mixer:
     Attributes:
         inverse: one row of four per rotor, (rad/s)^2 per N m or N.
         highest: largest squared speed of each rotor, (rad/s)^2.
-        policy: "rotors_clip" takes sqrt(max(0, w^2)) as RotorS does (the motor limits the speed later);
+        policy: "clip" takes sqrt(max(0, w^2)) as RotorS does (the motor limits the speed later);
             "priority" keeps roll and pitch torque, then thrust, then yaw within the rotors' limits.
     """
 
-    inverse: tuple[tuple[Scalar, ...], ...]
-    highest: tuple[Scalar, ...]
-    policy: str = "rotors_clip"
+    inverse: Annotated[
+        tuple[tuple[Scalar, ...], ...],
+        Unit("(rad/s)^2 per N m or N", "for torque x, y, z and thrust, a row a rotor; follows from the rotors"),
+    ]
+    highest: Annotated[tuple[Scalar, ...], Unit("(rad/s)^2", "largest squared speed of each rotor", infinite=True)]
+    policy: str = "clip"
 
 
 def allocation_matrix(vehicle: Vehicle) -> list[list[Any]]:
@@ -51,13 +59,14 @@ def allocation_matrix(vehicle: Vehicle) -> list[list[Any]]:
     return [[column[row] for column in columns] for row in range(4)]
 
 
-def make_mixer(vehicle: Vehicle, policy: str = "rotors_clip") -> Mixer:
+def make_mixer(vehicle: Vehicle, policy: str = "clip") -> Mixer:
     """Moore-Penrose inverse A^T (A A^T)^-1 of the vehicle's allocation matrix.
 
     Raises:
         AllocationError: unknown policy, the rotors do not span torque and thrust (rank below 4), or, for "priority", a
             rotor has no share in the thrust.
     """
+    policy = renamed("mixer policy", policy, OLD_POLICIES)
     if policy not in POLICIES:
         raise AllocationError(f"mixer policy = {policy!r}: must be one of {list(POLICIES)}")
     A = allocation_matrix(vehicle)
@@ -113,7 +122,7 @@ def _require_thrust_shares(vehicle: Vehicle, per_newton: Sequence[Any]) -> None:
         if value <= 1e-6 * max(per_newton):
             raise AllocationError(
                 f"vehicle '{vehicle.name}': rotors[{rotor.name}] takes {value:.3g} (rad/s)^2 per N of thrust: must be "
-                "positive for the mixer policy 'priority'; use 'rotors_clip' or change the rotor's axis"
+                "positive for the mixer policy 'priority'; use 'clip' or change the rotor's axis"
             )
 
 
@@ -160,7 +169,7 @@ def _tilt_share(tilt: Sequence[Any], per_newton: Sequence[Any], highest: Sequenc
         for i, d_i in enumerate(d):
             if i != j:
                 spread = sub(d_j, d_i)
-                share = minimum(share, where(spread > 0.0, divide(e[j], spread), 1.0))
+                share = minimum(share, where(spread > 0.0, divide(e[j], spread), share))
     return share
 
 
@@ -180,6 +189,6 @@ def _largest_share(fixed: Sequence[Any], wanted: Sequence[Any], highest: Sequenc
     share: Any = 1.0
     for value, change, top in zip(fixed, wanted, highest, strict=True):
         up, down = divide(top - value, change), divide(0.0 - value, change)
-        limit = where(change > 0.0, up, where(change < 0.0, down, 1.0))
+        limit = where(change > 0.0, up, where(change < 0.0, down, share))
         share = minimum(share, maximum(limit, 0.0))
     return share

@@ -11,7 +11,7 @@ from typing import Any
 
 from skyarm.algebra import ZERO3, Force, Vec3
 from skyarm.scalars import add, divide, exp, minimum, mul, same, sub, where
-from skyarm.vehicle.records import Rotor
+from skyarm.vehicle.vehicle_records import Rotor
 
 
 def speed_after(rotor: Rotor, speed: Any, command: Any, dt: Any) -> Any:
@@ -23,6 +23,12 @@ def speed_after(rotor: Rotor, speed: Any, command: Any, dt: Any) -> Any:
     target = minimum(command, rotor.max_speed)
     rising, falling = (exp(divide(-dt, tau)) for tau in (rotor.time_constant_up, rotor.time_constant_down))
     return target + (speed - target) * where(target > speed, rising, falling)
+
+
+def speeds_after(rotors: Sequence[Rotor], speeds: Sequence[Any], commands: Sequence[Any], dt: Any) -> tuple[Any, ...]:
+    """Speeds (rad/s) of all rotors after ``dt`` seconds of held commands."""
+    rows = zip(rotors, speeds, commands, strict=True)
+    return tuple(speed_after(rotor, speed, command, dt) for rotor, speed, command in rows)
 
 
 def rotor_force(rotor: Rotor, speed: Any, velocity: Vec3, effectiveness: Any = 1) -> Force:

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
+from skyarm.algebra.as_array import as_array
 from skyarm.algebra.vector import Vec3
 from skyarm.scalars import Scalar, add, cos, mul, neg, sin, sub
 
 
 @dataclass(frozen=True, slots=True)
 class Mat3:
-    """Three rows."""
+    """A 3 x 3 matrix, stored as three rows."""
 
     r0: Vec3
     r1: Vec3
     r2: Vec3
+
+    __array_ufunc__: ClassVar[None] = None
+    """A NumPy number or array times a matrix is left to the matrix."""
 
     @classmethod
     def identity(cls) -> Mat3:
@@ -59,6 +63,17 @@ class Mat3:
         x, y, z = (tuple(row)[j] for row in self.rows)
         return Vec3(x, y, z)
 
+    def __len__(self) -> int:
+        return 3
+
+    def __getitem__(self, index: Any) -> Any:
+        """A row by number, or a tuple of them by slice."""
+        return (self.r0, self.r1, self.r2)[index]
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
+        """The numbers as a NumPy array; TypeError for traced ones, which have no values yet."""
+        return as_array(self, tuple(tuple(row) for row in self.rows), dtype, copy)
+
     def __add__(self, other: Mat3) -> Mat3:
         """Sum."""
         return Mat3(self.r0 + other.r0, self.r1 + other.r1, self.r2 + other.r2)
@@ -74,6 +89,8 @@ class Mat3:
     def __mul__(self, scalar: Any) -> Mat3:
         """Product with a scalar."""
         return Mat3(self.r0 * scalar, self.r1 * scalar, self.r2 * scalar)
+
+    __rmul__ = __mul__
 
     def __matmul__(self, other: Mat3) -> Mat3:
         """Matrix product."""

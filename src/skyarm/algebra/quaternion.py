@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
+from skyarm.algebra.as_array import as_array
 from skyarm.algebra.matrix import Mat3
 from skyarm.algebra.vector import Vec3
 from skyarm.scalars import Scalar, cos, divide, sin, sqrt, where
@@ -19,12 +20,15 @@ COSINE = (1.0, -1 / 2, 1 / 24, -1 / 720, 1 / 40320, -1 / 3628800, 1 / 479001600)
 
 @dataclass(frozen=True, slots=True)
 class Quaternion:
-    """Hamilton quaternion w + xi + yj + zk; q and -q are one attitude."""
+    """A Hamilton quaternion w + xi + yj + zk; q and -q are the same attitude."""
 
     w: Scalar
     x: Scalar
     y: Scalar
     z: Scalar
+
+    __array_ufunc__: ClassVar[None] = None
+    """A NumPy number or array times a quaternion is left to the quaternion."""
 
     @classmethod
     def of(cls, values: Sequence[Any]) -> Quaternion:
@@ -66,6 +70,17 @@ class Quaternion:
     def __iter__(self) -> Iterator[Any]:
         """w, x, y, z."""
         return iter((self.w, self.x, self.y, self.z))
+
+    def __len__(self) -> int:
+        return 4
+
+    def __getitem__(self, index: Any) -> Any:
+        """A component by number, or a tuple of them by slice."""
+        return (self.w, self.x, self.y, self.z)[index]
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
+        """The numbers as a NumPy array; TypeError for traced ones, which have no values yet."""
+        return as_array(self, tuple(self), dtype, copy)
 
     def __mul__(self, other: Quaternion) -> Quaternion:
         """Hamilton product: first ``other``, then ``self``."""

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
+from skyarm.algebra.as_array import as_array
 from skyarm.scalars import Scalar, add, mul, neg, sqrt, structural, sub
 
 
 @dataclass(frozen=True, slots=True)
 class Vec3:
-    """Three scalars; integer components are structure and fold away."""
+    """A vector of three scalars; integer components are structure and fold away."""
 
     x: Scalar
     y: Scalar
     z: Scalar
+
+    __array_ufunc__: ClassVar[None] = None
+    """A NumPy number or array times a vector is left to the vector."""
 
     @classmethod
     def of(cls, values: Sequence[Any]) -> Vec3:
@@ -32,6 +36,17 @@ class Vec3:
     def __iter__(self) -> Iterator[Any]:
         """x, y, z."""
         return iter((self.x, self.y, self.z))
+
+    def __len__(self) -> int:
+        return 3
+
+    def __getitem__(self, index: Any) -> Any:
+        """A component by number, or a tuple of them by slice."""
+        return (self.x, self.y, self.z)[index]
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
+        """The numbers as a NumPy array; TypeError for traced ones, which have no values yet."""
+        return as_array(self, tuple(self), dtype, copy)
 
     def __add__(self, other: Vec3) -> Vec3:
         """Sum."""

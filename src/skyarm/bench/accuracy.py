@@ -7,11 +7,11 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.bench.ours import Flight, steps_of
-from skyarm.compile.llvm_text import Lanes
-from skyarm.compile.native import Kernel
+from skyarm.bench.engines import Flight, steps_of
+from skyarm.compile.llvm.kernel import Kernel
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop import run
-from skyarm.simulate.scenario import Scenario
 
 REFERENCE_STEP = 0.125e-3
 

@@ -10,16 +10,16 @@ from typing import Any
 from skyarm import dynamics
 from skyarm.algebra import Force, Motion, Vec3
 from skyarm.compile import Program, trace
-from skyarm.compile.llvm_loop import assembly
-from skyarm.compile.llvm_text import Lanes
-from skyarm.compile.loop import trace_loop
-from skyarm.compile.native import build, host_width
-from skyarm.compile.repeat import operations
-from skyarm.environment import NO_WIND, wind
+from skyarm.compile.llvm.kernel import build, host_width
+from skyarm.compile.llvm.llvm_loop import assembly
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.tracing.repeat import operations
+from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.environment import WindSample
 from skyarm.plant.compiled import example_command, example_state
-from skyarm.plant.interface import World
+from skyarm.plant.interface import Truth
 from skyarm.plant.rigid_body import STEP, derivative
-from skyarm.vehicle.records import Vehicle
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def basic(program: Program) -> int:
@@ -47,7 +47,7 @@ def counts(vehicle: Vehicle) -> dict[str, int]:
     }
     if vehicle.planar:
         return found
-    world, air = World(vehicle=vehicle), wind(NO_WIND, 0.0)
+    world, air = Truth(vehicle=vehicle), WindSample()
     state, command = example_state(n, len(vehicle.rotors)), example_command(n, len(vehicle.rotors))
     found["equations of motion"] = basic(
         trace(lambda x, u: derivative(world, x, x.rotor_speeds, u.efforts, air), state, command)
@@ -74,10 +74,10 @@ def growth(vehicle: Vehicle, joints: Sequence[int]) -> list[dict[str, Any]]:
     found = []
     for n in joints:
         longer = chain(vehicle, n)
-        world, air = World(vehicle=longer), wind(NO_WIND, 0.0)
+        world, air = Truth(vehicle=longer), WindSample()
         begin = time.perf_counter()
 
-        def step(x: Any, _parameters: Any, u: Any, _draws: Any, world: World = world, air: Any = air) -> Any:
+        def step(x: Any, _parameters: Any, u: Any, _draws: Any, world: Truth = world, air: Any = air) -> Any:
             return STEP["rk4"](world, x, u, air, 0.005), ()
 
         rotors = len(longer.rotors)

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from skyarm.compile import leaves
-from skyarm.compile.llvm_text import Lanes
-from skyarm.compile.loop import trace_loop
-from skyarm.compile.native import Kernel, Stepper
-from skyarm.dynamics.measurement import measurement_of
-from skyarm.simulate.inputs import episode_inputs, first_state
+from skyarm.compile.llvm.kernel import Kernel
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.llvm.stepper import Stepper
+from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.scenario.scenario_record import Scenario, first_state
+from skyarm.sensors.measurement import measurement_of
+from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop import run_in_python
-from skyarm.simulate.scenario import Scenario
 
 
 def latency(scenario: Scenario, calls: int) -> dict[str, dict[str, float]]:

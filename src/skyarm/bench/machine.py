@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 import platform
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from skyarm.compile.native import host_width
+from skyarm.compile.llvm.kernel import host_width
+from skyarm.files.versions import ABSENT, versions
 
 
 def cores() -> int:
@@ -28,16 +28,11 @@ def describe() -> dict[str, Any]:
         "cores": cores(),
         "lanes_f64": host_width(),
         "system": f"{platform.system()} {platform.machine()}",
-        "python": platform.python_version(),
     }
     if hasattr(os, "getloadavg"):
         found["load_before"] = round(os.getloadavg()[0], 2)
-    for name in ("skyarm", "numpy", "llvmlite", "mujoco", "jax", "pin"):
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = None
-    return found
+    there = versions("numpy", "llvmlite", "mujoco-core", "jax", "pin")
+    return found | {name: None if version == ABSENT else version for name, version in there.items()}
 
 
 def _model() -> str:

@@ -6,9 +6,8 @@ import os
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
-from skyarm.cli.lines import printable
+from skyarm.cli.terminal import Terminal
 
 app = typer.Typer(
     name="skyarm",
@@ -16,8 +15,9 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
-console = Console(markup=False, highlight=False, emoji=False)
+console = Terminal(markup=False, highlight=False, emoji=False)
 
 NOT_COMPLETED = 3
 """Exit code of a flight that ended before its time."""
@@ -49,4 +49,4 @@ def workers(option: str, value: int) -> int:
 
 def tell(line: str) -> None:
     """One line on standard output."""
-    console.print(printable(line), soft_wrap=True)
+    console.print(line, soft_wrap=True)

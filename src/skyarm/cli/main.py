@@ -3,27 +3,49 @@
 from __future__ import annotations
 
 import gc
+import os
 import sys
 
-from skyarm.cli.endings import WORDS, endings
-from skyarm.cli.lines import say
+from skyarm.cli.signal_exits import WORDS, endings
 
 PATIENCE = 50_000
 """New objects before the first search for garbage: libraries and traced programs are many objects that stay."""
+
+BLAS_THREADS = "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"
+"""Variables of NumPy's linear algebra. Matrices here have at most some hundred rows: threads of BLAS, which wait in a
+busy loop, make their eigenvalues up to ten times slower where cores are shared, and never faster."""
+
+REPLACEABLE = "llvmlite"
+"""Missing, old or broken: machine code says so where it is needed, and a single flight goes on without it."""
 
 
 def main() -> None:
     """Carry out a command: 0 done, 2 wrong input, 3 a flight not completed, 128 + n ended by signal n."""
     gc.set_threshold(PATIENCE)
+    for name in BLAS_THREADS:  # read when NumPy loads; what the user has set stays
+        os.environ.setdefault(name, "1")
+    reconfigure = getattr(sys.stdout, "reconfigure", None)
+    if reconfigure is not None:  # a name that the terminal's encoding lacks is written out, as on standard error
+        reconfigure(errors="backslashreplace")
     with endings() as came:
         try:
-            from skyarm.cli.commands import perform
+            from skyarm.cli.lines import WRONG_INPUT, say
+            from skyarm.files.floors import FLOORS, UNSPLIT, below_floor, installed
 
-            code = perform()
+            # before the libraries load: an old one may fail as it does, or do nothing and exit with 0
+            short = below_floor(installed(name for name in (*FLOORS, UNSPLIT) if name != REPLACEABLE))
+            if short:
+                code = say(short, WRONG_INPUT)
+            else:
+                from skyarm.cli.commands import perform
+
+                code = perform()
         except BaseException:
             # a library that a signal cut off while it loaded may have turned it into an error of its own
             if not came:
                 raise
     if came:
+        from skyarm.cli.lines import say
+
         code = say(f"{WORDS[came[0].name]}; finished files are whole", 128 + came[0])
     sys.exit(code)

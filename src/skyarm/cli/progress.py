@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -11,7 +9,7 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from skyarm.cli.lines import printable
+from skyarm.cli.lines import say
 
 Advance = Callable[[int, int, str], None]
 """(done, total, last)."""
@@ -31,12 +29,12 @@ def bar(title: str, console: Console, pause: float = PAUSE) -> Iterator[Advance]
         yield _lines(title, pause)
         return
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
-        TextColumn("[dim]{task.fields[last]}"),
+        TextColumn("{task.fields[last]}", style="dim", markup=False),
     )
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task(title, total=None, last="")
@@ -56,7 +54,6 @@ def _lines(title: str, pause: float) -> Advance:
         if now - told[0] < pause:
             return
         told[0] = now
-        with contextlib.suppress(OSError):  # who read it may be gone
-            print(f"skyarm: {printable(f'{title}: {done} of {total} {last}').rstrip()}", file=sys.stderr, flush=True)
+        say(f"{title}: {done} of {total} {last}")
 
     return advance

@@ -11,14 +11,15 @@ from rich.table import Table
 from rich.text import Text
 
 from skyarm.actuation.hover import highest_thrust, hover_trim
-from skyarm.cli.tables import NOTHING, add, shown, table_of, titled
-from skyarm.dynamics.arrays import center_of_mass
-from skyarm.dynamics.workspace import reach, static_torques
-from skyarm.experiments.paper import first_plant
-from skyarm.experiments.published import printed
-from skyarm.experiments.table import difference, number
-from skyarm.simulate.scenario import PLANTS
-from skyarm.vehicle.records import BASE, Vehicle
+from skyarm.cli.terminal_tables import NOTHING, add, shown, table_of, titled
+from skyarm.cli.vehicle_tables import tables
+from skyarm.dynamics.array_front import center_of_mass
+from skyarm.dynamics.workspace import reach, search_of, static_torques
+from skyarm.paper.flights import first_plant
+from skyarm.paper.published import said
+from skyarm.paper.short_table import difference, number
+from skyarm.scenario.scenario_record import PLANTS
+from skyarm.vehicle.vehicle_records import BASE, Vehicle
 
 HEADLINE = (
     ("case1", "PD", "held_position_error"),
@@ -37,17 +38,18 @@ HEADLINE = (
 
 def headline(results: Mapping[str, Any]) -> RenderableType:
     """A dozen numbers of the paper beside ours."""
-    table = table_of("case", "", "metric", "paper", *PLANTS, "difference", left=3)
+    columns = [f"{which}{each}" for which in ("", "inferred ") for each in PLANTS]
+    table = table_of("case", "", "metric", "paper", *columns, "difference", left=3)
     plant = first_plant(results)
     for case, controller, metric in HEADLINE:
         cell = results["experiments"][case][controller][metric]
-        ours = (number(cell[each]) for each in PLANTS)
-        add(table, case, controller, metric, printed(case, controller, metric) or "-", *ours, difference(cell, plant))
+        ours = (number(column.get(each)) for column in (cell, cell.get("inferred", {})) for each in PLANTS)
+        add(table, case, controller, metric, said(case, controller, metric) or "-", *ours, difference(cell, plant))
     return titled("paper and ours (m, rad)", table)
 
 
 def vehicle_sheet(vehicle: Vehicle, gravity: float) -> RenderableType:
-    """Mass, centre of mass, hover, reach and static torques of a vehicle."""
+    """Mass, centre of mass, hover, reach and static torques of a vehicle; its joints, bodies, rotors and sources."""
     zero = tuple(0.0 for _ in vehicle.links)
     com = center_of_mass(vehicle, [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], zero)
     table = table_of("", "", left=2)
@@ -66,14 +68,15 @@ def vehicle_sheet(vehicle: Vehicle, gravity: float) -> RenderableType:
             if margin and torque > NOTHING:
                 margin += f", margin {limit / torque:.3g}"
             add(table, f"largest static effort of {link.joint.name}", f"{shown(torque)} {unit}{margin}")
-        add(table, "static efforts", "for a level base, over all joint values")
+        add(table, "static efforts", f"for a level base, over {_tried(vehicle.n, vehicle.n)}")
     sheet = titled(f"{vehicle.name}, g = {gravity:g} m/s^2, arm at zero", table)
-    if not vehicle.sources:
-        return sheet
-    sources = table_of("", "", left=2)
-    for field, source in vehicle.sources:
-        add(sources, field, source)
-    return Group(sheet, Text(""), titled("sources", sources))
+    parts = [sheet, *tables(vehicle)]
+    if vehicle.sources:
+        sources = table_of("", "", left=2)
+        for field, source in vehicle.sources:
+            add(sources, field, source)
+        parts.append(titled("sources", sources))
+    return Group(*(line for part in parts for line in (part, Text(""))))
 
 
 def operations_sheet(vehicle: Vehicle) -> RenderableType:
@@ -92,7 +95,17 @@ def _reach(vehicle: Vehicle) -> str:
         return "unknown: no end effector"
     if vehicle.frame().link == BASE:
         return "none: the end effector is fixed to the base"
-    return f"{shown(reach(vehicle), 4)} m"
+    least = "" if search_of(vehicle.n, 1).whole else f", the largest over {_tried(vehicle.n, 1)}"
+    return f"{shown(reach(vehicle), 4)} m{least}"
+
+
+def _tried(joints: int, quantities: int) -> str:
+    """Over which joint values a largest value was sought, in words."""
+    search = search_of(joints, quantities)
+    if search.whole:
+        return "all joint values"
+    near = f", and {search.rounds} rounds of {search.around} near the best" if search.rounds else ""
+    return f"{search.samples} random joint values{near} (shortened: {joints} joints)"
 
 
 def _frame(vehicle: Vehicle, name: str) -> str:

@@ -1,4 +1,4 @@
-"""The commands on many flights: sweeps, statistics, margins, basins, benches."""
+"""The commands on many flights: sweeps, statistics, margins, basins, benchmarks, comparisons."""
 
 from __future__ import annotations
 
@@ -10,23 +10,34 @@ import typer
 from skyarm.cli.app import NOT_COMPLETED, Out, app, console, workers
 
 MOST = 1_000_000
-"""Flights of a cell of the bench: more belong into a sweep, which keeps them on disk."""
+"""Flights of a cell of the comparison: more belong into a sweep, which keeps them on disk."""
+
+Controller = Annotated[
+    str | None, typer.Option(help="a preset, a law, LAW_tuned or FILE.py:make, in place of the scenario's own")
+]
+
+
+OLD_ORDER = {"allow_extra_args": True}
+"""Of commands that still take the law first and then the scenario, out of the help's sight."""
 
 
 @app.command()
 def sweep(
     study: Annotated[str, typer.Argument(help="a study file (.toml) or the name of a shipped one")],
+    controller: Annotated[
+        list[str] | None, typer.Option(metavar="LAW", help="in place of the study's: names or FILE.py:make; repeat")
+    ] = None,
     out: Annotated[str | None, typer.Option("--out", help="folder of the rows; out/NAME if left out")] = None,
-    threads: Annotated[int, typer.Option(help="threads that fly; 0 takes every core")] = 0,
+    flying: Annotated[int, typer.Option("--workers", help="threads that fly; 0 takes every core")] = 0,
     ray: Annotated[str | None, typer.Option(help="address of a Ray cluster, or local")] = None,
 ) -> None:
     """Fly a study's episodes; rows as Parquet.
 
     The same command continues what was interrupted.
     """
-    from skyarm.cli.sweep import sweep as perform
+    from skyarm.cli.sweep_command import sweep as perform
 
-    perform(study, out, workers("--threads", threads), ray, console)
+    perform(study, out, workers("--workers", flying), ray, console, controller)
 
 
 @app.command()
@@ -34,25 +45,26 @@ def stats(
     folder: Annotated[Path, typer.Argument(help="folder that 'skyarm sweep' wrote")],
     out: Annotated[str | None, typer.Option("--out", help="folder of the results; FOLDER/stats if left out")] = None,
     success: Annotated[
-        list[str] | None, typer.Option(help="METRIC=LARGEST of a success, in place of the study's")
+        list[str] | None, typer.Option(metavar="METRIC=LARGEST", help="of a success, in place of the study's; repeat")
     ] = None,
     map_: Annotated[tuple[str, str] | None, typer.Option("--map", help="two varied numbers, across and upward")] = None,
     seed: Annotated[int, typer.Option(help="of the bootstrap")] = 0,
 ) -> None:
     """Success, quantiles, robustness maps of a sweep."""
-    from skyarm.cli.sweep import stats as perform
+    from skyarm.cli.sweep_command import stats as perform
 
     if seed < 0:
         raise ValueError(f"--seed = {seed}: must be at least 0")
     perform(folder, out, success, map_, seed, console)
 
 
-@app.command()
+@app.command(context_settings=OLD_ORDER)
 def margins(
-    controller: Annotated[str, typer.Argument(help="a preset, a law, LAW_tuned, or 'own' for the scenario's")],
+    context: typer.Context,
     scenario: Annotated[str, typer.Argument(help="a scenario file (.toml) or the name of a shipped one")],
+    controller: Controller = None,
     instants: Annotated[int, typer.Option(help="looked at along the scenario, beside hover")] = 4,
-    safety: Annotated[bool, typer.Option("--safety", help="under the safety layer")] = False,
+    safety: Annotated[bool, typer.Option("--safety", help="with the safety layer")] = False,
     file: Annotated[str | None, typer.Option("--json", help="write eigenvalues and margins there")] = None,
 ) -> None:
     """Linearise the closed loop: eigenvalues, margins.
@@ -60,35 +72,41 @@ def margins(
     Of the sampled loop as it flies, delays and lags in it, in hover and along the scenario. Exit code 3 if the flight
     ended before its time.
     """
-    from skyarm.cli.stability import margins as perform
-    from skyarm.cli.stability import planned
+    from skyarm.cli.stability_commands import law_and_scenario, planned, say_new_order
+    from skyarm.cli.stability_commands import margins as perform
 
-    if not perform(planned(controller, scenario, safety=safety), instants, file, console):
+    law, name = law_and_scenario(scenario, context.args, controller)
+    completed = perform(planned(law, name, safety=safety), instants, file, console)
+    say_new_order("margins", scenario, context.args)
+    if not completed:
         raise typer.Exit(NOT_COMPLETED)
 
 
-@app.command()
+@app.command(context_settings=OLD_ORDER)
 def basin(
-    controller: Annotated[str, typer.Argument(help="a preset, a law, LAW_tuned, or 'own' for the scenario's")],
+    context: typer.Context,
     scenario: Annotated[str, typer.Argument(help="a scenario file (.toml) or the name of a shipped one")],
+    controller: Controller = None,
     out: Out = "out/basin",
     flights: Annotated[int, typer.Option(help="initial states")] = 100_000,
     rate: Annotated[float, typer.Option(help="largest initial body rate, rad/s")] = 12.0,
     offset: Annotated[float, typer.Option(help="largest initial distance, m")] = 1.0,
     speed: Annotated[float, typer.Option(help="largest initial speed, m/s")] = 2.0,
-    safety: Annotated[bool, typer.Option("--safety", help="under the safety layer")] = False,
+    safety: Annotated[bool, typer.Option("--safety", help="with the safety layer")] = False,
     seed: Annotated[int, typer.Option(help="of the draws")] = 0,
-    threads: Annotated[int, typer.Option(help="threads that fly; 0 takes every core")] = 0,
+    flying: Annotated[int, typer.Option("--workers", help="threads that fly; 0 takes every core")] = 0,
 ) -> None:
     """Map what initial attitudes and rates are caught."""
-    from skyarm.cli.stability import basin as perform
-    from skyarm.cli.stability import planned
+    from skyarm.cli.stability_commands import basin as perform
+    from skyarm.cli.stability_commands import law_and_scenario, planned, say_new_order
 
     if seed < 0:
         raise ValueError(f"--seed = {seed}: must be at least 0")
-    flying = workers("--threads", threads)
+    threads = workers("--workers", flying)
     limits = {"rate": rate, "offset": offset, "speed": speed, "seed": seed}
-    perform(planned(controller, scenario, safety=safety), flights, out, flying, limits, console, controller)
+    law, name = law_and_scenario(scenario, context.args, controller)
+    perform(planned(law, name, safety=safety), flights, out, threads, limits, console, law)
+    say_new_order("basin", scenario, context.args)
 
 
 @app.command()
@@ -100,39 +118,44 @@ def bench(
 
     Speed as ratios from one interleaved run, accuracy, latency, start, operations; some minutes on an idle machine.
     """
-    from skyarm.cli.bench import bench as perform
+    from skyarm.cli.bench_command import bench as perform
 
     perform(file, quick, console)
 
 
 @app.command()
 def compare(
-    suite: Annotated[str, typer.Argument(help="paper-suite")] = "paper-suite",
+    suite: Annotated[str, typer.Argument(help="paper-suite, or a scenario (.toml or shipped)")] = "paper-suite",
     out: Out = "out/compare",
-    laws: Annotated[str | None, typer.Option(help="names, with commas; all if left out")] = None,
-    conditions: Annotated[str | None, typer.Option(help="names, with commas; all if left out")] = None,
-    plants: Annotated[int, typer.Option(help="how many wrong plants")] = 1000,
+    laws: Annotated[
+        str | None, typer.Option(help="names or FILE.py:make, with commas; all of the suite if left out")
+    ] = None,
+    conditions: Annotated[str | None, typer.Option(help="of the suite, with commas; all if left out")] = None,
+    plants: Annotated[int, typer.Option(help="how many perturbed plants")] = 1000,
     seeds: Annotated[int, typer.Option(help="noisy flights of the truth")] = 8,
-    single: Annotated[int, typer.Option(help="wrong plants for what flies one by one: nmpc, MuJoCo")] = 8,
+    one_by_one: Annotated[int, typer.Option(help="perturbed plants for what flies one by one: nmpc, MuJoCo")] = 8,
     seed: Annotated[int, typer.Option(help="of plants and noise")] = 0,
     plant: Annotated[str, typer.Option(help="rigid_body or mujoco")] = "rigid_body",
-    threads: Annotated[int, typer.Option(help="threads that fly; 0 takes every core")] = 0,
+    flying: Annotated[int, typer.Option("--workers", help="threads that fly; 0 takes every core")] = 0,
 ) -> None:
-    """Fly all laws on one bench; tables, figure, page.
+    """Compare all laws; tables, figure, page.
 
+    A scenario in place of the suite is flown as its file describes it, by its own law first (the row "own") and those
+    of --laws: one table. Where --laws is left out, paper_pd, paper_ct and centroidal_tip fly beside it.
     The same command continues what was interrupted.
     """
-    from skyarm.cli.compare import compare as perform
-    from skyarm.simulate.scenario import PLANTS
+    from skyarm.cli.compare_command import compare as perform
+    from skyarm.files import must_be_one_of
+    from skyarm.registry import names as registered
 
-    for option, value in (("--plants", plants), ("--seeds", seeds), ("--single", single)):
+    for option, value in (("--plants", plants), ("--seeds", seeds), ("--one-by-one", one_by_one)):
         if not 1 <= value <= MOST:
             raise ValueError(f"{option} = {value}: must be from 1 to {MOST}")
     if seed < 0:
         raise ValueError(f"--seed = {seed}: must be at least 0")
-    flying = workers("--threads", threads)
-    if plant not in PLANTS:
-        raise ValueError(f"--plant = {plant!r}: must be one of {', '.join(PLANTS)}")
+    threads = workers("--workers", flying)
+    if plant not in registered("plant"):
+        raise ValueError(f"--plant = {plant!r}: {must_be_one_of(registered('plant'), plant)}")
     perform(
         suite,
         out,
@@ -140,9 +163,9 @@ def compare(
         columns=conditions,
         plants=plants,
         seeds=seeds,
-        single=single,
+        one_by_one=one_by_one,
         seed=seed,
         plant=plant,
-        threads=flying,
+        threads=threads,
         console=console,
     )

@@ -1,1 +1,1 @@
-"""All laws on one bench: the same cases, the same noise, the same wrong plants, one table."""
+"""All laws compared: the same cases, the same noise, the same perturbed plants, one table."""

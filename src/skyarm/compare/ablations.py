@@ -1,4 +1,4 @@
-"""What a part of a law buys: one row per step of the ladder, and per part that the exact law flies without."""
+"""What a part of a law buys: one row per step of the ladder, and per part that the centroidal law flies without."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from collections.abc import Mapping
 from typing import Any
 
 from skyarm.compare.columns import BASE, TOOL, Column, value
+from skyarm.compare.comparison_tables import DASH, number
 from skyarm.compare.entrants import Entrant
-from skyarm.compare.tables import DASH, number
 
-WHOLE = {"step": "paper_ct", "part": "exact_ee"}
+WHOLE = {"step": "paper_ct", "part": "centroidal_tip"}
 """Group -> the law that its rows are compared with: what the ladder starts from, and what a part is taken out of."""
 
 TITLES = {
     "step": "Ablation: the paper's law made better one step at a time",
-    "part": "Ablation: the exact law, tip mode, without one of its parts",
+    "part": "Ablation: the centroidal law, tip mode, without one of its parts",
 }
 
 CASE = "case3_wind"

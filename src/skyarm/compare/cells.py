@@ -1,4 +1,4 @@
-"""One cell of the bench: an entrant flies a case under a condition; kept as a file that appears whole."""
+"""One cell of the comparison: an entrant flies a case under a condition; kept as a file that appears whole."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import dataclasses
 import hashlib
 import io
 import json
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -17,14 +18,18 @@ import numpy.typing as npt
 
 import skyarm.files as skyarm_files
 from skyarm.compare.entrants import Entrant
-from skyarm.compare.plants import draw
-from skyarm.compare.single import METRICS, fly_one_by_one
+from skyarm.compare.one_by_one import METRICS, counted_metrics, fly_one_by_one
+from skyarm.compare.perturbed_plants import draw
 from skyarm.compare.suite import CASES, Case, Condition
 from skyarm.files import versions, write_atomically
+from skyarm.records.identity import identity
+from skyarm.records.own_files import own_files
+from skyarm.registry import find
+from skyarm.registry import names as registered
+from skyarm.registry.plugins import identities
+from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.paths import with_numbers
-from skyarm.simulate.scenario import Scenario
-from skyarm.sweep.identity import identity
 
 Array = npt.NDArray[Any]
 
@@ -32,7 +37,7 @@ Array = npt.NDArray[Any]
 BRIEF, WIDEST = ("step", "part"), "case3_wind"
 """Groups of entrants that meet wrong plants in one case only: their tables ask what a part buys."""
 
-SINGLE = 8
+ONE_BY_ONE = 8
 """Wrong plants that a law meets whose flights fly one by one, about a thousand times slower than a batch."""
 
 
@@ -64,7 +69,7 @@ class Flights:
 
     Attributes:
         entrant, case, condition: who flies what. plant: "rigid_body" or "mujoco". seed: of plants and noise.
-        single: wrong plants at most, if the episodes fly one by one.
+        one_by_one: wrong plants at most, if the episodes fly one by one.
     """
 
     entrant: Entrant
@@ -72,7 +77,7 @@ class Flights:
     condition: Condition
     plant: str = "rigid_body"
     seed: int = 0
-    single: int = SINGLE
+    one_by_one: int = ONE_BY_ONE
 
     @property
     def label(self) -> str:
@@ -98,24 +103,23 @@ class Flights:
         return self.plant != "rigid_body" or not scenario.controller.compiled
 
     def episodes(self, scenario: Scenario) -> int:
-        """How many fly: of wrong plants the first ``single``, if they fly one by one."""
+        """How many fly: of wrong plants the first ``one_by_one``, if they fly one by one."""
         every = self.condition.episodes
-        return min(self.single, every) if self.condition.spread and self.alone(scenario) else every
+        return min(self.one_by_one, every) if self.condition.spread and self.alone(scenario) else every
 
 
 def fly(flights: Flights, threads: int = 1) -> Cell:
-    """Fly a cell; a law that is not over scalars flies one episode after the other."""
+    """Fly a cell; a law that cannot be traced flies one episode after the other."""
     scenario = flights.scenario()
     values = flights.values(scenario)
     episodes = flights.episodes(scenario)
     if flights.alone(scenario):
         return Cell(*fly_one_by_one(scenario, values, episodes, flights.case.windows))
     damping = {path: float(column.max()) for path, column in values.items() if path.endswith(".damping")}
-    efforts = (f"tau{i + 1}_rms" for i in range(scenario.world.vehicle.n))
     batch = Batch(
         scenario,
         tuple(values),
-        metrics=(*METRICS, *efforts),
+        metrics=counted_metrics(scenario.world.vehicle.n),
         windows=flights.case.windows,
         stiffest=with_numbers(scenario, damping),
         effort=0 if episodes <= FEW else 2,
@@ -136,24 +140,45 @@ class Cells:
 
     def get(self, flights: Flights) -> Cell | None:
         """The cell, if it is there, whole, and belongs to what would be flown today."""
+        content = self._content(flights)
+        if content is None:
+            return None
+        try:
+            with np.load(io.BytesIO(content), allow_pickle=False) as held:
+                if str(held["identity"]) != key(flights):
+                    return None
+                metrics = {name.removeprefix("metric."): held[name] for name in held if name.startswith("metric.")}
+                status = held["status"]
+        except (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile):
+            return None  # a checksum that fits is no proof: the folder may come from anyone
+        fits = all(column.shape == status.shape and column.dtype == float for column in metrics.values())
+        return Cell(metrics, status) if fits and status.ndim == 1 and status.dtype.kind == "U" else None
+
+    def plugins(self, flights: Flights) -> Mapping[str, str]:
+        """Name and identity of the plugins that were loaded when a cell was flown; empty where none is there."""
+        content = self._content(flights)
+        try:
+            with np.load(io.BytesIO(content or b""), allow_pickle=False) as held:
+                found = json.loads(str(held["plugins"]))
+        except (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile):
+            return {}
+        return found if isinstance(found, dict) else {}
+
+    def _content(self, flights: Flights) -> bytes | None:
+        """What a cell's file holds behind its checksum; None where it is not there or not whole."""
         try:
             stored = self._path(flights).read_bytes()
         except OSError:
             return None
         digest, content = stored[:32], stored[32:]
-        if hashlib.sha256(content).digest() != digest:
-            return None
-        with np.load(io.BytesIO(content), allow_pickle=False) as held:
-            if str(held["identity"]) != key(flights):
-                return None
-            metrics = {name.removeprefix("metric."): held[name] for name in held if name.startswith("metric.")}
-            return Cell(metrics, held["status"])
+        return content if hashlib.sha256(content).digest() == digest else None
 
     def put(self, flights: Flights, cell: Cell) -> None:
         """Keep a cell behind its checksum."""
         stream = io.BytesIO()
         arrays: dict[str, Any] = {f"metric.{name}": values for name, values in cell.metrics.items()}
-        np.savez_compressed(stream, identity=np.array(key(flights)), status=cell.status, **arrays)
+        plugins = np.array(json.dumps(identities(), sort_keys=True))
+        np.savez_compressed(stream, identity=np.array(key(flights)), plugins=plugins, status=cell.status, **arrays)
         content = stream.getvalue()
         write_atomically(self._path(flights), hashlib.sha256(content).digest() + content)
 
@@ -167,13 +192,15 @@ def key(flights: Flights) -> str:
     facts = {
         "versions": versions("numpy", "llvmlite"),
         "source": source(),
-        "metrics": METRICS,
+        "metrics": (*METRICS, *registered("metric")),
         "scenario": identity(scenario),
         "episodes": flights.episodes(scenario),
         "spread": dataclasses.asdict(condition.spread) if condition.spread else None,
         "windows": dataclasses.asdict(flights.case.windows),
         "seed": flights.seed,
     }
+    counted = own_files([find("metric", name) for name in registered("metric")])
+    facts |= {"code": counted} if counted else {}
     return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
 
 
@@ -193,11 +220,11 @@ def chosen(
     *,
     seed: int = 0,
     plant: str = "rigid_body",
-    single: int = SINGLE,
+    one_by_one: int = ONE_BY_ONE,
 ) -> list[Flights]:
-    """Every cell of a bench, entrant by entrant."""
+    """Every cell of a comparison, entrant by entrant."""
     return [
-        Flights(entrant=entrant, case=CASES[case], condition=condition, seed=seed, plant=plant, single=single)
+        Flights(entrant=entrant, case=CASES[case], condition=condition, seed=seed, plant=plant, one_by_one=one_by_one)
         for entrant in entrants.values()
         for condition in conditions.values()
         for case in condition.cases

@@ -1,4 +1,4 @@
-"""The columns of the bench's tables: which metric of which case, in which unit."""
+"""The columns of the comparison's tables: which metric of which case, in which unit."""
 
 from __future__ import annotations
 

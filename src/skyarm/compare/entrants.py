@@ -8,11 +8,21 @@ from types import MappingProxyType
 from typing import Any
 
 from skyarm.compare.suite import DELAY
+from skyarm.control.catalogue import (
+    ACCELERATION,
+    HUMMINGBIRD,
+    LAWS,
+    PRESETS,
+    full_name,
+    make_controller,
+    make_tuned,
+    preset,
+    suitable_options,
+)
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model
-from skyarm.control.presets import ACCELERATION, HUMMINGBIRD, PRESETS, preset
-from skyarm.control.registry import LAWS, make_controller, suited
-from skyarm.control.tuned import tuned
+from skyarm.registry.plugins import law_of_file_name
+from skyarm.registry.registrations import SHIPPED, registrations
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
@@ -25,18 +35,18 @@ ABLATIONS: Mapping[str, Mapping[str, Any]] = {
     "without lag inversion": {"lag_inversion": 0.0},
     "without rotor trim": {"trim_rate": 0.0},
 }
-"""The exact law without one of its parts; without an observer it takes the velocities of the sensors."""
+"""The centroidal law without one of its parts; without an observer it takes the velocities of the sensors."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Entrant:
-    """A law as it enters the bench.
+    """A law as it enters the comparison.
 
     Attributes:
-        name: short name. group: "paper", "step" (the paper's law made better), "rival", "exact" or "part" (the exact
-            law without one of its parts).
+        name: short name. group: "paper", "step" (the paper's law made better), "published", "centroidal" or "part"
+            (the centroidal law without one of its blocks).
         law: a preset or a law. options: of the law, whatever the condition. perfect, noisy: options for either kind.
-        tuned: with the gains of :mod:`skyarm.control.tuned`. told: of a delay that is known.
+        tuned: with the gains of :mod:`skyarm.control.catalogue`. told: of a delay that is known.
     """
 
     name: str
@@ -54,8 +64,8 @@ class Entrant:
             return preset(self.law, model)
         options = {**self.options, **(self.noisy if noisy else self.perfect)}
         if noisy and self.told:
-            options |= suited(self.law, {"delay": DELAY, "delay_periods": 1})
-        return tuned(self.law, model, **options) if self.tuned else make_controller(self.law, model, **options)
+            options |= suitable_options(self.law, {"delay": DELAY, "delay_periods": 1})
+        return make_tuned(self.law, model, **options) if self.tuned else make_controller(self.law, model, **options)
 
     @property
     def title(self) -> str:
@@ -66,47 +76,67 @@ class Entrant:
 def _all() -> tuple[Entrant, ...]:
     """Everyone, in the order of the tables."""
     steps = ("ct_coupled_thrust", "ct_consistent", "ct_observer", "ct_feedforward", "ct_extrapolation")
-    rivals = (
-        *("bulut_computed_torque_style", "guo_center_of_inertia_style", "li_feedforward_style"),
-        *("kim_sliding_mode_style", "l1_adaptive", "l1_adaptive_lateral", "indi"),
+    published = (
+        *("bulut2019", "guo2023", "li2024"),
+        *("kim2013", "l1_adaptive", "l1_adaptive_lateral", "indi"),
     )
-    stiff = {"preset": "stiff"}
+    stiff, own = {"preset": "stiff"}, "centroidal"
     return (
         Entrant(name="paper_pd", group="paper", law="paper_pd"),
         Entrant(name="paper_ct", group="paper", law="paper_ct"),
         Entrant(name="ct_level_gravity", group="step", law="ct_level_gravity", options=PAPER_GAINS),
         *(Entrant(name=name, group="step", law=name, options=PAPER_GAINS) for name in (*steps, "ct_lag_inversion")),
-        Entrant(name="paper_pd (tuned)", group="rival", law="decoupled_pd", tuned=True),
-        Entrant(name="paper_ct (tuned)", group="rival", law="hybrid_computed_torque", tuned=True),
-        Entrant(name="ct_lag_inversion (tuned)", group="rival", law="ct_lag_inversion", tuned=True),
-        *(Entrant(name=name, group="rival", law=name, tuned=True) for name in rivals),
-        Entrant(name="learned_compensator_style", group="rival", law="learned_compensator_style", tuned=True),
-        Entrant(name="nmpc", group="rival", law="nmpc"),
-        Entrant(name="nmpc (tuned)", group="rival", law="nmpc", tuned=True),
-        Entrant(name="exact_joint", group="exact", law="exact", options={"mode": "joint"}, perfect=stiff),
-        Entrant(name="exact_ee", group="exact", law="exact", options={"mode": "ee"}, perfect=stiff),
+        Entrant(name="paper_pd (tuned)", group="published", law="decoupled_pd", tuned=True),
+        Entrant(name="paper_ct (tuned)", group="published", law="hybrid_computed_torque", tuned=True),
+        Entrant(name="ct_lag_inversion (tuned)", group="published", law="ct_lag_inversion", tuned=True),
+        *(Entrant(name=name, group="published", law=name, tuned=True) for name in published),
+        Entrant(name="learned_compensator", group="published", law="learned_compensator", tuned=True),
+        Entrant(name="nmpc", group="published", law="nmpc"),
+        Entrant(name="nmpc (tuned)", group="published", law="nmpc", tuned=True),
+        Entrant(
+            name="centroidal_joint", group="centroidal", law="centroidal", options={"mode": "joint"}, perfect=stiff
+        ),
+        Entrant(name="centroidal_tip", group=own, law="centroidal", options={"mode": "tip"}, perfect=stiff),
         *(
             Entrant(
-                name=f"exact_ee {name}", group="part", law="exact", options={"mode": "ee", **without}, perfect=stiff
+                name=f"centroidal_tip {name}",
+                group="part",
+                law="centroidal",
+                options={"mode": "tip", **without},
+                perfect=stiff,
             )
             for name, without in ABLATIONS.items()
         ),
         Entrant(
-            name="exact_ee without prediction",
+            name="centroidal_tip without prediction",
             group="part",
-            law="exact",
-            options={"mode": "ee"},
+            law="centroidal",
+            options={"mode": "tip"},
             perfect=stiff,
             told=False,
         ),
         Entrant(
-            name="exact_ee without adaptation",
+            name="centroidal_tip without adaptation",
             group="part",
-            law="exact",
-            options={"mode": "ee", "adaptation": 0.0, "friction_adaptation": 0.0},
+            law="centroidal",
+            options={"mode": "tip", "adaptation": 0.0, "friction_adaptation": 0.0},
             perfect=stiff,
         ),
     )
+
+
+def entrant_name(name: str) -> str:
+    """The entrant's own name where it is given by an alias or an old name of its controller ("exact_ee (tuned)")."""
+    law, space, rest = name.partition(" ")
+    return f"{full_name(law)}{space}{rest}"
+
+
+def own_entrant(law: str) -> Entrant | None:
+    """A registered law of someone's own as an entrant, with its own gains; None for any other name."""
+    row = registrations("law").get(law)
+    if row is None or row.source == SHIPPED:
+        return None
+    return Entrant(name=law_of_file_name(law), group="own", law=law)
 
 
 ENTRANTS: Mapping[str, Entrant] = {each.name: each for each in _all()}

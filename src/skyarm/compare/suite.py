@@ -8,19 +8,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from skyarm.algebra import Vec3
-from skyarm.compare.plants import Spread
-from skyarm.environment import RotorsForce
-from skyarm.plant.sensors import SensorNoise
-from skyarm.simulate.measures import Windows
-from skyarm.simulate.metrics import Window
-from skyarm.simulate.scenario import Delays, Scenario
-from skyarm.simulate.scenario_file import load_scenario
+from skyarm.compare.perturbed_plants import Spread
+from skyarm.environment import ForceWind
+from skyarm.metrics.windows import Window, Windows
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.scenario_record import Delays, Scenario
+from skyarm.sensors.noise import SensorNoise
 
 NOISE = SensorNoise(position=0.001, velocity=0.01, attitude=0.002, rate=0.01, joints=0.001, joint_rates=0.01)
 """White noise of the noisy conditions: 1 mm, 1 cm/s, 2 mrad, 0.01 rad/s, joints 1 mrad and 0.01 rad/s."""
 
 DELAY = 0.005
-"""s: age of a measurement in the noisy conditions, one control period. Laws that can use it are told."""
+"""s: age of a measurement in the noisy conditions, one control period. Laws with an option for it are given it."""
 
 GROUND = False
 """The suite measures tracking; a flight that sinks below z = 0 goes on and shows its error."""
@@ -33,7 +32,7 @@ class Case:
     Attributes:
         name: short name. title: one line. scenario: shipped scenario it starts from.
         wind: angle of its wind from the x axis about the vertical, rad.
-        payload: point mass that nobody told the controller of, kg.
+        payload: point mass that the model of the controller lacks, kg.
         windows: of the metrics.
     """
 
@@ -47,14 +46,14 @@ class Case:
     def build(self) -> Scenario:
         """The scenario with perfect sensors; its controller is replaced by an entrant's."""
         found = load_scenario(self.scenario)
-        blowing = found.wind if isinstance(found.wind, RotorsForce) else RotorsForce()
+        blowing = found.wind if isinstance(found.wind, ForceWind) else ForceWind()
         world = found.world
         if self.payload:
             world = dataclasses.replace(world, vehicle=world.vehicle.with_payload(self.payload))
         return dataclasses.replace(found, name=self.name, wind=turned(blowing, self.wind), world=world, ground=GROUND)
 
 
-def turned(wind: RotorsForce, angle: float) -> RotorsForce:
+def turned(wind: ForceWind, angle: float) -> ForceWind:
     """The wind turned about the vertical; its gust stays where it was."""
     if not angle:
         return wind

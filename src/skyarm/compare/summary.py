@@ -11,7 +11,7 @@ from skyarm.compare.cells import Cell
 from skyarm.sweep.intervals import bootstrap_mean, quantiles, wilson
 
 SUCCESS_METRIC, SUCCESS_LIMIT = "ee_error_last_max_continuous", 0.020
-"""A success flew to its end with the end effector within 20 mm of its reference all through the last 5 s."""
+"""A success flew to its end with the tip within 20 mm of its reference all through the last 5 s."""
 
 
 def summary(cell: Cell) -> dict[str, Any]:

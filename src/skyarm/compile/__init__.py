@@ -1,7 +1,7 @@
-"""From functions over scalars to programs: tracing, then straight-line code. Knows nothing of flying."""
+"""From traceable functions to programs: tracing, then straight-line code. Knows nothing of flying."""
 
-from skyarm.compile.program import Program, trace
-from skyarm.compile.records import leaves, rebuild, shaped_like
-from skyarm.compile.tracer import Graph, Node, TracedBranchError
+from skyarm.compile.tracing.program import Program, trace
+from skyarm.compile.tracing.tracer import Graph, Node, TracedBranchError
+from skyarm.records.leaves import leaves, rebuild, shaped_like
 
 __all__ = ["Graph", "Node", "Program", "TracedBranchError", "leaves", "rebuild", "shaped_like", "trace"]

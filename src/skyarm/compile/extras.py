@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from skyarm.files import needs_extra
+
 
 def missing_extra(extra: str) -> ImportError:
     """Error for a library that is not installed; names the extra that brings it."""
-    return ImportError(f"needs the extra '{extra}': pip install skyarm[{extra}]")
+    return ImportError(needs_extra(extra))

@@ -8,7 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.actuation import Command
+from skyarm.files.old_names import old_attributes
+from skyarm.records.coerce import RecordError
+from skyarm.records.field_rules import accept_fields, require_fields
 from skyarm.scalars import logical_and, where
+from skyarm.vehicle.vehicle_records import Vehicle
 
 Law = Callable[..., tuple[Any, Any]]
 """step(memory, measurement, reference, dt, *, par) -> (memory, command)."""
@@ -20,7 +24,7 @@ class ControllerError(ValueError):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Controller:
-    """A law ready to fly.
+    """A controller is a control law with its constants and its first memory.
 
     Attributes:
         name: of the law. law: the step function. memory: its first memory.
@@ -29,7 +33,7 @@ class Controller:
         margin: distance of an attitude (quaternion) to where the law is not defined, negative beyond; None if it is
             defined everywhere.
         limit: that place in words.
-        compiled: the law is over scalars, so that machine code, C and other engines can be made of it; a law that is
+        compiled: the law is traceable, so that machine code, C and other engines can be made of it; a law that is
             not is called with floats.
         keeps_tip: the law takes the joints from their references to keep the tip on its own.
     """
@@ -43,45 +47,65 @@ class Controller:
     compiled: bool = True
     keeps_tip: bool = False
 
+    def __post_init__(self) -> None:
+        try:
+            accept_fields(self, "controller")
+            # vehicles are checked where they are made
+            require_fields(_whole(self.par), "controller", (Vehicle,))
+            require_fields(self.memory, "controller.memory", (Vehicle,))
+        except RecordError as error:
+            raise ControllerError(str(error)) from None
+
     def require_compiled(self, what: str) -> None:
         """Refuse a law that cannot be traced for something that needs it traced.
 
         Raises:
-            ControllerError: the law is not over scalars.
+            ControllerError: the law cannot be traced.
         """
         if not self.compiled:
-            raise ControllerError(f"controller '{self.name}': its law is not over scalars, {what} needs one that is")
+            raise ControllerError(f"controller '{self.name}': its law cannot be traced, {what} needs a traceable law")
 
 
-def informed(memory: Any, sent: Command) -> Any:
-    """The memory with the command that was really sent, if the law keeps one.
+def _whole(par: Any) -> Any:
+    """Constants of a law; those of one under guard, which stand in ``inner``, with the belief that they share."""
+    inner: Any = getattr(par, "inner", None)
+    if inner is None or getattr(inner, "model", par) is not None:
+        return par
+    return dataclasses.replace(par, inner=dataclasses.replace(inner, model=par.model, mixer=par.mixer))
 
-    A law that observes or integrates must know what acted, not what it wished. It keeps its commands in a field
+
+def with_applied_command(memory: Any, sent: Command) -> Any:
+    """Return the memory with the command that was applied, if the law keeps its commands.
+
+    A law that observes or integrates must know the applied command, not the desired one. It keeps them in a field
     ``sent`` of its memory: one :class:`Command`, or a tuple of them with the newest last. Whoever changes a command on
     its way (saturation, slew, fallback) writes the changed one there; a law without the field is left as it is.
 
-    A law that integrates has a field ``obeyed`` too, in which it writes :func:`all_obeyed`: here the actuators whose
+    A law that integrates has a field ``applied`` too, in which it writes :func:`all_applied`: here the actuators whose
     command was changed become 0, and the law's integrators stand still for them in the next period.
     """
     kept = getattr(memory, "sent", None)
     if isinstance(kept, Command):
-        wished, told = kept, dataclasses.replace(memory, sent=sent)
+        desired, updated = kept, dataclasses.replace(memory, sent=sent)
     elif isinstance(kept, tuple) and kept and all(isinstance(each, Command) for each in kept):
-        wished, told = kept[-1], dataclasses.replace(memory, sent=(*kept[:-1], sent))
+        desired, updated = kept[-1], dataclasses.replace(memory, sent=(*kept[:-1], sent))
     else:
         return memory
-    return dataclasses.replace(told, obeyed=_obeyed(wished, sent)) if hasattr(memory, "obeyed") else told
+    return dataclasses.replace(updated, applied=_applied(desired, sent)) if hasattr(memory, "applied") else updated
 
 
-def all_obeyed(joints: int) -> tuple[float, ...]:
-    """1 for the rotors together and 1 for each joint: every command was sent as wished."""
+def all_applied(joints: int) -> tuple[float, ...]:
+    """Return 1 for the rotors together and 1 for each joint: every command was applied as desired."""
     return (1.0,) * (1 + joints)
 
 
-def _obeyed(wished: Command, sent: Command) -> tuple[Any, ...]:
-    """1 for the rotors, and for each joint, whose commands are the wished ones; else 0, as for a wish that is NaN."""
+def _applied(desired: Command, sent: Command) -> tuple[Any, ...]:
+    """Return 1 for the rotors, and for each joint, whose applied commands are the desired ones; else 0, as for NaN."""
     rotors: Any = True
-    for a, b in zip(wished.rotor_speeds, sent.rotor_speeds, strict=True):
+    for a, b in zip(desired.rotor_speeds, sent.rotor_speeds, strict=True):
         rotors = logical_and(rotors, logical_and(a <= b, a >= b))
-    joints = (logical_and(a <= b, a >= b) for a, b in zip(wished.efforts, sent.efforts, strict=True))
+    joints = (logical_and(a <= b, a >= b) for a, b in zip(desired.efforts, sent.efforts, strict=True))
     return tuple(where(same, 1.0, 0.0) for same in (rotors, *joints))
+
+
+__getattr__ = old_attributes(__name__, {"informed": "with_applied_command", "all_obeyed": "all_applied"})

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from skyarm.actuation import Mixer
 from skyarm.algebra import Vec3
 from skyarm.control.controller import ControllerError
+from skyarm.records import coerce
+from skyarm.records.coerce import Rule
+from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
-from skyarm.vehicle import check, coerce
-from skyarm.vehicle.check import VehicleError, refuse
-from skyarm.vehicle.coerce import Rule, accept
-from skyarm.vehicle.records import Vehicle
+from skyarm.vehicle import check
+from skyarm.vehicle.check import VehicleError, accept, refuse
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -21,7 +23,7 @@ class Model:
     """The controller's belief: a vehicle and gravity (m/s^2). Never the truth."""
 
     vehicle: Vehicle
-    gravity: Scalar = 9.81
+    gravity: Annotated[Scalar, Unit("m/s^2")] = 9.81
 
     def __post_init__(self) -> None:
         accept(self, "model", vehicle=coerce.one(Vehicle), gravity=coerce.number)
@@ -37,10 +39,10 @@ class GeometricGains:
         attitude: KR, N m/rad. rate: Kw, N m s/rad.
     """
 
-    position: Vec3
-    velocity: Vec3
-    attitude: Vec3
-    rate: Vec3
+    position: Annotated[Vec3, Unit("N/m", "Kp")]
+    velocity: Annotated[Vec3, Unit("N s/m", "Kv")]
+    attitude: Annotated[Vec3, Unit("N m/rad", "KR")]
+    rate: Annotated[Vec3, Unit("N m s/rad", "Kw")]
 
     def __post_init__(self) -> None:
         _accept(self, "controller.gains", _axes, ("position", "velocity", "attitude", "rate"))
@@ -50,11 +52,18 @@ class GeometricGains:
 class JointGains:
     """Gains per joint: on torque (N m/rad, N m s/rad) or on acceleration (1/s^2, 1/s), as the law says."""
 
-    stiffness: tuple[Scalar, ...]
-    damping: tuple[Scalar, ...]
+    stiffness: Annotated[tuple[Scalar, ...], Unit("1/s^2", "acceleration per error of the joint")]
+    damping: Annotated[tuple[Scalar, ...], Unit("1/s", "acceleration per error of the joint's rate")]
 
     def __post_init__(self) -> None:
         _accept(self, "controller.joint_gains", _row, ("stiffness", "damping"))
+
+
+TORQUE_GAINS: Mapping[str, Unit] = {
+    "stiffness": Unit("N m/rad or N/m", "effort per error of the joint"),
+    "damping": Unit("N m s/rad or N s/m", "effort per error of the joint's rate"),
+}
+"""What the fields of JointGains are in a law that closes the joints on torque."""
 
 
 def _accept(record: Any, where: str, rule: Rule, names: tuple[str, ...]) -> None:
@@ -80,7 +89,7 @@ def _axes(field: str, value: Any) -> Vec3:
 
 
 def _row(field: str, value: Any) -> tuple[Any, ...]:
-    if isinstance(value, (str, bytes, Mapping)) or not hasattr(value, "__iter__"):
+    if not coerce.is_sequence(value):
         refuse(field, value, "must be numbers, one per joint")
     return tuple(_gain(f"{field}[{i}]", each) for i, each in enumerate(value))
 
@@ -110,11 +119,23 @@ class Terms:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Parameters:
-    """All constants of a law: belief, gains, mixer, choices."""
+    """All constants of a law: belief, gains, mixer, choices.
+
+    Attributes:
+        friction_compensation: of the paper's laws, the share of each joint's believed friction that its torque gives
+            back; () gives none back.
+        rate_weights: of the paper's laws, what each joint's desired rate counts in the difference of rates (set-point
+            weighting of the derivative, Astrom, Hagglund 2006, section 3.4); () is 1.
+    """
 
     model: Model
     gains: GeometricGains
     joint_gains: JointGains
     mixer: Mixer
-    rate_error: str = "rotors"
+    rate_error: str = "rotors_sim"
     terms: Terms = Terms()
+    friction_compensation: tuple[Scalar, ...] = ()
+    rate_weights: tuple[Scalar, ...] = ()
+
+    def __post_init__(self) -> None:
+        _accept(self, "controller", _row, ("friction_compensation", "rate_weights"))

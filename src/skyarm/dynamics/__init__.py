@@ -1,7 +1,7 @@
 """Rigid-body dynamics of a floating base with any tree of joints, over any scalar.
 
 Accelerations are *proper* (gravity already subtracted: R^T (dv/dt + g e_z)) and in base axes, so that neither attitude,
-position nor velocity of the base enters the recursions. :mod:`skyarm.dynamics.arrays` is the NumPy front.
+position nor velocity of the base enters the recursions. :mod:`skyarm.dynamics.array_front` is the NumPy front.
 """
 
 from skyarm.dynamics.articulated_body import forward_dynamics

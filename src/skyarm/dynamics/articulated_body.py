@@ -10,10 +10,10 @@ from typing import Any
 
 from skyarm.algebra import ArticulatedInertia, Force, Motion, Vec3, ldl_solve
 from skyarm.dynamics.kinematics import joint_direction
+from skyarm.dynamics.link_axes import members, spatial_inertia
 from skyarm.dynamics.newton_euler import motions
-from skyarm.dynamics.working_axes import members, spatial_inertia
 from skyarm.scalars import divide, mul, sub
-from skyarm.vehicle.records import BASE, Vehicle
+from skyarm.vehicle.vehicle_records import BASE, Vehicle
 
 
 def forward_dynamics(

@@ -10,8 +10,8 @@ from typing import Any
 
 from skyarm.algebra import Mat3, SpatialInertia
 from skyarm.dynamics.kinematics import joint_direction
-from skyarm.dynamics.working_axes import members, spatial_inertia
-from skyarm.vehicle.records import BASE, Vehicle
+from skyarm.dynamics.link_axes import members, spatial_inertia
+from skyarm.vehicle.vehicle_records import BASE, Vehicle
 
 
 def mass_matrix(vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Any]) -> list[list[Any]]:

@@ -9,7 +9,7 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.dynamics.kinematics import Pose, link_poses
 from skyarm.dynamics.state import State
 from skyarm.scalars import add, divide, mul
-from skyarm.vehicle.records import BASE, Vehicle
+from skyarm.vehicle.vehicle_records import BASE, Vehicle
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Motion, Vec3, axis_rotation
-from skyarm.vehicle.records import BASE, Frame, Joint, Vehicle
+from skyarm.vehicle.vehicle_records import BASE, Frame, Joint, Vehicle
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,8 +11,8 @@ from typing import Any
 
 from skyarm.algebra import Force, Motion, Vec3, centripetal
 from skyarm.dynamics.kinematics import Pose, joint_direction
-from skyarm.dynamics.working_axes import members, spatial_inertia
-from skyarm.vehicle.records import BASE, Joint, Vehicle
+from skyarm.dynamics.link_axes import members, spatial_inertia
+from skyarm.vehicle.vehicle_records import BASE, Joint, Vehicle
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,32 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from skyarm.algebra import E_Z, Mat3, Motion, Quaternion, Vec3
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class State:
-    """Everything a plant integrates.
+    """A state holds everything that a plant integrates."""
 
-    Attributes:
-        position: base origin in the world, m.
-        quaternion: wxyz, base to world.
-        velocity: of the base origin, world axes, m/s.
-        rate: angular velocity, base axes, rad/s.
-        joints, joint_rates: rad or m, and per second.
-        rotor_speeds: rad/s, unsigned.
-    """
+    position: Annotated[Vec3, Unit("m", "base origin, world axes")]
+    quaternion: Annotated[Quaternion, Unit("", "w x y z, unit, base to world")]
+    velocity: Annotated[Vec3, Unit("m/s", "base origin, world axes")]
+    rate: Annotated[Vec3, Unit("rad/s", "angular velocity, base axes")]
+    joints: Annotated[tuple[Scalar, ...], Unit("rad or m")] = ()
+    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s")] = ()
+    rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "unsigned")] = ()
 
-    position: Vec3
-    quaternion: Quaternion
-    velocity: Vec3
-    rate: Vec3
-    joints: tuple[Scalar, ...] = ()
-    joint_rates: tuple[Scalar, ...] = ()
-    rotor_speeds: tuple[Scalar, ...] = ()
+    def __post_init__(self) -> None:
+        # made at every stage of the integrator: what holds vectors and tuples already is not looked at
+        vectors = type(self.position) is type(self.velocity) is type(self.rate) is Vec3
+        tuples = type(self.joints) is type(self.joint_rates) is type(self.rotor_speeds) is tuple
+        if not (vectors and tuples and type(self.quaternion) is Quaternion):
+            accept_fields(self, "state")
 
 
 def proper_acceleration(R_WB: Mat3, linear_W: Vec3, angular_B: Vec3, gravity: Any) -> Motion:

@@ -3,40 +3,92 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import E_Z, ZERO3, Motion
-from skyarm.dynamics.kinematics import frame_pose, link_poses
+from skyarm.dynamics.kinematics import Pose, link_poses
 from skyarm.dynamics.newton_euler import inverse_dynamics
-from skyarm.vehicle.records import BASE, Vehicle
+from skyarm.vehicle.vehicle_records import BASE, Vehicle
 
 Array = npt.NDArray[np.float64]
 
-SAMPLES, ROUNDS = 4096, 60
-"""Random starts and shrinking rounds of the search; the two-joint arm's maximum is found to 1e-9."""
+Quantities = Callable[[Array], list[Any]]
+
+SAMPLES, ROUNDS, AROUND = 4096, 60, 256
+"""Random starts, shrinking rounds of the search, and tries of each; the two-joint arm's maximum is found to 1e-9."""
+
+STEPS, LANES, WIDTH = 6000, 12_000_000, 400_000
+"""Links visited, those times the joint values tried, and these at a time: about 2 s and 200 MB at most."""
+
+FEWEST = 8
+"""Tries of a round below which it finds nothing."""
 
 
-def _configurations(vehicle: Vehicle, rng: np.random.Generator, around: Array | None, spread: float) -> Array:
-    """Joint values within limits: uniform (a full turn, or 1 m, where unlimited), or normal around given ones."""
-    low = np.array([max(float(k.joint.lower), -math.pi if k.joint.kind == "revolute" else -1.0) for k in vehicle.links])
-    high = np.array([min(float(k.joint.upper), math.pi if k.joint.kind == "revolute" else 1.0) for k in vehicle.links])
-    if around is None:
-        return rng.uniform(low, high, (SAMPLES, vehicle.n))
-    return np.asarray(np.clip(around + spread * (high - low) * rng.normal(size=(256, vehicle.n)), low, high))
+@dataclass(frozen=True, slots=True)
+class Search:
+    """How thoroughly a search looks: random joint values, then rounds of tries around the best so far."""
+
+    samples: int
+    rounds: int
+    around: int
+
+    @property
+    def whole(self) -> bool:
+        """True if many joints did not shorten it, so that what it finds may be called the largest."""
+        return self == Search(SAMPLES, ROUNDS, AROUND)
 
 
-def _largest(vehicle: Vehicle, quantity: Any) -> tuple[float, Array]:
-    """Largest value of quantity(joints) over the joint range and where it is, by random search with shrinking steps."""
-    rng = np.random.default_rng(0)
-    tried = _configurations(vehicle, rng, None, 1.0)
-    best, spread = tried[int(np.argmax(quantity(tried)))], 0.1
-    for _ in range(ROUNDS):
-        tried = np.vstack([best, _configurations(vehicle, rng, best, spread)])
-        best, spread = tried[int(np.argmax(quantity(tried)))], 0.75 * spread
-    return float(quantity(best[None])[0]), best
+def search_of(joints: int, quantities: int) -> Search:
+    """The search for each of some quantities over the values of some joints that ends within about 2 s."""
+    links = max(joints, 1)
+    samples = min(SAMPLES, WIDTH // links, LANES // (4 * links))
+    rounds = min(ROUNDS, STEPS // links)
+    left = LANES // links - samples
+    around = min(AROUND, WIDTH // (links * quantities), left // max(rounds * quantities, 1)) - 1
+    around = AROUND if around == AROUND - 1 else around
+    if around < FEWEST:
+        rounds = around = 0
+    return Search(max(samples, FEWEST), rounds, around)
+
+
+def _limits(vehicle: Vehicle) -> tuple[Array, Array]:
+    """Joint values to search between: the limits; a full turn, or 1 m, where unlimited."""
+    free = [math.pi if k.joint.kind == "revolute" else 1.0 for k in vehicle.links]
+    low = [max(float(k.joint.lower), -span) for k, span in zip(vehicle.links, free, strict=True)]
+    high = [min(float(k.joint.upper), span) for k, span in zip(vehicle.links, free, strict=True)]
+    return np.array(low), np.array(high)
+
+
+def _largest(vehicle: Vehicle, quantities: Quantities, count: int, search: Search) -> list[float]:
+    """Largest value of each quantity over the joint range, by random search with shrinking steps.
+
+    Args:
+        vehicle: its joints.
+        quantities: from joint values (lanes, n) to ``count`` quantities, each (lanes,) or one number for all.
+        count: how many.
+        search: how thoroughly.
+    """
+    rng, spread, (low, high) = np.random.default_rng(0), 0.1, _limits(vehicle)
+    tried = rng.uniform(low, high, (search.samples, vehicle.n))
+    values = np.stack([np.broadcast_to(each, search.samples) for each in quantities(tried)])
+    best, most = tried[np.argmax(values, axis=1)], np.max(values, axis=1)
+    width = search.around + 1
+    for _ in range(search.rounds):
+        # every quantity searches around its own best, with the same steps, in lanes of its own
+        steps = spread * (high - low) * rng.normal(size=(search.around, vehicle.n))
+        near = np.clip(best[:, None] + np.vstack([np.zeros((1, vehicle.n)), steps]), low, high)
+        found = quantities(near.reshape(count * width, vehicle.n))
+        for i, each in enumerate(found):
+            own = np.broadcast_to(each, count * width)[i * width : (i + 1) * width]
+            at = int(np.argmax(own))
+            best[i], most[i] = near[i, at], own[at]
+        spread *= 0.75
+    return [float(value) for value in most]
 
 
 def _columns(joints: Array) -> tuple[Array, ...]:
@@ -44,7 +96,10 @@ def _columns(joints: Array) -> tuple[Array, ...]:
 
 
 def reach(vehicle: Vehicle) -> float:
-    """Largest distance from the arm's first joint to the end effector, m; 0 without an arm."""
+    """Largest distance from the arm's first joint to the tip, m; 0 without an arm.
+
+    Of more joints than a hundred fewer values are tried (:func:`search_of`).
+    """
     if not vehicle.links or not vehicle.end_effector:
         return 0.0
     frame = vehicle.frame(vehicle.end_effector)
@@ -54,24 +109,28 @@ def reach(vehicle: Vehicle) -> float:
     if first == BASE:
         return 0.0
 
-    def distance(joints: Array) -> Array:
-        q = _columns(joints)
-        arm = frame_pose(vehicle, frame, q).p - link_poses(vehicle, q)[first].p
-        return np.asarray(np.sqrt(sum(np.asarray(c, dtype=float) ** 2 for c in arm))) * np.ones(joints.shape[0])
+    local = Pose(frame.rotation, frame.position)
 
-    return _largest(vehicle, distance)[0]
+    def distance(joints: Array) -> list[Array]:
+        poses = link_poses(vehicle, _columns(joints))
+        arm = (poses[frame.link] @ local).p - poses[first].p
+        return [np.sqrt(sum(np.asarray(c, dtype=float) ** 2 for c in arm))]
+
+    return _largest(vehicle, distance, 1, search_of(vehicle.n, 1))[0]
 
 
 def static_torques(vehicle: Vehicle, gravity: float) -> list[float]:
-    """Largest |torque| (N m) or |force| (N) that holds each joint against gravity with a level base."""
+    """Largest |torque| (N m) or |force| (N) that holds each joint against gravity with a level base.
+
+    Of more joints than a few dozen fewer values are tried (:func:`search_of`), and the largest of those is returned.
+    """
+    if not vehicle.links:
+        return []
     still = (0,) * vehicle.n
     level = Motion(ZERO3, E_Z * gravity)
 
-    def holding(joint: int) -> Any:
-        def torque(joints: Array) -> Array:
-            _, torques = inverse_dynamics(vehicle, _columns(joints), ZERO3, still, level, still)
-            return np.asarray(np.abs(np.asarray(torques[joint], dtype=float)) * np.ones(joints.shape[0]))
+    def holding(joints: Array) -> list[Array]:
+        _, torques = inverse_dynamics(vehicle, _columns(joints), ZERO3, still, level, still)
+        return [np.abs(np.asarray(torque, dtype=float)) for torque in torques]
 
-        return torque
-
-    return [_largest(vehicle, holding(i))[0] for i in range(vehicle.n)]
+    return _largest(vehicle, holding, vehicle.n, search_of(vehicle.n, vehicle.n))

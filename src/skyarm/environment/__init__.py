@@ -1,31 +1,35 @@
 """What surrounds the vehicle: wind, gusts, turbulence, drag of the airframe, payloads, faults."""
 
+from skyarm.environment.component import Air, Component, Force, Wrench
 from skyarm.environment.drag import body_drag
 from skyarm.environment.dryden import Dryden, DrydenMemory, low_altitude
 from skyarm.environment.effectiveness import Effectiveness
-from skyarm.environment.faults import Fault, afflicted, faults_from
+from skyarm.environment.environment_tables import payload_from, wind_from
+from skyarm.environment.faults import Fault, effectiveness_at, faults_from
 from skyarm.environment.gust import Gust
-from skyarm.environment.parse import payload_from, wind_from
 from skyarm.environment.payload import Payload
-from skyarm.environment.wind import NO_WIND, Airspeed, RotorsForce, Wind, WindSample, wind
+from skyarm.environment.wind import NO_WIND, ForceWind, MovingAir, Wind, WindSample
 
 __all__ = [
     "NO_WIND",
-    "Airspeed",
+    "Air",
+    "Component",
     "Dryden",
     "DrydenMemory",
     "Effectiveness",
     "Fault",
+    "Force",
+    "ForceWind",
     "Gust",
+    "MovingAir",
     "Payload",
-    "RotorsForce",
     "Wind",
     "WindSample",
-    "afflicted",
+    "Wrench",
     "body_drag",
+    "effectiveness_at",
     "faults_from",
     "low_altitude",
     "payload_from",
-    "wind",
     "wind_from",
 ]

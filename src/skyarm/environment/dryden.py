@@ -19,9 +19,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from skyarm.algebra import E_X, E_Z, Vec3
+from skyarm.records.coerce import accept
+from skyarm.records.directions import unit_vector
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, divide, exp, log, maximum, sqrt
 
 METRES_PER_FOOT = 0.3048
@@ -33,18 +37,18 @@ LOWEST, HIGHEST = 10 * METRES_PER_FOOT, 1000 * METRES_PER_FOOT
 class Dryden:
     """Parameters of the turbulence; :func:`low_altitude` computes them from altitude and wind.
 
-    Attributes:
-        intensity: standard deviation of the components u (along the mean wind), v (to its left), w (up), m/s.
-        scale_length: of u, v, w, m, as in MIL-F-8785C (MIL-HDBK-1797 halves L_v and L_w and doubles them again in its
-            spectra: the same turbulence).
-        airspeed: V, speed with which the field passes the vehicle, m/s; above 0.
-        direction_W: horizontal unit vector of u.
+    The components are u (along the mean wind), v (to its left) and w (up). Their scale lengths are those of
+    MIL-F-8785C (MIL-HDBK-1797 halves L_v and L_w and doubles them again in its spectra: the same turbulence).
     """
 
-    intensity: Vec3
-    scale_length: Vec3
-    airspeed: Scalar
-    direction_W: Vec3 = E_X
+    intensity: Annotated[Vec3, Unit("m/s", "standard deviation of u, v, w", low=0.0)]
+    scale_length: Annotated[Vec3, Unit("m", "of u, v, w", low=0.0, strict=True)]
+    airspeed: Annotated[Scalar, Unit("m/s", "with which the field passes the vehicle", low=0.0, strict=True)]
+    direction_W: Annotated[Vec3, Unit("", "horizontal unit vector of u, world axes", folds=True)] = E_X
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "turbulence")
+        accept(self, "turbulence", {"direction_W": unit_vector})
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,10 +131,16 @@ def step(memory: DrydenMemory, noise: Vec3, dt: Any, *, par: Dryden) -> tuple[Dr
     u = a * memory.u + sqrt(1.0 - a * a) * noise.x
     v, v_inner = _advance(memory.v, memory.v_inner, noise.y, d_v)
     w, w_inner = _advance(memory.w, memory.w_inner, noise.z, d_w)
-    sigma = par.intensity
-    left = E_Z.cross(par.direction_W)
-    velocity = par.direction_W * (sigma.x * u) + left * (sigma.y * v) + E_Z * (sigma.z * w)
-    return DrydenMemory(u, v, w, v_inner, w_inner), velocity
+    following = DrydenMemory(u, v, w, v_inner, w_inner)
+    return following, velocity(following, par=par)
+
+
+def velocity(memory: DrydenMemory, *, par: Dryden) -> Vec3:
+    """Turbulence velocity of a memory, world axes, m/s."""
+    sigma, left = par.intensity, E_Z.cross(par.direction_W)
+    along, across = par.direction_W * (sigma.x * memory.u), left * (sigma.y * memory.v)
+    total: Vec3 = along + across + E_Z * (sigma.z * memory.w)
+    return total
 
 
 def _steps(par: Dryden, dt: Any) -> tuple[Any, ...]:

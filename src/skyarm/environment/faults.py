@@ -1,33 +1,33 @@
-"""Actuators that lose part of their force during a flight: what the plant suffers and no controller is told."""
+"""Faults of actuators: a loss of force during a flight, in the plant only, unknown to the controller."""
 
 from __future__ import annotations
 
-import dataclasses
+import numbers
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from skyarm.environment.effectiveness import Effectiveness
-from skyarm.environment.wind import WindSample
 from skyarm.files import Fields, number, shown
+from skyarm.records.coerce import concrete, plain_number
+from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, mul, where
-from skyarm.vehicle.check import concrete
-from skyarm.vehicle.records import Vehicle
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Fault:
-    """One actuator's loss, from a time on.
+    """A fault is the loss of force of one actuator from a time on.
 
     Attributes:
         rotor: name of the rotor, or joint: name of the joint whose drive it is; exactly one of them.
-        effectiveness: share of the force that is left, from 0 (none) to 1 (all). A rotor keeps its speed and its lag.
-        start: s, at least 0: the flight begins at 0, and so does a fault that was there before.
+        effectiveness: from 0 (none) to 1 (all). A rotor keeps its speed and its lag.
+        start: at least 0: the flight begins at 0, and so does a fault that was there before.
     """
 
     rotor: str = ""
     joint: str = ""
-    effectiveness: Scalar
-    start: Scalar
+    effectiveness: Annotated[Scalar, Unit("", "share of the force that is left", low=0.0, high=1.0)]
+    start: Annotated[Scalar, Unit("s", low=0.0)]
 
     def __post_init__(self) -> None:
         for field in ("rotor", "joint"):
@@ -36,8 +36,9 @@ class Fault:
         if bool(self.rotor) == bool(self.joint):
             raise ValueError(f"rotor = {self.rotor!r}, joint = {self.joint!r}: must name one of the two")
         for field in ("effectiveness", "start"):
-            value = getattr(self, field)
-            if concrete(value) or not hasattr(value, "__mul__") or isinstance(value, (str, bytes, list, tuple)):
+            value = plain_number(getattr(self, field))
+            several = isinstance(value, (str, bytes, list, tuple))
+            if isinstance(value, numbers.Number) or several or not hasattr(value, "__mul__"):
                 object.__setattr__(self, field, number(value, field, low=0.0))
         if concrete(self.effectiveness) and self.effectiveness > 1.0:
             raise ValueError(f"effectiveness = {self.effectiveness!r}: must be at most 1; a fault adds no force")
@@ -59,20 +60,19 @@ class Fault:
         return where(t >= self.start, self.effectiveness, 1.0)
 
 
-def afflicted(sample: WindSample, faults: tuple[Fault, ...], vehicle: Vehicle, t: Any) -> WindSample:
-    """The sample of the surroundings with the faults at time t (s); unchanged without faults, at no cost.
+def effectiveness_at(faults: tuple[Fault, ...], vehicle: Vehicle, t: Any) -> Effectiveness | None:
+    """What faults leave of the actuators at time t (s); None without faults, at no cost.
 
     Shares of several faults of one actuator multiply.
     """
     if not faults:
-        return sample
+        return None
     rotors: dict[str, Any] = {rotor.name: 1 for rotor in vehicle.rotors}
     joints: dict[str, Any] = {link.joint.name: 1 for link in vehicle.links}
     for fault in faults:
         shares = rotors if fault.rotor else joints
         shares[fault.name] = mul(shares[fault.name], fault.share(t))
-    left = Effectiveness(tuple(rotors.values()), tuple(joints.values()))
-    return dataclasses.replace(sample, effectiveness=left)
+    return Effectiveness(tuple(rotors.values()), tuple(joints.values()))
 
 
 def faults_from(tables: Any, where: str) -> tuple[Fault, ...]:

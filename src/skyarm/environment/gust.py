@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, cos, mul, where
 
 SHAPES = ("step", "one_minus_cosine")
@@ -14,21 +16,20 @@ SHAPES = ("step", "one_minus_cosine")
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Gust:
-    """A gust of force or of air velocity.
+    """A gust is a temporary force or air velocity.
 
     Attributes:
-        peak: largest value in world axes; N in ``RotorsForce``, m/s in ``Airspeed``.
-        start: s.
-        duration: s; the window is half-open.
+        start, duration: the window [start, start + duration), half-open.
         shape: "step", or "one_minus_cosine" = peak/2 (1 - cos(2 pi (t - start)/duration)), smooth at both ends.
     """
 
-    peak: Vec3 = ZERO3
-    start: Scalar = 0.0
-    duration: Scalar = 0.0
+    peak: Annotated[Vec3, Unit("N or m/s", "of a ForceWind or of MovingAir, world axes", folds=True)] = ZERO3
+    start: Annotated[Scalar, Unit("s")] = 0.0
+    duration: Annotated[Scalar, Unit("s")] = 0.0
     shape: str = "step"
 
     def __post_init__(self) -> None:
+        accept_fields(self, "gust")
         if self.shape not in SHAPES:
             raise ValueError(f"gust.shape = {self.shape!r}: must be one of {', '.join(SHAPES)}")
         if isinstance(self.duration, (int, float)):

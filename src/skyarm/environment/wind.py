@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.dynamics.state import State
+from skyarm.environment import dryden
+from skyarm.environment.component import Air, Component, Force, Wrench
 from skyarm.environment.dryden import Dryden
 from skyarm.environment.effectiveness import Effectiveness
 from skyarm.environment.gust import Gust
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+from skyarm.scalars.philox import normals
 
 
 @dataclass(frozen=True, slots=True)
-class WindSample:
-    """What the vehicle feels of its surroundings at one instant.
+class WindSample(Component):
+    """What the vehicle feels of its surroundings at one instant; as a component, surroundings that never change.
 
     Attributes:
         force_W: force on the base, world axes, N.
@@ -27,68 +35,85 @@ class WindSample:
     air_velocity_W: Vec3 = ZERO3
     effectiveness: Effectiveness | None = None
 
+    def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
+        """The same everywhere and always."""
+        return self.air_velocity_W
+
+    def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
+        """The force on the base."""
+        return (Wrench(force_W=self.force_W, point=self.point_B),)
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class RotorsForce:
-    """Wind as RotorS's plugin takes it: newtons and metres per second are independent inputs.
+class ForceWind(Force):
+    """A force wind is a force and an air velocity as independent inputs, as RotorS's wind plugin has it.
 
-    Attributes:
-        force_W: mean force on the base, world axes, N.
-        point_B: where mean and gust force act, base frame, m.
-        air_velocity_W: constant wind that the rotors feel, m/s. A gust never changes it.
-        gust: additional force, N, a step.
+    A gust is an additional force, a step; it never changes the velocity of the air.
+
+    Source: RotorS, gazebo_wind_plugin.cpp lines 137-177.
     """
 
-    force_W: Vec3 = ZERO3
-    point_B: Vec3 = ZERO3
-    air_velocity_W: Vec3 = ZERO3
+    force_W: Annotated[Vec3, Unit("N", "mean force on the base, world axes", folds=True)] = ZERO3
+    point_B: Annotated[Vec3, Unit("m", "where mean and gust force act, base axes", folds=True)] = ZERO3
+    air_velocity_W: Annotated[Vec3, Unit("m/s", "constant wind that the rotors feel", folds=True)] = ZERO3
     gust: Gust | None = None
 
     def __post_init__(self) -> None:
+        accept_fields(self, "wind")
         if self.gust is not None and self.gust.shape != "step":
             raise ValueError(f"gust.shape = {self.gust.shape!r}: a gust of force is a 'step' as in RotorS")
 
-    def sample(self, t: Any, turbulence_W: Vec3 = ZERO3) -> WindSample:
-        """Wind at time t (s); RotorS has no turbulence, so that is ignored.
+    def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
+        """The constant wind that the rotors feel."""
+        return self.air_velocity_W
 
-        Source: RotorS, gazebo_wind_plugin.cpp lines 137-177.
-        """
+    def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
+        """Mean and gust force on the base."""
         force = self.force_W if self.gust is None else self.force_W + self.gust.at(t)
-        return WindSample(force, self.point_B, self.air_velocity_W)
+        return (Wrench(force_W=force, point=self.point_B),)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Airspeed:
-    """Moving air: rotor and body drag are computed from its velocity, there is no direct force.
+class MovingAir(Air):
+    """Moving air has a velocity from which rotor drag and body drag are computed; there is no direct force.
 
     Attributes:
-        velocity_W: mean air velocity, world axes, m/s.
-        gust: additional air velocity, m/s.
-        turbulence: parameters of the Dryden model whose samples are given to :func:`wind`; None for smooth air.
+        gust: additional air velocity.
+        turbulence: parameters of the Dryden model; None for smooth air.
     """
 
-    velocity_W: Vec3 = ZERO3
+    velocity_W: Annotated[Vec3, Unit("m/s", "mean velocity of the air, world axes", folds=True)] = ZERO3
     gust: Gust | None = None
     turbulence: Dryden | None = None
 
-    def sample(self, t: Any, turbulence_W: Vec3 = ZERO3) -> WindSample:
-        """Wind at time t (s): mean + gust + turbulence."""
+    def __post_init__(self) -> None:
+        accept_fields(self, "wind")
+
+    @property
+    def uniforms(self) -> int:
+        """Three normal numbers a period, which come in pairs."""
+        return 0 if self.turbulence is None else 4
+
+    def start(self, period: float, draws: Sequence[Any]) -> Any:
+        """Stationary from the first period on."""
+        if self.turbulence is None:
+            return ()
+        numbers = normals(draws)
+        return dryden.start(Vec3(*numbers[0:3]), Vec3(*numbers[4:7]), period, par=self.turbulence)
+
+    def advance(self, memory: Any, t: Any, dt: float, state: State, draws: Sequence[Any]) -> Any:
+        """The turbulence of the next period."""
+        if self.turbulence is None:
+            return memory
+        return dryden.step(memory, Vec3(*normals(draws)[:3]), dt, par=self.turbulence)[0]
+
+    def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
+        """Mean + gust + turbulence."""
         velocity = self.velocity_W if self.gust is None else self.velocity_W + self.gust.at(t)
-        return WindSample(air_velocity_W=velocity + turbulence_W)
+        return velocity if self.turbulence is None else velocity + dryden.velocity(memory, par=self.turbulence)
 
 
-Wind = RotorsForce | Airspeed
+Wind = ForceWind | MovingAir
 
-NO_WIND = Airspeed()
+NO_WIND = MovingAir()
 """Calm air: every component is a structural zero and folds away."""
-
-
-def wind(par: Wind, t: Any, turbulence_W: Vec3 = ZERO3) -> WindSample:
-    """Sample what the vehicle feels of the wind at time t.
-
-    Args:
-        par: one of the two modes.
-        t: s; may be traced.
-        turbulence_W: velocity from :func:`skyarm.environment.dryden.step`, world axes, m/s; only ``Airspeed`` adds it.
-    """
-    return par.sample(t, turbulence_W)

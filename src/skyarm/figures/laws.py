@@ -1,4 +1,4 @@
-"""All laws in one picture: tracking error as dots on a logarithmic axis, success on wrong plants as bars."""
+"""All laws in one picture: tracking error as dots on a logarithmic axis, success on perturbed plants as bars."""
 
 from __future__ import annotations
 

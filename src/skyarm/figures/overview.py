@@ -22,7 +22,7 @@ MILLIMETRES = 1e3
 
 
 def overview_figure(logs: Mapping[str, Mapping[str, Log]], steady: Window) -> Figure:
-    """Draw three panels: tool path seen from above (Case 3), tool error (Case 3), base along the gust (Case 2).
+    """Draw three panels: path of the tip from above and its error (Case 3), base along the gust (Case 2).
 
     Args:
         logs: experiment ("case3", "case2_gust") -> controller -> log.
@@ -32,7 +32,7 @@ def overview_figure(logs: Mapping[str, Mapping[str, Log]], steady: Window) -> Fi
     FigureCanvasAgg(figure)
     axes = [style.dress(ax) for ax in figure.subplots(1, 3)]
     handles = _path(axes[0], logs["case3"], steady)
-    _curves(axes[1], logs["case3"], TOOL_ERROR.of, "Case 3: tool error [mm]", (7.5, 20.5))
+    _curves(axes[1], logs["case3"], TOOL_ERROR.of, "Case 3: tip error [mm]", (7.5, 20.5))
     _curves(axes[2], logs["case2_gust"], position_error(0).of, "Case 2, 2 N gust: base x error [mm]", (5.0, 17.0))
     gust = gust_interval(next(iter(logs["case2_gust"].values())))
     if gust:
@@ -55,7 +55,7 @@ def _path(ax: Axes, logs: Mapping[str, Log], steady: Window) -> dict[str, Any]:
         desired = log.tool_reference[at, :2]
     (handles["desired"],) = ax.plot(*desired.T, label="desired", **style.look("reference").line)
     ax.set_aspect("equal", adjustable="datalim")
-    _title(ax, "Case 3: tool from above, 10 to 20 s", "x [m]")
+    _title(ax, "Case 3: tip from above, 10 to 20 s", "x [m]")
     ax.set_ylabel("y [m]", fontsize=style.TEXT_SIZE, family=style.FONT)
     return handles
 

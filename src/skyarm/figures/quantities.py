@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.simulate.log import Log
+from skyarm.log.flight_log import Log
 
 Array = npt.NDArray[np.float64]
 AXES = "xyz"

@@ -37,9 +37,9 @@ def robustness_figure(found: RobustnessMap) -> Figure:
     if found.upward.logarithmic:
         ax.set_yscale("log")
     _boundary(ax, found)
-    ax.set_title(found.controller, fontsize=style.TEXT_SIZE, family=style.FONT)
-    ax.set_xlabel(found.across.path, fontsize=style.SMALL_SIZE, family=style.FONT)
-    ax.set_ylabel(found.upward.path, fontsize=style.SMALL_SIZE, family=style.FONT)
+    ax.set_title(found.controller, fontsize=style.TEXT_SIZE, family=style.FONT, parse_math=False)
+    ax.set_xlabel(found.across.path, fontsize=style.SMALL_SIZE, family=style.FONT, parse_math=False)
+    ax.set_ylabel(found.upward.path, fontsize=style.SMALL_SIZE, family=style.FONT, parse_math=False)
     bar = figure.colorbar(shade, ax=ax)
     bar.ax.tick_params(labelsize=style.SMALL_SIZE, labelfontfamily=style.FONT[0], width=0.5)
     bar.set_label("share of successes", fontsize=style.SMALL_SIZE, family=style.FONT)

@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Files that appear whole or not at all, also after a power failure."""
 
 from __future__ import annotations
 
@@ -9,13 +9,22 @@ import secrets
 import tempfile
 from pathlib import Path
 
-from skyarm.files.fields import shown
+from skyarm.files.one_line import shown
+
+CANNOT_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP)
+"""What file systems answer that cannot force a file to their disk."""
 
 
-def write_atomically(path: str | os.PathLike[str], content: bytes) -> Path:
+def write_atomically(path: str | os.PathLike[str], content: bytes, *, entry: bool = True) -> Path:
     """Write to a temporary file beside the target, then rename; a cut-off run leaves no half file.
 
+    The content is on disk before the file has its name, so that no power failure leaves an empty file under it.
     A link is followed. A device or a pipe, such as /dev/stdout, is written into, never replaced.
+
+    Args:
+        path: of the file.
+        content: all of it.
+        entry: whether the name is forced to disk as well; who writes many files calls :func:`sync_folder` once instead.
 
     Raises:
         OSError: with one line that names the file.
@@ -33,7 +42,11 @@ def write_atomically(path: str | os.PathLike[str], content: bytes) -> Path:
         target.parent.mkdir(parents=True, exist_ok=True)
         with temporary.open("xb") as stream:
             stream.write(content)
+            stream.flush()
+            _sync(stream.fileno())
         temporary.replace(target)
+        if entry:
+            sync_folder(target.parent)
     except OSError as error:
         _forget(temporary)
         raise OSError(f"file = {str(path)!r}: must be writable ({error.strerror})") from error
@@ -41,6 +54,31 @@ def write_atomically(path: str | os.PathLike[str], content: bytes) -> Path:
         _forget(temporary)
         raise
     return Path(path)
+
+
+def sync_folder(folder: Path) -> None:
+    """Force the names in a folder to disk, where the system can.
+
+    Raises:
+        OSError: the disk failed.
+    """
+    try:
+        handle = os.open(folder, os.O_RDONLY)
+    except OSError:  # Windows opens no folders; one may also be allowed to write into a folder but not to read it
+        return
+    try:
+        _sync(handle)
+    finally:
+        os.close(handle)
+
+
+def _sync(handle: int) -> None:
+    """Force an open file to disk; a file system that has no such thing is no error."""
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if error.errno not in CANNOT_SYNC:
+            raise
 
 
 def _forget(temporary: Path) -> None:

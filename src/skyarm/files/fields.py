@@ -6,16 +6,10 @@ import math
 import numbers
 from typing import Any
 
+from skyarm.files.one_line import shown
+from skyarm.files.suggestions import did_you_mean, must_be_one_of
+
 _REQUIRED: Any = object()
-
-LONGEST = 100
-"""Characters of a value that a message shows."""
-
-
-def shown(value: Any) -> str:
-    """A value as messages show it: on one line, not for pages."""
-    text = " ".join(repr(value).split())  # an array's text has several lines
-    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
 
 
 class Fields:
@@ -41,7 +35,8 @@ class Fields:
             return self.table[name]
         if default is _REQUIRED:
             there = shown(sorted(self.table)) if self.table else "no fields"
-            raise ValueError(f"{self.at(name)}: is missing; there are {there}")
+            meant = did_you_mean(name, self.table)
+            raise ValueError(f"{self.at(name)}: is missing; {meant}there are {there}")
         return default
 
     def number(
@@ -75,14 +70,16 @@ class Fields:
         """One of several words."""
         value = self.take(name, default)
         if value not in options:
-            raise ValueError(f"{self.at(name)} = {shown(value)}: must be one of {', '.join(options)}")
+            raise ValueError(f"{self.at(name)} = {shown(value)}: {must_be_one_of(options, value)}")
         return str(value)
 
     def done(self) -> None:
         """Refuse fields that were not asked for."""
         for name in self.table:
             if name not in self._asked:
-                raise ValueError(f"{self.at(name)} = {shown(self.table[name])}: unknown field; allowed: {self._asked}")
+                meant = did_you_mean(name, self._asked)
+                value = shown(self.table[name])
+                raise ValueError(f"{self.at(name)} = {value}: unknown field; {meant}allowed: {self._asked}")
 
 
 def number(value: Any, at: str, *, low: float = -math.inf, strict: bool = False, infinite: bool = False) -> float:

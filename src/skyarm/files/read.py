@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import stat
 from pathlib import Path
 from typing import Any
 
-from skyarm.files.fields import shown
+from skyarm.files.one_line import shown
+
+NO_FILE = "no such file"
+NOT_THERE = (errno.ENOENT, errno.ENOTDIR, errno.ELOOP)
+"""Reasons that are no more than that."""
 
 
 def file_name(value: Any, field: str) -> str:
@@ -23,9 +29,13 @@ def file_name(value: Any, field: str) -> str:
 
 def unreadable(path: Path) -> str:
     """Why there is no file to read at a path, in words; empty if there is one."""
+    # not path.is_file(), which keeps the reason to itself since Python 3.14
     try:
-        if path.is_dir():
-            return "is a folder"
-        return "" if path.is_file() else "no such file"
-    except (OSError, ValueError) as error:  # too long a name; a NUL in it
-        return getattr(error, "strerror", None) or str(error)
+        mode = os.stat(path).st_mode
+    except OSError as error:
+        return NO_FILE if error.errno in NOT_THERE else error.strerror or str(error)
+    except ValueError:  # a NUL in it
+        return NO_FILE
+    if stat.S_ISDIR(mode):
+        return "is a folder"
+    return "" if stat.S_ISREG(mode) else NO_FILE

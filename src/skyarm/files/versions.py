@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import platform
+import sys
 from functools import lru_cache
 from importlib import metadata
+
+ABSENT = "not installed"
 
 
 def versions(*packages: str) -> dict[str, str]:
@@ -14,7 +17,11 @@ def versions(*packages: str) -> dict[str, str]:
 
 @lru_cache(maxsize=32)
 def _version(package: str) -> str:
+    if package == "skyarm":
+        # what an editable installation noted once is not the version of the source that runs; not imported, because
+        # the package's front reaches every room
+        return str(sys.modules["skyarm"].__version__)
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:
-        return "not installed"
+        return ABSENT

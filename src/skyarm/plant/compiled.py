@@ -9,14 +9,13 @@ from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import Program, trace
 from skyarm.dynamics import State
-from skyarm.environment import WindSample
-from skyarm.plant.interface import Flat, World, number, whole_steps
-from skyarm.plant.rigid_body import INTEGRATORS, STEP, accelerate
-from skyarm.plant.stiffness import friction_rate
+from skyarm.plant.friction_rate import friction_rate
+from skyarm.plant.integrators import FRICTION_STEP, INTEGRATORS
+from skyarm.plant.interface import Flat, Truth, number, whole_steps
+from skyarm.plant.largest_step import divisions, largest_step
+from skyarm.plant.rigid_body import STEP, accelerate
+from skyarm.plant.surroundings import Around
 from skyarm.vehicle.check import require_plant
-
-FRICTION_STEP = 0.6
-"""Largest product of friction's decay rate and an RK4 step (stable to 2.78; error 6e-4 of the fastest mode)."""
 
 
 def example_state(joints: int, rotors: int) -> State:
@@ -42,28 +41,31 @@ class RigidBodyPlant:
 
     Args:
         world: true vehicle and gravity. A planar model is refused: no real body has its inertia.
-        wind: a sample of the episode's wind; its structural zeros are folded away.
-        integrator: "rk4" takes one step per call, more where joint friction is stiff; "euler" takes ``physics_step``.
+        around: surroundings of one period as an example; their structural zeros are folded away.
+        integrator: "rk4" takes one step per call, more where joint friction is stiff; "euler" takes ``physics_step``;
+            both divide their step where the surroundings state a largest one. "rk4_staged", which other plants tell
+            from "rk4", is "rk4" here.
         physics_step: s.
     """
 
-    def __init__(self, world: World, wind: WindSample, integrator: str = "rk4", physics_step: float = 0.001) -> None:
+    def __init__(self, world: Truth, around: Around, integrator: str = "rk4", physics_step: float = 0.001) -> None:
         require_plant(world.vehicle)
         if integrator not in INTEGRATORS:
             raise ValueError(f"integrator = {integrator!r}: must be one of {list(INTEGRATORS)}")
         self.vehicle = world.vehicle
-        self._world, self._wind, self._integrator, self._physics_step = world, wind, integrator, physics_step
+        self._world, self._around, self._integrator, self._physics_step = world, around, integrator, physics_step
         n, rotors = world.vehicle.n, len(world.vehicle.rotors)
-        self._examples = (example_state(n, rotors), example_command(n, rotors), wind)
+        self._examples = (example_state(n, rotors), example_command(n, rotors), around)
         self._steps: dict[float, Program] = {}
+        self._largest = largest_step(around)
         self._per_second = friction_rate(world.vehicle) / FRICTION_STEP
 
     @cached_property
     def _accelerometer(self) -> Program:
         return trace(self._reading, *self._examples)
 
-    def _reading(self, state: State, command: Command, wind: WindSample) -> Vec3:
-        base, _ = accelerate(self._world, state, state.rotor_speeds, command.efforts, wind)
+    def _reading(self, state: State, command: Command, around: Around) -> Vec3:
+        base, _ = accelerate(self._world, state, state.rotor_speeds, command.efforts, around)
         # without rotors, drag and wind nothing pushes: the reading is a structural zero
         return Vec3(*(number(c) for c in base.linear))
 
@@ -71,30 +73,30 @@ class RigidBodyPlant:
         if dt not in self._steps:
             law = STEP[self._integrator]
 
-            def step(state: State, command: Command, wind: WindSample) -> State:
-                return law(self._world, state, command, wind, dt)
+            def step(state: State, command: Command, around: Around) -> State:
+                return law(self._world, state, command, around, dt)
 
             self._steps[dt] = trace(step, *self._examples)
         return self._steps[dt]
 
     def substeps(self, seconds: float) -> int:
         """Integration steps that an interval is cut into."""
-        if self._integrator == "rk4":
-            return max(1, math.ceil(seconds * self._per_second))
-        return whole_steps(seconds, self._physics_step)
+        if self._integrator != "euler":
+            return max(1, math.ceil(seconds * self._per_second), divisions(seconds, self._largest))
+        return whole_steps(seconds, self._physics_step) * divisions(self._physics_step, self._largest)
 
-    def advance(self, state: Flat, command: Flat, wind: Flat, seconds: float) -> tuple[float, ...]:
-        """State after ``seconds`` of held command and wind."""
-        inputs = (*command, *wind)
-        rk4 = self._integrator == "rk4"
+    def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
+        """State after ``seconds`` of held command and surroundings."""
+        inputs = (*command, *around)
+        divided = self._integrator != "euler" or self._largest is not None
         count = self.substeps(seconds)
-        step = self._step(seconds / count if rk4 else self._physics_step)
+        step = self._step(seconds / count if divided else self._physics_step)
         x = tuple(state)
         for _ in range(count):
             x = step.flat((*x, *inputs))
         return x
 
-    def specific_force(self, state: Flat, command: Flat, wind: Flat) -> tuple[float, float, float]:
+    def specific_force(self, state: Flat, command: Flat, around: Flat) -> tuple[float, float, float]:
         """Proper acceleration of the base origin, base axes, m/s^2."""
-        x, y, z = self._accelerometer.flat((*state, *command, *wind))
+        x, y, z = self._accelerometer.flat((*state, *command, *around))
         return x, y, z

@@ -8,17 +8,18 @@ from typing import Any, Protocol
 
 from skyarm.compile import leaves
 from skyarm.dynamics.state import State
+from skyarm.records import coerce
 from skyarm.scalars import Scalar
-from skyarm.vehicle import check, coerce
-from skyarm.vehicle.coerce import accept
-from skyarm.vehicle.records import Vehicle
+from skyarm.vehicle import check
+from skyarm.vehicle.check import accept
+from skyarm.vehicle.vehicle_records import Vehicle
 
 Flat = Sequence[float]
-"""Leaves of a record (:func:`skyarm.compile.leaves`): State, Command or WindSample."""
+"""Leaves of a record (:func:`skyarm.compile.leaves`): State, Command or Surroundings."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class World:
+class Truth:
     """What is simulated: the true vehicle and gravity (m/s^2)."""
 
     vehicle: Vehicle
@@ -34,11 +35,11 @@ class Plant(Protocol):
 
     vehicle: Vehicle
 
-    def advance(self, state: Flat, command: Flat, wind: Flat, seconds: float) -> tuple[float, ...]:
-        """State after ``seconds`` (whole physics steps, or one control period) of held command and wind."""
+    def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
+        """State after ``seconds`` (whole physics steps, or one control period) of held command and surroundings."""
         ...
 
-    def specific_force(self, state: Flat, command: Flat, wind: Flat) -> tuple[float, float, float]:
+    def specific_force(self, state: Flat, command: Flat, around: Flat) -> tuple[float, float, float]:
         """What an accelerometer at the base origin reads now, base axes, m/s^2."""
         ...
 

@@ -5,15 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.actuation import Command, joint_force, rotor_forces, speed_after
+from skyarm.actuation import Command, joint_force, rotor_forces, speeds_after
 from skyarm.algebra import ZERO3, Force
+from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
-from skyarm.environment import Effectiveness, WindSample, body_drag
-from skyarm.vehicle.records import Vehicle
+from skyarm.environment import Effectiveness, Wrench, body_drag
+from skyarm.plant.surroundings import Around, surroundings_of
+from skyarm.scalars import add
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def applied_force(
-    vehicle: Vehicle, state: State, rotor_speeds: Sequence[Any], efforts: Sequence[Any], wind: WindSample
+    vehicle: Vehicle,
+    state: State,
+    rotor_speeds: Sequence[Any],
+    setpoints: Sequence[Any],
+    around: Around,
 ) -> tuple[Force, tuple[Any, ...]]:
     """Force on the base (torque about and force at its origin, base axes) and joint torques.
 
@@ -21,25 +28,34 @@ def applied_force(
         vehicle: the truth.
         state: of the vehicle; its own rotor speeds are not read.
         rotor_speeds: rad/s, now.
-        efforts: commanded joint torques or forces.
-        wind: force and air velocity, now, and what faults leave of the actuators.
+        setpoints: of the joints' drives; torques or forces unless the drive says otherwise.
+        around: air, forces, faults and drives of the period.
     """
-    R = state.quaternion.rotation()
-    v_air = R.apply_T(state.velocity - wind.air_velocity_W)
-    push = R.apply_T(wind.force_W)
-    total = Force(wind.point_B.cross(push), push) + Force(ZERO3, body_drag(vehicle.drag, v_air))
-    left = wind.effectiveness or Effectiveness((1,) * len(vehicle.rotors), (1,) * vehicle.n)
+    around = surroundings_of(around)
+    motion = PointMotion(vehicle, state)
+    v_air = motion.rotation.apply_T(state.velocity - around.air_velocity(state.position))
+    total, pushed = _outside(around.wrenches(motion, rotor_speeds), motion)
+    total = total + Force(ZERO3, body_drag(vehicle.drag, v_air))
+    left = around.effectiveness or Effectiveness((1,) * len(vehicle.rotors), (1,) * vehicle.n)
     total = total + rotor_forces(vehicle.rotors, rotor_speeds, v_air, state.rate, left.rotors)
-    torques = tuple(
-        joint_force(link.joint, effort, rate, share)
-        for link, effort, rate, share in zip(vehicle.links, efforts, state.joint_rates, left.joints, strict=True)
-    )
-    return total, torques
+    torques = []
+    for i, (link, setpoint, share, push) in enumerate(zip(vehicle.links, setpoints, left.joints, pushed, strict=True)):
+        rate = state.joint_rates[i]
+        effort = around.effort(i, setpoint, state.joints[i], rate)
+        torques.append(add(joint_force(link.joint, effort, rate, share), push))
+    return total, tuple(torques)
+
+
+def _outside(wrenches: Sequence[Wrench], motion: PointMotion) -> tuple[Force, Sequence[Any]]:
+    """Wrenches on bodies as force on the base and joint torques."""
+    total, pushed = Force(ZERO3, ZERO3), [0] * motion.vehicle.n
+    for wrench in wrenches:
+        force, efforts = motion.generalized(wrench.force_W, wrench.torque_W, wrench.point, wrench.body)
+        total = total + force
+        pushed = [add(a, b) for a, b in zip(pushed, efforts, strict=True)]
+    return total, pushed
 
 
 def lagged(vehicle: Vehicle, state: State, command: Command, dt: Any) -> tuple[Any, ...]:
     """Rotor speeds after ``dt`` seconds of a held command."""
-    return tuple(
-        speed_after(rotor, speed, wanted, dt)
-        for rotor, speed, wanted in zip(vehicle.rotors, state.rotor_speeds, command.rotor_speeds, strict=True)
-    )
+    return speeds_after(vehicle.rotors, state.rotor_speeds, command.rotor_speeds, dt)

@@ -8,9 +8,14 @@ import mujoco
 import numpy as np
 
 from skyarm.algebra import Mat3, Vec3
-from skyarm.vehicle.records import BASE, Body, Joint, Vehicle
+from skyarm.vehicle.vehicle_records import BASE, Body, Joint, Vehicle
 
-INTEGRATORS = {"rk4": mujoco.mjtIntegrator.mjINT_RK4, "euler": mujoco.mjtIntegrator.mjINT_EULER}
+INTEGRATORS = {
+    "rk4": mujoco.mjtIntegrator.mjINT_RK4,
+    "euler": mujoco.mjtIntegrator.mjINT_EULER,
+    "rk4_staged": mujoco.mjtIntegrator.mjINT_RK4,
+}
+"""MuJoCo's own of each of ours; in "rk4_staged" MuJoCo only tells accelerations."""
 
 BASE_NAME = "base"
 """Body and free joint of the airframe; a link may have any name of its own."""
@@ -31,7 +36,7 @@ def build_spec(vehicle: Vehicle, gravity: float, *, timestep: float = 0.001, int
         vehicle: with concrete numbers.
         gravity: m/s^2, positive downwards.
         timestep: s.
-        integrator: "rk4" or "euler".
+        integrator: "rk4", "euler" or "rk4_staged".
     """
     spec = mujoco.MjSpec()
     spec.modelname = vehicle.name

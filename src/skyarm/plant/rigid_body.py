@@ -15,12 +15,10 @@ from skyarm.actuation import Command
 from skyarm.algebra import Motion, Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.state import coordinate_acceleration
-from skyarm.environment import WindSample
-from skyarm.plant.interface import World
+from skyarm.plant.interface import Truth
 from skyarm.plant.loads import applied_force, lagged
+from skyarm.plant.surroundings import Around
 from skyarm.scalars import Scalar, add, mul
-
-INTEGRATORS = ("rk4", "euler")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -36,18 +34,16 @@ class Rate:
 
 
 def accelerate(
-    world: World, state: State, rotor_speeds: Sequence[Any], efforts: Sequence[Any], wind: WindSample
+    world: Truth, state: State, rotor_speeds: Sequence[Any], efforts: Sequence[Any], around: Around
 ) -> tuple[Motion, tuple[Any, ...]]:
     """Proper acceleration of the base (base axes) and joint accelerations."""
-    force, torques = applied_force(world.vehicle, state, rotor_speeds, efforts, wind)
+    force, torques = applied_force(world.vehicle, state, rotor_speeds, efforts, around)
     return dynamics.forward_dynamics(world.vehicle, state.joints, state.rate, state.joint_rates, force, torques)
 
 
-def derivative(
-    world: World, state: State, rotor_speeds: Sequence[Any], efforts: Sequence[Any], wind: WindSample
-) -> Rate:
+def derivative(world: Truth, state: State, rotor_speeds: Sequence[Any], efforts: Sequence[Any], around: Around) -> Rate:
     """Right-hand side of the equations of motion."""
-    base, joint_accelerations = accelerate(world, state, rotor_speeds, efforts, wind)
+    base, joint_accelerations = accelerate(world, state, rotor_speeds, efforts, around)
     linear, angular = coordinate_acceleration(state.quaternion.rotation(), base, world.gravity)
     return Rate(
         position=state.velocity,
@@ -59,8 +55,8 @@ def derivative(
     )
 
 
-def step_rk4(world: World, state: State, command: Command, wind: WindSample, dt: float) -> State:
-    """One step of the classical fourth-order Runge-Kutta method with command and wind held.
+def step_rk4(world: Truth, state: State, command: Command, around: Around, dt: float) -> State:
+    """One step of the classical fourth-order Runge-Kutta method with command and surroundings held.
 
     The attitude is integrated as four numbers and normalised after the step, which keeps the order.
     Source: Kutta 1901; Hairer, Norsett, Wanner 1993, II.1.
@@ -68,7 +64,7 @@ def step_rk4(world: World, state: State, command: Command, wind: WindSample, dt:
     half, whole = lagged(world.vehicle, state, command, 0.5 * dt), lagged(world.vehicle, state, command, dt)
 
     def slope(at: State, speeds: Sequence[Any]) -> Rate:
-        return derivative(world, at, speeds, command.efforts, wind)
+        return derivative(world, at, speeds, command.efforts, around)
 
     k1 = slope(state, state.rotor_speeds)
     k2 = slope(_moved(state, k1, 0.5 * dt), half)
@@ -95,13 +91,13 @@ def _moved(state: State, rate: Rate, dt: Any) -> State:
     )
 
 
-def step_euler(world: World, state: State, command: Command, wind: WindSample, dt: float) -> State:
+def step_euler(world: Truth, state: State, command: Command, around: Around, dt: float) -> State:
     """One semi-implicit Euler step: velocities first, then positions with the new velocities.
 
     The attitude moves by the exponential of the new rate, as MuJoCo's manifold update does, so that both plants make
     the same step; its length is corrected before it turns, when nothing waits for it. First order.
     """
-    rate = derivative(world, state, state.rotor_speeds, command.efforts, wind)
+    rate = derivative(world, state, state.rotor_speeds, command.efforts, around)
     velocity = state.velocity + rate.velocity * dt
     w = state.rate + rate.rate * dt
     joint_rates = tuple(add(x, mul(dx, dt)) for x, dx in zip(state.joint_rates, rate.joint_rates, strict=True))
@@ -116,4 +112,4 @@ def step_euler(world: World, state: State, command: Command, wind: WindSample, d
     )
 
 
-STEP = {"rk4": step_rk4, "euler": step_euler}
+STEP = {"rk4": step_rk4, "euler": step_euler, "rk4_staged": step_rk4}

@@ -1,8 +1,8 @@
 """Desired motion: signals with derivatives to the fourth, trajectories of base and joints, publishing at a rate."""
 
 from skyarm.reference.compose import Shifted, Sum, Windowed, sequence
-from skyarm.reference.parse import signal_from, trajectory_from
 from skyarm.reference.publisher import Publisher
+from skyarm.reference.reference_tables import signal_from, trajectory_from
 from skyarm.reference.signals import Constant, Ramp, Signal, Sine
 from skyarm.reference.trajectory import Reference, Trajectory, circle, hover
 

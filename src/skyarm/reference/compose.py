@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
-from skyarm.reference.signals import Constant, Derivatives, Ramp, Signal, check_number
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+from skyarm.reference.signals import Constant, Derivatives, Ramp, Signal
 from skyarm.scalars import Scalar, add, where
 
 
@@ -16,12 +18,11 @@ class Windowed(Signal):
     """A signal within [start, stop), zero outside."""
 
     signal: Signal
-    start: Scalar = -math.inf
-    stop: Scalar = math.inf
+    start: Annotated[Scalar, Unit("s", infinite=True)] = -math.inf
+    stop: Annotated[Scalar, Unit("s", infinite=True)] = math.inf
 
     def __post_init__(self) -> None:
-        check_number("windowed.start", self.start, infinite=True)
-        check_number("windowed.stop", self.stop, infinite=True)
+        accept_fields(self, "windowed")
         concrete = isinstance(self.start, (int, float)) and isinstance(self.stop, (int, float))
         if concrete and not self.start < self.stop:
             raise ValueError(f"windowed.stop = {self.stop!r}: must be after start = {self.start!r}")
@@ -48,10 +49,10 @@ class Shifted(Signal):
     """A signal that comes ``delay`` seconds later."""
 
     signal: Signal
-    delay: Scalar
+    delay: Annotated[Scalar, Unit("s")]
 
     def __post_init__(self) -> None:
-        check_number("shifted.delay", self.delay)
+        accept_fields(self, "shifted")
 
     def derivatives(self, t: Any) -> Derivatives:
         """Those of the signal at t - delay."""
@@ -67,6 +68,9 @@ class Sum(Signal):
     """Several signals at once; an empty sum is a structural zero."""
 
     signals: tuple[Signal, ...]
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "sum")
 
     def derivatives(self, t: Any) -> Derivatives:
         """Sum, term by term."""

@@ -10,8 +10,10 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, cos, sin, where
 
 Derivatives = tuple[Any, Any, Any, Any, Any]
@@ -41,12 +43,12 @@ class Signal(ABC):
 
 @dataclass(frozen=True, slots=True)
 class Constant(Signal):
-    """The same value for ever; its derivatives are structural zeros."""
+    """A constant signal has the same value at all times; its derivatives are structural zeros."""
 
-    value: Scalar = 0.0
+    value: Annotated[Scalar, Unit("", "in the unit of the signal")] = 0.0
 
     def __post_init__(self) -> None:
-        check_number("constant.value", self.value)
+        accept_fields(self, "constant")
 
     def derivatives(self, t: Any) -> Derivatives:
         """Value, 0, 0, 0, 0."""
@@ -59,24 +61,19 @@ class Constant(Signal):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Ramp(Signal):
-    """From 0 to ``height`` within ``duration``, 0 before and ``height`` after.
+    """A ramp signal goes from 0 to ``height`` within ``duration``; it is 0 before and ``height`` after.
 
     Attributes:
-        start: s.
-        duration: s, above 0.
-        height: in the unit of the signal.
         shape: "linear", or "quintic" = 10 u^3 - 15 u^4 + 6 u^5 with u = (t - start)/duration, at rest at both ends.
     """
 
-    start: Scalar
-    duration: Scalar
-    height: Scalar
+    start: Annotated[Scalar, Unit("s")]
+    duration: Annotated[Scalar, Unit("s", "above 0")]
+    height: Annotated[Scalar, Unit("", "in the unit of the signal")]
     shape: str = "linear"
 
     def __post_init__(self) -> None:
-        check_number("ramp.start", self.start)
-        check_number("ramp.height", self.height)
-        check_number("ramp.duration", self.duration)
+        accept_fields(self, "ramp")
         if isinstance(self.duration, (int, float)) and not self.duration > 0.0:
             raise ValueError(f"ramp.duration = {self.duration!r}: must be above 0 s")
         check_shape("ramp.shape", self.shape)
@@ -124,21 +121,14 @@ def _quintic(u: Any) -> Derivatives:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Sine(Signal):
-    """amplitude sin(2 pi frequency_hz t + phase), for ever.
+    """A sine signal: amplitude sin(2 pi frequency_hz t + phase)."""
 
-    Attributes:
-        amplitude: in the unit of the signal.
-        frequency_hz: Hz.
-        phase: rad.
-    """
-
-    amplitude: Scalar
-    frequency_hz: Scalar
-    phase: Scalar = 0.0
+    amplitude: Annotated[Scalar, Unit("", "in the unit of the signal")]
+    frequency_hz: Annotated[Scalar, Unit("Hz")]
+    phase: Annotated[Scalar, Unit("rad")] = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("amplitude", "frequency_hz", "phase"):
-            check_number(f"sine.{name}", getattr(self, name))
+        accept_fields(self, "sine")
 
     def derivatives(self, t: Any) -> Derivatives:
         """Value and derivatives: each turns the sine by a quarter and multiplies it by w."""
@@ -150,12 +140,6 @@ class Sine(Signal):
     def switch_times(self) -> tuple[float, ...]:
         """None."""
         return ()
-
-
-def check_number(field: str, value: Any, *, infinite: bool = False) -> None:
-    """Refuse NaN, and infinity where it means nothing; lanes and traced values pass."""
-    if isinstance(value, (int, float)) and (math.isnan(value) or (math.isinf(value) and not infinite)):
-        raise ValueError(f"{field} = {value!r}: must be a {'number' if infinite else 'finite number'}")
 
 
 def check_shape(field: str, value: str) -> None:

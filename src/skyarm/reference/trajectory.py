@@ -6,9 +6,13 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
+from skyarm.records import coerce
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.leaves import parts
+from skyarm.records.units import Unit
 from skyarm.reference.compose import Shifted, Sum, Windowed
 from skyarm.reference.signals import Constant, Signal, Sine
 from skyarm.scalars import Scalar
@@ -16,39 +20,42 @@ from skyarm.scalars import Scalar
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Reference:
-    """Desired motion at one instant (or, with arrays as scalars, at many).
+    """A reference is the desired motion at one instant (or, with arrays as scalars, at many)."""
 
-    Attributes:
-        position, velocity, acceleration, jerk, snap: of the base origin, world axes, m and s.
-        yaw, yaw_rate, yaw_acceleration: heading, rad and s.
-        joints, joint_rates, joint_accelerations, joint_jerks, joint_snaps: rad or m, and s.
-    """
+    position: Annotated[Vec3, Unit("m", "base origin, world axes")] = ZERO3
+    velocity: Annotated[Vec3, Unit("m/s", "world axes")] = ZERO3
+    acceleration: Annotated[Vec3, Unit("m/s^2", "world axes")] = ZERO3
+    jerk: Annotated[Vec3, Unit("m/s^3", "world axes")] = ZERO3
+    snap: Annotated[Vec3, Unit("m/s^4", "world axes")] = ZERO3
+    yaw: Annotated[Scalar, Unit("rad", "heading about world z")] = 0
+    yaw_rate: Annotated[Scalar, Unit("rad/s")] = 0
+    yaw_acceleration: Annotated[Scalar, Unit("rad/s^2")] = 0
+    joints: Annotated[tuple[Scalar, ...], Unit("rad or m")] = ()
+    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s")] = ()
+    joint_accelerations: Annotated[tuple[Scalar, ...], Unit("rad/s^2 or m/s^2")] = ()
+    joint_jerks: Annotated[tuple[Scalar, ...], Unit("rad/s^3 or m/s^3")] = ()
+    joint_snaps: Annotated[tuple[Scalar, ...], Unit("rad/s^4 or m/s^4")] = ()
 
-    position: Vec3 = ZERO3
-    velocity: Vec3 = ZERO3
-    acceleration: Vec3 = ZERO3
-    jerk: Vec3 = ZERO3
-    snap: Vec3 = ZERO3
-    yaw: Scalar = 0
-    yaw_rate: Scalar = 0
-    yaw_acceleration: Scalar = 0
-    joints: tuple[Scalar, ...] = ()
-    joint_rates: tuple[Scalar, ...] = ()
-    joint_accelerations: tuple[Scalar, ...] = ()
-    joint_jerks: tuple[Scalar, ...] = ()
-    joint_snaps: tuple[Scalar, ...] = ()
+    def __post_init__(self) -> None:
+        # made in every period: what holds vectors and tuples already is not looked at
+        vectors = type(self.position) is type(self.velocity) is type(self.acceleration) is Vec3
+        vectors = vectors and type(self.jerk) is type(self.snap) is Vec3
+        tuples = type(self.joints) is type(self.joint_rates) is type(self.joint_accelerations) is tuple
+        tuples = tuples and type(self.joint_jerks) is type(self.joint_snaps) is tuple
+        numbers = {type(self.yaw), type(self.yaw_rate), type(self.yaw_acceleration)} <= PLAIN_NUMBERS
+        if not (vectors and tuples and numbers):
+            accept_fields(self, "reference")
 
     def mapped(self, function: Callable[[Any], Any]) -> Reference:
         """Apply a function to every scalar, structural ones too."""
         values: dict[str, Any] = {}
-        for field in dataclasses.fields(self):
-            value = getattr(self, field.name)
+        for name, value in parts(self).items():
             if isinstance(value, Vec3):
-                values[field.name] = Vec3(*(function(c) for c in value))
+                values[name] = Vec3(*(function(c) for c in value))
             elif isinstance(value, tuple):
-                values[field.name] = tuple(function(c) for c in value)
+                values[name] = tuple(function(c) for c in value)
             else:
-                values[field.name] = function(value)
+                values[name] = function(value)
         return Reference(**values)
 
     def dense(self) -> Reference:
@@ -56,19 +63,25 @@ class Reference:
         return self.mapped(lambda value: float(value) if isinstance(value, (int, float)) else value)
 
 
+PLAIN_NUMBERS = {float, int}
+"""Types of numbers that need no look; those of other scalars do, and pass."""
+
 ZERO = Constant(0.0)
 """The signal that stays at zero."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Trajectory:
-    """Signals of the base position (m), the heading (rad) and the joints (rad or m)."""
+    """A trajectory holds the signals of the base position, the heading and the joints."""
 
-    x: Signal = ZERO
-    y: Signal = ZERO
-    z: Signal = ZERO
-    yaw: Signal = ZERO
-    joints: tuple[Signal, ...] = ()
+    x: Annotated[Signal, Unit("m", "base origin, world axes")] = ZERO
+    y: Annotated[Signal, Unit("m")] = ZERO
+    z: Annotated[Signal, Unit("m")] = ZERO
+    yaw: Annotated[Signal, Unit("rad", "heading about world z")] = ZERO
+    joints: Annotated[tuple[Signal, ...], Unit("rad or m")] = ()
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "trajectory")
 
     def at(self, t: Any) -> Reference:
         """Sample at time t (s); right-hand limits at switch times."""
@@ -123,9 +136,11 @@ def signals(values: Sequence[Signal | Any]) -> tuple[Signal, ...]:
 
 
 def hover(position: Sequence[Any], *, yaw: Any = 0.0, joints: Sequence[Signal | Any] = ()) -> Trajectory:
-    """Stay at a point (m) with a heading (rad) while the joints follow their signals."""
-    x, y, z, heading = signals((*position, yaw))
-    return Trajectory(x=x, y=y, z=z, yaw=heading, joints=signals(joints))
+    """Make a trajectory that stays at a point (m) with a heading (rad) while the joints follow their signals."""
+    place = coerce.items("hover.position", position, (3,), "must be three numbers")
+    x, y, z, heading = signals((*place, yaw))
+    followed = coerce.items("hover.joints", joints, None, "must be signals or numbers, one per joint")
+    return Trajectory(x=x, y=y, z=z, yaw=heading, joints=signals(followed))
 
 
 def circle(
@@ -138,7 +153,7 @@ def circle(
     yaw: Any = 0.0,
     joints: Sequence[Signal | Any] = (),
 ) -> Trajectory:
-    """Horizontal circle, counter-clockwise seen from above, within [start, stop); the centre outside.
+    """Make a horizontal circle, counter-clockwise seen from above, within [start, stop); the centre outside.
 
     It begins with a step: x = radius cos(2 pi f (t - start)), y = radius sin(...), as in the paper's Case 3. Without a
     ``start`` the angle counts from t = 0.

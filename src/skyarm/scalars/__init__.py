@@ -8,7 +8,7 @@ Two rules hold everywhere:
   a ``float`` is *data*, may vary from lane to lane and is never folded, even when it happens to be 0.0.
 """
 
-from skyarm.scalars.fold import add, mul, neg, same, structural, sub
+from skyarm.scalars.fold import add, data, mul, neg, same, structural, sub
 from skyarm.scalars.functions import (
     absolute,
     acos,
@@ -46,6 +46,7 @@ __all__ = [
     "atan2",
     "clip",
     "cos",
+    "data",
     "divide",
     "exp",
     "floor",

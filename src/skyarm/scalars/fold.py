@@ -14,6 +14,11 @@ def structural(value: float) -> int | float:
     return int(value) if value in (0.0, 1.0, -1.0) else float(value)
 
 
+def data(value: Any) -> Any:
+    """A structural number as data, so that it keeps its place among a record's leaves whatever it folds to."""
+    return float(value) if type(value) is int else value
+
+
 def same(a: Any, b: Any) -> bool:
     """Whether two scalars are one: the same object, or equal plain numbers of one kind."""
     return a is b or (type(a) is type(b) and type(a) in (int, float) and a == b)

@@ -22,6 +22,7 @@ Source: Salmon, Moraes, Dror, Shaw 2011, "Parallel random numbers: as easy as 1,
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -103,6 +104,14 @@ def normal_pair(a: Any, b: Any) -> tuple[Any, Any]:
     """
     radius, angle = sqrt(-2.0 * elementary.log(a)), TWO_PI * b
     return radius * elementary.cos(angle), radius * elementary.sin(angle)
+
+
+def normals(uniforms: Sequence[Any]) -> list[Any]:
+    """Return standard normal numbers from an even count of uniform ones, pair by pair."""
+    numbers: list[Any] = []
+    for a, b in zip(uniforms[0::2], uniforms[1::2], strict=True):
+        numbers += normal_pair(a, b)
+    return numbers
 
 
 def _unit(low: Words, high: Words) -> NDArray[np.float64]:

@@ -13,16 +13,17 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.compile import leaves, rebuild, trace
-from skyarm.compile.arrays import evaluate
-from skyarm.compile.lower import live
-from skyarm.compile.tracer import Node
+from skyarm.compile.tracing.array_evaluation import evaluate
+from skyarm.compile.tracing.lower import live
+from skyarm.compile.tracing.tracer import Node
+from skyarm.metrics.accumulate import Goal
 from skyarm.reference import Publisher, Reference
-from skyarm.simulate.carry import Row
-from skyarm.simulate.closed_loop import goal_of
+from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.simulate.counting_period import goal_of
 from skyarm.simulate.inputs import EpisodeInputs
-from skyarm.simulate.paths import with_numbers
-from skyarm.simulate.scenario import Scenario
-from skyarm.simulate.totals import Goal
+from skyarm.simulate.lane_arguments import numbers_of, require_values, require_within_queue
+from skyarm.simulate.loop_state import Row
 
 Array = npt.NDArray[Any]
 
@@ -109,3 +110,24 @@ def _columns(record: Any, count: int) -> list[Array]:
 
 def _zeros(record: Any) -> Any:
     return rebuild(record, iter([0.0] * len(leaves(record))))
+
+
+def lane_columns(
+    scenario: Scenario, paths: Sequence[str], values: Mapping[str, Array], episodes: Array | None
+) -> tuple[list[Array], int]:
+    """Numbers of each path, and how many lanes fly.
+
+    Raises:
+        ScenarioError: a path that is missing or not of this batch, columns of different lengths, or a delay beyond
+            the longest.
+    """
+    if set(require_values(values)) != set(paths):
+        odd = sorted(set(values) ^ set(paths))
+        raise ScenarioError(f"values: {odd[0]!r} must be there exactly if it is a path of the batch")
+    columns = [numbers_of(f"values[{path!r}]", values[path]) for path in paths]
+    count = columns[0].size if columns else 1 if episodes is None else len(episodes)
+    for path, column in zip(paths, columns, strict=True):
+        if column.shape != (count,) or (episodes is not None and len(episodes) != count):
+            raise ScenarioError(f"values[{path!r}]: shape {column.shape}, must be one number for each of {count} lanes")
+    require_within_queue(scenario, dict(zip(paths, columns, strict=True)))
+    return columns, count

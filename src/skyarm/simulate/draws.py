@@ -2,42 +2,87 @@
 
 from __future__ import annotations
 
+import zlib
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from skyarm.algebra import Vec3
-from skyarm.compile import leaves
-from skyarm.environment import Airspeed
-from skyarm.plant.sensors import noise_count
-from skyarm.scalars.philox import normal, normal_pair
-from skyarm.simulate.scenario import Scenario
+from skyarm.scalars.philox import uniforms
+from skyarm.scenario.scenario_record import Scenario
 
 CHANNEL_SENSORS, CHANNEL_TURBULENCE = 0, 1
-"""Channels of the noise generator; every engine draws the same numbers for (seed, episode, channel, step)."""
+"""Channels of the full state's noise and of the wind; what a scenario adds has channels of its own."""
+
+STARTS = (2**32 - 1, 2**32 - 2)
+"""Steps -1 and -2 of a channel start a component's memory; the flight's own begin at step 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class Draws:
+    """The uniform numbers of a period, in one row.
+
+    Attributes:
+        sensors, components: (channel, count) of each.
+    """
+
+    sensors: tuple[tuple[int, int], ...]
+    components: tuple[tuple[int, int], ...]
+
+    @property
+    def needed(self) -> tuple[tuple[int, int], ...]:
+        """(channel, count) of those that draw."""
+        return tuple(pair for pair in (*self.sensors, *self.components) if pair[1])
+
+    def of_sensor(self, index: int, row: Sequence[Any]) -> tuple[Any, ...]:
+        """A sensor's share of a row."""
+        return self._share(index, row)
+
+    def of_component(self, index: int, row: Sequence[Any]) -> tuple[Any, ...]:
+        """A component's share of a row."""
+        return self._share(len(self.sensors) + index, row)
+
+    def _share(self, index: int, row: Sequence[Any]) -> tuple[Any, ...]:
+        counts = [count for _, count in (*self.sensors, *self.components)]
+        first = sum(counts[:index])
+        return tuple(row[first : first + counts[index]])
+
+
+def draw_plan(scenario: Scenario) -> Draws:
+    """Channels and counts of everything that draws.
+
+    A component's channel follows from its kind and from how many of that kind stand before it, a sensor's from its
+    name: adding one changes no other's draws.
+    """
+    vehicle = scenario.world.vehicle
+    sensors = [(0, sensor.uniforms(vehicle)) for _, sensor in scenario.all_sensors[:1]]
+    sensors += [(_channel("sensor", name), sensor.uniforms(vehicle)) for name, sensor in scenario.all_sensors[1:]]
+    first, *added = scenario.components
+    components, before = [(CHANNEL_TURBULENCE, first.uniforms)], Counter[str]()
+    for component in added:
+        kind = type(component).__qualname__
+        components.append((_channel(f"component {before[kind]}", kind), component.uniforms))
+        before[kind] += 1
+    return Draws(tuple(sensors), tuple(components))
 
 
 def draws_needed(scenario: Scenario) -> tuple[tuple[int, int], ...]:
     """(channel, count) of the uniform numbers a period takes; counts are even, normals come in pairs."""
-    vehicle = scenario.world.vehicle
+    return draw_plan(scenario).needed
+
+
+def start_draws(scenario: Scenario, seed: int, episode: Any) -> list[Any]:
+    """Uniform numbers that start each component's memory: (..., 2 count), steps -1 and -2 of its channel."""
+    steps, keys = np.array(STARTS), np.asarray(episode)[..., None]
     found = []
-    if leaves(scenario.sensors):
-        count = noise_count(vehicle.n, len(vehicle.rotors))
-        found.append((CHANNEL_SENSORS, count + count % 2))
-    if isinstance(scenario.wind, Airspeed) and scenario.wind.turbulence is not None:
-        found.append((CHANNEL_TURBULENCE, 4))
-    return tuple(found)
+    for channel, count in draw_plan(scenario).components:
+        numbers = uniforms(seed, keys, channel, steps, count) if count else np.zeros((*keys.shape[:-1], 2, 0))
+        found.append(numbers.reshape(*keys.shape[:-1], 2 * count))
+    return found
 
 
-def normals(uniforms: tuple[Any, ...]) -> list[Any]:
-    """Normal numbers of uniform ones, pair by pair."""
-    numbers: list[Any] = []
-    for a, b in zip(uniforms[0::2], uniforms[1::2], strict=True):
-        numbers += normal_pair(a, b)
-    return numbers
-
-
-def turbulence_start(seed: int, episode: int) -> tuple[Vec3, Vec3]:
-    """Normal numbers that start the turbulence: steps -1 and -2 of its channel, the flight's own begin at step 0."""
-    draws = normal(seed, episode, CHANNEL_TURBULENCE, np.array([2**32 - 1, 2**32 - 2]), 3).tolist()
-    return Vec3(*draws[0]), Vec3(*draws[1])
+def _channel(kind: str, name: str) -> int:
+    """A channel beyond those of the library, from a name."""
+    return zlib.crc32(f"{kind} {name}".encode()) | 2**31

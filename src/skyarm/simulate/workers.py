@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import os
+import pickle
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -13,8 +14,13 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import Any
 
+from skyarm.files.code_place import OwnCodeError, own_failure
+from skyarm.registry import RegistryError
+from skyarm.registry.plugins import Plugin, laws_of_files, load_again, loaded, register_law_of_file
+from skyarm.simulate.travel import packed
+
 Submit = Callable[..., Future[Any]]
-"""submit(function, *arguments): both travel to the process by pickle."""
+"""submit(function, *arguments): both travel to the process (:mod:`skyarm.simulate.travel`)."""
 
 
 @contextmanager
@@ -29,11 +35,11 @@ def workers(count: int) -> Iterator[Submit]:
     before = set(multiprocessing.active_children())
     # spawn, not fork: the parent may hold threads (a progress bar), and the same code runs on every system
     spawn = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(count, mp_context=spawn, initializer=_serve_parent)
+    pool = ProcessPoolExecutor(count, mp_context=spawn, initializer=_serve_parent, initargs=(loaded(), laws_of_files()))
 
     def submit(function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         with _deaf_to_interrupts():
-            return pool.submit(function, *arguments)
+            return pool.submit(_call, packed((function, arguments)))
 
     try:
         yield submit
@@ -60,9 +66,34 @@ def _abandon(pool: ProcessPoolExecutor, children: set[Any]) -> None:
         child.terminate()
 
 
-def _serve_parent() -> None:
+_REFUSED: list[RegistryError] = []
+"""Why this process cannot have its parent's plugins, if it cannot."""
+
+
+def _call(work: bytes) -> Any:
+    """Do a piece of work; it is unpickled here, once the plugins that it may need are loaded."""
+    if _REFUSED:
+        raise _REFUSED[0]
+    function, arguments = pickle.loads(work)
+    try:
+        return function(*arguments)
+    except (Exception, SystemExit) as error:
+        line = own_failure(error)
+        if not line:
+            raise
+        # the traceback stays here: what it says of someone's own code goes along as a line
+        raise OwnCodeError(line) from error
+
+
+def _serve_parent(plugins: tuple[Plugin, ...], laws: tuple[str, ...]) -> None:
     """What a worker does first: leave Ctrl-C, which reaches every process of a terminal, to the parent; end with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        load_again(plugins)
+        for law in laws:
+            register_law_of_file(law)
+    except RegistryError as error:
+        _REFUSED.append(error)
     threading.Thread(target=_end_with_parent, daemon=True, name="end with parent").start()
 
 

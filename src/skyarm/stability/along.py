@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 import dataclasses
-import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from skyarm.compile import leaves
-from skyarm.compile.llvm_text import Lanes
-from skyarm.compile.native import Kernel
+from skyarm.compile.llvm.kernel import Kernel
+from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.environment import NO_WIND
 from skyarm.reference import Constant, Trajectory
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.simulate.compiled_flight import trace_scenario
 from skyarm.simulate.inputs import episode_inputs
-from skyarm.simulate.native import trace_scenario
-from skyarm.simulate.scenario import Scenario, ScenarioError
 from skyarm.stability.margins import Margins, margins
 from skyarm.stability.open_loop import LAGS, Differentiator, carry_of, nominal
 
 SETTLING = 5.0
-"""s of hover before it is linearised."""
+"""s of hover before it is linearised; whole, so that they hold whole periods of any rate."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -72,11 +72,10 @@ def hovering(scenario: Scenario) -> Scenario:
         yaw=held(start.yaw),
         joints=tuple(held(q) for q in start.joints),
     )
-    periods = math.ceil(SETTLING * scenario.rates.control)
     return dataclasses.replace(
         scenario,
         trajectory=still,
-        duration=periods / scenario.rates.control,
+        duration=SETTLING,
         wind=NO_WIND,
         faults=(),
         initial=None,
@@ -84,7 +83,7 @@ def hovering(scenario: Scenario) -> Scenario:
     )
 
 
-def evidence(scenario: Scenario, instants: int = 4) -> Evidence:
+def evidence(scenario: Scenario, instants: int = 4, progress: Callable[[int, int], object] | None = None) -> Evidence:
     """Margins in hover and at ``instants`` times along the scenario, equally far apart, the last at its end.
 
     Noise and turbulence are left out, on the rigid-body plant. Along a flight each instant is linearised as if time
@@ -98,10 +97,17 @@ def evidence(scenario: Scenario, instants: int = 4) -> Evidence:
     flights = [(True, hovering(nominal(scenario)), 1)]
     if instants:
         flights.append((False, nominal(scenario), instants))
+    total = sum(count for _, _, count in flights)
+
+    def told(done: int) -> None:
+        if progress is not None:
+            progress(done, total)
+
     found: list[Instant] = []
     completed = True
+    told(0)
     for hover, flight, count in flights:
-        some, whole = _along(dataclasses.replace(flight, plant="rigid_body"), count, hover)
+        some, whole = _along(dataclasses.replace(flight, plant="rigid_body"), count, hover, told, len(found))
         found += some
         completed = completed and whole
     return Evidence(
@@ -109,8 +115,10 @@ def evidence(scenario: Scenario, instants: int = 4) -> Evidence:
     )
 
 
-def _along(flight: Scenario, count: int, hover: bool) -> tuple[list[Instant], bool]:
-    """Instants of one flight, and whether it was completed."""
+def _along(
+    flight: Scenario, count: int, hover: bool, told: Callable[[int], None], before: int
+) -> tuple[list[Instant], bool]:
+    """Instants of one flight, and whether it was completed; tells how many are done with those ``before``."""
     inputs = episode_inputs(flight)
     traced = trace_scenario(flight, inputs)
     kernel = Kernel(traced.loop, Lanes(1))
@@ -129,4 +137,5 @@ def _along(flight: Scenario, count: int, hover: bool) -> tuple[list[Instant], bo
             return found, False
         by_lag = {lag: margins(differentiator.at(now, rows[until].tolist(), lag)) for lag in LAGS}
         found.append(Instant(hover=hover, time=float(inputs.times[until]), by_lag=by_lag))
+        told(before + len(found))
     return found, True

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.scenario.scenario_record import PERFECT_SENSORS, Scenario, ScenarioError, first_state
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.inputs import first_state
-from skyarm.simulate.scenario import PERFECT_SENSORS, Scenario, ScenarioError
 from skyarm.stability.along import hovering
 
 Array = npt.NDArray[Any]
@@ -25,7 +24,7 @@ RETURNED = 0.5
 """m: a caught flight that ends this near is back on its reference."""
 
 DURATION = 12.0
-"""s, enough for a fall of a second and its recovery."""
+"""s, enough for a fall of a second and its recovery; whole, so that it holds whole periods of any rate."""
 
 CAUGHT = (
     f"{DURATION:g} s after its start within {CAUGHT_POSITION:g} m of the reference, tilted less than "
@@ -197,10 +196,7 @@ def basin(
         if not 0.0 <= value <= MOST[name]:
             raise ScenarioError(f"{name} = {value!r}: must be from 0 to {MOST[name]:g}")
     flight = hovering(scenario)
-    steps = math.ceil(DURATION * flight.rates.control)
-    flight = dataclasses.replace(
-        flight, plant="rigid_body", sensors=PERFECT_SENSORS, duration=steps / flight.rates.control
-    )
+    flight = dataclasses.replace(flight, plant="rigid_body", sensors=PERFECT_SENSORS, duration=DURATION)
     flight = dataclasses.replace(flight, initial=first_state(flight))
     values = initial_states(flight, count, seed, rate=rate, offset=offset, speed=speed)
     outcome = Batch(flight, PATHS).fly(values, threads=threads)

@@ -52,19 +52,28 @@ class Margins:
     one_joint: tuple[float, float]
 
 
-def closed_loop(
-    loop: OpenLoop,
-    *,
-    extra_delay: float = 0.0,
-    rotor_gain: float = 1.0,
-    joint_gain: float = 1.0,
-    alone: tuple[int, float] | None = None,
-) -> Array:
-    """Matrix of one period: [state, memory, measurements on their way, commands on their way] to the next.
+@dataclass(frozen=True, slots=True, eq=False)
+class Closed:
+    """A loop closed over some dead time, for any gains of its actuators: the matrix is ``fixed + enters @ (k sent)``.
 
-    ``extra_delay`` (s, with the loop's own a multiple of its ``lates``) joins the commands' own; the gains scale what
-    the actuators make of the commands, not what the law believes it sent; ``alone`` is the place of one command, from 0
-    with the rotors first, and a further factor on it.
+    Attributes:
+        fixed: (n, n) what no command passes. enters: (n, commands) where commands enter the next period.
+        sent: (commands, n) the law's commands.
+    """
+
+    fixed: Array
+    enters: Array
+    sent: Array
+
+    def matrix(self, gains: Array) -> Array:
+        """Matrix of one period with a gain k for each command (commands,)."""
+        return np.asarray(self.fixed + self.enters @ (self.sent * gains[:, None]))
+
+
+def closed(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
+    """One period: [state, memory, measurements on their way, commands on their way] to the next.
+
+    ``extra_delay`` (s, with the loop's own a multiple of its ``lates``) joins the commands' own.
     """
     whole, late = _split(loop, loop.command_delay + extra_delay)
     nx, nm, nu, ny = loop.x_x.shape[1], len(loop.m_m), loop.u_m.shape[0], len(loop.y_x)
@@ -73,27 +82,47 @@ def closed_loop(
     places = [slice(int(a), int(b)) for a, b in pairwise(ends)]
     x, m, readings, queue = places[0], places[1], places[2 : 2 + r], places[2 + r :]
     size = int(ends[-1])
-    gains = np.array([rotor_gain] * loop.rotors + [joint_gain] * (nu - loop.rotors))
-    if alone is not None:
-        gains[alone[0]] *= alone[1]
+    one = np.eye(size)
     now = np.zeros((ny, size))
     now[:, x], now[:, queue[0]] = loop.y_x, loop.y_old
-    seen = np.eye(size)[readings[0]] if r else now
+    seen = one[readings[0]] if r else now
     sent = loop.u_y @ seen
     sent[:, m] += loop.u_m
-    sent *= gains[:, None]
-    following = [np.eye(size)[place] for place in queue[1:]] + [sent]
-    A = np.zeros((size, size))
-    A[x] = loop.x_new[late] @ following[0]
+    A, enters = np.zeros((size, size)), np.zeros((size, nu))
+    # the command that follows is the queue's second, or where there is no queue what is sent now
+    if whole:
+        A[x] = loop.x_new[late] @ one[queue[1]]
+    else:
+        enters[x] = loop.x_new[late]
     A[x, x] += loop.x_x[late]
     A[x, queue[0]] += loop.x_old[late]
     A[m] = loop.m_y @ seen
     A[m, m] += loop.m_m
     for i, place in enumerate(readings):
         A[place] = np.eye(size)[readings[i + 1]] if i + 1 < r else now
-    for place, rows in zip(queue, following, strict=True):
-        A[place] = rows
-    return _in_loop(A, nx)
+    for place, after in pairwise(queue):
+        A[place] = one[after]
+    enters[queue[-1]] = np.eye(nu)
+    kept = _in_loop(A, enters, sent, nx)
+    return Closed(A[np.ix_(kept, kept)], enters[kept], sent[:, kept])
+
+
+def gains(
+    loop: OpenLoop, *, rotor_gain: float = 1.0, joint_gain: float = 1.0, alone: tuple[int, float] | None = None
+) -> Array:
+    """Factor on what the actuators make of each command, not on what the law believes it sent (commands,).
+
+    ``alone`` is the place of one command, from 0 with the rotors first, and a further factor on it.
+    """
+    found = np.array([rotor_gain] * loop.rotors + [joint_gain] * (loop.u_m.shape[0] - loop.rotors))
+    if alone is not None:
+        found[alone[0]] *= alone[1]
+    return found
+
+
+def closed_loop(loop: OpenLoop, *, extra_delay: float = 0.0, **changes: Any) -> Array:
+    """Matrix of one period, with a delay as :func:`closed` and gains as :func:`gains` say."""
+    return closed(loop, extra_delay).matrix(gains(loop, **changes))
 
 
 def _split(loop: OpenLoop, delay: float) -> tuple[int, int]:
@@ -105,13 +134,12 @@ def _split(loop: OpenLoop, delay: float) -> tuple[int, int]:
     return divmod(count, len(loop.lates))
 
 
-def _in_loop(A: Array, nx: int) -> Array:
-    """The part of the matrix that the state acts on and that acts on the state: clocks and bookkeeping are no loop."""
-    links = A != 0.0
+def _in_loop(A: Array, enters: Array, sent: Array, nx: int) -> npt.NDArray[np.bool_]:
+    """Entries that the state acts on and that act on the state: clocks and bookkeeping are no loop."""
+    links = (A != 0.0) | (((enters != 0.0).astype(float) @ (sent != 0.0).astype(float)) > 0.0)
     first = np.zeros(len(A), dtype=bool)
     first[:nx] = True
-    kept = _reached(links, first) & _reached(links.T, first)
-    return np.asarray(A[np.ix_(kept, kept)])
+    return _reached(links, first) & _reached(links.T, first)
 
 
 def _reached(links: npt.NDArray[np.bool_], first: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
@@ -126,7 +154,10 @@ def _reached(links: npt.NDArray[np.bool_], first: npt.NDArray[np.bool_]) -> npt.
 
 def radius(loop: OpenLoop, **changes: Any) -> float:
     """Spectral radius of the closed loop, changed as :func:`closed_loop` says; inf where it is not finite."""
-    A = closed_loop(loop, **changes)
+    return _radius(closed_loop(loop, **changes))
+
+
+def _radius(A: Array) -> float:
     if not np.isfinite(A).all():
         return math.inf
     return float(np.abs(np.linalg.eigvals(A)).max(initial=0.0))
@@ -134,27 +165,32 @@ def radius(loop: OpenLoop, **changes: Any) -> float:
 
 def margins(loop: OpenLoop) -> Margins:
     """Eigenvalues and margins of a loop."""
-    z = np.linalg.eigvals(closed_loop(loop)).astype(complex)
+    as_it_is = closed(loop)
+    z = np.linalg.eigvals(as_it_is.matrix(gains(loop))).astype(complex)
     z = z[np.argsort(-np.abs(z), kind="stable")]
     with np.errstate(divide="ignore"):
         s = np.log(z) / loop.period
+
+    def at(**changes: Any) -> float:
+        return _radius(as_it_is.matrix(gains(loop, **changes)))
+
     return Margins(
         z=z,
         s=s,
         radius=float(np.abs(z).max(initial=0.0)),
         delay=delay_margin(loop),
-        rotor_gain=_gain_margin(lambda k: radius(loop, rotor_gain=k)),
-        joint_gain=_gain_margin(lambda k: radius(loop, joint_gain=k)),
-        one_rotor=_of_any(loop, range(loop.rotors)),
-        one_joint=_of_any(loop, range(loop.rotors, loop.u_m.shape[0])),
+        rotor_gain=_gain_margin(lambda k: at(rotor_gain=k)),
+        joint_gain=_gain_margin(lambda k: at(joint_gain=k)),
+        one_rotor=_of_any(at, range(loop.rotors)),
+        one_joint=_of_any(at, range(loop.rotors, loop.u_m.shape[0])),
     )
 
 
-def _of_any(loop: OpenLoop, places: range) -> tuple[float, float]:
+def _of_any(radius_at: Callable[..., float], places: range) -> tuple[float, float]:
     """The narrowest interval of single commands; everything is borne where there is none."""
 
     def margin(place: int) -> tuple[float, float]:
-        return _gain_margin(lambda k: radius(loop, alone=(place, k)), FEW_HALVINGS)
+        return _gain_margin(lambda k: radius_at(alone=(place, k)), FEW_HALVINGS)
 
     found = [margin(place) for place in places]
     return max((low for low, _ in found), default=0.0), min((high for _, high in found), default=math.inf)

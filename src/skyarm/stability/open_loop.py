@@ -18,35 +18,32 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.actuation import Command
-from skyarm.algebra import ZERO3, Quaternion
 from skyarm.compile import leaves, rebuild
-from skyarm.compile.llvm_text import Lanes
-from skyarm.compile.loop import trace_loop
-from skyarm.compile.native import Kernel, host_width
-from skyarm.compile.repeat import repeat
+from skyarm.compile.llvm.kernel import Kernel, host_width
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.tracing.repeat import repeat
+from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
-from skyarm.dynamics.measurement import Measurement, measurement_of
-from skyarm.environment import Airspeed, Wind, WindSample, afflicted, wind
+from skyarm.environment import MovingAir, Wind
 from skyarm.plant.compiled import RigidBodyPlant
-from skyarm.plant.interface import number
 from skyarm.plant.rigid_body import STEP, accelerate
-from skyarm.plant.sensors import measure, noise_count
-from skyarm.simulate.carry import Carry, Row, structure_of
+from skyarm.plant.surroundings import Surroundings
+from skyarm.scalars import data
+from skyarm.scenario.scenario_record import PERFECT_SENSORS, Scenario, ScenarioError
+from skyarm.sensors.measurement import Measurement, measurement_of
+from skyarm.sensors.noise import measure, noise_count
+from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.inputs import episode_inputs
-from skyarm.simulate.native import first_carry
-from skyarm.simulate.scenario import PERFECT_SENSORS, Scenario
-from skyarm.vehicle.records import Vehicle
+from skyarm.simulate.loop_state import LoopState, Row, structure_of
+from skyarm.simulate.stages import Stages
+from skyarm.stability.finite_differences import derivatives, stencil_points
+from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[np.float64]
 
 LAGS = ("up", "down")
 """Which time constant of the rotors holds in both directions."""
-
-STEP_SIZE = 1e-4
-"""Step of a difference, in the number's unit or relative where the number is above 1: fourth order leaves 1e-12."""
-
-STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0))
-"""(step, weight) of the first derivative, fourth order."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -91,7 +88,7 @@ class _Point:
 def nominal(scenario: Scenario) -> Scenario:
     """The scenario without noise and turbulence, which have no place in a linearisation."""
     calm: Wind = scenario.wind
-    if isinstance(calm, Airspeed):
+    if isinstance(calm, MovingAir):
         calm = dataclasses.replace(calm, turbulence=None)
     return dataclasses.replace(scenario, sensors=PERFECT_SENSORS, wind=calm)
 
@@ -121,15 +118,19 @@ class Differentiator:
     """
 
     def __init__(self, scenario: Scenario) -> None:
+        if scenario.delays.apart:
+            raise ScenarioError("delays.rotors, delays.joints: margins know one delay of all commands, delays.command")
         self.scenario = nominal(scenario)
         inputs = episode_inputs(self.scenario)
-        plant = RigidBodyPlant(
-            self.scenario.world, inputs.wind_example, scenario.integrator, 1.0 / scenario.rates.physics
-        )
+        first = first_loop_state(self.scenario)
+        _require_no_memory(self.scenario, first)
+        self._components = first.components
+        around = first_surroundings(self.scenario, first)
+        plant = RigidBodyPlant(self.scenario.world, around, scenario.integrator, 1.0 / scenario.rates.physics)
         self._period, self._substeps = 1.0 / scenario.rates.control, plant.substeps
         ratio = scenario.rates.physics // scenario.rates.control
         self.lates = np.arange(ratio) / scenario.rates.physics
-        self._point = _point(first_carry(self.scenario))
+        self._point = _point(first)
         row = Row(time=0.0, reference=inputs.reference_example)
 
         def step(point: _Point, given: tuple[Any, ...], fed: Row, _uniforms: Any) -> tuple[_Point, Any]:
@@ -143,24 +144,25 @@ class Differentiator:
         """Next state, measurement now, next memory, command."""
         late, lag = given
         scenario = with_lag(self.scenario, lag)
-        air = afflicted(wind(scenario.wind, row.time, ZERO3), scenario.faults, scenario.world.vehicle, row.time)
+        stages = Stages(scenario)
+        air = stages.surroundings(self._components, (), row.time)
         force, _ = accelerate(scenario.world, point.state, point.state.rotor_speeds, point.old.efforts, air)
         count = noise_count(len(point.state.joints), len(point.state.rotor_speeds))
         now = measure(scenario.sensors, row.time, point.state, force.linear, [0] * count)
-        memory, command = scenario.controller.law(
-            point.memory, point.seen, row.reference, self._period, par=scenario.controller.par
+        memory, command = checked_law(scenario.controller)(
+            point.memory, point.seen, stages.joined(row.reference, row.time), self._period, par=scenario.controller.par
         )
         between = self._advanced(scenario, point.state, point.old, air, late)
         after = self._advanced(scenario, between, point.new, air, self._period - late)
-        return tuple(number(leaf) for leaf in leaves((after, now, memory, command)))
+        return tuple(data(leaf) for leaf in leaves((after, now, memory, command)))
 
-    def _advanced(self, scenario: Scenario, state: State, command: Command, air: WindSample, seconds: Any) -> State:
+    def _advanced(self, scenario: Scenario, state: State, command: Command, air: Surroundings, seconds: Any) -> State:
         # as many steps as a whole period has: a part of it is integrated at least as well
         count = self._substeps(self._period)
         step = STEP[scenario.integrator]
         return repeat(count, lambda x: step(scenario.world, x, command, air, seconds / count), state)
 
-    def at(self, carry: Carry, row: Sequence[float], lag: str) -> OpenLoop:
+    def at(self, carry: LoopState, row: Sequence[float], lag: str) -> OpenLoop:
         """The linearised open loop where the flight is at ``carry``.
 
         Args:
@@ -172,11 +174,11 @@ class Differentiator:
         sizes = [len(leaves(part)) for part in (point.state, point.old, point.new, point.memory, point.seen)]
         share = float(LAGS.index(lag))
         base = self._completed(carry, point, sizes, row, share)
-        moved, widths = self._moved(base, point.state, sum(sizes[1:]))
+        moved, widths = stencil_points(base, point.state.quaternion)
         results = [self._outputs_of(moved, row, late, share) for late in self.lates]
         still = [self._outputs_of(base[:, None], row, late, share)[:, 0] for late in self.lates]
         outs = [sizes[0], sizes[4], sizes[3], sizes[1]]
-        parts = [self._derivatives(result, at, widths, outs) for result, at in zip(results, still, strict=True)]
+        parts = [derivatives(result, at, widths, outs) for result, at in zip(results, still, strict=True)]
         columns = np.cumsum([0, sizes[0] - 1, *sizes[1:]])
         x, old, new, m, y = (slice(int(a), int(b)) for a, b in pairwise(columns))
         first = parts[0]
@@ -197,11 +199,13 @@ class Differentiator:
             command_delay=float(self.scenario.delays.command),
         )
 
-    def _completed(self, carry: Carry, point: _Point, sizes: list[int], row: Sequence[float], share: float) -> Array:
+    def _completed(
+        self, carry: LoopState, point: _Point, sizes: list[int], row: Sequence[float], share: float
+    ) -> Array:
         """Numbers of the point, with what the period itself makes: the measurement now, and the command it leads to."""
         base = np.array([float(leaf) for leaf in leaves(point)])
         ends = np.cumsum([sizes[0], sizes[4], sizes[3], sizes[1]])
-        if not carry.readings:
+        if not carry.sensors[0].waiting:
             made = self._outputs_of(base[:, None], row, 0.0, share)[:, 0]
             base[sum(sizes[:4]) :] = made[ends[0] : ends[1]]
         if len(carry.queue) == 1:
@@ -209,72 +213,54 @@ class Differentiator:
             base[sizes[0] + sizes[1] : sum(sizes[:3])] = made[ends[2] : ends[3]]
         return base
 
-    def _moved(self, base: Array, state: State, others: int) -> tuple[Array, Array]:
-        """Every point of the stencils, (leaves, directions * 4), and the step of each direction."""
-        count = len(base)
-        widths = STEP_SIZE * np.maximum(1.0, np.abs(np.delete(base, 3)))  # a rotation has one direction less
-        turns = slice(3, 6)
-        widths[turns] = STEP_SIZE
-        found = np.repeat(base[:, None], 4 * (count - 1), axis=1)
-        for direction, width in enumerate(widths):
-            for j, (steps, _) in enumerate(STENCIL):
-                column = 4 * direction + j
-                if 3 <= direction < 6:
-                    v = [0.0, 0.0, 0.0]
-                    v[direction - 3] = 0.5 * steps * width
-                    found[3:7, column] = list(_turned(state.quaternion, v))
-                else:
-                    found[direction if direction < 3 else direction + 1, column] += steps * width
-        assert others == count - len(leaves(state))
-        return found, widths
-
     def _outputs_of(self, points: Array, row: Sequence[float], late: float, share: float) -> Array:
         lanes = points.shape[1]
         given = np.repeat(np.array([[late], [share]]), lanes, axis=1)
         _, log = self._kernel.run(points, given, np.array(row, dtype=float).reshape(1, self._row))
         return np.asarray(log[0], dtype=float)
 
-    def _derivatives(self, result: Array, still: Array, widths: Array, outs: list[int]) -> list[Array]:
-        """Jacobians of next state, measurement, memory and command by every direction."""
-        directions = len(widths)
-        state = _tangent(result[: outs[0]], still[: outs[0]])
-        values = np.vstack([state, result[outs[0] :] - still[outs[0] :, None]])
-        weights = np.array([weight for _, weight in STENCIL])
-        slopes = values.reshape(len(values), directions, len(STENCIL)) @ weights / widths
-        ends = np.cumsum([outs[0] - 1, *outs[1:]])
-        return np.split(slopes, ends[:-1].tolist())
+
+def _require_no_memory(scenario: Scenario, first: LoopState) -> None:
+    """Refuse a loop whose linearisation would have to know more memories than the law's.
+
+    Raises:
+        ScenarioError: air, a force, a drive, a sensor or an estimator remembers something, or there is a sensor beside
+            the full state; names the first of them by its field.
+    """
+    fields = ["environment.wind", *(f"environment.air[{i}]" for i in range(len(scenario.air)))]
+    fields += [f"environment.forces[{i}]" for i in range(len(scenario.forces))]
+    for field, component, memory in zip(fields, scenario.components, first.components, strict=True):
+        _require_none(leaves(memory), field, component)
+    for each in scenario.drives:
+        joint = [link.joint.name for link in scenario.world.vehicle.links].index(each.joint)
+        _require_none(leaves(first.drives[joint]), f"plant.drives.{each.joint}", each.drive)
+    for named in scenario.instruments:
+        _require_none(True, f"sensors.{named.name}", named.sensor)
+    _require_none(leaves(first.estimate), "estimator", scenario.estimator)
+    _require_none(leaves(first.sensors[0].memory), "sensors", scenario.sensors)
 
 
-def _point(carry: Carry) -> _Point:
+def _require_none(held: Any, field: str, part: Any) -> None:
+    if held:
+        what = f"{field} = {type(part).__name__}"
+        raise ScenarioError(f"{what}: must be left out of margins, whose loop has no memory but the law's")
+
+
+def _point(carry: LoopState) -> _Point:
     """Where the open period is differentiated, as far as the carry tells."""
     following = carry.queue[1] if len(carry.queue) > 1 else carry.queue[0]
     # an open period asks for no time and no specific force
-    seen = carry.readings[0] if carry.readings else measurement_of(carry.state, carry.state.velocity * 0.0)
+    waiting = carry.sensors[0].waiting
+    seen = waiting[0] if waiting else measurement_of(carry.state, carry.state.velocity * 0.0)
     return _Point(state=carry.state, old=carry.queue[0], new=following, memory=carry.memory, seen=seen)
 
 
-def _turned(q: Quaternion, half: Sequence[float]) -> Quaternion:
-    """q times the rotation of twice the vector ``half``, first order with unit length to 1e-16."""
-    x, y, z = half
-    w = float(np.sqrt(1.0 - x * x - y * y - z * z))
-    turned: Quaternion = Quaternion(*(float(c) for c in q)) * Quaternion(w, x, y, z)
-    return turned
-
-
-def _tangent(states: Array, still: Array) -> Array:
-    """Differences of states (leaves, lanes) from one; the attitude's as twice the vector part of q0^-1 q."""
-    w, x, y, z = still[3:7]
-    a, b, c, d = states[3:7]
-    turn = 2.0 * np.array([w * b - x * a - y * d + z * c, w * c + x * d - y * a - z * b, w * d - x * c + y * b - z * a])
-    return np.vstack([states[:3] - still[:3, None], turn, states[7:] - still[7:, None]])
-
-
-def open_loop(scenario: Scenario, carry: Carry, row: Sequence[float], lag: str = "up") -> OpenLoop:
+def open_loop(scenario: Scenario, carry: LoopState, row: Sequence[float], lag: str = "up") -> OpenLoop:
     """The linearised open loop of a scenario at a carry of its flight; see :class:`Differentiator`."""
     return Differentiator(scenario).at(carry, row, lag)
 
 
-def carry_of(template: Carry, values: Sequence[float]) -> Carry:
+def carry_of(template: LoopState, values: Sequence[float]) -> LoopState:
     """A carry from its numbers."""
-    found: Carry = rebuild(template, iter([float(value) for value in values]))
+    found: LoopState = rebuild(template, iter([float(value) for value in values]))
     return found

@@ -6,11 +6,14 @@ A chunk's file is a pure function of study and index: whoever flies it, and howe
 from __future__ import annotations
 
 import os
+import pickle
 from collections.abc import Iterator
 from typing import Any
 
-from skyarm.files import versions
+from skyarm.files import needs_extra, versions
+from skyarm.registry.plugins import Plugin, load_again, loaded
 from skyarm.simulate.batch import Batch
+from skyarm.simulate.travel import packed
 from skyarm.sweep.plan import Plan
 from skyarm.sweep.rows import fly_chunk
 
@@ -20,7 +23,7 @@ LOCAL = "local"
 AHEAD = 2
 """Chunks in flight per processor: enough to keep it busy, few enough to keep memory flat."""
 
-_COMPILED: dict[str, dict[str, Batch]] = {}
+_COMPILED: dict[str, tuple[Plan, dict[str, Batch]]] = {}
 """What a worker keeps from one chunk to the next: the machine code of the study it last flew, by its digest."""
 
 
@@ -33,7 +36,7 @@ def require_ray() -> Any:
     try:
         import ray
     except ImportError:
-        raise ValueError("--ray: needs the extra 'ray': pip install 'skyarm[ray]'") from None
+        raise ValueError(f"--ray: {needs_extra('ray')}") from None
     return ray
 
 
@@ -47,15 +50,18 @@ def _join(ray: Any, address: str) -> None:
         ray.init(address=address, **quiet)
 
 
-def _fly(plan: Plan, version: str, index: int) -> bytes:
-    """One chunk on one core of a worker."""
+def _fly(pickled: bytes, digest: str, plugins: tuple[Plugin, ...], version: str, index: int) -> bytes:
+    """One chunk on one core of a worker; the plan is unpickled once the plugins that it may need are loaded."""
     here = versions()["skyarm"]
     if version != here:
         raise ValueError(f"skyarm = {here} on a worker: must be {version} as where the sweep was started")
-    if plan.digest not in _COMPILED:
+    load_again(plugins)
+    if digest not in _COMPILED:
+        plan: Plan = pickle.loads(pickled)
         _COMPILED.clear()
-        _COMPILED[plan.digest] = plan.batches()
-    return fly_chunk(plan, _COMPILED[plan.digest], index)
+        _COMPILED[digest] = plan, plan.batches()
+    plan, batches = _COMPILED[digest]
+    return fly_chunk(plan, batches, index)
 
 
 def fly_on_ray(plan: Plan, todo: list[int], address: str) -> Iterator[tuple[int, bytes]]:
@@ -74,13 +80,13 @@ def fly_on_ray(plan: Plan, todo: list[int], address: str) -> Iterator[tuple[int,
             raise ValueError(f"--ray = {address!r}: must be the address of a cluster, or {LOCAL} ({first})") from None
     try:
         task = ray.remote(num_cpus=1, max_retries=-1)(_fly)
-        shared, version = ray.put(plan), versions()["skyarm"]
+        shared, version = ray.put(packed(plan)), versions()["skyarm"]
         width = AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
         waiting = iter(todo)
         flying: dict[Any, int] = {}
         while True:
             while len(flying) < width and (index := next(waiting, None)) is not None:
-                flying[task.remote(shared, version, index)] = index
+                flying[task.remote(shared, plan.digest, loaded(), version, index)] = index
             if not flying:
                 return
             (ready, *_), _ = ray.wait(list(flying), num_returns=1)

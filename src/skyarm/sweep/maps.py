@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.files import shown
+from skyarm.files import did_you_mean, shown
 from skyarm.sweep.stats import Rows
 from skyarm.sweep.study import StudyError
 
@@ -73,12 +73,13 @@ def robustness_maps(rows: Rows, paths: tuple[str, str] | None = None) -> list[Ro
         paths = varying[0], varying[1]
     for path in paths:
         if path not in rows.parameters:
-            raise StudyError(f"--map = {shown(path)}: must be a varied number; there are {', '.join(rows.parameters)}")
+            there = f"{did_you_mean(path, rows.parameters)}there are {', '.join(rows.parameters)}"
+            raise StudyError(f"--map = {shown(path)}: must be a varied number; {there}")
     if paths[0] == paths[1]:
         raise StudyError(f"--map = {shown(paths[0])}: must be two different numbers")
     first = rows.controllers[0]
     columns = [rows.of(first, path) for path in paths]
-    kinds = [next(iter(rows.manifest["study"]["vary"][path])) for path in paths]
+    kinds = [next(iter(rows.manifest.origin.study["vary"][path])) for path in paths]
     across, upward = (
         axis(path, column, logarithmic=kind == "log_uniform")
         for path, column, kind in zip(paths, columns, kinds, strict=True)

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import json
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.plant.stiffness import friction_rate
+from skyarm.files import versions
+from skyarm.plant.friction_rate import friction_rate
+from skyarm.plant.largest_step import STATED, stated_step
+from skyarm.records.identity import identity
+from skyarm.records.own_files import all_files
+from skyarm.registry import registrations
+from skyarm.scenario.endings import STATUSES
+from skyarm.scenario.numbers import require_apart, with_numbers
+from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.paths import require_apart, with_numbers
-from skyarm.simulate.scenario import Scenario
 from skyarm.sweep.design import extremes
-from skyarm.sweep.identity import identity
+from skyarm.sweep.origin import Origin
 from skyarm.sweep.study import Study, StudyError
 
 PLANT = ("plant.vehicle.", "plant.joints.", "plant.payload.")
@@ -27,14 +33,19 @@ class Plan:
 
     Attributes:
         study: as read.
-        stiffest: the plant whose joint friction bounds the integration step of all episodes.
-        facts: what the rows depend on: study, scenarios. digest: of the facts.
+        stiffest: the plant whose joint friction bounds the integration step of all episodes, with the air, forces and
+            drives that state the shortest one.
+        origin: what the rows depend on, as they and the manifest say it.
     """
 
     study: Study
     stiffest: Scenario
-    facts: Mapping[str, Any]
-    digest: str
+    origin: Origin
+
+    @property
+    def digest(self) -> str:
+        """Digest of all that the rows depend on."""
+        return self.origin.digest
 
     def batches(self) -> dict[str, Batch]:
         """The closed loop of each controller in machine code."""
@@ -46,7 +57,7 @@ class Plan:
                 metrics=study.metrics,
                 windows=study.windows,
                 single=study.precision == "single",
-                exact=study.precision == "exact",
+                bit_exact=study.precision == "bit_exact",
                 stiffest=self.stiffest,
             )
             for label, scenario in study.scenarios.items()
@@ -68,13 +79,22 @@ def prepare(study: Study) -> Plan:
     for scenario in study.scenarios.values():
         for path, value in ((path, value) for path, pair in ends.items() for value in pair):
             _changed(study, scenario, path, value)
-    facts = {
-        "study": json.loads(json.dumps(dict(study.document))),
-        "scenarios": {label: identity(scenario) for label, scenario in study.scenarios.items()},
-    }
-    # in the order of the file, since a number's place among the varied ones is the channel of its draws
-    digest = hashlib.sha256(json.dumps(facts).encode()).hexdigest()
-    return Plan(study, _stiffest(study, next(iter(study.scenarios.values())), ends), facts, digest)
+    origin = Origin(
+        study=json.loads(json.dumps({**study.document, **_added(study)})),
+        scenarios={label: identity(scenario) for label, scenario in study.scenarios.items()},
+        version=versions()["skyarm"],
+    )
+    return Plan(study, _stiffest(study, next(iter(study.scenarios.values())), ends), origin)
+
+
+def _added(study: Study) -> dict[str, Any]:
+    """What the rows depend on beside the study's file: files of code, and words for endings of their own."""
+    own = dict.fromkeys(ending.status for scenario in study.scenarios.values() for ending in scenario.endings)
+    code = all_files(
+        study.scenarios, [row.load() for name, row in registrations("metric").items() if name in study.metrics]
+    )
+    found: dict[str, Any] = {"plugins": code, "endings": [status for status in own if status not in STATUSES]}
+    return {name: each for name, each in found.items() if each}
 
 
 def _changed(study: Study, scenario: Scenario, path: str, value: float) -> Scenario:
@@ -106,7 +126,16 @@ def _stiffest(study: Study, scenario: Scenario, ends: Mapping[str, tuple[float, 
     for together in _valid(scenario, worst):
         if _rate(study, "", 0.0, together) > best_rate:
             best = together
-    return best
+    return _with_shortest_step(study, best, ends)
+
+
+def _with_shortest_step(study: Study, scenario: Scenario, ends: Mapping[str, tuple[float, float]]) -> Scenario:
+    """Air, forces and drives with each number at the end with which they bear only the shorter steps."""
+    for path, pair in ends.items():
+        if path.startswith(STATED):
+            changed = [_changed(study, scenario, path, value) for value in pair]
+            scenario = min((scenario, *changed), key=lambda each: stated_step(each) or math.inf)
+    return scenario
 
 
 def _rate(study: Study, path: str, value: float, scenario: Scenario) -> float:

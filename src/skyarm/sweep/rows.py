@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from skyarm.files import needs_extra
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.endings import STATUSES
 from skyarm.sweep.design import values
+from skyarm.sweep.origin import Origin
 from skyarm.sweep.plan import Plan
-from skyarm.sweep.study import Study
-
-MARK = b"skyarm"
-"""Key of a file's metadata that holds whose rows they are."""
+from skyarm.sweep.seal import sealed
 
 
 def arrow() -> Any:
@@ -27,13 +25,8 @@ def arrow() -> Any:
     try:
         import pyarrow as pa
     except ImportError:
-        raise ValueError("pyarrow: is missing; rows need the extra 'sweep': pip install 'skyarm[sweep]'") from None
+        raise ValueError(f"pyarrow: is missing; {needs_extra('sweep')}") from None
     return pa
-
-
-def mark(plan: Plan, index: int) -> bytes:
-    """Whose rows a chunk holds."""
-    return f"{plan.digest}/{index}".encode()
 
 
 def fly_chunk(plan: Plan, batches: Mapping[str, Batch], index: int, threads: int = 1) -> bytes:
@@ -42,8 +35,6 @@ def fly_chunk(plan: Plan, batches: Mapping[str, Batch], index: int, threads: int
     The bytes depend on study and index only: not on threads, nor on what flew before.
     """
     pa = arrow()
-    import pyarrow.parquet as pq
-
     study = plan.study
     episodes = np.arange(study.span(index).start, study.span(index).stop)
     drawn = values(study, episodes)
@@ -55,26 +46,28 @@ def fly_chunk(plan: Plan, batches: Mapping[str, Batch], index: int, threads: int
             "controller": _words(pa, np.full(len(episodes), position), list(batches)),
             **{path: np.asarray(column, dtype=float) for path, column in drawn.items()},
             **{name: np.asarray(column, dtype=float) for name, column in outcome.metrics.items()},
-            "status": _words(pa, _places(outcome.status), list(STATUSES)),
+            "status": _words(pa, _places(outcome.status, plan.origin.statuses), list(plan.origin.statuses)),
             "end_time": outcome.end_time,
         }
         tables.append(pa.table(columns))
-    table = pa.concat_tables(tables).replace_schema_metadata({MARK: mark(plan, index)})
+    return chunk_file(pa.concat_tables(tables), plan.origin, index)
+
+
+def chunk_file(table: Any, origin: Origin, index: int) -> bytes:
+    """The Parquet file of a chunk's rows, which says whose they are and carries its own checksum."""
+    import pyarrow.parquet as pq
+
     sink = io.BytesIO()
-    pq.write_table(table, sink, compression="zstd", use_dictionary=["controller", "status"])
-    return sink.getvalue()
+    told = table.replace_schema_metadata(origin.metadata(index))
+    pq.write_table(told, sink, compression="zstd", use_dictionary=["controller", "status"])
+    return sealed(sink.getvalue())
 
 
-def _places(status: Any) -> Any:
-    """Number of each status in ``STATUSES``."""
-    return np.argmax([status == word for word in STATUSES], axis=0)
+def _places(status: Any, statuses: Sequence[str]) -> Any:
+    """Number of each status among those there are."""
+    return np.argmax([status == word for word in statuses], axis=0)
 
 
 def _words(pa: Any, indices: Any, words: list[str]) -> Any:
     """A column of words, each stored once."""
     return pa.DictionaryArray.from_arrays(pa.array(indices, type=pa.int8()), pa.array(words))
-
-
-def row_count(study: Study, index: int) -> int:
-    """Rows of a chunk."""
-    return len(study.span(index)) * len(study.scenarios)

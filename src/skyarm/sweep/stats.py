@@ -12,29 +12,33 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.files import number, shown
+from skyarm.files import did_you_mean, number, shown
 from skyarm.sweep.intervals import bootstrap_mean, bootstrap_quantiles, quantiles, wilson
 from skyarm.sweep.rows import arrow
-from skyarm.sweep.store import read_manifest, row_files
+from skyarm.sweep.rows_there import named, rows_of
+from skyarm.sweep.store import chunk_path
 from skyarm.sweep.study import StudyError
 
 Array = npt.NDArray[Any]
 
 SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
-BEFORE_METRICS = ("episode", "controller")
-AFTER_METRICS = ("status", "end_time")
-
 
 class Rows:
     """A study's rows, read column by column; each column is ordered by episode.
+
+    Only files count that are whole and of this study; the manifest's word on how many there are does not.
 
     Args:
         folder: that ``skyarm sweep`` wrote.
         success: metric -> largest value of a successful episode; the study's own if left out.
 
+    Attributes:
+        manifest: of the folder. count: rows that are there. planned: rows of the whole study.
+        skipped: names of files that are damaged or belong nowhere.
+
     Raises:
-        StudyError: no such folder, no rows, or an unknown metric.
+        StudyError: no such folder, no rows, rows of another study, or an unknown metric.
     """
 
     def __init__(self, folder: str | os.PathLike[str], success: Mapping[str, float] | None = None) -> None:
@@ -42,27 +46,41 @@ class Rows:
         import pyarrow.dataset as ds
 
         self.folder = Path(folder)
-        self.manifest = read_manifest(folder)
-        files = row_files(folder)
-        if not files:
-            raise StudyError(f"folder = {os.fspath(folder)!r}: must hold rows; 'skyarm sweep' has not finished a chunk")
-        self._data = ds.dataset([str(path) for path in files])
-        names = self._data.schema.names
-        self.parameters = tuple(self.manifest["study"].get("vary") or {})
-        skipped = (*BEFORE_METRICS, *self.parameters, *AFTER_METRICS)
-        self.metrics = tuple(name for name in names if name not in skipped)
-        self.controllers = tuple(self.manifest["scenarios"])
-        self.limits = dict(self.manifest["success"] if success is None else success)
+        found = rows_of(folder)
+        self.manifest, self.skipped = found.manifest, found.skipped
+        origin = self.manifest.origin
+        if not found.chunks:
+            damaged = f" (damaged: {named(self.skipped)})" if self.skipped else ""
+            raise StudyError(
+                f"folder = {os.fspath(folder)!r}: must hold rows; 'skyarm sweep' has not finished a chunk{damaged}"
+            )
+        self._data = ds.dataset([str(chunk_path(folder, index)) for index in found.chunks])
+        self.parameters, self.metrics = origin.parameters, tuple(origin.study["metrics"])
+        self.controllers = tuple(origin.scenarios)
+        self.limits = dict(self.manifest.success if success is None else success)
         for name in self.limits:
             if name not in self.metrics:
-                raise StudyError(f"success.{name}: is no metric of these rows; there are {', '.join(self.metrics)}")
+                there = f"{did_you_mean(name, self.metrics)}there are {', '.join(self.metrics)}"
+                raise StudyError(f"success.{name}: is no metric of these rows; {there}")
         chosen = self._column("controller")
         self._chosen = {controller: np.asarray(chosen == controller) for controller in self.controllers}
-        self.episodes = int(self._chosen[self.controllers[0]].sum())
+        self.episodes = sum(len(origin.span(index)) for index in found.chunks)
+        self.count, self.planned = self.episodes * len(self.controllers), origin.rows
+
+    @property
+    def complete(self) -> bool:
+        """Whether all rows of the study are there."""
+        return self.count == self.planned
 
     def _column(self, name: str) -> Array:
-        column = self._data.to_table(columns=[name]).column(0)
-        return np.asarray(column.to_numpy(zero_copy_only=False))
+        import pyarrow as pa
+
+        try:
+            column = self._data.to_table(columns=[name]).column(0)
+            return np.asarray(column.to_numpy(zero_copy_only=False))
+        except (pa.ArrowException, OSError) as error:
+            first = " ".join(str(error).split())
+            raise StudyError(f"{self.folder}: column {name!r}: must be readable ({first})") from None
 
     def of(self, controller: str, name: str) -> Array:
         """A column of one controller's rows."""
@@ -110,8 +128,12 @@ def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[s
     flew = {controller: rows.of(controller, "status") == "completed" for controller in rows.controllers}
     found: dict[str, Any] = {
         "schema": 1,
-        "study": rows.manifest["name"],
-        "complete": rows.manifest["complete"],
+        "study": rows.manifest.name,
+        "complete": rows.complete,
+        "rows": rows.count,
+        "rows_planned": rows.planned,
+        "files_not_counted": list(rows.skipped),
+        "manifest_rebuilt": rows.manifest.rebuilt,
         "episodes": rows.episodes,
         "confidence": confidence,
         "seed": seed,

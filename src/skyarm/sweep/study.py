@@ -7,12 +7,15 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
-from skyarm.simulate.measures import Windows
-from skyarm.simulate.scenario import Scenario
+from skyarm.metrics.windows import Windows
+from skyarm.scenario.scenario_record import Scenario
 from skyarm.sweep.distributions import Distribution, Values
 
 DESIGNS = ("random", "grid", "sobol")
-PRECISIONS = ("double", "single", "exact")
+PRECISIONS = ("double", "single", "bit_exact")
+
+OLD_PRECISIONS = {"exact": "bit_exact"}
+"""Names of the last version."""
 
 
 class StudyError(ValueError):
@@ -29,7 +32,8 @@ class Study:
         vary: dotted path -> its distribution, in the order of the file.
         design: "random", "grid" or "sobol".
         episodes: how many, numbered from 0. seed: of draws and noise. chunk: episodes of one file.
-        precision: "double", "single", or "exact" (double without fused multiply-add: the same bits on every processor).
+        precision: "double", "single", or "bit_exact" (double without fused multiply-add: the same bits on every
+            processor).
         metrics: names and groups of those in the rows. windows: of the metrics.
         success: metric -> largest value of a successful episode; it has to fly to its end in any case.
         document: the fields that the rows depend on, as plain values.

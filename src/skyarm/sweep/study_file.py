@@ -9,11 +9,11 @@ A file has ``schema = 1`` and::
     episodes         how many; in a grid design a multiple of its cells, or left out: one a cell
     seed             of draws and noise (0)
     chunk            episodes of one file of rows (4096)
-    precision        "double", "single" or "exact" (double)
+    precision        "double", "single" or "bit_exact" (double)
     design           "random", "grid" or "sobol" (random)
     metrics          names and groups (["standard"]); what is not asked for costs no time
-    windows          steady, transient, gust, hover: [start, stop) in s ([10, 20], [0, 8], [5, 20], [4, 5.9]);
-                     holds: a list of such ([[9, 12], [16, 19]]); last: s before the end (5)
+    windows          steady, transient, gust, hover: [start, stop) in s; holds: a list of such; last: s before the
+                     end; what is left out is the scenario's, or else the flight after its first third
     [vary]           "dotted.path" = { uniform = [low, high] } | { normal = [mean, std] } |
                      { log_uniform = [low, high] } | { list = [...] } | { grid = [start, stop, count] }
     [success]        metric = largest value; an episode that ended early is never a success
@@ -23,32 +23,34 @@ Every error is one line: file, field, value, what is allowed.
 
 from __future__ import annotations
 
-import dataclasses
 import os
-import tomllib
-from collections.abc import Mapping
+import warnings
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from math import prod
 from pathlib import Path
 from typing import Any
 
-from skyarm.files import Fields, number, shown
-from skyarm.simulate.measures import Windows, metric_names
-from skyarm.simulate.metrics import Window
-from skyarm.simulate.paths import DERIVED, number_at, with_numbers
-from skyarm.simulate.scenario import Scenario, check_name, noise_key
-from skyarm.simulate.scenario_file import list_scenarios, load_scenario
+from skyarm.control.catalogue import full_name, require_different
+from skyarm.files import Fields, did_you_mean, file_name, number, one_line, read_toml, shown, unreadable
+from skyarm.files.kinds_of_files import require_kind
+from skyarm.files.old_names import renamed
+from skyarm.metrics.metric_catalogue import metric_names
+from skyarm.metrics.windows import windows_from
+from skyarm.registry.plugins import is_law_of_file
+from skyarm.scenario.numbers import DERIVED, number_at, with_numbers
+from skyarm.scenario.registered_tables import require_plugins
+from skyarm.scenario.scenario_file import list_scenarios, load_scenario
+from skyarm.scenario.scenario_record import Scenario, check_name, noise_key
 from skyarm.sweep.distributions import Distribution, Values, distribution_from
+from skyarm.sweep.facts import LARGEST_CHUNK, MOST_EPISODES
 from skyarm.sweep.sobol import DIMENSIONS
-from skyarm.sweep.study import DESIGNS, PRECISIONS, Study, StudyError
+from skyarm.sweep.study import DESIGNS, OLD_PRECISIONS, PRECISIONS, Study, StudyError
 
 LIBRARY = resources.files("skyarm.sweep") / "studies"
 
-LARGEST_CHUNK = 2**20
-"""Episodes of one file: a chunk is held in memory, about 300 bytes an episode and controller."""
-
-MOST_EPISODES = 2**32
-"""The noise generator numbers episodes with 32 bits."""
+MOST_CHUNKS = 10_000_000
+"""Files of a study: their names have seven digits, and no file system likes more of them in one folder."""
 
 
 def list_studies() -> tuple[str, ...]:
@@ -56,32 +58,50 @@ def list_studies() -> tuple[str, ...]:
     return tuple(sorted(Path(entry.name).stem for entry in LIBRARY.iterdir() if entry.name.endswith(".toml")))
 
 
-def load_study(name_or_path: str | os.PathLike[str]) -> Study:
+def load_study(name_or_path: str | os.PathLike[str], controllers: Sequence[str] | None = None) -> Study:
     """Study from the library by name or from a .toml file.
+
+    Args:
+        name_or_path: a name of :func:`list_studies`, or the path of a .toml file.
+        controllers: in place of the file's.
 
     Raises:
         StudyError: one line, ``file: field = value: what is allowed``.
     """
-    text = os.fspath(name_or_path)
+    try:
+        text = file_name(name_or_path, "study")
+    except ValueError as error:
+        raise StudyError(str(error)) from None
     known = f"shipped studies are {', '.join(list_studies())}"
     path = Path(text)
     if text in list_studies():
         content, folder = (LIBRARY / f"{text}.toml").read_bytes(), Path()
     elif path.suffix != ".toml":
-        raise StudyError(f"study = {text!r}: must be the path of a .toml file or a name; {known}")
+        allowed = f"{did_you_mean(text, list_studies())}must be the path of a .toml file or a name; {known}"
+        raise StudyError(f"study = {shown(text)}: {allowed}")
     else:
+        reason = unreadable(path)
+        if reason:
+            raise StudyError(f"study = {shown(text)}: must be a readable file ({reason}); {known}")
         try:
             content, folder = path.read_bytes(), path.parent
         except OSError as error:
-            raise StudyError(f"study = {text!r}: must be a readable file ({error.strerror}); {known}") from None
+            raise StudyError(f"study = {shown(text)}: must be a readable file ({error.strerror}); {known}") from None
     try:
-        return study_from(tomllib.loads(content.decode("utf-8")), folder, source=text)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise StudyError(f"{text}: TOML = {str(error)!r}: must be valid TOML in UTF-8") from None
-    except RecursionError:
-        raise StudyError(f"{text}: TOML = tables in tables: must not be nested this deep") from None
+        document = read_toml(content)
+        require_kind(document, "study")
+        _require_no_file_law(document.get("controllers"))
+        changed = document if controllers is None else {**document, "controllers": list(controllers)}
+        return study_from(changed, folder, source=text)
     except ValueError as error:
         raise StudyError(f"{text}: {error}") from None
+
+
+def _require_no_file_law(controllers: Any) -> None:
+    """A file that is read names no file of code."""
+    for name in controllers if isinstance(controllers, list) else ():
+        if is_law_of_file(name):
+            raise ValueError(f"controllers = {shown(name)}: must not be a file's; only --controller takes FILE.py:make")
 
 
 def study_from(document: Mapping[str, Any], folder: str | os.PathLike[str] = "", *, source: str = "study") -> Study:
@@ -98,35 +118,46 @@ def study_from(document: Mapping[str, Any], folder: str | os.PathLike[str] = "",
     try:
         return _study(Fields(dict(document), ""), Path(folder), source)
     except ValueError as error:
-        raise StudyError(" ".join(str(error).split())) from None
+        raise StudyError(one_line(str(error))) from None
 
 
 def _study(top: Fields, folder: Path, source: str) -> Study:
     schema = top.take("schema")
     if schema != 1 or isinstance(schema, bool):
         raise ValueError(f"schema = {shown(schema)}: must be 1")
+    require_plugins(top)
     name, title = top.take("name"), top.take("title", "")
     check_name(name)
     if not isinstance(title, str):
         raise ValueError(f"title = {shown(title)}: must be text")
     design = top.choice("design", DESIGNS, "random")
     vary = _vary(top.take("vary", {}), design)
+    _say_grid(top)
     seed = top.take("seed", 0)
     noise_key("seed", seed)
+    if "precision" in top.table:
+        top.table["precision"] = renamed(top.at("precision"), top.table["precision"], OLD_PRECISIONS)
     chosen: dict[str, Any] = {
         "design": design,
         "episodes": _episodes(top, design, vary),
         "seed": seed,
         "chunk": _whole("chunk", top.take("chunk", 4096), LARGEST_CHUNK),
         "precision": top.choice("precision", PRECISIONS, "double"),
-        "windows": _windows(top),
+        "windows": windows_from(Fields(top.take("windows", {}), "windows")),
     }
+    if chosen["episodes"] > MOST_CHUNKS * chosen["chunk"]:
+        least = -(-chosen["episodes"] // MOST_CHUNKS)
+        raise ValueError(f"chunk = {chosen['chunk']}: must be at least {least} for {chosen['episodes']} episodes")
     scenarios = _scenarios(top, folder, list(vary))
-    chosen["metrics"] = _metrics(top, next(iter(scenarios.values())).world.vehicle.n)
+    first = next(iter(scenarios.values()))
+    chosen["metrics"] = _metrics(top, first.world.vehicle.n)
+    windows = chosen["windows"].of_flight(first.duration, first.windows)
     success = _success(top, chosen["metrics"])
     top.done()
     told = {key: top.table.get(key) for key in ("scenario", "controllers", "duration", "vary")}
-    document = {"schema": 1, "name": name, **told, **chosen, "windows": dataclasses.asdict(chosen["windows"])}
+    if told["controllers"] is not None:
+        told["controllers"] = list(scenarios)
+    document = {"schema": 1, "name": name, **told, **chosen, "windows": windows.plain()}
     return Study(
         name=name,
         title=title,
@@ -155,6 +186,22 @@ def _vary(table: Any, design: str) -> dict[str, Distribution]:
     return vary
 
 
+def _say_grid(top: Fields) -> None:
+    """Say that a grid is drawn from by chance where the study names no design and the grid's product may be meant.
+
+    Raises:
+        ValueError: no number of episodes either, so that the product is what is meant.
+    """
+    paths = [path for path, value in top.table["vary"].items() if "grid" in value] if "vary" in top.table else []
+    if not paths or top.table.get("design", "random") == "grid":
+        return
+    at = f'vary."{paths[0]}" = {shown(top.table["vary"][paths[0]])}'
+    if "episodes" not in top.table:
+        raise ValueError(f'{at}: must come with design = "grid", or with a number of episodes')
+    if "design" not in top.table:
+        warnings.warn(f'{at}: is drawn from by chance; design = "grid" flies every cell', UserWarning, stacklevel=2)
+
+
 def _episodes(top: Fields, design: str, vary: Mapping[str, Distribution]) -> int:
     if design != "grid":
         return _whole("episodes", top.take("episodes"), MOST_EPISODES)
@@ -163,30 +210,6 @@ def _episodes(top: Fields, design: str, vary: Mapping[str, Distribution]) -> int
     if episodes % cells:
         raise ValueError(f"episodes = {episodes}: must be a multiple of the grid's {cells} cells")
     return episodes
-
-
-def _windows(top: Fields) -> Windows:
-    fields, known = Fields(top.take("windows", {}), "windows"), Windows()
-    found: dict[str, Any] = {}
-    for name in ("steady", "transient", "gust", "hover"):
-        default = getattr(known, name)
-        found[name] = _window(fields.take(name, [default.start, default.stop]), fields.at(name))
-    holds = fields.take("holds", [[each.start, each.stop] for each in known.holds])
-    if not isinstance(holds, list):
-        raise ValueError(f"windows.holds = {shown(holds)}: must be a list of [start, stop] in s")
-    found["holds"] = tuple(_window(each, f"windows.holds[{i}]") for i, each in enumerate(holds))
-    found["last"] = fields.number("last", known.last, low=0.0, strict=True)
-    fields.done()
-    return Windows(**found)
-
-
-def _window(value: Any, at: str) -> Window:
-    if not isinstance(value, list) or len(value) != 2:
-        raise ValueError(f"{at} = {shown(value)}: must be [start, stop] in s")
-    start, stop = (number(item, f"{at}[{i}]", low=0.0) for i, item in enumerate(value))
-    if not start < stop:
-        raise ValueError(f"{at} = {shown(value)}: must start before it stops")
-    return Window(start, stop)
 
 
 def _metrics(top: Fields, joints: int) -> tuple[str, ...]:
@@ -202,23 +225,29 @@ def _scenarios(top: Fields, folder: Path, paths: list[str]) -> dict[str, Scenari
     named = top.take("scenario")
     if not isinstance(named, str):
         raise ValueError(f"scenario = {shown(named)}: must be the name of a shipped scenario or a path")
-    controllers = top.take("controllers", None)
-    if controllers is not None and (
-        not isinstance(controllers, list)
-        or not controllers
-        or any(not isinstance(each, str) for each in controllers)
-        or len(set(controllers)) != len(controllers)
-    ):
-        raise ValueError(f"controllers = {shown(controllers)}: must be a list of different presets or laws")
+    controllers = _controllers(top)
     duration = top.take("duration", None)
     if duration is not None:
         duration = number(duration, "duration", low=0.0, strict=True)
     file: str | os.PathLike[str] = named if named in list_scenarios() else folder / named
     found = {}
-    for controller in controllers or [None]:
+    chosen: list[str | None] = [None] if controllers is None else [*controllers]
+    for controller in chosen:
         scenario = load_scenario(file, controller=controller, duration=duration)
         found[controller or scenario.controller.name] = _ready(scenario, paths)
     return found
+
+
+def _controllers(top: Fields) -> list[str] | None:
+    """Own names of the controllers of a study, so that an alias is the same study."""
+    given = top.take("controllers", None)
+    if given is None:
+        return None
+    wrong = not isinstance(given, list) or not given or any(not isinstance(each, str) for each in given)
+    if wrong:
+        raise ValueError(f"controllers = {shown(given)}: must be a list of different presets or laws")
+    require_different(given, "controllers")
+    return [full_name(each) for each in given]
 
 
 def _ready(scenario: Scenario, paths: list[str]) -> Scenario:
@@ -242,5 +271,6 @@ def _success(top: Fields, known: tuple[str, ...]) -> dict[str, float]:
     fields = Fields(top.take("success", {}), "success")
     for name in fields.table:
         if name not in known:
-            raise ValueError(f"success.{name}: is no metric of this study; there are {', '.join(known)}")
+            there = f"{did_you_mean(name, known)}there are {', '.join(known)}"
+            raise ValueError(f"success.{name}: is no metric of this study; {there}")
     return {name: fields.number(name) for name in fields.table}

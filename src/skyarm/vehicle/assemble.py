@@ -9,7 +9,6 @@ from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.vehicle import check, description
 from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
-from skyarm.vehicle.records import BASE, Body, BodyDrag, Frame, Joint, Link, Rotor, Vehicle
 from skyarm.vehicle.schema import (
     Actuation,
     BodyTable,
@@ -21,6 +20,7 @@ from skyarm.vehicle.schema import (
     RotorTable,
     VehicleFile,
 )
+from skyarm.vehicle.vehicle_records import BASE, Body, BodyDrag, Frame, Joint, Link, Rotor, Vehicle
 
 DIRECTIONS = {"ccw": 1, "cw": -1}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from skyarm.vehicle.records import Body, Frame, Link
+from skyarm.vehicle.vehicle_records import Body, Frame, Link
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,32 +9,30 @@ import math
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from skyarm.algebra import Mat3, Sym3, Vec3
+from skyarm.files import shown
+from skyarm.records import coerce
+from skyarm.records.coerce import TOLERANCE, RecordError, Rule, concrete
 from skyarm.vehicle import mobility
 
 if TYPE_CHECKING:
-    from skyarm.vehicle.records import Body, Joint, Rotor, Vehicle
-
-TOLERANCE = 1e-6
-"""Relative slack for unit lengths, orthogonality and the triangle inequality (rounding of published numbers)."""
-
+    from skyarm.vehicle.vehicle_records import Body, Joint, Rotor, Vehicle
 
 LONGEST = 1e100
 """m, a length whose square overflows far beyond it."""
 
 
-class VehicleError(ValueError):
+class VehicleError(RecordError):
     """A vehicle's description is wrong."""
 
 
-def concrete(*values: Any) -> bool:
-    """True if all values are plain numbers (not lanes, nodes or tracers)."""
-    return all(isinstance(value, (int, float)) for value in values)
+def accept(record: Any, where: str, **rules: Rule) -> None:
+    """Put a vehicle's record in the form it is held in, or raise VehicleError."""
+    coerce.accept(record, where, rules, VehicleError)
 
 
 def refuse(field: str, value: Any, allowed: str) -> NoReturn:
     """Raise with field, value and what is allowed, on one line."""
-    shown = " ".join(repr(value).split())  # an array's text has several lines
-    raise VehicleError(f"{field} = {shown if len(shown) <= 100 else shown[:97] + '...'}: {allowed}")
+    raise VehicleError(f"{field} = {shown(value)}: {allowed}")
 
 
 def number(field: str, value: Any, *, low: float = -math.inf, strict: bool = False) -> None:

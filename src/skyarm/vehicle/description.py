@@ -6,13 +6,15 @@ body), is structure and folds away; every other number stays data (see :mod:`sky
 
 from __future__ import annotations
 
+import heapq
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
-from skyarm.vehicle.check import TOLERANCE, refuse
-from skyarm.vehicle.records import Body
+from skyarm.records.coerce import TOLERANCE
+from skyarm.vehicle.check import refuse
+from skyarm.vehicle.vehicle_records import Body
 
 ROUNDING = 1e-15
 """Entries of a rotation nearer than this to 0, 1 or -1 are that number: sin(pi) is 1.2e-16 in floating point."""
@@ -104,19 +106,23 @@ def tree_order(parents: Mapping[str, str], root: str, field: str) -> list[str]:
     Raises:
         VehicleError: a parent that does not exist, or links that form a ring.
     """
-    known = [root, *parents]
-    for name, parent in parents.items():
-        if parent not in known:
-            refuse(field.format(name), parent, f"must be one of {', '.join(known)}")
+    names = list(parents)
+    children: dict[str, list[int]] = {name: [] for name in (root, *names)}
+    for index, (name, parent) in enumerate(parents.items()):
+        if parent not in children:
+            refuse(field.format(name), parent, f"must be one of {', '.join(children)}")
+        children[parent].append(index)
     order: list[str] = []
-    waiting = list(parents)
-    while waiting:
-        ready = next((name for name in waiting if parents[name] == root or parents[name] in order), None)
-        if ready is None:
-            ring = _ring(parents, waiting[0])
-            refuse(field.format(ring[0]), parents[ring[0]], f"closed chains are not supported ({' -> '.join(ring)})")
-        order.append(ready)
-        waiting.remove(ready)
+    ready = list(children[root])  # in the order of the file, so a heap
+    while ready:
+        name = names[heapq.heappop(ready)]
+        order.append(name)
+        for index in children[name]:
+            heapq.heappush(ready, index)
+    if len(order) < len(names):
+        placed = set(order)
+        ring = _ring(parents, next(name for name in names if name not in placed))
+        refuse(field.format(ring[0]), parents[ring[0]], f"closed chains are not supported ({' -> '.join(ring)})")
     return order
 
 

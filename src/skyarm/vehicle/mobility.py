@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from skyarm.algebra import Mat3, Vec3
 
 if TYPE_CHECKING:
-    from skyarm.vehicle.records import Body, Joint, Vehicle
+    from skyarm.vehicle.vehicle_records import Body, Joint, Vehicle
 
 SINGULAR = 1e-12
 """Moved inertia, relative to that of the outer bodies, below which nothing is left but rounding (1e-16 times a few)."""
@@ -71,7 +71,10 @@ def _eliminate(vehicle: Vehicle, joints: Sequence[float]) -> str:
     if not np.all(diagonal > 0.0):
         return "base.inertia"
     scale = 1.0 / np.sqrt(diagonal)
-    smallest = float(np.linalg.eigvalsh(left[0] * np.outer(scale, scale))[0])
+    try:
+        smallest = float(np.linalg.eigvalsh(left[0] * np.outer(scale, scale))[0])
+    except np.linalg.LinAlgError:  # numbers that overflowed
+        smallest = math.nan
     return "" if smallest > SINGULAR else "base.inertia"
 
 

@@ -18,7 +18,7 @@ from skyarm.algebra import ZERO3, Mat3, Vec3, axis_rotation
 from skyarm.vehicle import description
 from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
-from skyarm.vehicle.records import BASE, Body, Frame, Joint, Link, Vehicle
+from skyarm.vehicle.vehicle_records import BASE, Body, Frame, Joint, Link, Vehicle
 
 KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed"}
 

@@ -1,6 +1,9 @@
-"""A safety layer around any law: what is asked of it, what it asks of the actuators, and what flies when it fails."""
+"""Safety layer around any law: reference governor, command limits, joint barrier, supervisor and recovery."""
 
-from skyarm.control.safety.guard import guarded
 from skyarm.control.safety.limits import Limits, limits_for
+from skyarm.control.safety.safety_layer import with_safety_layer
+from skyarm.files.old_names import old_attributes
 
-__all__ = ["Limits", "guarded", "limits_for"]
+__all__ = ["Limits", "limits_for", "with_safety_layer"]
+
+__getattr__ = old_attributes(__name__, {"guarded": "with_safety_layer"})

@@ -14,15 +14,15 @@ from typing import Any
 from skyarm.algebra import Vec3
 from skyarm.control.model import Model
 from skyarm.control.safety.limits import Limits
-from skyarm.dynamics.measurement import Measurement
 from skyarm.reference import Reference
 from skyarm.scalars import absolute, add, clip, divide, logical_or, maximum, minimum, mul, sqrt, sub, tan, where
+from skyarm.sensors.measurement import Measurement
 
 TINY = 1e-9
 """m, m/s or m/s^2 added to a length that divides."""
 
 
-def governed_base(
+def govern_base(
     reference: Reference, measurement: Measurement, *, limits: Limits, stiffness: Any, damping: Any, gravity: Any
 ) -> Reference:
     """The reference with position, velocity and acceleration as far from the measurement as the limits allow.
@@ -76,7 +76,7 @@ def _longer(v: Vec3, shortened: Vec3) -> Any:
     return _length(shortened) < _length(v)
 
 
-def governed_joints(
+def govern_joints(
     reference: Reference,
     before: Sequence[Any],
     ramping: Sequence[Any],

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from skyarm.actuation.hover import hover_trim
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.model import Model
-from skyarm.control.safety.stiffness import law_stiffness
+from skyarm.control.safety.law_stiffness import law_stiffness
 from skyarm.files import number, shown
+from skyarm.records.leaves import field_names
+from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
-from skyarm.vehicle.records import Joint
+from skyarm.vehicle.vehicle_records import Joint
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Limits:
-    """What a guarded law may be asked, may ask, and may do. Tuples have one entry per joint.
+    """Limits of references, commands and states of a law with the safety layer. Tuples have one entry per joint.
 
     Attributes:
         tilt: rad, largest tilt that position and velocity errors together may ask for.
@@ -41,29 +42,31 @@ class Limits:
         calm: s of calm flight after which the law gets the vehicle back; inf never gives it back.
     """
 
-    tilt: Scalar
-    climb: Scalar
-    speed: Scalar
-    step: Scalar
-    step_speed: Scalar
-    stiffness: Scalar
-    damping: Scalar
-    joint_speed: tuple[Scalar, ...]
-    joint_step: tuple[Scalar, ...]
-    joint_slew: tuple[Scalar, ...]
-    joint_margin: tuple[Scalar, ...]
-    joint_pole: Scalar
-    effort: tuple[Scalar, ...]
-    rotor_slew: Scalar
-    effort_slew: tuple[Scalar, ...]
-    trusted_tilt: Scalar
-    trusted_rate: Scalar
-    trusted_joint_error: tuple[Scalar, ...]
-    lost_rate: Scalar
-    lost_speed: Scalar
-    lost_joint_speed: tuple[Scalar, ...]
-    patience: Scalar
-    calm: Scalar
+    tilt: Annotated[Scalar, Unit("rad", "asked for", infinite=True)]
+    climb: Annotated[Scalar, Unit("m/s^2", "asked for, up or down", infinite=True)]
+    speed: Annotated[Scalar, Unit("m/s", "asked for", infinite=True)]
+    step: Annotated[Scalar, Unit("m", "error that passes", infinite=True)]
+    step_speed: Annotated[Scalar, Unit("m/s", "error that passes", infinite=True)]
+    stiffness: Annotated[Scalar, Unit("1/s^2", "acceleration the law asks per position error")]
+    damping: Annotated[Scalar, Unit("1/s", "acceleration the law asks per velocity error")]
+    joint_speed: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "of the joints", infinite=True)]
+    joint_step: Annotated[tuple[Scalar, ...], Unit("rad or m", "step of a reference that passes", infinite=True)]
+    joint_slew: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "of longer steps of a reference", infinite=True)]
+    joint_margin: Annotated[tuple[Scalar, ...], Unit("rad or m", "kept from the joints' limits")]
+    joint_pole: Annotated[Scalar, Unit("1/s", "how fast a joint closes in on a limit")]
+    effort: Annotated[tuple[Scalar, ...], Unit("N m or N", infinite=True)]
+    rotor_slew: Annotated[Scalar, Unit("rad/s^2", "of the commanded speeds", infinite=True)]
+    effort_slew: Annotated[tuple[Scalar, ...], Unit("N m/s or N/s", infinite=True)]
+    trusted_tilt: Annotated[Scalar, Unit("rad", "largest for longer than patience", infinite=True)]
+    trusted_rate: Annotated[Scalar, Unit("rad/s", "largest for longer than patience", infinite=True)]
+    trusted_joint_error: Annotated[
+        tuple[Scalar, ...], Unit("rad or m", "largest for longer than patience", infinite=True)
+    ]
+    lost_rate: Annotated[Scalar, Unit("rad/s", "largest for a moment", infinite=True)]
+    lost_speed: Annotated[Scalar, Unit("m/s", "largest for a moment", infinite=True)]
+    lost_joint_speed: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "largest for a moment", infinite=True)]
+    patience: Annotated[Scalar, Unit("s", infinite=True)]
+    calm: Annotated[Scalar, Unit("s", "of calm flight before the law starts anew", infinite=True)]
 
 
 STEEPEST = math.radians(85.0)
@@ -142,7 +145,7 @@ def limits_for(controller: Controller, **given: Any) -> Limits:
     """
     model: Model = controller.par.model
     joints = [link.joint for link in model.vehicle.links]
-    names = [field.name for field in dataclasses.fields(Limits)]
+    names = list(field_names(Limits) or ())
     for name in given:
         if name not in names:
             raise ControllerError(f"safety.{name}: unknown field; allowed: {names}")

@@ -1,9 +1,9 @@
-"""Constants and memory of a law under guard."""
+"""Constants and memory of a law with the safety layer."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from skyarm.actuation import Command, Mixer
 from skyarm.algebra import Vec3
@@ -12,17 +12,18 @@ from skyarm.control.controller import Controller
 from skyarm.control.model import Model
 from skyarm.control.safety.limits import Limits
 from skyarm.control.safety.recovery import Recovery
-from skyarm.control.safety.trust import Doubt
+from skyarm.control.safety.supervisor import Confidence
+from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, where
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Guarded:
-    """Constants of a guarded law: one belief for all, and the law's own constants without theirs.
+class SafetyParameters:
+    """Constants of a law with the safety layer: one belief for all, and the law's own constants without theirs.
 
     Attributes:
         model: belief. mixer: its rotors, with priorities where they allow them.
-        limits: of what is asked and sent. recovery: what flies when the law is given up.
+        limits: of references and commands. recovery: what flies when the law is given up.
         inner: constants of the law; its model and mixer are those above, given to it at each call.
     """
 
@@ -34,8 +35,8 @@ class Guarded:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class GuardMemory:
-    """What a guarded law keeps.
+class SafetyMemory:
+    """State of a law with the safety layer between two steps.
 
     Attributes:
         inner: memory of the law.
@@ -43,32 +44,32 @@ class GuardMemory:
         joints: rad or m, governed references of the law. ramping: 1 where one is on its way.
         arm: those of the recovery.
         sent: the last command.
-        doubt: of the law. hold: m, where the recovery hovers. yaw: rad, its heading.
+        confidence: of the law. hold: m, where the recovery hovers. yaw: rad, its heading.
     """
 
     inner: Any
-    started: Scalar
-    joints: tuple[Scalar, ...]
-    ramping: tuple[Scalar, ...]
-    arm: tuple[Scalar, ...]
+    started: Annotated[Scalar, Unit("", "0 before the first step")]
+    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "governed references of the law")]
+    ramping: Annotated[tuple[Scalar, ...], Unit("", "1 for each joint whose reference is on its way")]
+    arm: Annotated[tuple[Scalar, ...], Unit("rad or m", "references of the recovery")]
     sent: Command
-    doubt: Doubt
-    hold: Vec3
-    yaw: Scalar
+    confidence: Confidence
+    hold: Annotated[Vec3, Unit("m", "where the recovery hovers, world axes")]
+    yaw: Annotated[Scalar, Unit("rad", "heading in the recovery")]
 
 
-def first_memory(controller: Controller) -> GuardMemory:
-    """Memory of a controller under guard before its first step."""
+def first_memory(controller: Controller) -> SafetyMemory:
+    """Return the memory of a controller with the safety layer before its first step."""
     vehicle = controller.par.model.vehicle
     still = (0.0,) * vehicle.n
-    return GuardMemory(
+    return SafetyMemory(
         inner=controller.memory,
         started=0.0,
         joints=still,
         ramping=still,
         arm=still,
         sent=Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=still),
-        doubt=Doubt(given_up=0.0, outside=0.0, calm=0.0),
+        confidence=Confidence(given_up=0.0, outside=0.0, calm=0.0),
         hold=Vec3(0.0, 0.0, 0.0),
         yaw=0.0,
     )

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from skyarm import dynamics
 from skyarm.actuation import Command, Mixer, mix
 from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
-from skyarm.control.controller import ControllerError
-from skyarm.control.geometric import (
+from skyarm.control.blocks.geometric import (
     angular_acceleration,
     attitude_error,
     body_thrust,
@@ -17,12 +16,14 @@ from skyarm.control.geometric import (
     downward_acceleration,
     rate_error,
 )
+from skyarm.control.controller import ControllerError
 from skyarm.control.model import GeometricGains, JointGains, Model
-from skyarm.dynamics.measurement import Measurement
 from skyarm.files import number, shown
+from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.scalars import Scalar, add, divide, maximum, mul, sqrt, sub
-from skyarm.vehicle.records import Joint, Link
+from skyarm.sensors.measurement import Measurement
+from skyarm.vehicle.vehicle_records import Joint, Link
 
 STRAIGHT = 1e-6
 """1 + tr(R_d^T R) within 0.06 degrees of 180, where the axis is lost."""
@@ -43,8 +44,8 @@ class Recovery:
 
     gains: GeometricGains
     joint_gains: JointGains
-    stow: tuple[Scalar, ...]
-    stow_speed: tuple[Scalar, ...]
+    stow: Annotated[tuple[Scalar, ...], Unit("rad or m", "pose of the arm")]
+    stow_speed: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "on the way there")]
 
 
 def stowed(joint: Joint) -> float:

@@ -1,4 +1,4 @@
-"""One period under guard, but for the law's own step: what it is asked before, and what is sent after."""
+"""One period of the safety layer without the law's own step: the governed reference before it, the command after it."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from typing import Any
 from skyarm.actuation import Command
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.compile import leaves, rebuild
-from skyarm.control.geometric import yaw_of
-from skyarm.control.safety.fence import fenced, within_efforts
-from skyarm.control.safety.governor import governed_base, governed_joints
-from skyarm.control.safety.memory import Guarded, GuardMemory, blend
+from skyarm.control.blocks.geometric import yaw_of
+from skyarm.control.safety.command_limits import limit_slew, reachable
+from skyarm.control.safety.governor import govern_base, govern_joints
+from skyarm.control.safety.joint_barrier import apply_joint_barrier, within_efforts
+from skyarm.control.safety.memory import SafetyMemory, SafetyParameters, blend
 from skyarm.control.safety.recovery import base_stiffness, recover
-from skyarm.control.safety.saturation import reachable, slewed
-from skyarm.control.safety.trust import doubted
-from skyarm.dynamics.measurement import Measurement
+from skyarm.control.safety.supervisor import update_confidence
 from skyarm.reference import Reference
 from skyarm.scalars import absolute, where
+from skyarm.sensors.measurement import Measurement
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Asked:
-    """What a law is asked.
+class Governed:
+    """The governed reference of a law.
 
     Attributes:
         reference: governed. ramping: 1 for each joint whose reference is on its way.
@@ -34,11 +34,13 @@ class Asked:
     joints: tuple[Any, ...]
 
 
-def asked(par: Guarded, memory: GuardMemory, measurement: Measurement, reference: Reference, dt: Any) -> Asked:
-    """The governed reference."""
+def govern(
+    par: SafetyParameters, memory: SafetyMemory, measurement: Measurement, reference: Reference, dt: Any
+) -> Governed:
+    """Return the governed reference."""
     limits = par.limits
     joints = _kept(memory.started > 0.5, memory.joints, measurement.joints)
-    base = governed_base(
+    base = govern_base(
         reference,
         measurement,
         limits=limits,
@@ -46,40 +48,46 @@ def asked(par: Guarded, memory: GuardMemory, measurement: Measurement, reference
         damping=limits.damping,
         gravity=par.model.gravity,
     )
-    governed, ramping = governed_joints(
+    reference, ramping = govern_joints(
         base, joints, memory.ramping, limits.joint_slew, limits.joint_step, dt, model=par.model, limits=limits
     )
-    return Asked(reference=governed, ramping=ramping, joints=joints)
+    return Governed(reference=reference, ramping=ramping, joints=joints)
 
 
-def decided(
-    par: Guarded, memory: GuardMemory, measurement: Measurement, was: Asked, wished: Command, failed: Any, dt: Any
-) -> GuardMemory:
-    """The memory after a step, with what is sent and whether the law is given up; the law's own memory as it was.
+def arbitrate(
+    par: SafetyParameters,
+    memory: SafetyMemory,
+    measurement: Measurement,
+    governed: Governed,
+    desired: Command,
+    failed: Any,
+    dt: Any,
+) -> SafetyMemory:
+    """Decide whether the law or the recovery flies; return the memory after the step, the law's own as it was.
 
     Args:
         par: constants.
         memory: before the step.
         measurement: now.
-        was: asked of the law.
-        wished: by the law.
-        failed: whether what it gave cannot be used.
+        governed: reference that the law was given.
+        desired: command of the law.
+        failed: whether the law's command or memory cannot be used.
         dt: s.
     """
-    doubt = doubted(par.limits, memory.doubt, measurement, was.joints, failed, dt)
-    given_up, before = doubt.given_up > 0.5, memory.doubt.given_up > 0.5
+    confidence = update_confidence(par.limits, memory.confidence, measurement, governed.joints, failed, dt)
+    given_up, before = confidence.given_up > 0.5, memory.confidence.given_up > 0.5
     hold, yaw = _place(before, memory, measurement)
     arm = _kept(before, memory.arm, measurement.joints)
     hovering = _hold_reference(par, measurement, hold, yaw, arm, dt)
     rescue = recover(par.recovery, par.model, par.mixer, measurement, hovering)
-    return GuardMemory(
+    return SafetyMemory(
         inner=memory.inner,
         started=memory.started * 0.0 + 1.0,
-        joints=_kept(given_up, measurement.joints, was.reference.joints),
-        ramping=_kept(given_up, (0.0,) * len(was.joints), was.ramping),
+        joints=_kept(given_up, measurement.joints, governed.reference.joints),
+        ramping=_kept(given_up, (0.0,) * len(governed.joints), governed.ramping),
         arm=hovering.joints,
-        sent=limited(par, memory, measurement, blend(given_up, rescue, wished), dt),
-        doubt=doubt,
+        sent=limit_command(par, memory, measurement, blend(given_up, rescue, desired), dt),
+        confidence=confidence,
         hold=hold,
         yaw=yaw,
     )
@@ -89,14 +97,16 @@ def _kept(condition: Any, a: tuple[Any, ...], b: tuple[Any, ...]) -> tuple[Any, 
     return tuple(where(condition, x, y) for x, y in zip(a, b, strict=True))
 
 
-def _place(before: Any, memory: GuardMemory, measurement: Measurement) -> tuple[Vec3, Any]:
+def _place(before: Any, memory: SafetyMemory, measurement: Measurement) -> tuple[Vec3, Any]:
     """Where the recovery hovers and its heading: as found while the law flew, as kept since it was given up."""
     hold = Vec3(*_kept(before, tuple(memory.hold), tuple(measurement.position)))
     return hold, where(before, memory.yaw, yaw_of(measurement.quaternion))
 
 
-def _hold_reference(par: Guarded, measurement: Measurement, hold: Vec3, yaw: Any, arm: Any, dt: Any) -> Reference:
-    """What the recovery is asked: to hover, and to stow the arm."""
+def _hold_reference(
+    par: SafetyParameters, measurement: Measurement, hold: Vec3, yaw: Any, arm: Any, dt: Any
+) -> Reference:
+    """Return the reference of the recovery: hover, and stow the arm."""
     still = (0.0,) * len(par.recovery.stow)
     wanted = Reference(
         position=hold,
@@ -109,21 +119,23 @@ def _hold_reference(par: Guarded, measurement: Measurement, hold: Vec3, yaw: Any
         joint_snaps=still,
     )
     stiffness, damping = base_stiffness(par.recovery, par.model.vehicle.mass)
-    base = governed_base(
+    base = govern_base(
         wanted, measurement, limits=par.limits, stiffness=stiffness, damping=damping, gravity=par.model.gravity
     )
     speeds = par.recovery.stow_speed
-    return governed_joints(base, arm, still, speeds, still, dt, model=par.model, limits=par.limits)[0]
+    return govern_joints(base, arm, still, speeds, still, dt, model=par.model, limits=par.limits)[0]
 
 
-def limited(par: Guarded, memory: GuardMemory, measurement: Measurement, command: Command, dt: Any) -> Command:
-    """What is sent in place of a command."""
+def limit_command(
+    par: SafetyParameters, memory: SafetyMemory, measurement: Measurement, command: Command, dt: Any
+) -> Command:
+    """Return the command within its limits."""
     limits = par.limits
     held = within_efforts(limits, command.efforts)
     if held:
-        held = within_efforts(limits, fenced(par.model, limits, measurement, held))
+        held = within_efforts(limits, apply_joint_barrier(par.model, limits, measurement, held))
     turning = reachable(par.model, par.mixer, command.rotor_speeds)
-    near = slewed(
+    near = limit_slew(
         Command(rotor_speeds=turning, efforts=held),
         memory.sent,
         memory.started,

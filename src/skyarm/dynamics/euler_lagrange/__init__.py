@@ -5,7 +5,7 @@ first, live in :mod:`.mass`, :mod:`.mass_derivative`, :mod:`.coriolis`, :mod:`.g
 Source: Barakou, Tzafestas, Valavanis 2026.
 """
 
-from skyarm.dynamics.euler_lagrange.arrays import (
+from skyarm.dynamics.euler_lagrange.euler_lagrange_arrays import (
     body_torque,
     coriolis_matrix,
     coriolis_matrix_numeric,

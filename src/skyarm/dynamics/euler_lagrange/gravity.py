@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.dynamics.euler_lagrange.kinematics import Attitude, arm_points
+from skyarm.dynamics.euler_lagrange.euler_kinematics import Attitude, arm_points
 from skyarm.dynamics.euler_lagrange.mass import first_moment, weighted_jacobian
 from skyarm.dynamics.euler_lagrange.parameters import PlanarArmParameters
 from skyarm.scalars import add, mul, sin

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Sym3, Vec3
-from skyarm.dynamics.euler_lagrange.kinematics import Attitude, Columns, arm_points
+from skyarm.dynamics.euler_lagrange.euler_kinematics import Attitude, Columns, arm_points
 from skyarm.dynamics.euler_lagrange.mass import (
     Matrix,
     Points,

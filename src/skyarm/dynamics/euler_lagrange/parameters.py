@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import Mat3, Sym3, Vec3
+from skyarm.records.coerce import concrete
 from skyarm.scalars import Scalar, add, divide, mul, neg, sub
-from skyarm.vehicle import check
-from skyarm.vehicle.records import BASE, Body, Link, Vehicle
+from skyarm.vehicle.vehicle_records import BASE, Body, Link, Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -19,7 +19,7 @@ class PlanarArmParameters:
         mb: base mass, kg.
         Ib: base inertia about its centre of mass, base axes, kg m^2.
         m1, m2: link masses, kg.
-        me: point mass at the end effector, kg.
+        me: point mass at the tip, kg.
         L1, L2: link lengths, m.
         lc1, lc2: joint to centre of mass of each link, m; the paper's formulas write L/2.
         I1yy, I2yy: link inertias about their centre of mass and body y, kg m^2; the paper has no other moment.
@@ -101,7 +101,7 @@ def _without_tip(body: Body, reach: Any) -> tuple[Any, Any, Any, Any]:
     distance of the two masses; with the whole's mass and lever that determines both.
     """
     mass, lever, inertia = body.mass, neg(body.com.z), body.inertia
-    if check.concrete(inertia.xx) and inertia.xx == 0:
+    if concrete(inertia.xx) and inertia.xx == 0:
         return mass, lever, 0, inertia.yy
     k = mul(mass, sub(reach, lever))  # = m2 d
     m2 = divide(mul(k, k), add(inertia.xx, divide(mul(k, k), mass)))
@@ -119,7 +119,7 @@ def _planar(vehicle: Vehicle, link: Link, parent: int) -> None:
 
 
 def _zero(vehicle: Vehicle, field: str, *values: Any) -> None:
-    if not check.concrete(*values) or any(value != 0 for value in values):
+    if not concrete(*values) or any(value != 0 for value in values):
         raise _differs(vehicle, f"{field} = {values}", "zero")
 
 

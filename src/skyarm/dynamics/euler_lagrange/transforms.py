@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import Mat3, Vec3
-from skyarm.dynamics.euler_lagrange.kinematics import rate_matrix_partials
+from skyarm.dynamics.euler_lagrange.euler_kinematics import rate_matrix_partials
 from skyarm.scalars import cos, divide, mul, neg, sin
 
 

@@ -1,0 +1,51 @@
+"""Joint drives: from a joint's setpoint to the effort of its actuator, before limit and friction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+class Drive:
+    """A drive is the actuator of one joint. A subclass is a frozen dataclass of numbers with pure, traceable functions.
+
+    ``advance`` steps the memory once per control period; ``effort`` is evaluated at every stage of the integrator with
+    the memory held. The joint's own effort limit, its friction and its faults act on what ``effort`` gives.
+    """
+
+    __slots__ = ()
+
+    largest_step: float | None = None
+    """Longest integration step that it bears, s; None for any. May be a field, or a property of the other numbers."""
+
+    def start(self, position: Any) -> Any:
+        """First memory, a record or tuple of scalars; ``position`` is the joint's at the start, rad or m."""
+        return ()
+
+    def advance(self, memory: Any, setpoint: Any, position: Any, rate: Any, dt: float) -> Any:
+        """Memory for the period of ``dt`` (s) that begins with this setpoint, position and rate."""
+        return memory
+
+    def effort(self, memory: Any, setpoint: Any, position: Any, rate: Any) -> Any:
+        """Torque (N m) or force (N) on the joint."""
+        raise NotImplementedError(f"{type(self).__name__} must say its effort")
+
+    def standing(self, effort: Any, position: Any) -> Any:
+        """The setpoint that holds the arm before the first command arrives, from the torque that holds it."""
+        return position
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TorqueDrive(Drive):
+    """The setpoint is the torque or force."""
+
+    def effort(self, memory: Any, setpoint: Any, position: Any, rate: Any) -> Any:
+        """The setpoint itself."""
+        return setpoint
+
+    def standing(self, effort: Any, position: Any) -> Any:
+        """The torque that holds the arm."""
+        return effort
+
+
+TORQUE_DRIVE = TorqueDrive()

@@ -1,0 +1,26 @@
+"""``skyarm bench``: what it prints and writes."""
+
+from __future__ import annotations
+
+import json
+
+from rich.console import Console
+
+from skyarm.files import output_file, write_atomically
+
+
+def bench(name: str | None, quick: bool, console: Console) -> None:
+    """Measure, print, and write the numbers where they are wanted.
+
+    Raises:
+        ValueError, OSError: the file cannot be written; said before anything is measured.
+    """
+    from skyarm.bench.bench_report import measure, text
+
+    file = None if name is None else output_file(name, "--json")
+    with console.status("measuring") as status:
+        found = measure(quick=quick, progress=lambda what: status.update(f"measuring: {what}"))
+    console.print(text(found), soft_wrap=True)
+    if file is not None:
+        write_atomically(file, (json.dumps(found, indent=1) + "\n").encode())
+        console.print(f"written: {file}", soft_wrap=True)

@@ -1,0 +1,113 @@
+"""``skyarm compare``: fly every law side by side and write its tables, figure and page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from skyarm.cli.lines import say
+from skyarm.cli.progress import bar
+from skyarm.compare.comparison import SUITE, Comparison, fly_comparison, prepare
+from skyarm.compare.comparison_tables import report
+from skyarm.compare.entrants import ENTRANTS, Entrant, entrant_name, own_entrant
+from skyarm.compare.overwrites import replaced, require_same_plugins
+from skyarm.compare.own_scenario import fly_own, own_flights, own_report
+from skyarm.compare.suite import conditions
+from skyarm.control.catalogue import require_different
+from skyarm.files import must_be_one_of, require_writable, shown, taken_back
+from skyarm.scenario.scenario_file import list_scenarios
+from skyarm.simulate.own_code_trials import try_own_code
+
+SUITES = (SUITE,)
+
+
+def compare(
+    suite: str,
+    out: str,
+    *,
+    laws: str | None,
+    columns: str | None,
+    plants: int,
+    seeds: int,
+    one_by_one: int,
+    seed: int,
+    plant: str,
+    threads: int,
+    console: Console,
+) -> None:
+    """Fly what is missing of a comparison and write its results.
+
+    Raises:
+        ValueError, OSError: one line.
+    """
+    if suite not in SUITES:
+        if columns is not None:
+            raise ValueError("--conditions: must be left out for a scenario, which says its own")
+        _on_scenario(suite, out, laws, plant=plant, seeds=seeds, seed=seed, threads=threads, console=console)
+        return
+    entrants = _chosen("--laws", laws, ENTRANTS, own_entrant)
+    flown = _chosen("--conditions", columns, conditions(plants, seeds))
+    folder = Path(out)
+    comparison = Comparison(entrants=entrants, conditions=flown, seed=seed, plant=plant, one_by_one=one_by_one)
+    for flights in {each.entrant.name: each for each in comparison.flights() if each.entrant.group == "own"}.values():
+        try_own_code(flights.scenario())
+    with taken_back(folder, folder / "cells"):
+        prepare(require_writable(out))
+        other = replaced(comparison, folder / "results.json")
+        if other:
+            kept = "(cells of what flies no more stay)"
+            say(f"{folder}: replaces the report of a comparison of {'; '.join(other)} {kept}", 0)
+        require_same_plugins(comparison.flights(), folder / "cells")
+        with bar(suite, console, pause=0.0) as advance:
+            found = fly_comparison(comparison, folder, threads=threads, progress=advance)
+    console.print(report(found, entrants, flown), soft_wrap=True)
+    console.print(f"comparison in {folder}: report.html, tables.md, results.json, laws.png", soft_wrap=True)
+
+
+def _on_scenario(name: str, out: str, laws: str | None, *, console: Console, threads: int, **flown: Any) -> None:
+    """Laws side by side on a scenario.
+
+    Raises:
+        ValueError: neither a suite nor a scenario, or a law that is none.
+    """
+    if not name.endswith(".toml") and name not in list_scenarios():
+        suites = ", ".join(SUITES)
+        raise ValueError(
+            f"suite = {shown(name)}: must be one of {suites}, or a scenario (a .toml file or a shipped one)"
+        )
+    chosen = None if laws is None else [law.strip() for law in laws.split(",") if law.strip()]
+    if chosen == []:
+        raise ValueError("--laws: must name at least one")
+    flights = own_flights(name, chosen, **flown)
+    folder = Path(out)
+    with taken_back(folder, folder / "cells"):
+        prepare(require_writable(out))
+        require_same_plugins(flights, folder / "cells")
+        with bar(flights[0].case.name, console, pause=0.0) as advance:
+            found = fly_own(flights, folder, threads=threads, progress=advance)
+    console.print(own_report(found), soft_wrap=True)
+    console.print(f"comparison in {folder}: tables.md, results.json", soft_wrap=True)
+
+
+def _chosen(
+    option: str, words: str | None, there: Any, more: Callable[[str], Entrant | None] = lambda _name: None
+) -> Any:
+    """Those of a comma-separated list, and ``more`` by name; all that are there if there is no list."""
+    if words is None:
+        return dict(there)
+    given = [name.strip() for name in words.split(",") if name.strip()]
+    require_different(given, option)
+    names = [entrant_name(name) for name in given]
+    added = {name: found for name in names if name not in there and (found := more(name)) is not None}
+    for name in names:
+        if name not in there and name not in added:
+            raise ValueError(f"{option} = {shown(name)}: {must_be_one_of(there, name)}")
+    if not names:
+        raise ValueError(f"{option}: must name at least one of {', '.join(there)}")
+    if len({each.name for each in added.values()}) < len(added):
+        raise ValueError(f"{option} = {shown(words)}: must not name two files and makers of the same names")
+    chosen = {name: each for name, each in there.items() if name in names}
+    return chosen | {each.name: each for each in added.values()}

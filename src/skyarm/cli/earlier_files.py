@@ -1,0 +1,34 @@
+"""Results of an earlier flight that stand where new ones are to be written: they keep a number, and nothing is lost."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from itertools import count
+from pathlib import Path
+
+
+def keep_earlier(files: Sequence[Path]) -> list[tuple[Path, Path]]:
+    """Rename files that are there: NAME.npz becomes NAME_1.npz, or the first number that none of them has yet.
+
+    The newest flight has the plain name, so that what reads it need not search. Links and devices stay: they are
+    written through.
+
+    Returns:
+        (name, numbered name) of each that was renamed.
+
+    Raises:
+        OSError: one cannot be renamed.
+    """
+    there = [file for file in files if file.is_file() and not file.is_symlink()]
+    if not there:
+        return []
+    number = next(k for k in count(1) if not any(os.path.lexists(_numbered(file, k)) for file in files))
+    renamed = [(file, _numbered(file, number)) for file in there]
+    for file, name in renamed:
+        file.rename(name)
+    return renamed
+
+
+def _numbered(file: Path, number: int) -> Path:
+    return file.with_name(f"{file.stem}_{number}{file.suffix}")

@@ -1,0 +1,99 @@
+"""``skyarm export-c``: which controller, for which vehicle, into which file."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from skyarm import __version__
+from skyarm.actuation import AllocationError
+from skyarm.cli.lines import say_if_many
+from skyarm.control.catalogue import choices, is_named, make_named, meant
+from skyarm.control.controller import Controller
+from skyarm.control.model import Model
+from skyarm.files import number, output_file, shown, write_atomically
+from skyarm.onboard.export_c import export_c
+from skyarm.registry.plugins import identities, law_of_file_name
+from skyarm.scenario.scenario_file import list_scenarios, load_scenario
+from skyarm.scenario.scenario_parts import HIGHEST_RATE
+from skyarm.vehicle.vehicle_files import load_vehicle
+
+RATE = 200.0
+"""Hz, as the scenarios' own default."""
+
+SLOWEST = 1e-3
+"""Hz: a slower control law is a slip of the keyboard."""
+
+
+def export(
+    controller: str,
+    file: str,
+    *,
+    vehicle: str | None = None,
+    gravity: float | None = None,
+    rate: float | None = None,
+    name: str | None = None,
+    single: bool = False,
+) -> str:
+    """Write a controller as a C file; returns one line on what was written.
+
+    Args:
+        controller: a preset, a law or LAW_tuned, built for the vehicle; or a scenario, whose controller is taken as it
+            flies.
+        file: to write.
+        vehicle: what the controller believes in; a scenario brings its own.
+        gravity: m/s^2, believed; 9.81 if left out, a scenario brings its own.
+        rate: Hz, of the control; 200, or the scenario's, if left out.
+        name: begins the names in the file; the controller's if left out.
+        single: float in place of double.
+
+    Raises:
+        ValueError, OSError: one line.
+    """
+    written = output_file(file, "--out")
+    held = None if rate is None else number(rate, "--rate", low=0.0, strict=True)
+    if held is not None and not SLOWEST <= held <= HIGHEST_RATE:
+        raise ValueError(f"--rate = {rate!r}: must be from {SLOWEST:g} to {HIGHEST_RATE} Hz")
+    if is_named(controller):
+        if vehicle is None:
+            raise ValueError(f"--vehicle: is missing; controller {controller!r} must know the vehicle it flies")
+        felt = 9.81 if gravity is None else number(gravity, "--gravity", low=0.0)
+        model = Model(vehicle=load_vehicle(vehicle), gravity=felt)
+        chosen, title = _built(controller, model, 1.0 / (held or RATE)), law_of_file_name(controller)
+    else:
+        _require_known(controller)
+        for option, value in (("--vehicle", vehicle), ("--gravity", gravity)):
+            if value is not None:
+                raise ValueError(f"{option} = {value!r}: must be left out, scenario {controller!r} brings its own")
+        planned = load_scenario(controller)
+        chosen, title = planned.controller, planned.name
+        held = held or float(planned.rates.control)
+    say_if_many(title, chosen.par.model.vehicle.n)
+    period = 1.0 / (held or RATE)
+    generator = ", ".join([f"skyarm {__version__}", *(f"{name} {each}" for name, each in identities().items())])
+    exported = export_c(chosen, name=name or _identifier(title), period=period, single=single, generator=generator)
+    write_atomically(written, exported.text.encode("ascii"))
+    return (
+        f"{written}: {exported.name}_step, {chosen.name} for {chosen.par.model.vehicle.name}, "
+        f"{exported.operations} operations in {'float' if single else 'double'}, {len(exported.parameters)} parameters"
+    )
+
+
+def _built(name: str, model: Model, period: float) -> Controller:
+    try:
+        return make_named(name, model, {"control_period": period})
+    except AllocationError as error:
+        raise ValueError(f"--vehicle = {model.vehicle.name!r}: {error}") from None
+
+
+def _require_known(controller: str) -> None:
+    if controller not in list_scenarios() and Path(controller).suffix != ".toml":
+        raise ValueError(
+            f"controller = {shown(controller)}: {meant(controller)}must be {choices()}, "
+            f"or a scenario ({', '.join(list_scenarios())}) or a scenario's .toml file"
+        )
+
+
+def _identifier(title: str) -> str:
+    text = re.sub(r"[^A-Za-z0-9_]", "_", title)
+    return text if text[0].isalpha() else f"law_{text}"

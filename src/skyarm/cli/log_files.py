@@ -1,0 +1,30 @@
+"""Files of a flight's log that the command line names: each in the format of its suffix."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from skyarm.files import output_file, shown
+from skyarm.log.formats import require_format
+
+
+def log_files(names: Sequence[str] | None, usual: Sequence[Path]) -> list[Path]:
+    """Paths of the log's files, checked before the flight; the usual ones where none are named.
+
+    Raises:
+        ValueError: a suffix that no log format is registered for, with those there are; or a file that is named twice.
+        OSError: one of them cannot be written.
+    """
+    if not names:
+        return list(usual)
+    for name in names:
+        require_format(name, "--log")
+    found: dict[Path, str] = {}
+    for name in names:
+        file = output_file(name, "--log")
+        place = file.resolve()
+        if place in found:
+            raise ValueError(f"--log = {shown(name)}: must be another file than --log = {shown(found[place])}")
+        found[place] = name
+    return [Path(name) for name in names]

@@ -1,0 +1,78 @@
+"""Flights one by one, for laws that cannot be traced and for MuJoCo's plant; metrics from their logs."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.log.flight_log import Log
+from skyarm.metrics.score import score
+from skyarm.metrics.windows import Windows
+from skyarm.registry import names as registered
+from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.places import LATE
+from skyarm.scenario.scenario_record import Delays, Scenario
+from skyarm.simulate.loop import run
+
+Array = npt.NDArray[Any]
+
+
+TRACKING = tuple(f"{what}_error_{how}_continuous" for what in ("position", "joint", "ee") for how in ("mean", "max"))
+METRICS = (
+    *TRACKING,
+    *("gust_peak_x_continuous", "gust_ee_peak_x_continuous"),
+    *("ee_error_last_mean_continuous", "ee_error_last_max_continuous"),
+    *("rotor_jitter", "rate_rms", "tilt_max", "altitude_error_max_continuous"),
+)
+"""What the comparison counts, under the names of :mod:`skyarm.metrics.metric_catalogue`; and every joint's effort."""
+
+
+def counted_metrics(joints: int) -> tuple[str, ...]:
+    """What is counted of a vehicle with so many joints, registered metrics of one's own included."""
+    return (*METRICS, *(f"tau{i + 1}_rms" for i in range(joints)), *registered("metric"))
+
+
+def of_log(log: Log, windows: Windows) -> dict[str, float]:
+    """The same metrics from a log; those of an episode that ended early are cut."""
+    return score(log, counted_metrics(log.joints.shape[1]), windows)
+
+
+def _single(scenario: Scenario, numbers: dict[str, float]) -> Scenario:
+    """One episode of a batch: a delay of its own becomes whole physics steps."""
+    late, rate = numbers.pop(LATE, None), scenario.rates.physics
+    changed = with_numbers(scenario, numbers)
+    if late is None:
+        return changed
+    delays = Delays(measurement=scenario.delays.measurement, command=round(late * rate) / rate)
+    return dataclasses.replace(changed, delays=delays)
+
+
+def numbers_of(values: Mapping[str, Array], episode: int) -> dict[str, float]:
+    """The numbers of one episode, by path."""
+    return {path: float(column[episode]) for path, column in values.items()}
+
+
+def fly_single(
+    scenario: Scenario, numbers: dict[str, float], episode: int, windows: Windows
+) -> tuple[dict[str, float], str]:
+    """Metrics and ending of one flight."""
+    log = run(dataclasses.replace(_single(scenario, numbers), episode=episode))
+    return of_log(log, windows), str(log.status)
+
+
+def collected(flown: Sequence[tuple[dict[str, float], str]]) -> tuple[dict[str, Array], Array]:
+    """Metrics by name and endings of flights, one entry per episode; NaN where a flight has none."""
+    names = dict.fromkeys(name for row, _ in flown for name in row)
+    found = {name: np.array([row.get(name, np.nan) for row, _ in flown]) for name in names}
+    return found, np.array([status for _, status in flown])
+
+
+def fly_one_by_one(
+    scenario: Scenario, values: Mapping[str, Array], episodes: int, windows: Windows
+) -> tuple[dict[str, Array], Array]:
+    """Metrics by name and endings, one entry per episode."""
+    return collected([fly_single(scenario, numbers_of(values, k), k, windows) for k in range(episodes)])

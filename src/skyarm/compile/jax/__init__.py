@@ -1,0 +1,1 @@
+"""JAX functions of a traced program."""

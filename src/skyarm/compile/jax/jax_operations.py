@@ -1,0 +1,174 @@
+"""Basic operations in JAX, with derivatives that stay finite where a value does.
+
+``where`` evaluates both of its branches, and so does its derivative: an infinite slope in the branch that is not taken
+(sqrt at 0, a division by 0) becomes 0 * inf = NaN. Such a slope is 0 here, a subgradient of every length |v|.
+|x| and copysign take their slope at 0 from the sign bit, so that atan2 keeps its slope of 1 there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from skyarm.compile.extras import missing_extra
+from skyarm.compile.tracing.lower import Lowered
+from skyarm.compile.tracing.tracer import Node
+
+try:
+    import jax
+    from jax import lax
+except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
+    raise missing_extra("jax") from error
+
+
+def _layout(x: Any) -> tuple[Any, int, int]:
+    """Integer type, bits of the mantissa and bias of a float's type."""
+    return (np.int64, 52, 1023) if x.dtype == np.float64 else (np.int32, 23, 127)
+
+
+def _like(x: Any, value: Any) -> Any:
+    return lax.full_like(x, value)
+
+
+def _bits(x: Any) -> Any:
+    return lax.bitcast_convert_type(x, _layout(x)[0])
+
+
+def power_of_two(k: Any) -> Any:
+    """2**k by writing k into the exponent: k + 1.5 * 2**(mantissa bits) has k in its lowest bits."""
+    integer, shift, bias = _layout(k)
+    bits = _bits(lax.add(k, _like(k, 1.5 * 2.0**shift)))
+    moved = lax.shift_left(bits, _like(bits, shift))
+    return lax.bitcast_convert_type(lax.add(moved, integer(bias << shift)), k.dtype)
+
+
+def exponent(x: Any) -> Any:
+    """Exponent bits of a normal number as a float."""
+    integer, shift, bias = _layout(x)
+    kept = lax.bitwise_and(lax.shift_right_logical(_bits(x), integer(shift)), integer(2 * bias + 1))
+    return lax.sub(lax.convert_element_type(kept, x.dtype), _like(x, bias))
+
+
+@jax.custom_jvp
+def mantissa(x: Any) -> Any:
+    """The number with the exponent of 1."""
+    integer, shift, bias = _layout(x)
+    mask = ~integer((2 * bias + 1) << shift)
+    return lax.bitcast_convert_type(lax.bitwise_or(lax.bitwise_and(_bits(x), mask), integer(bias << shift)), x.dtype)
+
+
+@mantissa.defjvp
+def _(primals: Any, tangents: Any) -> Any:
+    """x = m 2**e: m moves 2**-e times as far as x."""
+    (x,), (dx,) = primals, tangents
+    return mantissa(x), dx * power_of_two(-exponent(x))
+
+
+@jax.custom_jvp
+def divide(a: Any, b: Any) -> Any:
+    """a / b; its slope where b is 0 counts as 0."""
+    return lax.div(a, b)
+
+
+@divide.defjvp
+def _(primals: Any, tangents: Any) -> Any:
+    (a, b), (da, db) = primals, tangents
+    q, zero = lax.div(a, b), b == 0.0
+    safe, scale = lax.select(zero, _like(b, 1.0), b), lax.select(zero, _like(q, 0.0), q)
+    slope = (da - scale * db) / safe
+    return q, lax.select(zero, _like(slope, 0.0), slope)
+
+
+@jax.custom_jvp
+def sqrt(x: Any) -> Any:
+    """Square root; its slope at 0 counts as 0."""
+    return lax.sqrt(x)
+
+
+@sqrt.defjvp
+def _(primals: Any, tangents: Any) -> Any:
+    (x,), (dx,) = primals, tangents
+    root = lax.sqrt(x)
+    positive = root > 0.0
+    slope = 0.5 / lax.select(positive, root, _like(root, 1.0))
+    return root, dx * lax.select(positive, slope, _like(root, 0.0))
+
+
+def _negative(x: Any) -> Any:
+    """Whether the sign bit is set."""
+    return _bits(x) < 0
+
+
+@jax.custom_jvp
+def absolute(x: Any) -> Any:
+    """|x|."""
+    return lax.abs(x)
+
+
+@absolute.defjvp
+def _(primals: Any, tangents: Any) -> Any:
+    (x,), (dx,) = primals, tangents
+    return lax.abs(x), dx * lax.select(_negative(x), _like(x, -1.0), _like(x, 1.0))
+
+
+@jax.custom_jvp
+def copysign(size: Any, sign: Any) -> Any:
+    """|size| with the sign of the other."""
+    return lax.select(_negative(sign), -lax.abs(size), lax.abs(size))
+
+
+@copysign.defjvp
+def _(primals: Any, tangents: Any) -> Any:
+    (size, sign), (dsize, _dsign) = primals, tangents
+    turned = lax.ne(_negative(size), _negative(sign))
+    return copysign(size, sign), dsize * lax.select(turned, _like(size, -1.0), _like(size, 1.0))
+
+
+def at_most(a: Any, b: Any) -> Any:
+    """a <= b; XLA 0.10 takes 0 <= x * x, 0 <= |x| and the like for true of a NaN too, so it is never asked that."""
+    return lax.bitwise_or(lax.lt(a, b), lax.eq(a, b))
+
+
+OPERATIONS: dict[str, Callable[..., Any]] = {
+    "add": lax.add,
+    "sub": lax.sub,
+    "mul": lax.mul,
+    "div": divide,
+    "neg": lax.neg,
+    "lt": lax.lt,
+    "le": at_most,
+    "where": lax.select,
+    "and": lax.bitwise_and,
+    "or": lax.bitwise_or,
+    "not": lax.bitwise_not,
+    "abs": absolute,
+    "sqrt": sqrt,
+    "floor": lax.floor,
+    "copysign": copysign,
+    "power_of_two": power_of_two,
+    "exponent": exponent,
+    "mantissa": mantissa,
+}
+"""Basic operations of a lowered program on scalars of JAX."""
+
+
+def evaluate(program: Lowered, inputs: Sequence[Any], dtype: Any) -> list[Any]:
+    """Outputs of a program on JAX scalars of one type."""
+    values: dict[int, Any] = {node.index: value for node, value in zip(program.inputs, inputs, strict=True)}
+    for node in program.nodes:
+        if node.op == "const":
+            values[node.index] = _constant(node, dtype)
+        elif node.op in ("slot", "repeat", "item"):
+            raise ValueError("a program with loops is for machine code: trace it without loops for JAX")
+        elif node.op != "input":
+            values[node.index] = OPERATIONS[node.op](*(values[arg.index] for arg in node.args))
+    return [lax.convert_element_type(values[node.index], dtype) for node in program.outputs]
+
+
+def _constant(node: Node, dtype: Any) -> Any:
+    if isinstance(node.value, bool):
+        return np.bool_(node.value)
+    with np.errstate(over="ignore"):  # 1e300 is inf in single precision
+        return dtype(node.value)

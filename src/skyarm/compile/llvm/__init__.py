@@ -1,0 +1,1 @@
+"""Machine code of a traced program, by LLVM."""

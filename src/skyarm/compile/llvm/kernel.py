@@ -1,0 +1,222 @@
+"""Machine code: assembly compiled by LLVM for this processor, kept in a cache of object files, run on threads.
+
+Needs llvmlite, a core dependency. No C compiler is involved. What is kept: :mod:`skyarm.compile.llvm.object_cache`.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.compile.llvm import object_cache
+from skyarm.compile.llvm.llvm_loop import CALL, assembly
+from skyarm.compile.llvm.llvm_rounds import HELP, LEAD
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.llvm.rounds import GUESS, Pace, Rounds
+from skyarm.compile.llvm.thread_pool import ThreadPools
+from skyarm.compile.machine_code import llvm_needed, require_floor
+from skyarm.compile.tracing.repeat import operations
+from skyarm.compile.tracing.stepped_loop import Loop, trace_loop
+
+Array = npt.NDArray[Any]
+
+SIGNATURE = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
+# keeps the interpreter's lock: giving it up and taking it again costs more than a step
+QUICK = ctypes.PYFUNCTYPE(None, ctypes.c_void_p)
+
+
+def _machine(effort: int = 2) -> Any:
+    """A target machine of this processor; an engine takes the one it is made with for itself."""
+    import llvmlite.binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return llvm.Target.from_default_triple().create_target_machine(
+        cpu=llvm.get_host_cpu_name(), features=_features(), opt=effort, jit=True
+    )
+
+
+@lru_cache(maxsize=1)
+@llvm_needed()
+def _features() -> str:
+    import llvmlite
+    import llvmlite.binding as llvm
+
+    require_floor(llvmlite.__version__)
+    features = llvm.get_host_cpu_features().flatten()
+    # without this LLVM cuts 512-bit vectors in two on processors that once slowed down for them
+    return f"{features},-prefer-256-bit" if "+avx512f" in features else str(features)
+
+
+def host_width(*, single: bool = False) -> int:
+    """Lanes of a vector register of this processor."""
+    features = _features()
+    bits = 512 if "+avx512f" in features else 256 if "+avx" in features else 128
+    return bits // (32 if single else 64)
+
+
+class Kernel:
+    """A stepped program as machine code.
+
+    Args:
+        loop: the program. lanes: vector shape; the processor's own if left out.
+        logging: compile in the writing of the log.
+        effort: 2, or 0 for code that is made five times as fast and runs a third as fast; its numbers are the same.
+    """
+
+    def __init__(self, loop: Loop, lanes: Lanes | None = None, *, logging: bool = False, effort: int = 2) -> None:
+        self.loop = loop
+        self.lanes = lanes or Lanes(host_width())
+        self.logging = logging
+        self.engine = _compiled(assembly(loop, self.lanes, logging=logging), effort)
+        lead, help_ = (SIGNATURE(self.engine.get_function_address(name)) for name in (LEAD, HELP))
+        self.functions = (lead, help_)
+        guess = GUESS * max(1, operations(loop.program.nodes))
+        self.pace = Pace(guess, guess)
+        self.pools = ThreadPools()
+        self.quick = QUICK(self.engine.get_function_address(CALL))
+
+    @property
+    def dtype(self) -> Any:
+        """NumPy type of all numbers."""
+        return np.float32 if self.lanes.single else np.float64
+
+    def run(
+        self,
+        carry: Array,
+        parameters: Array,
+        rows: Array,
+        *,
+        seed: int = 0,
+        episodes: Array | None = None,
+        start: int = 0,
+        threads: int = 1,
+        every: int = 1,
+    ) -> tuple[Array, Array]:
+        """Step all lanes through all rows.
+
+        What is raised meanwhile, as Ctrl-C raises it, comes through within a fraction of a second, with all threads
+        idle; the arrays given are only read.
+
+        Args:
+            carry: (carry, lanes).
+            parameters: (parameters, lanes).
+            rows: (steps, row), shared by all lanes.
+            seed: key of the random numbers.
+            episodes: (lanes,), the second key; lane k is episode k if left out.
+            start: number of the first step, for the random numbers.
+            threads: most that work; lanes are shared out in blocks, results do not depend on it.
+            every: log each so many steps.
+
+        Returns:
+            carry after the last row, and the log (entries, logged, lanes), empty without logging.
+        """
+        lanes, width = carry.shape[1], self.lanes.width
+        padded = -(-lanes // width) * width
+        c = self._padded("carry", carry, (self.loop.carry, lanes), padded)
+        p = self._padded("parameters", parameters, (self.loop.parameters, lanes), padded)
+        with np.errstate(over="ignore"):
+            r = np.ascontiguousarray(rows, dtype=self.dtype)
+        if r.ndim != 2 or r.shape[1] != self.loop.row:
+            raise ValueError(f"rows: shape {r.shape}, allowed (steps, {self.loop.row})")
+        if every < 1:
+            raise ValueError(f"every = {every}: must be at least 1")
+        keys = _keys(seed, np.arange(lanes) if episodes is None else np.asarray(episodes), lanes, padded)
+        entries = -(-r.shape[0] // every) if self.logging else 0
+        log = np.zeros((entries, self.loop.logged, padded), dtype=self.dtype)
+        work = Rounds(
+            self.functions,
+            self.engine,
+            (c, p, r, log, keys),
+            blocks=padded // width,
+            lanes=padded,
+            start=start,
+            every=every,
+            pace=self.pace,
+            threads=threads,
+        )
+        work.run(self.pools)
+        return c[:, :lanes], log[:, :, :lanes]
+
+    def _padded(self, name: str, values: Array, shape: tuple[int, int], lanes: int) -> Array:
+        """A contiguous copy with the last lane repeated up to whole vectors."""
+        if values.shape != shape:
+            raise ValueError(f"{name}: shape {values.shape}, allowed {shape}")
+        result = np.empty((shape[0], lanes), dtype=self.dtype)
+        # what 32 bits do not hold is infinite there, a limit that nothing reaches as much as a state that diverges
+        with np.errstate(over="ignore"):
+            result[:, : shape[1]] = values
+        result[:, shape[1] :] = result[:, shape[1] - 1 : shape[1]]
+        return result
+
+
+def _keys(seed: int, episodes: Array, lanes: int, padded: int) -> Array:
+    """[seed, episode of every lane] as the generator takes them."""
+    if episodes.shape != (lanes,):
+        raise ValueError(f"episodes: shape {episodes.shape}, allowed ({lanes},)")
+    if lanes and (episodes.dtype.kind not in "iu" or episodes.min() < 0 or episodes.max() >= 2**32):
+        raise ValueError("episodes: must be whole numbers from 0 to 2**32 - 1")
+    keys = np.zeros(1 + padded, dtype=np.uint64)
+    keys[0] = seed
+    keys[1 : 1 + lanes] = episodes
+    return keys
+
+
+def _compiled(text: str, effort: int) -> Any:
+    """Engine that holds the module's code, from the cache if it is there."""
+    # the cache has errors of its own, which say nothing of LLVM
+    identity = _identity(text, effort)
+    content = object_cache.load(identity)
+    if content is None:
+        content = build(text, effort)
+        object_cache.store(identity, content)
+    return _loaded(content)
+
+
+@llvm_needed()
+def _identity(text: str, effort: int) -> str:
+    """All that object code depends on."""
+    import llvmlite
+    import llvmlite.binding as llvm
+
+    triple, cpu = llvm.get_default_triple(), llvm.get_host_cpu_name()
+    return "\n".join((text, llvmlite.__version__, triple, cpu, _features(), str(effort)))
+
+
+@llvm_needed()
+def _loaded(content: bytes) -> Any:
+    """Engine that holds object code."""
+    import llvmlite.binding as llvm
+
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
+    engine.add_object_file(llvm.ObjectFileRef.from_data(content))
+    engine.finalize_object()
+    return engine
+
+
+@llvm_needed()
+def build(text: str, effort: int = 2) -> bytes:
+    """Object code of a module for this processor."""
+    import llvmlite.binding as llvm
+
+    machine = _machine(effort)
+    module = llvm.parse_assembly(text)
+    module.verify()
+    if effort:
+        builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=effort))
+        builder.getModulePassManager().run(module, builder)
+    content: bytes = machine.emit_object(module)
+    return content
+
+
+def require_machine_code() -> None:
+    """Make the least of all kernels, before work that needs many begins.
+
+    Raises:
+        NoMachineCodeError: says why and what to do.
+    """
+    Kernel(trace_loop(lambda carry, *_: (carry, ()), 0.0, (), ()), Lanes(1), effort=0)

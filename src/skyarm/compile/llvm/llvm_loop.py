@@ -1,0 +1,210 @@
+"""LLVM assembly of a stepped program: whole episodes of a block of lanes in one function.
+
+    void step_loop(carry*, parameters*, rows*, log*, keys*,
+                   first block, last block, begin, end, start, lanes, log every)
+
+Rows begin to end are stepped; their random numbers are those of the steps start + begin to start + end. Lanes are the
+last axis of ``carry`` and ``parameters`` (structure of arrays); ``rows`` are shared by all lanes. What depends on
+parameters alone is computed once per block, before the loop.
+"""
+
+from __future__ import annotations
+
+import platform
+
+from skyarm.compile.llvm.llvm_random import write_uniforms
+from skyarm.compile.llvm.llvm_rounds import rounds
+from skyarm.compile.llvm.llvm_text import Lanes, Writer
+from skyarm.compile.tracing.stepped_loop import Loop
+from skyarm.compile.tracing.tracer import Node
+
+NAME, CALL, BODY = "step_loop", "step_call", "step_body"
+
+ARGUMENTS = (
+    *(f"ptr noalias %{name}" for name in ("carry", "parameters", "rows", "log", "keys")),
+    *(f"i64 %{name}" for name in ("first", "last", "begin", "end", "start", "lanes", "every")),
+)
+
+FLUSH = 0x8040
+"""Bits of an x86 processor's control word that make numbers below the normal range zero."""
+
+
+def assembly(loop: Loop, lanes: Lanes, *, logging: bool) -> str:
+    """The module's text."""
+    writer = Writer(lanes)
+    inputs = loop.program.inputs
+    marks = (loop.carry, loop.carry + loop.parameters, loop.carry + loop.parameters + loop.row)
+    carry, parameters = inputs[: marks[0]], inputs[marks[0] : marks[1]]
+    rows, draws = inputs[marks[1] : marks[2]], inputs[marks[2] :]
+    invariant, varying = _split(loop.program.nodes, parameters)
+    writer.do(f"define internal void @{BODY}({', '.join(ARGUMENTS)}) noinline {{")
+    _open_blocks(writer)
+    for i, node in enumerate(parameters):
+        writer.names[node.index] = _load(writer, "%parameters", i)
+    writer.program(invariant)
+    starts = [_load(writer, "%carry", i) for i in range(loop.carry)]
+    if loop.uniforms:
+        writer.do("  %episodes.at = getelementptr i64, ptr %keys, i64 %offset")
+        writer.do("  %episodes.ptr = getelementptr i64, ptr %episodes.at, i64 1")
+    writer.do("  br label %head")
+    writer.do("head:")
+    writer.do("  %i = phi i64 [ %begin, %block ], [ %i.next, %latch ]")
+    for i, (node, start) in enumerate(zip(carry, starts, strict=True)):
+        writer.do(f"  %c{i} = phi {lanes.vector} [ {start}, %block ], [ %n{i}, %latch ]")
+        writer.names[node.index] = f"%c{i}"
+    writer.do("  %more = icmp slt i64 %i, %end")
+    writer.do("  br i1 %more, label %body, label %store")
+    writer.do("body:")
+    writer.do("  %step = add i64 %i, %start")
+    used = {arg.index for node in varying for arg in node.args} | {node.index for node in loop.program.outputs}
+    for i, node in enumerate(rows):
+        if node.index in used:
+            writer.names[node.index] = _row(writer, i, loop.row)
+    if loop.uniforms:
+        for node, name in zip(draws, write_uniforms(writer, loop.uniforms), strict=True):
+            writer.names[node.index] = name
+    writer.program(varying)
+    results = [writer.names[node.index] for node in loop.program.outputs]
+    if logging and loop.logged:
+        _write_log(writer, results[loop.carry :])
+    writer.do("  br label %latch")
+    writer.do("latch:")
+    for i, name in enumerate(results[: loop.carry]):
+        # a value that is a constant or an input needs a name of its own here
+        writer.do(f"  %n{i} = select i1 true, {lanes.vector} {name}, {lanes.vector} {name}")
+    writer.do("  %i.next = add i64 %i, 1")
+    writer.do("  br label %head")
+    writer.do("store:")
+    for i in range(loop.carry):
+        _store(writer, "%carry", i, f"%c{i}")
+    writer.do("  br label %next")
+    _close_blocks(writer)
+    entry = _entry(flush=lanes.contract and _x86())
+    return "\n".join([*writer.lines, *entry, *_call(), *rounds(NAME), *sorted(writer.intrinsics), ""])
+
+
+def _x86() -> bool:
+    return platform.machine().lower() in ("x86_64", "amd64")
+
+
+def _entry(*, flush: bool) -> list[str]:
+    """The way in, a function of its own so that no operation can move past a change of the control word.
+
+    A flight that settles leaves numbers below the normal range, on which some processors take three times as long:
+    where bits are free anyway they become zero. The caller's control word comes back.
+    """
+    passed = ", ".join(argument.replace("noalias ", "") for argument in ARGUMENTS)
+    lines = [f"define void @{NAME}({', '.join(ARGUMENTS)}) {{"]
+    if not flush:
+        return [*lines, f"  call void @{BODY}({passed})", "  ret void", "}"]
+    return [
+        "declare void @llvm.x86.sse.stmxcsr(ptr)",
+        "declare void @llvm.x86.sse.ldmxcsr(ptr)",
+        *lines,
+        "  %before = alloca i32",
+        "  %during = alloca i32",
+        "  call void @llvm.x86.sse.stmxcsr(ptr %before)",
+        "  %word = load i32, ptr %before",
+        f"  %changed = or i32 %word, {FLUSH}",
+        "  store i32 %changed, ptr %during",
+        "  call void @llvm.x86.sse.ldmxcsr(ptr %during)",
+        f"  call void @{BODY}({passed})",
+        "  call void @llvm.x86.sse.ldmxcsr(ptr %before)",
+        "  ret void",
+        "}",
+    ]
+
+
+def _call() -> list[str]:
+    """A second way in: one pointer to all twelve arguments, which a caller in a hurry prepares once."""
+    kinds = ["ptr"] * 5 + ["i64"] * 7
+    lines = [f"define void @{CALL}(ptr %arguments) {{"]
+    for k, kind in enumerate(kinds):
+        lines.append(f"  %at{k} = getelementptr i64, ptr %arguments, i64 {k}")
+        lines.append(f"  %a{k} = load {kind}, ptr %at{k}, align 8")
+    passed = ", ".join(f"{kind} %a{k}" for k, kind in enumerate(kinds))
+    return [*lines, f"  call void @{NAME}({passed})", "  ret void", "}"]
+
+
+def _split(nodes: tuple[Node, ...], parameters: tuple[Node, ...]) -> tuple[list[Node], list[Node]]:
+    """Operations that depend on parameters and constants alone, and the others."""
+    fixed = {node.index for node in parameters}
+    invariant, varying = [], []
+    for node in nodes:
+        if node.op == "input":
+            continue
+        if node.op == "const" or (node.op != "slot" and all(arg.index in fixed for arg in node.args)):
+            fixed.add(node.index)
+            invariant.append(node)
+        else:
+            varying.append(node)
+    return invariant, varying
+
+
+def _open_blocks(writer: Writer) -> None:
+    writer.do("entry:")
+    writer.do("  br label %blocks")
+    writer.do("blocks:")
+    writer.do("  %b = phi i64 [ %first, %entry ], [ %b.next, %next ]")
+    writer.do("  %any = icmp slt i64 %b, %last")
+    writer.do("  br i1 %any, label %block, label %done")
+    writer.do("block:")
+    writer.do(f"  %offset = mul i64 %b, {writer.lanes.width}")
+
+
+def _close_blocks(writer: Writer) -> None:
+    writer.do("next:")
+    writer.do("  %b.next = add i64 %b, 1")
+    writer.do("  br label %blocks")
+    writer.do("done:")
+    writer.do("  ret void")
+    writer.do("}")
+
+
+def _address(writer: Writer, base: str, index: int) -> str:
+    """Address of variable ``index`` of this block."""
+    skip = writer.emit(f"mul i64 %lanes, {index}")
+    place = writer.emit(f"add i64 {skip}, %offset")
+    return writer.emit(f"getelementptr {writer.lanes.scalar}, ptr {base}, i64 {place}")
+
+
+def _load(writer: Writer, base: str, index: int) -> str:
+    lanes = writer.lanes
+    return writer.emit(f"load {lanes.vector}, ptr {_address(writer, base, index)}, align {lanes.bytes}")
+
+
+def _store(writer: Writer, base: str, index: int, name: str) -> None:
+    lanes = writer.lanes
+    address = _address(writer, base, index)
+    writer.do(f"  store {lanes.vector} {name}, ptr {address}, align {lanes.bytes}")
+
+
+def _row(writer: Writer, index: int, width: int) -> str:
+    """One shared input of this step in every lane."""
+    lanes = writer.lanes
+    line = writer.emit(f"mul i64 %i, {width}")
+    place = writer.emit(f"add i64 {line}, {index}")
+    address = writer.emit(f"getelementptr {lanes.scalar}, ptr %rows, i64 {place}")
+    value = writer.emit(f"load {lanes.scalar}, ptr {address}, align {lanes.bytes}")
+    first = writer.emit(f"insertelement {lanes.vector} poison, {lanes.scalar} {value}, i64 0")
+    zeros = lanes.splat("i32 0")
+    return writer.emit(f"shufflevector {lanes.vector} {first}, {lanes.vector} poison, <{lanes.width} x i32> {zeros}")
+
+
+def _write_log(writer: Writer, names: list[str]) -> None:
+    """Store the logged outputs of every ``%every``-th step: log[step / every][output][lane]."""
+    lanes = writer.lanes
+    rest = writer.emit("urem i64 %i, %every")
+    due = writer.emit(f"icmp eq i64 {rest}, 0")
+    writer.do(f"  br i1 {due}, label %write, label %written")
+    writer.do("write:")
+    entry = writer.emit("udiv i64 %i, %every")
+    line = writer.emit(f"mul i64 {entry}, {len(names)}")
+    for i, name in enumerate(names):
+        variable = writer.emit(f"add i64 {line}, {i}")
+        skip = writer.emit(f"mul i64 {variable}, %lanes")
+        place = writer.emit(f"add i64 {skip}, %offset")
+        address = writer.emit(f"getelementptr {lanes.scalar}, ptr %log, i64 {place}")
+        writer.do(f"  store {lanes.vector} {name}, ptr {address}, align {lanes.bytes}")
+    writer.do("  br label %written")
+    writer.do("written:")

@@ -1,0 +1,213 @@
+"""LLVM assembly of straight-line programs on SIMD vectors: one instruction per operation and vector."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from skyarm.compile.tracing.repeat import arranged
+from skyarm.compile.tracing.tracer import Node
+
+ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
+COMPARISON = {"lt": "olt", "le": "ole"}
+LOGIC = {"and": "and", "or": "or"}
+INTRINSIC = {"abs": "fabs", "sqrt": "sqrt", "floor": "floor", "copysign": "copysign"}
+
+
+@dataclass(frozen=True, slots=True)
+class Lanes:
+    """Shape of the vectors.
+
+    Attributes:
+        width: lanes per vector. single: 32-bit floats in place of 64-bit ones.
+        contract: let a * b + c become one rounding and, on x86, numbers below the normal range zero (faster, not
+            bit-equal to Python).
+    """
+
+    width: int
+    single: bool = False
+    contract: bool = False
+
+    @property
+    def scalar(self) -> str:
+        """LLVM type of one lane."""
+        return "float" if self.single else "double"
+
+    @property
+    def vector(self) -> str:
+        """LLVM type of a vector."""
+        return f"<{self.width} x {self.scalar}>"
+
+    @property
+    def mask(self) -> str:
+        """LLVM type of a vector of conditions."""
+        return f"<{self.width} x i1>"
+
+    @property
+    def integer(self) -> str:
+        """LLVM type of a vector of integers as wide as the floats."""
+        return f"<{self.width} x i{32 if self.single else 64}>"
+
+    @property
+    def suffix(self) -> str:
+        """Name of the vector in an intrinsic."""
+        return f"v{self.width}f{32 if self.single else 64}"
+
+    @property
+    def bytes(self) -> int:
+        """Size of one lane."""
+        return 4 if self.single else 8
+
+    def constant(self, value: float) -> str:
+        """A number in every lane; single precision is rounded here, because LLVM refuses to."""
+        if self.single:
+            try:
+                value = struct.unpack("<f", struct.pack("<f", value))[0]
+            except OverflowError:
+                value = float("inf") if value > 0.0 else float("-inf")
+        bits = struct.unpack("<Q", struct.pack("<d", value))[0]
+        return self.splat(f"{self.scalar} 0x{bits:016X}")
+
+    def splat(self, lane: str) -> str:
+        """One typed constant in every lane."""
+        return f"<{', '.join([lane] * self.width)}>"
+
+    def integers(self, value: int) -> str:
+        """One integer in every lane."""
+        return self.splat(f"i{32 if self.single else 64} {value}")
+
+
+@dataclass(slots=True)
+class Writer:
+    """Lines of a function under construction, and the name of each node's value."""
+
+    lanes: Lanes
+    lines: list[str] = field(default_factory=list)
+    names: dict[int, str] = field(default_factory=dict)
+    intrinsics: set[str] = field(default_factory=set)
+    _count: int = 0
+
+    def fresh(self) -> str:
+        """A new local name."""
+        self._count += 1
+        return f"%t{self._count}"
+
+    def emit(self, text: str) -> str:
+        """One instruction that yields a value; returns its name."""
+        name = self.fresh()
+        self.lines.append(f"  {name} = {text}")
+        return name
+
+    def do(self, text: str) -> None:
+        """One instruction without a value, or a label."""
+        self.lines.append(text)
+
+    def program(self, nodes: Iterable[Node]) -> None:
+        """All operations of a lowered program; inputs must have names already."""
+        for node, body in arranged(nodes):
+            if node.op == "repeat":
+                self._loop(node, body)
+            elif node.op == "item":
+                block = node.args[0]
+                self.names[node.index] = self.names[block.args[len(block.value[1]) + node.value].index]
+            elif node.index not in self.names:
+                self.names[node.index] = self._value(node)
+
+    def _loop(self, block: Node, body: Iterable[Node]) -> None:
+        """A repetition; its body is one basic block, and its results are the names of its last round."""
+        count, slots = block.value
+        label, vector = f"r{block.index}", self.lanes.vector
+        starts = [self.names[arg.index] for arg in block.args[: len(slots)]]
+        for k, slot in enumerate(slots):
+            self.names[slot.index] = f"%{label}.s{k}"
+        self.lines += [f"  br label %{label}.entry", f"{label}.entry:", f"  br label %{label}", f"{label}:"]
+        heads = len(self.lines)
+        self.program(body)
+        ends = [self.names[arg.index] for arg in block.args[len(slots) :]]
+        # phis come first in a block, but name what its end computes
+        phis = [f"  %{label}.i = phi i64 [ 1, %{label}.entry ], [ %{label}.next, %{label} ]"]
+        for k, (start, end) in enumerate(zip(starts, ends, strict=True)):
+            phis.append(f"  %{label}.s{k} = phi {vector} [ {start}, %{label}.entry ], [ {end}, %{label} ]")
+        self.lines[heads:heads] = phis
+        self.lines += [
+            f"  %{label}.next = add i64 %{label}.i, 1",
+            f"  %{label}.more = icmp slt i64 %{label}.i, {count}",
+            f"  br i1 %{label}.more, label %{label}, label %{label}.exit",
+            f"{label}.exit:",
+        ]
+
+    def _value(self, node: Node) -> str:
+        lanes, op = self.lanes, node.op
+        if op == "const":
+            if isinstance(node.value, bool):
+                return lanes.splat(f"i1 {int(node.value)}")
+            return lanes.constant(node.value)
+        args = [self.names[arg.index] for arg in node.args]
+        vector, flags = lanes.vector, "contract " if lanes.contract else ""
+        if op in ARITHMETIC:
+            return self.emit(f"{ARITHMETIC[op]} {flags}{vector} {args[0]}, {args[1]}")
+        if op == "neg":
+            return self.emit(f"fneg {vector} {args[0]}")
+        if op in COMPARISON:
+            return self.emit(f"fcmp {COMPARISON[op]} {vector} {args[0]}, {args[1]}")
+        if op in LOGIC:
+            return self.emit(f"{LOGIC[op]} {lanes.mask} {args[0]}, {args[1]}")
+        if op == "not":
+            return self.emit(f"xor {lanes.mask} {args[0]}, {lanes.splat('i1 1')}")
+        if op == "where":
+            # both branches may be conditions themselves
+            kind = lanes.mask if _is_condition(node.args[1]) else vector
+            return self.emit(f"select {lanes.mask} {args[0]}, {kind} {args[1]}, {kind} {args[2]}")
+        if op in INTRINSIC:
+            return self.intrinsic(INTRINSIC[op], *args)
+        bitwise = {"power_of_two": self._power_of_two, "exponent": self._exponent, "mantissa": self._mantissa}
+        return bitwise[op](*args)
+
+    def intrinsic(self, name: str, *args: str) -> str:
+        """Call one of LLVM's vector intrinsics."""
+        lanes = self.lanes
+        full = f"@llvm.{name}.{lanes.suffix}"
+        self.intrinsics.add(f"declare {lanes.vector} {full}({', '.join([lanes.vector] * len(args))})")
+        return self.emit(f"call {lanes.vector} {full}({', '.join(f'{lanes.vector} {arg}' for arg in args)})")
+
+    def _power_of_two(self, k: str) -> str:
+        """2**k by writing k into the exponent; k + 1.5 * 2**(mantissa bits) has k in its lowest bits."""
+        lanes = self.lanes
+        shift, bias, magic = (23, 127, 12582912.0) if lanes.single else (52, 1023, 6755399441055744.0)
+        if lanes.single:
+            # exp halves k for the range of doubles; past that of floats it must be inf or 0, not a wrapped exponent
+            k = self.intrinsic("minnum", self.intrinsic("maxnum", k, lanes.constant(-127.0)), lanes.constant(128.0))
+        moved = self.emit(f"fadd {lanes.vector} {k}, {lanes.constant(magic)}")
+        bits = self.emit(f"bitcast {lanes.vector} {moved} to {lanes.integer}")
+        up = self.emit(f"shl {lanes.integer} {bits}, {lanes.integers(shift)}")
+        biased = self.emit(f"add {lanes.integer} {up}, {lanes.integers(bias << shift)}")
+        return self.emit(f"bitcast {lanes.integer} {biased} to {lanes.vector}")
+
+    def _exponent(self, x: str) -> str:
+        """Exponent bits of a normal number as a float."""
+        lanes = self.lanes
+        shift, bias, field_mask = (23, 127, 0xFF) if lanes.single else (52, 1023, 0x7FF)
+        bits = self.emit(f"bitcast {lanes.vector} {x} to {lanes.integer}")
+        down = self.emit(f"lshr {lanes.integer} {bits}, {lanes.integers(shift)}")
+        kept = self.emit(f"and {lanes.integer} {down}, {lanes.integers(field_mask)}")
+        number = self.emit(f"sitofp {lanes.integer} {kept} to {lanes.vector}")
+        return self.emit(f"fsub {lanes.vector} {number}, {lanes.constant(float(bias))}")
+
+    def _mantissa(self, x: str) -> str:
+        """The number with the exponent of 1."""
+        lanes = self.lanes
+        keep, one = (0x807FFFFF, 0x3F800000) if lanes.single else (0x800FFFFFFFFFFFFF, 0x3FF0000000000000)
+        bits = self.emit(f"bitcast {lanes.vector} {x} to {lanes.integer}")
+        kept = self.emit(f"and {lanes.integer} {bits}, {lanes.integers(keep)}")
+        set_ = self.emit(f"or {lanes.integer} {kept}, {lanes.integers(one)}")
+        return self.emit(f"bitcast {lanes.integer} {set_} to {lanes.vector}")
+
+
+CONDITIONS = frozenset({"lt", "le", "and", "or", "not"})
+
+
+def _is_condition(node: Node) -> bool:
+    if node.op == "const":
+        return isinstance(node.value, bool)
+    return node.op in CONDITIONS or (node.op == "where" and _is_condition(node.args[1]))

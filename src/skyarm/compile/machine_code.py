@@ -1,0 +1,54 @@
+"""Where machine code cannot be made: one error for every cause, which says what to do.
+
+The causes: llvmlite is missing, too old for our assembly, broken, or its LLVM does not know this processor.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from skyarm.files.floors import FLOORS, below_floor, installed
+
+NAME = "llvmlite"
+
+
+class NoMachineCodeError(RuntimeError):
+    """Machine code cannot be made here."""
+
+
+class SlowFlightWarning(RuntimeWarning):
+    """An episode flies in Python floats, because machine code cannot be made here."""
+
+
+@contextmanager
+def llvm_needed() -> Iterator[None]:
+    """Raise NoMachineCodeError in place of whatever the compiler raises inside.
+
+    Only around calls of llvmlite: all that a broken library may raise is taken for a missing one.
+    """
+    try:
+        yield
+    except (NoMachineCodeError, MemoryError):
+        raise
+    except Exception as error:
+        raise NoMachineCodeError(_words(error)) from error
+
+
+def require_floor(version: str) -> None:
+    """Raise RuntimeError for an llvmlite whose LLVM cannot read our assembly: asked, it fills the terminal."""
+    if below_floor({NAME: version}):
+        raise RuntimeError("its LLVM is too old")
+
+
+def _words(error: Exception) -> str:
+    """The cause, what is needed and what is installed, in one line."""
+    lines = str(error).strip().splitlines()
+    cause = lines[0] if lines else type(error).__name__
+    version = getattr(sys.modules.get(NAME), "__version__", None) or installed([NAME]).get(NAME)
+    there = f", {version} is installed" if version else ""
+    return (
+        f"no machine code here ({cause}): needs {NAME} {FLOORS[NAME]} or newer{there}; "
+        f"python -m pip install --upgrade {NAME}"
+    )

@@ -1,0 +1,1 @@
+"""From a traceable function to a straight-line program."""

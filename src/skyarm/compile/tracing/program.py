@@ -1,0 +1,141 @@
+"""Tracing a function of records into a program, and the program as straight-line Python."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from skyarm.compile.tracing.lower import Lowered, live, lower
+from skyarm.compile.tracing.repeat import arranged
+from skyarm.compile.tracing.tracer import Graph, Node
+from skyarm.records.leaves import leaves, mismatch, rebuild, shaped_like
+from skyarm.scalars import floats
+
+_INFIX = {"add": "+", "sub": "-", "mul": "*", "lt": "<", "le": "<=", "and": "and", "or": "or"}
+_FORMS = {op: f"{{0}} {sign} {{1}}" for op, sign in _INFIX.items()}
+_FORMS |= {"neg": "-{0}", "not": "not {0}", "where": "{1} if {0} else {2}", "abs": "fabs({0})"}
+# 3.5 // 1.0 is floor(3.5) with the sign of a zero kept; infinities are their own floor
+_FORMS["floor"] = "{0} // 1.0 if -1e300 < {0} < 1e300 else {0}"
+_BITS = {name: getattr(floats, name) for name in ("power_of_two", "exponent", "mantissa")} | {"copysign": math.copysign}
+_FAST = {"sqrt": math.sqrt, "fabs": math.fabs, **_BITS}
+_SAFE = {"sqrt": floats.sqrt, "fabs": math.fabs, "div": floats.divide, **_BITS}
+
+
+class Program:
+    """A straight-line program: inputs, live nodes in order of evaluation, outputs.
+
+    Calling it takes records shaped like the examples it was traced with and returns a record; :meth:`flat` takes and
+    returns plain sequences and is the fast way in. Results equal those of the traced function on floats bit for bit.
+    """
+
+    def __init__(self, graph: Graph, inputs: Sequence[Node], result: Any, examples: tuple[Any, ...]) -> None:
+        self.inputs = list(inputs)
+        self._examples = examples
+        self._result = result
+        self.outputs = [graph.lift(leaf) for leaf in leaves(result)]
+        self.nodes = live(self.outputs)
+        self.lowered = lower(self.inputs, self.nodes, self.outputs)
+        self.flat: Callable[[Sequence[float]], tuple[float, ...]] = python_function(self.lowered)
+
+    def __call__(self, *records: Any) -> Any:
+        """Evaluate on records of floats; raises ValueError where their structure is not that of the examples."""
+        different = mismatch(self._examples, records, "arguments")
+        if different:
+            raise ValueError(f"{different}: integers, text and None are structure; trace again to change them")
+        values = [leaf for record in records for leaf in leaves(record)]
+        return self.record(self.flat(values))
+
+    def record(self, values: Sequence[Any]) -> Any:
+        """Shape a flat result as the record the traced function returns."""
+        return shaped_like(self._result, values)
+
+    def operations(self) -> Counter[str]:
+        """How often each operation occurs (constants and inputs not counted)."""
+        return Counter(node.op for node in self.nodes if node.op not in ("input", "const"))
+
+
+def trace(function: Callable[..., Any], *examples: Any) -> Program:
+    """Run ``function`` on nodes shaped like ``examples`` and return its program.
+
+    Args:
+        function: takes records (dataclasses or tuples of scalars), returns one.
+        examples: records whose leaves become the inputs, in order; their integers stay structure.
+
+    Raises:
+        TracedBranchError: the function branches on a traced value; names file and line.
+    """
+    graph = Graph()
+    inputs = [graph.input(f"x{i}") for i, _ in enumerate(leaf for example in examples for leaf in leaves(example))]
+    iterator = iter(inputs)
+    arguments = [rebuild(example, iterator) for example in examples]
+    return Program(graph, inputs, function(*arguments), examples)
+
+
+def _literal(value: Any) -> str:
+    if isinstance(value, bool) or math.isfinite(value):
+        return repr(value)
+    return "_nan" if math.isnan(value) else "_inf" if value > 0.0 else "(-_inf)"
+
+
+def _loop(block: Node, body: Sequence[Node], name: Callable[[Node], str], divide: str) -> list[str]:
+    """A repetition: its slots start, are read by the body and take what it made, all at once."""
+    count, slots = block.value
+    held = ", ".join(f"v{slot.index}" for slot in slots)
+    starts, ends = block.args[: len(slots)], block.args[len(slots) :]
+    lines = [f"    {held}, = {', '.join(map(name, starts))},", f"    for _ in range({count}):"]
+    lines += [f"        v{node.index} = {_expression(node, name, divide)}" for node in body]
+    return [*lines, f"        {held}, = {', '.join(map(name, ends))},"]
+
+
+def _expression(node: Node, name: Callable[[Node], str], divide: str) -> str:
+    if node.op == "item":
+        return f"v{node.args[0].value[1][node.value].index}"
+    args = [name(arg) for arg in node.args]
+    form = divide if node.op == "div" else _FORMS.get(node.op)
+    return form.format(*args) if form else f"{node.op}({', '.join(args)})"
+
+
+def python_source(program: Lowered, divide: str = "{0} / {1}", name: str = "program") -> str:
+    """Straight-line Python of a program: one assignment an operation."""
+
+    def variable(node: Node) -> str:
+        return f"({_literal(node.value)})" if node.op == "const" else f"v{node.index}"
+
+    live = {node.index for node in program.nodes}
+    targets = ", ".join(f"v{node.index}" if node.index in live else "_" for node in program.inputs)
+    lines = [f"def {name}(x):", f"    {targets}, = x"] if program.inputs else [f"def {name}(x):"]
+    for node, body in arranged(program.nodes):
+        if node.op == "repeat":
+            lines += _loop(node, body, variable, divide)
+        elif node.op not in ("input", "const"):
+            lines.append(f"    v{node.index} = {_expression(node, variable, divide)}")
+    results = "".join(f"{variable(node)}, " for node in program.outputs)
+    return "\n".join([*lines, f"    return ({results})", ""])
+
+
+def python_function(program: Lowered) -> Callable[[Sequence[float]], tuple[float, ...]]:
+    """Emit the program as a Python function that never raises on numbers.
+
+    ``math`` and ``/`` are faster than their IEEE versions but raise; on the first such case the same program is run
+    once more with the IEEE versions, which give the same bits wherever both are defined.
+    """
+    constants = {"_inf": math.inf, "_nan": math.nan}
+    fast_names: dict[str, Any] = dict(_FAST) | constants
+    exec(compile(python_source(program), "<skyarm program>", "exec"), fast_names)
+    fast = fast_names["program"]
+    safe: list[Any] = []
+
+    def run(x: Sequence[float]) -> tuple[float, ...]:
+        try:
+            result: tuple[float, ...] = fast(x)
+        except (ZeroDivisionError, ValueError, OverflowError):
+            if not safe:
+                names: dict[str, Any] = dict(_SAFE) | constants
+                exec(compile(python_source(program, "div({0}, {1})"), "<skyarm program, IEEE>", "exec"), names)
+                safe.append(names["program"])
+            result = safe[0](x)
+        return result
+
+    return run

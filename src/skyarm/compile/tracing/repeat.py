@@ -1,0 +1,82 @@
+"""A function applied several times: a loop in machine code, written out on every engine that has no loops.
+
+A loop keeps long programs short: twenty integration steps of a stiff joint cost the code of one. Its body may use any
+value from outside; what does not change inside is computed once. Loops do not nest: a repetition inside one is written
+out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TypeVar
+
+from skyarm.compile.tracing.tracer import Graph, Node
+from skyarm.records.leaves import leaves, rebuild
+
+Record = TypeVar("Record")
+
+WRITTEN_OUT = 6000
+"""Traced operations up to which a repetition is written out, which runs a fifth faster but compiles longer."""
+
+
+def repeat(count: int, function: Callable[[Record], Record], record: Record) -> Record:
+    """``function`` applied ``count`` times to ``record``.
+
+    Raises:
+        ValueError: the function returns a record with another number of scalars.
+    """
+    nodes = [leaf for leaf in leaves(record) if isinstance(leaf, Node)]
+    if count < 2 or not nodes or not nodes[0].graph.loops:
+        for _ in range(count):
+            record = function(record)
+        return record
+    graph = nodes[0].graph
+    graph.loops = False
+    try:
+        return _loop(count, function, record, graph)
+    finally:
+        graph.loops = True
+
+
+def _loop(count: int, function: Callable[[Record], Record], record: Record, graph: Graph) -> Record:
+    starts, before = [graph.lift(leaf) for leaf in leaves(record)], len(graph.nodes)
+    slots = [graph.slot() for _ in starts]
+    ends = [graph.lift(leaf) for leaf in leaves(function(rebuild(record, iter(slots))))]
+    if len(ends) != len(starts):
+        raise ValueError(f"the function returns a record of {len(ends)} scalars, took one of {len(starts)}")
+    if count * (len(graph.nodes) - before) > WRITTEN_OUT:
+        return rebuild(record, iter(graph.repeat(count, slots, starts, ends)))
+    for _ in range(count):
+        record = function(record)
+    return record
+
+
+def arranged(nodes: Iterable[Node]) -> list[tuple[Node, list[Node]]]:
+    """Nodes in an order of evaluation, each with the body it repeats: nodes that need a slot go into their loop."""
+    found: list[tuple[Node, list[Node]]] = []
+    inside: dict[int, int] = {}
+    bodies: dict[int, list[Node]] = {}
+    for node in nodes:
+        if node.op == "slot":
+            inside[node.index] = node.value
+            bodies.setdefault(node.value, [])
+        elif node.op == "repeat":
+            loop = node.value[1][0].value
+            found.append((node, bodies.pop(loop, [])))
+        else:
+            loop = next((inside[arg.index] for arg in node.args if arg.index in inside), None) if inside else None
+            if loop is None:
+                found.append((node, []))
+            else:
+                inside[node.index] = loop
+                bodies[loop].append(node)
+    return found
+
+
+def operations(nodes: Iterable[Node]) -> int:
+    """Operations that one evaluation executes: a body counts as often as it is repeated."""
+    quiet = ("input", "const", "item")
+    found = 0
+    for node, body in arranged(nodes):
+        found += len(body) * node.value[0] if node.op == "repeat" else node.op not in quiet
+    return found

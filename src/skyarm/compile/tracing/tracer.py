@@ -1,0 +1,262 @@
+"""A hash-consing tracer: run a function on nodes and keep the straight-line program it computes.
+
+Equal expressions become one node, so common subexpressions are shared; constants are folded by computing them with
+the same float functions; only rewritings that are exact in IEEE arithmetic are made (structural 0 and 1, signs).
+"""
+
+from __future__ import annotations
+
+import struct
+import sys
+from typing import Any
+
+from skyarm.scalars import floats, register
+from skyarm.scalars.elementary import COMPOSED
+
+_COMMUTATIVE = frozenset({"add", "mul", "and", "or"})
+
+FOLD: dict[str, Any] = {
+    "add": lambda a, b: a + b,
+    "sub": lambda a, b: a - b,
+    "mul": lambda a, b: a * b,
+    "div": floats.divide,
+    "neg": lambda a: -a,
+    "lt": lambda a, b: a < b,
+    "le": lambda a, b: a <= b,
+    "where": floats.where,
+    "and": floats.logical_and,
+    "or": floats.logical_or,
+    "not": floats.logical_not,
+    "abs": floats.absolute,
+    **{name: getattr(floats, name) for name in ("sqrt", "floor", "copysign", "power_of_two", "exponent", "mantissa")},
+    **COMPOSED,
+}
+"""Every operation of a program, on Python numbers."""
+
+
+class TracedBranchError(TypeError):
+    """A traced value was used as a Python condition."""
+
+
+def _caller() -> str:
+    """File and line that used a node wrongly: the nearest frame that is written in a file."""
+    frame = sys._getframe(2)
+    while frame.f_code.co_filename.startswith("<") and frame.f_back is not None:
+        frame = frame.f_back  # the comparison that a dataclass generates
+    return f"{frame.f_code.co_filename}:{frame.f_lineno}"
+
+
+class Node:
+    """One value of a traced program.
+
+    Its operators fold an integer only where that is exact for every float (x - 0, x * 1, x / 1), so that a program
+    keeps the bits of plain Python arithmetic; :mod:`skyarm.scalars.fold` folds structural zeros on every engine alike.
+    """
+
+    __slots__ = ("args", "graph", "index", "op", "value")
+    __array_ufunc__ = None  # a NumPy scalar on the left must leave the operation to us
+
+    def __init__(self, graph: Graph, index: int, op: str, args: tuple[Node, ...], value: Any) -> None:
+        self.graph, self.index, self.op, self.args, self.value = graph, index, op, args, value
+
+    def __add__(self, other: Any) -> Any:
+        """Record self + other."""
+        return self.graph.add(self, other)
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Any:
+        """Record self - other."""
+        if type(other) is int and other == 0:
+            return self
+        return self.graph.sub(self, other)
+
+    def __rsub__(self, other: Any) -> Any:
+        """Record other - self."""
+        return self.graph.sub(other, self)
+
+    def __mul__(self, other: Any) -> Any:
+        """Record self * other."""
+        if type(other) is int and other in (-1, 1):
+            return self if other == 1 else -self
+        return self.graph.mul(self, other)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Any:
+        """Record self / other."""
+        if type(other) is int and other in (-1, 1):
+            return self if other == 1 else -self
+        return self.graph.call("div", self, other)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        """Record other / self."""
+        return self.graph.call("div", other, self)
+
+    def __neg__(self) -> Any:
+        """-self."""
+        return self.graph.neg(self)
+
+    def __abs__(self) -> Any:
+        """|self|."""
+        return self.graph.call("abs", self)
+
+    def __lt__(self, other: Any) -> Any:
+        """Record self < other."""
+        return self.graph.call("lt", self, other)
+
+    def __le__(self, other: Any) -> Any:
+        """Record self <= other."""
+        return self.graph.call("le", self, other)
+
+    def __gt__(self, other: Any) -> Any:
+        """Record self > other."""
+        return self.graph.call("lt", other, self)
+
+    def __ge__(self, other: Any) -> Any:
+        """Record self >= other."""
+        return self.graph.call("le", other, self)
+
+    def __eq__(self, other: object) -> bool:
+        """Refused, as a program has no equality: it would compare nodes, not their values."""
+        raise TracedBranchError(f"{_caller()}: == on a traced value; compare by < or <=")
+
+    __hash__ = object.__hash__
+
+    def __and__(self, other: Any) -> Any:
+        """Both conditions."""
+        return self.graph.call("and", self, other)
+
+    def __or__(self, other: Any) -> Any:
+        """Either condition."""
+        return self.graph.call("or", self, other)
+
+    def __bool__(self) -> bool:
+        """Refused: a branch would be taken once, while tracing, for every lane and for ever."""
+        raise TracedBranchError(f"{_caller()}: branch on a traced value; use skyarm.scalars.where(condition, a, b)")
+
+    def __float__(self) -> float:
+        """Refused for the same reason."""
+        raise TracedBranchError(f"{_caller()}: float() of a traced value")
+
+    def __repr__(self) -> str:
+        """Operation and operands."""
+        return f"Node({self.op}, {', '.join(str(a.index) for a in self.args)})"
+
+
+class Graph:
+    """All nodes of one program, in the order of their creation, which is an order of evaluation.
+
+    Args:
+        loops: keep a repetition (:mod:`skyarm.compile.tracing.repeat`) as a loop; else it is written out.
+    """
+
+    def __init__(self, *, loops: bool = False) -> None:
+        self.nodes: list[Node] = []
+        self.loops = loops
+        self._loops_made = 0
+        self._known: dict[Any, Node] = {}
+
+    def input(self, name: str) -> Node:
+        """Make a new input."""
+        return self._make("input", (), name, ("input", name))
+
+    def constant(self, value: Any) -> Node:
+        """Make a number (or a truth value) a node."""
+        if isinstance(value, bool) or getattr(getattr(value, "dtype", None), "kind", "") == "b":
+            truth = bool(value)  # NumPy's is no bool, and would become 1.0
+            return self._make("const", (), truth, ("bool", truth))
+        number = float(value)
+        return self._make("const", (), number, ("const", struct.pack("<d", number)))
+
+    def lift(self, value: Any) -> Node:
+        """Make a node of this graph of any scalar."""
+        if isinstance(value, Node):
+            if value.graph is not self:
+                raise TypeError("a value of another trace reached this one: pass it as an argument")
+            return value
+        return self.constant(value)
+
+    def call(self, op: str, *values: Any) -> Node:
+        """Apply an operation: an equal node that exists is returned, constants are computed at once."""
+        # lists, not generators: this runs ten thousand times a trace
+        args = tuple([self.lift(value) for value in values])
+        if op == "where" and args[0].op == "const":
+            return args[1] if args[0].value else args[2]
+        if args[0].op == "const" and all(arg.op == "const" for arg in args):
+            return self.constant(FOLD[op](*(arg.value for arg in args)))
+        if op in _COMMUTATIVE and args[1].index < args[0].index:
+            args = (args[1], args[0])
+        return self._make(op, args, None, (op, *[arg.index for arg in args]))
+
+    def add(self, a: Any, b: Any) -> Node:
+        """Return a + b; a + (-b) becomes a - b."""
+        x, y = self.lift(a), self.lift(b)
+        if y.op == "neg":
+            return self.call("sub", x, y.args[0])
+        if x.op == "neg":
+            return self.call("sub", y, x.args[0])
+        return self.call("add", x, y)
+
+    def sub(self, a: Any, b: Any) -> Node:
+        """Return a - b; a - (-b) becomes a + b."""
+        x, y = self.lift(a), self.lift(b)
+        if y.op == "neg":
+            return self.call("add", x, y.args[0])
+        return self.call("sub", x, y)
+
+    def mul(self, a: Any, b: Any) -> Node:
+        """Return a * b; signs are moved out, so that (-a) b and a b share their product."""
+        x, y = self.lift(a), self.lift(b)
+        if x.op == "neg" and y.op == "neg":
+            return self.call("mul", x.args[0], y.args[0])
+        if x.op == "neg":
+            return self.neg(self.call("mul", x.args[0], y))
+        if y.op == "neg":
+            return self.neg(self.call("mul", x, y.args[0]))
+        return self.call("mul", x, y)
+
+    def neg(self, a: Any) -> Node:
+        """Return -a; -(-a) becomes a."""
+        x = self.lift(a)
+        return x.args[0] if x.op == "neg" else self.call("neg", x)
+
+    def slot(self) -> Node:
+        """Make a place that holds a loop's start value, then what its last round left there."""
+        return self._make("slot", (), self._loops_made, ("slot", len(self.nodes)))
+
+    def repeat(self, count: int, slots: list[Node], starts: list[Node], ends: list[Node]) -> list[Node]:
+        """Close a loop over ``slots``; returns what its last round leaves in each."""
+        self._loops_made += 1
+        block = self._make("repeat", (*starts, *ends), (count, tuple(slots)), ("repeat", len(self.nodes)))
+        return [self.item(block, k) for k in range(len(slots))]
+
+    def item(self, block: Node, k: int) -> Node:
+        """What the last round of a loop left in its slot ``k``."""
+        return self._make("item", (block,), k, ("item", block.index, k))
+
+    def _make(self, op: str, args: tuple[Node, ...], value: Any, key: Any) -> Node:
+        found = self._known.get(key)
+        if found is None:
+            found = self._known[key] = Node(self, len(self.nodes), op, args, value)
+            self.nodes.append(found)
+        return found
+
+
+class _NodeFunctions:
+    """The functions of :mod:`skyarm.scalars` for nodes."""
+
+    @staticmethod
+    def _graph(*values: Any) -> Graph:
+        return next(value.graph for value in values if isinstance(value, Node))
+
+    def __getattr__(self, name: str) -> Any:
+        op = {"divide": "div", "absolute": "abs", "logical_and": "and", "logical_or": "or", "logical_not": "not"}.get(
+            name, name
+        )
+        if op not in FOLD:
+            raise AttributeError(name)
+        return lambda *values: self._graph(*values).call(op, *values)
+
+
+register(Node, _NodeFunctions())

@@ -1,0 +1,1 @@
+"""Parts that several laws are made of."""

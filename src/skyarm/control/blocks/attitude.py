@@ -1,0 +1,93 @@
+"""From a force and its derivatives to a desired attitude, body rate and angular acceleration; the attitude law.
+
+Source: Lee, Leok, McClamroch 2010 (geometric tracking on SE(3)); derivatives by Taylor series in place of written-out
+formulas. Deviations: gains on accelerations; a bounded tilt and a smallest vertical force, so that the direction of the
+thrust is always defined.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.algebra import Mat3, Vec3
+from skyarm.control.blocks.geometric import attitude_error
+from skyarm.control.blocks.series_kinematics import derivative
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, cos, sin, sqrt
+from skyarm.scalars.taylor import Taylor, chosen
+
+TINY = 1e-12
+"""Below this square of a sine the heading does not fix the attitude; the tilt's bound keeps far away from it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Attitude:
+    """R_d, body rate (rad/s) and angular acceleration (rad/s^2) in the desired body's axes."""
+
+    R: Mat3
+    rate: Vec3
+    acceleration: Vec3
+
+
+def reachable(force: Vec3, tilt: Any, floor: Any) -> Vec3:
+    """A force (series, N) with a vertical part of at least ``floor`` and at most the tangent ``tilt`` of tilt."""
+    z = chosen(force.z > floor, force.z, floor)
+    side = force.x * force.x + force.y * force.y
+    steep = side > z * z * (tilt * tilt)
+    length = chosen(steep, side, 1.0)
+    share = chosen(steep, z * tilt / sqrt(length), 1.0)
+    return Vec3(force.x * share, force.y * share, z)
+
+
+def attitude(force: Vec3, yaw: Taylor) -> Attitude:
+    """Attitude whose b3 lies along a force and whose b1 is as near the heading as b3 allows; series of one order."""
+    c, s = cos(yaw), sin(yaw)
+    b3 = _unit(force)
+    # b3 x heading, heading = [c, s, 0]
+    b2 = _unit(Vec3(-(b3.z * s), b3.z * c, b3.x * s - b3.y * c))
+    b1 = b2.cross(b3)
+    axes = (b1, b2, b3)
+    R = Mat3.columns(*(derivative(b, 0) for b in axes))
+    first, second = ([derivative(b, k) for b in axes] for k in (1, 2))
+    # R' = R S(w): w = vee(R^T R'); R'' = R (S(w') + S(w)^2), whose symmetric part drops out of vee
+    return Attitude(R, _vee(R, first), _vee(R, second))
+
+
+def _unit(v: Vec3) -> Vec3:
+    square = v.x * v.x + v.y * v.y + v.z * v.z
+    inverse = 1.0 / sqrt(chosen(square > TINY, square, 1.0))
+    return Vec3(v.x * inverse, v.y * inverse, v.z * inverse)
+
+
+def _vee(R: Mat3, columns: list[Vec3]) -> Vec3:
+    """Axial vector of R^T A, A given by columns."""
+    return (R.T @ Mat3.columns(*columns)).vee_antisymmetric()
+
+
+def angular_acceleration(gains: BaseGains, desired: Attitude, R: Mat3, w: Vec3) -> Vec3:
+    """Commanded angular acceleration, body axes, rad/s^2.
+
+    -KR e_R - Kw e_w + R^T R_d w_d' - w x R^T R_d w_d with e_w = w - R^T R_d w_d: Lee's law times the inverse inertia.
+    """
+    relative = R.T @ desired.R
+    w_d = relative.apply(desired.rate)
+    pull = gains.attitude.scaled(attitude_error(R, desired.R)) + gains.rate.scaled(w - w_d)
+    return relative.apply(desired.acceleration) - w.cross(w_d) - pull
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class BaseGains:
+    """Gains on accelerations.
+
+    Attributes:
+        position: 1/s^2. velocity: 1/s. Of the centre of mass, world axes.
+        attitude: 1/s^2. rate: 1/s. Body axes.
+        pull: m/s^2, the most that errors of the centre of mass can ask for.
+    """
+
+    position: Annotated[Vec3, Unit("1/s^2", "acceleration of the centre of mass per error")]
+    velocity: Annotated[Vec3, Unit("1/s")]
+    attitude: Annotated[Vec3, Unit("1/s^2", "angular acceleration per error")]
+    rate: Annotated[Vec3, Unit("1/s")]
+    pull: Annotated[Scalar, Unit("m/s^2", "the most that errors of the centre of mass ask for")]

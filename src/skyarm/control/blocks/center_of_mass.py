@@ -1,0 +1,50 @@
+"""Where the whole vehicle's mass is, seen from its base: first moments, locked inertia, motion of the centre."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from skyarm import dynamics
+from skyarm.algebra import ZERO3, Force, Motion, SpatialInertia, Sym3, Vec3
+from skyarm.dynamics.kinematics import jacobian_columns, link_poses
+from skyarm.dynamics.link_axes import spatial_inertia
+from skyarm.scalars import divide
+from skyarm.vehicle.vehicle_records import Frame, Vehicle
+
+
+def locked_inertia(vehicle: Vehicle, joints: Sequence[Any]) -> SpatialInertia:
+    """Spatial inertia of the whole vehicle with its joints locked: about the base origin, base axes."""
+    total = spatial_inertia(vehicle.base)
+    for link, pose in zip(vehicle.links, link_poses(vehicle, joints), strict=True):
+        total = total + spatial_inertia(link.body).into_parent(pose.R, pose.p)
+    return total
+
+
+def central_inertia(locked: SpatialInertia) -> tuple[Vec3, Sym3]:
+    """Centre of mass (base frame, m) and rotational inertia about it (base axes, kg m^2): Steiner backwards."""
+    center: Vec3 = locked.moment * divide(1.0, locked.mass)
+    return center, locked.inertia - Sym3.parallel_axis(locked.mass, center)
+
+
+def center_velocity(vehicle: Vehicle, joints: Sequence[Any], joint_rates: Sequence[Any]) -> Vec3:
+    """Velocity of the centre of mass against the base, base axes, m/s: what the joint rates give it."""
+    total: Vec3 = ZERO3
+    for i, link in enumerate(vehicle.links):
+        columns = jacobian_columns(vehicle, Frame(name="com", link=i, position=link.body.com), joints)
+        for column, rate in zip(columns, joint_rates, strict=True):
+            total = total + column.linear * rate * link.body.mass
+    velocity: Vec3 = total * divide(1.0, vehicle.mass)
+    return velocity
+
+
+def arm_reaction(
+    vehicle: Vehicle, joints: Sequence[Any], rate: Vec3, joint_rates: Sequence[Any], joint_accelerations: Sequence[Any]
+) -> Force:
+    """Force and torque at the base origin that the arm's motion and the velocity products need, base axes.
+
+    With the base's origin and its rate unaccelerated; at rate zero the force is the mass times the acceleration of the
+    centre of mass against the base.
+    """
+    still = Motion(ZERO3, ZERO3)
+    return dynamics.inverse_dynamics(vehicle, joints, rate, joint_rates, still, joint_accelerations)[0]

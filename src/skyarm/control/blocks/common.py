@@ -1,0 +1,104 @@
+"""What the published laws share: gains, the wanted specific force, the mixing of torque and thrust into a command."""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar
+
+from skyarm import dynamics
+from skyarm.actuation import Command, mix
+from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
+from skyarm.control.blocks.default_gains import fitting_gains, fitting_mixer
+from skyarm.control.blocks.geometric import attitude_loop, downward_acceleration
+from skyarm.control.blocks.saturation import limit_efforts
+from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
+from skyarm.reference import Reference
+from skyarm.scalars import divide
+from skyarm.sensors.measurement import Measurement
+from skyarm.vehicle.vehicle_records import Vehicle
+
+P = TypeVar("P", bound=Parameters)
+
+
+def make_parameters(
+    kind: type[P],
+    model: Model,
+    *,
+    gains: GeometricGains | None,
+    joint_gains: JointGains | None,
+    mixer_policy: str,
+    **own: Any,
+) -> P:
+    """Constants of a law: the Hummingbird's gains scaled to the model where none are given.
+
+    Raises:
+        ControllerError: gains of another kind, or joint gains that do not fit the joints.
+    """
+    base, joints = fitting_gains("hybrid_computed_torque", model, gains, joint_gains)
+    return kind(
+        model=model,
+        gains=base,
+        joint_gains=joints,
+        mixer=fitting_mixer(model, mixer_policy),
+        rate_error="corrected",
+        **own,
+    )
+
+
+def wanted_specific_force(par: Parameters, measurement: Measurement, reference: Reference) -> Vec3:
+    """PD on position plus the reference's acceleration plus gravity, world axes, m/s^2: it points up in hover."""
+    down = downward_acceleration(
+        par.gains,
+        par.model.vehicle.mass,
+        par.model.gravity,
+        position_error=measurement.position - reference.position,
+        velocity_error=measurement.velocity - reference.velocity,
+        acceleration=reference.acceleration,
+    )
+    return -down
+
+
+def turn_towards(par: Parameters, measurement: Measurement, reference: Reference, R: Mat3, up: Vec3) -> Vec3:
+    """Angular acceleration that turns body z along ``up`` and the nose to the yaw, base axes, rad/s^2."""
+    return attitude_loop(
+        par.gains,
+        par.model.vehicle.base.inertia,
+        a_d=-up,
+        yaw=reference.yaw,
+        yaw_rate=reference.yaw_rate,
+        R_WB=R,
+        w_B=measurement.rate,
+        rate_form=par.rate_error,
+    )
+
+
+def arm_alone(par: Parameters, R: Mat3, joints: Any, joint_accelerations: Any) -> tuple[Any, ...]:
+    """Joint torques of an arm on a base that does not move: inertia and weight by the true attitude."""
+    vehicle = par.model.vehicle
+    weight = Motion(ZERO3, R.apply_T(E_Z * par.model.gravity))
+    return dynamics.inverse_dynamics(vehicle, joints, ZERO3, (0,) * vehicle.n, weight, joint_accelerations)[1]
+
+
+def make_command(par: Parameters, torque: Vec3, thrust: Any, efforts: Any) -> tuple[Command, tuple[Any, ...]]:
+    """The command, and the squared rotor speeds before any limit."""
+    speeds, squares = mix(par.mixer, torque, thrust)
+    return Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts)), squares
+
+
+def no_command(vehicle: Vehicle) -> Command:
+    """What a first memory keeps in place of a command: nothing was sent yet."""
+    return Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=(0.0,) * vehicle.n)
+
+
+def rotor_thrust(vehicle: Vehicle, speeds: Any) -> tuple[Vec3, Vec3]:
+    """Torque about and force at the base origin of rotors that turn in calm air, base axes."""
+    torque, force = ZERO3, ZERO3
+    for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
+        thrust = rotor.axis * (rotor.thrust_coefficient * (speed * speed))
+        drag = thrust * (rotor.moment_coefficient * -rotor.direction)
+        torque, force = torque + rotor.position.cross(thrust) + drag, force + thrust
+    return torque, force
+
+
+def inverse_mass(vehicle: Vehicle) -> Any:
+    """1 / m."""
+    return divide(1.0, vehicle.mass)

@@ -1,0 +1,194 @@
+"""Second-order extended state observer on world velocity, body rate and joint rates.
+
+v_hat is predicted with the model, the modelled rotor speeds and the disturbance d_hat; with e = v - v_hat,
+v_hat += L1 e, d_hat += M L2 e / dt, L1 = 1 - b^2, L2 = (1 - b)^2, b = exp(-bandwidth dt): both poles at b.
+Source: Gao 2003 (observer bandwidth), in discrete time. Inputs are those of the measurement's own period.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm import dynamics
+from skyarm.actuation import Command
+from skyarm.algebra import ZERO3, Mat3, Motion, Quaternion, Vec3
+from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.prediction import acceleration, motor_speeds, rotor_wrench, with_side
+from skyarm.control.blocks.select import choose, choose_each, data, vector_data
+from skyarm.control.model import Model
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, exp, mul, where
+from skyarm.sensors.measurement import Measurement
+
+
+def first_observed(joints: int, rotor_speeds: Sequence[Any]) -> Observed:
+    """Memory before the first measurement."""
+    zero, still = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
+    return Observed(
+        position=zero,
+        quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
+        joints=still,
+        velocity=zero,
+        rate=zero,
+        joint_rates=still,
+        force=zero,
+        torque=zero,
+        efforts=still,
+        rotor_speeds=tuple(rotor_speeds),
+    )
+
+
+def disturbance(observed: Observed) -> Disturbance:
+    """What the observer believes."""
+    return Disturbance(force=observed.force, torque=observed.torque, efforts=observed.efforts)
+
+
+def observe(
+    model: Model,
+    gains: ObserverGains,
+    memory: Observed,
+    measurement: Measurement,
+    acted: Command,
+    unknown: Disturbance,
+    started: Any,
+    free: Sequence[Any],
+    dt: Any,
+) -> Observed:
+    """Memory at the measurement's time.
+
+    Args:
+        model: belief.
+        gains: bandwidths.
+        memory: one period earlier.
+        measurement: the new one.
+        acted: the command of the period between them.
+        unknown: what else pushed on them, as believed before the new one.
+        started: below 0.5 at the first measurement, which is taken as it is.
+        free: 1 or 0 for the base and each joint; 0 holds that disturbance because an actuator is at its limit.
+        dt: s.
+    """
+    place = filter_pose(gains.pose, memory, measurement, started, dt)
+    half = motor_speeds(model, memory.rotor_speeds, acted, 0.5 * dt)
+    speeds = motor_speeds(model, memory.rotor_speeds, acted, dt)
+    squares = [
+        (a * a + 4.0 * (m * m) + b * b) * (1.0 / 6.0) for a, m, b in zip(memory.rotor_speeds, half, speeds, strict=True)
+    ]
+    R = memory.quaternion.plus(place.quaternion, 1.0).normalized().rotation()
+    joints = tuple(0.5 * (a + b) for a, b in zip(memory.joints, place.joints, strict=True))
+    pushing = with_side(model, unknown, R, half, memory.velocity, memory.rate)
+    linear, angular, qdd = acceleration(
+        model, R, memory.rate, joints, memory.joint_rates, rotor_wrench(model, squares), acted.efforts, pushing
+    )
+    v, w = memory.velocity + linear * dt, memory.rate + angular * dt
+    rates = [r + a * dt for r, a in zip(memory.joint_rates, qdd, strict=True)]
+    ev, ew = measurement.velocity - v, measurement.rate - w
+    er = [a - b for a, b in zip(measurement.joint_rates, rates, strict=True)]
+    shares = [correction(bandwidth, dt) for bandwidth in (gains.force, gains.torque, gains.joints)]
+    fast, slow = [L1 for L1, _ in shares], [L2 / dt for _, L2 in shares]
+    push, turn, pulls = inertia_times(model, R, joints, ev * slow[0], ew * slow[1], [mul(e, slow[2]) for e in er])
+    running = started > 0.5
+    learned = Observed(
+        position=place.position,
+        quaternion=place.quaternion,
+        joints=place.joints,
+        velocity=v + ev * fast[0],
+        rate=w + ew * fast[1],
+        joint_rates=tuple(r + mul(e, fast[2]) for r, e in zip(rates, er, strict=True)),
+        force=memory.force + push * free[0],
+        torque=memory.torque + turn * free[0],
+        efforts=tuple(d + mul(p, f) for d, p, f in zip(memory.efforts, pulls, free[1:], strict=True)),
+        rotor_speeds=tuple(data(s) for s in speeds),
+    )
+    return dataclasses.replace(
+        learned,
+        velocity=choose(running, learned.velocity, measurement.velocity),
+        rate=choose(running, learned.rate, measurement.rate),
+        joint_rates=choose_each(running, learned.joint_rates, measurement.joint_rates),
+        force=choose(running, learned.force, memory.force),
+        torque=choose(running, learned.torque, memory.torque),
+        efforts=choose_each(running, learned.efforts, memory.efforts),
+        rotor_speeds=choose_each(running, learned.rotor_speeds, memory.rotor_speeds),
+    )
+
+
+def correction(bandwidth: Any, dt: Any) -> tuple[Any, Any]:
+    """L1 and L2, which place both poles of an axis at b = exp(-bandwidth dt); bandwidth in rad/s, dt in s."""
+    b = exp(-(bandwidth * dt))
+    return 1.0 - b * b, (1.0 - b) * (1.0 - b)
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Position (m), attitude and joints."""
+
+    position: Vec3
+    quaternion: Quaternion
+    joints: tuple[Any, ...]
+
+
+def filter_pose(bandwidth: Any, memory: Observed, measurement: Measurement, started: Any, dt: Any) -> Place:
+    """Place carried by the estimated velocities and pulled towards the measured one; the measured one at first."""
+    share = where(started > 0.5, 1.0 - exp(-(bandwidth * dt)), 1.0)
+    position = memory.position + memory.velocity * dt
+    quaternion = memory.quaternion * Quaternion.of_small_rotation(memory.rate * dt)
+    joints = [q + qd * dt for q, qd in zip(memory.joints, memory.joint_rates, strict=True)]
+    measured = nearer_sign(measurement.quaternion, quaternion)
+    off = Quaternion(*(m - c for m, c in zip(measured, quaternion, strict=True)))
+    return Place(
+        position + (measurement.position - position) * share,
+        quaternion.plus(off, share).normalized(),
+        tuple(q + share * (m - q) for q, m in zip(joints, measurement.joints, strict=True)),
+    )
+
+
+def nearer_sign(q: Quaternion, before: Quaternion) -> Quaternion:
+    """Of q and -q, one attitude, the one nearer to the attitude before."""
+    near = q.w * before.w + q.x * before.x + q.y * before.y + q.z * before.z
+    side = where(near < 0.0, -1.0, 1.0)
+    return Quaternion(*(c * side for c in q))
+
+
+def inertia_times(
+    model: Model, R: Mat3, joints: Sequence[Any], linear_W: Vec3, angular_B: Vec3, joint: Sequence[Any]
+) -> tuple[Vec3, Vec3, tuple[Any, ...]]:
+    """M times an acceleration, by inverse dynamics at rest without weight: force in W, torque in B, joint torques."""
+    still = (0,) * len(joints)
+    base = Motion(angular_B, R.apply_T(linear_W))
+    force, torques = dynamics.inverse_dynamics(model.vehicle, joints, ZERO3, still, base, joint)
+    return vector_data(R.apply(force.force)), vector_data(force.torque), tuple(data(t) for t in torques)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Observed:
+    """Memory of the disturbance observer, at the time of the last measurement.
+
+    Attributes:
+        position, quaternion, joints: filtered.
+        velocity, rate, joint_rates: estimates.
+        force: N, world axes, at the base origin. torque: N m, base axes. efforts: of the joints.
+        rotor_speeds: of the modelled motors, rad/s.
+    """
+
+    position: Annotated[Vec3, Unit("m", "filtered")]
+    quaternion: Annotated[Quaternion, Unit("", "w x y z, filtered")]
+    joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "filtered")]
+    velocity: Annotated[Vec3, Unit("m/s", "world axes")]
+    rate: Annotated[Vec3, Unit("rad/s", "base axes")]
+    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s")]
+    force: Annotated[Vec3, Unit("N", "unknown force on the base, world axes")]
+    torque: Annotated[Vec3, Unit("N m", "unknown torque on the base, base axes")]
+    efforts: Annotated[tuple[Scalar, ...], Unit("N m or N", "unknown efforts of the joints")]
+    rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "of the modelled motors")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ObserverGains:
+    """Bandwidths, rad/s: of the disturbance on the base's force, its torque, the joints; of the filter of the pose."""
+
+    force: Annotated[Scalar, Unit("rad/s", "bandwidth of the force's disturbance")]
+    torque: Annotated[Scalar, Unit("rad/s", "of the torque's")]
+    joints: Annotated[Scalar, Unit("rad/s", "of the joints'")]
+    pose: Annotated[Scalar, Unit("rad/s", "of the filter of position, attitude and joints")]

@@ -1,0 +1,64 @@
+"""Low-pass filters in discrete time, one scalar signal each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, divide, exp, tan
+
+PI = 3.141592653589793
+ROOT_TWO = 1.4142135623730951
+
+
+def low_pass(old: Any, new: Any, bandwidth: Any, dt: Any) -> Any:
+    """First-order low-pass: y += (1 - exp(-w dt)) (u - y), exact for an input held over the period."""
+    return old + (new - old) * (1.0 - exp(-(bandwidth * dt)))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Butterworth:
+    """Coefficients of a second-order Butterworth low-pass: y = b0 u + b1 u1 + b0 u2 - a1 y1 - a2 y2."""
+
+    b0: Scalar
+    b1: Scalar
+    a1: Scalar
+    a2: Scalar
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Taps:
+    """State of one filtered signal: the two sums of the transposed direct form."""
+
+    first: Annotated[Scalar, Unit("", "first sum of a filter, in its signal's unit")] = 0.0
+    second: Annotated[Scalar, Unit("", "second sum of a filter, in its signal's unit")] = 0.0
+
+
+def butterworth(cutoff: Any, dt: Any) -> Butterworth:
+    """Coefficients for a cut-off frequency in Hz, below 1 / (2 dt); bilinear transform, prewarped.
+
+    Source: Oppenheim, Schafer, Discrete-Time Signal Processing, chapter 7; the filter of Smeur, Chu, de Croon 2016.
+    """
+    k = tan(PI * cutoff * dt)
+    scale = divide(1.0, 1.0 + ROOT_TWO * k + k * k)
+    b0 = k * k * scale
+    return Butterworth(b0=b0, b1=2.0 * b0, a1=2.0 * (k * k - 1.0) * scale, a2=(1.0 - ROOT_TWO * k + k * k) * scale)
+
+
+def settle(value: Any, par: Butterworth) -> Taps:
+    """Taps of a filter that has seen ``value`` for ever."""
+    return Taps(first=value * (1.0 - par.b0), second=value * (par.b0 - par.a2))
+
+
+def apply_butterworth(taps: Taps, value: Any, par: Butterworth) -> tuple[Taps, Any]:
+    """Next taps and the output."""
+    out = par.b0 * value + taps.first
+    return Taps(first=par.b1 * value - par.a1 * out + taps.second, second=par.b0 * value - par.a2 * out), out
+
+
+def filtered_all(taps: Sequence[Taps], values: Sequence[Any], par: Butterworth) -> tuple[tuple[Taps, ...], list[Any]]:
+    """:func:`filtered` for each of several signals."""
+    pairs = [apply_butterworth(each, value, par) for each, value in zip(taps, values, strict=True)]
+    return tuple(following for following, _ in pairs), [out for _, out in pairs]

@@ -1,0 +1,121 @@
+"""The geometric position controller as RotorS flies it.
+
+Source: Lee, Leok, McClamroch 2010; Furrer et al. 2016 (RotorS), lee_position_controller.cpp at commit cd813b7a8c37;
+eq. (80)-(85) of Barakou et al. 2026. Deviations: two degenerate cases have a value, which RotorS leaves as NaN.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from skyarm.algebra import E_Z, Mat3, Quaternion, Sym3, Vec3, ldl_solve
+from skyarm.control.model import GeometricGains
+from skyarm.scalars import atan2, cos, divide, mul, sin, sqrt, where
+
+RATE_ERRORS = ("rotors_sim", "corrected")
+OLD_RATE_ERRORS = {"rotors": "rotors_sim"}
+
+SMALL_ACCELERATION = 1e-6
+"""m/s^2. Below this commanded specific force the thrust direction is undefined: the present one is kept."""
+
+SMALL_SINE = 1e-6
+"""Sine of the angle between thrust direction and heading below which the heading does not fix the attitude."""
+
+SMALL_QUATERNION = 2.220446049250313e-16
+"""Length of a message's quaternion below which RotorS takes the identity: Eigen's epsilon for doubles."""
+
+
+def downward_acceleration(
+    gains: GeometricGains, mass: Any, gravity: Any, *, position_error: Vec3, velocity_error: Vec3, acceleration: Vec3
+) -> Vec3:
+    """a_d of (82), world axes, m/s^2: it points DOWN in hover; the wanted specific force is -a_d.
+
+    a_d = (Kp e_p + Kv e_v) / m - g e_3 - pdd_d
+    """
+    pull = gains.position.scaled(position_error) + gains.velocity.scaled(velocity_error)
+    a_d: Vec3 = pull * divide(1.0, mass) - E_Z * gravity - acceleration
+    return a_d
+
+
+def desired_attitude(a_d: Vec3, yaw: Any, R_WB: Mat3) -> Mat3:
+    """R_d with b3 along -a_d and b1 as near the heading as b3 allows.
+
+    b3 = -a_d/|a_d|, b2 = b3 x [cos psi, sin psi, 0] normalised, R_d = [b2 x b3, b2, b3]. With no commanded force b3 is
+    the present one; with b3 along the heading, b2 is the heading's left.
+    """
+    force = a_d.norm()
+    b3 = _unit(-a_d, force, force < SMALL_ACCELERATION, R_WB.column(2))
+    heading = Vec3(cos(yaw), sin(yaw), 0)
+    left = Vec3(-heading.y, heading.x, 0.0)
+    side = b3.cross(heading)
+    sine = side.norm()
+    b2 = _unit(side, sine, sine < SMALL_SINE, left)
+    return Mat3.columns(b2.cross(b3), b2, b3)
+
+
+def _unit(v: Vec3, length: Any, vanishes: Any, otherwise: Vec3) -> Vec3:
+    """Return v / length, or ``otherwise`` where the length vanishes; never by way of an infinity."""
+    direction = v * divide(1.0, where(vanishes, 1.0, length))
+    return Vec3(*(where(vanishes, x, y) for x, y in zip(otherwise, direction, strict=True)))
+
+
+def attitude_error(R_WB: Mat3, R_d: Mat3) -> Vec3:
+    """e_R of (83): vee(1/2 (R_d^T R - R^T R_d)); zero also at 180 degrees, an unstable equilibrium."""
+    return (R_d.T @ R_WB).vee_antisymmetric()
+
+
+def rate_error(w_B: Vec3, R_WB: Mat3, R_d: Mat3, yaw_rate: Any, form: str) -> Vec3:
+    """e_w of (84) with w_d = [0, 0, yaw rate] in the desired body's axes.
+
+    "corrected" is Lee's w - R^T R_d w_d; "rotors_sim" is RotorS's own w - R_d^T R w_d, which differs once the yaw
+    rate is not zero and the attitude is off.
+    """
+    w_d = Vec3(0, 0, yaw_rate)
+    relative = R_d.T @ R_WB if form == "rotors_sim" else R_WB.T @ R_d
+    return w_B - relative.apply(w_d)
+
+
+def angular_acceleration(gains: GeometricGains, inertia: Sym3, e_R: Vec3, e_w: Vec3) -> Vec3:
+    """alpha_d of (85), body axes, rad/s^2: I_b^-1 (-KR e_R - Kw e_w).
+
+    RotorS adds w x w, which is zero; the gyroscopic torque is left to the inverse dynamics.
+    """
+    torque = -(gains.attitude.scaled(e_R) + gains.rate.scaled(e_w))
+    return Vec3(*ldl_solve([list(row) for row in inertia.full().rows], list(torque)))
+
+
+def attitude_loop(
+    gains: GeometricGains,
+    inertia: Sym3,
+    *,
+    a_d: Vec3,
+    yaw: Any,
+    yaw_rate: Any,
+    R_WB: Mat3,
+    w_B: Vec3,
+    rate_form: str,
+) -> Vec3:
+    """alpha_d, body axes, rad/s^2, that turns the thrust towards -a_d and the nose to the yaw: (83) to (85)."""
+    R_d = desired_attitude(a_d, yaw, R_WB)
+    e_w = rate_error(w_B, R_WB, R_d, yaw_rate, rate_form)
+    return angular_acceleration(gains, inertia, attitude_error(R_WB, R_d), e_w)
+
+
+def body_thrust(mass: Any, a_d: Vec3, R_WB: Mat3) -> Any:
+    """Thrust along the present body z, N: -m a_d . (R e_3); negative when the vehicle is on its back."""
+    return mul(-mass, a_d.dot(R_WB.column(2)))
+
+
+def yaw_of(quaternion: Quaternion) -> Any:
+    """Heading of a unit quaternion, rad: atan2(2(wz + xy), 1 - 2(y^2 + z^2)), as RotorS reads a reference's."""
+    w, x, y, z = quaternion
+    return atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def message_quaternion(w: Any, x: Any, y: Any, z: Any) -> Quaternion:
+    """Read a message's quaternion as RotorS does: normalised; the identity if its length is below Eigen's epsilon."""
+    length = sqrt(w * w + x * x + y * y + z * z)
+    vanishes = length < SMALL_QUATERNION
+    scale = divide(1.0, where(vanishes, 1.0, length))
+    parts = (where(vanishes, one, mul(value, scale)) for value, one in ((w, 1.0), (x, 0.0), (y, 0.0), (z, 0.0)))
+    return Quaternion(*parts)

@@ -1,0 +1,126 @@
+"""The model in motion: thrust and torque of its rotors, its acceleration, and its steps across a known delay."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from skyarm import dynamics
+from skyarm.actuation import Command, friction, limited_effort, rotor_force, speeds_after
+from skyarm.actuation.mixer import allocation_matrix
+from skyarm.algebra import ZERO3, Force, Mat3, Quaternion, Vec3
+from skyarm.compile.tracing.repeat import repeat
+from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.select import data
+from skyarm.control.model import Model
+from skyarm.dynamics import State
+from skyarm.dynamics.state import coordinate_acceleration
+from skyarm.scalars import add, mul, sub
+
+SUBSTEPS = 5
+"""Model steps per control period across the delay: 1 ms at 200 Hz."""
+
+
+def rotor_wrench(model: Model, squares: Sequence[Any]) -> Force:
+    """Torque and thrust along body z of squared rotor speeds: what the mixer commands."""
+    rows = allocation_matrix(model.vehicle)
+    x, y, z, thrust = (_dot(row, squares) for row in rows)
+    return Force(Vec3(x, y, z), Vec3(0, 0, thrust))
+
+
+def side_wrench(model: Model, speeds: Sequence[Any], velocity_B: Vec3, rate: Vec3) -> Force:
+    """What rotors do besides :func:`rotor_wrench`: hub drag in still air, rolling moment, thrust across body z."""
+    total = Force(ZERO3, ZERO3)
+    for rotor, speed in zip(model.vehicle.rotors, speeds, strict=True):
+        total = total + rotor_force(rotor, speed, velocity_B + rate.cross(rotor.position))
+    return total - rotor_wrench(model, [speed * speed for speed in speeds])
+
+
+def with_side(
+    model: Model, unknown: Disturbance, R: Mat3, speeds: Sequence[Any], velocity: Vec3, rate: Vec3
+) -> Disturbance:
+    """A disturbance and the :func:`side_wrench` at a world velocity."""
+    side = side_wrench(model, speeds, R.apply_T(velocity), rate)
+    return Disturbance(
+        force=unknown.force + R.apply(side.force), torque=unknown.torque + side.torque, efforts=unknown.efforts
+    )
+
+
+def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
+    total: Any = 0
+    for x, y in zip(a, b, strict=True):
+        total = add(total, mul(x, y))
+    return total
+
+
+def acceleration(
+    model: Model,
+    R: Mat3,
+    rate: Vec3,
+    joints: Sequence[Any],
+    joint_rates: Sequence[Any],
+    applied: Force,
+    efforts: Sequence[Any],
+    unknown: Disturbance,
+) -> tuple[Vec3, Vec3, tuple[Any, ...]]:
+    """d/dt of world velocity, body rate and joint rates."""
+    total = Force(applied.torque + unknown.torque, applied.force + R.apply_T(unknown.force))
+    given = [limited_effort(link.joint, effort) for link, effort in zip(model.vehicle.links, efforts, strict=True)]
+    return acceleration_under(model, R, rate, joints, joint_rates, total, given, unknown.efforts, joint_rates)
+
+
+def acceleration_under(
+    model: Model,
+    R: Mat3,
+    rate: Vec3,
+    joints: Sequence[Any],
+    joint_rates: Sequence[Any],
+    total: Force,
+    efforts: Sequence[Any],
+    extra: Sequence[Any],
+    dry_rates: Sequence[Any],
+) -> tuple[Vec3, Vec3, tuple[Any, ...]]:
+    """The same under ``total``, all that acts on the base: the one right-hand side of what any law believes.
+
+    ``efforts`` are what drives give, within their limits; friction is taken from them, its dry part at ``dry_rates``;
+    ``extra`` acts on the joints beside them.
+    """
+    rows = zip(model.vehicle.links, efforts, joint_rates, dry_rates, extra, strict=True)
+    torques = [add(sub(effort, friction(link.joint, speed, dry)), push) for link, effort, speed, dry, push in rows]
+    base, qdd = dynamics.forward_dynamics(model.vehicle, joints, rate, joint_rates, total, torques)
+    linear, angular = coordinate_acceleration(R, base, model.gravity)
+    return linear, angular, qdd
+
+
+def motor_speeds(model: Model, speeds: Sequence[Any], command: Command, dt: Any) -> tuple[Any, ...]:
+    """Rotor speeds after ``dt`` seconds of a held command."""
+    return speeds_after(model.vehicle.rotors, speeds, command.rotor_speeds, dt)
+
+
+def predict(model: Model, state: State, command: Command, unknown: Disturbance, dt: Any) -> State:
+    """The state after one control period of a held command, by symplectic steps of the model."""
+    h = dt / SUBSTEPS
+
+    def step(x: State) -> State:
+        R = x.quaternion.rotation()
+        speeds = motor_speeds(model, x.rotor_speeds, command, h)
+        squares = [0.5 * (a * a + b * b) for a, b in zip(x.rotor_speeds, speeds, strict=True)]
+        applied = rotor_wrench(model, squares)
+        linear, angular, qdd = acceleration(
+            model, R, x.rate, x.joints, x.joint_rates, applied, command.efforts, unknown
+        )
+        velocity, rate = x.velocity + linear * h, x.rate + angular * h
+        rates = tuple(v + a * h for v, a in zip(x.joint_rates, qdd, strict=True))
+        # positions by the mean velocity: exact for a constant acceleration
+        turned = x.quaternion * Quaternion.of_small_rotation((x.rate + rate) * (0.5 * h))
+        return State(
+            position=x.position + (x.velocity + velocity) * (0.5 * h),
+            quaternion=turned.renormalized(),
+            velocity=velocity,
+            rate=rate,
+            joints=tuple(q + (a + b) * (0.5 * h) for q, a, b in zip(x.joints, x.joint_rates, rates, strict=True)),
+            joint_rates=tuple(data(r) for r in rates),
+            rotor_speeds=speeds,
+        )
+
+    return repeat(SUBSTEPS, step, state)

@@ -1,0 +1,28 @@
+"""Choose between two values, vectors or tuples by a condition that may be traced."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from skyarm.algebra import Vec3
+from skyarm.scalars import where
+
+
+def data(value: Any) -> Any:
+    """A structural number as data: a memory keeps its shape whatever the reference folds to."""
+    return float(value) if type(value) is int else value
+
+
+def vector_data(v: Vec3) -> Vec3:
+    """:func:`data` of a vector."""
+    return Vec3(*(data(c) for c in v))
+
+
+def choose(condition: Any, a: Vec3, b: Vec3) -> Vec3:
+    """Vector ``a`` where the condition holds, else ``b``."""
+    return Vec3(*(where(condition, data(x), data(y)) for x, y in zip(a, b, strict=True)))
+
+
+def choose_each(condition: Any, a: tuple[Any, ...], b: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Entries of ``a`` where the condition holds, else those of ``b``."""
+    return tuple(where(condition, data(x), data(y)) for x, y in zip(a, b, strict=True))

@@ -1,0 +1,259 @@
+"""What a law of someone's own must be and give; each mistake is one line that names the law, its file and its line.
+
+Shipped laws are not looked at: all of their code stands in the library, and its tests fly them. A law of which any
+function stands elsewhere, in a plugin, another package or a script, is someone's own.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import re
+from collections.abc import Callable
+from enum import Enum
+from typing import Any
+
+import numpy as np
+
+from skyarm.actuation import Command
+from skyarm.compile import Node, TracedBranchError
+from skyarm.compile.tracing.float_trial import OUTSIDE
+from skyarm.control.controller import Controller, ControllerError, Law
+from skyarm.control.model import Model
+from skyarm.files import shown
+from skyarm.files.code_place import own_code, place_of, place_of_error
+from skyarm.records.coerce import RecordError
+from skyarm.records.leaves import is_record, pairs, parts
+from skyarm.scalars import data
+
+CALLED_AS = "law(memory, measurement, reference, dt, *, par)"
+
+RETURNS = "must return (memory, Command)"
+
+
+TRACED = "cannot be traced"
+
+ALLOWED = "must use + - * / and the functions of skyarm.scalars"
+
+AS_FLOATS = "or Controller(compiled=False), which calls it with floats"
+
+
+class LawError(ControllerError):
+    """A law of someone's own is wrong; one line with its file and line."""
+
+
+def is_own(controller: Controller) -> bool:
+    """Whether any of a law's code is not the library's."""
+    return own_code(controller.law) is not None
+
+
+def wrong(controller: Controller, words: str, place: str = "") -> LawError:
+    """The error to raise.
+
+    Args:
+        controller: whose law it is.
+        words: what is wrong, and what must be.
+        place: file and line; where the law begins if left out.
+    """
+    return LawError(f"{place or place_of(controller.law)}: law {controller.name!r} {words}")
+
+
+def check_controller(controller: Controller) -> None:
+    """Refuse what can be seen before the law is called: no function, other parameters, constants, a first memory.
+
+    Raises:
+        LawError: one line.
+    """
+    if not is_own(controller) and callable(controller.law):
+        return
+    law = controller.law
+    if isinstance(law, type) or not callable(law):
+        kind = f"the class {law.__qualname__}" if isinstance(law, type) else f"{shown(law)}, which cannot be called"
+        raise wrong(controller, f"is {kind}: must be a function, or an object with __call__, {CALLED_AS}")
+    try:
+        inspect.signature(law).bind(None, None, None, None, par=None)
+    except TypeError as error:
+        raise wrong(controller, f"cannot be called as {CALLED_AS}: {error}") from None
+    except ValueError:
+        pass  # built in: it has no signature to look at
+    par = controller.par
+    if not is_record(par):
+        raise wrong(controller, f"has the constants {shown(par)}: par must be a frozen dataclass with a field 'model'")
+    if not isinstance(getattr(par, "model", None), Model):
+        raise wrong(controller, f"has constants without a Model: {type(par).__name__}.model must be the believed one")
+    if controller.compiled:
+        _check_memory(controller, controller.memory, "memory")
+
+
+def _check_memory(controller: Controller, memory: Any, path: str) -> None:
+    """Refuse a first memory that a program cannot keep."""
+    words = memory_mistake(memory, path)
+    if words:
+        raise wrong(controller, f"{words}, {AS_FLOATS}" if words.endswith("of numbers") else words)
+
+
+def memory_mistake(memory: Any, path: str) -> str | None:
+    """Why a program cannot keep a first memory, in words; None where it can."""
+    if isinstance(memory, tuple):
+        found = (memory_mistake(each, f"{path}[{i}]") for i, each in enumerate(memory))
+        return next((words for words in found if words), None)
+    if is_record(memory):
+        found = (memory_mistake(each, f"{path}.{name}") for name, each in parts(memory).items())
+        return next((words for words in found if words), None)
+    if isinstance(memory, (bool, int)) and not isinstance(memory, Enum):
+        number = "1.0 or 0.0" if isinstance(memory, bool) else f"{memory}.0"
+        return f"has {path} = {memory!r}: an int never changes in a program; must be {number}"
+    if memory is None or isinstance(memory, (str, Enum)) or _is_number(memory):
+        return None
+    return f"has {path} = {shown(memory)}: must be a tuple or a frozen dataclass of numbers"
+
+
+def checked_law(controller: Controller) -> Law:
+    """The law, looked at whenever it is called; a shipped law as it is.
+
+    What is wrong raises LawError. An error of the law's own code passes as it is.
+    """
+    if not is_own(controller):
+        return controller.law
+    law, vehicle = controller.law, controller.par.model.vehicle
+    rotors, joints = len(vehicle.rotors), vehicle.n
+
+    def checked(memory: Any, measurement: Any, reference: Any, dt: Any, *, par: Any) -> tuple[Any, Command]:
+        try:
+            result = law(memory, measurement, reference, dt, par=par)
+        except (TypeError, AttributeError, RecordError) as error:
+            mistake = _mistake(controller, error)
+            if mistake is None:
+                raise
+            raise mistake from error
+        following, command = _pair(controller, result)
+        if controller.compiled and (found := difference(memory, following, "memory")):
+            raise wrong(controller, f"changes the structure of its memory: {found}")
+        return following, _whole(controller, command, rotors, joints)
+
+    return checked
+
+
+def _mistake(controller: Controller, error: Exception) -> LawError | None:
+    """What an error says of a law that is traced; None for an error of its own."""
+    found = mistake_in(error)
+    if found is None:
+        return None
+    words = f"{found}, {AS_FLOATS}" if found.startswith(TRACED) else found
+    return wrong(controller, words, place_of_error(error))
+
+
+def mistake_in(error: Exception) -> str | None:
+    """What an error says of traced code of someone's own, in words; None for an error that is not ours to explain."""
+    text = " ".join(str(error).split())
+    if isinstance(error, TracedBranchError):
+        return f"{TRACED}: {text.rpartition('.py:')[2].partition(': ')[2] or text}"
+    if isinstance(error, dataclasses.FrozenInstanceError):
+        return f"changes a record: {text}; must make another, by dataclasses.replace"
+    if isinstance(error, RecordError):
+        return f"makes a record that cannot be: {text}"
+    if re.search("0-dimensional arrays|length-1 arrays", text):
+        return f"{TRACED}: a NumPy array meets a traced number; {ALLOWED}"
+    if "another trace" in text:
+        return f"meets a number of an earlier call: {OUTSIDE}"
+    if re.search(r"\bNode\b|ufunc", text):
+        words = text.replace("'Node'", "a traced number").replace("Node", "traced number")
+        return f"{TRACED}: {words}; {ALLOWED}"
+    return None
+
+
+def _pair(controller: Controller, result: Any) -> tuple[Any, Command]:
+    """Memory and command."""
+    if not isinstance(result, tuple) or len(result) != 2:
+        raise wrong(controller, f"returns {kind_of(result)}: {RETURNS}")
+    memory, command = result
+    if not isinstance(command, Command):
+        order = isinstance(memory, Command)
+        found = f"(Command, {kind_of(command)})" if order else f"(memory, {kind_of(command)})"
+        raise wrong(controller, f"returns {found}: {RETURNS}{', in this order' if order else ''}")
+    return memory, command
+
+
+def _whole(controller: Controller, command: Command, rotors: int, joints: int) -> Command:
+    """The command, each of its numbers data."""
+    for field, count, each in (("rotor_speeds", rotors, "rotor"), ("efforts", joints, "joint")):
+        values = getattr(command, field)
+        if not isinstance(values, tuple):
+            raise wrong(controller, f"gives {field} as {kind_of(values)}: must be a tuple of {count} numbers")
+        if len(values) != count:
+            raise wrong(controller, f"gives {len(values)} {field}: must be {count}, one for each {each}")
+        for i, value in enumerate(values):
+            if not (type(value) is int or _is_number(value)):
+                raise wrong(controller, f"gives {field}[{i}] as {kind_of(value)}: must be a number")
+    if any(type(value) is int for value in (*command.rotor_speeds, *command.efforts)):
+        speeds, efforts = ([data(value) for value in part] for part in (command.rotor_speeds, command.efforts))
+        return Command(rotor_speeds=tuple(speeds), efforts=tuple(efforts))
+    return command
+
+
+def difference(example: Any, record: Any, path: str) -> str | None:
+    """Where a record has another structure than the example, in words; None where they have the same."""
+    below = pairs(example, record, path)
+    if below is None:
+        tuples = isinstance(example, tuple) or isinstance(record, tuple)
+        same = _is_number(record) if _is_number(example) else type(example) is type(record) and example == record
+        return None if same and not tuples else f"{path} is {kind_of(record)}, must stay {kind_of(example)}"
+    return next((found for a, b, name in below if (found := difference(a, b, name))), None)
+
+
+def _is_number(value: Any) -> bool:
+    """Whether a value is one number that may vary: not an int, which is structure."""
+    if isinstance(value, (int, str, Enum, np.ndarray)) or is_record(value):
+        return False
+    return isinstance(value, (float, Node)) or (hasattr(value, "__mul__") and hasattr(value, "__float__"))
+
+
+def kind_of(value: Any) -> str:
+    """What a value is, in a few words."""
+    if value is None or isinstance(value, (int, str)):
+        return shown(value) if not isinstance(value, int) or isinstance(value, bool) else f"the int {value}"
+    if isinstance(value, tuple):
+        return f"a tuple of {len(value)}"
+    if isinstance(value, np.ndarray):
+        return "a NumPy array"
+    return "a number" if _is_number(value) else f"a {type(value).__name__}"
+
+
+def check_maker(maker: Callable[..., Any], name: str, options: dict[str, Any]) -> None:
+    """Refuse a maker that cannot be called as maker(model, **options).
+
+    Raises:
+        LawError: one line.
+    """
+    try:
+        inspect.signature(maker).bind(None, **options)
+    except TypeError as error:
+        raise LawError(f"{place_of(maker)}: maker of law {name!r} cannot be called as maker(model): {error}") from None
+    except ValueError:
+        pass
+
+
+def made_by(maker: Callable[..., Any], name: str, model: Model, options: dict[str, Any]) -> Any:
+    """What a maker makes; an error of its own code passes as it is.
+
+    Raises:
+        LawError: a record or a controller that cannot be: one line.
+    """
+    try:
+        return maker(model, **options)
+    except (RecordError, ControllerError) as error:
+        if own_code(maker) is None or isinstance(error, LawError):
+            raise
+        raise LawError(f"{place_of_error(error)}: maker of law {name!r}: {error}") from error
+
+
+def check_made(maker: Callable[..., Any], name: str, made: Any) -> None:
+    """Refuse what is no controller.
+
+    Raises:
+        LawError: one line.
+    """
+    if not isinstance(made, Controller):
+        kind = f"the class {made.__qualname__}" if isinstance(made, type) else shown(made)
+        raise LawError(f"{place_of(maker)}: maker of law {name!r} returns {kind}: its maker must return a Controller")
+    check_controller(made)

@@ -1,0 +1,1 @@
+"""Control laws, one folder or file each."""

@@ -1,0 +1,72 @@
+"""Presets of the centroidal law, and the ranges of their entries."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+COMMON: Mapping[str, Any] = {
+    "pull": 5.0,
+    "tilt": 1.2,
+    "reach": 0.12,
+    "damping": 0.03,
+    "posture": 1e-4,
+    "shift_limit": 0.2,
+    "continuation": 1.0,
+    "trim_rate": 3.0,
+    "measured_rates": 0.0,
+    "adaptation": 0.6,
+    "friction_adaptation": 2.0,
+}
+"""Limits and weights of both presets; see :class:`CentroidalParameters`, :class:`TipGains` and :class:`BaseGains`."""
+
+PRESETS: Mapping[str, Mapping[str, Any]] = {
+    "robust": {
+        **COMMON,
+        "base": (22.0, 8.5, 205.0, 22.5),
+        "yaw": (30.0, 9.0),
+        "arm": (900.0, 60.0),
+        "tip": (700.0, 53.0),
+        "observer": (27.0, 31.0, 34.0, 60.0),
+        "lag_inversion": 0.1,
+        "shift_rate": 3.0,
+    },
+    "stiff": {
+        **COMMON,
+        "base": (30.0, 10.5, 500.0, 36.0),
+        "yaw": (60.0, 14.0),
+        "arm": (1600.0, 80.0),
+        "tip": (1600.0, 80.0),
+        "observer": (40.0, 60.0, 60.0, 1e6),
+        "lag_inversion": 1.0,
+        "shift_rate": 12.0,
+    },
+}
+"""Gains on accelerations: base (kp, kv, KR, Kw), yaw (KR, Kw), arm and tip (kp, kd); bandwidths of the observer, rad/s.
+
+"robust" was chosen under noise and one period of delay on perturbed plants, "stiff" on perfect state; both survive
+10 ms of delay that they do not know.
+"""
+
+ENTRIES = tuple(PRESETS["robust"])
+"""Entries of a preset: each may be replaced as an option of the law."""
+
+RANGES: Mapping[str, tuple[float, float]] = {
+    "pull": (1e-3, 1e3),
+    "tilt": (1e-3, 10.0),
+    "reach": (1e-3, 1e3),
+    "damping": (1e-6, 1e3),
+    "posture": (1e-9, 1e3),
+    "shift_limit": (1e-6, 1e3),
+    "continuation": (0.0, 1.0),
+    "trim_rate": (0.0, 50.0),
+    "measured_rates": (0.0, 1.0),
+    "lag_inversion": (0.0, 1.0),
+    "adaptation": (0.0, 5.0),
+    "friction_adaptation": (0.0, 5.0),
+    "shift_rate": (0.0, 1e3),
+}
+"""Lowest and highest value of the entries that are one number; the others are gains, at least 0."""
+
+PERIODS = (1e-5, 10.0)
+"""Shortest and longest period, s, of control and of published samples."""

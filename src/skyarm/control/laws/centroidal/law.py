@@ -1,0 +1,109 @@
+"""The centroidal law: one control step.
+
+1. The held reference is continued to the present. 2. The observer takes the (possibly old) measurement. 3. The model
+carries the state across the delay. 4. The centre of mass asks for a force, the force for an attitude. 5. Joint
+accelerations: of the joints' references, or of tip and link orientations. 6. Inverse dynamics of an underactuated
+base: the real thrust goes in, the base's acceleration comes out, then body and joint torques. 7. Rotor commands undo
+the lag.
+
+Assumes a model of rigid bodies, rotors whose thrust is along body z but for the disturbance, and motor time constants.
+Sources: Lee, Leok, McClamroch 2010; Gao 2003; the parts cite their own.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from skyarm.actuation import Command
+from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.disturbance_observer import Observed, disturbance, observe
+from skyarm.control.blocks.extrapolation import extrapolate, samples
+from skyarm.control.blocks.prediction import predict, with_side
+from skyarm.control.blocks.saturation import all_follow
+from skyarm.control.controller import all_applied
+from skyarm.control.laws.centroidal.adaptation import adapt
+from skyarm.control.laws.centroidal.demands import demands
+from skyarm.control.laws.centroidal.memory import CentroidalMemory
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.control.laws.centroidal.torques import actuate
+from skyarm.control.model import Model
+from skyarm.dynamics import State
+from skyarm.reference import Reference
+from skyarm.scalars import add, exp, mul, sub, where
+from skyarm.sensors.measurement import Measurement
+
+
+def centroidal(
+    memory: CentroidalMemory, measurement: Measurement, reference: Reference, dt: Any, *, par: CentroidalParameters
+) -> tuple[CentroidalMemory, Command]:
+    """One step of the centroidal law."""
+    signals, channels, age = extrapolate(
+        memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period, par.continuation
+    )
+    model, before, feedforward = par.model, memory.observed, memory.learned.feedforward
+    observed = observe(
+        model,
+        par.observer,
+        before,
+        measurement,
+        memory.sent[0],
+        disturbance(before) + feedforward,
+        memory.started,
+        memory.free,
+        dt,
+    )
+    alone = disturbance(observed) + feedforward
+    unknown = with_side(
+        model, alone, observed.quaternion.rotation(), observed.rotor_speeds, observed.velocity, observed.rate
+    )
+    state = _present(par, model, measurement, memory, observed, unknown, dt)
+    share = 1.0 - exp(-(par.tip.shift_rate * dt))
+    slow = memory.slow_force + (observed.force - memory.slow_force) * share
+    steady = (slow if par.mode == "tip" else observed.force) + feedforward.force
+    demand = demands(par, model, state, signals, unknown, steady)
+    done = actuate(par, model, state, demand, unknown, memory.trim, memory.applied[0], dt)
+    # a command that others changed moves the vehicle away from its plan: nothing of that is a load or friction
+    followed = all_follow(memory.applied)
+    free = tuple(where(followed, each, 0.0) for each in memory.free)
+    following = CentroidalMemory(
+        started=memory.started * 0.0 + 1.0,
+        age=age,
+        channels=channels,
+        observed=observed,
+        sent=(*memory.sent[1:], done.command),
+        applied=all_applied(model.vehicle.n),
+        free=done.free,
+        slow_force=slow,
+        trim=done.trim,
+        learned=adapt(par, memory.learned, demand.planned, observed.joint_rates, observed.efforts, free, dt),
+    )
+    return following, done.command
+
+
+def _present(
+    par: CentroidalParameters,
+    model: Model,
+    measurement: Measurement,
+    memory: CentroidalMemory,
+    observed: Observed,
+    unknown: Disturbance,
+    dt: Any,
+) -> State:
+    """The state now: filtered, carried across the delay by the commands sent since."""
+    share = par.measured_rates
+
+    def mixed(filtered: Any, measured: Any) -> Any:
+        return add(filtered, mul(share, sub(measured, filtered)))
+
+    state = State(
+        position=observed.position,
+        quaternion=observed.quaternion,
+        velocity=observed.velocity + (measurement.velocity - observed.velocity) * share,
+        rate=observed.rate + (measurement.rate - observed.rate) * share,
+        joints=observed.joints,
+        joint_rates=tuple(mixed(a, b) for a, b in zip(observed.joint_rates, measurement.joint_rates, strict=True)),
+        rotor_speeds=observed.rotor_speeds,
+    )
+    for command in memory.sent[1:]:
+        state = predict(model, state, command, unknown, dt)
+    return state

@@ -1,0 +1,145 @@
+"""The centroidal law ready to fly."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from skyarm import dynamics
+from skyarm.actuation import AllocationError, Command, Mixer, make_mixer
+from skyarm.actuation.hover import hover_trim
+from skyarm.algebra import Mat3, Vec3
+from skyarm.control.blocks.attitude import BaseGains
+from skyarm.control.blocks.disturbance_observer import ObserverGains, first_observed
+from skyarm.control.blocks.extrapolation import Channel
+from skyarm.control.blocks.select import data
+from skyarm.control.controller import Controller, ControllerError, all_applied
+from skyarm.control.laws.centroidal.adaptation import SLOW, STICKIEST, first_learned
+from skyarm.control.laws.centroidal.gain_presets import ENTRIES, PERIODS, PRESETS
+from skyarm.control.laws.centroidal.law import centroidal
+from skyarm.control.laws.centroidal.memory import CentroidalMemory
+from skyarm.control.laws.centroidal.option_checks import bounded, checked, one_of, periods_of
+from skyarm.control.laws.centroidal.parameters import MODE_ALIASES, MODES, CentroidalParameters, TipGains
+from skyarm.control.model import JointGains, Model
+from skyarm.scalars import minimum
+from skyarm.vehicle.vehicle_records import Vehicle
+
+__all__ = ["ENTRIES", "make_centroidal"]
+
+
+def make_centroidal(
+    model: Model,
+    *,
+    mode: str = "joint",
+    preset: str = "robust",
+    delay: float = 0.0,
+    control_period: float = 0.005,
+    reference_period: float = 0.02,
+    tip_mass_limit: float = 0.2,
+    **changes: Any,
+) -> Controller:
+    """The centroidal law for any vehicle.
+
+    Both presets were chosen on the Hummingbird with its arm of 0.3 m: the lengths (reach, damping, shift_limit) are
+    that arm's, and "stiff" needs motors about as fast as its (12.5 ms up, 25 ms down).
+
+    Args:
+        model: what it believes.
+        mode: "joint" (base and joints on their references) or "tip" (the tip on its reference; also "ee").
+        preset: a key of ``PRESETS``.
+        delay: known age of the measurement, s, a whole number of control periods.
+        control_period: s.
+        reference_period: between published samples, s.
+        tip_mass_limit: kg.
+        changes: entries of the preset to replace.
+
+    Raises:
+        ControllerError: an unknown mode or preset, an option out of its range, or no end effector.
+        AllocationError: the rotors do not span torque and thrust.
+    """
+    mode = MODE_ALIASES.get(mode, mode) if isinstance(mode, str) else mode
+    one_of("mode", mode, MODES)
+    one_of("preset", preset, sorted(PRESETS))
+    gains = {**PRESETS[preset], **{name: checked(name, value) for name, value in changes.items()}}
+    periods = periods_of(delay, control_period)
+    vehicle = model.vehicle
+    if (mode == "tip" or ("adaptation" in changes and gains["adaptation"])) and not vehicle.end_effector:
+        raise ControllerError(f"model.vehicle = {vehicle.name!r}: has no end_effector, which mode 'tip' must have")
+    adaptation = gains["adaptation"] if vehicle.n and vehicle.end_effector else 0.0
+    kp, kv, kr, kw = gains["base"]
+    yaw_kr, yaw_kw = gains["yaw"]
+    stiffness, damping = gains["arm"]
+    par = CentroidalParameters(
+        model=model,
+        mixer=_mixer(vehicle),
+        mode=mode,
+        base=BaseGains(
+            position=Vec3(kp, kp, kp),
+            velocity=Vec3(kv, kv, kv),
+            attitude=Vec3(kr, kr, yaw_kr),
+            rate=Vec3(kw, kw, yaw_kw),
+            pull=gains["pull"],
+        ),
+        joint_gains=JointGains(stiffness=(stiffness,) * vehicle.n, damping=(damping,) * vehicle.n),
+        tip=TipGains(
+            **dict(zip(("position", "velocity"), gains["tip"], strict=True)),
+            reach=gains["reach"],
+            damping=gains["damping"],
+            posture=gains["posture"],
+            shift_rate=gains["shift_rate"],
+            shift_limit=gains["shift_limit"],
+        ),
+        observer=ObserverGains(**dict(zip(("force", "torque", "joints", "pose"), gains["observer"], strict=True))),
+        delay_periods=periods,
+        reference_period=bounded("reference_period", reference_period, *PERIODS),
+        continuation=gains["continuation"],
+        lag_inversion=gains["lag_inversion"],
+        trim_rate=gains["trim_rate"],
+        measured_rates=gains["measured_rates"],
+        tilt=gains["tilt"],
+        thrust_floor=0.15 * vehicle.mass * model.gravity + 1e-3,
+        adaptation=adaptation,
+        tip_mass_limit=bounded("tip_mass_limit", tip_mass_limit, 0.0, 1e3),
+        adapts_load=adaptation > 0.0,
+        friction_adaptation=gains["friction_adaptation"],
+        damping_limits=_dampings(vehicle),
+        slow=tuple(SLOW[link.joint.kind] for link in vehicle.links),
+        adapts_friction=gains["friction_adaptation"] > 0.0 and vehicle.n > 0,
+    )
+    memory = first_memory(model, periods)
+    return Controller(name=f"centroidal_{mode}", law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
+
+
+def _mixer(vehicle: Vehicle) -> Mixer:
+    try:
+        return make_mixer(vehicle, "priority")
+    except AllocationError:
+        return make_mixer(vehicle)
+
+
+def _dampings(vehicle: Vehicle) -> tuple[tuple[float, float], ...]:
+    """Least and most that is learned of each joint's damping: back to none, and by its inertia at rest."""
+    M = dynamics.mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)
+    return tuple(
+        (-float(link.joint.damping), STICKIEST * float(M[6 + i][6 + i])) for i, link in enumerate(vehicle.links)
+    )
+
+
+def first_memory(model: Model, delay_periods: int) -> CentroidalMemory:
+    """Memory before the first step: a level hover with the joints at zero, as the model sees it."""
+    vehicle = model.vehicle
+    trim = hover_trim(vehicle, (0.0,) * vehicle.n, model.gravity)
+    speeds = tuple(data(minimum(w, r.max_speed)) for w, r in zip(trim.speeds, vehicle.rotors, strict=True))
+    zero = Vec3(0.0, 0.0, 0.0)
+    standing = Command(rotor_speeds=speeds, efforts=tuple(data(effort) for effort in trim.efforts))
+    return CentroidalMemory(
+        started=0.0,
+        age=0.0,
+        channels=(Channel(),) * (4 + vehicle.n),
+        observed=first_observed(vehicle.n, speeds),
+        sent=(standing,) * (delay_periods + 1),
+        applied=all_applied(vehicle.n),
+        free=(1.0,) * (1 + vehicle.n),
+        slow_force=zero,
+        trim=(0.0,) * len(speeds),
+        learned=first_learned(vehicle.n),
+    )

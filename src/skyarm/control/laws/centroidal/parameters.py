@@ -1,0 +1,94 @@
+"""Constants of the centroidal law."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from skyarm.actuation import Mixer
+from skyarm.control.blocks.attitude import BaseGains
+from skyarm.control.blocks.disturbance_observer import ObserverGains
+from skyarm.control.model import JointGains, Model
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar
+
+MODES = ("joint", "tip")
+MODE_ALIASES = {"ee": "tip"}
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TipGains:
+    """Of the tip mode.
+
+    Attributes:
+        position: 1/s^2. velocity: 1/s. Of the tip's error.
+        reach: m; base errors beyond this length are followed by the tip, not made good by the arm.
+        damping: m; singular values of the tip's Jacobian below this leave their direction to the link orientations.
+            Over ``reach`` it weighs the references of sliding joints.
+        posture: m; weight of the joints' own references, for motions that neither tip nor orientations fix.
+        shift_rate: rad/s, of the filtered disturbance that the base's shift follows.
+        shift_limit: m, largest length of the shift.
+    """
+
+    position: Annotated[Scalar, Unit("1/s^2", "of the tip")]
+    velocity: Annotated[Scalar, Unit("1/s", "of the tip")]
+    reach: Annotated[Scalar, Unit("m", "base errors beyond this are followed by the tip")]
+    damping: Annotated[Scalar, Unit("m", "singular values below this leave their direction to the link orientations")]
+    posture: Annotated[Scalar, Unit("m", "weight of the joints' own references")]
+    shift_rate: Annotated[Scalar, Unit("rad/s", "filter of the disturbance that the base's shift follows")]
+    shift_limit: Annotated[Scalar, Unit("m", "largest shift of the base")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CentroidalParameters:
+    """All constants of the centroidal law.
+
+    Attributes:
+        model: belief. mixer: of the model.
+        mode: "joint" keeps base and joints on their references, "tip" the tip and the link orientations.
+        base, joint_gains, tip, observer: gains; those of the joints on accelerations.
+        delay_periods: age of the measurement in control periods.
+        reference_period: s between published samples.
+        continuation: 1 continues held samples to the present, 0 takes them as they were.
+        lag_inversion: 0 commands the wanted rotor speed, 1 inverts the motor lag within one period.
+        trim_rate: 1/s, of the correction of the rotors' mean squared speeds.
+        measured_rates: 0 takes velocities from the observer, 1 from the sensors.
+        tilt: largest tangent of the commanded tilt. thrust_floor: smallest commanded vertical force, N.
+        adaptation: 1/s; rate of the load at the tip. tip_mass_limit: kg. adapts_load: False leaves it out.
+        friction_adaptation: 1/s; rate of the joints' damping. damping_limits: lowest and highest of each, N m s/rad
+            or N s/m. slow: squares of position and rate below which a joint teaches little, rad^2 and (rad/s)^2 or m^2
+            and (m/s)^2. adapts_friction: False leaves it out.
+    """
+
+    model: Model
+    mixer: Mixer
+    mode: str
+    base: BaseGains
+    joint_gains: JointGains
+    tip: TipGains
+    observer: ObserverGains
+    delay_periods: int
+    reference_period: Annotated[Scalar, Unit("s", "between samples of the reference")]
+    continuation: Annotated[Scalar, Unit("", "0 to 1, share of the time since a reference sample that it is continued")]
+    lag_inversion: Annotated[Scalar, Unit("", "0 to 1, share of the motor lag that commands invert")]
+    trim_rate: Annotated[Scalar, Unit("1/s", "correction of the rotors' mean squared speeds")]
+    measured_rates: Annotated[Scalar, Unit("", "0 velocities of the observer, 1 of the sensors")]
+    tilt: Annotated[Scalar, Unit("", "largest tangent of the commanded tilt")]
+    thrust_floor: Annotated[Scalar, Unit("N", "smallest commanded vertical force")]
+    adaptation: Annotated[Scalar, Unit("1/s", "rate of the adapted tip mass")]
+    tip_mass_limit: Annotated[Scalar, Unit("kg", "largest adapted tip mass")]
+    adapts_load: bool
+    friction_adaptation: Annotated[Scalar, Unit("1/s", "rate of the adapted damping of the joints")]
+    damping_limits: Annotated[
+        tuple[tuple[Scalar, Scalar], ...], Unit("N m s/rad or N s/m", "least and largest adapted damping of each joint")
+    ]
+    slow: Annotated[
+        tuple[tuple[Scalar, Scalar], ...], Unit("", "squares of position and rate below which a joint teaches little")
+    ]
+    adapts_friction: bool
+
+    def choices(self) -> list[str]:
+        """What is structure, in words."""
+        adapted = ["adapted tip mass"] if self.adapts_load else []
+        adapted += ["adapted friction"] if self.adapts_friction else []
+        return [f"mode '{self.mode}'", f"measurements {self.delay_periods} periods old", *adapted]

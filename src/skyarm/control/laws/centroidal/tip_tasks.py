@@ -1,0 +1,176 @@
+"""Joint accelerations of the tip mode: the tip on its reference, the links turned as if the base were level.
+
+Task 1 is the tip's position, task 2 the link orientations; joint accelerations solve the weighted least squares
+|J qdd - b_1|^2 + damping^2 sum |A_i qdd - b_i|^2 + posture^2 |qdd - qdd_d|^2, so that task 2 rules the directions in
+which J is singular; sliding joints, which turn no link, are held by (damping / reach)^2 |qdd_i - qdd_d,i|^2. J is the
+tip's Jacobian against the centre of mass, which the joints do not move: its acceleration follows from the thrust;
+joints beside the tip's chain are left out.
+Source: Wampler 1986, Nakamura, Hanafusa 1986 (damped least squares); Umetani, Yoshida 1989 (generalized Jacobian).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.algebra import ZERO3, Mat3, Vec3, ldl_solve
+from skyarm.control.blocks.series_kinematics import Posture, derivative
+from skyarm.control.laws.centroidal.parameters import TipGains
+from skyarm.control.laws.centroidal.tip_reference import Goal
+from skyarm.dynamics.kinematics import Pose, jacobian_columns, link_poses
+from skyarm.scalars import add, divide, mul
+from skyarm.vehicle.vehicle_records import BASE, Vehicle
+
+
+def axes(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
+    """Joint axes in base axes."""
+    return [pose.R.apply(link.joint.axis) for link, pose in zip(vehicle.links, poses, strict=True)]
+
+
+def chain(vehicle: Vehicle, index: int) -> list[int]:
+    """Joints from the base to a link."""
+    found: list[int] = []
+    while index != BASE:
+        found.insert(0, index)
+        index = vehicle.links[index].parent
+    return found
+
+
+def com_columns(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
+    """Velocity of the centre of mass in base axes per unit of each joint rate, times the vehicle's mass."""
+    masses: list[Any] = [link.body.mass for link in vehicle.links]
+    moments = [pose.apply(link.body.com) * link.body.mass for link, pose in zip(vehicle.links, poses, strict=True)]
+    for i in reversed(range(vehicle.n)):
+        parent = vehicle.links[i].parent
+        if parent != BASE:
+            masses[parent], moments[parent] = add(masses[parent], masses[i]), moments[parent] + moments[i]
+    found = []
+    for i, axis in enumerate(axes(vehicle, poses)):
+        if vehicle.links[i].joint.kind == "revolute":
+            found.append(axis.cross(moments[i] - poses[i].p * masses[i]))
+        else:
+            found.append(axis * masses[i])
+    return found
+
+
+def orientation_error(R: Mat3, R_d: Mat3) -> Vec3:
+    """Rotation (world axes, sine of the angle times its axis) that turns R towards R_d."""
+    total = ZERO3
+    for k in range(3):
+        total = total + R.column(k).cross(R_d.column(k))
+    return total * 0.5
+
+
+class Squares:
+    """Normal equations of a weighted least-squares problem in the joint accelerations."""
+
+    def __init__(self, n: int) -> None:
+        self.A: list[list[Any]] = [[0] * n for _ in range(n)]
+        self.b: list[Any] = [0] * n
+
+    def require(self, columns: Sequence[Vec3], wanted: Vec3, weight: Any) -> None:
+        """Add weight |columns x - wanted|^2."""
+        for i, c in enumerate(columns):
+            self.b[i] = add(self.b[i], mul(weight, c.dot(wanted)))
+            for j, d in enumerate(columns[: i + 1]):
+                self.A[i][j] = add(self.A[i][j], mul(weight, c.dot(d)))
+
+    def prefer(self, values: Sequence[Any], weight: Any) -> None:
+        """Add weight |x - values|^2."""
+        for i, value in enumerate(values):
+            self.prefer_one(i, value, weight)
+
+    def prefer_one(self, i: int, value: Any, weight: Any) -> None:
+        """Add weight (x_i - value)^2."""
+        self.A[i][i] = add(self.A[i][i], weight)
+        self.b[i] = add(self.b[i], mul(weight, value))
+
+    def solve(self) -> tuple[Any, ...]:
+        """The least-squares solution."""
+        return tuple(ldl_solve(self.A, self.b))
+
+
+def orientation_rows(vehicle: Vehicle, axes_B: Sequence[Vec3], i: int) -> list[Vec3]:
+    """Angular velocity of link ``i`` in base axes per unit of each joint rate."""
+    carriers = chain(vehicle, i)
+    return [
+        axes_B[j] if j in carriers and vehicle.links[j].joint.kind == "revolute" else ZERO3 for j in range(vehicle.n)
+    ]
+
+
+def level_joints(vehicle: Vehicle, gains: TipGains, wanted: Goal, R: Mat3, poses: Sequence[Pose]) -> tuple[Any, ...]:
+    """Change of the joints that turns the links of a base at attitude R as those of a level base: one Newton step."""
+    problem = Squares(vehicle.n)
+    directions = axes(vehicle, poses)
+    for i, pose in enumerate(poses):
+        error = R.apply_T(orientation_error(R @ pose.R, wanted.links[i]))
+        problem.require(orientation_rows(vehicle, directions, i), error, gains.damping * gains.damping)
+    problem.prefer((0.0,) * vehicle.n, gains.posture * gains.posture)
+    return problem.solve()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Now:
+    """The vehicle at present.
+
+    Attributes:
+        R: R_WB. rate, alpha: body rate and the angular acceleration to come, body axes.
+        joints, joint_rates: rad or m, and per second.
+        posture: series in time of the present motion, joint accelerations left out.
+        tip, tip_velocity: world axes. com_acceleration: m/s^2, world axes, that the thrust gives.
+    """
+
+    R: Mat3
+    rate: Vec3
+    alpha: Vec3
+    joints: tuple[Any, ...]
+    joint_rates: tuple[Any, ...]
+    posture: Posture
+    tip: Vec3
+    tip_velocity: Vec3
+    com_acceleration: Vec3
+
+
+def joint_accelerations(
+    vehicle: Vehicle, gains: TipGains, wanted: Goal, now: Now, preferred: Sequence[Any]
+) -> tuple[Any, ...]:
+    """Joint accelerations of the two tasks; ``preferred`` are those of the joints' own references."""
+    R, w = now.R, now.rate
+    poses = link_poses(vehicle, now.joints)
+    problem = Squares(vehicle.n)
+    pull = (wanted.tip[1] - now.tip_velocity) * gains.velocity + (wanted.tip[0] - now.tip) * gains.position
+    arm = now.posture.tip - now.posture.com
+    rho, rho_d, rho_dd = (derivative(arm, k) for k in range(3))
+    carried = now.alpha.cross(rho) + w.cross(w.cross(rho)) + w.cross(rho_d) * 2.0 + rho_dd
+    columns = jacobian_columns(vehicle, vehicle.frame(), now.joints)
+    share = divide(1.0, vehicle.mass)
+    against = [a.linear - b * share for a, b in zip(columns, com_columns(vehicle, poses), strict=True)]
+    asked = R.apply_T(wanted.tip[2] + pull - now.com_acceleration) - carried
+    # another arm moves the tip through the centre of mass alone: no lever to steer it by
+    carriers = chain(vehicle, vehicle.frame().link)
+    for i in (i for i in range(vehicle.n) if i not in carriers):
+        asked, against[i] = asked - against[i] * preferred[i], ZERO3
+    problem.require(against, asked, 1)
+    directions = axes(vehicle, poses)
+    rates: list[Vec3] = []
+    biases: list[Vec3] = []
+    for i, (link, pose) in enumerate(zip(vehicle.links, poses, strict=True)):
+        root = link.parent == BASE
+        rate, bias = (w, now.alpha) if root else (rates[link.parent], biases[link.parent])
+        if link.joint.kind == "revolute":
+            slide = directions[i] * now.joint_rates[i]
+            rate, bias = rate + slide, bias + rate.cross(slide)
+        rates.append(rate)
+        biases.append(bias)
+        error = orientation_error(R @ pose.R, wanted.links[i])
+        turn = wanted.accelerations[i] + wanted.rates[i] * gains.velocity + error * gains.position
+        needed = R.apply_T(turn) - rate * gains.velocity - bias
+        problem.require(orientation_rows(vehicle, directions, i), needed, gains.damping * gains.damping)
+    problem.prefer(preferred, gains.posture * gains.posture)
+    slides = divide(gains.damping, gains.reach)
+    for i, link in enumerate(vehicle.links):
+        if link.joint.kind == "prismatic":
+            # turns no link, so that task 2 does not damp it
+            problem.prefer_one(i, preferred[i], slides * slides)
+    return problem.solve()

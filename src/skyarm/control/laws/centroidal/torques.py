@@ -1,0 +1,137 @@
+"""From thrust and accelerations to rotor and joint commands: inverse dynamics of an underactuated base."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm import dynamics
+from skyarm.actuation import Command, friction, mix
+from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3, ldl_solve
+from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.motor_lag import command_for
+from skyarm.control.blocks.prediction import motor_speeds
+from skyarm.control.blocks.select import data
+from skyarm.control.blocks.underactuated import forces_under_thrust
+from skyarm.control.laws.centroidal.demands import Demand
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.control.model import Model
+from skyarm.dynamics import State
+from skyarm.scalars import absolute, add, clip, divide, logical_and, maximum, mul, sqrt, sub, where
+from skyarm.vehicle.vehicle_records import Vehicle
+
+TRIM = 0.1
+"""Bound of the trim, of a rotor's largest squared speed: more than the lag of motors takes."""
+
+
+def needed(model: Model, state: State, demand: Demand, unknown: Disturbance) -> tuple[Vec3, tuple[Any, ...]]:
+    """Body torque (N m, base axes) and joint torques that give the desired accelerations with the desired thrust.
+
+    What the disturbance already does is left out; known friction is added, its dry part at the references' rates.
+    """
+    vehicle, qd = model.vehicle, state.joint_rates
+    dry_rates = [q.derivative(1) for q in demand.planned.joints]
+    force, efforts, _ = forces_under_thrust(
+        vehicle,
+        state.joints,
+        state.rate,
+        qd,
+        applied=E_Z * demand.thrust + state.quaternion.rotation().apply_T(unknown.force),
+        angular=demand.alpha,
+        joint_accelerations=demand.joints,
+    )
+    return force.torque - unknown.torque, tuple(
+        add(sub(effort, extra), friction(link.joint, rate, dry))
+        for effort, extra, link, rate, dry in zip(efforts, unknown.efforts, vehicle.links, qd, dry_rates, strict=True)
+    )
+
+
+def fallen_away(vehicle: Vehicle, joints: Sequence[Any], missing: Sequence[Any]) -> Vec3:
+    """Body torque (N m, base axes) that falls away when joint torques are less than wanted by ``missing``.
+
+    The joints then accelerate by S^-1 missing more slowly and push the base less; its angular acceleration stays what
+    was desired. Blocks of the mass matrix, with t the base's translation, w its rotation, j the joints: the base's
+    origin moves freely under the given force, so that S = M_jj - M_jt M_tj / m, and the torque loses
+    (M_wj - M_wt M_tj / m) S^-1 missing.
+    """
+    if not missing:
+        return ZERO3
+    M = dynamics.mass_matrix(vehicle, Mat3.identity(), joints)
+    share, n = divide(1.0, vehicle.mass), len(joints)
+
+    def reduced(row: int, column: int) -> Any:
+        total = M[row][column]
+        for k in range(3):
+            total = sub(total, mul(mul(M[row][k], M[column][k]), share))
+        return total
+
+    slower = ldl_solve([[reduced(6 + i, 6 + j) for j in range(n)] for i in range(n)], list(missing))
+    lost = []
+    for k in range(3, 6):
+        total: Any = 0
+        for j, each in enumerate(slower):
+            total = add(total, mul(reduced(k, 6 + j), each))
+        lost.append(total)
+    return Vec3(*lost)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Done:
+    """What was sent.
+
+    Attributes:
+        command: to the actuators.
+        free: 1 for the base and each joint whose actuators are not at their limit, else 0.
+        trim: of the squared rotor speeds, one period later, (rad/s)^2.
+    """
+
+    command: Command
+    free: tuple[Any, ...]
+    trim: tuple[Any, ...]
+
+
+def actuate(
+    par: CentroidalParameters,
+    model: Model,
+    state: State,
+    demand: Demand,
+    unknown: Disturbance,
+    trim: tuple[Any, ...],
+    applied: Any,
+    dt: Any,
+) -> Done:
+    """Return the command for a demand.
+
+    Motors that slow down later than they speed up lose thrust under noise, so that the mean of what they do (their
+    model knows it) misses the mean of what was wanted: the trim integrates that difference, within bounds, but not
+    while others change the rotors' commands (``applied`` is 0), which would wind it up.
+    """
+    torque, efforts = needed(model, state, demand, unknown)
+    limits = [link.joint.effort_limit for link in model.vehicle.links]
+    held = tuple(clip(data(effort), -limit, limit) for effort, limit in zip(efforts, limits, strict=True))
+    missing = [sub(effort, kept) for effort, kept in zip(efforts, held, strict=True)]
+    torque = torque - fallen_away(model.vehicle, state.joints, missing)
+    wanted, squares = mix(par.mixer, torque, demand.thrust)
+    inside: Any = demand.thrust > 0.0
+    for square, highest in zip(squares, par.mixer.highest, strict=True):
+        inside = logical_and(inside, logical_and(square > 0.0, square < highest))
+    targets = [sqrt(maximum(w * w + t, 0.0)) for w, t in zip(wanted, trim, strict=True)]
+    speeds = tuple(
+        command_for(rotor, speed, target, dt, par.lag_inversion)
+        for rotor, speed, target in zip(model.vehicle.rotors, state.rotor_speeds, targets, strict=True)
+    )
+    command = Command(rotor_speeds=speeds, efforts=held)
+    reached = motor_speeds(model, state.rotor_speeds, command, dt)
+    step = where(logical_and(inside, applied > 0.5), par.trim_rate * dt, 0.0)
+    return Done(
+        command=command,
+        free=(
+            where(inside, 1.0, 0.0),
+            *(where(absolute(e) < limit, 1.0, 0.0) for e, limit in zip(efforts, limits, strict=True)),
+        ),
+        trim=tuple(
+            clip(t + step * (w * w - r * r), -TRIM * highest, TRIM * highest)
+            for t, w, r, highest in zip(trim, wanted, reached, par.mixer.highest, strict=True)
+        ),
+    )

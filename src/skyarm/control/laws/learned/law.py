@@ -1,0 +1,173 @@
+"""The paper's computed torque with a learned compensator, in the style of Wu 2024.
+
+Law: a network of two hidden layers of 32 tanh tells, from motion, errors and a short history of velocities and
+commands, the force and torque at the base and the torques at the joints that the model leaves out. Its filtered answer
+is taken off the wanted force before the thrust is aimed, and off the inverse dynamics.
+
+Assumed, since the equations of Wu 2024 were not at hand: the network replaces a disturbance observer around a computed
+torque law; its inputs and size; supervised training on simulated flights, no adaptation in flight; one filter of 15
+rad/s per velocity and command stands for the history; the answer is limited to what training has seen and filtered.
+
+Tuning: ``answer`` (rad/s), the paper's gains. The shipped weights are those of the Hummingbird with the two-joint arm;
+``python -m skyarm.learn`` makes them again.
+
+Source: Wu et al. 2024 (idea only); base law Barakou et al. 2026, eq. (82)-(96).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm import dynamics
+from skyarm.actuation import Command, Mixer, mix
+from skyarm.algebra import Motion, Vec3
+from skyarm.control.blocks.default_gains import fitting_gains, fitting_mixer
+from skyarm.control.blocks.geometric import attitude_loop, downward_acceleration
+from skyarm.control.blocks.saturation import limit_efforts
+from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.laws.learned.features import History, feature_names, features, no_history, with_command, with_motion
+from skyarm.control.laws.learned.network import Network, shipped_network, unlike
+from skyarm.control.laws.paper.computed_torque import joint_accelerations
+from skyarm.control.model import GeometricGains, JointGains, Model, Terms
+from skyarm.files import shown
+from skyarm.records.units import Unit
+from skyarm.reference import Reference
+from skyarm.scalars import Scalar, add, divide, exp, mul, sub
+from skyarm.sensors.measurement import Measurement
+
+FASTEST = 1e4
+"""rad/s: beyond it an answer is followed at once whatever the control period."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LearnedParameters:
+    """Constants of the law: those of the paper's law, the network, and how fast its answer is followed (rad/s)."""
+
+    model: Model
+    gains: GeometricGains
+    joint_gains: JointGains
+    mixer: Mixer
+    network: Network
+    answer: Annotated[Scalar, Unit("rad/s", "how fast the network's answer is followed")]
+    rate_error: str = "rotors_sim"
+    terms: Terms = Terms()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LearnedMemory:
+    """History that the network sees, and its filtered answer: force and torque, base axes (N, N m), joint torques.
+
+    The last command, ``sent``, enters the history one step later, when it is known whether it was sent as desired.
+    """
+
+    history: History
+    sent: Command
+    answer: Annotated[tuple[Scalar, ...], Unit("", "N and N m at the base, base axes, then joint torques; filtered")]
+
+
+def make_learned_controller(
+    model: Model,
+    *,
+    gains: GeometricGains | None = None,
+    joint_gains: JointGains | None = None,
+    mixer_policy: str = "clip",
+    answer: float = 10.0,
+    network: Network | None = None,
+) -> Controller:
+    """The paper's law with a learned compensator.
+
+    Args:
+        model: what it believes.
+        gains: of the base, as the paper's law takes them.
+        joint_gains: of the joints, likewise.
+        mixer_policy: see :class:`skyarm.actuation.Mixer`.
+        answer: how fast the network's answer is followed, rad/s.
+        network: the shipped one if left out, for a vehicle like that of its training.
+
+    Raises:
+        ControllerError: the network is not one of a vehicle with these joints, or the shipped one is not of this
+            vehicle.
+    """
+    if not isinstance(answer, (int, float)) or isinstance(answer, bool) or not 0.0 < answer <= FASTEST:
+        raise ControllerError(
+            f"controller.answer = {shown(answer)}: must be a number of rad/s above 0, at most {FASTEST:g}"
+        )
+    if network is not None and not isinstance(network, Network):
+        raise ControllerError(f"controller.network = {shown(network)}: must be a Network")
+    n = model.vehicle.n
+    shipped, training = shipped_network() if network is None else (network, {})
+    found = network or shipped
+    if len(found.means) != len(feature_names(n)) or len(found.scales) != 6 + n:
+        raise ControllerError(
+            f"controller.network: takes {len(found.means)} inputs, a vehicle of {n} joints gives "
+            f"{len(feature_names(n))}; train one with skyarm.learn"
+        )
+    other = unlike(model.vehicle, training)
+    if other:
+        raise ControllerError(
+            f"controller.network: the shipped one is of another vehicle than '{model.vehicle.name}' ({other}); "
+            "train one with skyarm.learn, or give this one as network="
+        )
+    base, joints = fitting_gains("hybrid_computed_torque", model, gains, joint_gains)
+    par = LearnedParameters(
+        model=model,
+        gains=base,
+        joint_gains=joints,
+        mixer=fitting_mixer(model, mixer_policy),
+        network=found,
+        answer=float(answer),
+    )
+    nothing = Command(rotor_speeds=(0.0,) * len(model.vehicle.rotors), efforts=(0.0,) * n)
+    memory = LearnedMemory(history=no_history(n), sent=nothing, answer=(0.0,) * (6 + n))
+    return Controller(name="learned_compensator", law=learned_compensator, par=par, memory=memory)
+
+
+def learned_compensator(
+    memory: LearnedMemory, measurement: Measurement, reference: Reference, dt: Any, *, par: LearnedParameters
+) -> tuple[LearnedMemory, Command]:
+    """The paper's computed torque, less what a network says that the model leaves out.
+
+    Source: Wu et al. 2024 (idea only), Barakou et al. 2026, eq. (82)-(96).
+    """
+    history = with_command(par.model.vehicle, memory.history, memory.sent, dt)
+    told = par.network(features(measurement, reference, history))
+    share = 1.0 - exp(mul(-par.answer, dt))
+    answer = tuple(add(old, mul(share, sub(new, old))) for old, new in zip(memory.answer, told, strict=True))
+    command = compensated(measurement, reference, answer, par)
+    return LearnedMemory(history=with_motion(history, measurement, dt), sent=command, answer=answer), command
+
+
+def compensated(
+    measurement: Measurement, reference: Reference, unknown: tuple[Any, ...], par: LearnedParameters
+) -> Command:
+    """Commands of the paper's law under an unknown force and torque (base axes) and unknown joint torques."""
+    vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
+    force_B, torque_B = Vec3(*unknown[:3]), Vec3(*unknown[3:6])
+    a_d = downward_acceleration(
+        par.gains,
+        vehicle.mass,
+        par.model.gravity,
+        position_error=measurement.position - reference.position,
+        velocity_error=measurement.velocity - reference.velocity,
+        acceleration=reference.acceleration,
+    )
+    alpha = attitude_loop(
+        par.gains,
+        vehicle.base.inertia,
+        # what pushes already need not be thrust
+        a_d=a_d + R.apply(force_B) * divide(1.0, vehicle.mass),
+        yaw=reference.yaw,
+        yaw_rate=reference.yaw_rate,
+        R_WB=R,
+        w_B=measurement.rate,
+        rate_form=par.rate_error,
+    )
+    base = Motion(alpha, R.apply_T(-a_d))
+    wanted = joint_accelerations(par, measurement, reference)  # type: ignore[arg-type]
+    force, torques = dynamics.inverse_dynamics(
+        vehicle, measurement.joints, measurement.rate, measurement.joint_rates, base, wanted
+    )
+    speeds, _ = mix(par.mixer, force.torque - torque_B, force.force.z - force_B.z)
+    efforts = tuple(sub(t, u) for t, u in zip(torques, unknown[6:], strict=True))
+    return Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts))  # type: ignore[arg-type]

@@ -1,0 +1,1 @@
+"""The paper's law, its baseline and the controller that RotorS ships."""

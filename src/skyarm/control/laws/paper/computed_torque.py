@@ -1,0 +1,172 @@
+"""The paper's laws: RotorS's controller alone, the decoupled PD baseline, the hybrid geometric computed torque.
+
+Each is step(memory, measurement, reference, dt, *, par) -> (memory, command); these have no memory.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from skyarm import dynamics
+from skyarm.actuation import Command, mix
+from skyarm.algebra import E_Z, ZERO3, Force, Mat3, Motion, Vec3
+from skyarm.control.blocks.geometric import attitude_loop, body_thrust, downward_acceleration
+from skyarm.control.blocks.joint_friction import with_friction
+from skyarm.control.blocks.saturation import limit_efforts
+from skyarm.control.model import Model, Parameters
+from skyarm.reference import Reference
+from skyarm.scalars import add, mul
+from skyarm.sensors.measurement import Measurement
+
+
+def geometric_accelerations(
+    par: Parameters, measurement: Measurement, reference: Reference, *, feedforward: bool
+) -> tuple[Mat3, Vec3, Vec3]:
+    """R_WB, a_d of (82) (points down in hover) and alpha_d of (85)."""
+    R = measurement.quaternion.rotation()
+    vehicle = par.model.vehicle
+    a_d = downward_acceleration(
+        par.gains,
+        vehicle.mass,
+        par.model.gravity,
+        position_error=measurement.position - reference.position,
+        velocity_error=measurement.velocity - reference.velocity,
+        acceleration=reference.acceleration if feedforward else ZERO3,
+    )
+    alpha = attitude_loop(
+        par.gains,
+        vehicle.base.inertia,
+        a_d=a_d,
+        yaw=reference.yaw,
+        yaw_rate=reference.yaw_rate,
+        R_WB=R,
+        w_B=measurement.rate,
+        rate_form=par.rate_error,
+    )
+    return R, a_d, alpha
+
+
+def rotors_sim_position(
+    memory: Any, measurement: Measurement, reference: Reference, dt: Any, *, par: Parameters
+) -> tuple[Any, Command]:
+    """RotorS's geometric position controller alone; joints get no torque."""
+    del dt
+    speeds = _base_speeds(par, measurement, reference, feedforward=True)
+    return memory, Command(rotor_speeds=speeds, efforts=(0.0,) * par.model.vehicle.n)
+
+
+def decoupled_pd(
+    memory: Any, measurement: Measurement, reference: Reference, dt: Any, *, par: Parameters
+) -> tuple[Any, Command]:
+    """The paper's baseline: RotorS's controller on the base, PD with reduced gravity on the joints.
+
+    tau = Kp e + Kd ed + G(joints) at R = 1, limited to the joint's effort. Position and velocity references only.
+
+    Source: Barakou et al. 2026, section 5 and Table A2.
+    """
+    del dt
+    speeds = _base_speeds(par, measurement, reference, feedforward=False)
+    weight = level_joint_gravity(par.model, measurement.joints)
+    pull = _joint_pd(par, measurement, with_weighted_rates(par, reference))
+    efforts = with_friction(par, measurement, reference, [add(a, b) for a, b in zip(pull, weight, strict=True)])
+    return memory, Command(rotor_speeds=speeds, efforts=limit_efforts(par, efforts))
+
+
+def hybrid_computed_torque(
+    memory: Any, measurement: Measurement, reference: Reference, dt: Any, *, par: Parameters
+) -> tuple[Any, Command]:
+    """Geometric accelerations into the fully coupled inverse dynamics, in body coordinates (no Euler singularity).
+
+    [-a_d; alpha_d; etadd_d] -> recursive Newton-Euler = M qdd + C qd + G of (49), (88); thrust is the force along body
+    z (103), the torque goes to the rotors through the mixer, joint torques are limited.
+
+    Source: Barakou et al. 2026, eq. (86)-(96). Gravity stands in -a_d once, for base and joints alike.
+    """
+    del dt
+    terms = par.terms
+    R, a_d, alpha = geometric_accelerations(par, measurement, reference, feedforward=terms.feedforward)
+    base = Motion(alpha, R.apply_T(-a_d))
+    wanted = joint_accelerations(par, measurement, with_weighted_rates(par, reference))
+    force, torques = generalized_force(par, R, measurement, base, wanted)
+    torques = with_friction(par, measurement, reference, torques)
+    speeds, _ = mix(par.mixer, force.torque, force.force.z)
+    return memory, Command(rotor_speeds=speeds, efforts=limit_efforts(par, torques))
+
+
+def generalized_force(
+    par: Parameters, R: Mat3, measurement: Measurement, base: Motion, qdd: tuple[Any, ...]
+) -> tuple[Force, tuple[Any, ...]]:
+    """Inverse dynamics of the model at the measured state, less the terms an ablation takes away."""
+    vehicle, terms = par.model.vehicle, par.terms
+    q = measurement.joints
+    rate, rates = measurement.rate, measurement.joint_rates
+    if not terms.coriolis:
+        rate, rates = ZERO3, (0,) * vehicle.n
+    weight = R.apply_T(E_Z * par.model.gravity)
+    if not terms.full_gravity:
+        base = Motion(base.angular, base.linear - weight)
+    force, torques = dynamics.inverse_dynamics(vehicle, q, rate, rates, base, qdd)
+    if not terms.coupling:
+        alone = Motion(ZERO3, weight if terms.full_gravity else ZERO3)
+        force, _ = dynamics.inverse_dynamics(vehicle, q, rate, rates, base, (0,) * vehicle.n)
+        _, torques = dynamics.inverse_dynamics(vehicle, q, rate, rates, alone, qdd)
+    if not terms.full_gravity:
+        force = force + Force(ZERO3, weight * vehicle.mass)
+        level = level_joint_gravity(par.model, q)
+        torques = tuple(add(a, b) for a, b in zip(torques, level, strict=True))
+    return force, torques
+
+
+def level_joint_gravity(model: Model, joints: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Joint torques that carry the arm's weight with a level base: the reduced gravity of (78)-(79), for any arm."""
+    still = (0,) * model.vehicle.n
+    level = Motion(ZERO3, E_Z * model.gravity)
+    return dynamics.inverse_dynamics(model.vehicle, joints, ZERO3, still, level, still)[1]
+
+
+def joint_accelerations(par: Parameters, measurement: Measurement, reference: Reference) -> tuple[Any, ...]:
+    """etadd_d of (92): PD on acceleration, and the reference's acceleration if it is fed forward."""
+    pd = _joint_pd(par, measurement, reference)
+    if not par.terms.feedforward:
+        return pd
+    return tuple(add(a, b) for a, b in zip(pd, reference.joint_accelerations, strict=True))
+
+
+def with_weighted_rates(par: Parameters, reference: Reference) -> Reference:
+    """The reference with its joint rates as much as the law lets them count: set-point weights of the derivative."""
+    if not par.rate_weights:
+        return reference
+    rates = tuple(mul(weight, qd_d) for weight, qd_d in zip(par.rate_weights, reference.joint_rates, strict=True))
+    return dataclasses.replace(reference, joint_rates=rates)
+
+
+def _joint_pd(par: Parameters, measurement: Measurement, reference: Reference) -> tuple[Any, ...]:
+    """kp (q_d - q) + kd (qd_d - qd) per joint.
+
+    The difference of angles is not wrapped: encoders count turns, and a joint wound once past its reference is brought
+    back the way it came, so that cables unwind. Wrapping is the reference's choice, not the law's.
+    """
+    gains = par.joint_gains
+    return tuple(
+        add(mul(kp, q_d - q), mul(kd, qd_d - qd))
+        for kp, kd, q_d, q, qd_d, qd in zip(
+            gains.stiffness,
+            gains.damping,
+            reference.joints,
+            measurement.joints,
+            reference.joint_rates,
+            measurement.joint_rates,
+            strict=True,
+        )
+    )
+
+
+def _base_speeds(
+    par: Parameters, measurement: Measurement, reference: Reference, *, feedforward: bool
+) -> tuple[Any, ...]:
+    """Rotor speeds of RotorS's controller: torque I_b alpha_d, thrust -m a_d . (R e_3)."""
+    R, a_d, alpha = geometric_accelerations(par, measurement, reference, feedforward=feedforward)
+    vehicle = par.model.vehicle
+    speeds, _ = mix(par.mixer, vehicle.base.inertia.apply(alpha), body_thrust(vehicle.mass, a_d, R))
+    return speeds

@@ -1,0 +1,96 @@
+"""What a predictive controller wants: residuals whose squares it adds up over the horizon."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.algebra import Vec3
+from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.laws.predictive.motion_plan import Inputs, accelerations
+from skyarm.control.model import Model
+from skyarm.dynamics import State, frame_pose
+from skyarm.scalars import Scalar, add, cos, mul, sin, sub
+from skyarm.vehicle.vehicle_records import BASE
+
+MODES = ("tool", "joints")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Goal:
+    """Wanted motion at a stage, of base (world axes, m, rad) and joints (rad or m)."""
+
+    position: Vec3
+    velocity: Vec3
+    yaw: Scalar
+    joints: tuple[Scalar, ...]
+    joint_rates: tuple[Scalar, ...]
+    joint_accelerations: tuple[Scalar, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Weights:
+    """Weight of each residual: one over the error that costs 1 per second.
+
+    Attributes:
+        position: 1/m. velocity: s/m. heading: 1/rad. rate: s/rad, of the base.
+        joints: 1/rad or 1/m. joint_rates: per second of that. joint_accelerations: per second squared.
+        tool: 1/m.
+        rotor_accelerations: s^2/rad.
+        final: s, time for which the errors at the end of the horizon count.
+    """
+
+    position: Scalar
+    velocity: Scalar
+    heading: Scalar
+    rate: Scalar
+    joints: Scalar
+    joint_rates: Scalar
+    joint_accelerations: Scalar
+    tool: Scalar
+    rotor_accelerations: Scalar
+    final: Scalar
+
+
+def state_residuals(model: Model, weights: Weights, state: State, goal: Goal, mode: str) -> tuple[Any, ...]:
+    """Weighted errors of a state.
+
+    In mode "joints" the joints follow their references. In mode "tool" the tip is where a level base would carry it,
+    and the joints next to the base give way to its tilt: for parallel axes the links keep their absolute angles.
+    """
+    vehicle, R = model.vehicle, state.quaternion.rotation()
+    c, s = cos(goal.yaw), sin(goal.yaw)
+    found = [*((state.position - goal.position) * weights.position)]
+    found += [*((state.velocity - goal.velocity) * weights.velocity)]
+    ahead = R.column(0)
+    found.append(weights.heading * (c * ahead.y - s * ahead.x))
+    found += [*(state.rate * weights.rate)]
+    # heading taken off, what is left of a small attitude is its tilt about the body's own horizontal axes
+    up = R.apply_T(Vec3(0, 0, 1))
+    tilt = Vec3(up.y, -up.x, 0)
+    for link, q, q_d in zip(vehicle.links, state.joints, goal.joints, strict=True):
+        error = sub(q, q_d)
+        if mode == "tool" and link.parent == BASE and link.joint.kind == "revolute":
+            error = add(error, link.joint.rotation.apply(link.joint.axis).dot(tilt))
+        found.append(mul(error, weights.joints))
+    found += [mul(sub(a, b), weights.joint_rates) for a, b in zip(state.joint_rates, goal.joint_rates, strict=True)]
+    if mode == "tool" and vehicle.end_effector:
+        frame = vehicle.frame(vehicle.end_effector)
+        tip = state.position + R.apply(frame_pose(vehicle, frame, state.joints).p)
+        arm = frame_pose(vehicle, frame, goal.joints).p
+        wanted = goal.position + Vec3(c * arm.x - s * arm.y, s * arm.x + c * arm.y, arm.z)
+        found += [*((tip - wanted) * weights.tool)]
+    return tuple(found)
+
+
+def input_residuals(
+    model: Model, weights: Weights, state: State, inputs: Inputs, disturbance: Disturbance, goal: Goal
+) -> tuple[Any, ...]:
+    """Weighted costs of the inputs.
+
+    Accelerations of the joints, not their torques, are kept near the wanted ones, and the rates of the rotor speeds,
+    not the speeds, small: what holds against a constant disturbance costs nothing, so that it leaves no offset.
+    """
+    _, _, found = accelerations(model, state, inputs.efforts, disturbance, goal.joint_rates)
+    arm = [mul(sub(a, b), weights.joint_accelerations) for a, b in zip(found, goal.joint_accelerations, strict=True)]
+    return (*arm, *(weights.rotor_accelerations * u for u in inputs.rotor_accelerations))

@@ -1,0 +1,162 @@
+"""Whole-body nonlinear model predictive control.
+
+Law: every so many control periods (option ``every``) the motion of base, arm and rotors over a short horizon of growing
+stages is chosen so that base, joints and tool follow the reference at little rotor acceleration; in between the
+feedback u = u* + K (x - x*) of the solution acts. A disturbance observer makes it free of offset. The solution is warm
+started from the last one, moved on in time.
+
+Assumptions: rigid bodies, rotors that lag, still air; what else pushes is one force and torque at the base and one
+torque a joint, constant over the horizon. Position, velocity, acceleration of the *held samples* are extrapolated, as
+every other law must (``preview="samples"``); a known trajectory may be given instead, which no other law has.
+
+Tuning: ``weights``, ``bandwidths``, ``stages``, ``horizon``, ``every``. Not traceable.
+
+Source: Diehl, Bock, Schloeder 2005 (real-time iteration); Tassa, Mansard, Todorov 2014 (line search); Vanroye et al.
+2023 (fatrop, the other solver); observer :mod:`skyarm.control.laws.predictive.kalman_observer`. Weights, growing
+stages and rates of rotor speeds as inputs are our own.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.actuation import Command
+from skyarm.compile import leaves
+from skyarm.control.laws.paper.computed_torque import level_joint_gravity
+from skyarm.control.laws.predictive import preview as ahead
+from skyarm.control.laws.predictive.engine import Engine, engine_for
+from skyarm.control.laws.predictive.motion_plan import command_for
+from skyarm.control.laws.predictive.parameters import PredictiveParameters
+from skyarm.control.laws.predictive.solve import NoPlanError, Plan, Problem, shifted
+from skyarm.reference import Reference, Trajectory
+from skyarm.sensors.measurement import Measurement
+
+Array = npt.NDArray[np.float64]
+
+LONGEST_ERROR = 0.15
+"""m: a base further from its reference is asked to come this near only, so that a step does not saturate everything."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PredictiveMemory:
+    """What one step hands to the next; all None before the first.
+
+    Attributes:
+        engine: machine code. estimate: leaves of :class:`skyarm.control.laws.predictive.kalman_observer.Estimate` at
+            the last measurement. sent: commands that it does not show yet, oldest first.
+        sample: of the reference. plan: the last solution. since: control periods since it was made.
+    """
+
+    engine: Engine | None = None
+    estimate: Array | None = None
+    sent: tuple[Command, ...] = ()
+    sample: ahead.Sample | None = None
+    plan: Plan | None = None
+    since: int = 0
+
+
+def nmpc(
+    memory: PredictiveMemory, measurement: Measurement, reference: Reference, dt: float, *, par: PredictiveParameters
+) -> tuple[PredictiveMemory, Command]:
+    """Whole-body nonlinear model predictive control; see the module. Takes floats only."""
+    engine = memory.engine or engine_for(par, dt)
+    estimate, sent = _estimated(engine, memory, measurement, par)
+    nx = len(estimate) - 6 - par.model.vehicle.n
+    x = engine.observation.now(estimate, [_row(command) for command in sent])[:nx]
+    sample = ahead.taken(reference, memory.sample, dt)
+    plan, since = memory.plan, memory.since
+    if plan is None or since >= par.every:
+        problem = _problem(engine, x, estimate[nx:], sample, measurement.time + par.delay_periods * dt, par)
+        plan, since = _solved(engine, plan, since * dt, problem, par), 0
+    command = _command(engine, plan, since, x, dt)
+    following = PredictiveMemory(
+        engine=engine,
+        estimate=estimate,
+        sent=(*sent, command),
+        sample=sample,
+        plan=plan,
+        since=since + 1,
+    )
+    return following, command
+
+
+def _row(command: Command) -> Array:
+    return np.array([*command.rotor_speeds, *command.efforts], dtype=float)
+
+
+def _estimated(
+    engine: Engine, memory: PredictiveMemory, measurement: Measurement, par: PredictiveParameters
+) -> tuple[Array, tuple[Command, ...]]:
+    """Estimate at the measurement, and the commands that came after it."""
+    if memory.estimate is None:
+        return _first(measurement, par.model.vehicle.n), ()
+    reading = np.array(leaves(measurement), dtype=float)
+    if len(memory.sent) <= par.delay_periods:
+        # the first measurements are those of the start, seen again
+        return memory.estimate, memory.sent
+    # of the quaternion's two signs the one that is nearer to the last
+    if reading[4:8] @ memory.estimate[3:7] < 0.0:
+        reading[4:8] *= -1.0
+    return engine.observation.at(memory.estimate, _row(memory.sent[0]), reading), memory.sent[1:]
+
+
+def _first(measurement: Measurement, joints: int) -> Array:
+    """What is believed at the first measurement: no disturbance."""
+    m = measurement
+    moving = (*m.position, *m.quaternion, *m.velocity, *m.rate, *m.joints, *m.joint_rates, *m.rotor_speeds)
+    return np.array([*moving, *(0.0,) * (6 + joints)], dtype=float)
+
+
+def _standing(x: Array, par: PredictiveParameters) -> Plan:
+    """The first guess: nothing moves."""
+    vehicle, stages = par.model.vehicle, par.stages
+    joints = tuple(x[13 : 13 + vehicle.n].tolist())
+    held = [0.0] * len(vehicle.rotors) + [float(t) for t in level_joint_gravity(par.model, joints)]
+    still = x.copy()
+    still[7:13], still[13 + vehicle.n : 13 + 2 * vehicle.n] = 0.0, 0.0
+    nu = len(held)
+    return Plan(np.tile(still, (stages + 1, 1)), np.tile(held, (stages, 1)), np.zeros((stages, nu, len(x))))
+
+
+def _problem(
+    engine: Engine, x: Array, disturbance: Array, sample: ahead.Sample, time: float, par: PredictiveParameters
+) -> Problem:
+    """What is to be solved from the state now."""
+    later = np.append(0.0, np.cumsum(engine.solver.steps))
+    if isinstance(par.preview, Trajectory):
+        signals = ahead.known(par.preview, time + later)
+    else:
+        signals = ahead.extrapolated(sample, sample.age + later)
+    wanted = ahead.goals(*signals)
+    # a step of the reference is approached as one of this size, which moves along
+    error = x[:3] - wanted[0, :3]
+    distance = float(np.linalg.norm(error))
+    if distance > LONGEST_ERROR:
+        wanted[:, :3] += error * (1.0 - LONGEST_ERROR / distance)
+    return Problem(x, disturbance, wanted)
+
+
+def _solved(engine: Engine, last: Plan | None, passed: float, problem: Problem, par: PredictiveParameters) -> Plan:
+    """A new plan: from the last one, or, if that leads nowhere, from rest."""
+    solver = engine.solver
+    if last is not None:
+        with contextlib.suppress(NoPlanError):
+            return solver.solve(problem, shifted(last, solver.steps, passed))
+    rest = _standing(problem.start, par)
+    try:
+        return solver.solve(problem, rest)
+    except NoPlanError:
+        return rest
+
+
+def _command(engine: Engine, plan: Plan, stage: int, x: Array, dt: float) -> Command:
+    """Inputs of a stage with its feedback, as the actuators take them."""
+    u = plan.u[stage] + plan.K[stage] @ (x - plan.x[stage])
+    rotors, most = len(engine.motors.most), engine.bounds.efforts
+    speeds = command_for(engine.motors, x[len(x) - rotors :], u[:rotors], dt)
+    efforts = np.minimum(np.maximum(u[rotors:], -most), most)
+    return Command(rotor_speeds=tuple(speeds.tolist()), efforts=tuple(efforts.tolist()))

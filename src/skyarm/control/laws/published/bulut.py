@@ -1,0 +1,119 @@
+"""Pure computed torque with a simplified mass matrix, in the manner of Bulut, Turgut, Arikan 2019.
+
+    thrust = m (xdd* + g) . e_z / (cos phi cos theta)
+    torque = M_rr(q) alpha* + M_rq(q) qdd* + products + weight,   alpha* = Q Phidd* + Qdot Phid
+    joints = M_qr(q) alpha* + M_qq(q) qdd* + products + weight
+    (.)*   = (.)_dd,d + Kd (.)_d error + Kp (.) error
+
+One computed torque on [p, Phi, q]; the blocks of M between translation and the rest are zero. Lateral accelerations are
+reached by small angles: phi_d = (a_x sin psi - a_y cos psi) / g, theta_d = (a_x cos psi + a_y sin psi) / g.
+
+Assumed (the text at hand is the abstract, and Barakou et al. 2026's summary of it): that "simplified" means the zero
+blocks above; the inversion for roll and pitch; no rate feed-forward for them; weight and velocity products in full.
+
+Source: Bulut, Turgut, Arikan, ICINCO 2019, as summarised in Barakou et al. 2026, section 1.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from skyarm import dynamics
+from skyarm.actuation import Command
+from skyarm.algebra import E_Z, Motion, Vec3
+from skyarm.algebra.euler import euler_angles
+from skyarm.control.blocks.common import make_command, make_parameters, wanted_specific_force
+from skyarm.control.blocks.geometric import angular_acceleration
+from skyarm.control.controller import Controller
+from skyarm.control.laws.paper.computed_torque import joint_accelerations
+from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
+from skyarm.dynamics.euler_lagrange.euler_kinematics import rate_matrix
+from skyarm.dynamics.euler_lagrange.transforms import (
+    euler_rates,
+    rate_matrix_rate,
+    singularity_measure,
+)
+from skyarm.reference import Reference
+from skyarm.scalars import atan2, clip, cos, divide, maximum, sin
+from skyarm.sensors.measurement import Measurement
+
+STEEPEST = 0.6
+"""rad: the small-angle inversion is cut here; 0.6 rad asks for 0.68 g sideways."""
+
+FLATTEST = 0.3
+"""Least cosine of the tilt by which the thrust is divided."""
+
+SINGULAR = 1e-6
+"""Squared cosine of the pitch below which Euler rates are given up."""
+
+
+def bulut_computed_torque(
+    memory: Any, measurement: Measurement, reference: Reference, dt: Any, *, par: Parameters
+) -> tuple[Any, Command]:
+    """Computed torque on position, Euler angles and joints, translation decoupled."""
+    del dt
+    R = measurement.quaternion.rotation()
+    wanted = wanted_specific_force(par, measurement, reference)
+    alpha = _angular(par, measurement, reference, wanted)
+    weight = R.apply_T(E_Z * par.model.gravity)
+    force, torques = dynamics.inverse_dynamics(
+        par.model.vehicle,
+        measurement.joints,
+        measurement.rate,
+        measurement.joint_rates,
+        Motion(alpha, weight),
+        joint_accelerations(par, measurement, reference),
+    )
+    upright = maximum(R.r2.z, FLATTEST)
+    thrust = divide(par.model.vehicle.mass * wanted.z, upright)
+    command, _ = make_command(par, force.torque, thrust, torques)
+    return memory, command
+
+
+def _angular(par: Parameters, measurement: Measurement, reference: Reference, wanted: Vec3) -> Vec3:
+    """alpha* of the angles' computed torque, base axes, rad/s^2."""
+    phi, theta, psi = euler_angles(measurement.quaternion.rotation())
+    c, s = cos(psi), sin(psi)
+    per_gravity = divide(1.0, par.model.gravity)
+    roll = clip((wanted.x * s - wanted.y * c) * per_gravity, -STEEPEST, STEEPEST)
+    pitch = clip((wanted.x * c + wanted.y * s) * per_gravity, -STEEPEST, STEEPEST)
+    turn = psi - reference.yaw
+    error = Vec3(phi - roll, theta - pitch, atan2(sin(turn), cos(turn)))
+    rates = euler_rates((phi, theta, psi), measurement.rate)
+    pull = angular_acceleration(
+        par.gains, par.model.vehicle.base.inertia, error, rates - Vec3(0, 0, reference.yaw_rate)
+    )
+    second = pull + Vec3(0, 0, reference.yaw_acceleration)
+    products = rate_matrix_rate((phi, theta, psi), tuple(rates)).apply(rates)
+    alpha: Vec3 = rate_matrix(phi, theta).apply(second) + products
+    return alpha
+
+
+def _margin(quaternion: Any) -> Any:
+    cosine = singularity_measure(euler_angles(quaternion.rotation())[1])
+    return cosine * cosine - SINGULAR
+
+
+def make_bulut(
+    model: Model,
+    *,
+    gains: GeometricGains | None = None,
+    joint_gains: JointGains | None = None,
+    mixer_policy: str = "clip",
+) -> Controller:
+    """The law for any arm.
+
+    Args:
+        model: what it believes.
+        gains: position and velocity (N/m, N s/m), attitude and rate of the Euler angles (N m/rad, N m s/rad).
+        joint_gains: on acceleration, 1/s^2 and 1/s.
+        mixer_policy: see :class:`skyarm.actuation.Mixer`.
+    """
+    par = make_parameters(Parameters, model, gains=gains, joint_gains=joint_gains, mixer_policy=mixer_policy)
+    return Controller(
+        name="bulut2019",
+        law=bulut_computed_torque,
+        par=par,
+        margin=_margin,
+        limit="pitch near 90 degrees: Euler angles are singular; use hybrid_computed_torque (body coordinates)",
+    )

@@ -1,0 +1,221 @@
+"""Incremental nonlinear dynamic inversion of base and joints, with its filters.
+
+    f = F_f + m (a_c - a_f),   thrust = f . R e_z,   R_d from f
+    [T, tau] = [T_f, tau_f] + M(q) increments of [alpha_c - alpha_f, qdd_c - qdd_f] under the thrust increment
+
+a_f is the low-pass of the accelerometer (world axes, less gravity), alpha_f and qdd_f are differences of the low-passed
+gyroscope and joint rates, F_f and T_f are the low-passed thrust vector and torque of the rotor speeds, tau_f that of
+the commanded joint torques: every signal goes through the same second-order Butterworth filter, so that all are late
+alike. What acts besides the rotors is inside a_f, alpha_f and qdd_f and needs no model; M alone scales the increments.
+
+Rotor speeds are measured, or modelled by the first-order lag from the commands (``measured_speeds = False``). Joint
+torques are taken to act at once. Commands are limited before they are remembered, so that nothing winds up.
+
+Deviations: increments go through the coupled mass matrix of base and arm, and joints are inverted by their rates; both
+publications fly a rigid vehicle.
+
+Source: Smeur, Chu, de Croon, J. Guidance, Control, Dynamics 39, 2016; Tal, Karaman, IEEE Trans. Control Systems
+Technology 29, 2021 (arXiv 1809.04048).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.actuation import Command, speeds_after
+from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
+from skyarm.control.blocks.common import (
+    arm_alone,
+    make_command,
+    make_parameters,
+    rotor_thrust,
+    turn_towards,
+    wanted_specific_force,
+)
+from skyarm.control.blocks.filters import Butterworth, Taps, butterworth, filtered_all, settle
+from skyarm.control.blocks.underactuated import forces_under_thrust
+from skyarm.control.controller import Controller
+from skyarm.control.laws.paper.computed_torque import joint_accelerations
+from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
+from skyarm.control.options import flag, positive, whole
+from skyarm.records.units import Unit
+from skyarm.reference import Reference
+from skyarm.scalars import Scalar, divide, minimum, where
+from skyarm.sensors.measurement import Measurement
+
+NYQUIST_SHARE = 0.45
+"""Largest cut-off frequency times the period: the bilinear transform folds at one half."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class IndiParameters(Parameters):
+    """Constants beside the gains.
+
+    Attributes:
+        cutoff: of every filter, Hz. measured_speeds: False models the rotor speeds from the commands.
+        delay_periods: known age of the measurement, in control periods, by which the commands are late that efforts and
+            modelled rotor speeds follow from.
+    """
+
+    cutoff: Annotated[Scalar, Unit("Hz", "of every filter")]
+    measured_speeds: bool = True
+    delay_periods: int = 0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class IndiMemory:
+    """What the law remembers.
+
+    Attributes:
+        started: 0 before the first measurement.
+        taps: of the filters: specific force and thrust vector (world), gyroscope, rotor torque, joint rates, efforts.
+        rate, joint_rates: filtered, one period ago.
+        sent: the commands of the periods before, oldest first.
+        speeds: of the modelled rotors one period ago, rad/s; none where they are measured.
+    """
+
+    started: Annotated[Scalar, Unit("", "0 before the first measurement, then 1")]
+    taps: tuple[Taps, ...]
+    rate: Annotated[Vec3, Unit("rad/s", "filtered, base axes")]
+    joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s", "filtered")]
+    sent: Annotated[tuple[Command, ...], Unit("", "commands of the periods before, oldest first")]
+    speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "of the modelled rotors one period ago")]
+
+
+def indi(
+    memory: IndiMemory, measurement: Measurement, reference: Reference, dt: Any, *, par: IndiParameters
+) -> tuple[IndiMemory, Command]:
+    """Thrust vector, body torque and joint torques by increments from what was measured."""
+    vehicle, R, n = par.model.vehicle, measurement.quaternion.rotation(), par.model.vehicle.n
+    first = memory.started < 0.5
+    speeds = _speeds(memory, measurement, par, first, dt)
+    # before the first command the joints are taken to hold the arm
+    hold = arm_alone(par, R, measurement.joints, (0,) * n)
+    taps, signals = _passed(memory, measurement, R, speeds, hold, dt, par, first)
+    force, thrust, rate, torque = (Vec3(*signals[i : i + 3]) for i in range(0, 12, 3))
+    joint_rates, efforts = signals[12 : 12 + n], signals[12 + n :]
+    per_period = divide(1.0, dt)
+
+    def slope(now: Any, past: Any) -> Any:
+        return where(first, 0.0, (now - past) * per_period)
+
+    alpha_f = Vec3(*(slope(a, b) for a, b in zip(rate, memory.rate, strict=True)))
+    qdd_f = [slope(a, b) for a, b in zip(joint_rates, memory.joint_rates, strict=True)]
+    wanted = thrust + (wanted_specific_force(par, measurement, reference) - force) * vehicle.mass
+    alpha = turn_towards(par, measurement, reference, R, wanted)
+    along = wanted.dot(R.column(2))
+    qdd = joint_accelerations(par, measurement, reference)
+    more, pull, _ = forces_under_thrust(
+        vehicle,
+        measurement.joints,
+        ZERO3,
+        (0,) * n,
+        applied=E_Z * (along - thrust.dot(R.column(2))),
+        angular=alpha - alpha_f,
+        joint_accelerations=[a - b for a, b in zip(qdd, qdd_f, strict=True)],
+    )
+    command, _ = make_command(par, torque + more.torque, along, [a + b for a, b in zip(efforts, pull, strict=True)])
+    return IndiMemory(
+        started=1.0,
+        taps=taps,
+        rate=rate,
+        joint_rates=tuple(joint_rates),
+        sent=_remembered(memory, command, Command(rotor_speeds=measurement.rotor_speeds, efforts=hold), first),
+        speeds=() if par.measured_speeds else speeds,
+    ), command
+
+
+def _speeds(memory: IndiMemory, measurement: Measurement, par: IndiParameters, first: Any, dt: Any) -> tuple[Any, ...]:
+    """Rotor speeds, measured or modelled; the model starts at the measured ones and is as late as a measurement."""
+    if par.measured_speeds:
+        return measurement.rotor_speeds
+    turned = speeds_after(par.model.vehicle.rotors, memory.speeds, memory.sent[0].rotor_speeds, dt)
+    return tuple(where(first, a, b) for a, b in zip(measurement.rotor_speeds, turned, strict=True))
+
+
+def _passed(
+    memory: IndiMemory,
+    measurement: Measurement,
+    R: Mat3,
+    speeds: tuple[Any, ...],
+    hold: tuple[Any, ...],
+    dt: Any,
+    par: IndiParameters,
+    first: Any,
+) -> tuple[tuple[Taps, ...], list[Any]]:
+    """All signals through the filter; at the first call it has seen them for ever."""
+    torque, force = rotor_thrust(par.model.vehicle, speeds)
+    efforts = [where(first, a, b) for a, b in zip(hold, memory.sent[0].efforts, strict=True)]
+    signals = [
+        *R.apply(measurement.specific_force),
+        *R.apply(force),
+        *measurement.rate,
+        *torque,
+        *measurement.joint_rates,
+        *efforts,
+    ]
+    coefficients = butterworth(minimum(par.cutoff, divide(NYQUIST_SHARE, dt)), dt)
+    taps = tuple(_begun(first, value, old, coefficients) for value, old in zip(signals, memory.taps, strict=True))
+    return filtered_all(taps, signals, coefficients)
+
+
+def _remembered(memory: IndiMemory, command: Command, held: Command, first: Any) -> tuple[Command, ...]:
+    """Commands of the last periods with the newest behind; before the first one rotors and arm were held."""
+
+    def begun(hold: tuple[Any, ...], old: tuple[Any, ...]) -> tuple[Any, ...]:
+        return tuple(where(first, a, b) for a, b in zip(hold, old, strict=True))
+
+    past = (
+        Command(rotor_speeds=begun(held.rotor_speeds, old.rotor_speeds), efforts=begun(held.efforts, old.efforts))
+        for old in memory.sent[1:]
+    )
+    return (*past, command)
+
+
+def _begun(first: Any, value: Any, old: Taps, par: Butterworth) -> Taps:
+    new = settle(value, par)
+    return Taps(first=where(first, new.first, old.first), second=where(first, new.second, old.second))
+
+
+def make_indi(
+    model: Model,
+    *,
+    gains: GeometricGains | None = None,
+    joint_gains: JointGains | None = None,
+    mixer_policy: str = "clip",
+    cutoff: float = 15.0,
+    measured_speeds: bool = True,
+    delay_periods: int = 0,
+) -> Controller:
+    """The law for any arm.
+
+    Args:
+        model: what it believes.
+        gains: of the geometric controller that wants accelerations.
+        joint_gains: on acceleration, 1/s^2 and 1/s.
+        mixer_policy: see :class:`skyarm.actuation.Mixer`.
+        cutoff: Hz.
+        measured_speeds: False models the rotor speeds.
+        delay_periods: known age of the measurement.
+    """
+    par = make_parameters(
+        IndiParameters,
+        model,
+        gains=gains,
+        joint_gains=joint_gains,
+        mixer_policy=mixer_policy,
+        cutoff=positive("cutoff", cutoff),
+        measured_speeds=flag("measured_speeds", measured_speeds),
+        delay_periods=whole("delay_periods", delay_periods),
+    )
+    n, still = model.vehicle.n, Vec3(0.0, 0.0, 0.0)
+    memory = IndiMemory(
+        started=0.0,
+        taps=(Taps(),) * (12 + 2 * n),
+        rate=still,
+        joint_rates=(0.0,) * n,
+        sent=(Command(rotor_speeds=(0.0,) * len(model.vehicle.rotors), efforts=(0.0,) * n),) * (delay_periods + 1),
+        speeds=() if measured_speeds else (0.0,) * len(model.vehicle.rotors),
+    )
+    return Controller(name="indi", law=indi, par=par, memory=memory)

@@ -1,0 +1,205 @@
+"""Adaptive sliding mode through the coupled dynamics, in the manner of Kim, Choi, Kim 2013.
+
+For position, attitude and joints the sliding variable is s = edot + Lambda e, and the wanted acceleration
+
+    (.)dd* = (.)dd_d - Lambda edot - K s - eta tanh(s / boundary) - delta,     deltadot = gamma s,  |delta| <= limit
+
+goes through the whole inverse dynamics. Position gives the thrust vector, the attitude error is geometric. Lambda, K
+come from the gains kp, kd of a PD law with the same linear part: K + Lambda = kd, K Lambda = kp, real if
+kd^2 >= 4 kp, else Lambda = K = kd / 2. delta stands still while an actuator is at its limit, and while others change
+any command.
+
+Assumed (the text at hand is Barakou et al. 2026's summary): sliding variables per coordinate; tanh in a boundary layer
+for the sign; the adaptation of a lumped disturbance acceleration with projection onto a box; body coordinates in place
+of Euler angles.
+
+Source: Kim, Choi, Kim, IROS 2013; Slotine, Li 1991, chapter 7.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm import dynamics
+from skyarm.actuation import Command
+from skyarm.algebra import E_Z, Mat3, Motion, Sym3, Vec3, ldl_solve
+from skyarm.control.blocks.common import make_command, make_parameters, no_command
+from skyarm.control.blocks.geometric import attitude_error, desired_attitude, rate_error
+from skyarm.control.blocks.saturation import all_follow, joints_follow, rotors_follow
+from skyarm.control.controller import Controller, all_applied
+from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
+from skyarm.control.options import three
+from skyarm.records.units import Unit
+from skyarm.reference import Reference
+from skyarm.scalars import Scalar, clip, divide, logical_and, maximum, sqrt, tanh, where
+from skyarm.sensors.measurement import Measurement
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SlidingParameters(Parameters):
+    """Constants beside the gains.
+
+    Attributes:
+        switching: eta of position (m/s^2), attitude (rad/s^2) and joints (rad/s^2).
+        boundary: of s, m/s, rad/s, rad/s.
+        adaptation: gamma, 1/s^2, of position, attitude, joints.
+        limit: of delta, m/s^2, rad/s^2, rad/s^2.
+    """
+
+    switching: Annotated[
+        tuple[Scalar, Scalar, Scalar], Unit("m/s^2, rad/s^2, rad/s^2", "of position, attitude, joints")
+    ]
+    boundary: Annotated[tuple[Scalar, Scalar, Scalar], Unit("m/s, rad/s, rad/s")]
+    adaptation: Annotated[tuple[Scalar, Scalar, Scalar], Unit("1/s^2", "of position, attitude, joints")]
+    limit: Annotated[tuple[Scalar, Scalar, Scalar], Unit("m/s^2, rad/s^2, rad/s^2", "largest adapted acceleration")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SlidingMemory:
+    """What the law remembers.
+
+    Attributes:
+        position, attitude, joints: adapted disturbance accelerations, world axes, base axes, of the joints.
+        sent: the last command. applied: 1 for the rotors and each joint for which it was applied unchanged.
+    """
+
+    position: Annotated[Vec3, Unit("m/s^2", "adapted, world axes")]
+    attitude: Annotated[Vec3, Unit("rad/s^2", "adapted, base axes")]
+    joints: Annotated[tuple[Scalar, ...], Unit("rad/s^2 or m/s^2", "adapted")]
+    sent: Command
+    applied: Annotated[tuple[Scalar, ...], Unit("", "1 for rotors and joints whose last command was applied unchanged")]
+
+
+def sliding_rates(stiffness: Any, damping: Any) -> tuple[Any, Any]:
+    """Lambda <= K with K + Lambda = kd and K Lambda = kp; both kd / 2 where no real pair exists."""
+    spread = sqrt(maximum(damping * damping - 4.0 * stiffness, 0.0))
+    return 0.5 * (damping - spread), 0.5 * (damping + spread)
+
+
+def reached(error: Any, rate: Any, kp: Any, kd: Any, group: int, par: SlidingParameters) -> tuple[Any, Any, Any]:
+    """Sliding variable of one coordinate; linear part and push of the acceleration that reaches and keeps s = 0."""
+    slope, gain = sliding_rates(kp, kd)
+    s = rate + slope * error
+    push = par.switching[group] * tanh(divide(s, par.boundary[group]))
+    return s, -(slope * rate) - gain * s, push
+
+
+def kim_sliding_mode(
+    memory: SlidingMemory, measurement: Measurement, reference: Reference, dt: Any, *, par: SlidingParameters
+) -> tuple[SlidingMemory, Command]:
+    """Sliding accelerations through the coupled inverse dynamics."""
+    vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
+    s_p, up = _translation(memory, measurement, reference, par)
+    s_R, alpha = _rotation(memory, measurement, reference, R, up, par)
+    s_q, qdd = _arm(memory, measurement, reference, par)
+    base = Motion(alpha, R.apply_T(up))
+    force, torques = dynamics.inverse_dynamics(
+        vehicle, measurement.joints, measurement.rate, measurement.joint_rates, base, qdd
+    )
+    command, squares = make_command(par, force.torque, force.force.z, torques)
+    unchanged = all_follow(memory.applied)
+    free = logical_and(rotors_follow(par.mixer, squares), unchanged)
+
+    def adapt(delta: Any, s: Any, group: int, inside: Any) -> Any:
+        moved = clip(delta + par.adaptation[group] * s * dt, -par.limit[group], par.limit[group])
+        return where(inside, moved, delta)
+
+    follow = [logical_and(fits, unchanged) for fits in joints_follow(vehicle, torques)]
+    return SlidingMemory(
+        position=Vec3(*(adapt(d, s, 0, free) for d, s in zip(memory.position, s_p, strict=True))),
+        attitude=Vec3(*(adapt(d, s, 1, free) for d, s in zip(memory.attitude, s_R, strict=True))),
+        joints=tuple(adapt(d, s, 2, ok) for d, s, ok in zip(memory.joints, s_q, follow, strict=True)),
+        sent=command,
+        applied=all_applied(vehicle.n),
+    ), command
+
+
+def _translation(
+    memory: SlidingMemory, measurement: Measurement, reference: Reference, par: SlidingParameters
+) -> tuple[list[Any], Vec3]:
+    """Sliding variables and wanted specific force, world axes."""
+    per_mass = divide(1.0, par.model.vehicle.mass)
+    error, drift = measurement.position - reference.position, measurement.velocity - reference.velocity
+    kp, kd = par.gains.position * per_mass, par.gains.velocity * per_mass
+    pairs = [reached(*each, 0, par) for each in zip(error, drift, kp, kd, strict=True)]
+    wanted = Vec3(*(a - push for _, a, push in pairs)) - memory.position
+    return [s for s, _, _ in pairs], wanted + reference.acceleration + E_Z * par.model.gravity
+
+
+def _rotation(
+    memory: SlidingMemory, measurement: Measurement, reference: Reference, R: Mat3, up: Vec3, par: SlidingParameters
+) -> tuple[list[Any], Vec3]:
+    """Sliding variables and wanted angular acceleration, base axes.
+
+    Per axis the rates are those of its moment of inertia alone; the linear part is then turned as the PD law's torque
+    would: with products of inertia, J alpha = diag(J) linear.
+    """
+    J = par.model.vehicle.base.inertia
+    own = [list(row) for row in Sym3(J.xx, J.yy, J.zz).full().rows]
+    R_d = desired_attitude(-up, reference.yaw, R)
+    error = attitude_error(R, R_d)
+    drift = rate_error(measurement.rate, R, R_d, reference.yaw_rate, par.rate_error)
+    kp, kd = ldl_solve(own, list(par.gains.attitude)), ldl_solve(own, list(par.gains.rate))
+    pairs = [reached(*each, 1, par) for each in zip(error, drift, kp, kd, strict=True)]
+    linear = Vec3(*(a for _, a, _ in pairs))
+    # J^-1 diag(J) linear = linear - J^-1 (J - diag(J)) linear: without products of inertia nothing is left to round
+    mixed = Sym3(0, 0, 0, J.xy, J.xz, J.yz).apply(linear)
+    turned = linear - Vec3(*ldl_solve([list(row) for row in J.full().rows], list(mixed)))
+    return [s for s, _, _ in pairs], turned - Vec3(*(push for _, _, push in pairs)) - memory.attitude
+
+
+def _arm(
+    memory: SlidingMemory, measurement: Measurement, reference: Reference, par: SlidingParameters
+) -> tuple[list[Any], tuple[Any, ...]]:
+    """Sliding variables and wanted joint accelerations."""
+    found, wanted = [], []
+    for i in range(par.model.vehicle.n):
+        error = measurement.joints[i] - reference.joints[i]
+        drift = measurement.joint_rates[i] - reference.joint_rates[i]
+        s, a, push = reached(error, drift, par.joint_gains.stiffness[i], par.joint_gains.damping[i], 2, par)
+        found.append(s)
+        wanted.append(a - push + reference.joint_accelerations[i] - memory.joints[i])
+    return found, tuple(wanted)
+
+
+def make_kim(
+    model: Model,
+    *,
+    gains: GeometricGains | None = None,
+    joint_gains: JointGains | None = None,
+    mixer_policy: str = "clip",
+    switching: tuple[float, float, float] = (0.5, 2.0, 2.0),
+    boundary: tuple[float, float, float] = (0.1, 0.5, 0.5),
+    adaptation: tuple[float, float, float] = (2.0, 20.0, 50.0),
+    limit: tuple[float, float, float] = (5.0, 40.0, 60.0),
+) -> Controller:
+    """The law for any arm.
+
+    Args:
+        model: what it believes.
+        gains: of the PD law with the same linear part, as the paper's.
+        joint_gains: likewise, 1/s^2 and 1/s.
+        mixer_policy: see :class:`skyarm.actuation.Mixer`.
+        switching: see :class:`SlidingParameters`, as the following.
+        boundary: likewise.
+        adaptation: likewise.
+        limit: likewise.
+    """
+    par = make_parameters(
+        SlidingParameters,
+        model,
+        gains=gains,
+        joint_gains=joint_gains,
+        mixer_policy=mixer_policy,
+        switching=three("switching", switching, zero=True),
+        boundary=three("boundary", boundary),
+        adaptation=three("adaptation", adaptation, zero=True),
+        limit=three("limit", limit),
+    )
+    still = Vec3(0.0, 0.0, 0.0)
+    n = model.vehicle.n
+    memory = SlidingMemory(
+        position=still, attitude=still, joints=(0.0,) * n, sent=no_command(model.vehicle), applied=all_applied(n)
+    )
+    return Controller(name="kim2013", law=kim_sliding_mode, par=par, memory=memory)

@@ -1,0 +1,73 @@
+"""Geometric control with variable inertia and feed-forward of the arm's reaction, in the manner of Li et al. 2024.
+
+    f = m (-a_d) + R F_arm,   thrust = f . R e_z,  R_d from f
+    torque = J(q) alpha_d + T_arm + h(q) x R^T (-a_d)
+    [T_arm, F_arm]: reaction of the arm's motion and the velocity products at the measured q, qd and the *reference's*
+    joint accelerations (measured ones are noise)
+    joints: servos, PD on acceleration through the arm's own inertia, and weight by the true attitude
+
+J(q) and h(q) are the inertia and first moment of the whole vehicle with locked joints. The base answers to the arm; the
+arm does not answer to the base, which tells this law from the paper's.
+
+Assumed (the texts at hand are Barakou et al. 2026's summary of Li et al., and the preprint of Zhang et al. 2019 on the
+same variable inertia model): the geometric base controller; reference accelerations in the feed-forward; servo joints;
+no disturbance observer beside it.
+
+Source: Li, Li, Xu, Yu, Basin, IEEE Trans. Cybernetics 55, 2024; Zhang et al. 2019 (arXiv 2401.04316).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from skyarm.actuation import Command
+from skyarm.control.blocks.center_of_mass import arm_reaction, locked_inertia
+from skyarm.control.blocks.common import (
+    arm_alone,
+    inverse_mass,
+    make_command,
+    make_parameters,
+    turn_towards,
+    wanted_specific_force,
+)
+from skyarm.control.controller import Controller
+from skyarm.control.laws.paper.computed_torque import joint_accelerations
+from skyarm.control.model import GeometricGains, JointGains, Model, Parameters
+from skyarm.reference import Reference
+from skyarm.sensors.measurement import Measurement
+
+
+def li_feedforward(
+    memory: Any, measurement: Measurement, reference: Reference, dt: Any, *, par: Parameters
+) -> tuple[Any, Command]:
+    """Geometric base control that carries the arm's reaction ahead; joints apart."""
+    del dt
+    vehicle, R, q = par.model.vehicle, measurement.quaternion.rotation(), measurement.joints
+    reaction = arm_reaction(vehicle, q, measurement.rate, measurement.joint_rates, reference.joint_accelerations)
+    wanted = wanted_specific_force(par, measurement, reference)
+    up = wanted + R.apply(reaction.force) * inverse_mass(vehicle)
+    alpha = turn_towards(par, measurement, reference, R, up)
+    whole = locked_inertia(vehicle, q)
+    torque = whole.inertia.apply(alpha) + reaction.torque + whole.moment.cross(R.apply_T(wanted))
+    efforts = arm_alone(par, R, q, joint_accelerations(par, measurement, reference))
+    command, _ = make_command(par, torque, vehicle.mass * up.dot(R.column(2)), efforts)
+    return memory, command
+
+
+def make_li(
+    model: Model,
+    *,
+    gains: GeometricGains | None = None,
+    joint_gains: JointGains | None = None,
+    mixer_policy: str = "clip",
+) -> Controller:
+    """The law for any arm.
+
+    Args:
+        model: what it believes.
+        gains: of the geometric base controller, as the paper's.
+        joint_gains: on acceleration, 1/s^2 and 1/s.
+        mixer_policy: see :class:`skyarm.actuation.Mixer`.
+    """
+    par = make_parameters(Parameters, model, gains=gains, joint_gains=joint_gains, mixer_policy=mixer_policy)
+    return Controller(name="li2024", law=li_feedforward, par=par)

@@ -1,1 +1,0 @@
-"""Pieces that several laws share: filters, observers, inverse dynamics for an underactuated base."""

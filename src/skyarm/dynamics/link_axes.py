@@ -1,0 +1,77 @@
+"""The axes in which the recursions hold each link, chosen so that little has to be turned.
+
+A recursion may express a link in any axes at its origin. A hinge leaves its own axis where it is, so the link can be
+held in the axes that it has at joint angle zero. Hinges with one common direction then share their axes: nothing that
+passes between such links is rotated, only their mass distributions are, by the sum of the angles. The last link of an
+arm is held so, too: a rigid body is cheaper to turn than what the recursions carry inwards. Every other link is held in
+its own axes.
+
+Source: absolute angles of parallel hinges, as Craig 2005, section 3.6.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.algebra import Mat3, SpatialInertia, axis_rotation
+from skyarm.dynamics.kinematics import Pose
+from skyarm.scalars import add, same
+from skyarm.vehicle.vehicle_records import BASE, Body, Joint, Vehicle
+
+_SAME = Mat3.identity()
+
+
+@dataclass(frozen=True, slots=True)
+class LinkInAxes:
+    """A link in its working axes, in which its joint has the direction that it has in the link's own axes.
+
+    Attributes:
+        place: pose of the working axes at the link's origin, in the parent's working axes.
+        inertia: of the body, about the link's origin.
+    """
+
+    place: Pose
+    inertia: SpatialInertia
+
+
+def spatial_inertia(body: Body) -> SpatialInertia:
+    """Inertia of a body about its link's origin, link axes."""
+    return SpatialInertia.of_body(body.mass, body.com, body.inertia)
+
+
+def members(vehicle: Vehicle, joints: Sequence[Any]) -> list[LinkInAxes]:
+    """Every link in its working axes, in the order of the vehicle's links."""
+    links = vehicle.links
+    follows = [link.parent != BASE and _parallel(links[link.parent].joint, link.joint) for link in links]
+    leads = {link.parent for link, follower in zip(links, follows, strict=True) if follower}
+    inner = {link.parent for link in links}
+    found: list[LinkInAxes] = []
+    angles: list[Any] = []
+    turns: list[Mat3] = []  # from a link's own axes to its working axes
+    for i, (link, q) in enumerate(zip(links, joints, strict=True)):
+        joint = link.joint
+        before = _SAME if link.parent == BASE else turns[link.parent]
+        point, angle, R = joint.position, q, before @ joint.rotation
+        if follows[i]:
+            angle, R = add(angles[link.parent], q), _SAME
+        turn = _SAME
+        if joint.kind == "prismatic":
+            point = point + joint.rotation.apply(joint.axis * q)
+        elif i in leads or i not in inner:
+            turn = axis_rotation(joint.axis, angle)
+        else:
+            R = R @ axis_rotation(joint.axis, angle)
+        found.append(LinkInAxes(Pose(R, before.apply(point)), spatial_inertia(link.body).rotated(turn)))
+        angles.append(angle)
+        turns.append(turn)
+    return found
+
+
+def _parallel(parent: Joint, child: Joint) -> bool:
+    """Whether two hinges turn about one direction, by structure or by equal numbers."""
+    entries = [entry for row in child.rotation.rows for entry in row]
+    straight = all(type(entry) is int for entry in entries) and entries == [1, 0, 0, 0, 1, 0, 0, 0, 1]
+    hinges = parent.kind == child.kind == "revolute"
+    return hinges and straight and all(map(same, parent.axis, child.axis))

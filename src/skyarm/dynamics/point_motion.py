@@ -1,0 +1,64 @@
+"""Where points of a vehicle are in the world, and how fast they move: what forces from outside depend on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+from skyarm.algebra import ZERO3, Force, Mat3, Vec3
+from skyarm.dynamics.kinematics import Pose, jacobian_columns, link_poses
+from skyarm.dynamics.state import State
+from skyarm.scalars import add
+from skyarm.vehicle.vehicle_records import BASE, Frame, Vehicle
+
+
+class PointMotion:
+    """Positions and velocities of points on the bodies of a vehicle, computed when they are asked for.
+
+    Args:
+        vehicle: whose bodies they are. state: of the vehicle; it may be traced.
+    """
+
+    def __init__(self, vehicle: Vehicle, state: State) -> None:
+        self.vehicle, self.state = vehicle, state
+
+    @cached_property
+    def rotation(self) -> Mat3:
+        """R_WB, base axes to world axes."""
+        return self.state.quaternion.rotation()
+
+    @cached_property
+    def _links(self) -> Sequence[Pose]:
+        return link_poses(self.vehicle, self.state.joints)
+
+    def _in_base(self, point: Vec3, body: int) -> Vec3:
+        return point if body == BASE else self._links[body].apply(point)
+
+    def position(self, point: Vec3 = ZERO3, body: int = BASE) -> Vec3:
+        """World position of a point given in a body's frame, m."""
+        return self.state.position + self.rotation.apply(self._in_base(point, body))
+
+    def velocity(self, point: Vec3 = ZERO3, body: int = BASE) -> Vec3:
+        """World velocity of a point given in a body's frame, m/s."""
+        moving = self.state.rate.cross(self._in_base(point, body))
+        if body != BASE:
+            columns = jacobian_columns(self.vehicle, Frame(name="point", link=body, position=point), self.state.joints)
+            for column, rate in zip(columns, self.state.joint_rates, strict=True):
+                moving = moving + column.linear * rate
+        return self.state.velocity + self.rotation.apply(moving)
+
+    def frame(self, name: str | None = None) -> tuple[Vec3, int]:
+        """(point, body) of a named frame, the tip by default."""
+        found = self.vehicle.frame(name)
+        return found.position, found.link
+
+    def generalized(self, force_W: Vec3, torque_W: Vec3, point: Vec3, body: int) -> tuple[Force, tuple[Any, ...]]:
+        """J^T of a wrench on a body: force on the base (about its origin, base axes) and joint torques."""
+        push, twist = self.rotation.apply_T(force_W), self.rotation.apply_T(torque_W)
+        at = self._in_base(point, body)
+        total = Force(at.cross(push) + twist, push)
+        if body == BASE:
+            return total, (0,) * self.vehicle.n
+        columns = jacobian_columns(self.vehicle, Frame(name="point", link=body, position=point), self.state.joints)
+        return total, tuple(add(c.linear.dot(push), c.angular.dot(twist)) for c in columns)

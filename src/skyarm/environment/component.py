@@ -1,0 +1,99 @@
+"""What may surround a vehicle: air that moves and forces that act, each a frozen record of numbers with pure functions.
+
+A component is written once, in traceable functions: the same lines fly as Python floats, in machine code, in a batch
+whose lanes have other numbers, and on MuJoCo's plant. Its clock:
+
+* ``advance`` steps its memory once per control period, with the state at the period's beginning;
+* ``velocity`` and ``wrenches`` are evaluated at every stage of the integrator, with that memory and the period's time
+  held. They must not keep anything.
+
+Random numbers are uniform in (0, 1) and keyed by seed, episode, component and period: adding a component changes no
+other's draws.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.algebra import ZERO3, Vec3
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.dynamics.state import State
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+from skyarm.vehicle.vehicle_records import BASE
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Wrench:
+    """A wrench is a force and a torque on one body.
+
+    Attributes:
+        body: index into ``Vehicle.links``, or ``BASE``.
+    """
+
+    force_W: Annotated[Vec3, Unit("N", "world axes")] = ZERO3
+    torque_W: Annotated[Vec3, Unit("N m", "world axes")] = ZERO3
+    point: Annotated[Vec3, Unit("m", "where the force acts, axes of its body")] = ZERO3
+    body: int = BASE
+
+    def __post_init__(self) -> None:
+        # made at every stage of the integrator: what holds vectors already is not looked at
+        if not (type(self.force_W) is type(self.torque_W) is type(self.point) is Vec3 and type(self.body) is int):
+            accept_fields(self, "wrench")
+
+
+class Component:
+    """Base of what surrounds a vehicle. A subclass is a frozen dataclass and overrides what it needs."""
+
+    __slots__ = ()
+
+    @property
+    def uniforms(self) -> int:
+        """Uniform numbers that one ``advance`` draws; a class attribute will do where no field decides."""
+        return 0
+
+    largest_step: float | None = None
+    """Longest integration step that it bears, s; None for any. May be a field, or a property of the other numbers."""
+
+    def start(self, period: float, draws: Sequence[Any]) -> Any:
+        """First memory: a record or tuple of scalars; ``()`` for a component without one.
+
+        Args:
+            period: of ``advance``, s.
+            draws: uniform numbers, twice ``uniforms`` of them. :func:`skyarm.scalars.philox.normals` makes normal
+                ones of them.
+        """
+        return ()
+
+    def advance(self, memory: Any, t: Any, dt: float, state: State, draws: Sequence[Any]) -> Any:
+        """Memory for the period that begins at ``t`` (s) and takes ``dt`` (s); ``state`` is the vehicle's at ``t``."""
+        return memory
+
+    def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
+        """Velocity of the air at a place, world axes, m/s."""
+        return ZERO3
+
+    def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
+        """What acts on the vehicle's bodies now.
+
+        Args:
+            memory: of the period.
+            t: s.
+            motion: where every point of the vehicle is and how it moves.
+            rotor_speeds: rad/s.
+        """
+        return ()
+
+
+class Air(Component):
+    """An air describes how the air moves; rotor drag and body drag follow from its velocity."""
+
+    __slots__ = ()
+
+
+class Force(Component):
+    """A force component acts with forces and torques on bodies of the vehicle."""
+
+    __slots__ = ()

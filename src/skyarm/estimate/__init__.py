@@ -1,0 +1,1 @@
+"""Estimators: from readings of the sensors to the measurement of a law."""

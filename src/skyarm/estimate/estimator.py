@@ -1,0 +1,51 @@
+"""Estimators stand between sensors and law: readings in, one measurement out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.actuation import Command
+from skyarm.sensors.measurement import Measurement
+from skyarm.vehicle.vehicle_records import Vehicle
+
+FULL_STATE = "state"
+"""Name of the reading that every scenario has: the full state with the noise of ``[sensors]``."""
+
+
+class Estimator:
+    """An estimator computes the law's measurement from all readings.
+
+    A subclass is a frozen dataclass of numbers with pure, traceable functions.
+    """
+
+    __slots__ = ()
+
+    def start(self, vehicle: Vehicle) -> Any:
+        """First memory: a record or tuple of scalars. ``vehicle`` is the believed one."""
+        return ()
+
+    def step(self, memory: Any, readings: Mapping[str, Any], command: Command, dt: float) -> tuple[Any, Measurement]:
+        """Return the next memory and the measurement of the law, once per control period.
+
+        Args:
+            memory: after the last period.
+            readings: by the sensor's name, as they have arrived; a slow sensor's reading stays until its next.
+            command: the one that acts now.
+            dt: control period, s.
+        """
+        raise NotImplementedError(f"{type(self).__name__} must say what it estimates")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PassThrough(Estimator):
+    """The measurement is the full state as it was read."""
+
+    def step(self, memory: Any, readings: Mapping[str, Any], command: Command, dt: float) -> tuple[Any, Measurement]:
+        """The reading ``state``."""
+        measurement: Measurement = readings[FULL_STATE]
+        return memory, measurement
+
+
+PASS_THROUGH = PassThrough()

@@ -1,0 +1,29 @@
+"""What a TOML file describes, by its tables: so that a vehicle given as a scenario is called a vehicle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+READS = {"vehicle": "skyarm show", "scenario": "skyarm run", "study": "skyarm sweep"}
+"""Kind of a file -> a command that reads it."""
+
+
+def kind_of(document: Mapping[str, Any]) -> str:
+    """One of ``READS``, or nothing where the tables do not tell."""
+    if "scenario" in document and ("vary" in document or "episodes" in document or "design" in document):
+        return "study"
+    if "plant" in document or "controller" in document:
+        return "scenario"
+    return "vehicle" if "rotors" in document or "base" in document or "urdf" in document else ""
+
+
+def require_kind(document: Any, wanted: str) -> None:
+    """Refuse a file of another kind.
+
+    Raises:
+        ValueError: one line.
+    """
+    found = kind_of(document) if isinstance(document, Mapping) else ""
+    if found and found != wanted:
+        raise ValueError(f"{wanted}: must be a {wanted} file, and this is a {found} file, for '{READS[found]}'")

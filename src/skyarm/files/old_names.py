@@ -1,0 +1,59 @@
+"""Old names of what users write: they work for one minor version, and a warning says the new one."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Callable, Mapping
+from typing import Any
+
+LAST = "0.2"
+"""The last minor version that knows the old names."""
+
+
+class OldNameWarning(DeprecationWarning):
+    """An old name was used, which goes with the next minor version."""
+
+
+def warn_of_old_name(old: str, new: str, *, stacklevel: int = 2) -> None:
+    """Warn that ``old`` is called ``new`` now.
+
+    Args:
+        old: the name that was used, with what it is ("law 'a'").
+        new: the name to use.
+        stacklevel: as :func:`warnings.warn` counts it, from the caller of this function.
+    """
+    line = f"{old} is an old name: use {new}; the old one works in {LAST} and goes with the next minor version"
+    warnings.warn(line, OldNameWarning, stacklevel=stacklevel + 1)
+
+
+def renamed(where: str, value: Any, old_names: Mapping[str, str]) -> Any:
+    """The value that an old one is called now, with a warning; any other value as it is.
+
+    Args:
+        where: the field, for the warning.
+        value: as it was given.
+        old_names: old value -> new value.
+    """
+    if not isinstance(value, str) or value not in old_names:
+        return value
+    new = old_names[value]
+    warn_of_old_name(f"{where} = {value!r}", repr(new), stacklevel=3)
+    return new
+
+
+def old_attributes(module: str, old_names: Mapping[str, str]) -> Callable[[str], Any]:
+    """Make the ``__getattr__`` of a module that still answers to old names of its functions, with a warning.
+
+    Args:
+        module: its ``__name__``.
+        old_names: old name -> new name, both of the module.
+    """
+
+    def attribute(name: str) -> Any:
+        if name not in old_names:
+            raise AttributeError(f"module {module!r} has no attribute {name!r}")
+        warn_of_old_name(f"{module}.{name}", old_names[name])
+        return getattr(sys.modules[module], old_names[name])
+
+    return attribute

@@ -1,0 +1,125 @@
+"""Folders and files of one user alone: made so that nobody else may write them, and not read where somebody else may.
+
+On systems without such rights (Windows, whose user folders are closed by themselves) owner and mode are not looked at.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+import stat
+from collections.abc import Callable
+from pathlib import Path
+
+WITH_OWNERS = hasattr(os, "geteuid")
+
+OTHERS, OTHERS_WRITE = 0o077, 0o022
+"""Any right of group and others, and theirs to write."""
+
+_READ = os.O_RDONLY | sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC", "O_BINARY"))
+_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | sum(getattr(os, name, 0) for name in ("O_CLOEXEC", "O_BINARY"))
+
+
+def private_folder(folder: Path, ours: Callable[[str], bool]) -> str:
+    """Make a folder that its user alone can enter; one that is there is closed to others if it holds nothing else.
+
+    A folder with other files in it keeps its rights: it is used if nobody else may write there.
+
+    Args:
+        folder: made if missing.
+        ours: whether a file of this name is one that belongs there.
+
+    Returns:
+        Why it must not be used, in words; empty if it may.
+
+    Raises:
+        OSError: it cannot be made, or is no folder.
+    """
+    if not folder.is_dir():
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with contextlib.suppress(
+            FileExistsError
+        ):  # another process made it meanwhile; or it is a file, as is seen below
+            folder.mkdir(mode=0o700)
+    found = folder.stat()
+    if not stat.S_ISDIR(found.st_mode):
+        raise NotADirectoryError(f"file = {str(folder)!r}: must be a folder")
+    if not WITH_OWNERS:
+        return ""
+    if found.st_uid != os.geteuid():
+        return "it belongs to another user"
+    if folder.lstat().st_uid not in (os.geteuid(), 0):
+        return "it is a link of another user"
+    if not found.st_mode & OTHERS:
+        return ""
+    if all(ours(each.name) for each in folder.iterdir()):
+        with contextlib.suppress(OSError):
+            folder.chmod(0o700)
+        if folder.stat().st_mode & OTHERS_WRITE:
+            return "others may write into it, and that cannot be changed"
+    elif found.st_mode & OTHERS_WRITE:
+        return "others may write into it, and it holds other files, so its rights are left alone; name another folder"
+    return ""
+
+
+def read_private(file: Path, most: int, *, secret: bool = False) -> bytes | None:
+    """Content of a file that its user alone may write; None if there is none, or it is not such a file.
+
+    Args:
+        file: a regular file of this user; a link is not followed.
+        most: bytes; a larger file is not read.
+        secret: others must not be able to read it either.
+    """
+    try:
+        descriptor = os.open(file, _READ)
+    except (OSError, ValueError):
+        return None
+    try:
+        found = os.fstat(descriptor)
+        if not stat.S_ISREG(found.st_mode) or found.st_size > most:
+            return None
+        if WITH_OWNERS and (found.st_uid != os.geteuid() or found.st_mode & (OTHERS if secret else OTHERS_WRITE)):
+            return None
+        with os.fdopen(descriptor, "rb", closefd=False) as stream:
+            return stream.read()
+    except OSError:
+        return None
+    finally:
+        os.close(descriptor)
+
+
+def write_private(file: Path, content: bytes, *, replace: bool = True) -> None:
+    """Write a file with mode 0600 that appears whole or not at all; a link in its place is replaced, not followed.
+
+    Args:
+        file: to write, in a folder that is there.
+        content: of the file.
+        replace: false leaves a file that is there, or that another process makes at the same time, as it is.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    temporary = file.with_name(f".{file.name}.{secrets.token_hex(6)}.part")
+    try:
+        with os.fdopen(os.open(temporary, _NEW, 0o600), "wb") as stream:
+            stream.write(content)
+        if replace:
+            temporary.replace(file)
+        else:
+            _link(temporary, file)
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+
+
+def _link(temporary: Path, file: Path) -> None:
+    """Give a file its name unless that is taken."""
+    with contextlib.suppress(FileExistsError):
+        try:
+            os.link(temporary, file)
+        except FileExistsError:
+            raise
+        except OSError:  # a file system without hard links
+            if not os.path.lexists(file):
+                temporary.replace(file)

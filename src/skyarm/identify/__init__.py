@@ -1,0 +1,1 @@
+"""Numbers of a scenario found from measured ones: parameters by path, cells by metric, a loss, a search, profiles."""

@@ -1,0 +1,176 @@
+"""Candidates flown: all flights of a study in batches, one lane each, what was flown before remembered."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from fnmatch import fnmatchcase
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.identify.cell_loss import losses
+from skyarm.identify.records import Cell, IdentificationStudy, Settings
+from skyarm.plant.friction_rate import friction_rate
+from skyarm.scenario.numbers import number_at, with_numbers
+from skyarm.scenario.scenario_file import scenario_from
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.batch import Batch
+
+Array = npt.NDArray[np.float64]
+
+AT_ONCE = 8192
+"""Lanes of one call."""
+
+MILD = 1.5
+"""Friction up to so many times as fast as the family's shares its code, and the length of its steps."""
+
+
+class Flown:
+    """A flight whose numbers at some paths differ from candidate to candidate.
+
+    Args:
+        scenario: with its other numbers. paths: of these. metrics: wanted.
+        stiffest: scenario that bounds the integration step.
+        effort: of the compiler; 0 is worth it for few candidates.
+
+    Attributes:
+        base: path -> number of the scenario.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        paths: Sequence[str],
+        metrics: Sequence[str],
+        stiffest: Scenario,
+        effort: int,
+    ) -> None:
+        self._metrics, self._known = tuple(metrics), dict[bytes, Array]()
+        self.base = {path: number_at(scenario, path) for path in paths}
+        self._batch = Batch(scenario, paths, metrics=metrics, single=True, stiffest=stiffest, effort=effort)
+
+    def values(self, columns: Array, threads: int) -> Array:
+        """(lanes, metrics) of (lanes, paths); a candidate that ended early has none."""
+        rows = np.ascontiguousarray(columns, dtype=float)
+        keys = [row.tobytes() for row in rows]
+        fresh = {key: i for i, key in enumerate(keys) if key not in self._known}
+        places = list(fresh.values())
+        for first in range(0, len(places), AT_ONCE):
+            some = rows[places[first : first + AT_ONCE]]
+            lanes = dict(zip(self._batch.paths, some.T, strict=True))
+            # every lane draws the same noise
+            flown = self._batch.fly(lanes, episodes=np.zeros(len(some), dtype=int), threads=threads)
+            found = np.stack([flown.metrics[name] for name in self._metrics], axis=1).astype(float)
+            found[~flown.completed] = np.nan
+            self._known |= {row.tobytes(): values for row, values in zip(some, found, strict=True)}
+        return np.array([self._known[key] for key in keys]).reshape(len(keys), len(self._metrics))
+
+
+class Candidates:
+    """Settings flown in batches.
+
+    Args:
+        study: whose flights and cells. threads: results do not depend on it.
+    """
+
+    def __init__(self, study: IdentificationStudy, threads: int = 1) -> None:
+        self.study, self._threads = study, threads
+        self._flights: dict[tuple[str, ...], Flown] = {}
+        self._family = tuple(dict.fromkeys([*study.free, *(name for each in study.predictions for name in each.free)]))
+        self._rivals = tuple(dict.fromkeys(name for rival in study.rivals for name in rival.adds))
+
+    def cells(self, cells: Sequence[Cell], fixed: Settings, varied: Mapping[str, Array] | None = None) -> Array:
+        """(lanes, cells): what each candidate makes of each cell.
+
+        Args:
+            cells: of the study.
+            fixed: settings that all candidates share.
+            varied: parameter -> (lanes,); one lane if left out.
+        """
+        columns = dict(varied or {})
+        count = len(next(iter(columns.values()))) if columns else 1
+        found = np.full((count, len(cells)), np.nan)
+        for flight in dict.fromkeys(cell.flight for cell in cells):
+            places = [i for i, cell in enumerate(cells) if cell.flight == flight]
+            values = self._flight(flight, fixed, columns, count)
+            metrics = self._metrics(flight)
+            for i in places:
+                found[:, i] = values[:, metrics.index(cells[i].metric)]
+        return found
+
+    def loss(self, cells: Sequence[Cell], fixed: Settings, varied: Mapping[str, Array] | None = None) -> Array:
+        """(lanes,): summed loss of each candidate."""
+        study = self.study
+        summed: Array = losses(self.cells(cells, fixed, varied), cells, study.width, study.knee).sum(axis=1)
+        return summed
+
+    def _metrics(self, flight: str) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(cell.metric for cell in self.study.cells if cell.flight == flight))
+
+    def _flight(self, flight: str, fixed: Settings, columns: Mapping[str, Array], count: int) -> Array:
+        """(lanes, metrics) of a flight, whose machine code serves every setting of the study's own family."""
+        numbers = self.study.numbers(flight, {**fixed, **columns})
+        table = self.study.tables(flight, fixed)
+        names = self._served(flight, table, [*fixed, *columns], numbers)
+        paths = tuple(sorted({*self._paths(flight, names), *numbers}))
+        key = (flight, json.dumps(table, sort_keys=True), *paths)
+        if key not in self._flights:
+            planned = scenario_from(table)
+            stiffest, _ = _stiffest(planned, self._ends(flight, fixed, names))
+            effort = 2 if names == self._family else 1 if len(names) > len(self._family) + 1 else 0
+            effort = 0 if self._restructured(fixed) else effort
+            self._flights[key] = Flown(planned, paths, self._metrics(flight), stiffest, effort)
+        flown = self._flights[key]
+        rows = np.empty((count, len(paths)))
+        for i, path in enumerate(paths):
+            rows[:, i] = numbers.get(path, flown.base[path])
+        return flown.values(rows, self._threads)
+
+    def _served(self, flight: str, table: Any, names: Sequence[str], numbers: Mapping[str, Any]) -> tuple[str, ...]:
+        """Parameters that one machine code serves: the family, or it and every rival that needs no shorter steps.
+
+        A rival whose friction is faster than the family's has a code of its own.
+        """
+        if set(numbers) <= self._paths(flight, self._family):
+            return self._family
+        planned = scenario_from(table)
+        _, fastest = _stiffest(planned, self._ends(flight, {}, self._family))
+        mild = [
+            name for name in self._rivals if _stiffest(planned, self._ends(flight, {}, [name]))[1] <= MILD * fastest
+        ]
+        own = [name for name in names if name in self._rivals and name not in self._family]
+        return (*self._family, *(mild if set(own) <= set(mild) else own))
+
+    def _restructured(self, fixed: Settings) -> bool:
+        """Whether an option lays tables over the scenarios."""
+        options = (self.study.choice(name).option(value) for name, value in fixed.items() if isinstance(value, str))
+        return any(option.tables for option in options)
+
+    def _paths(self, flight: str, names: Sequence[str]) -> set[str]:
+        """Paths of a flight that some parameters, and every choice, set."""
+        targets = [target for name in names for target in self.study.parameter(name).targets]
+        targets += [target for choice in self.study.choices for option in choice.options for target in option.sets]
+        return {target.path for target in targets if any(fnmatchcase(flight, each) for each in target.flights)}
+
+    def _ends(self, flight: str, fixed: Settings, names: Sequence[str]) -> list[dict[str, Any]]:
+        """Numbers of a flight with each varied parameter at its ends, and all of them at the upper one."""
+        tops = {name: self.study.parameter(name).high for name in names}
+        bottoms = {name: self.study.parameter(name).low for name in names}
+        singles = [{**fixed, name: value} for each in (tops, bottoms) for name, value in each.items()]
+        return [self.study.numbers(flight, settings) for settings in (*singles, {**fixed, **tops})]
+
+
+def _stiffest(planned: Scenario, ends: Sequence[Mapping[str, Any]]) -> tuple[Scenario, float]:
+    """The scenario with the stiffest joint friction within the parameters' ranges, and how fast it is, 1/s."""
+    worst, fastest = planned, friction_rate(planned.world.vehicle)
+    for numbers in ends:
+        try:
+            changed = with_numbers(planned, {p: v for p, v in numbers.items() if p.startswith("plant.")})
+            rate = friction_rate(changed.world.vehicle)
+        except ValueError:
+            continue  # extremes of several need not come together
+        if rate > fastest:
+            worst, fastest = changed, rate
+    return worst, fastest

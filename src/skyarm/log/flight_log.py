@@ -1,0 +1,212 @@
+"""The record of one episode, and its files."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.algebra import Quaternion
+from skyarm.algebra.euler import euler_angles
+from skyarm.dynamics.state import State
+from skyarm.files import shown, write_atomically
+from skyarm.records.identity import log_digest
+from skyarm.records.leaves import field_names, parts
+from skyarm.records.own_files import own_files
+from skyarm.records.restore import restore
+from skyarm.records.units import Unit, units
+from skyarm.registry import RegistryError
+from skyarm.registry.plugins import identities
+
+Array = npt.NDArray[np.float64]
+
+SCENARIO = "skyarm.scenario.scenario_record:Scenario"
+"""Class of what a log keeps as ``scenario_record``."""
+
+
+HELD = "reference as published and held"
+
+CONTINUOUS = "continuous reference"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Log:
+    """Everything that happened at N control instants; SI units, radians, world axes unless said.
+
+    Attributes:
+        time: (N,).
+        position, velocity: (N, 3). quaternion: (N, 4) wxyz. rate: (N, 3) body axes.
+        joints, joint_rates, efforts: (N, n); efforts are the commanded joint torques.
+        rotor_speeds, rotor_commands: (N, rotors).
+        position_held, velocity_held, joints_held, joint_rates_held, yaw_held: the reference as published and held.
+        position_reference, joints_reference, yaw_reference: the continuous reference.
+        tool: (N, 3) the tip. tool_held, tool_reference: where a level base on reference would put it. ``tip``,
+            ``tip_held`` and ``tip_reference`` are the same arrays; files keep the first names.
+        wind_force, air_velocity: (N, 3).
+        measured_position, measured_joints: what the sensors said at this instant; a delayed controller saw it later.
+        info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground",
+            "controller_undefined"), cause, end time; ``scenario_record`` is all that was flown as plain data, and
+            ``digest`` its SHA-256: logs of one digest, and of the same versions, are of the same flight
+            (:attr:`scenario` reads it back). ``plugins`` were loaded; ``code`` are the files of someone's own code
+            that flew, by name and SHA-256, which are part of the digest.
+    """
+
+    time: Annotated[Array, Unit("s")]
+    position: Annotated[Array, units(State)["position"]]
+    quaternion: Annotated[Array, units(State)["quaternion"]]
+    velocity: Annotated[Array, units(State)["velocity"]]
+    rate: Annotated[Array, units(State)["rate"]]
+    joints: Annotated[Array, units(State)["joints"]]
+    joint_rates: Annotated[Array, units(State)["joint_rates"]]
+    efforts: Annotated[Array, Unit("N m or N", "commanded")]
+    rotor_speeds: Annotated[Array, units(State)["rotor_speeds"]]
+    rotor_commands: Annotated[Array, Unit("rad/s", "commanded, unsigned")]
+    position_held: Annotated[Array, Unit("m", f"{HELD}, world axes")]
+    velocity_held: Annotated[Array, Unit("m/s", f"{HELD}, world axes")]
+    joints_held: Annotated[Array, Unit("rad or m", HELD)]
+    joint_rates_held: Annotated[Array, Unit("rad/s or m/s", HELD)]
+    yaw_held: Annotated[Array, Unit("rad", HELD)]
+    position_reference: Annotated[Array, Unit("m", f"{CONTINUOUS}, world axes")]
+    joints_reference: Annotated[Array, Unit("rad or m", CONTINUOUS)]
+    yaw_reference: Annotated[Array, Unit("rad", CONTINUOUS)]
+    tool: Annotated[Array, Unit("m", "the tip, world axes")]
+    tool_held: Annotated[Array, Unit("m", f"the tip of a level base, {HELD}, world axes")]
+    tool_reference: Annotated[Array, Unit("m", f"the tip of a level base, {CONTINUOUS}, world axes")]
+    wind_force: Annotated[Array, Unit("N", "world axes")]
+    air_velocity: Annotated[Array, Unit("m/s", "world axes")]
+    measured_position: Annotated[Array, Unit("m", "measured, world axes")]
+    measured_joints: Annotated[Array, Unit("rad or m", "measured")]
+    info: dict[str, Any]
+
+    @property
+    def tip(self) -> Array:
+        """Position of the tip (N, 3), m, world axes."""
+        return self.tool
+
+    @property
+    def tip_held(self) -> Array:
+        """Reference of the tip (N, 3), m, as published and held."""
+        return self.tool_held
+
+    @property
+    def tip_reference(self) -> Array:
+        """Continuous reference of the tip (N, 3), m."""
+        return self.tool_reference
+
+    @property
+    def status(self) -> str:
+        """How the episode ended."""
+        return str(self.info["status"])
+
+    @property
+    def scenario(self) -> Any:
+        """The :class:`skyarm.Scenario` that was flown: flown again by the same version, it gives the same bits.
+
+        Raises:
+            ValueError: one line: a log of a version that did not keep it, a plugin that is not loaded, or a damaged
+                log.
+        """
+        written, plugins, code = (self.info.get(name) or {} for name in ("scenario_record", "plugins", "code"))
+        of = (self.info.get("versions") or {}).get("skyarm", "unknown")
+        if not isinstance(written, dict) or written.get("type") != SCENARIO:
+            raise ValueError(f"scenario_record: must hold the scenario as this version writes it; skyarm {of} wrote it")
+        if not self._fits(written, code):
+            raise ValueError(f"scenario_record: must be of the log's digest; it was changed after skyarm {of} wrote it")
+        try:
+            found = restore(written, {**code, **plugins})
+        except RegistryError as error:
+            raise ValueError(f"scenario_record: {error}") from None
+        except ValueError as error:
+            absent = [name for name in plugins if name not in identities()]
+            needs = f"; it was flown with the plugins {', '.join(absent)}" if absent else ""
+            raise ValueError(f"scenario_record: {error}{needs}") from None
+        now = own_files(found)
+        for name in sorted(code):
+            if now.get(name, code[name]) != code[name]:
+                raise ValueError(f"code {name!r} = {shown(now[name])}: must be {shown(code[name])} as it was flown")
+        return found
+
+    def _fits(self, written: Mapping[str, Any], code: Any) -> bool:
+        """Whether the digest is of this scenario and of these files of code."""
+        try:
+            return isinstance(code, dict) and log_digest(written, code) == self.info.get("digest")
+        except RecursionError:  # lists in lists, without end
+            return False
+
+    @property
+    def euler(self) -> Array:
+        """Roll, pitch, yaw (N, 3), ZYX, rad."""
+        return np.stack(euler_angles(Quaternion(*self.quaternion.T).rotation()), axis=1)
+
+    def arrays(self) -> dict[str, Array]:
+        """Every array by name."""
+        return {name: array for name, array in parts(self).items() if name != "info"}
+
+    def save_npz(self, path: str | os.PathLike[str]) -> Path:
+        """Write one compressed npz (arrays and ``info`` as JSON); the file appears whole or not at all."""
+        buffer = io.BytesIO()
+        arrays: dict[str, Any] = {**self.arrays(), "info": np.array(json.dumps(self.info))}
+        np.savez_compressed(buffer, **arrays)
+        return write_atomically(path, buffer.getvalue())
+
+    @property
+    def units(self) -> Mapping[str, Unit]:
+        """Unit, frame and meaning of every array by name: ``log.units["rate"].words``."""
+        return units(Log)
+
+    def save_csv(self, path: str | os.PathLike[str], *, with_units: bool = False) -> Path:
+        """Write one CSV: a column per component, a row per control instant; numbers round-trip.
+
+        Args:
+            path: of the file.
+            with_units: heads name the unit, ``velocity_0 [m/s]``; else they are names alone.
+        """
+        columns: dict[str, Array] = {}
+        for name, array in self.arrays().items():
+            unit = f" [{self.units[name].unit}]" if with_units and self.units[name].unit else ""
+            if array.ndim == 1:
+                columns[name + unit] = array
+            else:
+                columns |= {f"{name}_{i}{unit}": array[:, i] for i in range(array.shape[1])}
+        known: dict[bytes, list[str]] = {}
+        rows = zip(*(_texts(column, known) for column in columns.values()), strict=True)
+        lines = "".join(f"{','.join(row)}\n" for row in rows)
+        return write_atomically(path, f"{','.join(columns)}\n{lines}".encode())
+
+    @classmethod
+    def load_npz(cls, path: str | os.PathLike[str]) -> Log:
+        """Read a log written by :meth:`save_npz`.
+
+        Raises:
+            OSError: the file cannot be read.
+            ValueError: it is not such a log.
+        """
+        wanted = field_names(cls) or ()
+        content_of_file = Path(path).read_bytes()
+        try:
+            with np.load(io.BytesIO(content_of_file), allow_pickle=False) as data:
+                content = {name: data[name] for name in data.files}
+            info = json.loads(str(content["info"]))
+            schema = info.get("schema")
+        except Exception:  # archive, header, numbers and JSON have readers of their own, each with its own errors
+            raise ValueError(f"log = {os.fspath(path)!r}: must be a log that save_npz wrote") from None
+        if sorted(content) != sorted(wanted) or schema != 1:
+            raise ValueError(f"log = {os.fspath(path)!r}: must be a log of schema 1") from None
+        return cls(**{**content, "info": info})
+
+
+def _texts(column: Array, known: dict[bytes, list[str]]) -> list[str]:
+    """Shortest texts that round-trip, made once for equal columns and once for a number that stays."""
+    bits = column.tobytes()
+    if bits not in known:
+        same = bits == bits[:8] * column.size
+        texts = list(map(repr, (column[:1] if same else column).tolist()))
+        known[bits] = texts * column.size if same else texts
+    return known[bits]

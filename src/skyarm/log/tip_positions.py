@@ -1,0 +1,28 @@
+"""Positions of the tip for whole tables of states."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.dynamics.array_front import frame_pose_world
+from skyarm.vehicle.vehicle_records import Vehicle
+
+Array = npt.NDArray[np.float64]
+
+
+def tip(vehicle: Vehicle, position: Array, quaternion: Array, joints: Array) -> Array:
+    """Return the world position (N, 3) of the tip; of the base origin if the vehicle has none."""
+    if not vehicle.end_effector:
+        return position
+    unit = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
+    return frame_pose_world(vehicle, position, unit, joints)[0]
+
+
+def level_tip(vehicle: Vehicle, position: Array, yaw: Any, joints: Array) -> Array:
+    """Return the desired tip position p_d + R_z(psi_d) p_e(th_d): the level pose (N, 3)."""
+    zero = np.zeros_like(yaw)
+    quaternion = np.stack([np.cos(0.5 * yaw), zero, zero, np.sin(0.5 * yaw)], axis=1)
+    return tip(vehicle, position, quaternion, joints)

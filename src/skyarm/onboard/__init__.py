@@ -1,0 +1,1 @@
+"""Controllers for a flight computer: C code and what it needs."""

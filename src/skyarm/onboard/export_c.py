@@ -1,0 +1,232 @@
+"""A controller as one C99 file: structs in and out, gains and masses in a struct, nothing to link but libm.
+
+The file is written from the program that the law's own lines compute, so a double build without contraction gives
+the bits of the Python law. Structure (topology, exact zeros of the description, ablations) is folded in; every number
+the law reads is a parameter that may change at run time.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import re
+from functools import partial
+from typing import Annotated, Any
+
+from skyarm.actuation import Command
+from skyarm.compile import Program, leaves, trace
+from skyarm.compile.c.c_file import StepFile
+from skyarm.compile.c.c_source import Floats
+from skyarm.compile.c.c_struct import Struct, Units, make_struct
+from skyarm.compile.tracing.float_trial import PERIODS
+from skyarm.control.controller import Controller
+from skyarm.control.law_checks import check_controller, checked_law
+from skyarm.control.law_trial import level, try_law
+from skyarm.control.model import TORQUE_GAINS
+from skyarm.records.leaves import Place, parts
+from skyarm.records.units import Unit
+from skyarm.reference import Reference
+from skyarm.sensors.measurement import Measurement, blank_measurement
+
+SHORTER = {"parameters": "", "model": "", "vehicle": "", "body": "", "links": "link", "frames": "frame"}
+"""Words of a parameter's path that its name in C leaves out or shortens."""
+
+C_NAMES = {"applied": "obeyed", "feedforward": "fed", "confidence": "doubt"}
+"""Names of the last version that members keep in C, whatever the record calls its field."""
+
+STRUCTS = {
+    "measurement": "What the sensors say.",
+    "reference": "Desired motion.",
+    "memory": "What the law keeps from one call to the next; begin with the first memory.",
+    "command": "What the actuators are asked for.",
+    "parameters": "What the law believes and how hard it pulls; exact zeros and ones are folded into the code.",
+}
+"""Comment of each struct."""
+
+UNITS = {"revolute": "revolute, rad, N m", "prismatic": "prismatic, m, N"}
+
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
+class Constants:
+    """What a call does not change: constants of the law, and the time between two calls (s)."""
+
+    parameters: Any
+    period: Annotated[float, Unit("s", "between two calls")]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
+class ExportedC:
+    """A C file and what is in it."""
+
+    name: str
+    text: str
+    operations: int
+    parameters: tuple[str, ...]
+
+
+def export_c(
+    controller: Controller, *, name: str, period: float, single: bool = False, generator: str = "skyarm"
+) -> ExportedC:
+    """Write a controller as a C file.
+
+    Args:
+        controller: law and constants; its model's vehicle gives joints and rotors.
+        name: begins every name of the file that others see; a C identifier.
+        period: s, time between two calls.
+        single: float in place of double.
+        generator: who writes the file, with its version, for the opening comment.
+
+    Raises:
+        ValueError: the name is no C identifier of at most 64 characters, or the law cannot be traced.
+    """
+    if not NAME.fullmatch(name):
+        raise ValueError(f"name = {name!r}: must be letters, digits and _, begin with a letter, 64 at most")
+    controller.require_compiled("export as C")
+    check_controller(controller)
+    records = _examples(controller, period)
+    seen = level(records["measurement"], float(controller.par.model.gravity))
+    try_law(controller, period, seen, (records["reference"],) * PERIODS)
+    program = _traced(controller, records)
+    structs = _structs(controller, records, program)
+    file = StepFile(
+        name=name,
+        floats=Floats(single),
+        program=program.lowered,
+        structs=structs,
+        notes=STRUCTS,
+        inputs=("measurement", "reference"),
+        output="command",
+    )
+    operations = sum(node.op not in ("input", "const") for node in program.lowered.nodes)
+    names = tuple(member.name for member in structs["parameters"].members)
+    text = file.text(_header(controller, file, period, operations, generator))
+    return ExportedC(name=name, text=text, operations=operations, parameters=names)
+
+
+def _examples(controller: Controller, period: float) -> dict[str, Any]:
+    """Records of data: their values are not used but for the constants and the memory, which become defaults."""
+    vehicle = controller.par.model.vehicle
+    joints = (0.0,) * vehicle.n
+    arm: dict[str, Any] = {f"joint{word}": joints for word in ("s", "_rates", "_accelerations", "_jerks", "_snaps")}
+    return {
+        "parameters": Constants(parameters=controller.par, period=period),
+        "measurement": blank_measurement(vehicle.n, len(vehicle.rotors)),
+        "reference": Reference(**arm).dense(),
+        "memory": controller.memory,
+    }
+
+
+def _traced(controller: Controller, records: dict[str, Any]) -> Program:
+    law = checked_law(controller)
+
+    def step(constants: Constants, measurement: Measurement, reference: Reference, memory: Any) -> Any:
+        following, command = law(memory, measurement, reference, constants.period, par=constants.parameters)
+        if len(leaves(following)) != len(leaves(memory)):
+            raise ValueError(f"law '{controller.name}': its memory must keep its structure to be written in C")
+        return following, _data(command)
+
+    return trace(step, *records.values())
+
+
+def _data(command: Command) -> Command:
+    """A structural zero of a command as data, so that every command has its place."""
+
+    def number(value: Any) -> Any:
+        return float(value) if isinstance(value, int) else value
+
+    return Command(
+        rotor_speeds=tuple(number(w) for w in command.rotor_speeds), efforts=tuple(number(e) for e in command.efforts)
+    )
+
+
+def _structs(controller: Controller, records: dict[str, Any], program: Program) -> dict[str, Struct]:
+    """Struct of each record; of the parameters only what the law reads."""
+    live = {node.index for node in program.lowered.nodes}
+    used = [node.index in live for node in program.lowered.inputs]  # the parameters are the first inputs
+    vehicle = controller.par.model.vehicle
+    command = Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=(0.0,) * vehicle.n)
+    structs = {}
+    for key, record in (records | {"command": command}).items():
+        # measurement, reference and command have the same members in every law of a vehicle
+        everything = [True] * len(leaves(record))
+        structs[key] = make_struct(record, _member, used if key == "parameters" else everything, _on_torque(controller))
+    return structs
+
+
+def _on_torque(controller: Controller) -> Units:
+    """Units of the joints' gains where they act on torque: in the safety layer's recovery, and in one law."""
+    places: list[Place] = [("recovery", "joint_gains")]
+    if controller.name.removeprefix("guarded_") == "decoupled_pd":
+        places += [("joint_gains",), ("inner", "joint_gains")]
+    return {("parameters", *place): TORQUE_GAINS for place in places}
+
+
+def _member(path: Place) -> str:
+    """Name of a struct's member: ("parameters", "model", "vehicle", "links", "0", "body", "mass") is link0_mass."""
+    words: list[str] = []
+    for part in path:
+        if part.isdigit() and words and words[-1] in SHORTER.values():
+            words[-1] += part
+        else:
+            words.append(SHORTER.get(part, C_NAMES.get(part, part)))
+    text = "_".join(word for word in words if word)
+    return text if text[:1].isalpha() else f"value{text}"
+
+
+def _header(controller: Controller, file: StepFile, period: float, operations: int, generator: str) -> list[str]:
+    """Lines of the opening comment: what the file is, of which law and vehicle, its conventions, how to compile it."""
+    name, vehicle = file.name, controller.par.model.vehicle
+    step = controller.law.func if isinstance(controller.law, partial) else controller.law
+    paragraphs = (inspect.getdoc(step) or controller.name).split("\n\n")
+    clocked = any(member.name == "period" for member in file.structs["parameters"].members)
+    return [
+        f"{name}: controller '{controller.name}' for the vehicle '{vehicle.name}'.",
+        f"Generated by {generator}: change the law or the vehicle and export again, do not edit.",
+        "",
+        *(
+            line
+            for part in paragraphs
+            if part is paragraphs[0] or part.startswith("Source:")
+            for line in part.split("\n")
+        ),
+        *([f"Not defined at: {controller.limit}"] if controller.limit else []),
+        f"Structure: {', '.join(_structure(controller))}.",
+        "",
+        f"Vehicle: {vehicle.title or vehicle.name}",
+        *(
+            f"  joint {i}: {link.joint.name} of link {i} '{link.name}', {UNITS[link.joint.kind]}"
+            for i, link in enumerate(vehicle.links)
+        ),
+        *(
+            f"  rotor {i}: {rotor.name}, {'ccw' if rotor.direction > 0 else 'cw'}, at "
+            f"[{', '.join(f'{float(c):.4g}' for c in rotor.position)}] m"
+            for i, rotor in enumerate(vehicle.rotors)
+        ),
+        "",
+        "SI units and radians. World z up; base x forward, y left, z up; quaternions w x y z, base to world.",
+        f"Call {name}_step once every {period:g} s{'' if clocked else ' or at another rate: this law has no clock'}.",
+        "A NaN that the law reads reaches the command: check the command before an actuator gets it.",
+        f"{operations} operations in {file.floats.kind}; nothing is allocated, nothing is global but constants.",
+        "",
+        f"  cc -std=c99 -O2 -c {name}.c        (link with -lm)",
+        "",
+        "Without contraction (GCC -std=c99, or -ffp-contract=off) doubles have the bits of the law in Python.",
+        f"For the declarations alone: #define {name.upper()}_INTERFACE_ONLY, then #include this file.",
+    ]
+
+
+def _structure(controller: Controller) -> list[str]:
+    """Choices that are folded into the code, in words."""
+    par = controller.par
+    own = getattr(par, "inner", par)  # the law's own constants inside a safety layer
+    if hasattr(own, "choices"):
+        return [f"mixer '{par.mixer.policy}'", *own.choices()]
+    terms, rate_error = getattr(own, "terms", None), getattr(own, "rate_error", None)
+    left_out = [name for name, kept in parts(terms).items() if not kept]
+    return [
+        f"mixer '{par.mixer.policy}'",
+        *([f"rate error '{rate_error}'"] if rate_error else []),
+        *([f"without {' and '.join(left_out)}"] if left_out else []),
+    ]

@@ -1,0 +1,100 @@
+"""How many of the paper's numeric cells each column comes near: one rule, said before any verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from skyarm.identify.cell_loss import losses, tally
+from skyarm.identify.records import Cell
+from skyarm.paper.agreement import known
+from skyarm.paper.inferred_settings import unstated_study
+from skyarm.paper.published import PAPER, rounding
+from skyarm.scenario.scenario_record import PLANTS
+
+SHARES = (0.05, 0.10, 0.25)
+
+RULE = (
+    "A cell is within x % if |ours - paper|, less half a unit of the paper's last printed digit, is at most x % of "
+    "|paper|. Settling times are left out: the paper gives no rule for them."
+)
+
+Column = Callable[[Mapping[str, Any]], Any]
+
+
+@lru_cache(maxsize=1)
+def published_cells() -> tuple[Cell, ...]:
+    """The paper's numeric cells but for the settling times."""
+    return tuple(
+        Cell(f"{case} {law}", name, name, value, rounding(case, law, name))
+        for case, laws in PAPER.items()
+        for law, cells in laws.items()
+        for name, value in cells.items()
+        if not name.startswith("settling_time")
+    )
+
+
+def stated(plant: str) -> Column:
+    """What a plant gives as the paper states everything."""
+    return lambda cell: cell.get(plant)
+
+
+def inferred(plant: str) -> Column:
+    """What a plant gives with the inferred settings."""
+    return lambda cell: cell.get("inferred", {}).get(plant)
+
+
+def column_values(experiments: Mapping[str, Any], column: Column, cells: Sequence[Cell]) -> Any:
+    """(cells,) numbers of a column; NaN where there is none."""
+    found = []
+    for cell in cells:
+        case, _, law = cell.flight.rpartition(" ")
+        value = known(column(experiments.get(case, {}).get(law, {}).get(cell.name, {})))
+        found.append(float("nan") if value is None else value)
+    return np.array(found)
+
+
+def counts(
+    experiments: Mapping[str, Any], column: Column, fits: Callable[[Cell], bool] | None = None
+) -> dict[str, Any]:
+    """Loss and counts of a column over the cells that fit; all of them if left out. {} where none was flown."""
+    cells = [cell for cell in published_cells() if fits is None or fits(cell)]
+    values, study = column_values(experiments, column, cells), unstated_study()
+    if np.isnan(values).all():
+        return {}
+    loss = float(losses(values[None, :], cells, study.width, study.knee).sum())
+    return {"loss": loss} | tally(values, cells, SHARES)
+
+
+def in_group(group: str) -> Callable[[Cell], bool]:
+    """Whether a cell belongs to a group of the study."""
+    names = {(cell.flight, cell.name) for cell in unstated_study().among(group)}
+    return lambda cell: (cell.flight, cell.name) in names
+
+
+def sentence(results: Mapping[str, Any]) -> str:
+    """The counts of all columns, in words."""
+    experiments = results.get("experiments", {})
+    by_plant = {plant: counts(experiments, stated(plant)) for plant in PLANTS}
+    found = {plant: counts(experiments, inferred(plant)) for plant in PLANTS}
+    if not any(by_plant.values()):
+        return "No numeric cell of the paper was flown."
+    parts = [f"as stated {_several(by_plant)}"]
+    if any(found.values()):
+        free = results.get("settings", {}).get("inferred", {})
+        many = f"{free['numbers']} numbers and {free['choices']} choices" if free else "settings"
+        parts.append(f"with {many} inferred after seeing the numbers {_several(found)}")
+    return f"Of the paper's {len(published_cells())} numeric cells, {'; '.join(parts)}."
+
+
+def _several(by_plant: Mapping[str, Mapping[str, Any]]) -> str:
+    """Counts on the first plant in words, on the second as numbers."""
+    flown = [(plant, [each[f"within_{share}%"] for share in (25, 10, 5)]) for plant, each in by_plant.items() if each]
+    if not flown:
+        return "none were flown"
+    (first, (far, near, nearest)), *others = flown
+    also = "".join(f" (on {plant} {a}, {b} and {c})" for plant, (a, b, c) in others)
+    return f"{far} lie within 25 %, {near} within 10 % and {nearest} within 5 % on {first}{also}"

@@ -1,0 +1,177 @@
+"""Fly the paper's five experiments with both controllers and measure them as the paper does."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.metrics.metric_catalogue import REFERRED
+from skyarm.metrics.score import score, settling_time
+from skyarm.metrics.windows import Windows
+from skyarm.paper.published import CASES, CONTROLLERS, PAPER
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.scenario_record import PLANTS
+from skyarm.simulate import Log, Scenario, Window, run
+
+STEADY, TRANSIENT, GUST = Window(10.0, 20.0), Window(0.0, 8.0), Window(5.0, 20.0)
+WINDOWS: Mapping[str, Window] = {case: GUST if case == "case2_gust" else STEADY for case in CASES}
+"""Where each case is measured."""
+HOVER = Window(4.0, 5.9)
+HOLDS = (Window(9.0, 12.0), Window(16.0, 19.0))
+"""Case 1: the last 3 s of each hold of 5 s (7-12 s and 14-19 s)."""
+
+CONTINUOUS = "_continuous"
+"""Suffix of a metric taken against the continuous reference in place of the held 50 Hz samples."""
+
+TRACKING = tuple(f"{what}_error_{how}" for what in ("joint", "position", "ee") for how in ("mean", "max"))
+IAE = ("iae_position", "iae_joint")
+STEADY_CASE = (*TRACKING, "peak_pitch", "peak_position", "settling_time", *IAE)
+GUST_CASE = {
+    "peak_x": "gust_peak_x",
+    "pitch_rms": "pitch_rms",
+    **{name: f"gust_{name}" for name in IAE},
+    "peak_pitch": "gust_peak_pitch",
+}
+WIND_CASE = ("position_min", "position_max", "position_ripple", "pitch_mean", "pitch_ripple", "peak_pitch", *IAE)
+"""Rows of Table 2 by kind of case; the gust's under the paper's names."""
+
+Metrics = dict[str, float | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """One episode of the paper: a case, a controller ("CT", "PD" or a preset), a plant."""
+
+    case: str
+    controller: str
+    plant: str
+
+
+def flights(plants: Sequence[str] = PLANTS) -> list[Flight]:
+    """All episodes of the paper on the given plants."""
+    return [Flight(case, controller, plant) for plant in plants for case in CASES for controller in CONTROLLERS]
+
+
+def scenario(flight: Flight) -> Scenario:
+    """The scenario of a flight; nothing but plant and controller is chosen here."""
+    return load_scenario(
+        flight.case, plant=flight.plant, controller=CONTROLLERS.get(flight.controller, flight.controller)
+    )
+
+
+def fly(flight: Flight, change: Callable[[Scenario], Scenario] | None = None) -> Log:
+    """Fly it, optionally with a changed scenario."""
+    planned = scenario(flight)
+    return run(change(planned) if change else planned)
+
+
+def metrics(case: str, log: Log, holds: tuple[Window, ...] = HOLDS) -> Metrics:
+    """Metrics of a case, each against the held and (suffix ``_continuous``) the continuous reference.
+
+    ``holds`` are the windows in which Case 1 holds its arm.
+
+    Null where a metric is not defined; all are null for an episode that ended early, whose windows are cut.
+    """
+    named = _named(case, log.joints.shape[1])
+    twins = {suffix: {name: _twin(metric, suffix) for name, metric in named.items()} for suffix in ("", CONTINUOUS)}
+    wanted = dict.fromkeys(m for each in twins.values() for m in each.values() if not m.startswith("settling_time"))
+    windows = Windows(steady=WINDOWS[case], transient=TRANSIENT, gust=GUST, hover=HOVER, holds=holds)
+    scored = score(log, tuple(wanted), windows)
+    if "settling_time" in named.values():
+        scored |= {f"settling_time{s}": settling_time(log, STEADY, continuous=bool(s)) for s in twins}
+    found = {name + suffix: scored[metric] for suffix, each in twins.items() for name, metric in each.items()}
+    whole = log.status == "completed"
+    return {name: value if whole and math.isfinite(value) else None for name, value in found.items()}
+
+
+def _named(case: str, joints: int) -> dict[str, str]:
+    """Name in the paper's table -> metric, in the order of the table."""
+    efforts = (f"tau{i + 1}_rms" for i in range(joints))
+    always = {name: name for name in ("pitch_rms", "roll_rms", *efforts, "hover_offset")}
+    if case == "case2_gust":
+        return {name: name for name in TRACKING} | GUST_CASE | always
+    if case == "case3_wind":
+        return {name: name for name in (*TRACKING, *WIND_CASE)} | always
+    found = always | {name: name for name in STEADY_CASE}
+    if case == "case1":
+        found |= {"held_position_error": "held_position_error", "settling_time_upper_bound": "settling_time"}
+    return found
+
+
+def _twin(metric: str, suffix: str) -> str:
+    """The metric against the other form of the reference, where it is against one."""
+    return metric + suffix if metric in REFERRED or metric == "settling_time" else metric
+
+
+Measured = Mapping[tuple[str, str, str], Metrics]
+"""Metrics by (case, controller, plant)."""
+
+
+def results(measured: Measured, settings: dict[str, Any], inferred: Measured | None = None) -> dict[str, Any]:
+    """The table of all cells: paper, rigid_body, mujoco; a plant that was not flown is null.
+
+    Args:
+        measured: metrics by (case, controller, plant).
+        settings: what the numbers depend on.
+        inferred: metrics under the inferred settings, which each cell holds by plant.
+    """
+    experiments: dict[str, Any] = {}
+    settled = inferred or {}
+    for case in CASES:
+        experiments[case] = {}
+        for controller in CONTROLLERS:
+            ours = {plant: measured.get((case, controller, plant), {}) for plant in PLANTS}
+            names = list(PAPER[case][controller])
+            names += [name for plant in PLANTS for name in ours[plant] if name not in names]
+            experiments[case][controller] = {
+                name: {"paper": PAPER[case][controller].get(name)}
+                | {p: ours[p].get(name) for p in PLANTS}
+                | {"inferred": {p: settled.get((case, controller, p), {}).get(name) for p in PLANTS}}
+                for name in dict.fromkeys(names)
+            }
+    return {"schema": 1, "experiments": experiments, "settings": settings}
+
+
+def first_plant(results: Mapping[str, Any]) -> str:
+    """The plant that flew first: the one that differences, reasons and figures speak of."""
+    named = results.get("settings", {}).get("plants")
+    if named:
+        return str(named[0])
+    cells = [cell for case in results.get("experiments", {}).values() for c in case.values() for cell in c.values()]
+    return next((plant for plant in PLANTS if any(cell.get(plant) is not None for cell in cells)), PLANTS[0])
+
+
+def settings(logs: Sequence[Log]) -> dict[str, Any]:
+    """What the results depend on: rates, windows, vehicles, seeds, versions, how episodes ended."""
+    info = logs[0].info
+    same = ("plant_vehicle", "plant_gravity", "model_vehicle", "model_gravity", "rates_hz", "duration", "seed")
+    windows = {"steady": STEADY, "transient": TRANSIENT, "gust": GUST, "hover": HOVER}
+    truth = load_scenario(CASES[0]).world.vehicle
+    return {
+        "plants": list(dict.fromkeys(log.info["plant"] for log in logs)),
+        **{name: info[name] for name in same},
+        "integrators": {log.info["plant"]: log.info["integrator"] for log in logs},
+        "physics_step_s": {
+            "rigid_body": 1.0 / info["rates_hz"]["control"],
+            "mujoco": 1.0 / info["rates_hz"]["physics"],
+        },
+        "joint_damping": [float(link.joint.damping) for link in truth.links],
+        "windows_s": {name: [w.start, w.stop] for name, w in windows.items()},
+        "holds_s": [[w.start, w.stop] for w in HOLDS],
+        "ramp_shape": "linear",
+        "not_completed": [
+            f"{end['scenario']} {end['controller']} {end['plant']}: {end['status']}, {end['cause']}"
+            for end in (log.info for log in logs)
+            if end["status"] != "completed"
+        ],
+        "versions": info["versions"],
+    }
+
+
+def with_damping(planned: Scenario, damping: float) -> Scenario:
+    """The scenario with another viscous damping (N m s/rad) on every joint of the truth."""
+    world = dataclasses.replace(planned.world, vehicle=planned.world.vehicle.with_joints(damping=damping))
+    return dataclasses.replace(planned, world=world)

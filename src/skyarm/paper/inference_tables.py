@@ -1,0 +1,162 @@
+"""The evidence for the inferred settings as plain tables: for the terminal, Markdown and the report alike."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from skyarm.paper.counted_cells import RULE, counts, in_group, inferred, stated
+from skyarm.paper.inferred_settings import PREDICTION, unstated_study
+
+Row = Sequence[str]
+
+
+class PlainTable(NamedTuple):
+    """A title, the names of the columns (">" in front: of numbers), and rows of text."""
+
+    title: str
+    head: Sequence[str]
+    rows: Sequence[Row]
+
+
+GROUPS = {
+    "seen": "Cases 2 and 3 (fitted)",
+    "gust": "gust (predicted)",
+    "wind": "constant wind (predicted)",
+    "case1_rest": "Case 1, what its own target and start do not set (predicted)",
+}
+
+
+def number(value: float) -> str:
+    """A setting as written: at most six digits."""
+    return f"{value:.6g}"
+
+
+def settings_table(evidence: Mapping[str, Any]) -> PlainTable:
+    """What was found: each free number with the range in which the loss grows by less than 1, and each choice."""
+    study, stages = unstated_study(), evidence["stages"]
+    settings = stages["fit"]["settings"]
+    rows = []
+    for name in study.free:
+        each = study.parameter(name)
+        low, high = stages[f"profile {name}"]["within_1"]
+        rows.append((each.words, number(settings[name]), each.unit, f"{number(low)} ... {number(high)}"))
+    for name, option in study.family.items():
+        choice = study.choice(name)
+        others = [each.words for each in choice.options if each.name != option]
+        rows.append((choice.words, choice.option(option).words, "choice", f"not: {'; '.join(others)}"))
+    return PlainTable("Inferred settings", ("setting", ">value", "unit", "loss within 1 of the least, on a grid"), rows)
+
+
+def ladder_table(evidence: Mapping[str, Any]) -> PlainTable:
+    """One setting after the other."""
+    rows = [
+        (each["name"], str(each["numbers"]), str(each["choices"]), *_judged(each), *_laws(each))
+        for each in evidence["stages"]["ladder"]["rungs"]
+    ]
+    head = ("step", ">numbers", ">choices", *_JUDGED, ">PD: loss", ">PD within 25 %", ">CT: loss", ">CT within 25 %")
+    return PlainTable("Ladder: each step adds to the one before", head, rows)
+
+
+def choices_table(evidence: Mapping[str, Any]) -> PlainTable:
+    """Each choice taken otherwise, the numbers fitted again."""
+    rows = []
+    for name, stage in evidence["stages"].items():
+        if name.startswith("choice "):
+            rows += [
+                (stage["words"], option["words"], "taken" if option["taken"] else "", *_judged(option))
+                for option in stage["options"]
+            ]
+    return PlainTable("Choices, the numbers fitted again", ("choice", "option", "", *_JUDGED), rows)
+
+
+def profile_tables(evidence: Mapping[str, Any]) -> list[PlainTable]:
+    """Loss over each free number."""
+    study, found = unstated_study(), []
+    for name in study.free:
+        stage, each = evidence["stages"][f"profile {name}"], study.parameter(name)
+        columns = zip(stage["value"], stage["held"], stage["refitted"], strict=True)
+        rows = [(number(value), f"{held:.1f}", f"{again:.1f}") for value, held, again in columns]
+        title = f"Loss over: {each.words}{f', {each.unit}' if each.unit else ''}"
+        found.append(PlainTable(title, (">value", ">the others held", ">the others fitted again"), rows))
+    return found
+
+
+def rivals_table(evidence: Mapping[str, Any]) -> PlainTable:
+    """Every alternative alone on the steady cells of Cases 2 and 3, and on top of what was found."""
+    study, rows = unstated_study(), []
+    for rival in study.rivals:
+        stage = evidence["stages"][f"rival {rival.name}"]
+        row = [rival.words]
+        for group in study.rival_cells:
+            alone = stage["alone"][group]
+            values = ", ".join(number(value) for value in alone["numbers"].values())
+            row += [f"{alone['stated']:.1f} to {alone['loss']:.1f}", values or "-"]
+        top = stage.get("on_top")
+        row += [", ".join(number(v) for v in top["numbers"].values()) or "-", *_judged(top)] if top else ["-"] * 5
+        rows.append(row)
+    head = ["alternative"]
+    for group in study.rival_cells:
+        law = group.removeprefix("steady_")
+        head += [f">{law}: loss alone, from to", ">best value"]
+    return PlainTable("Rivals, each alone, and on top of the fit", (*head, ">value on top", *_JUDGED), rows)
+
+
+def prediction_table(results: Mapping[str, Any], predicted: Mapping[str, Any], plant: str) -> PlainTable:
+    """Out of sample, flown live: as stated, as predicted from Cases 2 and 3, as fitted to everything.
+
+    ``predicted`` are the experiments of results whose inferred column has the predicted settings.
+    """
+    study, rows = unstated_study(), []
+    seen = next(each.seen for each in study.predictions if each.name == PREDICTION)
+    columns = ((results["experiments"], stated), (predicted, inferred), (results["experiments"], inferred))
+    for group, words in GROUPS.items():
+        name = seen if group == "seen" else group
+        row = [words]
+        for experiments, column in columns:
+            found = counts(experiments, column(plant), in_group(name))
+            row += [f"{found['loss']:.1f}", _share(found, "10%"), _share(found, "25%")] if found else ["-"] * 3
+        rows.append(row)
+    head = [f">{which}: {what}" for which in ("as stated", "from Cases 2 and 3", "fitted to all")
+            for what in ("loss", "within 10 %", "within 25 %")]  # fmt: skip
+    return PlainTable(f"Out of sample, {plant}", ("cells", *head), rows)
+
+
+def evidence_tables(evidence: Mapping[str, Any]) -> list[PlainTable]:
+    """Everything that a search prints."""
+    before = [settings_table(evidence), ladder_table(evidence), choices_table(evidence)]
+    return [*before, *profile_tables(evidence), rivals_table(evidence)]
+
+
+def markdown_of(tables: Sequence[PlainTable]) -> str:
+    """Tables as Markdown."""
+    parts = [RULE, ""]
+    for title, head, rows in tables:
+        names = [name.removeprefix(">") for name in head]
+        parts += [f"## {title}", "", f"| {' | '.join(names)} |", "|---" * len(names) + "|"]
+        parts += [f"| {' | '.join(row)} |" for row in rows] + [""]
+    return "\n".join(parts)
+
+
+_JUDGED = (">loss", ">within 5 %", ">within 10 %", ">within 25 %")
+
+
+def _judged(found: Mapping[str, Any]) -> list[str]:
+    return [f"{found['loss']:.1f}", *(str(found[f"within_{share}%"]) for share in (5, 10, 25))]
+
+
+def _laws(found: Mapping[str, Any]) -> list[str]:
+    groups = [found["groups"][law] for law in ("PD", "CT")]
+    return [text for each in groups for text in (f"{each['loss']:.1f}", _share(each, "25%"))]
+
+
+def _share(found: Mapping[str, Any], within: str) -> str:
+    return f"{found[f'within_{within}']} of {found['cells']}"
+
+
+def inferred_facts(evidence: Mapping[str, Any]) -> dict[str, Any]:
+    """What the inferred column depends on, for ``settings`` of the results."""
+    study = unstated_study()
+    settings = evidence["stages"]["fit"]["settings"]
+    facts = {"numbers": len(study.free), "choices": len(study.family), "settings": settings}
+    return {"inferred": facts | {"found_by": evidence["version"], "study": evidence["study_digest"][:16]}}

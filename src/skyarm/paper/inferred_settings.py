@@ -1,0 +1,101 @@
+"""The paper's cases with the settings that its numbers speak for, found by a search after seeing them."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from skyarm.identify.identification import study_digest
+from skyarm.identify.records import IdentificationStudy
+from skyarm.identify.study_reader import read_identification
+from skyarm.paper.flights import HOLDS, Flight, Metrics, flights, metrics
+from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.scenario_file import scenario_from
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate import Window, run
+
+LIBRARY = resources.files("skyarm.paper") / "library"
+STUDY, FOUND = "unstated_settings.toml", "unstated_settings.json"
+"""The study, and what the search that ships with the package found."""
+
+INFERRED, PREDICTED = "inferred", "predicted"
+"""Settings found on all cells, and those found on Cases 2 and 3 only."""
+
+MOTION = 6.0
+"""s at which the motion begins as stated."""
+
+PREDICTION = "from_cases_2_and_3"
+
+
+@lru_cache(maxsize=1)
+def unstated_study() -> IdentificationStudy:
+    """The study of what the paper leaves open."""
+    return read_identification((LIBRARY / STUDY).read_bytes(), Path(), STUDY)
+
+
+def shipped_evidence() -> dict[str, Any]:
+    """What the search found that ships with the package (``skyarm reproduce --infer`` makes it anew)."""
+    found: dict[str, Any] = json.loads((LIBRARY / FOUND).read_text(encoding="utf-8"))
+    return found
+
+
+def is_of_this_study(evidence: Mapping[str, Any]) -> bool:
+    """Whether evidence was found with the study as it is now."""
+    return bool(evidence.get("study_digest") == study_digest(unstated_study()))
+
+
+def settings_in(evidence: Mapping[str, Any], kind: str) -> dict[str, Any]:
+    """Settings of a kind: inferred, or predicted."""
+    stage = "fit" if kind == INFERRED else f"prediction {PREDICTION}"
+    return dict(evidence["stages"][stage]["settings"])
+
+
+def inferred_scenario(flight: Flight, settings: Mapping[str, Any]) -> Scenario:
+    """The scenario of a flight under settings of the study."""
+    study, name = unstated_study(), f"{flight.case} {flight.controller}"
+    planned = scenario_from(study.tables(name, settings), replaced={"plant": flight.plant})
+    changed = with_numbers(planned, study.numbers(name, settings))
+    # a single flight needs no room for longer delays
+    return dataclasses.replace(changed, delays=dataclasses.replace(changed.delays, longest_command=None))
+
+
+@dataclass(frozen=True, slots=True)
+class InferredJob:
+    """One flight of the paper under settings that were found."""
+
+    kind: str
+    flight: Flight
+    settings: tuple[tuple[str, Any], ...]
+
+    @property
+    def plant(self) -> str:
+        """That it flies on."""
+        return self.flight.plant
+
+    @property
+    def label(self) -> str:
+        """In words, for a progress bar."""
+        return f"{self.flight.case} {self.flight.controller} {self.flight.plant}, {self.kind} settings"
+
+    def perform(self) -> Metrics:
+        """Fly and measure it."""
+        planned = inferred_scenario(self.flight, dict(self.settings))
+        # the arm of Case 1 is held as long after the law has joined as it is after 6 s where all is as stated
+        later = float(planned.joined) - MOTION if self.flight.case == "case1" and planned.joined else 0.0
+        holds = tuple(Window(each.start + later, each.stop + later) for each in HOLDS)
+        return metrics(self.flight.case, run(planned), holds)
+
+
+def inferred_jobs(plants: Sequence[str], evidence: Mapping[str, Any]) -> list[InferredJob]:
+    """Every flight of the paper with the inferred settings; with the predicted ones on the first plant."""
+    inferred, predicted = (tuple(settings_in(evidence, kind).items()) for kind in (INFERRED, PREDICTED))
+    return [
+        *(InferredJob(INFERRED, flight, inferred) for flight in flights(plants)),
+        *(InferredJob(PREDICTED, flight, predicted) for flight in flights(plants[:1])),
+    ]

@@ -1,0 +1,182 @@
+"""The paper reproduced: fly, measure, draw, write."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from skyarm.compare.comparison import PAGE, Comparison, fly_comparison, prepare
+from skyarm.figures.embed import image_bytes
+from skyarm.figures.overview import overview_figure
+from skyarm.figures.paper_figures import paper_figures
+from skyarm.figures.tip_trace import tip_figure
+from skyarm.files import require_replaceable, require_writable, write_atomically
+from skyarm.files.old_names import warn_of_old_name
+from skyarm.paper.beyond_paper import WIND, in_the_wind
+from skyarm.paper.campaign import Campaign, Progress, run_campaign
+from skyarm.paper.flights import STEADY, WINDOWS, flights, results, settings
+from skyarm.paper.inference_tables import evidence_tables, inferred_facts, markdown_of, prediction_table
+from skyarm.paper.inferred_settings import INFERRED, PREDICTED, shipped_evidence
+from skyarm.paper.reasons import Reasons, reasons
+from skyarm.paper.report.report_beyond import NAMES, beyond_section, comparison_section
+from skyarm.paper.report.report_inferred import inferred_section
+from skyarm.paper.report.report_page import report_html
+from skyarm.paper.short_table import markdown
+from skyarm.paper.variations import variations
+from skyarm.scenario.scenario_record import PLANTS
+
+Note = Callable[[str], None]
+
+COMPARED = "compare"
+"""Folder of the whole comparison, beside the report."""
+
+NAMED = (*(f"figure_{n:02d}" for n in range(3, 19)), "overview", "tip")
+
+DPI = 300
+"""Resolution of the figure files, sharp in print at their size of one column."""
+
+
+def reproduce(
+    out: str | os.PathLike[str] = "out/paper",
+    *,
+    plants: Sequence[str] = PLANTS,
+    workers: int = 1,
+    comparison: Comparison | None = None,
+    evidence: Mapping[str, Any] | None = None,
+    progress: Progress | None = None,
+    note: Note | None = None,
+    bench: Comparison | None = None,
+) -> dict[str, Any]:
+    """Fly the paper's five experiments with both controllers and write everything that comes of it.
+
+    Writes ``results.json``, ``sensitivity.json``, ``beyond.json``, ``table2.md``, ``inference.md``, ``report.html``,
+    ``figures/figure_03.png`` ... ``figure_18.png``, ``overview.png`` and ``tip.png`` (first plant),
+    ``logs/PLANT/CASE_CONTROLLER.npz``; each file appears whole or not at all.
+
+    Args:
+        out: folder, made if missing.
+        plants: "rigid_body", "mujoco" or both.
+        workers: processes that fly.
+        comparison: fly it too, into ``compare/``, where it goes on if it was interrupted, and show its tables.
+        evidence: of a search for the paper's unstated settings (:func:`skyarm.identify.identification.identify`); that
+            of the package if left out.
+        progress: called after every episode.
+        note: called with one line on the flights and one before each further stage.
+        bench: old name of comparison.
+
+    Returns:
+        The content of ``results.json``.
+
+    Raises:
+        ValueError: an unknown plant.
+        OSError: the folder or a file in it cannot be written; raised before any flight.
+    """
+    if bench is not None:
+        warn_of_old_name("reproduce(bench=...)", "comparison")
+        comparison = bench
+    folder = prepare_folder(out, plants)
+    if comparison is not None:
+        prepare(folder / COMPARED)
+    say = note or (lambda _line: None)
+    chosen: dict[str, Any] = {} if evidence is None else {"evidence": evidence}
+    campaign = run_campaign(plants, workers=workers, progress=progress, **chosen)
+    say(campaign.effort.words())
+    evidence = evidence or shipped_evidence()
+    facts = settings(campaign.all_logs()) | inferred_facts(evidence)
+    table = results(campaign.measured(), facts, campaign.found.get(INFERRED))
+    predicted = results(campaign.measured(), facts, campaign.found.get(PREDICTED))["experiments"]
+    why = reasons(table, campaign.sensitivity)
+    say("writing tables and logs")
+    summaries = campaign.beyond.summaries()
+    _write_data(folder, table, why, campaign, summaries)
+    tables = [prediction_table(table, predicted, plants[0]), *evidence_tables(evidence)]
+    write_atomically(folder / "inference.md", markdown_of(tables).encode())
+    say("drawing Figures 3-18")
+    first = campaign.logs[plants[0]]
+    figures = paper_figures(first, WINDOWS)
+    for name, figure in {
+        **{f"figure_{n:02d}": f for n, f in figures.items()},
+        "overview": overview_figure(first, STEADY),
+    }.items():
+        write_atomically(folder / "figures" / f"{name}.png", image_bytes(figure, dpi=DPI))
+    further = _further(folder, campaign, summaries)
+    if comparison is not None:
+        say("flying the comparison")
+        found = fly_comparison(comparison, folder / COMPARED, threads=workers, progress=progress)
+        further["All laws compared"] = comparison_section(found, comparison, f"{COMPARED}/{PAGE}")
+    say("writing report.html")
+    shown = {"Inferred settings": inferred_section(table, predicted, evidence, plants[0])} if campaign.found else {}
+    page = report_html(table, campaign.sensitivity, campaign.logs, why, figures, shown | further)
+    write_atomically(folder / "report.html", page.encode())
+    return table
+
+
+def prepare_folder(out: str | os.PathLike[str], plants: Sequence[str]) -> Path:
+    """The folder, in which every file of the reproduction can be written.
+
+    Raises:
+        ValueError: an unknown plant.
+        OSError: the folder or a file in it cannot be written.
+    """
+    for plant in plants:
+        if plant not in PLANTS:
+            raise ValueError(f"plants = {list(plants)}: must be some of {', '.join(PLANTS)}")
+    if not plants:
+        raise ValueError(f"plants = []: must be one of {', '.join(PLANTS)} at least")
+    folder = require_writable(out)
+    for inner in ("figures", *(f"logs/{plant}" for plant in plants)):
+        require_writable(folder / inner)
+    require_replaceable(*_files(folder, plants))
+    return folder
+
+
+def _further(folder: Path, campaign: Campaign, summaries: dict[str, Any]) -> dict[str, str]:
+    """Sections beyond the paper: title -> HTML; their picture is written too. Empty where nothing of it flew."""
+    if not campaign.beyond.cells:
+        return {}
+    logs = in_the_wind(campaign.beyond, campaign.logs)
+    picture = b""
+    if logs:
+        flown = {NAMES[name]: log for name, log in next(iter(logs.values())).items()}
+        figure = tip_figure(flown, WINDOWS[WIND], "Case 3 in constant wind, perfect state")
+        picture = image_bytes(figure, dpi=160)
+        write_atomically(folder / "figures" / "tip.png", image_bytes(figure, dpi=DPI))
+    return {"Beyond the paper": beyond_section(summaries, logs, picture)}
+
+
+def _files(folder: Path, plants: Sequence[str]) -> list[Path]:
+    """Every file that will be written."""
+    pages = [
+        folder / name
+        for name in ("results.json", "sensitivity.json", "beyond.json", "table2.md", "inference.md", "report.html")
+    ]
+    drawn = [folder / "figures" / f"{name}.png" for name in NAMED]
+    return (
+        pages
+        + drawn
+        + [folder / "logs" / each.plant / f"{each.case}_{each.controller}.npz" for each in flights(plants)]
+    )
+
+
+def _json(value: Any) -> bytes:
+    return (json.dumps(value, indent=1, allow_nan=False) + "\n").encode()
+
+
+def _write_data(
+    folder: Path, table: dict[str, Any], why: Reasons, campaign: Campaign, summaries: dict[str, Any]
+) -> None:
+    write_atomically(folder / "results.json", _json(table))
+    labels = {f"{each.group}/{each.value}": each.label for each in variations()}
+    evidence = {"schema": 1, "labels": labels, "reasons": why, "variations": campaign.sensitivity}
+    write_atomically(folder / "sensitivity.json", _json(evidence))
+    write_atomically(
+        folder / "beyond.json", _json({"schema": 1, "seed": 0, "plant": "rigid_body", "summaries": summaries})
+    )
+    write_atomically(folder / "table2.md", markdown(table, why).encode())
+    for plant, cases in campaign.logs.items():
+        for case, controllers in cases.items():
+            for controller, log in controllers.items():
+                log.save_npz(folder / "logs" / plant / f"{case}_{controller}.npz")

@@ -1,0 +1,167 @@
+"""What the unpublished assumptions are worth: each is varied alone, and the whole table is measured again.
+
+The variations are the evidence behind the reasons in the report; none of them enters the table itself.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from skyarm.paper.flights import Metrics, metrics, with_damping
+from skyarm.paper.published import CASES
+from skyarm.reference import sequence
+from skyarm.simulate import Delays, Log, Scenario
+
+DAMPINGS = (0.0, 0.001, 0.005, 0.02, 0.05)
+"""N m s/rad on both joints."""
+
+ASSUMED_DAMPING = 0.001
+"""What the shipped truth vehicle has: this one is the table itself."""
+
+TIME_SHIFTS = (-0.5, 0.5, 1.0)
+"""s by which a recorded reference may be late (positive) or early against the recorded response."""
+
+BAG_STARTS = (2.0, 6.0, 8.0)
+"""s by which a recording may have begun before our t = 0: the published peaks of PD in [0, 8) s are those of hover."""
+
+STEP_RISE = 1e-3
+"""s; between two samples of a 50 Hz reference such a ramp is a step."""
+
+LATENCY = 0.003
+"""s of command delay: RotorS's chain of about three physics steps of 1 ms."""
+
+
+GROUPS = {
+    "joint_damping": "Joint damping [N m s/rad]",
+    "joint_damping_first": "Damping of joint 1 only [N m s/rad]",
+    "ramp_shape": "Shape of the ramp, Case 1",
+    "command_latency": "Latency of commands [s]",
+    "time_shift": "Recorded reference later than the response by [s]",
+    "bag_start": "Recording begun before our t = 0 by [s]",
+}
+"""What is varied, in words."""
+
+ALIGNMENTS = ("time_shift", "bag_start")
+"""Groups that say how one bag was aligned: a recording has one alignment, so at most one of them is true of it."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Variation:
+    """One assumption changed.
+
+    Attributes:
+        group, value: how tables name it. label: in words.
+        cases: where it applies.
+        change: makes the changed scenario; None re-measures the same flight.
+        measure: makes metrics of a case's log.
+    """
+
+    group: str
+    value: str
+    label: str
+    cases: tuple[str, ...] = CASES
+    change: Callable[[Scenario], Scenario] | None = None
+    measure: Callable[[str, Log], Metrics] = metrics
+
+    @property
+    def assumed(self) -> bool:
+        """True for what the table itself assumes: flown and measured as it is."""
+        return self.change is None and self.measure is metrics
+
+
+def reshaped_ramps(planned: Scenario, shape: str) -> Scenario:
+    """Case 1 with other ramps, same times and heights: quintic blends, or steps (only their ends published)."""
+    heights = (0.3, 0.3, 0.0, -0.3, -0.3, 0.0)
+    rise = 1.0 if shape == "quintic" else STEP_RISE
+    segments: list[tuple[float, float]] = []
+    for height, seconds in zip(heights, (1.0, 5.0, 1.0, 1.0, 5.0, 1.0), strict=True):
+        moving = min(rise, seconds)
+        segments += [(moving, height)] + ([(seconds - moving, height)] if seconds > moving else [])
+    base = planned.trajectory
+    first = sequence(6.0, segments, shape="quintic" if shape == "quintic" else "linear")
+    return dataclasses.replace(planned, trajectory=dataclasses.replace(base, joints=(first, *base.joints[1:])))
+
+
+def damped_first_joint(planned: Scenario) -> Scenario:
+    """0.05 N m s/rad on joint 1 only, what the published torques of joint 1 ask for."""
+    truth = planned.world.vehicle
+    first = dataclasses.replace(truth.links[0], joint=dataclasses.replace(truth.links[0].joint, damping=DAMPINGS[-1]))
+    vehicle = dataclasses.replace(truth, links=(first, *truth.links[1:]))
+    return dataclasses.replace(planned, world=dataclasses.replace(planned.world, vehicle=vehicle))
+
+
+def delayed(planned: Scenario) -> Scenario:
+    """Every command 3 ms late."""
+    return dataclasses.replace(planned, delays=Delays(command=LATENCY))
+
+
+def shifted_bag(case: str, log: Log, shift: float) -> Metrics:
+    """Metrics of a log whose recorded reference is ``shift`` seconds late against the response."""
+    rate = log.info["rates_hz"]["control"]
+    rows = np.clip(np.arange(log.time.size) - round(shift * rate), 0, log.time.size - 1)
+    names = [
+        f"{quantity}_{form}" for quantity in ("position", "joints", "yaw", "tool") for form in ("held", "reference")
+    ]
+    return metrics(case, dataclasses.replace(log, **{name: getattr(log, name)[rows] for name in names}))
+
+
+def earlier_bag(case: str, log: Log, seconds: float) -> Metrics:
+    """Metrics of a log whose recording began ``seconds`` before t = 0: every window lies that much earlier."""
+    return metrics(case, dataclasses.replace(log, time=log.time + seconds))
+
+
+def _damped(damping: float) -> Variation:
+    return Variation(
+        group="joint_damping",
+        value=f"{damping:g}",
+        label=f"joint damping {damping:g} N m s/rad",
+        change=None if damping == ASSUMED_DAMPING else lambda planned: with_damping(planned, damping),
+    )
+
+
+def _shifted(shift: float) -> Variation:
+    return Variation(
+        group="time_shift",
+        value=f"{shift:g}",
+        label=f"recorded reference {abs(shift):g} s {'late' if shift > 0.0 else 'early'}",
+        measure=lambda case, log: shifted_bag(case, log, shift),
+    )
+
+
+def _begun(seconds: float) -> Variation:
+    return Variation(
+        group="bag_start",
+        value=f"{seconds:g}",
+        label=f"windows {seconds:g} s earlier",
+        measure=lambda case, log: earlier_bag(case, log, seconds),
+    )
+
+
+def variations() -> list[Variation]:
+    """All of them."""
+    ramps = [Variation(group="ramp_shape", value="linear", label="linear ramps", cases=("case1",))]
+    for shape, label in (("quintic", "quintic ramps"), ("step", "ramps published as steps")):
+        change = functools.partial(reshaped_ramps, shape=shape)
+        ramps.append(Variation(group="ramp_shape", value=shape, label=label, cases=("case1",), change=change))
+    first = Variation(
+        group="joint_damping_first",
+        value=f"{DAMPINGS[-1]:g}",
+        label=f"joint damping {DAMPINGS[-1]:g} N m s/rad on joint 1 only",
+        change=damped_first_joint,
+    )
+    late = Variation(
+        group="command_latency", value=f"{LATENCY:g}", label=f"commands {1e3 * LATENCY:g} ms late", change=delayed
+    )
+    damped = [_damped(damping) for damping in DAMPINGS]
+    bags = [*(_shifted(shift) for shift in TIME_SHIFTS), *(_begun(seconds) for seconds in BAG_STARTS)]
+    return [*damped, first, *ramps, late, *bags]
+
+
+def variation(group: str, value: str) -> Variation:
+    """A variation by its names."""
+    return next(each for each in variations() if (each.group, each.value) == (group, value))

@@ -1,0 +1,64 @@
+"""The longest integration step that air, forces and drives bear, as they state it themselves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+from skyarm.actuation.drive import Drive
+from skyarm.compile import leaves
+from skyarm.environment import Component
+from skyarm.files import shown
+from skyarm.plant.surroundings import Surroundings
+from skyarm.records import coerce
+from skyarm.records.coerce import concrete
+
+MOST_STEPS = 1000
+"""Integration steps of a control period at most: a record that asks for more is a slip of units."""
+
+
+def largest_step(around: Any) -> float | None:
+    """The smallest ``largest_step`` (s) of the air, forces and drives of a period; None where none states one."""
+    if not isinstance(around, Surroundings):
+        return None
+    records: tuple[Component | Drive, ...] = (*around.components, *around.drives)
+    stated = [float(record.largest_step) for record in records if record.largest_step is not None]
+    return min(stated, default=None)
+
+
+STATED = ("plant.drives.", "environment.air.", "environment.forces.")
+"""Beginnings of the paths of numbers from which a largest step may follow."""
+
+
+def stated_step(scenario: Any) -> float | None:
+    """The same of a scenario, before anything of it is built."""
+    return largest_step(Surroundings(components=scenario.components, drives=scenario.all_drives))
+
+
+def divisions(seconds: float, largest: float | None) -> int:
+    """The smallest whole number by which ``seconds`` must be divided to be at most ``largest``."""
+    # 0.005 / 0.001 is five up to rounding
+    return 1 if largest is None else max(1, math.ceil(seconds / largest - 1e-9))
+
+
+def check_largest_step(records: Iterable[tuple[str, Any]], period: float) -> None:
+    """Refuse a largest step that is none, or far below the control period.
+
+    Args:
+        records: (where it stands, air, force or drive).
+        period: control period, s.
+
+    Raises:
+        ValueError: one line with field, value and what is allowed.
+    """
+    for where, record in records:
+        # a property of traced numbers is not asked: it may branch
+        if not concrete(*leaves(record)) or record.largest_step is None:
+            continue
+        value = coerce.number(f"{where}.largest_step", record.largest_step)
+        if concrete(value) and not period / MOST_STEPS <= value < math.inf:
+            raise ValueError(
+                f"{where}.largest_step = {shown(value)}: must be None or at least {period / MOST_STEPS:g} s, a "
+                f"thousandth of the control period"
+            )

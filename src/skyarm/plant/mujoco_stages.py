@@ -1,0 +1,130 @@
+"""A Runge-Kutta step of fourth order of MuJoCo's bodies in which all that pushes is evaluated at each stage.
+
+The attitude of a step is its first one times the exponential of a rotation vector u, and it is u that the method
+integrates: du/dt = w + 1/2 u x w + 1/12 u x (u x w), the rest of the series being of fifth order.
+Source: Munthe-Kaas 1999, Runge-Kutta methods on Lie groups; tableau of Kutta 1901.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import accumulate, pairwise
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from skyarm.actuation import Command
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.compile import leaves
+from skyarm.compile.llvm.quick_function import Quick
+from skyarm.dynamics.state import State
+from skyarm.plant.interface import number
+from skyarm.plant.loads import lagged
+from skyarm.plant.mujoco_layout import Layout
+from skyarm.plant.surroundings import Around
+from skyarm.scalars import add, mul
+
+STAGES = (
+    (1.0 / 2.0, 1.0 / 6.0, 0.0, 0.5),
+    (1.0 / 2.0, 1.0 / 3.0, 0.0, 0.5),
+    (1.0, 1.0 / 3.0, 0.0, 1.0),
+    (1.0 / 6.0, 0.0, 1.0, 1.0),
+)
+"""Of each stage, in steps: share of its slope in the next state, in the sum of slopes, that of the sum in the next
+state, and the time of the next state. What follows the last stage is the state after the step."""
+
+
+class StagedRungeKutta:
+    """Steps of MuJoCo's bodies with loads at each stage: MuJoCo gives accelerations, one program all else.
+
+    Args:
+        layout: of the vehicle. model, data: MuJoCo's; a step works in ``data``.
+        around: surroundings as an example. dt: length of a step, s.
+    """
+
+    def __init__(self, layout: Layout, model: Any, data: Any, around: Around, dt: float) -> None:
+        self._layout, self._model, self._data = layout, model, data
+        self._qpos, self._qvel, self._force, self._qacc = data.qpos, data.qvel, data.qfrc_applied, data.qacc
+        nq, nv, rotors = layout.nq, layout.nv, layout.rotors
+        state, slopes = (0.0,) * layout.end, (0.0,) * (2 * nv)
+        inputs = state, state, (0.0,) * 3, slopes, (0.0,) * nv, (0.0,) * 4
+        self._program = Quick(self._stage, *inputs, (0.0,) * rotors, (0.0,) * layout.vehicle.n, around)
+        ends = accumulate((len(part) for part in inputs), initial=0)
+        parts = [self._program.inputs[a:b] for a, b in pairwise(ends)]
+        self._start, self._now, self._turn, self._sum, self._acceleration, self._weights = parts
+        self._given = self._program.inputs[sum(len(part) for part in inputs) :]
+        # state, rotation vector and sum stand side by side among inputs and outputs: one copy
+        width = layout.end + 3 + 2 * nv
+        self._moving, self._moved = self._program.inputs[layout.end :][:width], self._program.outputs[:width]
+        self._loads = self._program.outputs[width:]
+        self._positions, self._velocities = self._now[:nq], self._now[nq : nq + nv]
+        self._tableau = dt * np.array(STAGES)
+        # a share of a sum of slopes that hold a step's length already
+        self._tableau[:, 2] = [row[2] for row in STAGES]
+
+    def _stage(
+        self, start: Any, now: Any, u: Any, total: Any, qacc: Any, weights: Any, speeds: Any, setpoints: Any,
+        around: Around,
+    ) -> tuple[Any, ...]:  # fmt: skip
+        """Next state, its rotation vector, the sum of slopes, and the loads on the next state."""
+        first, x, (own, share, earlier, time) = self._layout.state(start), self._layout.state(now), weights
+        slope = self._slope(x, Vec3(*u), qacc)
+        change = [add(mul(earlier, s), mul(own, k)) for s, k in zip(total, slope, strict=True)]
+        following = _moved(first, change)
+        command = Command(rotor_speeds=speeds, efforts=setpoints)
+        following = replace(following, rotor_speeds=lagged(self._layout.vehicle, first, command, time))
+        sums = [add(s, mul(share, k)) for s, k in zip(total, slope, strict=True)]
+        loads = self._layout.generalized_forces(following, setpoints, around)
+        numbers = self._layout.to_mujoco(leaves(following))
+        return tuple(number(value) for value in (*numbers, *change[3:6], *sums, *loads))
+
+    def _slope(self, x: State, u: Vec3, qacc: Any) -> list[Any]:
+        """Rates of position, rotation vector, joints, and of the three velocities."""
+        linear, angular, joints = self._layout.accelerations(qacc)
+        across = u.cross(x.rate)
+        turning = x.rate + across * 0.5 + u.cross(across) * (1.0 / 12.0)
+        return [*x.velocity, *turning, *x.joint_rates, *linear, *angular, *joints]
+
+    def advance(self, x: Sequence[float], forces: Any, given: Sequence[float], steps: int) -> list[float]:
+        """State in MuJoCo's order after some steps of held command and surroundings.
+
+        Args:
+            x: state now, in MuJoCo's order.
+            forces: generalised forces on it.
+            given: rotor commands, setpoints and numbers of the surroundings.
+            steps: how many.
+        """
+        model, data, program, forward = self._model, self._data, self._program.step, mujoco.mj_forward
+        self._now[:], self._given[:], self._loads[:] = x, given, forces
+        for _ in range(steps):
+            self._start[:] = self._now
+            self._turn[:], self._sum[:] = 0.0, 0.0
+            for row in self._tableau:
+                self._qpos[:], self._qvel[:], self._force[:] = self._positions, self._velocities, self._loads
+                forward(model, data)
+                self._acceleration[:], self._weights[:] = self._qacc, row
+                program()
+                self._moving[:] = self._moved
+        found: list[float] = self._now.tolist()
+        return found
+
+
+def _moved(first: State, change: Sequence[Any]) -> State:
+    """A state moved by changes of position, rotation vector, joints and velocities."""
+    n = len(first.joints)
+
+    def line(values: Sequence[Any], more: Sequence[Any]) -> tuple[Any, ...]:
+        return tuple(add(value, extra) for value, extra in zip(values, more, strict=True))
+
+    turned = first.quaternion * Quaternion.of_rotation_vector(Vec3(*change[3:6]))
+    return replace(
+        first,
+        position=first.position + Vec3(*change[0:3]),
+        quaternion=turned.normalized(),
+        joints=line(first.joints, change[6 : 6 + n]),
+        velocity=first.velocity + Vec3(*change[6 + n : 9 + n]),
+        rate=first.rate + Vec3(*change[9 + n : 12 + n]),
+        joint_rates=line(first.joint_rates, change[12 + n :]),
+    )

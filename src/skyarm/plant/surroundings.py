@@ -1,0 +1,76 @@
+"""What a plant is told of the world outside its state for one control period."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.actuation.drive import TORQUE_DRIVE, Drive
+from skyarm.algebra import ZERO3, Vec3
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.dynamics.state import State
+from skyarm.environment import Component, Effectiveness, WindSample, Wrench
+from skyarm.scalars import Scalar, data
+from skyarm.vehicle.vehicle_records import BASE, Vehicle
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Surroundings:
+    """Air, forces, faults and drives, with their memories, held for one control period.
+
+    Attributes:
+        components: air and forces, in the order in which they add up. memories: theirs.
+        time: s, of the period's beginning.
+        effectiveness: what faults leave of the actuators; None for whole ones.
+        drives: of the joints, in order; empty where all take torques. drive_memories: theirs.
+    """
+
+    components: tuple[Component, ...] = ()
+    memories: tuple[Any, ...] = ()
+    time: Scalar = 0.0
+    effectiveness: Effectiveness | None = None
+    drives: tuple[Drive, ...] = ()
+    drive_memories: tuple[Any, ...] = ()
+
+    def air_velocity(self, position_W: Vec3) -> Vec3:
+        """Velocity of the air at a place, world axes, m/s."""
+        total = ZERO3
+        for component, memory in zip(self.components, self.memories, strict=True):
+            total = total + component.velocity(memory, self.time, position_W)
+        return total
+
+    def wrenches(self, motion: PointMotion, rotor_speeds: Sequence[Any]) -> list[Wrench]:
+        """What acts on the bodies, but for rotors and drag."""
+        found: list[Wrench] = []
+        for component, memory in zip(self.components, self.memories, strict=True):
+            found += component.wrenches(memory, self.time, motion, rotor_speeds)
+        return found
+
+    def effort(self, index: int, setpoint: Any, position: Any, rate: Any) -> Any:
+        """What a joint's drive gives before its limit and friction, N m or N."""
+        if not self.drives:
+            return TORQUE_DRIVE.effort((), setpoint, position, rate)
+        return self.drives[index].effort(self.drive_memories[index], setpoint, position, rate)
+
+
+Around = Surroundings | WindSample
+"""What plants take: surroundings, or a wind sample in their place."""
+
+
+def surroundings_of(around: Around) -> Surroundings:
+    """A wind sample alone as surroundings that never change."""
+    if isinstance(around, Surroundings):
+        return around
+    return Surroundings(components=(around,), memories=((),), effectiveness=around.effectiveness)
+
+
+def felt(around: Surroundings, vehicle: Vehicle, state: State) -> WindSample:
+    """Force on the base and velocity of the air at its origin: what a log keeps of the surroundings."""
+    motion = PointMotion(vehicle, state)
+    force = ZERO3
+    for wrench in around.wrenches(motion, state.rotor_speeds):
+        if wrench.body == BASE:
+            force = force + wrench.force_W
+    air = around.air_velocity(state.position)
+    return WindSample(Vec3(*(data(c) for c in force)), ZERO3, Vec3(*(data(c) for c in air)))

@@ -1,0 +1,230 @@
+"""What a record is given, as what it holds: plain floats, vectors, tuples; everything else is refused.
+
+NumPy's scalars and arrays without axes become floats, so that checks see them; arrays with axes are lanes of a batch
+and stay, as do JAX arrays and nodes of a trace. Each rule takes a field's name and what was given, and returns what is
+held, or raises RecordError: one line with field, value and what is allowed.
+"""
+
+from __future__ import annotations
+
+import numbers
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any, NoReturn
+
+from skyarm.algebra import Mat3, Sym3, Vec3
+from skyarm.files import shown
+from skyarm.scalars import structural
+
+Rule = Callable[[str, Any], Any]
+"""From a field's name and what was given to what is held; raises RecordError."""
+
+TOLERANCE = 1e-6
+"""Relative slack for unit lengths, orthogonality and symmetry (rounding of published numbers)."""
+
+
+class RecordError(ValueError):
+    """A field of a record is given what it cannot hold."""
+
+
+def refuse(field: str, value: Any, allowed: str) -> NoReturn:
+    """Raise with field, value and what is allowed, on one line."""
+    raise RecordError(f"{field} = {shown(value)}: {allowed}")
+
+
+def concrete(*values: Any) -> bool:
+    """True if all values are plain numbers (not lanes, nodes or tracers)."""
+    return all(isinstance(value, (int, float)) for value in values)
+
+
+_STRUCTURE = (-1, 0, 1)
+
+
+def accept(record: Any, where: str, rules: Mapping[str, Rule], error: type[ValueError] = RecordError) -> None:
+    """Put the fields of a frozen record that is being made in the form they are held in.
+
+    Raises:
+        ValueError: of the class ``error``.
+    """
+    try:
+        for name, rule in rules.items():
+            given = getattr(record, name)
+            held = rule(f"{where}.{name}" if where else name, given)
+            if held is not given:
+                object.__setattr__(record, name, held)
+    except RecordError as refusal:
+        raise error(str(refusal)) from None
+
+
+def number(field: str, value: Any) -> Any:
+    """A scalar that is data."""
+    if type(value) is float:
+        return value
+    plain = plain_number(value)
+    if isinstance(plain, bool):
+        refuse(field, value, "must be a number")
+    if isinstance(plain, numbers.Real):
+        try:
+            return float(plain)
+        except OverflowError:
+            refuse(field, value, "must be a finite number")
+    if _is_array(plain) and plain.dtype.kind in "fiu":
+        return plain if plain.dtype.kind == "f" else plain.astype(float)
+    # what is left of scalars: JAX, CasADi, nodes of a trace
+    scalar = hasattr(plain, "__mul__") and hasattr(plain, "__float__")
+    if not scalar or _is_array(plain) or isinstance(plain, numbers.Number):
+        refuse(field, value, "must be a number")
+    return plain
+
+
+def coefficient(field: str, value: Any) -> Any:
+    """A scalar whose integer zero is structure: there is no such effect."""
+    return 0 if type(value) is int and value == 0 else number(field, value)
+
+
+def vector(field: str, value: Any) -> Vec3:
+    """A vector, or three numbers whose exact 0, 1 and -1 become structure."""
+    if isinstance(value, Vec3):
+        held = [_entry(f"{field}.{axis}", each) for axis, each in zip("xyz", value, strict=True)]
+        return value if all(a is b for a, b in zip(held, value, strict=True)) else Vec3.of(held)
+    return Vec3.of([_described(field, each) for each in items(field, value, (3,), "must be three numbers")])
+
+
+def matrix(field: str, value: Any) -> Mat3:
+    """A matrix, or three rows of three numbers."""
+    if isinstance(value, Mat3):
+        return Mat3(*(vector(field, row) for row in value.rows))
+    return Mat3(*(vector(field, row) for row in items(field, value, (3,), "must be three rows of three numbers")))
+
+
+def inertia(field: str, value: Any) -> Sym3:
+    """A symmetric matrix; xx yy zz; xx yy zz xy xz yz; or three rows that are symmetric."""
+    if isinstance(value, Sym3):
+        return Sym3(
+            *(_entry(f"{field}.{name}", each) for name, each in zip(Sym3.__slots__, value.entries, strict=True))
+        )
+    allowed = "must be three (xx yy zz) or six (xx yy zz xy xz yz) numbers, or a symmetric 3x3 matrix"
+    entries = items(field, value, (3, 6), allowed)
+    if any(_many(entry) for entry in entries):
+        rows = [items(field, row, (3,), allowed) for row in items(field, entries, (3,), allowed)]
+        entries = _symmetric(field, [[number(field, each) for each in row] for row in rows], value)
+    held = (number(field, each) for each in entries)
+    return Sym3(*(0 if type(each) is float and each == 0.0 else each for each in held))
+
+
+def _symmetric(field: str, rows: list[list[Any]], value: Any) -> list[Any]:
+    """xx yy zz xy xz yz of three rows."""
+    pairs = [(rows[i][j], rows[j][i]) for i, j in ((0, 1), (0, 2), (1, 2))]
+    concrete = [each for row in rows for each in row if type(each) is float]
+    slack = TOLERANCE * max((abs(each) for each in concrete), default=0.0)
+    if len(concrete) == 9 and any(abs(a - b) > slack for a, b in pairs):
+        refuse(field, value, "must be symmetric")
+    return [rows[0][0], rows[1][1], rows[2][2], *(a for a, _ in pairs)]
+
+
+def text(field: str, value: Any) -> str:
+    """Text."""
+    if not isinstance(value, str):
+        refuse(field, value, "must be text")
+    return str(value)
+
+
+def flag(field: str, value: Any) -> bool:
+    """True or false."""
+    plain = plain_number(value)
+    if not isinstance(plain, bool):
+        refuse(field, value, "must be True or False")
+    return plain
+
+
+def whole(field: str, value: Any) -> int:
+    """A whole number: an index or a sign."""
+    plain = plain_number(value)
+    if isinstance(plain, bool) or not isinstance(plain, (int, float)) or plain != plain // 1:
+        refuse(field, value, "must be a whole number")
+    return int(plain)
+
+
+def one(kind: type) -> Rule:
+    """Rule: a record of this kind."""
+
+    def rule(field: str, value: Any) -> Any:
+        if not isinstance(value, kind):
+            refuse(field, value, f"must be a {kind.__name__}")
+        return value
+
+    return rule
+
+
+def several(kind: type) -> Rule:
+    """Rule: any sequence of records of this kind, held as a tuple."""
+
+    def rule(field: str, value: Any) -> Any:
+        if not is_sequence(value):
+            refuse(field, value, f"must be a sequence of {kind.__name__}")
+        held = tuple(value)
+        for index, each in enumerate(held):
+            one(kind)(f"{field}[{index}]", each)
+        return value if isinstance(value, tuple) else held
+
+    return rule
+
+
+def pairs(field: str, value: Any) -> tuple[tuple[str, str], ...]:
+    """Pairs of texts, or a mapping of texts."""
+    items = tuple(value.items()) if isinstance(value, Mapping) else value
+    if not is_sequence(items):
+        refuse(field, value, "must be pairs of texts")
+    held = tuple(tuple(pair) if isinstance(pair, (list, tuple)) else (pair,) for pair in items)
+    if any(len(pair) != 2 or not all(isinstance(each, str) for each in pair) for pair in held):
+        refuse(field, value, "must be pairs of texts")
+    return tuple((key, source) for key, source in held)
+
+
+def is_sequence(value: Any) -> bool:
+    """Whether a value holds several: no text, no table, no array without axes."""
+    several = hasattr(value, "__iter__") and not isinstance(value, (str, bytes, Mapping, type))
+    return several and bool(getattr(value, "ndim", 1))
+
+
+def plain_number(value: Any) -> Any:
+    """NumPy's scalars and arrays without axes as Python's own numbers; anything else as it is."""
+    numpy = sys.modules.get("numpy")
+    if numpy is not None and isinstance(value, (numpy.generic, numpy.ndarray)) and value.ndim == 0:
+        return value.item()
+    return value
+
+
+def _is_array(value: Any) -> bool:
+    """True for a NumPy array: lanes of a batch, or a row of a matrix."""
+    numpy = sys.modules.get("numpy")
+    return numpy is not None and isinstance(value, numpy.ndarray)
+
+
+def _many(value: Any) -> bool:
+    """True for what holds several numbers: a row of a matrix."""
+    return isinstance(value, (list, tuple, Vec3)) or _is_array(value)
+
+
+def items(field: str, value: Any, counts: tuple[int, ...] | None, allowed: str) -> list[Any]:
+    """Entries of a sequence or an array, if there are as many as allowed (any number for None)."""
+    if isinstance(value, (str, bytes, Mapping, set, frozenset)):
+        refuse(field, value, allowed)
+    try:
+        found = list(value)
+    except TypeError:  # not iterable, or an array without axes
+        refuse(field, value, allowed)
+    if counts is not None and len(found) not in counts:
+        refuse(field, value, allowed)
+    return found
+
+
+def _entry(field: str, value: Any) -> Any:
+    """A component of a vector or matrix: integers 0, 1 and -1 are structure."""
+    return value if type(value) is int and value in _STRUCTURE else number(field, value)
+
+
+def _described(field: str, value: Any) -> Any:
+    """A number of a description: exact 0, 1 and -1 become structure."""
+    held = number(field, value)
+    return structural(held) if type(held) is float else held

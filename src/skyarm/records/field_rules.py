@@ -1,0 +1,250 @@
+"""Checks of a record's fields by their annotations: what a field holds is said once, where it is declared.
+
+``mass: Annotated[Scalar, Unit("kg", low=0.0)]`` is coerced and checked as such when the record is made
+(:func:`accept_fields`), and described in those words in exported files and documents (:mod:`skyarm.records.units`). A
+field without a :class:`Unit` is checked by its type alone: the records of plugins need none.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import types
+import typing
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import Any, TypeVar
+
+from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
+from skyarm.records import coerce
+from skyarm.records.coerce import RecordError, Rule, concrete, refuse
+from skyarm.records.leaves import field_names
+from skyarm.records.units import Unit, declared_fields
+from skyarm.scalars import Scalar
+
+Record = TypeVar("Record")
+
+
+WHOLE = 2**53
+"""Integers below are floats to the last digit."""
+
+
+def accept_fields(record: Any, where: str, error: type[ValueError] = RecordError) -> None:
+    """Put every field of a frozen record that is being made in the form it is held in.
+
+    Args:
+        record: a dataclass, in its ``__post_init__``.
+        where: name of the record in messages; empty for none.
+        error: class of what is raised.
+
+    Raises:
+        ValueError: of the class ``error``: one line with field, value and what is allowed.
+    """
+    coerce.accept(record, where, rules(type(record)), error)
+
+
+def require_fields(record: Any, where: str, skipped: tuple[type, ...] = ()) -> None:
+    """Refuse a record in which, at any depth, a field holds what its annotation does not allow.
+
+    Args:
+        record: a dataclass, a tuple of them, or anything else, which passes.
+        where: name of it in messages.
+        skipped: classes whose records are checked where they are made.
+
+    Raises:
+        RecordError: one line with field, value and what is allowed.
+    """
+    if isinstance(record, skipped):
+        return
+    if isinstance(record, tuple):
+        for i, item in enumerate(record):
+            require_fields(item, f"{where}[{i}]", skipped)
+    elif (names := field_names(type(record))) is not None:
+        wanted, usual = rules(type(record)), _defaults(type(record))
+        for name in names:
+            value, at = getattr(record, name), f"{where}.{name}"
+            # a default says itself what a field may hold
+            if name in wanted and value is not usual.get(name, record):
+                wanted[name](at, value)
+            require_fields(value, at, skipped)
+
+
+@cache
+def _rules(kind: type) -> Mapping[str, Rule]:
+    found = {name: _rule(wanted, unit) for name, (wanted, unit) in declared_fields(kind).items()}
+    return {name: rule for name, rule in found.items() if rule is not None}
+
+
+rules: Callable[[type], Mapping[str, Rule]] = _rules
+"""The rule of each field of a dataclass whose annotation says what it holds."""
+
+
+@cache
+def _usual(kind: Any) -> Mapping[str, Any]:
+    return {field.name: field.default for field in dataclasses.fields(kind)}
+
+
+_defaults: Callable[[type], Mapping[str, Any]] = _usual
+
+
+def _rule(wanted: Any, unit: Unit) -> Rule | None:
+    """The rule of an annotation; None where it says nothing that could be checked."""
+    origin, options = typing.get_origin(wanted), typing.get_args(wanted)
+    if origin in (typing.Union, types.UnionType):
+        return _one_of(options, unit)
+    if wanted in _NUMBERS:
+        make = _NUMBERS[wanted]
+        return lambda field, value: make(field, value, unit)
+    if origin is tuple and len(options) == 2 and options[1] is Ellipsis:
+        if _is_record(options[0]):
+            return _many_records(options[0])
+        return _many(_rule(options[0], unit), None, options[0] is Scalar)
+    if origin is tuple:
+        return _many(None, tuple(_rule(each, unit) for each in options))
+    if origin is not None and issubclass(origin, Callable):  # type: ignore[arg-type]
+        return _callable
+    plain = {bool: coerce.flag, str: coerce.text}.get(wanted)
+    return coerce.one(wanted) if plain is None and _is_record(wanted) else plain
+
+
+def _is_record(wanted: Any) -> bool:
+    """A class whose instances are told apart by it."""
+    said = isinstance(wanted, type) and wanted not in (Any, object, bool, str, *_NUMBERS)
+    return said and not hasattr(wanted, "_is_protocol")
+
+
+def _number(field: str, value: Any, unit: Unit) -> Any:
+    """A number that is data."""
+    held = value if type(value) is float else coerce.number(field, value)
+    if type(held) is float:
+        _within(field, held, unit)
+    return held
+
+
+def _scalar(field: str, value: Any, unit: Unit) -> Any:
+    """A number whose integers are structure."""
+    if type(value) is int and abs(value) < WHOLE:
+        _within(field, value, unit)
+        return value
+    return _number(field, value, unit)
+
+
+def _whole(field: str, value: Any, unit: Unit) -> int:
+    """A whole number: an index, a count."""
+    held = coerce.whole(field, value)
+    if abs(held) >= WHOLE:
+        refuse(field, value, "must be below 2**53 in size")
+    _within(field, held, unit)
+    return held
+
+
+def _within(field: str, value: float, unit: Unit) -> None:
+    if math.isnan(value) or (math.isinf(value) and not unit.infinite):
+        refuse(field, value, f"must be a {'number' if unit.infinite else 'finite number'}")
+    if value < unit.low or (unit.strict and value == unit.low):
+        refuse(field, value, f"must be {'above' if unit.strict else 'at least'} {unit.low:g}")
+    if value > unit.high or (unit.strict and value == unit.high):
+        refuse(field, value, f"must be {'below' if unit.strict else 'at most'} {unit.high:g}")
+
+
+def _numbers(field: str, value: Any, unit: Unit, kind: Any, letters: str, allowed: str) -> Any:
+    """A record of scalars, or as many plain numbers."""
+    if isinstance(value, kind):
+        given = [getattr(value, letter) for letter in letters]
+        held = [_scalar(f"{field}.{letter}", each, unit) for letter, each in zip(letters, given, strict=True)]
+        return value if all(a is b for a, b in zip(held, given, strict=True)) else kind(*held)
+    entries = [_number(field, each, unit) for each in coerce.items(field, value, (len(letters),), allowed)]
+    return kind(*(0 if unit.folds and concrete(each) and each == 0.0 else each for each in entries))
+
+
+def _vector(field: str, value: Any, unit: Unit) -> Vec3:
+    found: Vec3 = _numbers(field, value, unit, Vec3, "xyz", "must be three numbers")
+    return found
+
+
+def _quaternion(field: str, value: Any, unit: Unit) -> Quaternion:
+    found: Quaternion = _numbers(field, value, unit, Quaternion, "wxyz", "must be four numbers (w x y z)")
+    return found
+
+
+_NUMBERS: Mapping[Any, Callable[[str, Any, Unit], Any]] = {
+    float: _number,
+    int: _whole,
+    Scalar: _scalar,
+    Vec3: _vector,
+    Quaternion: _quaternion,
+    Mat3: lambda field, value, _unit: coerce.matrix(field, value),
+    Sym3: lambda field, value, _unit: coerce.inertia(field, value),
+}
+
+
+def _one_of(options: tuple[Any, ...], unit: Unit) -> Rule | None:
+    """The rule of a union: the first option that takes the value; the last refusal where none does."""
+    found = [_rule(each, unit) for each in options if each is not type(None)]
+    if any(each is None for each in found):
+        return None
+    kinds = tuple(each for each in options if _is_record(each) and each is not type(None))
+    names = " or ".join([*(each.__name__ for each in kinds), *(["None"] if type(None) in options else [])])
+
+    def rule(field: str, value: Any) -> Any:
+        if value is None and type(None) in options:
+            return None
+        if len(kinds) == len(found):
+            return value if isinstance(value, kinds) else refuse(field, value, f"must be a {names}")
+        if len(found) == 1:
+            return found[0](field, value)  # type: ignore[misc]
+        for each in found:
+            try:
+                return each(field, value)  # type: ignore[misc]
+            except RecordError as error:
+                refusal = error
+        raise refusal
+
+    return rule
+
+
+def _many(each: Rule | None, exactly: tuple[Rule | None, ...] | None, scalars: bool = False) -> Rule:
+    """A tuple of any length whose items follow one rule, or of some items with a rule for each.
+
+    Whole numbers of a plain list of scalars are data.
+    """
+
+    def rule(field: str, value: Any) -> Any:
+        if not coerce.is_sequence(value):
+            refuse(field, value, "must be a sequence")
+        given = value if isinstance(value, tuple) else tuple(value)
+        if exactly is not None and len(given) != len(exactly):
+            refuse(field, value, f"must have {len(exactly)} items")
+        wanted = exactly or (each,) * len(given)
+        held = tuple(
+            item if follow is None else follow(f"{field}[{i}]", item)
+            for i, (follow, item) in enumerate(zip(wanted, given, strict=True))
+        )
+        if given is not value and scalars:
+            return tuple(float(item) if type(item) is int else item for item in held)
+        return value if given is value and all(a is b for a, b in zip(held, given, strict=True)) else held
+
+    return rule
+
+
+def _many_records(kind: type) -> Rule:
+    """A tuple of records of one class."""
+
+    def rule(field: str, value: Any) -> Any:
+        several = coerce.is_sequence(value) and not isinstance(value, _ALONE)
+        held = value if isinstance(value, tuple) else tuple(value) if several else ()
+        if not several or not all(isinstance(each, kind) for each in held):
+            refuse(field, value, f"must be a tuple of {kind.__name__}")
+        return held
+
+    return rule
+
+
+_ALONE = (Vec3, Quaternion)
+"""Records that can be iterated over, and are one thing."""
+
+
+def _callable(field: str, value: Any) -> Any:
+    if not callable(value):
+        refuse(field, value, "must be a function")
+    return value

@@ -1,0 +1,131 @@
+"""Records as flat lists of scalars and back.
+
+A record is a frozen dataclass or a tuple of records. Its *leaves* are the scalars that may vary; integers, strings,
+booleans, None and enums are structure: they shape the program and are not leaves.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Sequence
+from enum import Enum
+from functools import cache
+from typing import Any, TypeVar
+
+Record = TypeVar("Record")
+
+_STRUCTURE = (int, str, bool, type(None), Enum)
+
+Place = tuple[str, ...]
+"""Field names and item numbers that lead from one record to a part of it."""
+
+
+def _map(record: Any, visit: Callable[[Any], Any]) -> Any:
+    if isinstance(record, tuple):
+        return tuple(_map(item, visit) for item in record)
+    names = field_names(type(record))
+    if names is not None:
+        return type(record)(**{name: _map(getattr(record, name), visit) for name in names})
+    return record if isinstance(record, _STRUCTURE) else visit(record)
+
+
+def leaves(record: Any) -> list[Any]:
+    """Scalars of a record in field order."""
+    found: list[Any] = []
+
+    def visit(leaf: Any) -> Any:
+        found.append(leaf)
+        return leaf
+
+    _visit_only(record, visit)
+    return found
+
+
+def _visit_only(record: Any, visit: Callable[[Any], Any]) -> None:
+    if isinstance(record, tuple):
+        for item in record:
+            _visit_only(item, visit)
+    elif (names := field_names(type(record))) is not None:
+        for name in names:
+            _visit_only(getattr(record, name), visit)
+    elif not isinstance(record, _STRUCTURE):
+        visit(record)
+
+
+def _field_names(kind: type) -> tuple[str, ...] | None:
+    return tuple(field.name for field in dataclasses.fields(kind)) if dataclasses.is_dataclass(kind) else None
+
+
+field_names: Callable[[type], tuple[str, ...] | None] = cache(_field_names)
+"""Fields of a dataclass; None for any other type. Laws that are called with floats ask at every step."""
+
+
+def is_record(value: Any) -> bool:
+    """Whether a value is a record with fields, not the class of one."""
+    return field_names(type(value)) is not None
+
+
+def is_leaf(value: Any) -> bool:
+    """True for a scalar that may vary; False for structure. Of a value without parts."""
+    return not isinstance(value, _STRUCTURE)
+
+
+def parts(record: Any) -> dict[str, Any]:
+    """What stands directly below a record, by field; below a tuple, by number; nothing below a scalar."""
+    if isinstance(record, tuple):
+        return {str(i): item for i, item in enumerate(record)}
+    return {name: getattr(record, name) for name in field_names(type(record)) or ()}
+
+
+def walk(record: Any, place: Place = ()) -> Iterator[tuple[Place, Any]]:
+    """Place and value of everything below a record that has no parts itself, structure too, in field order.
+
+    The leaves among them, which :func:`is_leaf` tells, come in the order of :func:`leaves`.
+    """
+    if isinstance(record, tuple) or is_record(record):
+        for name, value in parts(record).items():
+            yield from walk(value, (*place, name))
+    else:
+        yield place, record
+
+
+def pairs(example: Any, record: Any, path: str) -> list[tuple[Any, Any, str]] | None:
+    """What stands at the same places directly below two records, with its path; None where their parts differ."""
+    if isinstance(example, tuple) and isinstance(record, tuple) and len(example) == len(record):
+        return [(a, b, f"{path}[{i}]") for i, (a, b) in enumerate(zip(example, record, strict=True))]
+    if type(example) is type(record) and (names := field_names(type(example))) is not None:
+        return [(getattr(example, name), getattr(record, name), f"{path}.{name}") for name in names]
+    return None
+
+
+def mismatch(example: Any, record: Any, path: str) -> str | None:
+    """Describe where ``record`` has another structure than ``example``; None where they have the same."""
+    below = pairs(example, record, path)
+    if below is None:
+        kinds = (*_STRUCTURE, tuple)
+        shaped = any(isinstance(one, kinds) or is_record(one) for one in (example, record))
+        same = type(example) is type(record) and example == record if shaped else True
+        return None if same else f"{path} is {record!r}, not {example!r}"
+    return next((found for a, b, name in below if (found := mismatch(a, b, name))), None)
+
+
+def named_leaves(record: Any, where: str = "") -> Iterator[tuple[str, Any]]:
+    """Path and scalar of every leaf of a record, in the order of :func:`leaves`."""
+    for place, value in walk(record):
+        if is_leaf(value):
+            yield f"{where}{''.join(f'[{i}]' if i.isdigit() else f'.{i}' for i in place)}".removeprefix("."), value
+
+
+def rebuild(template: Record, values: Iterator[Any]) -> Record:
+    """Return the template with its leaves replaced, in order, by ``values``."""
+    result: Record = _map(template, lambda _leaf: next(values))
+    return result
+
+
+def shaped_like(template: Record, values: Sequence[Any]) -> Record:
+    """Return the template with exactly these leaves; raises ValueError when their number differs."""
+    iterator = iter(values)
+    count = len(leaves(template))
+    if count != len(values):
+        raise ValueError(f"{type(template).__name__} has {count} scalars, got {len(values)}")
+    return rebuild(template, iterator)

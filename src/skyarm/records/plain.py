@@ -1,0 +1,94 @@
+"""Records as plain data that strict JSON holds, and a digest of it: what was flown, in a log that outlives the code."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from enum import Enum
+from types import ModuleType
+from typing import Any
+
+from skyarm.records.leaves import field_names
+
+NOT_FINITE = ("inf", "-inf", "nan")
+"""Texts of the floats that strict JSON lacks."""
+
+
+def plain(value: Any) -> Any:
+    """Any record as tables, lists, numbers, texts, true, false and null; :func:`skyarm.records.restore` reads it back.
+
+    A record becomes a table of its fields with its class, by module and name, under ``type``. Functions, arrays, enums
+    and tables that have a ``type`` of their own are tables with a type, too. Infinities and NaN become text, and texts
+    that look like them tables. Integers stay integers: they are structure.
+    """
+    return _plain(value, ())
+
+
+def digest(record: Any) -> str:
+    """SHA-256 of plain data, in hexadecimal: the same for the same content, whatever the order of its tables."""
+    return hashlib.sha256(_text(record).encode()).hexdigest()
+
+
+def _text(record: Any) -> str:
+    return json.dumps(record, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def _plain(value: Any, above: tuple[int, ...]) -> Any:
+    """Plain data of a value; ``above`` are the ids of the objects it stands in."""
+    if value is None or (isinstance(value, (bool, str)) and not isinstance(value, Enum)):
+        return {"type": "text", "text": value} if value in NOT_FINITE else value
+    if isinstance(value, Enum):
+        return {"type": "enum", "class": dotted(type(value)), "name": value.name}
+    if isinstance(value, int):
+        return int(value)
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else str(float(value))
+    if id(value) in above:
+        return "(itself)"  # an object that refers to itself, as a recursive inner function does
+    above = (*above, id(value))
+    if isinstance(value, (Mapping, list, tuple, set, frozenset)) or hasattr(value, "tolist"):
+        return _several(value, above)
+    if isinstance(value, functools.partial):
+        parts = {"function": value.func, "arguments": value.args, "keywords": value.keywords}
+        return {"type": "partial"} | {name: _plain(each, above) for name, each in parts.items()}
+    if hasattr(value, "__name__"):
+        bound = _bound(value)
+        return {"type": "function", "name": dotted(value)} | ({"bound": _plain(bound, above)} if bound else {})
+    return {"type": dotted(type(value))} | {name: _plain(each, above) for name, each in fields_of(value)}
+
+
+def _several(value: Any, above: tuple[int, ...]) -> Any:
+    """Plain data of what holds several values, arrays and their scalars included."""
+    if isinstance(value, Mapping):
+        table = {str(key): _plain(each, above) for key, each in value.items()}
+        return {"type": "table", "entries": table} if "type" in table else table
+    if isinstance(value, (list, tuple)):
+        return [_plain(each, above) for each in value]
+    if isinstance(value, (set, frozenset)):
+        return sorted((_plain(each, above) for each in value), key=_text)
+    entries = _plain(value.tolist(), above)  # NumPy's and JAX's arrays and scalars
+    return {"type": "array", "kind": str(value.dtype), "entries": entries} if value.ndim else entries
+
+
+def dotted(named: Any) -> str:
+    """Module and name of a class or function, as ``skyarm.algebra.vector:Vec3``."""
+    return f"{getattr(named, '__module__', '')}:{getattr(named, '__qualname__', named.__name__)}"
+
+
+def fields_of(value: Any) -> list[tuple[str, Any]]:
+    """Names and values of an object's fields."""
+    names = field_names(type(value))
+    if names is not None:
+        return [(name, getattr(value, name)) for name in names]
+    slots = [name for kind in type(value).__mro__ for name in getattr(kind, "__slots__", ())]
+    return [*getattr(value, "__dict__", {}).items(), *((name, getattr(value, name, None)) for name in slots)]
+
+
+def _bound(function: Any) -> list[Any]:
+    """Object a method is bound to, and values an inner function was closed over."""
+    owner = getattr(function, "__self__", None)
+    cells = getattr(function, "__closure__", None) or ()
+    return [*([] if owner is None or isinstance(owner, ModuleType) else [owner]), *(c.cell_contents for c in cells)]

@@ -1,0 +1,135 @@
+"""Records from the plain data that they were written as, the same to the last bit.
+
+Plain data names classes and functions and never brings any: they are found in this package or in plugins that are
+loaded (:mod:`skyarm.registry.code_of_names`). Only frozen dataclasses are made, and only functions of laws are taken.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Mapping
+from enum import Enum
+from typing import Any
+
+from skyarm.files import shown
+from skyarm.records.leaves import field_names
+from skyarm.records.plain import NOT_FINITE, dotted, plain
+from skyarm.registry.code_of_names import code_of
+
+FUNCTIONS = ("skyarm.control.",)
+"""Beginnings of this package's modules whose functions a record may hold: laws and what bounds them."""
+
+
+class RestoreError(ValueError):
+    """Plain data that is no record's."""
+
+
+def restore(data: Any, plugins: Mapping[str, str] | None = None) -> Any:
+    """The record that :func:`skyarm.records.plain.plain` wrote; lists become tuples.
+
+    Args:
+        data: plain data.
+        plugins: name -> identity of the plugins that were loaded when it was written.
+
+    Raises:
+        ValueError: one line: what is no plain data of a record, a function that only its maker could make again, a
+            plugin that is not loaded, or a value that the record's class refuses.
+    """
+    try:
+        return _restored(data, plugins or {}, "")
+    except RecursionError:
+        raise RestoreError(f"record = {shown(data)}: must not be nested so deep") from None
+
+
+def _restored(data: Any, plugins: Mapping[str, str], where: str) -> Any:
+    if isinstance(data, str):
+        return float(data) if data in NOT_FINITE else data
+    if isinstance(data, list):
+        return tuple(_restored(each, plugins, f"{where}[{i}]") for i, each in enumerate(data))
+    if not isinstance(data, dict):
+        return data
+    if "type" not in data:
+        return _each(data, plugins, where)
+    kind = data["type"]
+    if not isinstance(kind, str):
+        raise RestoreError(f"{where or 'record'}.type = {shown(kind)}: must be a name")
+    try:
+        reader = _READERS.get(kind)
+        return _record(data, plugins, where) if reader is None else reader(data, plugins, where)
+    except (KeyError, TypeError, AttributeError, OverflowError) as error:
+        raise RestoreError(
+            f"{where or 'record'} = {shown(data)}: must be a record that was written ({error})"
+        ) from None
+
+
+def _each(table: dict[str, Any], plugins: Mapping[str, str], where: str) -> dict[str, Any]:
+    return {key: _restored(value, plugins, f"{where}.{key}" if where else key) for key, value in table.items()}
+
+
+def _record(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any:
+    """A frozen dataclass with these fields, and no other."""
+    kind = code_of(data["type"], plugins)
+    names = field_names(kind) if isinstance(kind, type) and dotted(kind) == data["type"] else None
+    if names is None or not kind.__dataclass_params__.frozen:
+        raise RestoreError(f"{where or 'record'}: {data['type']} is no frozen dataclass, it cannot be read back")
+    table = {key: value for key, value in data.items() if key != "type"}
+    if sorted(table) != sorted(names):
+        odd = sorted(set(table) ^ set(names))
+        raise RestoreError(f"{where or 'record'}: {data['type']} was written by another version ({', '.join(odd)})")
+    values = _each(table, plugins, where)
+    made = {field.name: values[field.name] for field in dataclasses.fields(kind) if field.init}
+    return kind(**made)
+
+
+def _function(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any:
+    """A function of a module, or a method of a record."""
+    name = data["name"]
+    if "<" in name:
+        raise RestoreError(f"{where or 'record'}: {name} was made inside a function, it cannot be read back")
+    if name.startswith("skyarm.") and not name.startswith(FUNCTIONS):
+        raise RestoreError(f"{where or 'record'} = {shown(name)}: must be a function of a law")
+    found = code_of(name, plugins)
+    if "bound" in data and plain(found) != data:
+        owner = _restored(data["bound"][0], plugins, where)
+        found = getattr(owner, name.rpartition(".")[2])
+    if not callable(found) or plain(found) != data:
+        raise RestoreError(f"{where or 'record'}: {name} is another function than was written")
+    return found
+
+
+def _partial(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any:
+    function, arguments, keywords = (_restored(data[part], plugins, where) for part in _PARTS)
+    return functools.partial(function, *arguments, **keywords)
+
+
+_PARTS = ("function", "arguments", "keywords")
+
+
+def _array(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any:
+    import numpy as np
+
+    if data["kind"] not in _ARRAYS:
+        raise RestoreError(f"{where or 'record'}.kind = {shown(data['kind'])}: must be one of {', '.join(_ARRAYS)}")
+    return np.array(_restored(data["entries"], plugins, where), dtype=data["kind"])
+
+
+_ARRAYS = ("float64", "float32", "bool", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))
+
+
+def _enum(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any:
+    kind = code_of(data["class"], plugins)
+    if not (isinstance(kind, type) and issubclass(kind, Enum)):
+        raise RestoreError(f"{where or 'record'} = {shown(data['class'])}: must be an enum")
+    return kind[data["name"]]
+
+
+_READERS = {
+    "text": lambda data, plugins, where: str(data["text"]),
+    "table": lambda data, plugins, where: _each(data["entries"], plugins, where),
+    "array": _array,
+    "enum": _enum,
+    "function": _function,
+    "partial": _partial,
+}
+"""What is no record: type -> reader."""

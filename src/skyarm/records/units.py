@@ -1,0 +1,84 @@
+"""What the numbers of a field are: unit, meaning and bounds, said once where the field is declared.
+
+``mass: Annotated[Scalar, Unit("kg", low=0.0)]`` is read by checks (:mod:`skyarm.records.field_rules`), exported C,
+heads of CSV files and tables of the documents.
+"""
+
+from __future__ import annotations
+
+import math
+import types
+import typing
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from skyarm.records.leaves import field_names
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """What the numbers of a field are.
+
+    Attributes:
+        unit: SI, as ``N m s/rad``; empty for pure numbers.
+        meaning: in words, with axes and frame.
+        low, high: least and largest value allowed. strict: neither of them is allowed itself.
+        infinite: the field may be infinite.
+        folds: an exact zero of a plain list is structure and folds away, as one of a file.
+    """
+
+    unit: str = ""
+    meaning: str = ""
+    low: float = -math.inf
+    high: float = math.inf
+    strict: bool = False
+    infinite: bool = False
+    folds: bool = False
+
+    @property
+    def words(self) -> str:
+        """Unit and meaning on one line."""
+        return ", ".join(part for part in (self.unit, self.meaning) if part)
+
+
+NUMBER = Unit(infinite=True)
+"""Of a field without one."""
+
+
+@cache
+def _units(kind: type) -> Mapping[str, Unit]:
+    return {name: unit for name, (_, unit) in declared_fields(kind).items() if unit is not NUMBER}
+
+
+units: Callable[[type], Mapping[str, Unit]] = _units
+"""The unit of each field of a dataclass that states one."""
+
+
+def declared_fields(kind: type) -> dict[str, tuple[Any, Unit]]:
+    """Type and unit of each field of a dataclass."""
+    said = declared(kind)
+    return {name: said[name] for name in field_names(kind) or () if name in said}
+
+
+def declared(of: Any) -> dict[str, tuple[Any, Unit]]:
+    """Type and unit by name, as a class annotates its fields or a function its parameters.
+
+    Empty if an annotation cannot be evaluated: a name that only type checkers import.
+    """
+    try:
+        kinds, full = typing.get_type_hints(of), typing.get_type_hints(of, include_extras=True)
+    except (NameError, TypeError):
+        return {}
+    return {name: (kind, _unit(full[name])) for name, kind in kinds.items()}
+
+
+def _unit(annotation: Any) -> Unit:
+    """The unit that an annotation, or an option of a union, bears."""
+    options = typing.get_args(annotation)
+    if typing.get_origin(annotation) is typing.Annotated:
+        return next((each for each in options[1:] if isinstance(each, Unit)), NUMBER)
+    if typing.get_origin(annotation) in (typing.Union, types.UnionType):
+        return next((unit for unit in map(_unit, options) if unit is not NUMBER), NUMBER)
+    return NUMBER

@@ -1,0 +1,5 @@
+"""The registry: names of everything that can be added, and where each is found."""
+
+from skyarm.registry.registrations import KINDS, Registration, RegistryError, find, names, register, registrations
+
+__all__ = ["KINDS", "Registration", "RegistryError", "find", "names", "register", "registrations"]

@@ -1,0 +1,200 @@
+"""What may end an episode before its time: each ending once, over any scalar, with its words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from skyarm.algebra import Vec3
+from skyarm.compile import leaves
+from skyarm.dynamics import State, link_poses
+from skyarm.scalars import Scalar, absolute, add, logical_and, minimum, sub
+from skyarm.vehicle.vehicle_records import BASE, Vehicle
+
+if TYPE_CHECKING:
+    from skyarm.scenario.scenario_record import Scenario
+
+FAR = 1e4
+"""A speed (m/s), rate (rad/s) or joint (rad or m) beyond this is divergence, long before numbers overflow."""
+
+LOST = 1e3
+"""m from the reference: no controller of an aerial robot means to be there."""
+
+LONG = 2.0
+"""A quaternion with a part beyond this has lost its unit length."""
+
+
+class Ending:
+    """An ending is a condition that ends an episode. A subclass is a frozen dataclass of numbers."""
+
+    __slots__ = ()
+
+    @property
+    def status(self) -> str:
+        """One word for the log."""
+        raise NotImplementedError(f"{type(self).__name__} must say its status")
+
+    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
+        """True while the episode may go on; pure, over any scalar, and false for NaN.
+
+        Args:
+            scenario: of the episode.
+            state: of the plant.
+            goal: position of the held reference, m.
+            slack: how far inside its limit a state must be; 0 in flight.
+        """
+        raise NotImplementedError(f"{type(self).__name__} must say what is fine")
+
+    def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
+        """Why this state, in floats, is not fine."""
+        return self.status
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Divergence(Ending):
+    """Numbers that no flight has."""
+
+    @property
+    def status(self) -> str:
+        """Diverged."""
+        return "diverged"
+
+    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
+        """Everything finite and near."""
+        # any comparison with NaN is false, so that a state that is not finite is not fine
+        fine = absolute(state.quaternion.w) < LONG
+        for value in list(state.quaternion)[1:]:
+            fine = logical_and(fine, absolute(value) < LONG)
+        for value in (*state.velocity, *state.rate, *state.joints, *state.joint_rates, *state.rotor_speeds):
+            fine = logical_and(fine, absolute(value) < FAR)
+        for value, wanted in zip(state.position, goal, strict=True):
+            fine = logical_and(fine, absolute(value - wanted) < LOST)
+        return fine
+
+    def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
+        """The first number that is not finite, else the first that is too far."""
+        words, x = state_words(scenario.world.vehicle), leaves(state)
+        for name, value in zip(words, x, strict=True):
+            if not math.isfinite(value):
+                return f"{name} is not finite"
+        limits = [math.inf] * 3 + [LONG] * 4 + [FAR] * (len(x) - 7)
+        for name, value, limit in zip(words, x, limits, strict=True):
+            if not -limit < value < limit:
+                return f"{name} passed {limit:g}"
+        away = (name for name, value, wanted in zip(words, x, goal, strict=False) if not -LOST < value - wanted < LOST)
+        return f"{next(away)} is over {LOST:g} m from the reference"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class JointLimits(Ending):
+    """A joint past its limit."""
+
+    @property
+    def status(self) -> str:
+        """Joint limit."""
+        return "joint_limit"
+
+    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
+        """Every joint between its limits."""
+        fine: Any = True
+        for value, link in zip(state.joints, scenario.world.vehicle.links, strict=True):
+            inside = logical_and(add(link.joint.lower, slack) <= value, value <= sub(link.joint.upper, slack))
+            fine = logical_and(fine, inside)
+        return fine
+
+    def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
+        """The first joint past its limit."""
+        for value, link in zip(state.joints, scenario.world.vehicle.links, strict=True):
+            joint = link.joint
+            if not joint.lower <= value <= joint.upper:
+                limit = float(joint.upper if value > joint.upper else joint.lower)
+                return f"joint '{joint.name}' at {' passed '.join(apart(float(value), limit))}"
+        return self.status
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LawUndefined(Ending):
+    """An attitude at which the law is not defined."""
+
+    @property
+    def status(self) -> str:
+        """Controller undefined."""
+        return "controller_undefined"
+
+    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
+        """The law's own margin; a law without one is defined everywhere."""
+        margin = scenario.controller.margin
+        return True if margin is None else margin(state.quaternion) >= slack
+
+    def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
+        """That place in the law's words."""
+        return scenario.controller.limit
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Ground(Ending):
+    """The lowest point at z = 0, where the scenario has a ground."""
+
+    @property
+    def status(self) -> str:
+        """Ground."""
+        return "ground"
+
+    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
+        """Every point above the ground."""
+        return lowest_point(scenario.world.vehicle, state) >= slack if scenario.ground else True
+
+    def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
+        """How low."""
+        return f"lowest point at z = {float(lowest_point(scenario.world.vehicle, state)):.4g} m"
+
+
+BUILT_IN: tuple[Ending, ...] = (Divergence(), JointLimits(), LawUndefined(), Ground())
+"""The endings of every episode, in the order in which the first that holds is the cause."""
+
+STATUSES = ("completed", *(ending.status for ending in BUILT_IN))
+
+
+def lowest_point(vehicle: Vehicle, state: State) -> Scalar:
+    """World height of the lowest of: base origin, rotor hubs, joints, named frames."""
+    R = state.quaternion.rotation()
+    poses = link_poses(vehicle, state.joints)
+    points: list[Vec3] = [rotor.position for rotor in vehicle.rotors]
+    points += [pose.p for pose in poses]
+    points += [f.position if f.link == BASE else poses[f.link].apply(f.position) for f in vehicle.frames]
+    lowest: Scalar = state.position.z
+    for point in points:
+        lowest = minimum(lowest, state.position.z + R.r2.dot(point))
+    return lowest
+
+
+def state_words(vehicle: Vehicle) -> list[str]:
+    """Words for the numbers of a state, in order."""
+    axes = [("position", "xyz"), ("quaternion", "wxyz"), ("velocity", "xyz"), ("rate", "xyz")]
+    named = [f"{word}.{axis}" for word, letters in axes for axis in letters]
+    joints = [link.joint.name for link in vehicle.links]
+    named += [f"joint '{name}'" for name in joints] + [f"rate of joint '{name}'" for name in joints]
+    return named + [f"speed of rotor '{rotor.name}'" for rotor in vehicle.rotors]
+
+
+def command_words(vehicle: Vehicle) -> list[str]:
+    """Words for the numbers of a command, in order."""
+    found = [f"commanded speed of rotor '{rotor.name}'" for rotor in vehicle.rotors]
+    return found + [f"commanded effort of joint '{link.joint.name}'" for link in vehicle.links]
+
+
+def not_finite(vehicle: Vehicle, command: Sequence[float]) -> str | None:
+    """Why a command is refused, or None."""
+    pairs = zip(command_words(vehicle), command, strict=True)
+    return next((f"{name} is not finite" for name, value in pairs if not math.isfinite(value)), None)
+
+
+def apart(value: float, limit: float) -> tuple[str, str]:
+    """Two different numbers with as many digits (at least four) as tell them apart."""
+    for digits in range(4, 18):
+        texts = f"{value:.{digits}g}", f"{limit:.{digits}g}"
+        if texts[0] != texts[1]:
+            return texts
+    return repr(value), repr(limit)

@@ -1,0 +1,174 @@
+"""The words of a scenario file and where its numbers stand in the records.
+
+One number of a file may stand at several places of the records (a circle's radius is the amplitude of two sines), and a
+file's word may be another than the record's (``force`` is ``force_W``). Words that are both lead to the record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.dynamics import State
+from skyarm.environment import Air, Force, ForceWind, Gust, MovingAir
+from skyarm.plant.interface import Truth
+from skyarm.records.leaves import Place, field_names, parts
+from skyarm.reference import Constant, Shifted, Signal, Sine, Sum, Trajectory, Windowed
+from skyarm.registry.registrations import name_of
+from skyarm.scenario.endings import Ending
+from skyarm.vehicle.vehicle_records import Vehicle
+
+Tree = Mapping[str, Any]
+"""Name -> places it stands for, or a tree of more names."""
+
+WORDS: Mapping[type, Mapping[str, str]] = {
+    ForceWind: {"force": "force_W", "point": "point_B", "air_velocity": "air_velocity_W"},
+    MovingAir: {"velocity": "velocity_W"},
+    Gust: {"force": "peak", "velocity": "peak"},
+    State: {"quaternion_wxyz": "quaternion"},
+}
+"""Words of the file for fields of records."""
+
+
+REGISTERED: Mapping[type, str] = {Air: "air", Force: "force", Ending: "ending"}
+"""Items of lists that bear the name of their class."""
+
+
+def names(record: Any) -> dict[str, tuple[Place, ...] | Tree]:
+    """Names that lead on from a record."""
+    found: dict[str, tuple[Place, ...] | Tree] = {}
+    if isinstance(record, tuple):
+        found |= {number: ((number,),) for number in parts(record)}
+        named = [_name(item) for item in record]
+        return found | {name: ((str(i),),) for i, name in enumerate(named) if name and named.count(name) == 1}
+    fields = field_names(type(record))
+    if fields is None:
+        return found
+    signal: Any = record
+    if isinstance(signal, Signal):
+        return _signal(signal)
+    found |= {field: ((field,),) for field in fields}
+    if isinstance(record, (Vec3, Quaternion)):
+        found |= {str(i): ((field,),) for i, field in enumerate(fields)}
+    for word, field in WORDS.get(type(record), {}).items():
+        found[word] = ((field,),)
+    if isinstance(record, Truth):
+        found["joints"] = _every_joint(record.vehicle)
+    if isinstance(record, Trajectory):
+        found["base"] = _motions(record)
+    return found
+
+
+def _name(item: Any) -> str | None:
+    """An item's own name, or that under which its class is registered."""
+    own = getattr(item, "name", None)
+    if isinstance(own, str):
+        return own
+    kind = next((kind for base, kind in REGISTERED.items() if isinstance(item, base)), None)
+    return name_of(kind, type(item)) if kind else None
+
+
+def _every_joint(vehicle: Vehicle) -> Tree:
+    """[plant] joints = { damping, ... }: the same number for every joint."""
+    fields = ("damping", "coulomb", "coulomb_rate", "effort_limit")
+    return {
+        field: tuple(("vehicle", "links", str(i), "joint", field) for i in range(vehicle.n))
+        for field in fields
+        if vehicle.n
+    }
+
+
+def _signal(signal: Signal) -> dict[str, tuple[Place, ...] | Tree]:
+    """A signal's own fields, and those of the signal that a window or a shift holds."""
+    found: dict[str, tuple[Place, ...] | Tree] = {}
+    if isinstance(signal, (Windowed, Shifted)):
+        found |= {name: _under(("signal",), at) for name, at in names(signal.signal).items()}
+    if isinstance(signal, Sum):
+        found |= {str(i): (("signals", str(i)),) for i in range(len(signal.signals))}
+    found |= {field: ((field,),) for field in parts(signal)}
+    if isinstance(signal, Windowed) and isinstance(signal.signal, Shifted) and isinstance(signal.signal.signal, Sine):
+        # the time of a sine that starts counts from there
+        found["start"] = (("start",), ("signal", "delay"))
+    return found
+
+
+def _under(head: Place, at: tuple[Place, ...] | Tree) -> tuple[Place, ...] | Tree:
+    """The same places seen from a record further out."""
+    if isinstance(at, tuple):
+        return tuple((*head, *place) for place in at)
+    return {name: _under(head, inner) for name, inner in at.items()}
+
+
+def _motions(motion: Trajectory) -> Tree:
+    """[reference.base] as the file has it: hover, circle, signals, or a list of them."""
+    axes = (motion.x, motion.y, motion.z)
+    if all(_is_list(axis) for axis in axes):
+        each = zip(*(_items(axis) for axis in axes), strict=False)
+        return {
+            str(i): _motion(
+                tuple(a for a, _ in item), tuple((letter, *at) for letter, (_, at) in zip("xyz", item, strict=True))
+            )
+            for i, item in enumerate(each)
+        }
+    return _motion(axes, (("x",), ("y",), ("z",)))
+
+
+def _is_list(signal: Signal) -> bool:
+    """A sum ((0 + a) + b) ... that starts from the motionless trajectory, as lists of motions are read."""
+    while isinstance(signal, Sum) and len(signal.signals) == 2:
+        signal = signal.signals[0]
+        if isinstance(signal, Constant) and isinstance(signal.value, (int, float)) and signal.value == 0.0:
+            return True
+    return False
+
+
+def _items(signal: Any) -> list[tuple[Signal, Place]]:
+    """Terms of such a sum in the order of the file, with their places."""
+
+    def backwards() -> Iterator[tuple[Signal, Place]]:
+        rest: Any = signal
+        at: Place = ()
+        while isinstance(rest, Sum):
+            yield rest.signals[1], (*at, "signals", "1")
+            rest, at = rest.signals[0], (*at, "signals", "0")
+
+    return list(backwards())[::-1]
+
+
+def _motion(axes: tuple[Signal, ...], places: tuple[Place, ...]) -> Tree:
+    """One motion, by what its three signals are."""
+    found: dict[str, Any] = dict(zip("xyz", ((place,) for place in places), strict=True))
+    if all(isinstance(axis, Constant) for axis in axes):
+        found["position"] = _vector([(*place, "value") for place in places])
+    turning = axes[:2]
+    if all(_is_circle(axis) for axis in turning):
+        centers = [(*place, "signals", "0", "value") for place in places[:2]]
+        window = [(*place, "signals", "1") for place in places[:2]]
+        sine = [(*place, "signal", "signal") for place in window]
+        found |= {
+            "radius": tuple((*place, "amplitude") for place in sine),
+            "frequency_hz": tuple((*place, "frequency_hz") for place in sine),
+            "center": _vector([*centers, (*places[2], "value")]),
+            "start": tuple(place for at in window for place in ((*at, "start"), (*at, "signal", "delay"))),
+            "stop": tuple((*place, "stop") for place in window),
+        }
+    return found
+
+
+def _is_circle(signal: Any) -> bool:
+    """A centre and a windowed, shifted sine, as :func:`skyarm.reference.circle` makes them."""
+    if not isinstance(signal, Sum) or len(signal.signals) != 2:
+        return False
+    center, turn = signal.signals
+    return (
+        isinstance(center, Constant)
+        and isinstance(turn, Windowed)
+        and isinstance(turn.signal, Shifted)
+        and isinstance(turn.signal.signal, Sine)
+    )
+
+
+def _vector(places: Sequence[Place]) -> Tree:
+    """Three numbers by letter and by number."""
+    return {name: (place,) for i, place in enumerate(places) for name in ("xyz"[i], str(i))}

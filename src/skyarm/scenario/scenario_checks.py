@@ -1,0 +1,259 @@
+"""What could not fly is refused before anything is built: clocks, delays, vehicles, initial states.
+
+Every refusal is a ValueError of one line; :class:`skyarm.scenario.scenario_record.Scenario` makes it a ScenarioError.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from skyarm.actuation import Mixer, make_mixer
+from skyarm.control.law_checks import check_controller
+from skyarm.control.model import JointGains
+from skyarm.dynamics import State
+from skyarm.files import number, shown
+from skyarm.plant.friction_rate import friction_rate
+from skyarm.plant.largest_step import check_largest_step
+from skyarm.records.coerce import TOLERANCE, concrete
+from skyarm.records.directions import near_unit_quaternion
+from skyarm.records.leaves import named_leaves
+from skyarm.scalars import data
+from skyarm.scenario.scenario_parts import ScenarioError
+from skyarm.vehicle.check import require_plant
+
+if TYPE_CHECKING:
+    from skyarm.scenario.scenario_record import Scenario
+
+LONGEST_QUEUE = 100
+"""Control periods that a varied delay of the commands may take: the loop remembers as many commands."""
+
+
+def check_delays(scenario: Scenario) -> None:
+    """Delays are whole numbers of steps within the flight; one that varies stays below its longest."""
+    rates = scenario.rates
+    for name, rate, unit in (
+        ("measurement", rates.control, "control periods"),
+        ("command", rates.physics, "physics steps"),
+        ("rotors", rates.physics, "physics steps"),
+        ("joints", rates.physics, "physics steps"),
+    ):
+        if not concrete(getattr(scenario.delays, name)):
+            continue
+        delay = number(getattr(scenario.delays, name), f"delays.{name}", low=0.0)
+        if delay > scenario.duration:
+            raise ValueError(f"delays.{name} = {delay!r}: must not exceed the duration of {scenario.duration:g} s")
+        # the closed loop in machine code takes any delay if it is told the longest; MuJoCo's plant steps
+        if name == "measurement" or scenario.delays.longest_command is None or scenario.plant == "mujoco":
+            require_whole(f"delays.{name}", delay, rate, unit)
+    _check_longest(scenario)
+
+
+def _check_longest(scenario: Scenario) -> None:
+    """A delay that varies stays below its longest."""
+    delays = scenario.delays
+    if delays.longest_command is None:
+        return
+    longest = number(delays.longest_command, "delays.longest_command", low=0.0, strict=True)
+    if longest * scenario.rates.control > LONGEST_QUEUE:
+        raise ValueError(
+            f"delays.longest_command = {longest!r}: must be at most {LONGEST_QUEUE} control periods, "
+            f"{LONGEST_QUEUE / scenario.rates.control:g} s"
+        )
+    if not concrete(delays.command):
+        return
+    for name in ("rotors", "joints", "command"):
+        added = getattr(delays, name)
+        own = name == "command"
+        if concrete(added) and (added if own else delays.command + added) > longest:
+            held, what = (added, "") if own else (delays.command + added, " with delays.command")
+            raise ValueError(
+                f"delays.{name} = {held!r}{what}: must not exceed delays.longest_command = {delays.longest_command!r}"
+            )
+
+
+def check_joined(scenario: Scenario) -> None:
+    """The instant at which a law joins the reference lies in the flight."""
+    if concrete(scenario.joined):
+        joined = number(scenario.joined, "reference.joined", low=0.0)
+        if joined > scenario.duration:
+            raise ValueError(f"reference.joined = {joined!r}: must not exceed the duration of {scenario.duration:g} s")
+
+
+def check_additions(scenario: Scenario) -> None:
+    """Named sensors tick with the loop and have names of their own; drives are of joints that are there."""
+    rates, seen = scenario.rates, set[str]()
+    for each in scenario.instruments:
+        where = f"sensors.{each.name}"
+        if each.name in seen:
+            raise ValueError(f"{where}: the name is taken")
+        seen.add(each.name)
+        rate = number(each.sensor.frequency, f"{where}.frequency", low=0.0)
+        if rate and abs(rates.control / rate - round(rates.control / rate)) > 1e-9 * rates.control / rate:
+            raise ValueError(f"{where}.frequency = {rate:g}: must divide rates.control = {rates.control} Hz")
+        delay = number(each.sensor.latency, f"{where}.latency", low=0.0)
+        require_whole(f"{where}.latency", delay, rates.control, "control periods")
+    joints = [link.joint.name for link in scenario.world.vehicle.links]
+    driven = [each.joint for each in scenario.drives]
+    added = [(f"environment.{at}[{i}]", c) for at in ("air", "forces") for i, c in enumerate(getattr(scenario, at))]
+    added += [(f"plant.drives.{each.joint}", each.drive) for each in scenario.drives]
+    check_largest_step(added, 1.0 / rates.control)
+    for joint in driven:
+        if joint not in joints or driven.count(joint) > 1:
+            raise ValueError(f"drives: joint = {shown(joint)}: must be one of {', '.join(joints) or 'none'}, once")
+
+
+def check_clocks(scenario: Scenario) -> None:
+    """A law that is told of its clocks is told of those that tick."""
+    # a law with a safety layer keeps its own constants inside the layer's
+    par, rates = getattr(scenario.controller.par, "inner", scenario.controller.par), scenario.rates
+    cutoff = getattr(par, "cutoff", None)
+    if cutoff is not None and concrete(cutoff) and not 2.0 * cutoff < rates.control:
+        raise ValueError(
+            f"controller.cutoff = {cutoff!r}: must be below {0.5 * rates.control:g} Hz, half of rates.control"
+        )
+    for name, rate in (("control_period", rates.control), ("reference_period", rates.reference)):
+        believed = getattr(par, name, None)
+        if believed is not None and concrete(believed) and abs(believed * rate - 1.0) > 1e-6:
+            clock = name.removesuffix("_period")
+            raise ValueError(f"controller.{name} = {believed!r}: must be {1.0 / rate:g} s, as rates.{clock} has it")
+
+
+MOST_JOINTS = 256
+"""Of a vehicle that flies. LLVM makes a loop's code in a stack whose depth grows with the loop: of 400 joints it still
+does, of 1200 it ends the process."""
+
+
+def check_vehicles(scenario: Scenario) -> None:
+    """Truth and belief have the same joints and rotors, the reference fits them, and the truth can be simulated.
+
+    Its rotors must reach every torque and thrust; whether they are strong enough to carry it, the flight shows.
+    """
+    check_controller(scenario.controller)
+    truth, belief = scenario.world.vehicle, scenario.controller.par.model.vehicle
+    if truth.n > MOST_JOINTS:
+        raise ValueError(
+            f"plant.vehicle = {truth.name!r}: has {truth.n} joints, must have at most {MOST_JOINTS} to fly"
+        )
+    try:
+        require_plant(truth)
+        make_mixer(truth)
+        friction_rate(truth)
+    except ValueError as error:
+        raise ValueError(f"plant.vehicle = {truth.name!r}: {error}") from None
+    for what, ours, theirs in (("joints", truth.n, belief.n), ("rotors", len(truth.rotors), len(belief.rotors))):
+        if ours != theirs:
+            raise ValueError(
+                f"model.vehicle = {belief.name!r}: has {theirs} {what}, must have {ours} as the plant {truth.name!r}"
+            )
+    for i, fault in enumerate(scenario.faults):
+        try:
+            fault.check(truth)
+        except ValueError as error:
+            raise ValueError(f"environment.faults[{i}].{error}") from None
+    check_law(scenario.controller.par, belief.n, len(belief.rotors))
+    found = len(scenario.trajectory.joints)
+    if found != truth.n:
+        raise ValueError(f"reference.joints = {found} signals: must be {truth.n}, one for each joint")
+
+
+def check_initial(state: State, joints: int, rotors: int) -> None:
+    """An initial state has a number for each joint and rotor, and a quaternion."""
+    counts = (("joints", joints), ("joint_rates", joints), ("rotor_speeds", rotors))
+    for name, count in counts:
+        if len(getattr(state, name)) != count:
+            raise ValueError(f"initial.{name}: {len(getattr(state, name))} values, must be {count}")
+    check_quaternion(tuple(state.quaternion))
+
+
+def as_data(state: State) -> State:
+    """The state without integers, which would be structure, its quaternion exactly of unit length."""
+    held: dict[str, Any] = {}
+    for name in ("position", "quaternion", "velocity", "rate", "joints", "joint_rates", "rotor_speeds"):
+        value = getattr(state, name)
+        numbers = tuple(data(each) for each in value)
+        held[name] = numbers if isinstance(value, tuple) else type(value)(*numbers)
+    held["quaternion"] = near_unit_quaternion(held["quaternion"])
+    return State(**held)
+
+
+def check_law(par: Any, joints: int, rotors: int) -> None:
+    """Gains and mixer of a law, and its recovery under the safety layer, have a number for each joint and rotor."""
+    recovery = getattr(par, "recovery", None)
+    if recovery is not None:
+        for name in ("stow", "stow_speed"):
+            _require_count(f"controller.recovery.{name}", getattr(recovery, name), joints)
+        for name in ("stiffness", "damping"):
+            _require_count(f"controller.recovery.joint_gains.{name}", getattr(recovery.joint_gains, name), joints)
+    par = getattr(par, "inner", par)
+    gains, mixer = getattr(par, "joint_gains", None), getattr(par, "mixer", None)
+    if isinstance(gains, JointGains):
+        for name in ("stiffness", "damping"):
+            _require_count(f"controller.joint_gains.{name}", getattr(gains, name), joints)
+    for name in ("friction_compensation", "rate_weights"):
+        if getattr(par, name, ()):
+            _require_count(f"controller.{name}", getattr(par, name), joints)
+    if isinstance(mixer, Mixer):
+        _require_count("controller.mixer.highest", mixer.highest, rotors)
+        _require_count("controller.mixer.inverse", mixer.inverse, rotors)
+        for i, row in enumerate(mixer.inverse):
+            _require_count(f"controller.mixer.inverse[{i}]", row, 4)
+
+
+def _require_count(field: str, values: tuple[Any, ...], count: int) -> None:
+    if len(values) != count:
+        raise ValueError(f"{field}: {len(values)} values, must be {count}")
+
+
+FLOWN = (
+    "world",
+    "trajectory",
+    "joined",
+    "components",
+    "faults",
+    "sensors",
+    "instruments",
+    "drives",
+    "delays",
+    "initial",
+)
+"""Fields of a scenario, beside the law's constants, whose numbers a flight takes."""
+
+
+def require_flight(scenario: Any) -> None:
+    """What flies is one scenario whose numbers are plain: a batch flies lanes.
+
+    Raises:
+        ScenarioError: one line with field and value.
+    """
+    from skyarm.scenario.scenario_record import Scenario
+
+    if not isinstance(scenario, Scenario):
+        raise ScenarioError(f"scenario = {shown(scenario)}: must be a Scenario; load_scenario(name) makes one")
+    for field in FLOWN:
+        _require_plain(getattr(scenario, field), field)
+    _require_plain(scenario.controller.par, "controller")
+
+
+def _require_plain(record: Any, where: str) -> None:
+    for field, value in named_leaves(record, where):
+        if not (concrete(value) or callable(value)):
+            raise ScenarioError(f"{field} = {shown(value)}: must be one number; a Batch flies several side by side")
+
+
+def check_quaternion(values: tuple[Any, ...]) -> None:
+    """Four numbers of unit length."""
+    good = len(values) == 4
+    if good and concrete(*values):
+        good = abs(math.sqrt(sum(c * c for c in values)) - 1.0) <= TOLERANCE
+    if not good:
+        raise ValueError(
+            f"initial.quaternion_wxyz = {shown(list(values))}: must be four numbers of length 1 within {TOLERANCE:g}"
+        )
+
+
+def require_whole(field: str, seconds: float, rate: int, unit: str) -> None:
+    """A time is a whole number of ticks of a clock (Hz), at least one if it is above 0."""
+    count = seconds * rate
+    if abs(count - round(count)) > 1e-6 or (seconds > 0.0 and round(count) < 1):
+        raise ValueError(f"{field} = {seconds!r}: must be a whole number of {unit} of {1.0 / rate:g} s")

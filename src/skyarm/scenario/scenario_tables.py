@@ -1,0 +1,215 @@
+"""The tables of a scenario file, one reader each; the grammar is in :mod:`skyarm.scenario.scenario_file`."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from skyarm.actuation import AllocationError
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.control.catalogue import LAWS, PRESETS, make_named, preset
+from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.model import Model
+from skyarm.dynamics import State
+from skyarm.environment import payload_from
+from skyarm.files import Fields, number, shown
+from skyarm.records.leaves import field_names
+from skyarm.scenario.law_table import law_from
+from skyarm.scenario.scenario_checks import check_quaternion
+from skyarm.scenario.scenario_record import Delays, Rates, Scenario, trimmed_state
+from skyarm.sensors.noise import SensorNoise
+from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
+from skyarm.vehicle.vehicle_records import Vehicle
+
+
+def text(fields: Fields, name: str, *default: str) -> str:
+    """Text; not empty where there is no default."""
+    value = fields.take(name, *default)
+    if not isinstance(value, str) or (not value and not default):
+        raise ValueError(f"{fields.at(name)} = {shown(value)}: must be text{'' if default else ' that is not empty'}")
+    return value
+
+
+def truth_value(fields: Fields, name: str, default: bool) -> bool:
+    """True or false."""
+    value = fields.take(name, default)
+    if not isinstance(value, bool):
+        raise ValueError(f"{fields.at(name)} = {shown(value)}: must be true or false")
+    return value
+
+
+def vehicle(fields: Fields, folder: Path) -> Vehicle:
+    """The named vehicle, as its file describes it."""
+    named = fields.take("vehicle")
+    if not isinstance(named, str):
+        raise ValueError(f"{fields.at('vehicle')} = {shown(named)}: must be a name of the library or a path")
+    try:
+        return load_vehicle(named if named in list_vehicles() else folder / named)
+    except ValueError as error:
+        raise ValueError(f"{fields.at('vehicle')} = {shown(named)}: {error}") from None
+
+
+def truth(plant: Fields, folder: Path) -> Vehicle:
+    """The table's vehicle with its payload and what it says of joints: the truth, or what is believed of it."""
+    found = with_payload(vehicle(plant, folder), plant)
+    rows = _joint_overrides(plant, found.n)
+    if not any(rows):
+        return found
+    links = tuple(
+        dataclasses.replace(link, joint=dataclasses.replace(link.joint, **row))
+        for link, row in zip(found.links, rows, strict=True)
+    )
+    return dataclasses.replace(found, links=links)
+
+
+def with_payload(carrier: Vehicle, fields: Fields) -> Vehicle:
+    """The vehicle with the table's payload, if there is one."""
+    payload = fields.take("payload", None)
+    if payload is None:
+        return carrier
+    held = payload_from(payload, fields.at("payload"))
+    try:
+        return held.held_by(carrier)
+    except ValueError as error:
+        raise ValueError(f"{fields.at('payload')}: {error}") from None
+
+
+def gravity(fields: Fields) -> float:
+    """Gravity, m/s^2."""
+    return fields.number("gravity", 9.81, low=0.0)
+
+
+def _joint_overrides(table_of: Fields, joints: int) -> list[dict[str, Any]]:
+    """Fields of each joint: a number stands for every joint, a list has one for each."""
+    table = Fields(table_of.take("joints", {}), table_of.at("joints"))
+    found: list[dict[str, Any]] = [{} for _ in range(joints)]
+    for name, strict in (("damping", False), ("coulomb", False), ("coulomb_rate", True), ("effort_limit", True)):
+        value, at = table.take(name, None), table.at(name)
+        if isinstance(value, list):
+            if len(value) != joints:
+                raise ValueError(f"{at} = {shown(value)}: must be a number, or {joints} numbers, one for each joint")
+            values = [number(each, f"{at}[{i}]", low=0.0, strict=strict) for i, each in enumerate(value)]
+        elif value is not None:
+            values = [number(value, at, low=0.0, strict=strict)] * joints
+        else:
+            continue
+        for row, each in zip(found, values, strict=True):
+            row[name] = each
+    table.done()
+    return found
+
+
+def rates(top: Fields) -> Rates:
+    """Clock rates."""
+    table = Fields(top.take("rates", {}), "rates")
+    defaults = Rates()
+    hertz = {name: table.take(name, getattr(defaults, name)) for name in ("physics", "control", "reference")}
+    table.done()
+    return Rates(**hertz)
+
+
+def controller(fields: Fields, model: Model, replaced: str | None, known: Mapping[str, Any]) -> Controller:
+    """A preset or a law with its constants, with the safety layer if asked.
+
+    ``replaced`` is a name of :mod:`skyarm.control.catalogue` in place of the table's law.
+
+    ``known`` is what a law may know of its loop (:func:`skyarm.control.catalogue.preset`).
+    """
+    safety = fields.take("safety", False)
+    try:
+        if replaced is not None:
+            return _with_safety(make_named(replaced, model, known), safety)
+        found = _preset(fields, model, known) if "law" not in fields.table else law_from(fields, model, known)
+    except AllocationError as error:
+        raise ValueError(f"model.vehicle = {model.vehicle.name!r}: {error}") from None
+    return _with_safety(found, safety)
+
+
+def _preset(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
+    """The preset of a table, which takes no options."""
+    name = fields.take("preset", None)
+    if name is None:
+        raise ValueError(f"{fields.where}: must have a preset ({', '.join(PRESETS)}) or a law ({', '.join(LAWS)})")
+    if isinstance(name, str) and name not in PRESETS and name in LAWS:
+        raise ValueError(f"{fields.at('preset')} = {name!r}: is no preset but a law: law = {name!r}")
+    for word, value in fields.table.items():
+        if word not in ("preset", "safety"):
+            raise ValueError(
+                f"{fields.at(word)} = {shown(value)}: unknown field; beside a preset only safety is allowed, a law in "
+                f"its place takes options"
+            )
+    return preset(name, model, known)
+
+
+def _with_safety(found: Controller, safety: Any) -> Controller:
+    """The controller with its safety layer: false, true, or a table of limits and the stowed pose."""
+    if safety is False:
+        return found
+    from skyarm.control.safety import with_safety_layer
+
+    if safety is True:
+        return with_safety_layer(found)
+    if not isinstance(safety, dict):
+        raise ValueError(f"controller.safety = {shown(safety)}: must be true, false or a table of limits")
+    table = Fields(safety, "controller.safety")
+    stow = table.numbers("stow") if "stow" in safety else None
+    try:
+        return with_safety_layer(found, {name: value for name, value in safety.items() if name != "stow"}, stow=stow)
+    except ControllerError as error:
+        raise ValueError(f"controller.{error}") from None
+
+
+def sensors(table: Fields) -> SensorNoise:
+    """Standard deviations; a perfect sensor is structure. Tables in it are sensors of their own."""
+    for name, value in table.table.items():
+        if isinstance(value, dict):
+            table.take(name)
+    names = field_names(SensorNoise) or ()
+    sigmas: dict[str, Any] = {name: table.number(name, 0.0, low=0.0) for name in names}
+    table.done()
+    return SensorNoise(**{name: sigma if sigma > 0.0 else 0 for name, sigma in sigmas.items()})
+
+
+def delays(top: Fields) -> Delays:
+    """Dead times."""
+    table = Fields(top.take("delays", {}), "delays")
+    seconds = {name: table.number(name, 0.0, low=0.0) for name in ("measurement", "command")}
+    apart: dict[str, Any] = {name: table.number(name, low=0.0) for name in ("rotors", "joints") if name in table.table}
+    longest = table.take("longest_command", None)
+    table.done()
+    return Delays(**seconds, **apart, longest_command=longest)
+
+
+def joined(reference: Mapping[str, Any]) -> tuple[dict[str, Any], Any]:
+    """The table of the reference without ``joined``, and that: s, or a structural 0 where the law follows at once."""
+    if not isinstance(reference, Mapping) or "joined" not in reference:
+        return reference, 0  # type: ignore[return-value]
+    rest = {name: value for name, value in reference.items() if name != "joined"}
+    return rest, number(reference["joined"], "reference.joined", low=0.0)
+
+
+def initial(fields: Fields, scenario: Scenario) -> State:
+    """Hover trim at the reference with the given fields replaced."""
+    start = scenario.trajectory.at(0.0)
+    joints = fields.numbers("joints", [float(q) for q in start.joints])
+    n = scenario.world.vehicle.n
+    if len(joints) != n:
+        raise ValueError(f"initial.joints: {len(joints)} values, must be {n}, one for each joint")
+    trim = trimmed_state(scenario.world, start.position, float(start.yaw), joints)
+    quaternion = fields.numbers("quaternion_wxyz", list(trim.quaternion))
+    check_quaternion(quaternion)
+    length = math.sqrt(sum(c * c for c in quaternion))
+    state = State(
+        position=Vec3(*fields.vector("position", tuple(trim.position))),
+        quaternion=Quaternion.of([c / length for c in quaternion]),
+        velocity=Vec3(*fields.vector("velocity", tuple(trim.velocity))),
+        rate=Vec3(*fields.vector("rate", tuple(trim.rate))),
+        joints=joints,
+        joint_rates=fields.numbers("joint_rates", trim.joint_rates),
+        rotor_speeds=fields.numbers("rotor_speeds", trim.rotor_speeds, low=0.0),
+    )
+    fields.done()
+    return state

@@ -1,0 +1,116 @@
+"""The record of one episode, and its files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from skyarm.compile import leaves
+from skyarm.environment import WindSample
+from skyarm.files import versions
+from skyarm.log.flight_log import Array, Log
+from skyarm.log.tip_positions import level_tip, tip
+from skyarm.metrics.windows import Windows
+from skyarm.records.identity import log_digest
+from skyarm.records.own_files import own_files
+from skyarm.records.plain import plain
+from skyarm.registry.plugins import identities
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.check_endings import Ended
+from skyarm.simulate.inputs import EpisodeInputs
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """What a flight left, one row an instant: leaves of State, Command and Measurement, and the wind.
+
+    Attributes:
+        wind: its scalars (N,) or longer; numbers that stand for every instant.
+    """
+
+    states: Array
+    commands: Array
+    readings: Array
+    wind: WindSample
+
+
+def assemble(scenario: Scenario, inputs: EpisodeInputs, flown: Samples, ending: Ended | None) -> Log:
+    """The log of a flight."""
+    vehicle = scenario.world.vehicle
+    n, rotors, count = vehicle.n, len(vehicle.rotors), len(flown.states)
+    x, u, m = flown.states, flown.commands, flown.readings
+    held, wind = inputs.held_reference, flown.wind
+
+    def table(record: Any) -> Array:
+        columns = [np.asarray(c, dtype=float) for c in record]
+        columns = [c[:count] if c.ndim else np.broadcast_to(c, (count,)) for c in columns]
+        return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
+
+    position, quaternion, joints = x[:, 0:3], x[:, 3:7], x[:, 13 : 13 + n]
+    free = inputs.reference
+    tables = {
+        "position_held": table(held.position),
+        "velocity_held": table(held.velocity),
+        "joints_held": table(held.joints),
+        "joint_rates_held": table(held.joint_rates),
+        "yaw_held": table((held.yaw,))[:, 0],
+        "position_reference": table(free.position),
+        "joints_reference": table(free.joints),
+        "yaw_reference": table((free.yaw,))[:, 0],
+        "wind_force": table(wind.force_W),
+        "air_velocity": table(wind.air_velocity_W),
+    }
+    del free  # its derivatives take more memory than the log of it
+    for kind in ("held", "reference"):
+        goals = (tables[f"{name}_{kind}"] for name in ("position", "yaw", "joints"))
+        tables[f"tool_{kind}"] = level_tip(vehicle, *goals)
+    return Log(
+        time=inputs.times[:count],
+        position=position,
+        quaternion=quaternion,
+        velocity=x[:, 7:10],
+        rate=x[:, 10:13],
+        joints=joints,
+        joint_rates=x[:, 13 + n : 13 + 2 * n],
+        rotor_speeds=x[:, 13 + 2 * n :],
+        rotor_commands=u[:, :rotors],
+        efforts=u[:, rotors:],
+        tool=tip(vehicle, position, quaternion, joints),
+        measured_position=m[:, 1:4],
+        measured_joints=m[:, 17 : 17 + n],
+        info=describe(scenario, ending),
+        **tables,
+    )
+
+
+def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
+    """What a log says about itself."""
+    rates, whole, files = scenario.rates, plain(scenario), own_files(scenario)
+    return {
+        "schema": 1,
+        "scenario": scenario.name,
+        "title": scenario.title,
+        "plant": scenario.plant,
+        "integrator": scenario.integrator,
+        "plant_vehicle": scenario.world.vehicle.name,
+        "plant_gravity": float(scenario.world.gravity),
+        "model_vehicle": scenario.controller.par.model.vehicle.name,
+        "model_gravity": float(scenario.controller.par.model.gravity),
+        "controller": scenario.controller.name,
+        "rates_hz": {"physics": rates.physics, "control": rates.control, "reference": rates.reference},
+        "duration": scenario.duration,
+        "windows": Windows().of_flight(scenario.duration, scenario.windows).plain(),
+        "seed": scenario.seed,
+        "episode": scenario.episode,
+        "sensor_noise_channels": len(leaves(scenario.sensors)),
+        "status": ending.status if ending else "completed",
+        "cause": ending.cause if ending else "",
+        "end_time": ending.time if ending else scenario.duration,
+        "versions": versions("numpy", "mujoco-core"),
+        "plugins": identities(),
+        "code": files,
+        "scenario_record": whole,
+        "digest": log_digest(whole, files),
+    }

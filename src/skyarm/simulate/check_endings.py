@@ -1,0 +1,99 @@
+"""Ask a scenario's endings: in flight, for the cause, and for each lane of a batch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.algebra import Vec3
+from skyarm.compile import rebuild
+from skyarm.dynamics import State
+from skyarm.plant.compiled import example_state
+from skyarm.scalars import logical_and
+from skyarm.scenario.endings import BUILT_IN, Ending, not_finite
+from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.scenario_record import Scenario
+
+Array = npt.NDArray[Any]
+
+SLACK = 1e-5
+"""m, rad or 1: how far inside a limit a lane may be that machine code, which rounds otherwise, found outside."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """Why an episode stopped: status, cause in words, time in s."""
+
+    status: str
+    cause: str
+    time: float
+
+
+def going_on(scenario: Scenario, tick: int) -> Ended | None:
+    """What a log says of an episode that is not over: status "running"; None once it has flown its time."""
+    return Ended("running", "", tick / scenario.rates.control) if tick < scenario.steps else None
+
+
+def endings_of(scenario: Scenario) -> tuple[Ending, ...]:
+    """The library's endings, then the scenario's own."""
+    return (*BUILT_IN, *scenario.endings)
+
+
+def healthy(scenario: Scenario, state: State, goal: Vec3) -> Any:
+    """True while no ending has come; NaN compares false."""
+    fine: Any = True
+    for ending in endings_of(scenario):
+        fine = _both(fine, ending.fine(scenario, state, goal, 0))
+    return fine
+
+
+def _both(a: Any, b: Any) -> Any:
+    """Both; what is true by structure folds away."""
+    return b if a is True else a if b is True else logical_and(a, b)
+
+
+def ended_by(scenario: Scenario, time: float, x: Sequence[float], goal: Sequence[float]) -> Ended | None:
+    """The ending that a state in flat floats means, or None; ``goal`` is the held reference's position."""
+    vehicle = scenario.world.vehicle
+    state = rebuild(example_state(vehicle.n, len(vehicle.rotors)), iter(x))
+    for ending in endings_of(scenario):
+        if not ending.fine(scenario, state, Vec3(*goal), 0):
+            return Ended(ending.status, ending.cause(scenario, state, Vec3(*goal)), time)
+    return None
+
+
+def refused(scenario: Scenario, time: float, command: Sequence[float]) -> Ended | None:
+    """The ending that a command means, or None."""
+    cause = not_finite(scenario.world.vehicle, command)
+    return None if cause is None else Ended("diverged", cause, time)
+
+
+def statuses(scenario: Scenario, values: Mapping[str, Array], state: State, goals: Array, ended: Array) -> Array:
+    """Status of each lane of a batch, from the states they were left in.
+
+    Args:
+        scenario: of the batch.
+        values: path -> (lanes,), its varied numbers.
+        state: last one of each lane, its scalars (lanes,).
+        goals: (lanes, 3) position of the held reference at that time, m.
+        ended: True where the lane stopped before its time. A lane that flew to the end is looked at once more, as a
+            single run does after its last step.
+    """
+    # limits, the places of rotors and joints, and the endings' own numbers are all that the causes depend on
+    kept = {path: column for path, column in values.items() if path.startswith(("plant.vehicle.", "endings."))}
+    with np.errstate(all="ignore"):
+        varied = with_numbers(scenario, kept)
+    goal, lanes = Vec3(*goals.T), len(goals)
+    every = endings_of(varied)
+    words = np.array(["completed", *(ending.status for ending in every)])
+    with np.errstate(all="ignore"):
+        found = np.where(ended, 1, 0)  # a command that is not finite leaves a sound state behind
+        for slack, asked in ((SLACK, ended), (0, np.ones(lanes, dtype=bool))):
+            for index in range(len(every), 0, -1) if asked.any() else ():
+                fine = np.broadcast_to(np.asarray(every[index - 1].fine(varied, state, goal, slack)), (lanes,))
+                found = np.where(asked & ~fine, index, found)
+    return words[found]

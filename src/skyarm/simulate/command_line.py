@@ -1,0 +1,78 @@
+"""The line from the law to the actuators: how late a command acts, for rotors and joints together or apart."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from skyarm.actuation import Command
+from skyarm.records.coerce import concrete
+from skyarm.scalars import add, floor, maximum, minimum
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.loop_state import blend
+
+
+def command_delay(scenario: Scenario) -> tuple[Any, Any]:
+    """Delay of the commands as whole control periods, None if the queue is just that long, and the rest, s."""
+    rates, delay = scenario.rates, scenario.delays.command
+    if scenario.delays.longest_command is None:
+        return None, round(delay * rates.physics) % (rates.physics // rates.control) / rates.physics
+    return _split(delay, rates.control)
+
+
+def rotor_and_joint_delays(scenario: Scenario) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+    """Delays of the rotors' and of the joints' part of a command: whole control periods, and the rest, s."""
+    rates, delays, found = scenario.rates, scenario.delays, []
+    ratio = rates.physics // rates.control
+    for more in (delays.rotors, delays.joints):
+        delay = add(delays.command, more)
+        if concrete(delay) and delays.longest_command is None:
+            whole, rest = divmod(round(delay * rates.physics), ratio)
+            found.append((float(whole), rest / rates.physics))
+        else:
+            found.append(_split(delay, rates.control))
+    return found[0], found[1]
+
+
+def _split(delay: Any, rate: int) -> tuple[Any, Any]:
+    """A delay as whole control periods and the rest, s."""
+    # a delay that is a multiple of the period up to rounding is one
+    whole = floor(delay * float(rate) + 1e-9)
+    return whole, maximum(delay - whole / float(rate), 0.0)
+
+
+def switches(before: Command, after: Command, rotors: Any, joints: Any) -> list[tuple[Any, Command]]:
+    """What acts within a period until rotors and joints have both heard: seconds and command, one after the other.
+
+    Args:
+        before: the command before this period's arrives.
+        after: this period's.
+        rotors: s within the period at which the rotors hear of it.
+        joints: s within the period at which the joints do.
+    """
+    rotors_first, joints_first = _mixed(after, before), _mixed(before, after)
+    if type(rotors) is float and type(joints) is float:
+        first, mixed = min(rotors, joints), rotors_first if rotors < joints else joints_first
+        return [(first, before), (max(rotors, joints) - first, mixed)]
+    if type(joints) is float and joints == 0.0:
+        return [(rotors, joints_first)]
+    if type(rotors) is float and rotors == 0.0:
+        return [(joints, rotors_first)]
+    first = minimum(rotors, joints)
+    return [(first, before), (maximum(rotors, joints) - first, blend(rotors < joints, rotors_first, joints_first))]
+
+
+def issued(queue: tuple[Command, ...], whole: Any) -> Command:
+    """The command at the end of a queue's delay: its oldest, or the one before the last ``whole``."""
+    if whole is None:
+        return queue[0]
+    if type(whole) is float:
+        return queue[len(queue) - 1 - round(whole)]
+    found = queue[-1]
+    for age, command in enumerate(queue[-2::-1], start=1):
+        found = blend(whole < age - 0.5, found, command)
+    return found
+
+
+def _mixed(rotors: Command, joints: Command) -> Command:
+    """Rotor speeds of one command, efforts of another."""
+    return Command(rotor_speeds=rotors.rotor_speeds, efforts=joints.efforts)

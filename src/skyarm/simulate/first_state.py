@@ -1,0 +1,68 @@
+"""What the first control period of an episode finds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from skyarm.actuation import Command
+from skyarm.actuation.hover import hover_trim
+from skyarm.compile import leaves, rebuild
+from skyarm.plant.compiled import example_state
+from skyarm.scalars import data
+from skyarm.scenario.scenario_record import Scenario, first_state
+from skyarm.sensors.measurement import blank_measurement
+from skyarm.simulate.draws import start_draws
+from skyarm.simulate.loop_state import LoopState, SensorState
+from skyarm.simulate.stages import Stages, commands_waiting, readings_waiting
+
+
+def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Any]] | None = None) -> LoopState:
+    """The loop before its first period, whose numbers may be traced.
+
+    Args:
+        scenario: of the episode.
+        draws: uniform numbers that start each component; the episode's own if left out.
+    """
+    state, vehicle = first_state(scenario), scenario.world.vehicle
+    efforts = hover_trim(vehicle, state.joints, scenario.world.gravity).efforts
+    if scenario.drives:
+        rows = zip(scenario.all_drives, efforts, state.joints, strict=True)
+        efforts = tuple(drive.standing(effort, q) for drive, effort, q in rows)
+    standing = Command(rotor_speeds=state.rotor_speeds, efforts=tuple(data(effort) for effort in efforts))
+    if draws is None:
+        draws = [row.tolist() for row in start_draws(scenario, scenario.seed, scenario.episode)]
+    period = 1.0 / scenario.rates.control
+    return LoopState(
+        alive=1.0,
+        ticks=0.0,
+        state=state,
+        memory=scenario.controller.memory,
+        queue=(standing,) * commands_waiting(scenario),
+        sensors=tuple(_first_reading(scenario, i) for i in range(len(scenario.all_sensors))),
+        estimate=scenario.estimator.start(scenario.controller.par.model.vehicle),
+        components=tuple(c.start(period, row) for c, row in zip(scenario.components, draws, strict=True)),
+        drives=tuple(drive.start(q) for drive, q in zip(scenario.all_drives, state.joints, strict=True))
+        if scenario.drives
+        else (),
+    )
+
+
+def _first_reading(scenario: Scenario, index: int) -> SensorState:
+    """A sensor before its first reading; what is on its way has the shape of a reading, and is never seen."""
+    vehicle, (_, sensor) = scenario.world.vehicle, scenario.all_sensors[index]
+    waiting, memory = readings_waiting(scenario, index), sensor.start(vehicle)
+    if index == 0:
+        blank: Any = blank_measurement(vehicle.n, len(vehicle.rotors))
+        return SensorState(memory=memory, held=(), waiting=(blank,) * waiting)
+    state, draws = example_state(vehicle.n, len(vehicle.rotors)), (0.5,) * sensor.uniforms(vehicle)
+    period = 1.0 / (sensor.frequency or scenario.rates.control)
+    _, example = sensor.measure(memory, 0.0, state, state.velocity, draws, period)
+    reading = rebuild(example, iter([0.0] * len(leaves(example))))
+    slow = sensor.frequency and sensor.frequency < scenario.rates.control
+    return SensorState(memory=memory, held=reading if slow else (), waiting=(reading,) * waiting)
+
+
+def first_surroundings(scenario: Scenario, first: LoopState) -> Any:
+    """Surroundings of one period as an example: those of the start, since a component may refuse other numbers."""
+    return Stages(scenario).surroundings(first.components, first.drives, 0.0)

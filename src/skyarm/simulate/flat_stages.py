@@ -1,0 +1,224 @@
+"""The stages of a control period as programs over flat tuples of floats: for plants and laws that cannot be traced."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cached_property
+from itertools import accumulate, chain, pairwise
+from typing import Any
+
+from skyarm.actuation import Command
+from skyarm.compile import leaves, rebuild, trace
+from skyarm.plant.interface import Plant
+from skyarm.records.leaves import parts
+from skyarm.reference import Reference
+from skyarm.simulate.command_line import switches
+from skyarm.simulate.loop_state import LoopState, Row, structure_of
+from skyarm.simulate.period import Begun, Response, begin, issue, respond
+from skyarm.simulate.stages import Readings, Stages
+
+Flat = tuple[float, ...]
+
+ONE = (0.0,)
+"""A number that stands alone, as an example."""
+
+
+class EpisodeEndedError(Exception):
+    """An ending came within a period.
+
+    Attributes:
+        command: flat, if it was the command; else None.
+    """
+
+    def __init__(self, command: Flat | None = None) -> None:
+        super().__init__("the episode has ended")
+        self.command = command
+
+
+class FlatFunction:
+    """A function of records as a program: flat tuples in, a flat tuple for each record it returns."""
+
+    def __init__(self, function: Callable[..., tuple[Any, ...]], *examples: Any) -> None:
+        result: list[Any] = []
+
+        def kept(*records: Any) -> tuple[Any, ...]:
+            result[:] = function(*records)
+            return tuple(result)
+
+        self._program, self._result = trace(kept, *examples), result
+        ends = accumulate((len(leaves(part)) for part in result), initial=0)
+        self._parts = [slice(a, b) for a, b in pairwise(ends)]
+
+    def example(self, part: int) -> Any:
+        """One of the records that it returns: structure, and zeros for numbers."""
+        return structure_of(self._result[part])
+
+    def __call__(self, *records: Sequence[float]) -> list[Flat]:
+        """Evaluate."""
+        out = self._program.flat(tuple(chain.from_iterable(records)))
+        return [out[part] for part in self._parts]
+
+
+class FlatStages:
+    """The stages of an episode over flat tuples: those before and those between the plant's two calls, a program each.
+
+    A law that is called, or a command from outside, cuts the second program in two: sensing, and what follows the
+    command. Programs are made when they are first needed.
+
+    Args:
+        stages: of the episode. first: its first loop state. reference: a held reference as an example.
+
+    Attributes:
+        given: a command in place of the law's, whose memory stays; None for the law's own.
+    """
+
+    def __init__(self, stages: Stages, first: LoopState, reference: Reference) -> None:
+        self._stages, self._first, self._row = stages, first, Row(time=0.0, reference=reference)
+        self._traced = stages.scenario.controller.compiled
+        # not from zeros: a component may refuse numbers that are not its own
+        self._around = stages.surroundings(first.components, first.drives, 0.0)
+        self._uniforms = (0.0,) * sum(count for _, count in stages.draws.needed)
+        self.given: Flat | None = None
+
+    @cached_property
+    def _begin(self) -> FlatFunction:
+        def program(alive: Any, x: Any, queue: Any, m: Any, d: Any, row: Row, uniforms: Any) -> Begun:
+            now = replace(self._first, alive=alive[0], state=x, queue=queue, components=m, drives=d)
+            return begin(self._stages, now, row, uniforms)
+
+        x = self._first
+        return FlatFunction(program, ONE, x.state, x.queue, x.components, x.drives, self._row, self._uniforms)
+
+    @cached_property
+    def _respond(self) -> FlatFunction:
+        def program(
+            alive: Any, k: Any, x: Any, m: Any, queue: Any, s: Any, e: Any, d: Any, row: Row, u: Any, f: Any, draws: Any
+        ) -> tuple[Any, ...]:
+            now = replace(self._first, ticks=k[0], state=x, memory=m, queue=queue, sensors=s, estimate=e, drives=d)
+            return respond(self._stages, now, row, Begun(alive[0], (), self._around, u, ()), f, draws)[:-1]
+
+        x = self._first
+        loop = x.state, x.memory, x.queue, x.sensors, x.estimate, x.drives
+        return FlatFunction(program, ONE, ONE, *loop, self._row, x.queue[0], x.state.velocity, self._uniforms)
+
+    @cached_property
+    def _sense(self) -> FlatFunction:
+        def program(s: Any, e: Any, k: Any, x: Any, f: Any, u: Any, t: Any, uniforms: Any) -> tuple[Any, ...]:
+            read = self._stages.sense(s, e, k[0], x, f, u, t[0], uniforms)
+            return read.sensors, read.estimate, read.reading, read.measurement
+
+        x, force = self._first, self._first.state.velocity
+        return FlatFunction(program, x.sensors, x.estimate, ONE, x.state, force, x.queue[0], ONE, self._uniforms)
+
+    @cached_property
+    def _issue(self) -> FlatFunction:
+        def program(alive: Any, k: Any, x: Any, queue: Any, d: Any, command: Any) -> tuple[Any, ...]:
+            now = replace(self._first, ticks=k[0], state=x, queue=queue, drives=d)
+            nothing: Any = ()
+            read = Readings(sensors=(), estimate=(), reading=nothing, measurement=nothing)
+            return issue(self._stages, now, Begun(alive[0], (), self._around, (), ()), read, (), command)[:-1]
+
+        x = self._first
+        return FlatFunction(program, ONE, ONE, x.state, x.queue, x.drives, x.queue[0])
+
+    @cached_property
+    def wind(self) -> Any:
+        """What the log keeps of the surroundings, as an example."""
+        return self._begin.example(Begun._fields.index("wind"))
+
+    @cached_property
+    def reading(self) -> Any:
+        """What the full state's sensor reads, as an example."""
+        return self._respond.example(Response._fields.index("reading")) if self._traced else self._sense.example(2)
+
+    @cached_property
+    def told(self) -> Any:
+        """What the law is told, as an example."""
+        return self._sense.example(3)
+
+    def surround(self, now: Any, row: Any, uniforms: Flat) -> Begun:
+        """What stands before the plant is first called."""
+        loop = now.alive, now.state, now.queue, now.components, now.drives
+        return Begun._make(self._begin(*loop, row.time, row.reference, uniforms))
+
+    def begin(self, now: Any, row: Any, uniforms: Flat) -> Begun:
+        """What stands before the plant is first called; raises where an ending has come."""
+        found = self.surround(now, row, uniforms)
+        if found.alive[0] < 0.5:
+            raise EpisodeEndedError
+        return found
+
+    def respond(self, now: Any, row: Any, begun: Begun, force: Flat, uniforms: Flat) -> Response:
+        """What stands between the plant's two calls; raises where the command is refused."""
+        if self._traced and self.given is None:
+            loop = now.state, now.memory, now.queue, now.sensors, now.estimate, now.drives
+            given = row.time, row.reference, begun.acting, force, uniforms
+            found = Response._make((*self._respond(begun.alive, now.ticks, *loop, *given), begun.around))
+        else:
+            found = self._in_pieces(now, row, begun, force, uniforms)
+        if found.alive[0] < 0.5:
+            raise EpisodeEndedError(found.command)
+        if not found.drives:
+            return found
+        # drive memories are the last numbers of the surroundings
+        return found._replace(around=(*begun.around[: -len(found.drives)], *found.drives))
+
+    def sense(self, now: Any, row: Any, begun: Begun, force: Flat, uniforms: Flat) -> list[Flat]:
+        """Memories of the sensors and of the estimator, the full state's reading, and what the law is told."""
+        return self._sense(now.sensors, now.estimate, now.ticks, now.state, force, begun.acting, row.time, uniforms)
+
+    def _in_pieces(self, now: Any, row: Any, begun: Begun, force: Flat, uniforms: Flat) -> Response:
+        """A response whose command is made outside of any program."""
+        sensors, estimate, reading, told = self.sense(now, row, begun, force, uniforms)
+        memory, command = now.memory, self.given
+        if command is None:
+            # a law that cannot be traced is called with records of floats; its memory is its own
+            seen, wanted = rebuild(self.told, iter(told)), rebuild(self._row.reference, iter(row.reference))
+            memory, decided = self._stages.decide(memory, seen, self._stages.joined(wanted, row.time[0]))
+            command = tuple(leaves(decided))
+        parts = self._issue(begun.alive, now.ticks, now.state, now.queue, now.drives, command)
+        found = Response._make((*parts, begun.around))
+        return found._replace(memory=memory, sensors=sensors, estimate=estimate, reading=reading, command=command)
+
+    def keep(self, alive: Flat, following: LoopState, now: LoopState) -> LoopState:
+        """The next period's state."""
+        return following
+
+
+class FlatSteps:
+    """A plant of flat numbers within a period."""
+
+    def __init__(self, plant: Plant, stages: Stages) -> None:
+        self._plant, self._period, self._late = plant, stages.period, stages.late
+        self._rotors = len(stages.scenario.world.vehicle.rotors)
+        self._apart = None if stages.apart is None else tuple(late for _, late in stages.apart)
+        self.specific_force = plant.specific_force
+
+    def advance(self, state: Flat, before: Flat, after: Flat, around: Flat) -> Flat:
+        """State after the period."""
+        if self._apart is not None:
+            return self._one_after_the_other(state, before, after, around)
+        if self._late:
+            state = self._plant.advance(state, before, around, self._late)
+        return self._plant.advance(state, after, around, self._period - self._late)
+
+    def _one_after_the_other(self, state: Flat, before: Flat, after: Flat, around: Flat) -> Flat:
+        """State after a period in which rotors and joints hear of the command at different times."""
+        n, left = self._rotors, self._period
+        old, new = (Command(rotor_speeds=u[:n], efforts=u[n:]) for u in (before, after))
+        for seconds, command in switches(old, new, *self._apart or ()):
+            if seconds > 0.0:
+                acting: Any = (*command.rotor_speeds, *command.efforts)
+                state = self._plant.advance(state, acting, around, seconds)
+            left = left - seconds
+        return self._plant.advance(state, after, around, left)
+
+
+def flatten(first: LoopState, *, called: bool) -> Any:
+    """A loop state whose fields are flat tuples; a law that is called gets a copy of its memory: it may write to it."""
+    fields = {name: tuple(leaves(part)) for name, part in parts(first).items()}
+    if called:
+        fields["memory"] = copy.deepcopy(first.memory)
+    return LoopState(**fields)  # type: ignore[arg-type]

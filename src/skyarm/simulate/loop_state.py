@@ -1,0 +1,107 @@
+"""Records of the closed loop: what a control period hands on, what it is fed, what may be logged of it."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.actuation import Command
+from skyarm.compile import leaves, rebuild
+from skyarm.dynamics import State
+from skyarm.environment import WindSample
+from skyarm.records.leaves import is_record, mismatch, parts
+from skyarm.reference import Reference
+from skyarm.scalars import Scalar, where
+from skyarm.sensors.measurement import Measurement
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SensorState:
+    """One sensor between two periods.
+
+    Attributes:
+        memory: of the sensor.
+        held: its last reading, for a sensor slower than the loop; else ``()``.
+        waiting: readings on their way, oldest first.
+    """
+
+    memory: Any
+    held: Any
+    waiting: tuple[Any, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LoopState:
+    """What one control period hands to the next.
+
+    Attributes:
+        alive: 1 while the episode runs, 0 once it has ended. ticks: control periods flown.
+        state: of the plant. memory: of the law.
+        queue: commands on their way, oldest first; the first acts now.
+        sensors: the full state's first, then the named ones. estimate: memory of the estimator.
+        components: memories of air and forces. drives: memories of the joint drives.
+    """
+
+    alive: Scalar
+    ticks: Scalar
+    state: State
+    memory: Any
+    queue: tuple[Command, ...]
+    sensors: tuple[SensorState, ...]
+    estimate: Any
+    components: tuple[Any, ...]
+    drives: tuple[Any, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Row:
+    """What a control instant is fed from outside: its time and the held reference."""
+
+    time: Scalar
+    reference: Reference
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Sample:
+    """What may be logged of a control instant; ``reading`` is the full state as its sensor read it now."""
+
+    alive: Scalar
+    state: State
+    command: Command
+    reading: Measurement
+    wind: WindSample
+
+
+def blend(condition: Any, new: Any, old: Any) -> Any:
+    """``new`` where the condition holds, else ``old``, leaf by leaf; structure is the old record's."""
+    values = (where(condition, a, b) for a, b in zip(leaves(new), leaves(old), strict=True))
+    return rebuild(old, values)
+
+
+def ended(now: LoopState) -> LoopState:
+    """The loop of an episode that has ended: as it was, not alive."""
+    return dataclasses.replace(now, alive=0.0)
+
+
+def carried(first: LoopState, now: LoopState) -> LoopState:
+    """``now`` for a loop that begins with ``first``: parts of another structure begin anew."""
+    fields: dict[str, Any] = {}
+    for name, new in parts(first).items():
+        old = getattr(now, name)
+        if name in ("components", "drives") and len(new) == len(old):
+            fields[name] = tuple(_kept(a, b) for a, b in zip(new, old, strict=True))
+        else:
+            fields[name] = _kept(new, old)
+    return LoopState(**fields)
+
+
+def _kept(new: Any, old: Any) -> Any:
+    return new if mismatch(new, old, "memory") else old
+
+
+def structure_of(record: Any) -> Any:
+    """An example of a record: every scalar 0.0, structure kept."""
+    if is_record(record) or isinstance(record, tuple):
+        return rebuild(record, iter([0.0] * len(leaves(record))))
+    return record

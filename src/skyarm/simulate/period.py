@@ -1,0 +1,130 @@
+"""One control period of the closed loop, stage after stage: the one loop of every engine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol
+
+from skyarm.simulate.loop_state import LoopState, Row, Sample
+
+
+class PlantSteps(Protocol):
+    """A plant within a period: numbers of whatever kind the engine flies."""
+
+    def specific_force(self, state: Any, command: Any, around: Any) -> Any:
+        """Proper acceleration of the base origin, base axes, m/s^2."""
+        ...
+
+    def advance(self, state: Any, before: Any, after: Any, around: Any) -> Any:
+        """State after the period: under the command before this one for the late part, then under this one."""
+        ...
+
+
+class Begun(NamedTuple):
+    """What stands before the plant is asked what its accelerometer reads.
+
+    Attributes:
+        alive: 1 while no ending has come. components: memories of air and forces. around: surroundings of the period.
+        acting: the command that acts before this period's arrives. wind: what the log keeps of the surroundings.
+    """
+
+    alive: Any
+    components: Any
+    around: Any
+    acting: Any
+    wind: Any
+
+
+class Response(NamedTuple):
+    """What the plant is given for the period, and the memories of those who decided it.
+
+    Attributes:
+        alive: 1 while the command is finite, too. ticks, memory, queue, sensors, estimate, drives: of the loop state.
+        command: of the law. reading: of the full state's sensor. acting: the command that acts now.
+        around: surroundings, the drives having heard their setpoints.
+    """
+
+    alive: Any
+    ticks: Any
+    memory: Any
+    queue: Any
+    sensors: Any
+    estimate: Any
+    drives: Any
+    command: Any
+    reading: Any
+    acting: Any
+    around: Any
+
+
+Period = Callable[[LoopState, Row, Any], tuple[LoopState, Sample]]
+
+
+def begin(stages: Any, now: LoopState, row: Row, uniforms: Any) -> Begun:
+    """Endings, surroundings and the command that acts: the stages before the plant is first called."""
+    alive = stages.check(now.alive, now.state, row.reference)
+    components, around = stages.surround(now.components, now.drives, now.state, row.time, uniforms)
+    return Begun(alive, components, around, stages.acting(now.queue), stages.felt(around, now.state))
+
+
+def respond(stages: Any, now: LoopState, row: Row, begun: Begun, force: Any, uniforms: Any) -> Response:
+    """Sensors, estimator, law, command line and drives: the stages between the plant's two calls."""
+    read = stages.sense(now.sensors, now.estimate, now.ticks, now.state, force, begun.acting, row.time, uniforms)
+    memory, command = stages.decide(now.memory, read.measurement, stages.joined(row.reference, row.time))
+    return issue(stages, now, begun, read, memory, command)
+
+
+def issue(stages: Any, now: LoopState, begun: Begun, read: Any, memory: Any, command: Any) -> Response:
+    """Command line and drives: the stages after the law."""
+    alive, queue, acting = stages.send(begun.alive, now.queue, command)
+    drives = stages.drive(now.drives, acting, now.state)
+    return Response(
+        alive=alive,
+        ticks=stages.count(now.ticks, alive),
+        memory=memory,
+        queue=queue,
+        sensors=read.sensors,
+        estimate=read.estimate,
+        drives=drives,
+        command=command,
+        reading=read.reading,
+        acting=acting,
+        around=stages.with_drives(begun.around, drives),
+    )
+
+
+def make_period(
+    stages: Any, plant: PlantSteps, begin: Callable[..., Begun] = begin, respond: Callable[..., Response] = respond
+) -> Period:
+    """The function of one control period.
+
+    An episode that has ended keeps the state it ended in.
+
+    Args:
+        stages: :class:`skyarm.simulate.stages.Stages`, or the same stages as programs over flat numbers.
+        plant: of the same kind of numbers.
+        begin: the stages before the plant is first called; of flat numbers, as a program.
+        respond: those between its two calls, likewise.
+    """
+
+    def period(now: LoopState, row: Row, uniforms: Any) -> tuple[LoopState, Sample]:
+        begun = begin(stages, now, row, uniforms)
+        force = plant.specific_force(now.state, begun.acting, begun.around)
+        found = respond(stages, now, row, begun, force, uniforms)
+        following = LoopState(
+            alive=found.alive,
+            ticks=found.ticks,
+            state=plant.advance(now.state, begun.acting, found.acting, found.around),
+            memory=found.memory,
+            queue=found.queue,
+            sensors=found.sensors,
+            estimate=found.estimate,
+            components=begun.components,
+            drives=found.drives,
+        )
+        sample = Sample(
+            alive=found.alive, state=now.state, command=found.command, reading=found.reading, wind=begun.wind
+        )
+        return stages.keep(found.alive, following, now), sample
+
+    return period

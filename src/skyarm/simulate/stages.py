@@ -1,0 +1,232 @@
+"""The stages of a control period, each a pure function of records over any scalar.
+
+Every engine flies these and no others: Python floats and MuJoCo's plant stage by stage, machine code and JAX as one
+traced program (:func:`skyarm.simulate.period.make_period`).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.actuation import Command
+from skyarm.algebra import Vec3
+from skyarm.compile.tracing.repeat import repeat
+from skyarm.control.law_checks import checked_law
+from skyarm.dynamics import State
+from skyarm.environment import WindSample, effectiveness_at
+from skyarm.estimate.estimator import FULL_STATE
+from skyarm.plant.rigid_body import STEP, accelerate
+from skyarm.plant.surroundings import Surroundings, felt
+from skyarm.reference import Reference
+from skyarm.scalars import absolute, floor, logical_and, where
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.sensors.measurement import Measurement
+from skyarm.simulate.check_endings import healthy
+from skyarm.simulate.command_line import command_delay, issued, rotor_and_joint_delays, switches
+from skyarm.simulate.draws import Draws, draw_plan
+from skyarm.simulate.joined_reference import joined_reference
+from skyarm.simulate.loop_state import LoopState, SensorState, blend, ended
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Readings:
+    """What the sensing stage leaves: sensors and estimator as they go on, the full state read now, the measurement."""
+
+    sensors: tuple[SensorState, ...]
+    estimate: Any
+    reading: Measurement
+    measurement: Measurement
+
+
+class Stages:
+    """Stages of a scenario's control period; its numbers may be traced.
+
+    Args:
+        scenario: structure must be concrete: rates, integrator, delays but for a varied one of the commands.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        self.period = 1.0 / scenario.rates.control
+        self.components = scenario.components
+        self.sensors = scenario.all_sensors
+        self.draws: Draws = draw_plan(scenario)
+        self._law = checked_law(scenario.controller)
+        self.whole, self.late = command_delay(scenario)
+        self.apart = rotor_and_joint_delays(scenario) if scenario.delays.apart else None
+        # named sensors are measured each so many control periods
+        self._every = tuple(round(scenario.rates.control / s.frequency) if s.frequency else 1 for _, s in self.sensors)
+
+    def check(self, alive: Any, state: State, reference: Reference) -> Any:
+        """Endings: 1 while the episode goes on, else 0."""
+        return where(logical_and(alive > 0.5, healthy(self.scenario, state, reference.position)), 1.0, 0.0)
+
+    def surround(self, memories: Sequence[Any], drives: Sequence[Any], state: State, time: Any, uniforms: Any) -> Any:
+        """Air, forces and faults of the period: memories as they go on, and what the plant is told."""
+        going = tuple(
+            component.advance(memory, time, self.period, state, self.draws.of_component(i, uniforms))
+            for i, (component, memory) in enumerate(zip(self.components, memories, strict=True))
+        )
+        return going, self.surroundings(going, drives, time)
+
+    def surroundings(self, memories: tuple[Any, ...], drives: Sequence[Any], time: Any) -> Surroundings:
+        """What the plant is told of one period."""
+        scenario = self.scenario
+        return Surroundings(
+            components=self.components,
+            memories=memories,
+            time=time,
+            effectiveness=effectiveness_at(scenario.faults, scenario.world.vehicle, time),
+            drives=scenario.all_drives,
+            drive_memories=tuple(drives),
+        )
+
+    def acting(self, queue: Sequence[Command]) -> Command:
+        """The command that acts before this period's arrives."""
+        return self._heard(tuple(queue))
+
+    def _heard(self, queue: tuple[Command, ...]) -> Command:
+        """What acts of a queue; rotors and joints may hear of a command at different times."""
+        if self.apart is None:
+            return issued(queue, self.whole)
+        (rotors, _), (joints, _) = self.apart
+        return Command(rotor_speeds=issued(queue, rotors).rotor_speeds, efforts=issued(queue, joints).efforts)
+
+    def joined(self, reference: Reference, time: Any) -> Reference:
+        """The reference that the law is told: before it joins, that of t = 0, at rest."""
+        return joined_reference(self.scenario, reference, time)
+
+    def sense(
+        self, sensors: Sequence[SensorState], estimate: Any, ticks: Any, state: State, force: Vec3, acting: Command,
+        time: Any, uniforms: Any,
+    ) -> Readings:  # fmt: skip
+        """Sensors and estimator: what is read now, what arrives now, what the law is told."""
+        going, arrived, first = [], {}, None
+        for i, ((name, sensor), now) in enumerate(zip(self.sensors, sensors, strict=True)):
+            every = self._every[i]
+            draws = self.draws.of_sensor(i, uniforms)
+            memory, reading = sensor.measure(now.memory, time, state, force, draws, every * self.period)
+            held: Any = ()
+            if every > 1:
+                due = ticks - floor(ticks / every + 1e-9) * every < 0.5
+                memory, reading = blend(due, memory, now.memory), blend(due, reading, now.held)
+                held = reading
+            # until the first reading has arrived the estimator sees that one
+            seen = (*(blend(ticks < 0.5, reading, old) for old in now.waiting), reading)
+            going.append(SensorState(memory=memory, held=held, waiting=seen[1:]))
+            arrived[name] = seen[0]
+            first = reading if first is None else first
+        memory, measurement = self.scenario.estimator.step(estimate, arrived, acting, self.period)
+        full: Any = first
+        return Readings(sensors=tuple(going), estimate=memory, reading=full, measurement=measurement)
+
+    def decide(self, memory: Any, measurement: Measurement, reference: Reference) -> tuple[Any, Command]:
+        """The law."""
+        controller = self.scenario.controller
+        found: tuple[Any, Command] = self._law(memory, measurement, reference, self.period, par=controller.par)
+        return found
+
+    def send(self, alive: Any, queue: Sequence[Command], command: Command) -> tuple[Any, tuple[Command, ...], Command]:
+        """Command line: refuses a command that is not finite; the queue, and what acts once it has moved."""
+        going = alive > 0.5
+        for value in (*command.rotor_speeds, *command.efforts):
+            going = logical_and(going, absolute(value) < float("inf"))
+        moved = (*queue[1:], command)
+        return where(going, 1.0, 0.0), moved, self._heard(moved)
+
+    def drive(self, drives: Sequence[Any], acting: Command, state: State) -> tuple[Any, ...]:
+        """Memories of the joint drives under the setpoints that act now."""
+        rows = zip(self.scenario.all_drives, drives, acting.efforts, state.joints, state.joint_rates, strict=True)
+        return tuple(drive.advance(memory, u, q, qd, self.period) for drive, memory, u, q, qd in rows) if drives else ()
+
+    def with_drives(self, around: Surroundings, drives: tuple[Any, ...]) -> Surroundings:
+        """What the plant is told, the drives having heard their setpoints."""
+        return dataclasses.replace(around, drive_memories=drives) if drives else around
+
+    def felt(self, around: Surroundings, state: State) -> WindSample:
+        """What the log keeps of the surroundings."""
+        return felt(around, self.scenario.world.vehicle, state)
+
+    def count(self, ticks: Any, alive: Any) -> Any:
+        """Control periods flown."""
+        return ticks + alive
+
+    def keep(self, alive: Any, following: LoopState, now: LoopState) -> LoopState:
+        """The next period's state; of an episode that has ended, the one it ended in."""
+        kept: LoopState = blend(alive > 0.5, following, ended(now))
+        return kept
+
+
+class StagesByActions(Stages):
+    """Stages that never ask the law."""
+
+    def __init__(self, scenario: Scenario, command: Command) -> None:
+        super().__init__(scenario)
+        self._command = command
+
+    def decide(self, memory: Any, measurement: Measurement, reference: Reference) -> tuple[Any, Command]:
+        """The command from outside."""
+        return memory, self._command
+
+
+class RigidBodySteps:
+    """The rigid-body plant within a period.
+
+    Args:
+        stages: of the episode. substeps: integration steps that an interval is cut into.
+    """
+
+    def __init__(self, stages: Stages, substeps: Callable[[float], int]) -> None:
+        self._scenario, self._period, self._late = stages.scenario, stages.period, stages.late
+        self._substeps, self._apart = substeps, stages.apart
+
+    def specific_force(self, state: State, command: Command, around: Surroundings) -> Vec3:
+        """Proper acceleration of the base origin, base axes, m/s^2."""
+        force, _ = accelerate(self._scenario.world, state, state.rotor_speeds, command.efforts, around)
+        return force.linear
+
+    def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> State:
+        """State after the period: under the command before for the late part, then under the one after it."""
+        if self._apart is not None:
+            return self._one_after_the_other(state, before, after, around)
+        late = self._late
+        if type(late) is not float:
+            state = blend(late > 0.0, self._held(state, before, around, late), state)
+        elif late:
+            state = self._held(state, before, around, late)
+        return self._held(state, after, around, self._period - late)
+
+    def _one_after_the_other(self, state: State, before: Command, after: Command, around: Surroundings) -> State:
+        """State after a period in which rotors and joints hear of the command at different times."""
+        left: Any = self._period
+        for seconds, command in switches(before, after, *(late for _, late in self._apart or ())):
+            if type(seconds) is not float:
+                state = blend(seconds > 0.0, self._held(state, command, around, seconds), state)
+            elif seconds > 0.0:
+                state = self._held(state, command, around, seconds)
+            left = left - seconds
+        return self._held(state, after, around, left)
+
+    def _held(self, state: State, command: Command, around: Surroundings, seconds: Any) -> State:
+        count = self._substeps(seconds if type(seconds) is float else self._period)
+        step, world = STEP[self._scenario.integrator], self._scenario.world
+        return repeat(count, lambda x: step(world, x, command, around, seconds / count), state)
+
+
+def commands_waiting(scenario: Scenario) -> int:
+    """How many commands the loop remembers from before the one that it issues."""
+    rates, delays = scenario.rates, scenario.delays
+    if delays.longest_command is not None:
+        return math.ceil(delays.longest_command * rates.control - 1e-9) + 1
+    return round(delays.longest * rates.physics) // (rates.physics // rates.control) + 1
+
+
+def readings_waiting(scenario: Scenario, index: int) -> int:
+    """How many readings of a sensor are on their way."""
+    name, sensor = scenario.all_sensors[index]
+    delay = scenario.delays.measurement if name == FULL_STATE else sensor.latency
+    return round(delay * scenario.rates.control)

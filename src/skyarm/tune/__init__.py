@@ -1,0 +1,1 @@
+"""Gains from one recorded procedure."""

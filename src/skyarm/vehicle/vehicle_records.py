@@ -1,0 +1,274 @@
+"""The vehicle: a rigid base with rotors and a tree of links.
+
+Plain frozen records of scalars: a mass may be a float, a lane of a batch, a traced node or a JAX array. Integers are
+structure (see :mod:`skyarm.scalars`). Where a record holds a vector, matrix or tuple it also takes plain sequences and
+arrays (:mod:`skyarm.records.coerce`). Concrete numbers are checked when a :class:`Vehicle` is made.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+from skyarm.algebra import ZERO3, Mat3, Sym3, Vec3
+from skyarm.records import coerce
+from skyarm.records.directions import near_rotation, near_unit_vector
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, add, divide, where
+from skyarm.vehicle import check
+from skyarm.vehicle.check import accept
+
+BASE = -1
+"""Index that stands for the base where a link's index is asked for."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Body:
+    """A body is the mass distribution of one link, in the link's frame.
+
+    Attributes:
+        mass: kg.
+        com: centre of mass, m, link frame.
+        inertia: kg m^2, about the centre of mass, link axes.
+        planar: the inertia is that of a planar model (only the moment about the joint axis is given). Such a body
+            exists in a controller's model only; a plant refuses it.
+    """
+
+    mass: Annotated[Scalar, Unit("kg")]
+    com: Annotated[Vec3, Unit("m", "centre of mass, axes of its link")] = ZERO3
+    inertia: Annotated[Sym3, Unit("kg m^2", "about the centre of mass, axes of its link")] = Sym3(0, 0, 0)
+    planar: bool = False
+
+    def __post_init__(self) -> None:
+        accept(self, "body", mass=coerce.coefficient, com=coerce.vector, inertia=coerce.inertia, planar=coerce.flag)
+
+    @classmethod
+    def of_parts(cls, parts: Sequence[Body]) -> Body:
+        """Bodies of one link as one: masses add, inertias move to the common centre of mass (Steiner)."""
+        mass: Scalar = 0
+        moment, inertia = ZERO3, Sym3(0, 0, 0)
+        for part in parts:
+            mass, moment = add(mass, part.mass), moment + part.com * part.mass
+        com = _quotient(moment, mass)
+        for part in parts:
+            inertia = inertia + part.inertia + Sym3.parallel_axis(part.mass, part.com - com)
+        return cls(mass=mass, com=com, inertia=inertia, planar=any(part.planar for part in parts))
+
+    def joined(self, other: Body) -> Body:
+        """Body and another one of the same link as one."""
+        return Body.of_parts((self, other))
+
+
+def _quotient(moment: Vec3, mass: Scalar) -> Vec3:
+    """moment / mass; zero for a massless body, whose moment is zero."""
+    divisor = where(mass > 0, mass, 1.0)
+    return Vec3(*(0 if type(c) is int and c == 0 else divide(c, divisor) for c in moment))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Joint:
+    """A joint is one degree of freedom between a link and its parent.
+
+    Attributes:
+        name: unique among the joints.
+        kind: "revolute" (rad) or "prismatic" (m).
+        axis: unit vector, joint frame; positive motion follows the right-hand rule.
+        position: origin of the joint frame in the parent link's frame, m. The child link's frame coincides with the
+            joint frame at zero.
+        rotation: R_PJ, joint axes to parent axes.
+        lower, upper: limits, rad or m; passing one ends an episode by the joint's name.
+        effort_limit: largest |torque| (N m) or |force| (N) of the actuator.
+        damping: viscous, N m s/rad or N s/m.
+        coulomb: smooth Coulomb friction, N m or N: coulomb * tanh(rate / coulomb_rate).
+        coulomb_rate: rate at which tanh has bent, rad/s or m/s.
+    """
+
+    name: str
+    kind: str = "revolute"
+    axis: Annotated[Vec3, Unit("", "unit vector, joint axes")] = Vec3(0, 1, 0)
+    position: Annotated[Vec3, Unit("m", "joint origin, axes of the parent link")] = ZERO3
+    rotation: Annotated[Mat3, Unit("", "joint axes to axes of the parent link")] = Mat3.identity()
+    lower: Annotated[Scalar, Unit("rad or m", infinite=True)] = -math.inf
+    upper: Annotated[Scalar, Unit("rad or m", infinite=True)] = math.inf
+    effort_limit: Annotated[Scalar, Unit("N m or N", "largest effort of the joint", infinite=True)] = math.inf
+    damping: Annotated[Scalar, Unit("N m s/rad or N s/m")] = 0
+    coulomb: Annotated[Scalar, Unit("N m or N")] = 0
+    coulomb_rate: Annotated[Scalar, Unit("rad/s or m/s")] = 0.01
+
+    def __post_init__(self) -> None:
+        accept(self, "joint", name=coerce.text, kind=coerce.text)
+        where = f"joints[{self.name}]"
+        accept(self, where, axis=near_unit_vector, position=coerce.vector, rotation=near_rotation)
+        accept(self, where, lower=coerce.number, upper=coerce.number, effort_limit=coerce.number)
+        accept(self, where, damping=coerce.coefficient, coulomb=coerce.coefficient, coulomb_rate=coerce.number)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Link:
+    """A link is a body that one joint moves against its parent (an index into ``Vehicle.links``; BASE for the base)."""
+
+    name: str
+    parent: int
+    joint: Joint
+    body: Body
+
+    def __post_init__(self) -> None:
+        accept(self, "link", name=coerce.text)
+        accept(self, f"links[{self.name}]", parent=coerce.whole, joint=coerce.one(Joint), body=coerce.one(Body))
+
+
+_ROTOR: dict[str, coerce.Rule] = {
+    "position": coerce.vector,
+    "axis": near_unit_vector,
+    **dict.fromkeys(("thrust_coefficient", "time_constant_up", "time_constant_down", "max_speed"), coerce.number),
+    **dict.fromkeys(("moment_coefficient", "drag_coefficient", "rolling_moment_coefficient"), coerce.coefficient),
+    "direction": coerce.whole,
+}
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Rotor:
+    """A rotor is fixed to the base and gives thrust and drag torque.
+
+    Attributes:
+        position: hub in the base frame, m.
+        axis: unit vector of positive thrust, base frame.
+        direction: +1 turns counter-clockwise seen against the axis (ccw), -1 clockwise.
+        thrust_coefficient: k_f, N s^2/rad^2: thrust = k_f W^2.
+        moment_coefficient: k_m, m: drag torque = k_m thrust, against the direction of rotation.
+        drag_coefficient: hub drag, N s^2/(rad m): force = -coefficient |W| v_perp.
+        rolling_moment_coefficient: N s^2/rad: torque = -coefficient |W| v_perp.
+        time_constant_up, time_constant_down: first-order lag of the speed, s.
+        max_speed: rad/s.
+    """
+
+    name: str
+    position: Annotated[Vec3, Unit("m", "hub, base axes")]
+    axis: Annotated[Vec3, Unit("", "unit vector of positive thrust, base axes")] = Vec3(0, 0, 1)
+    direction: int
+    thrust_coefficient: Annotated[Scalar, Unit("N s^2/rad^2")]
+    moment_coefficient: Annotated[Scalar, Unit("m", "drag torque per thrust")]
+    drag_coefficient: Annotated[Scalar, Unit("N s^2/(rad m)", "hub drag")] = 0
+    rolling_moment_coefficient: Annotated[Scalar, Unit("N s^2/rad")] = 0
+    time_constant_up: Annotated[Scalar, Unit("s", "lag of a rising speed")] = 0.0125
+    time_constant_down: Annotated[Scalar, Unit("s", "lag of a falling speed")] = 0.025
+    max_speed: Annotated[Scalar, Unit("rad/s", infinite=True)] = math.inf
+
+    def __post_init__(self) -> None:
+        accept(self, "rotor", name=coerce.text)
+        accept(self, f"rotors[{self.name}]", **_ROTOR)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Frame:
+    """A frame is a named pose fixed to a link: tip, sensor (position in m and R_LF in the link's frame)."""
+
+    name: str
+    link: int
+    position: Annotated[Vec3, Unit("m", "a named frame (the tool), axes of its link")]
+    rotation: Annotated[Mat3, Unit("", "axes of a named frame to those of its link")] = Mat3.identity()
+
+    def __post_init__(self) -> None:
+        accept(self, "frame", name=coerce.text)
+        where = f"frames[{self.name}]"
+        accept(self, where, link=coerce.whole, position=coerce.vector, rotation=near_rotation)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class BodyDrag:
+    """Drag of the airframe in base axes: force_i = -1/2 rho area_i |v| v_i at the base origin.
+
+    Attributes:
+        area: drag coefficient times reference area per axis, m^2.
+        air_density: kg/m^3 (ISA sea level 1.225).
+    """
+
+    area: Annotated[Vec3, Unit("m^2", "drag coefficient times reference area along x, y, z")] = ZERO3
+    air_density: Annotated[Scalar, Unit("kg/m^3")] = 1.225
+
+    def __post_init__(self) -> None:
+        accept(self, "drag", area=coerce.vector, air_density=coerce.coefficient)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Vehicle:
+    """Airframe, arm and rotors.
+
+    Attributes:
+        name: short name.
+        title: one line that says what it is.
+        base: the airframe's body, base frame.
+        links: tree in an order in which every parent precedes its children.
+        rotors: any number, any pose.
+        frames: named frames; ``end_effector`` names the one that metrics and tasks mean.
+        drag: drag of the airframe in moving air.
+        sources: (field, source) pairs: where each number comes from.
+    """
+
+    name: str
+    base: Body
+    links: tuple[Link, ...] = ()
+    rotors: tuple[Rotor, ...] = ()
+    frames: tuple[Frame, ...] = ()
+    end_effector: str = ""
+    drag: BodyDrag = BodyDrag()
+    title: str = field(default="", repr=False)
+    sources: tuple[tuple[str, str], ...] = field(default=(), repr=False)
+
+    def __post_init__(self) -> None:
+        accept(self, "vehicle", name=coerce.text, title=coerce.text, base=coerce.one(Body), drag=coerce.one(BodyDrag))
+        accept(self, "vehicle", links=coerce.several(Link), rotors=coerce.several(Rotor), frames=coerce.several(Frame))
+        accept(self, "vehicle", end_effector=coerce.text, sources=coerce.pairs)
+        check.vehicle(self)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.links)
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """Base first, then the links."""
+        return (self.base, *(link.body for link in self.links))
+
+    @property
+    def mass(self) -> Scalar:
+        """Total mass, kg."""
+        total: Scalar = 0
+        for body in self.bodies:
+            total = add(total, body.mass)
+        return total
+
+    @property
+    def planar(self) -> bool:
+        """True if a body is a planar model: such a vehicle can be believed but not flown."""
+        return any(body.planar for body in self.bodies)
+
+    def frame(self, name: str | None = None) -> Frame:
+        """Frame by name, the end effector by default; raises VehicleError that lists the frames there are."""
+        wanted = name or self.end_effector
+        for candidate in self.frames:
+            if candidate.name == wanted:
+                return candidate
+        problem = f"no frame '{wanted}'" if wanted else "no end_effector; name a frame"
+        raise check.VehicleError(
+            f"vehicle '{self.name}': {problem}; there are {[f.name for f in self.frames] or 'none'}"
+        )
+
+    def with_payload(self, mass: Scalar, frame: str | None = None) -> Vehicle:
+        """Vehicle with a point mass (kg) held at a frame (the end effector by default)."""
+        at = self.frame(frame)
+        load = Body(mass=mass, com=at.position)
+        if at.link == BASE:
+            return dataclasses.replace(self, base=self.base.joined(load))
+        links = list(self.links)
+        links[at.link] = dataclasses.replace(links[at.link], body=links[at.link].body.joined(load))
+        return dataclasses.replace(self, links=tuple(links))
+
+    def with_joints(self, **values: Any) -> Vehicle:
+        """Vehicle with fields of every joint replaced, for example ``with_joints(damping=0.005)``."""
+        links = tuple(dataclasses.replace(k, joint=dataclasses.replace(k.joint, **values)) for k in self.links)
+        return dataclasses.replace(self, links=links)

@@ -1,0 +1,210 @@
+"""A thing of another kind, a word that is nearly right, a name of any letters: one line that helps."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from test_cli_errors import CASE1, VEHICLE, refused, skyarm
+
+from skyarm.files import how_to_install, must_be_one_of, needs_extra, optional_extras
+from skyarm.files.result_name import is_result_name
+from skyarm.log.flight_log import Log
+from skyarm.sweep.study_file import LIBRARY as STUDIES
+from skyarm.sweep.study_file import study_from
+
+STUDY = (STUDIES / "robustness.toml").read_text("utf-8")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    for name, text in (("v.toml", VEHICLE), ("s.toml", CASE1), ("y.toml", STUDY)):
+        (tmp_path / name).write_text(text, "utf-8")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("run", "v.toml"), "must be a scenario file, and this is a vehicle file, for 'skyarm show'"),
+        (("run", "y.toml"), "must be a scenario file, and this is a study file, for 'skyarm sweep'"),
+        (("show", "s.toml"), "must be a vehicle file, and this is a scenario file, for 'skyarm run'"),
+        (("sweep", "s.toml"), "must be a study file, and this is a scenario file, for 'skyarm run'"),
+        (("sweep", "v.toml"), "must be a study file, and this is a vehicle file, for 'skyarm show'"),
+        (("margins", "v.toml"), "must be a scenario file, and this is a vehicle file, for 'skyarm show'"),
+        (("run", "hummingbird"), "this is a vehicle, for 'skyarm show hummingbird'"),
+        (("run", "robustness"), "this is a study, for 'skyarm sweep robustness'"),
+        (("basin", "hummingbird"), "this is a vehicle, for 'skyarm show hummingbird'"),
+        (("show", "case3"), "this is a scenario, for 'skyarm run case3'"),
+        (("sweep", "case3"), "this is a scenario, for 'skyarm run case3'"),
+        (("run", "arm.urdf.xacro"), "this is a vehicle, for 'skyarm show arm.urdf.xacro'"),
+        (("show", "arms/arm.urdf.xacro"), "must be expanded first: xacro arm.urdf.xacro -o arm.urdf"),
+        (("show", "arm.xacro"), "must be expanded first: xacro arm.xacro -o arm.urdf"),
+    ],
+)
+def test_a_thing_of_another_kind_is_called_by_its_kind(folder: Path, words: tuple[str, ...], said: str) -> None:
+    assert folder.exists()
+    refused(skyarm(*words), said)
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (("run", "case4"), "case3"),
+        (("run", "CASE3"), "case3"),
+        (("show", "humingbird"), "hummingbird"),
+        (("sweep", "robust"), "robustness"),
+        (("run", "case1", "--controller", "exactee"), "exact_ee"),
+        (("run", "case1", "--controller", "nmpc_tune"), "nmpc_tuned"),
+        (("margins", "case1", "--controller", "pape_ct"), "paper_ct"),
+        (("export-c", "indy", "-o", "x.c"), "indi"),
+        (("compare", "--laws", "paperct"), "paper_ct"),
+        (("compare", "--conditions", "nois"), "noisy"),
+    ],
+)
+def test_what_was_meant_stands_before_the_list(folder: Path, words: tuple[str, ...], meant: str) -> None:
+    assert folder.exists()
+    ended = skyarm(*words)
+    refused(ended, f": did you mean {meant!r}? must be ")
+
+
+def test_what_was_meant_is_said_of_fields_metrics_and_paths(folder: Path) -> None:
+    (folder / "f.toml").write_text(CASE1.replace("duration", "duraton", 1))
+    refused(skyarm("run", "f.toml"), "duration: is missing; did you mean 'duraton'?")
+    (folder / "f.toml").write_text(CASE1 + "\n[sensors]\npositon = 0.1\n")
+    refused(skyarm("run", "f.toml"), "positon", "did you mean 'position'? allowed")
+    (folder / "y.toml").write_text(STUDY.replace("position_error_mean = 1.0", "position_error_men = 1.0"))
+    refused(skyarm("sweep", "y.toml"), "did you mean 'position_error_mean'? there are")
+    (folder / "y.toml").write_text(STUDY.replace("seed = 1", 'seed = 1\nmetrics = ["pich_rms"]'))
+    refused(skyarm("sweep", "y.toml"), "did you mean 'pitch_rms'? must be one of")
+    (folder / "y.toml").write_text(STUDY.replace("vehicle.base.mass", "vehicle.bas.mass"))
+    refused(skyarm("sweep", "y.toml"), "did you mean 'base'? there are")
+
+
+def test_words_that_are_like_nothing_are_not_guessed_at() -> None:
+    assert must_be_one_of(("alpha", "beta"), "zzz") == "must be one of alpha, beta"
+    assert must_be_one_of(("alpha", "beta"), 3) == "must be one of alpha, beta"
+    assert must_be_one_of(("alpha", "beta"), "ALPHA") == "did you mean 'alpha'? must be one of alpha, beta"
+    assert must_be_one_of((), "x") == "must be one of none"
+
+
+NAME = "Flug ü 試験"
+
+
+def test_a_name_of_any_letters_works_wherever_it_becomes_a_file_name(folder: Path) -> None:
+    (folder / "f.toml").write_text(CASE1.replace('name = "case1"', f'name = "{NAME}"'), "utf-8")
+    study = STUDY.replace('"robustness"', f'"{NAME}"').replace('"case3_wind"', '"f.toml"')
+    study = study.replace("4000", "400").replace('design = "grid"', 'duration = 0.1\ndesign = "grid"')
+    study = study.replace("steady = [10.0, 20.0]", "steady = [0.0, 0.1]").replace("[0.0, 8.0]", "[0.0, 0.1]")
+    study = "\n".join(line for line in study.split("\n") if "environment.wind" not in line)
+    study = study.replace("episodes = 400", "episodes = 20")
+    (folder / "y.toml").write_text(study, "utf-8")
+    for words in (
+        ("run", "f.toml", "--duration", "0.1"),
+        ("run", "f.toml", "--duration", "0.1"),
+        ("margins", "f.toml", "--instants", "0", "--json", f"{NAME}.json"),
+        ("basin", "f.toml", "--flights", "16", "--workers", "1"),
+        ("export-c", "f.toml", "-o", f"{NAME}.c"),
+        ("sweep", "y.toml", "--workers", "1"),
+        ("stats", f"out/{NAME}"),
+    ):
+        ended = skyarm(*words)
+        assert ended.code == 0, (words, ended.err)
+    assert Log.load_npz(folder / "out" / "run" / f"{NAME}.npz").info["scenario"] == NAME
+    assert (folder / "out" / "run" / f"{NAME}_1.csv").exists()
+    assert (folder / "out" / "basin" / f"basin_hybrid_computed_torque_{NAME}.png").exists()
+
+
+def test_a_terminal_that_lacks_a_letter_gets_it_written_out(folder: Path) -> None:
+    (folder / "f.toml").write_text(CASE1.replace('name = "case1"', f'name = "{NAME}"'), "utf-8")
+    words = [sys.executable, "-m", "skyarm", "run", "f.toml", "--duration", "0.1"]
+    done = subprocess.run(words, capture_output=True, check=False, cwd=folder, env={"PYTHONIOENCODING": "latin-1"})
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("Flug ü \\u8a66\\u9a13: completed".encode("latin-1"))
+
+
+NO_NAMES = ["", "a/b", "a\\b", "..", ".hidden", "-o", " a", "a ", "a.", "a:b", "a*", "a\nb", "a\u202eb", "con", "NUL.x"]
+
+
+@pytest.mark.parametrize("name", [*NO_NAMES, "x" * 101, "試" * 70, "\ud800", 3, None])
+def test_what_no_file_system_takes_is_refused(name: object) -> None:
+    assert not is_result_name(name)
+
+
+@pytest.mark.parametrize("name", ["a", "Flug ü", "7", "_x", "a.b-c d", "x" * 100, "console", "試験", "e\u0301"])
+def test_what_every_file_system_takes_is_taken(name: str, tmp_path: Path) -> None:
+    assert is_result_name(name)
+    (tmp_path / f"{name}.npz").write_text("x")
+    shutil.rmtree(tmp_path)
+
+
+def test_a_grid_without_its_design_is_told_of_it(folder: Path) -> None:
+    bare = STUDY.replace('design = "grid"\n', "")
+    (folder / "y.toml").write_text(bare.replace("episodes = 4000\n", ""))
+    refused(skyarm("sweep", "y.toml"), "grid", 'must come with design = "grid", or with a number of episodes')
+    with pytest.warns(UserWarning, match='mass" = .*: is drawn from by chance; design = "grid" flies every cell'):
+        study_from(tomllib.loads(bare))
+    stated = bare.replace("episodes = 4000", 'episodes = 4000\ndesign = "random"')
+    assert study_from(tomllib.loads(stated)).design == "random", "and without a word where it is stated"
+
+
+CHECKOUT = 'in the checkout: python -m pip install -e ".[sweep]"'
+
+
+@pytest.mark.parametrize(
+    ("told", "command"),
+    [
+        (None, 'python -m pip install "skyarm[sweep]"'),
+        (
+            '{"url": "file:///a", "dir_info": {"editable": true}}',
+            'in the checkout: python -m pip install -e ".[sweep]"',
+        ),
+        ("{", 'in the checkout: python -m pip install -e ".[sweep]"'),
+    ],
+)
+def test_an_extra_is_named_with_what_installs_it_here(
+    told: str | None, command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Distribution:
+        def read_text(self, name: str) -> str | None:
+            assert name == "direct_url.json"
+            return told
+
+    monkeypatch.setattr(optional_extras.metadata, "distribution", lambda _name: Distribution())
+    assert how_to_install("sweep") == command
+    assert needs_extra("sweep") == f"needs the extra 'sweep'; {command}"
+
+
+def test_an_installation_without_a_record_is_a_checkout(monkeypatch: pytest.MonkeyPatch) -> None:
+    def none(_name: str) -> None:
+        raise optional_extras.metadata.PackageNotFoundError
+
+    monkeypatch.setattr(optional_extras.metadata, "distribution", none)
+    assert how_to_install("sweep", "ray") == 'in the checkout: python -m pip install -e ".[sweep,ray]"'
+
+
+@pytest.mark.parametrize(("words", "command"), [(("run",), "skyarm run"), (("runn",), "skyarm"), (("-x",), "skyarm")])
+def test_a_wrong_word_leads_to_the_help_of_its_command(words: tuple[str, ...], command: str) -> None:
+    refused(skyarm(*words), f"; see '{command} --help'")
+
+
+@pytest.mark.parametrize("words", [("-h",), ("run", "-h"), ("margins", "-h")])
+def test_help_has_a_short_name(words: tuple[str, ...]) -> None:
+    ended = skyarm(*words)
+    assert (ended.code, ended.err) == (0, "")
+    assert ended.out.startswith("Usage:")
+
+
+def test_the_old_order_of_words_is_not_in_the_help() -> None:
+    for command in ("margins", "basin"):
+        assert "second" not in skyarm(command, "--help").out
+
+
+@pytest.mark.parametrize("command", ["reproduce", "compare"])
+def test_a_plant_that_is_nearly_right_is_meant(command: str) -> None:
+    refused(skyarm(command, "--plant", "rigidbody"), "--plant = 'rigidbody': did you mean 'rigid_body'? must be one of")

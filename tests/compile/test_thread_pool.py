@@ -1,0 +1,242 @@
+"""The threads of a kernel: made when they are needed, kept, shared out to callers, ended with it; signals and forks."""
+
+from __future__ import annotations
+
+import copy
+import gc
+import os
+import pickle
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from programs_random import oscillator, same_bits
+
+from kernel_threads import queues, serving, wait_until
+from skyarm.compile.llvm import kernel as native
+from skyarm.compile.llvm import rounds, thread_pool
+from skyarm.compile.llvm.kernel import Kernel
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.tracing.stepped_loop import trace_loop
+
+
+@pytest.fixture(autouse=True)
+def shared(monkeypatch):
+    """However little there is to do, it is shared."""
+    monkeypatch.setattr(rounds, "SHARED", 1e-12)
+
+
+def spring():
+    return Kernel(trace_loop(oscillator, (0.0, 0.0), (0.0,), (0.0,), ((0, 2),)), Lanes(4))
+
+
+def fly(kernel, lanes=103, **options):
+    carry = np.vstack([np.linspace(0.1, 1.0, lanes), np.zeros(lanes)])
+    return kernel.run(carry, np.linspace(1.0, 30.0, lanes)[None], np.ones((50, 1)), **options)[0]
+
+
+def test_threads_are_made_once_when_they_are_needed_and_end_with_the_kernel():
+    kernel = spring()
+    fly(kernel)
+    fly(kernel, threads=1)
+    fly(kernel, lanes=3, threads=8)  # one block is for one thread
+    assert kernel.pools._idle == []
+    fly(kernel, threads=3)
+    at = queues(kernel)
+    wait_until(lambda: len(serving(at)) == 2)
+    made = serving(at)
+    for threads in (3, 2, 3):
+        fly(kernel, threads=threads)
+    assert serving(at) == made
+    fly(kernel, threads=5)
+    wait_until(lambda: len(serving(at)) == 4)
+    assert made < serving(at)
+    del kernel
+    gc.collect()
+    wait_until(lambda: not serving(at))
+
+
+def test_little_work_is_not_shared(monkeypatch):
+    monkeypatch.setattr(rounds, "SHARED", 1.0)
+    kernel = spring()
+    fly(kernel, threads=4)
+    assert queues(kernel) == []
+
+
+def test_callers_at_once_have_threads_of_their_own():
+    kernel = spring()
+    expected, found, errors = fly(kernel), [], []
+    start = threading.Barrier(4)
+
+    def work():
+        try:
+            start.wait(60)
+            found.extend(fly(kernel, threads=3) for _ in range(50))
+        except BaseException as error:
+            errors.append(error)
+
+    callers = [threading.Thread(target=work) for _ in range(4)]
+    for caller in callers:
+        caller.start()
+    for caller in callers:
+        caller.join()
+    assert not errors
+    assert len(found) == 200
+    assert all(same_bits(expected, one) for one in found)
+    assert len(queues(kernel)) in (1, 2, 3, 4)
+    wait_until(lambda: len(serving(queues(kernel))) == 2 * len(queues(kernel)))
+
+
+def test_a_pool_is_one_callers_at_a_time():
+    pools = thread_pool.ThreadPools()
+    first, second = pools.take(), pools.take()
+    assert first is not second
+    pools.give(first)
+    assert pools.take() is first
+    pools.give(first)
+    pools.give(second)
+    assert {pools.take(), pools.take()} == {first, second}
+
+
+def test_a_copy_flies_and_a_kernel_is_not_pickled():
+    kernel = spring()
+    expected = fly(kernel, threads=3)
+    assert same_bits(fly(copy.copy(kernel), threads=3), expected)
+    with pytest.raises(ValueError, match="cannot be pickled"):
+        pickle.dumps(kernel)
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_an_interrupt_while_a_thread_is_made_comes_through(monkeypatch, begun):
+    kernel = spring()
+    expected = fly(kernel)
+    usual = thread_pool._thread.start_new_thread
+
+    def interrupted(*arguments):
+        if begun:
+            usual(*arguments)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(thread_pool._thread, "start_new_thread", interrupted)
+    for _ in range(5):
+        with pytest.raises(KeyboardInterrupt):
+            fly(kernel, threads=4)
+    monkeypatch.setattr(thread_pool._thread, "start_new_thread", usual)
+    assert same_bits(fly(kernel, threads=4), expected)
+    at = queues(kernel)
+    # some may be there that nobody has counted
+    wait_until(lambda: len(serving(at)) >= 3)
+    del kernel
+    gc.collect()
+    wait_until(lambda: not serving(at))
+
+
+PROGRAM = """
+import os, signal, sys, threading, time, _thread
+import numpy as np
+from programs_random import oscillator
+from skyarm.compile.llvm import rounds
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.compile.llvm.kernel import Kernel
+rounds.SHARED = 1e-12
+kernel = Kernel(trace_loop(lambda c, p, r, u: oscillator(c, p, u[:1], u), (0.0, 0.0), (0.0,), (), ((0, 2),)), Lanes(4))
+def fly(steps=50, lanes=103, threads=3):
+    carry = np.vstack([np.linspace(0.1, 1.0, lanes), np.zeros(lanes)])
+    return kernel.run(carry, np.linspace(1.0, 30.0, lanes)[None], np.zeros((steps, 0)), threads=threads)[0]
+def endless(**options):
+    fly(steps=10**15, **options)  # rows without numbers take no memory
+expected = fly()
+"""
+
+
+def ran(text, tmp_path, seconds=100):
+    """Run a program; what it printed."""
+    script = tmp_path / "one.py"
+    script.write_text(PROGRAM + text)
+    paths = os.pathsep.join([str(Path(native.__file__).parents[3]), str(Path(__file__).parent)])
+    environment = {**os.environ, "PYTHONPATH": paths, "SKYARM_CACHE": str(tmp_path / "cache")}
+    command = [sys.executable, "-W", "ignore::DeprecationWarning", str(script)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=seconds, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    return done.stdout
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_threads_are_made_again_after_a_fork(tmp_path):
+    """By whoever: one that called before, one that is forked while another thread calls, one whose parent has ended."""
+    text = """
+caller = threading.Thread(target=endless, daemon=True)
+caller.start()
+while kernel.pools._idle:
+    time.sleep(0.01)
+fly()  # beside the pool of the caller there is an idle one
+assert len(kernel.pools._idle) == 1
+for _ in range(20):
+    child = os.fork()
+    if child == 0:
+        same = all(np.array_equal(fly(), expected) for _ in range(3))
+        (pool,) = [pool for pool in kernel.pools._idle if not pool.lost]
+        os._exit(0 if same and pool._size == 2 and len(os.listdir("/proc/self/task")) == 3 else 1)
+    assert os.waitpid(child, 0)[1] == 0
+print(np.array_equal(fly(), expected))
+"""
+    if not Path("/proc/self/task").exists():
+        text = text.replace('len(os.listdir("/proc/self/task")) == 3', "True")
+    assert ran(text, tmp_path) == "True\n"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.parametrize("threads", [1, 3])
+def test_whatever_a_handler_does_happens_soon_and_at_the_callers_place(tmp_path, threads):
+    """Handlers that raise and that do not, SIGALRM, SIGINT of the process, interrupt_main of a thread; long flights."""
+    text = f"""
+class Ended(BaseException): pass
+def end(*_): raise Ended
+heard = []
+def hear(*_):
+    heard.append(True)
+    threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGTERM)).start()
+options = [dict(lanes=lanes, threads={threads}) for lanes in (1, 50_000)]
+for option in options:
+    for number in (signal.SIGALRM, signal.SIGTERM, signal.SIGUSR1):
+        signal.signal(number, end)
+        try:
+            threading.Timer(0.1, os.kill, (os.getpid(), number)).start()
+            endless(**option)
+        except Ended: print("ended")
+    signal.signal(signal.SIGALRM, end)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.1)
+        endless(**option)
+    except Ended: print("ended")
+    for interrupt in (_thread.interrupt_main, lambda: os.kill(os.getpid(), signal.SIGINT)):
+        try:
+            threading.Timer(0.1, interrupt).start()
+            endless(**option)
+        except KeyboardInterrupt: print("interrupted")
+    signal.signal(signal.SIGUSR1, hear)
+    try:
+        threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGUSR1)).start()
+        endless(**option)
+    except Ended: print("heard", len(heard))
+    heard.clear()
+    print(np.array_equal(fly(), expected))
+"""
+    one = ["ended"] * 4 + ["interrupted"] * 2 + ["heard 1", "True"]
+    assert ran(text, tmp_path).split("\n") == [*one, *one, ""]
+
+
+def test_a_process_ends_whatever_its_threads_do(tmp_path):
+    """Idle threads, and a caller that is a daemon and will never be through."""
+    text = """
+caller = threading.Thread(target=endless, daemon=True)
+caller.start()
+fly()
+print("end")
+"""
+    assert ran(text, tmp_path) == "end\n"

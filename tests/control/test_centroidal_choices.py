@@ -1,0 +1,112 @@
+"""What the maker of the centroidal law takes and leaves out, and which of its options it refuses."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.control.controller import ControllerError
+from skyarm.control.laws.centroidal import PRESETS, make_centroidal
+from skyarm.control.laws.centroidal.option_checks import checked, periods_of
+from skyarm.control.model import Model
+from skyarm.reference import Reference
+from skyarm.sensors.measurement import blank_measurement
+from skyarm.vehicle.vehicle_records import BASE
+
+ARM = skyarm.load_vehicle("hummingbird_arm2_rotors")
+MODEL = Model(vehicle=ARM, gravity=9.8)
+HANDLESS = dataclasses.replace(ARM, end_effector="")
+ARMLESS = dataclasses.replace(
+    skyarm.load_vehicle("hummingbird"),
+    frames=(dataclasses.replace(ARM.frames[0], name="gripper", link=BASE),),
+    end_effector="gripper",
+)
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "load", "friction"), [(ARM, True, True), (HANDLESS, False, True), (ARMLESS, False, False)]
+)
+@pytest.mark.parametrize("preset", PRESETS)
+def test_a_load_is_learned_by_an_arm_that_has_a_tip_and_friction_by_any_arm(preset, vehicle, load, friction):
+    controller = make_centroidal(Model(vehicle=vehicle), preset=preset)
+    assert (controller.par.adapts_load, controller.par.adapts_friction) == (load, friction)
+    assert controller.par.adaptation == (PRESETS[preset]["adaptation"] if load else 0.0)
+    assert ("adapted tip mass" in controller.par.choices()) == load
+    assert ("adapted friction" in controller.par.choices()) == friction
+    # and it flies: a step from the first memory has a command
+    n = vehicle.n
+    rest = dict.fromkeys(("joints", "joint_rates", "joint_accelerations", "joint_jerks", "joint_snaps"), (0.0,) * n)
+    measured = blank_measurement(n, 4)
+    goal = Reference(position=measured.position, velocity=measured.velocity, acceleration=measured.velocity, **rest)
+    _, command = controller.law(controller.memory, measured, goal.dense(), 0.005, par=controller.par)
+    assert np.all(np.isfinite([*command.rotor_speeds, *command.efforts]))
+
+
+def test_what_shall_not_be_learned_is_not():
+    par = make_centroidal(MODEL, adaptation=0.0, friction_adaptation=0.0).par
+    assert not par.adapts_load
+    assert not par.adapts_friction
+
+
+@pytest.mark.parametrize("vehicle", [HANDLESS, dataclasses.replace(ARMLESS, end_effector="")])
+def test_a_vehicle_without_a_tip_refuses_what_needs_one(vehicle):
+    for options in ({"mode": "tip"}, {"adaptation": 0.3}, {"mode": "tip", "adaptation": 0.0}):
+        with pytest.raises(ControllerError, match="has no end_effector"):
+            make_centroidal(Model(vehicle=vehicle), **options)
+    assert make_centroidal(Model(vehicle=vehicle), adaptation=0.0).par.adaptation == 0.0
+
+
+ROWS = [name for name, value in PRESETS["robust"].items() if isinstance(value, tuple)]
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_a_row_of_gains_is_as_many_numbers_as_the_preset_has(name):
+    count = len(PRESETS["robust"][name])
+    assert checked(name, [1.0] * count) == checked(name, (1,) * count) == (1.0,) * count
+    wrong = (
+        *((1.0,) * other for other in (0, count - 1, count + 1)),
+        "1" * count,
+        b"1" * count,
+        1.0,
+        None,
+        dict.fromkeys(range(count), 1.0),
+        set(range(count)),
+        np.ones(count),
+        iter([1.0] * count),
+    )
+    for value in wrong:
+        with pytest.raises(ControllerError, match=rf"^controller\.{name} = .*: must be {count} numbers$"):
+            checked(name, value)
+        with pytest.raises(ControllerError, match=rf"controller\.{name} = "):
+            make_centroidal(MODEL, **{name: value})
+
+
+@pytest.mark.parametrize("name", ROWS)
+@pytest.mark.parametrize("bad", [-1e-9, float("nan"), float("inf"), True, "1", None])
+def test_each_number_of_a_row_is_refused_by_its_place(name, bad):
+    count = len(PRESETS["robust"][name])
+    for i in range(count):
+        row = [1.0] * count
+        row[i] = bad
+        with pytest.raises(ControllerError, match=re.escape(f"controller.{name}[{i}] = ")):
+            checked(name, row)
+
+
+@pytest.mark.parametrize("whole", [0, 1, 2, 7, 100])
+@pytest.mark.parametrize("off", [1e-8, 1e-4, 0.0012, 0.0024])
+def test_a_delay_off_a_whole_number_of_periods_to_either_side_is_refused(whole, off):
+    assert periods_of(whole * 0.005, 0.005) == whole
+    for seconds in (whole * 0.005 - off, whole * 0.005 + off):
+        if 0.0 < seconds < 0.5:
+            with pytest.raises(ControllerError, match="must be a whole number of control periods"):
+                periods_of(seconds, 0.005)
+
+
+@pytest.mark.parametrize("period", [0.001, 0.0025, 0.005, 0.01])
+def test_rounding_of_a_decimal_delay_loses_no_period(period):
+    """0.145 / 0.005 is 28.999999999999996."""
+    assert [periods_of(round(k * period, 6), period) for k in range(101)] == list(range(101))

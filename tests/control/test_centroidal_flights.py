@@ -1,0 +1,134 @@
+"""What the centroidal law reaches on the paper's cases, on plants that it does not know."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from centroidal_flights import PERIOD, fly, planned
+
+from skyarm.algebra import Vec3
+from skyarm.control.laws.centroidal import make_centroidal
+from skyarm.environment import ForceWind
+from skyarm.scenario.scenario_record import Delays
+
+
+def blown(scenario, *force):
+    """The same flight in another wind, N and m/s alike."""
+    return dataclasses.replace(scenario, wind=ForceWind(force_W=Vec3(*force), air_velocity_W=Vec3(*force)))
+
+
+def loaded(scenario, kg):
+    """The same flight with a payload at the true tip."""
+    vehicle = scenario.world.vehicle.with_payload(kg)
+    return dataclasses.replace(scenario, world=dataclasses.replace(scenario.world, vehicle=vehicle))
+
+
+def spoiled(scenario):
+    """Arm 20 % heavier, rotors 10 % weaker, 50 g at the tip."""
+    vehicle = scenario.world.vehicle
+    links = tuple(
+        dataclasses.replace(
+            link, body=dataclasses.replace(link.body, mass=1.2 * link.body.mass, inertia=link.body.inertia * 1.2)
+        )
+        for link in vehicle.links
+    )
+    rotors = tuple(dataclasses.replace(r, thrust_coefficient=0.9 * r.thrust_coefficient) for r in vehicle.rotors)
+    vehicle = dataclasses.replace(vehicle, links=links, rotors=rotors).with_payload(0.05)
+    return dataclasses.replace(scenario, world=dataclasses.replace(scenario.world, vehicle=vehicle))
+
+
+def late(scenario, seconds):
+    """The same flight with commands that act later than the law knows."""
+    return dataclasses.replace(scenario, delays=dataclasses.replace(scenario.delays, command=seconds))
+
+
+def tilt(flown):
+    x, y = flown.quaternion[..., 1], flown.quaternion[..., 2]
+    return np.degrees(np.arccos(1.0 - 2.0 * (x * x + y * y)))
+
+
+def test_perfect_state_joint_mode_keeps_base_and_joints_below_the_fraction_of_a_millimetre():
+    wind, arm = fly(planned("case3_wind")), fly(planned("case2"))
+    assert wind.mean("base") < 0.25
+    assert wind.mean("tip") == pytest.approx(
+        83.5, abs=1.0
+    )  # 0.3 m times the tilt, for any law that keeps base and joints
+    assert arm.mean("base") < 0.1
+    assert arm.mean("joint") < 0.3
+
+
+def test_perfect_state_tip_mode_keeps_the_tip_in_the_wind():
+    flown = fly(planned("case3_wind", mode="tip"))
+    assert flown.mean("tip") < 0.15
+    assert flown.mean("base") < 3.0
+
+
+def test_the_links_keep_their_absolute_angles_while_the_base_leans():
+    """Parallel axes: joint 1 is its reference less the pitch, joint 2 its reference."""
+    flown = fly(planned("case3_wind", mode="tip"))
+    w, x, y, z = np.moveaxis(flown.quaternion[0], 1, 0)
+    pitch = np.arcsin(2.0 * (w * y - z * x))
+    at = flown.time >= 10.0
+    assert np.abs(pitch[at]).mean() > 0.2
+    # millimetres of base error over 0.3 m of arm
+    np.testing.assert_allclose(flown.joints[0, at, 0], (flown.joints_d[:, 0] - pitch)[at], atol=0.02)
+    np.testing.assert_allclose(flown.joints[0, at, 1], flown.joints_d[at, 1], atol=0.02)
+
+
+def test_noise_leaves_a_gust_below_seventy_millimetres_of_base():
+    flown = fly(planned("case2_gust", mode="tip", noisy=True), 8)
+    peaks = np.abs(flown.base_vector[:, flown.time >= 7.0, 0]).max(axis=1)
+    assert peaks.mean() < 70.0
+    assert flown.jitter < 15.0
+
+
+def test_a_gust_is_felt_by_the_base_and_hardly_by_the_tip():
+    flown = fly(planned("case2_gust", mode="tip"))
+    at = flown.time >= 7.0
+    assert np.abs(flown.base_vector[0, at, 0]).max() < 35.0
+    assert np.abs(flown.tip_vector[0, at, 0]).max() < 10.0
+
+
+def test_what_the_arm_cannot_reach_the_base_shifts():
+    perfect = fly(blown(planned("case3_wind", mode="tip"), 2.0**0.5, 2.0**0.5, 0.0))
+    noisy = fly(blown(planned("case3_wind", mode="tip", noisy=True), 0.0, 2.0, 0.0), seeds=4)
+    assert perfect.mean("tip") < 1.0
+    assert noisy.mean("tip") < 3.0
+    assert min(perfect.mean("base"), noisy.mean("base")) > 50.0
+
+
+def test_noise_and_a_known_delay_cost_about_a_millimetre():
+    tip, base = fly(planned("case3_wind", mode="tip", noisy=True), 4), fly(planned("case2", noisy=True), 4)
+    assert tip.mean("tip") < 1.6
+    assert base.mean("base") < 1.0
+    assert base.mean("joint") < 1.2
+    assert max(tip.jitter, base.jitter) < 15.0
+
+
+def test_everything_wrong_at_once_costs_two_millimetres():
+    flown = fly(spoiled(planned("case3_wind", mode="tip", noisy=True)), 4)
+    assert flown.mean("tip") < 2.5
+    assert flown.jitter < 15.0
+
+
+@pytest.mark.parametrize("mode", ["joint", "tip"])
+@pytest.mark.parametrize("preset", ["robust", "stiff"])
+def test_ten_milliseconds_of_unknown_delay_are_survived(mode, preset):
+    flown = fly(late(planned("case3_wind", mode=mode, preset=preset), 0.010))
+    assert tilt(flown).max() < 60.0
+    assert np.abs(flown.base_vector[..., 2]).max() < 500.0
+
+
+def test_a_known_delay_is_predicted_away():
+    """Two periods old, the measurement costs nothing when the law knows its age, and much when it does not."""
+    fresh = planned("case2", preset="stiff")
+    old = Delays(measurement=2.0 * PERIOD)
+    told = make_centroidal(fresh.controller.par.model, preset="stiff", delay=2.0 * PERIOD)
+    known = fly(dataclasses.replace(fresh, delays=old, controller=told))
+    unknown = fly(dataclasses.replace(fresh, delays=old))
+    now = fly(fresh)
+    # disturbances are known 10 ms later still
+    assert known.mean("joint") < 2.0 * now.mean("joint")
+    assert known.mean("joint") < 0.25 * unknown.mean("joint")

@@ -1,0 +1,130 @@
+"""Held samples and slow regressors of the centroidal law: how far they are carried, and how late they are heard."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.algebra import Mat3, Vec3
+from skyarm.control.blocks.extrapolation import extrapolate
+from skyarm.control.catalogue import make_controller
+from skyarm.control.laws.centroidal import make_centroidal
+from skyarm.control.laws.centroidal.adaptation import adapt, first_learned
+from skyarm.control.laws.centroidal.demands import Planned
+from skyarm.control.laws.centroidal.memory import Channel
+from skyarm.control.laws.ladder.law import _present
+from skyarm.control.model import Model
+from skyarm.reference import Reference
+from skyarm.scalars.taylor import Taylor
+
+ARM = skyarm.load_vehicle("hummingbird_arm2_rotors")
+MODEL = Model(vehicle=ARM, gravity=9.8)
+DT, PERIOD = 0.005, 0.02
+
+
+def held(sample, ticks, share=1.0):
+    """Derivatives of one signal at each tick of a sample that is never followed by another; its channel and age."""
+    channels, age, started, found = (Channel(),), 0.0, 0.0, []
+    for _ in range(ticks):
+        series, channels, age = extrapolate(channels, age, [sample], started, DT, PERIOD, share)
+        started = 1.0
+        found.append([float(series[0].derivative(k)) for k in range(5)])
+    return np.array(found), channels[0], age
+
+
+def parabola(sample, t):
+    p, v, a = sample
+    return [p + v * t + 0.5 * a * t * t, v + a * t, a, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    "sample", [(1.5, 0, 2.0), (1.5, 0.7, 0), (1.5, 0, -3.0), (0, -0.7, 0), (1.5, 0.4, -2.0)], ids=str
+)
+def test_a_structural_zero_in_a_sample_stops_no_other_derivative(sample):
+    found, _, _ = held(sample, 4)
+    for k in range(4):
+        np.testing.assert_allclose(found[k], parabola(sample, k * DT), rtol=1e-12, atol=1e-15)
+
+
+def test_a_signal_of_structure_alone_keeps_it():
+    series, _, _ = extrapolate((Channel(),), 0.01, [(1.5, 0, 0)], 1.0, DT, PERIOD)
+    assert [type(series[0].derivative(k)) for k in range(1, 5)] == [int] * 4
+
+
+@pytest.mark.parametrize("ticks", [5, 6, 9, 40])
+def test_a_sample_that_no_other_follows_is_carried_for_one_period_and_no_further(ticks):
+    """A reference that falls silent stands still where its next sample was due."""
+    sample = (1.5, 0.7, -2.0)
+    found, _, age = held(sample, ticks)
+    assert age == pytest.approx(PERIOD, rel=1e-12)
+    np.testing.assert_allclose(found[-1], parabola(sample, PERIOD), rtol=1e-12, atol=1e-15)
+
+
+def test_the_stepped_law_stops_there_too():
+    controller = make_controller("ct_extrapolation", MODEL)
+    still = dict.fromkeys(("joint_rates", "joint_accelerations", "joint_jerks", "joint_snaps"), (0.0, 0.0))
+    sample = Reference(
+        position=Vec3(0.3, 0.0, 1.0),
+        velocity=Vec3(1.0, 0.0, 0.0),
+        acceleration=Vec3(-2.0, 0.0, 0.0),
+        joints=(0.1, 0.2),
+        **still,
+    ).dense()
+    memory, par = controller.memory, dataclasses.replace(controller.par, reference_period=PERIOD)
+    for _ in range(12):
+        now, channels, age = _present(memory, sample, DT, par)
+        memory = dataclasses.replace(memory, channels=channels, age=age, started=1.0)
+    assert now.position.x == pytest.approx(0.3 + PERIOD - PERIOD**2, rel=1e-12)
+
+
+def test_a_share_of_the_time_is_a_share_of_the_way():
+    sample = (1.5, 0.7, -2.0)
+    for share in (0.0, 0.25, 0.5):
+        found, _, _ = held(sample, 3, share)
+        np.testing.assert_allclose(found[-1], parabola(sample, share * 2 * DT), rtol=1e-12, atol=1e-15)
+
+
+def test_what_is_counted_of_one_motion_is_bounded():
+    """Three samples fix jerk and snap; a memory whose numbers grow without end would not be one of a fixed state."""
+    p = np.polynomial.Polynomial([0.2, -0.3, 0.5, 0.4])
+    channels, age, started = (Channel(),), 0.0, 0.0
+    for k in range(9):
+        sample = tuple(float(q(k * PERIOD)) for q in (p, p.deriv(1), p.deriv(2)))
+        _, channels, age = extrapolate(channels, age, [sample], started, DT, PERIOD)
+        started = 1.0
+        assert channels[0].count == min(k, 2)
+
+
+def observers_lag(bandwidth):
+    """How late an observer with both poles at exp(-bandwidth dt) finds a force that grows evenly, s: step by step."""
+    b = np.exp(-bandwidth * DT)
+    v = seen = found = force = 0.0
+    for k in range(240):
+        force = 0.2 * k * DT
+        v += force * DT
+        ahead = seen + found * DT
+        seen = ahead + (1.0 - b * b) * (v - ahead)
+        found += (1.0 - b) ** 2 * (v - ahead) / DT
+    return (force - found) / 0.2
+
+
+@pytest.mark.parametrize("bandwidth", [34.0, 60.0])
+@pytest.mark.parametrize("periods", [0, 1, 3])
+def test_a_plan_is_heard_exactly_as_late_as_the_observer_finds_what_it_needs(bandwidth, periods):
+    """Its own lag and the age of the measurements. A pole that moves for the age is off by dt^2 bandwidth / 6 s."""
+    observer = (27.0, 31.0, bandwidth, 60.0)
+    par = make_centroidal(MODEL, delay=DT * periods, observer=observer, adaptation=0.0).par
+    learned, zero = first_learned(2), Vec3(0.0, 0.0, 0.0)
+    for k in range(240):
+        joints = tuple(Taylor.of_derivatives((slope * k * DT, slope, 0.0)) for slope in (0.2, -0.1))
+        weight = Vec3(0.0, 0.0, 9.8)
+        plan = Planned(R=Mat3.identity(), rate=zero, alpha=zero, proper=weight, joints=joints)
+        learned = adapt(par, learned, plan, (0.2, -0.1), (0.0, 0.0), (1.0, 1.0, 1.0), DT)
+    for joint, slope in zip(learned.joints, (0.2, -0.1), strict=True):
+        lag = 239 * DT - joint.twice.place / slope
+        assert lag == pytest.approx(observers_lag(bandwidth) + DT * periods, abs=DT**2 * bandwidth / 6.0)
+        # the first of the two stages is half as late
+        assert 239 * DT - joint.once.place / slope == pytest.approx(0.5 * lag, rel=1e-9)

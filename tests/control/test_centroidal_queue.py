@@ -1,0 +1,197 @@
+"""Which command acted when: the laws' queues, and what of the disturbance the plan is bent for."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import skyarm
+from skyarm.actuation import Command
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.catalogue import make_controller
+from skyarm.control.controller import with_applied_command
+from skyarm.control.laws.centroidal import make_centroidal
+from skyarm.control.laws.centroidal.law import _present
+from skyarm.control.model import Model
+from skyarm.reference import Reference
+from skyarm.sensors.measurement import blank_measurement
+
+ARM = skyarm.load_vehicle("hummingbird_arm2_rotors")
+MODEL = Model(vehicle=ARM, gravity=9.8)
+DT = 0.005
+SENT = (
+    Command(rotor_speeds=(440.0, 520.0, 470.0, 500.0), efforts=(0.02, -0.01)),
+    Command(rotor_speeds=(530.0, 450.0, 490.0, 460.0), efforts=(-0.03, 0.02)),
+    Command(rotor_speeds=(480.0, 510.0, 430.0, 540.0), efforts=(0.01, 0.03)),
+)
+"""Oldest first: what was commanded while a measurement of two periods' age is on its way."""
+TURNING = (485.0, 475.0, 480.0, 490.0)
+ZERO = Vec3(0.0, 0.0, 0.0)
+
+
+def array(v):
+    return np.array([float(c) for c in v])
+
+
+def lag(speeds, command):
+    """First-order lag over one period with the vehicle's two time constants, 12.5 ms up and 25 ms down."""
+    found = []
+    for now, wanted in zip(speeds, command.rotor_speeds, strict=True):
+        found.append(wanted + (now - wanted) * np.exp(-DT / (0.0125 if wanted > now else 0.025)))
+    return found
+
+
+def hovering(joints=(0.3, -0.5)):
+    level = dataclasses.replace(
+        blank_measurement(2, 4), position=Vec3(0.0, 0.0, 1.0), joints=joints, rotor_speeds=TURNING
+    )
+    still = dict.fromkeys(("joint_rates", "joint_accelerations", "joint_jerks", "joint_snaps"), (0.0, 0.0))
+    goal = Reference(position=Vec3(0.0, 0.0, 1.0), velocity=ZERO, acceleration=ZERO, joints=joints, **still)
+    return level, goal.dense()
+
+
+def underway(controller, sent=SENT, **observed):
+    """Memory amid a flight: the observer runs, the rotors turn, three commands are in the queue."""
+    memory = controller.memory
+    seen = dataclasses.replace(memory.observed, position=Vec3(0.0, 0.0, 1.0), joints=(0.3, -0.5), rotor_speeds=TURNING)
+    return dataclasses.replace(memory, started=1.0, sent=sent, observed=dataclasses.replace(seen, **observed))
+
+
+def law(name):
+    if name == "centroidal":
+        return make_centroidal(MODEL, delay=2 * DT)
+    return make_controller(name, MODEL, delay_periods=2)
+
+
+def stepped(controller, memory):
+    return controller.law(memory, *hovering(), DT, par=controller.par)
+
+
+LAWS = ("centroidal", "ct_observer", "ct_lag_inversion")
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_the_observers_rotors_turn_by_the_oldest_command(name):
+    controller = law(name)
+    following, _ = stepped(controller, underway(controller))
+    # the modelled lag is solved exactly
+    assert following.observed.rotor_speeds == pytest.approx(lag(TURNING, SENT[0]), rel=1e-12)
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("part", ["rotor_speeds", "efforts"])
+def test_the_observer_hears_the_oldest_command_and_no_other(name, part):
+    controller = law(name)
+    plain = stepped(controller, underway(controller))[0].observed
+    for i in range(3):
+        other = dataclasses.replace(SENT[i], **{part: tuple(1.1 * each for each in getattr(SENT[i], part))})
+        found = stepped(controller, underway(controller, (*SENT[:i], other, *SENT[i + 1 :])))[0].observed
+        assert (found != plain) == (i == 0)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_the_queue_moves_on_by_one(name):
+    controller = law(name)
+    following, command = stepped(controller, underway(controller))
+    assert following.sent == (*SENT[1:], command)
+
+
+@pytest.mark.parametrize("periods", [0, 1, 4])
+def test_the_first_queue_holds_a_hover_for_every_period_of_the_delay_and_the_measurements_own(periods):
+    """Told as a time or as periods; the rotors carry the weight, each alike."""
+    each = np.sqrt(float(ARM.mass) * 9.8 / (4 * 8.54858e-6))
+    for controller in (
+        make_centroidal(MODEL, delay=DT * periods),
+        make_controller("ct_observer", MODEL, delay_periods=periods),
+    ):
+        sent = controller.memory.sent
+        assert len(sent) == periods + 1
+        for command in sent:
+            np.testing.assert_allclose(command.rotor_speeds, each, rtol=1e-9)
+            np.testing.assert_allclose(command.efforts, 0.0, atol=1e-12)
+
+
+def test_the_present_state_is_that_after_the_later_commands_in_their_order():
+    """The measurement's own period had the first; the two that follow it have acted since."""
+    controller = law("centroidal")
+    memory = underway(controller)
+    none = Disturbance(force=ZERO, torque=ZERO, efforts=(0.0, 0.0))
+    found = _present(controller.par, MODEL, hovering()[0], memory, memory.observed, none, DT)
+    assert found.rotor_speeds == pytest.approx(lag(lag(TURNING, SENT[1]), SENT[2]), rel=1e-12)
+    # what rests on the order: the other way round is 4 rad/s off
+    assert np.abs(np.subtract(found.rotor_speeds, lag(lag(TURNING, SENT[2]), SENT[1]))).max() > 4.0
+
+
+def test_a_measurement_without_delay_is_the_present():
+    controller = make_centroidal(MODEL)
+    memory = underway(controller, SENT[:1])
+    none = Disturbance(force=ZERO, torque=ZERO, efforts=(0.0, 0.0))
+    found = _present(controller.par, MODEL, hovering()[0], memory, memory.observed, none, DT)
+    assert found.rotor_speeds == TURNING
+    assert found.position == memory.observed.position
+
+
+@pytest.mark.parametrize("mode", ["joint", "tip"])
+def test_the_plan_leans_against_the_force_found_and_in_tip_mode_against_its_slow_part(mode):
+    """The plan's attitude is told by the torque of a known load at the tip: r x R^T (0, 0, -m g), R e_3 || m g e_3 - d.
+
+    Sideways, so that no joint (all turn about y) has a part in it.
+    """
+    found, slow = np.array([0.0, -0.6, 0.2]), np.array([0.0, 1.5, 0.1])
+    controller = make_centroidal(MODEL, mode=mode)
+    memory = underway(controller, SENT[:1], force=Vec3(*found.tolist()))
+    # the observer holds what it found
+    memory = dataclasses.replace(memory, free=(0.0, 0.0, 0.0), slow_force=Vec3(*slow.tolist()))
+    memory = dataclasses.replace(memory, learned=dataclasses.replace(memory.learned, tip_mass=0.05))
+    following, _ = stepped(controller, memory)
+    np.testing.assert_allclose(array(following.observed.force), found, atol=1e-15)
+    # one pole at 3 rad/s
+    slow = slow + (found - slow) * (1.0 - np.exp(-3.0 * DT))
+    np.testing.assert_allclose(array(following.slow_force), slow, rtol=1e-12, atol=1e-15)
+    up = float(ARM.mass) * np.array([0.0, 0.0, 9.8]) - (slow if mode == "tip" else found)
+    roll = np.arctan2(-up[1], up[2])
+    pull = Rotation.from_rotvec([roll, 0.0, 0.0]).inv().apply([0.0, 0.0, -9.8])
+    tip = -0.15 * np.array([np.sin(0.3) + np.sin(-0.2), 0.0, np.cos(0.3) + np.cos(-0.2)])
+    np.testing.assert_allclose(array(following.learned.feedforward.torque), 0.05 * np.cross(tip, pull), atol=1e-9)
+    assert following.learned.feedforward.torque.x == pytest.approx(0.05 * 9.8 * tip[2] * np.sin(roll), abs=1e-9)
+
+
+@dataclasses.dataclass(frozen=True)
+class Queue:
+    """A memory with a queue of anything."""
+
+    sent: object
+    applied: tuple[float, ...] = (1.0, 1.0, 1.0)
+
+
+def test_the_newest_of_the_queue_is_what_was_really_sent():
+    changed = dataclasses.replace(SENT[2], efforts=(0.01, 0.02))
+    found = with_applied_command(Queue(SENT), changed)
+    assert found == Queue((*SENT[:2], changed), applied=(1.0, 1.0, 0.0))
+    assert with_applied_command(Queue(SENT[2]), changed) == Queue(changed, applied=(1.0, 1.0, 0.0))
+    for i, off in ((0, 1.0), (0, -1.0), (3, 1.0), (3, -1.0)):
+        speeds = [*SENT[2].rotor_speeds]
+        speeds[i] += off
+        one = dataclasses.replace(SENT[2], rotor_speeds=tuple(speeds))
+        assert with_applied_command(Queue(SENT), one) == Queue((*SENT[:2], one), applied=(0.0, 1.0, 1.0))
+    more = dataclasses.replace(SENT[2], efforts=(0.02, 0.03))
+    assert with_applied_command(Queue(SENT), more).applied == (1.0, 0.0, 1.0)
+    lost = dataclasses.replace(SENT[2], efforts=(float("nan"), 0.03))
+    assert with_applied_command(Queue((*SENT[:2], lost)), SENT[2]).applied == (1.0, 0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    "sent", [(), (1.0, SENT[0]), (SENT[0], 1.0), ((), SENT[0]), [SENT[0]], 3.0, None, (1.0, 2.0)], ids=str
+)
+def test_a_field_that_is_no_queue_of_commands_is_left_as_it_is(sent):
+    memory = Queue(sent)
+    assert with_applied_command(memory, SENT[1]) is memory
+
+
+def test_a_command_sent_as_wished_is_obeyed():
+    assert with_applied_command(Queue(SENT), SENT[2]) == Queue(SENT)
+    assert with_applied_command(Quaternion(1.0, 0.0, 0.0, 0.0), SENT[2]) == Quaternion(1.0, 0.0, 0.0, 0.0)

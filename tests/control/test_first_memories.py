@@ -1,0 +1,35 @@
+"""Memories before the first measurement: actuators free, a queue as long as the delay, a channel for each signal."""
+
+from __future__ import annotations
+
+import pytest
+
+import skyarm
+from flown import ARM2, MODEL
+from skyarm.control.catalogue import make_controller
+from skyarm.control.laws.ladder.make import LADDER
+from skyarm.control.model import Model
+
+ARM6 = Model(vehicle=skyarm.load_vehicle("hexarotor_arm6"), gravity=9.81)
+
+
+@pytest.mark.parametrize("model", [MODEL, ARM6], ids=["arm2", "arm6"])
+@pytest.mark.parametrize("delay", [0, 2])
+def test_the_centroidal_law_begins_with_free_actuators_and_a_command_for_every_period_of_delay(model, delay):
+    memory = make_controller("centroidal", model, delay=delay * 0.005).memory
+    n = model.vehicle.n
+    assert memory.free == (1.0,) * (1 + n)
+    assert len(memory.sent) == delay + 1
+    assert len(memory.channels) == 4 + n
+    assert memory.trim == (0.0,) * len(model.vehicle.rotors)
+    assert (memory.started, memory.age) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("law", LADDER)
+@pytest.mark.parametrize("delay", [0, 3])
+def test_a_stepped_law_remembers_what_its_steps_need_and_nothing_else(law, delay):
+    memory, steps = make_controller(law, MODEL, delay_periods=delay).memory, LADDER[law]
+    assert memory.free == ((1.0,) * (1 + ARM2.n) if steps.observer else ())
+    assert len(memory.sent) == (delay + 1 if steps.observer else 0)
+    assert len(memory.channels) == (4 + ARM2.n if steps.extrapolation else 0)
+    assert (memory.started, memory.age) == (0.0, 0.0)

@@ -1,0 +1,175 @@
+"""The safety layer's limits by default, against docs/scenario_files.md and the vehicle by hand; and their ends."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from pathlib import Path
+
+import pytest
+
+import skyarm
+from skyarm.control.catalogue import make_controller
+from skyarm.control.controller import ControllerError
+from skyarm.control.model import Model
+from skyarm.control.safety.limits import MOST, Limits, limits_for
+
+GRAVITY = 9.1
+VEHICLE = skyarm.load_vehicle("octo_coaxial_two_arms")
+"""A turning torso, and two arms of a shoulder and a sliding forearm each: both kinds of joints."""
+
+KINDS = tuple(link.joint.kind for link in VEHICLE.links)
+PULL = {"stiffness": 5.0, "damping": 2.7}
+
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "scenario_files.md").read_text("utf-8")
+TABLE = PAGE.split("## Safety")[1].split("## Wind")[0]
+
+BY_KIND = {
+    "joint_step": (0.5, 0.05),
+    "joint_slew": (3.0, 0.3),
+    "joint_speed": (12.0, 1.5),
+    "joint_margin": (0.05, 0.005),
+    "trusted_joint_error": (0.6, 0.1),
+    "lost_joint_speed": (48.0, 6.0),
+}
+"""Of a revolute joint (rad) and of a prismatic one (m)."""
+
+
+def limits_of(vehicle, **options):
+    controller = make_controller("hybrid_computed_torque", Model(vehicle=vehicle, gravity=GRAVITY))
+    return limits_for(dataclasses.replace(controller, **options), **PULL)
+
+
+def by_kind(name, kinds=KINDS):
+    return tuple(BY_KIND[name][kind == "prismatic"] for kind in kinds)
+
+
+def test_the_defaults_are_those_of_the_page():
+    found = limits_of(VEHICLE)
+    page = {
+        "tilt": math.radians(40.0),
+        "climb": GRAVITY / 2.0,
+        "speed": 4.0,
+        "step": 0.4,
+        "step_speed": 1.5,
+        "joint_pole": 25.0,
+        "trusted_tilt": math.radians(70.0),
+        "trusted_rate": 12.0,
+        "lost_rate": 40.0,
+        "lost_speed": 15.0,
+        "patience": 0.25,
+        "calm": math.inf,
+    }
+    for name, value in page.items():
+        assert getattr(found, name) == pytest.approx(value, rel=1e-15), name
+        assert f"`{name}`" in TABLE
+    for name in BY_KIND:
+        assert getattr(found, name) == pytest.approx(by_kind(name), rel=1e-15), name
+        assert f"`{name}`" in TABLE
+    for shown in ("0.70, half of gravity, 4", "0.4, 1.5", "0.5 or 0.05; 3 or 0.3", "12 or 1.5; 0.05 or 0.005; 25"):
+        assert f"| {shown} |" in TABLE
+    assert "| 1.22, 12, 0.6 or 0.1 (1.5 or 0.3 for a law that keeps the tip), 0.25 |" in TABLE
+    assert "| 40, 15, four times `joint_speed` |" in TABLE
+
+
+def test_a_law_that_keeps_the_tip_is_trusted_with_larger_joint_errors():
+    found = limits_of(VEHICLE, keeps_tip=True).trusted_joint_error
+    assert found == tuple(0.3 if kind == "prismatic" else 1.5 for kind in KINDS)
+
+
+def test_efforts_are_the_models_and_change_over_their_range_in_five_milliseconds():
+    found = limits_of(VEHICLE)
+    efforts = tuple(float(link.joint.effort_limit) for link in VEHICLE.links)
+    assert len(set(efforts)) > 1
+    assert found.effort == efforts
+    assert [slew * 0.005 for slew in found.effort_slew] == pytest.approx(list(efforts))
+
+
+def test_the_margin_of_a_short_joint_is_a_tenth_of_its_range():
+    short = VEHICLE.with_joints(lower=-0.01, upper=0.02)
+    # a tenth of 0.03 is 0.003: less than either kind's usual margin
+    assert limits_of(short).joint_margin == pytest.approx([0.003] * len(KINDS))
+
+
+def with_top_speeds(*tops):
+    """The Hummingbird with these highest speeds, the last for all rotors that are left."""
+    vehicle = skyarm.load_vehicle("hummingbird_arm2")
+    every = [*tops, *[tops[-1]] * (len(vehicle.rotors) - len(tops))]
+    rotors = tuple(dataclasses.replace(r, max_speed=top) for r, top in zip(vehicle.rotors, every, strict=True))
+    return dataclasses.replace(vehicle, rotors=rotors)
+
+
+def hover_speed(vehicle):
+    """All rotors alike, the centre of mass on their axis in the model's zero pose: m g / 4 on each."""
+    mass = sum(float(body.mass) for body in vehicle.bodies)
+    return math.sqrt(mass * GRAVITY / (4.0 * float(vehicle.rotors[0].thrust_coefficient)))
+
+
+def test_rotors_change_over_their_whole_range_in_five_milliseconds():
+    assert limits_of(with_top_speeds(800.0)).rotor_slew == pytest.approx(800.0 / 0.005)
+    assert limits_of(with_top_speeds(700.0, 900.0, 800.0)).rotor_slew == pytest.approx(900.0 / 0.005)
+
+
+def test_a_rotor_without_a_highest_speed_is_taken_to_turn_twice_as_fast_as_in_hover():
+    free = with_top_speeds(math.inf)
+    hover = hover_speed(free)
+    # the trim is solved to 1e-9 of the speeds
+    assert limits_of(free).rotor_slew == pytest.approx(2.0 * hover / 0.005, rel=1e-6)
+    # one of them free, the others slower or faster than that
+    assert limits_of(with_top_speeds(math.inf, 1.5 * hover)).rotor_slew == pytest.approx(2.0 * hover / 0.005, rel=1e-6)
+    assert limits_of(with_top_speeds(math.inf, 3.0 * hover)).rotor_slew == pytest.approx(3.0 * hover / 0.005)
+
+
+def test_the_smallest_rotor_slew_is_a_tenth_of_the_fastest_rotors_range_in_a_second():
+    law = make_controller("hybrid_computed_torque", Model(vehicle=with_top_speeds(700.0, 900.0, 800.0)))
+    assert limits_for(law, rotor_slew=90.1, **PULL).rotor_slew == 90.1
+    with pytest.raises(ControllerError, match=r"^safety.rotor_slew = 89.9: must be at least 90, a tenth of"):
+        limits_for(law, rotor_slew=89.9, **PULL)
+    free = make_controller("hybrid_computed_torque", Model(vehicle=with_top_speeds(math.inf), gravity=GRAVITY))
+    least = 0.2 * hover_speed(with_top_speeds(math.inf))
+    assert limits_for(free, rotor_slew=1.001 * least, **PULL).rotor_slew == 1.001 * least
+    with pytest.raises(ControllerError, match="must be at least"):
+        limits_for(free, rotor_slew=0.999 * least, **PULL)
+
+
+DECADES = {
+    3: ("speed", "step", "step_speed", "joint_step", "joint_margin", "trusted_joint_error"),
+    4: ("stiffness", "damping", "joint_speed", "joint_slew", "joint_pole", "trusted_rate", "lost_speed"),
+    5: ("lost_rate", "lost_joint_speed"),
+    6: ("effort", "patience", "calm"),
+    9: ("rotor_slew", "effort_slew"),
+}
+"""Powers of ten that are the upper ends: what a vehicle is lost by may be ten times what it is trusted with."""
+
+
+@pytest.mark.parametrize(("power", "name"), [(power, name) for power, names in DECADES.items() for name in names])
+def test_upper_ends_are_whole_powers_of_ten_that_pass_themselves(power, name):
+    law = make_controller("hybrid_computed_torque", Model(vehicle=skyarm.load_vehicle("hummingbird_arm2")))
+    end = float(f"1e{power}")
+    found = getattr(limits_for(law, **(PULL | {name: end})), name)
+    assert (found[0] if isinstance(found, tuple) else found) == end
+    with pytest.raises(ControllerError, match=rf"^safety.{name}.* must be at most {re.escape(f'{end:g}')}(,|$)"):
+        limits_for(law, **(PULL | {name: math.nextafter(end, math.inf)}))
+
+
+def test_every_limit_but_those_with_ends_of_their_own_has_a_power_of_ten():
+    own_ends = {"tilt", "climb", "trusted_tilt"}
+    listed = {name for names in DECADES.values() for name in names}
+    assert listed == set(MOST) == {field.name for field in dataclasses.fields(Limits)} - own_ends
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_the_margin_on_both_sides_leaves_half_of_a_joints_range(which):
+    vehicle = skyarm.load_vehicle("hummingbird_arm2")
+    links = list(vehicle.links)
+    links[which] = dataclasses.replace(
+        links[which], joint=dataclasses.replace(links[which].joint, lower=-1.0, upper=1.0)
+    )
+    law = make_controller("hybrid_computed_torque", Model(vehicle=dataclasses.replace(vehicle, links=tuple(links))))
+    margin = [0.05, 0.05]
+    margin[which] = 0.5
+    assert limits_for(law, joint_margin=margin, **PULL).joint_margin == tuple(margin)
+    margin[which] = 0.5001
+    with pytest.raises(ControllerError, match=rf"^safety.joint_margin\[{which}\] = 0.5001: must be at most a quarter"):
+        limits_for(law, joint_margin=margin, **PULL)

@@ -1,0 +1,89 @@
+"""Which laws beyond the paper's own are tested one by one, and what their tests share."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+import skyarm
+from skyarm.algebra import Vec3
+from skyarm.control.catalogue import LAWS, Controller, make_controller
+from skyarm.control.laws.paper.make import PAPER_LAWS
+from skyarm.control.model import Model
+from skyarm.plant.interface import Truth
+from skyarm.reference import Trajectory
+from skyarm.reference.signals import Constant
+from skyarm.scenario.scenario_record import trimmed_state
+from skyarm.simulate import Scenario
+from skyarm.simulate.batch import Batch
+
+RIVALS = (
+    "bulut2019",
+    "guo2023",
+    "li2024",
+    "kim2013",
+    "l1_adaptive_lateral",
+    "indi",
+)
+
+STEPS = (
+    "ct_coupled_thrust",
+    "ct_consistent",
+    "ct_observer",
+    "ct_feedforward",
+    "ct_extrapolation",
+    "ct_lag_inversion",
+)
+
+TOP = "ct_lag_inversion"
+"""The rung that has every step: what covers it covers the ones below."""
+
+LOWER_RUNGS = {*STEPS, "ct_level_gravity", "l1_adaptive"} - {TOP}
+"""Laws whose every line another law runs."""
+
+PAPER = tuple(PAPER_LAWS)
+
+
+def covering(names: Any = LAWS) -> list[str]:
+    """Laws without those whose every line another one runs."""
+    return sorted(set(names) - LOWER_RUNGS)
+
+
+def hover(joints: tuple[float, ...], height: float = 2.0) -> Trajectory:
+    """Standing still with the arm at some angles."""
+    return Trajectory(z=Constant(height), joints=tuple(Constant(q) for q in joints))
+
+
+def hovering_scenario(law: str, vehicle: str, *, seconds: float, offset: float = 0.0, **options: Any) -> Scenario:
+    """Belief equal to truth, arm out to one side, begun ``offset`` metres beside the reference."""
+    flown = skyarm.load_vehicle(vehicle)
+    joints = tuple(0.3 / (i + 1) for i in range(flown.n))
+    world = Truth(vehicle=flown, gravity=9.81)
+    start = trimmed_state(world, Vec3(offset, 0.0, 2.0), 0.0, joints)
+    return Scenario(
+        name="hover",
+        duration=seconds,
+        world=world,
+        controller=make_controller(law, Model(vehicle=flown, gravity=9.81), **options),
+        trajectory=hover(joints),
+        initial=start if offset else None,
+    )
+
+
+def flown_to_the_end(scenario: Scenario) -> Any:
+    """State after a flight in machine code."""
+    outcome = Batch(scenario).fly({})
+    assert outcome.status[0] == "completed"
+    return outcome.state
+
+
+def replaced(controller: Controller, **fields: Any) -> Controller:
+    """The controller with other constants."""
+    return dataclasses.replace(controller, par=dataclasses.replace(controller.par, **fields))
+
+
+def scalars(values: Any) -> Any:
+    """A tuple or Vec3 of scalars as an array."""
+    return np.array([float(value) for value in values])

@@ -1,0 +1,81 @@
+"""The lowest versions that ``pyproject.toml`` allows, as pip takes them, and the tests that need newer ones.
+
+``make test-lowest`` installs them into a new environment and runs the suite:
+
+    python tests/lowest.py pins        NAME==VERSION of each direct dependency of library and tests
+    python tests/lowest.py run         the suite but for the tests that are left out
+
+What these depend on is the newest that pip finds for them, but for ``HELD``.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+PROJECT = Path(__file__).resolve().parent.parent / "pyproject.toml"
+FLOOR = re.compile(r"([A-Za-z0-9-]+)>=([0-9.]+)(?:; *(.+))?")
+
+LINTERS = ("import-linter", "mypy", "ruff")
+"""Of ``make lint``, which runs on the versions of constraints.txt only: what they find changes with every version."""
+
+HELD = ("click==8.1.8", "pyparsing==3.1.4")
+"""What direct dependencies depend on, where its newest version came after them and a warning is an error in the tests:
+typer 0.20 calls what click 8.5 deprecates, matplotlib 3.8 what pyparsing 3.3 does."""
+
+LEFT_OUT: dict[str, str] = {}
+"""Test -> why it needs a newer version. At most 15, none of physics."""
+
+
+def project() -> dict[str, object]:
+    """The table [project]."""
+    found: dict[str, object] = tomllib.loads(PROJECT.read_text("utf-8"))["project"]
+    return found
+
+
+def pins(requirements: list[str]) -> list[str]:
+    """Each requirement NAME>=VERSION[; MARKER] at its floor.
+
+    Raises:
+        ValueError: a requirement without a lower bound, or with more than that.
+    """
+    found = []
+    for requirement in requirements:
+        match = FLOOR.fullmatch(requirement)
+        if match is None:
+            raise ValueError(f"{requirement!r}: must be NAME>=VERSION, with a marker or without")
+        name, version, marker = match.groups()
+        if name not in LINTERS:
+            found.append(f"{name}=={version}" + (f"; {marker}" if marker else ""))
+    return found
+
+
+def direct() -> list[str]:
+    """Requirements of the library and of its tests."""
+    table = project()
+    return [*table["dependencies"], *table["optional-dependencies"]["test"]]  # type: ignore[misc,index]
+
+
+def run() -> int:
+    """Run the suite; returns its exit code."""
+    left_out = [f"--deselect={test}" for test in LEFT_OUT]
+    return subprocess.run([sys.executable, "-m", "pytest", *left_out], check=False).returncode
+
+
+def main() -> None:
+    """Do what the first argument says."""
+    lowest = str(project()["requires-python"]).removeprefix(">=")
+    here = f"{sys.version_info.major}.{sys.version_info.minor}"
+    if here != lowest:
+        # newer Pythons have no wheels of libraries this old
+        sys.exit(f"Python {here}: the lowest versions are those of Python {lowest}; say PYTHON=python{lowest}")
+    if sys.argv[1:] == ["run"]:
+        sys.exit(run())
+    print("\n".join([*pins(direct()), *HELD]))
+
+
+if __name__ == "__main__":
+    main()

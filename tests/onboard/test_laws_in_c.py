@@ -1,0 +1,40 @@
+"""Every law beyond the paper's as C: the bits of Python call after call, libm alone, a unit for every member."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from test_export_c import CAREFUL, LIBM, inputs, object_file, same_bits, text_of, undefined
+
+import skyarm
+from c_compiler import needs_cc
+from exported_law import Loaded
+from law_flights import PAPER, covering
+from skyarm.control.catalogue import make_controller
+from skyarm.control.model import Model
+
+BEYOND = [law for law in covering() if law not in PAPER and law != "nmpc"]
+
+
+def controller_of(law):
+    return make_controller(law, Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"), gravity=9.81))
+
+
+@needs_cc
+@pytest.mark.parametrize("law", BEYOND)
+def test_a_law_in_c_has_the_bits_of_python_call_after_call(tmp_path, law):
+    controller = controller_of(law)
+    text = text_of(controller)
+    in_c = Loaded(text, tmp_path, ("-O1", *CAREFUL, "-ffp-contract=off"))
+    memory = controller.memory
+    for measurement, reference in inputs("hummingbird_arm2", count=12):
+        memory, command = controller.law(memory, measurement, reference, 0.005, par=controller.par)
+        assert same_bits(in_c(measurement, reference), [float(x) for x in (*command.rotor_speeds, *command.efforts)])
+    assert undefined(object_file(text, tmp_path, ("-O1",), name="alone")) <= LIBM
+
+
+@pytest.mark.parametrize("law", BEYOND)
+def test_every_member_of_every_struct_of_a_law_has_its_unit(law):
+    for line in re.findall(r"^    double \w+(?:\[\d+\])*;.*$", text_of(controller_of(law)), re.MULTILINE):
+        assert re.search(r"/\* .*\S \*/$", line), line

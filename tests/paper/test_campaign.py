@@ -1,0 +1,251 @@
+"""Flights on one process or several give the same bits; variations are what they say."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import signal
+import threading
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+
+from logs_synthetic import synthetic_log
+from skyarm.paper import campaign as room
+from skyarm.paper.beyond_paper import HarderJob, beyond_jobs
+from skyarm.paper.campaign import Effort, Job, _perform_all, perform, run_campaign
+from skyarm.paper.flights import Flight, flights, metrics, scenario, with_damping
+from skyarm.paper.inferred_settings import InferredJob
+from skyarm.paper.published import CASES
+from skyarm.paper.variations import (
+    DAMPINGS,
+    damped_first_joint,
+    delayed,
+    earlier_bag,
+    reshaped_ramps,
+    shifted_bag,
+    variation,
+    variations,
+)
+from skyarm.reference import sequence
+from skyarm.scenario.scenario_record import PLANTS
+from skyarm.simulate import Log, run
+
+FEW = [
+    Job(Flight("case1", "CT", "rigid_body")),
+    Job(Flight("case3_wind", "PD", "mujoco")),
+    Job(Flight("case2", "PD", "rigid_body"), "joint_damping", "0.005"),
+]
+
+
+def _equal(a: Any, b: Any) -> bool:
+    if isinstance(a, Log):
+        return a.info == b.info and all(np.array_equal(a.arrays()[name], b.arrays()[name]) for name in a.arrays())
+    return bool(a == b)
+
+
+def test_two_workers_give_the_bits_of_one() -> None:
+    told: list[tuple[int, int, str]] = []
+    alone = _perform_all(FEW, 1, None)
+    shared = _perform_all(FEW, 2, lambda done, total, label: told.append((done, total, label)))
+    assert set(alone) == set(shared) == set(FEW)
+    for job in FEW:
+        assert _equal(alone[job], shared[job]), job.label
+    assert [t[:2] for t in told] == [(1, 3), (2, 3), (3, 3)]
+    assert {t[2] for t in told} == {job.label for job in FEW}
+
+
+def test_what_the_flights_took_is_said_by_plant() -> None:
+    effort = Effort()
+    begun = time.perf_counter()
+    _perform_all(FEW, 1, None, effort)
+    effort.wall = time.perf_counter() - begun
+    assert {plant: len(each) for plant, each in effort.seconds.items()} == {"rigid_body": 2, "mujoco": 1}
+    assert 0.0 < sum(map(sum, effort.seconds.values())) <= effort.wall
+    effort = Effort(1.25, {"rigid_body": [0.5, 0.75], "mujoco": [1.04]})
+    assert effort.words() == "3 flights in 1.2 s; summed over processes: 2 on rigid_body 1.2 s, 1 on mujoco 1.0 s"
+
+
+def _killed(job: Job) -> None:
+    del job
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_worker_that_dies_is_an_error_and_not_a_hang(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(room, "perform", _killed)
+    with pytest.raises(OSError, match="workers = 2: a process ended unexpectedly"):
+        _perform_all(FEW, 2, None)
+
+
+def test_workers_start_from_a_thread_too() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    results: list[Any] = []
+    thread = threading.Thread(target=lambda: results.append(_perform_all(FEW[:2], 2, None)))
+    thread.start()
+    thread.join(timeout=120)
+    assert len(results[0]) == 2
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_there_are_twenty_flights() -> None:
+    assert len(set(flights())) == 20
+    assert {(f.case, f.controller, f.plant) for f in flights()} == {
+        (case, controller, plant) for case in CASES for controller in ("CT", "PD") for plant in PLANTS
+    }
+
+
+def test_a_campaign_files_every_flight_and_every_variation(monkeypatch: pytest.MonkeyPatch) -> None:
+    flown: list[Job] = []
+
+    def pretend(job: Job | HarderJob | InferredJob) -> Any:
+        if isinstance(job, (HarderJob, InferredJob)):
+            return job
+        flown.append(job)
+        return {"position_error_mean": float(len(flown))} if job.group else job
+
+    monkeypatch.setattr(room, "perform", pretend)
+    monkeypatch.setattr(room, "_measure_again", lambda campaign, each, plant: campaign.sensitivity.setdefault(
+        each.group, {}).setdefault(each.value, {"measured on": plant}))  # fmt: skip
+    found = run_campaign(PLANTS)
+    assert sum(len(pair) for cases in found.logs.values() for pair in cases.values()) == 20
+    for plant, cases in found.logs.items():
+        for case, controllers in cases.items():
+            for controller, job in controllers.items():
+                assert job.flight == Flight(case, controller, plant)  # type: ignore[attr-defined]
+    groups: dict[str, list[str]] = {}
+    for each in variations():
+        groups.setdefault(each.group, []).append(each.value)
+    assert {group: list(values) for group, values in found.sensitivity.items()} == groups, "in the order of the report"
+    varied = [job for job in flown if job.group]
+    assert {job.flight.plant for job in varied} == {"rigid_body"}
+    changing = [each for each in variations() if each.change is not None]
+    wanted = {(each.group, each.value, case, name) for each in changing for case in each.cases for name in ("CT", "PD")}
+    assert {(job.group, job.value, job.flight.case, job.flight.controller) for job in varied} == wanted
+    assert len(varied) == len(wanted)
+    assert set(found.sensitivity["joint_damping"]) == {f"{damping:g}" for damping in DAMPINGS}
+    assert set(found.sensitivity["joint_damping"]["0.02"]) == set(CASES)
+    assert len(found.beyond.cells) == len(beyond_jobs())
+    for (condition, case, name), cell in found.beyond.cells.items():
+        assert cell == HarderJob(condition, case, name)  # type: ignore[comparison-overlap]
+    for plant, logs in found.beyond.logs.items():
+        for preset, log in logs.items():
+            assert log.flight == Flight("case3_wind", preset, plant)  # type: ignore[attr-defined]
+    assert {plant: len(logs) for plant, logs in found.beyond.logs.items()} == dict.fromkeys(PLANTS, 2)
+    assert {kind: len(cells) for kind, cells in found.found.items()} == {"inferred": 20, "predicted": 10}
+    for kind, cells in found.found.items():
+        for (case, controller, plant), job in cells.items():
+            assert (job.kind, job.flight) == (kind, Flight(case, controller, plant))  # type: ignore[attr-defined]
+    alone = run_campaign(PLANTS[:1], sensitivity=False, beyond=False, inferred=False)
+    assert not alone.sensitivity
+    assert not alone.found
+
+
+def test_the_assumed_damping_is_that_of_the_table_and_needs_no_flight() -> None:
+    plain = scenario(Flight("case2", "CT", "rigid_body"))
+    assert [float(link.joint.damping) for link in plain.world.vehicle.links] == [0.001, 0.001]
+    assert variation("joint_damping", "0.001").change is None
+    assert all(variation("joint_damping", f"{d:g}").change is not None for d in DAMPINGS if d != 0.001)
+
+
+def test_a_varied_job_is_the_changed_scenario_measured() -> None:
+    flight = Flight("case2", "PD", "rigid_body")
+    by_hand = metrics("case2", run(with_damping(scenario(flight), 0.005)))
+    assert perform(Job(flight, "joint_damping", "0.005")) == by_hand
+    assert by_hand != metrics("case2", run(scenario(flight)))
+
+
+def test_damping_of_the_first_joint_leaves_the_second() -> None:
+    varied = damped_first_joint(scenario(Flight("case2", "CT", "rigid_body")))
+    assert [float(link.joint.damping) for link in varied.world.vehicle.links] == [0.05, 0.001]
+
+
+def test_damping_changes_the_truth_and_not_the_belief() -> None:
+    plain = scenario(Flight("case2", "CT", "rigid_body"))
+    varied = with_damping(plain, 0.05)
+    assert [float(link.joint.damping) for link in varied.world.vehicle.links] == [0.05, 0.05]
+    assert varied.controller is plain.controller
+    assert varied.trajectory is plain.trajectory
+
+
+def test_latency_is_three_physics_steps() -> None:
+    assert delayed(scenario(Flight("case1", "CT", "mujoco"))).delays.command == 0.003
+
+
+def test_other_ramps_have_the_heights_and_times_of_the_linear_ones() -> None:
+    plain = scenario(Flight("case1", "CT", "rigid_body"))
+    smooth, stepped = reshaped_ramps(plain, "quintic"), reshaped_ramps(plain, "step")
+    times = np.array([0.0, 6.0, 7.0, 11.9, 12.0, 13.0, 14.0, 18.0, 19.0, 20.0, 25.0])
+    for t in times:
+        a, b = plain.trajectory.at(float(t)), smooth.trajectory.at(float(t))
+        assert [float(q) for q in a.joints] == pytest.approx([float(q) for q in b.joints], abs=1e-12), t
+    # a quarter of the way: 10/64 - 15/256 + 6/1024 of the height; a step is there at once
+    assert float(smooth.trajectory.at(6.25).joints[0]) == pytest.approx(0.3 * (10 / 64 - 15 / 256 + 6 / 1024))
+    assert float(plain.trajectory.at(6.25).joints[0]) == pytest.approx(0.3 * 0.25)
+    for t, height in ((5.99, 0.0), (6.02, 0.3), (11.99, 0.3), (12.02, 0.0), (13.02, -0.3), (18.99, -0.3), (19.02, 0.0)):
+        assert float(stepped.trajectory.at(t).joints[0]) == pytest.approx(height, abs=1e-12), t
+    linear = sequence(6.0, ((1.0, 0.3), (5.0, 0.3), (1.0, 0.0), (1.0, -0.3), (5.0, -0.3), (1.0, 0.0)))
+    for t in np.arange(0.0, 30.0, 0.05):
+        assert float(plain.trajectory.at(float(t)).joints[0]) == pytest.approx(
+            float(linear.derivatives(float(t))[0]), abs=1e-12
+        )
+
+
+def test_variations_have_names_of_their_own_that_find_them() -> None:
+    names = [(each.group, each.value) for each in variations()]
+    assert len(set(names)) == len(names)
+    for group, value in names:
+        found = variation(group, value)
+        assert (found.group, found.value) == (group, value)
+        assert found.label
+
+
+def recorded(fields: dict[str, Any]) -> Log:
+    """A synthetic flight of Case 2, 30 s at 200 Hz, with some fields replaced."""
+    return dataclasses.replace(synthetic_log("case2", "rigid_body", "CT"), **fields)
+
+
+def test_windows_of_an_earlier_bag_lie_earlier() -> None:
+    """x is off by t/100 m: the window [10, 20) s of a bag begun 6 s before t = 0 is our [4, 14) s."""
+    plain = recorded({})
+    ramp = np.column_stack([plain.time / 100.0, np.zeros_like(plain.time), np.zeros_like(plain.time)])
+    log = recorded({"position": plain.position_held + ramp})
+    assert metrics("case2", log)["position_error_mean"] == pytest.approx(0.149975)  # 10, 10.005 ... 19.995 s
+    assert earlier_bag("case2", log, 6.0)["position_error_mean"] == pytest.approx(0.089975)  # 4 ... 13.995 s
+    assert earlier_bag("case2", log, 6.0)["position_error_max"] == pytest.approx(0.13995)
+    # the transient [0, 8) s of that bag is our [-6, 2) s, of which we have [0, 2)
+    assert earlier_bag("case2", log, 6.0)["peak_position"] == pytest.approx(0.01995)
+    assert variation("bag_start", "6").measure("case2", log) == earlier_bag("case2", log, 6.0)
+
+
+def test_a_late_reference_is_compared_with_the_response_of_a_later_time() -> None:
+    """Response on reference, x = t/100 m: a reference recorded 0.5 s late is 5 mm behind at every instant."""
+    plain = recorded({})
+    ramp = np.column_stack([plain.time / 100.0, np.zeros_like(plain.time), np.zeros_like(plain.time)])
+    bend = np.where(plain.time < 12.0, 0.0, 0.1)
+    joints = np.column_stack([bend, np.zeros_like(bend)])
+    log = recorded({"position": ramp, "position_held": ramp, "position_reference": ramp, "joints": joints,
+                    "joints_held": joints, "joints_reference": joints})  # fmt: skip
+    late, early = shifted_bag("case2", log, 0.5), shifted_bag("case2", log, -0.5)
+    assert metrics("case2", log)["position_error_mean"] == pytest.approx(0.0, abs=1e-12)
+    assert late["position_error_mean"] == pytest.approx(0.005)
+    assert early["position_error_mean"] == pytest.approx(0.005)
+    # 0.5 s of 10 s with an error of 0.1 rad
+    assert late["joint_error_mean"] == pytest.approx(0.005)
+    stepped = dataclasses.replace(log, position=np.where(plain.time[:, None] < 20.2, ramp, ramp + 1.0))
+    assert shifted_bag("case2", stepped, 0.5)["position_error_max"] == pytest.approx(0.005), "the response stays put"
+
+
+def test_a_late_reference_comes_later_and_not_earlier() -> None:
+    """A step of the reference at 20.2 s lies outside [10, 20) s; recorded 0.5 s early it is inside, 0.5 s late not."""
+    plain = recorded({})
+    joints = np.column_stack([np.where(plain.time < 20.2, 0.0, 0.1), np.zeros_like(plain.time)])
+    log = recorded({"joints": np.zeros_like(joints), "joints_held": joints, "joints_reference": joints})
+    assert shifted_bag("case2", log, -0.5)["joint_error_max"] == pytest.approx(0.1)
+    assert shifted_bag("case2", log, 0.5)["joint_error_max"] == 0.0
+
+
+def test_only_what_the_table_assumes_is_no_variation() -> None:
+    assumed = [(each.group, each.value) for each in variations() if each.assumed]
+    assert assumed == [("joint_damping", "0.001"), ("ramp_shape", "linear")]

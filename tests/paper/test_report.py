@@ -1,0 +1,378 @@
+"""The report: whole, offline, escaped, and every number in it."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import hashlib
+import json
+import math
+import re
+from html.parser import HTMLParser
+from typing import Any
+
+import pytest
+
+from logs_synthetic import CASES, WINDOWS, all_logs, synthetic_log
+from skyarm.figures import paper_figures
+from skyarm.figures.embed import plot_script
+from skyarm.paper.report.report_headlines import CLAIMS, meets, ordered, tally
+from skyarm.paper.report.report_markup import bound_cell, difference_cell, number_cell, shown
+from skyarm.paper.report.report_page import report_html
+from skyarm.paper.variations import GROUPS, variations
+
+VOID = {"meta", "link", "img", "br", "hr", "input", "col"}
+LOADS = ("src", "href", "srcset", "data", "action", "poster", "background", "xlink:href", "formaction", "manifest")
+
+
+class Page(HTMLParser):
+    """Reads a page; keeps what the tests ask about and refuses unbalanced elements."""
+
+    def __init__(self, source: str) -> None:
+        super().__init__(convert_charrefs=True)
+        self.open: list[str] = []
+        self.ids: list[str] = []
+        self.addresses: list[str] = []
+        self.values: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+        self.scripts: dict[str, str] = {}
+        self._script = ""
+        self.styles = ""
+        self.feed(source)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        held = dict(attrs)
+        assert len(held) == len(attrs), f"repeated attribute in {tag}"
+        self.tags.append((tag, held))
+        self.addresses += [str(held[name]) for name in LOADS if name in held]
+        self.styles += str(held.get("style", ""))
+        if held.get("id"):
+            self.ids.append(str(held["id"]))
+        if tag == "data":
+            self.values.append(str(held["value"]))
+        if tag == "script":
+            self._script = str(held.get("id", ""))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert tag not in VOID
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        inside = self.open[-1] if self.open else ""
+        if inside == "script":
+            self.scripts[self._script] = self.scripts.get(self._script, "") + data
+        elif inside == "style":
+            self.styles += data
+        else:
+            self.text += data
+
+
+def some_results() -> dict[str, Any]:
+    """Distinct numbers in every cell; one missing, one not finite, one unpublished."""
+    names = ("position_error_mean", "pitch_rms", "hover_offset", "settling_time_upper_bound", "invented_metric")
+    experiments: dict[str, Any] = {}
+    count = 0
+    for case in CASES:
+        experiments[case] = {}
+        for controller in ("CT", "PD"):
+            cells = experiments[case][controller] = {}
+            for name in (*names, *(f"{name}_continuous" for name in names[:2])):
+                count += 1
+                ours = 0.0001234567 * count
+                cells[name] = {"paper": 0.001 * count, "rigid_body": ours, "mujoco": ours + 1e-9}
+    experiments["case1"]["CT"]["pitch_rms"]["mujoco"] = None
+    experiments["case1"]["PD"]["pitch_rms"]["rigid_body"] = float("nan")
+    experiments["case2"]["CT"]["hover_offset"]["paper"] = None
+    settings = {"rates_hz": {"control": 200}, "note": "<b>&\"'", "empty": None, "windows": [10.0, 20.0]}
+    return {"schema": 1, "experiments": experiments, "settings": settings}
+
+
+def some_sensitivity() -> dict[str, Any]:
+    cells = {"case2": {"CT": {"pitch_rms": 0.0111222, "tau1_rms": None}, "PD": {"pitch_rms": 0.0333444}}}
+    other = {"case2": {"CT": {"pitch_rms": 0.0555666, "tau1_rms": 0.7}, "PD": {"pitch_rms": float("nan")}}}
+    ramps = {"linear": {"case1": {"CT": {"position_error_mean": 0.0777888}}}, "quintic": {}}
+    return {
+        "joint_damping": {"0": cells, "0.001": other, "0.05": {}},
+        "ramp_shape": ramps,
+        "moon_phase": {"full": cells},
+    }
+
+
+REASONS = {"case1": {"CT": {"position_error_mean": "because <i>x</i> & y"}}}
+
+
+@pytest.fixture(scope="module")
+def source() -> str:
+    logs = all_logs()
+    figures = paper_figures({"case1": logs["rigid_body"]["case1"]}, WINDOWS)
+    return report_html(some_results(), some_sensitivity(), logs, REASONS, figures)
+
+
+@pytest.fixture(scope="module")
+def page(source: str) -> Page:
+    return Page(source)
+
+
+def test_page_is_balanced_html_with_the_landmarks(source: str, page: Page) -> None:
+    assert source.startswith("<!DOCTYPE html>")
+    tags = [tag for tag, _ in page.tags]
+    assert all(tags.count(name) == 1 for name in ("html", "head", "body", "main", "header", "nav", "h1", "title"))
+    assert len(page.ids) == len(set(page.ids))
+    assert dict(page.tags[0][1])["lang"] == "en"
+
+
+def test_contents_lead_to_sections_that_exist(page: Page) -> None:
+    targets = [address[1:] for address in page.addresses if address.startswith("#")]
+    assert len(targets) >= 8
+    assert set(targets) <= set(page.ids)
+    labels = [held["aria-labelledby"] for tag, held in page.tags if tag == "section"]
+    assert set(labels) <= set(page.ids)
+
+
+def test_nothing_is_loaded_from_a_network(page: Page) -> None:
+    assert page.addresses
+    assert all(address.startswith(("#", "data:image/png;base64,")) for address in page.addresses)
+    assert not re.search(r"@import|url\(", page.styles)
+    assert not any(tag in ("link", "iframe", "object", "embed", "base", "form") for tag, _ in page.tags)
+
+
+def test_the_browser_itself_is_told_to_refuse_the_network(page: Page) -> None:
+    (policy,) = [held["content"] for tag, held in page.tags if held.get("http-equiv") == "Content-Security-Policy"]
+    assert policy is not None
+    assert policy.startswith("default-src 'none'")
+    assert "http" not in policy
+
+
+def test_the_browser_runs_the_page_s_own_script_and_no_other(source: str, page: Page) -> None:
+    own = page.scripts[""]
+    assert own == plot_script()
+    (policy,) = [str(held["content"]) for _, held in page.tags if held.get("http-equiv") == "Content-Security-Policy"]
+    digest = base64.b64encode(hashlib.sha256(own.encode()).digest()).decode()
+    assert re.findall(r"script-src ([^;]*)", policy) == [f"'sha256-{digest}'"]
+    assert "\r" not in source, "a browser reads line ends as \\n before it takes the digest"
+
+
+def test_text_carries_no_address(source: str, page: Page) -> None:
+    """The only one is the name of SVG in the script, which nothing is loaded from."""
+    assert re.findall(r"https?://[^\"'\s<]*", source) == ["http://www.w3.org/2000/svg"]
+    assert "http://www.w3.org/2000/svg" in page.scripts[""]
+
+
+def test_every_number_of_the_results_appears(page: Page) -> None:
+    written = set(page.values)
+    for controllers in some_results()["experiments"].values():
+        for cells in controllers.values():
+            for cell in cells.values():
+                for value in cell.values():
+                    assert value is None or math.isnan(value) or repr(value) in written
+
+
+def test_every_number_of_the_sensitivity_appears(page: Page) -> None:
+    assert {"0.0111222", "0.0333444", "0.0555666", "0.7", "0.0777888"} <= set(page.values)
+
+
+def test_missing_and_not_finite_numbers_are_dashes(page: Page) -> None:
+    assert number_cell(None) == '<td class="num none">&ndash;</td>'
+    assert number_cell(float("nan")) == number_cell(None) == number_cell(float("inf"))
+    assert not any(value in ("nan", "inf", "None") for value in page.values)
+    assert not re.search(r"\b(nan|NaN|None|inf)\b", page.text)
+
+
+def test_text_from_outside_is_escaped(source: str, page: Page) -> None:
+    assert "because <i>x</i> & y" in page.text
+    assert "<i>" not in re.sub(r"<script.*?</script>", "", source, flags=re.DOTALL)
+    assert "<b>&\"'" in page.text
+
+
+def test_hostile_names_do_not_become_markup() -> None:
+    evil = '"><img src="http://x"><script>'
+    cells = {evil: {"paper": 1.0, "rigid_body": 2.0, "mujoco": 3.0}}
+    results = {"schema": 1, "experiments": {evil: {evil: cells}}, "settings": {evil: evil}}
+    sensitivity = {evil: {evil: {evil: {evil: {evil: 1.0}}}}}
+    reasons = {evil: {evil: {evil: evil}}}
+    logs = {evil: {evil: {evil: synthetic_log("case1", evil, evil, seconds=0.5)}}}
+    read = Page(report_html(results, sensitivity, logs, reasons))
+    assert not any(tag == "img" for tag, _ in read.tags)
+    assert all(address.startswith("#") for address in read.addresses)
+
+
+def test_empty_inputs_make_a_whole_page() -> None:
+    read = Page(report_html({"schema": 1, "experiments": {}, "settings": {}}, {}, {}, {}))
+    assert "No variation was flown." in read.text
+    assert "No static figures were drawn." in read.text
+
+
+def test_a_plant_that_was_not_flown_is_dashes_not_an_error() -> None:
+    results = some_results()
+    for controllers in results["experiments"].values():
+        for cells in controllers.values():
+            for cell in cells.values():
+                del cell["mujoco"]
+    logs = {"rigid_body": all_logs()["rigid_body"]}
+    read = Page(report_html(results, {}, logs, {}))
+    assert "mujoco: " not in read.text.split("Verdict")[0]
+
+
+def test_plots_have_data_and_descriptions(page: Page) -> None:
+    holders = [held for _, held in page.tags if "data-plot" in held]
+    assert len(holders) == len(CASES) + 2
+    for held in holders:
+        spec = json.loads(page.scripts[str(held["data-plot"])])
+        assert spec["curves"]
+        assert held["role"] == "group"
+        assert held["aria-label"]
+
+
+def test_the_damping_plot_shows_the_published_level(page: Page) -> None:
+    name = str([held["data-plot"] for _, held in page.tags if "data-plot" in held][-1])
+    curves = {curve["name"]: curve for curve in json.loads(page.scripts[name])["curves"] if curve["panel"] == 1}
+    assert curves["CT, paper"]["y"] == [0.016, 0.016, 0.016]
+    assert curves["CT"]["y"] == [0.0111222, 0.0555666, None]
+
+
+def test_static_figures_have_alternative_text(page: Page) -> None:
+    images = [held for tag, held in page.tags if tag == "img"]
+    assert len(images) == 3
+    assert [str(held["alt"]).split(".")[0] for held in images] == ["Figure 3", "Figure 4", "Figure 5"]
+
+
+def test_tables_have_captions_and_scoped_headings(page: Page) -> None:
+    tags = [tag for tag, _ in page.tags]
+    assert tags.count("table") == tags.count("caption") == tags.count("thead")
+    assert all(held.get("scope") in ("col", "row", "rowgroup") for tag, held in page.tags if tag == "th")
+
+
+def test_twins_against_the_continuous_reference_are_collapsed(source: str) -> None:
+    collapsed = re.findall(r"<details>.*?</details>", source, flags=re.DOTALL)
+    inside = [block for block in collapsed if "continuous reference</abbr>" in block]
+    assert len(inside) == len(CASES)
+    outside = re.sub(r"<details>.*?</details>", "", source, flags=re.DOTALL)
+    assert "continuous reference</abbr>" not in outside
+
+
+def test_page_stays_small(source: str) -> None:
+    assert len(source.encode()) < 3_000_000
+
+
+def test_difference_is_relative_signed_and_graded_without_colour() -> None:
+    assert 'class="num near">+4&nbsp;% <span class="sign" aria-hidden="true">&#9679;' in difference_cell(1.04, 1.0)
+    assert 'class="num fair">&minus;12&nbsp;%' in difference_cell(0.88, 1.0)
+    assert 'class="num far">+100&nbsp;%' in difference_cell(2.0, 1.0)
+    assert "&minus;50&nbsp;%" in difference_cell(-0.14, -0.28)
+    assert "+6&nbsp;%" in difference_cell(-0.339, -0.32)
+    assert ">0&nbsp;%" in difference_cell(0.999999, 1.0)
+    assert ">0&nbsp;%" in difference_cell(1.000001, 1.0)
+    assert "&ndash;" in difference_cell(1.0, 0.0)
+    assert "(within 20 %)" in difference_cell(0.88, 1.0)
+
+
+def test_a_bound_is_met_below_and_missed_above() -> None:
+    assert "below" in bound_cell(3.0, 10)
+    assert "above" in bound_cell(11.0, 10)
+    assert "&ndash;" in bound_cell(None, 10)
+
+
+def test_numbers_have_three_significant_digits_and_a_typographic_minus() -> None:
+    assert shown(0.00001) == "1.00e&minus;05"
+    assert shown(0.0) == "0"
+    assert shown(-0.28) == "&minus;0.280"
+    assert shown(123.4) == "123"
+
+
+def test_published_numbers_keep_their_printed_digits() -> None:
+    cells = {"position_error_mean": {"paper": 0.04, "rigid_body": 0.0349, "mujoco": 0.0349}}
+    cells["pitch_rms"] = {"paper": 0.5, "rigid_body": 0.4, "mujoco": 0.4}
+    page = report_html({"schema": 1, "experiments": {"case1": {"CT": cells}}, "settings": {}}, {}, {}, {})
+    assert '<data value="0.04">0.040</data>' in page
+    assert '<data value="0.5">0.500</data>' in page, "a number that is not the printed one is not shown as if it were"
+
+
+def test_the_why_column_holds_the_reasons_given(source: str) -> None:
+    written = re.findall(r'<td class="why">(.*?)</td>', source)
+    assert [line for line in written if line] == ["because &lt;i&gt;x&lt;/i&gt; &amp; y"]
+    assert "Nearest variation (alternatives, not jointly true)" in source
+
+
+def test_captions_name_the_plant_that_flew() -> None:
+    results = some_results()
+    for controllers in results["experiments"].values():
+        for cells in controllers.values():
+            for cell in cells.values():
+                cell["rigid_body"] = None
+    logs = {"mujoco": all_logs()["mujoco"]}
+    figures = paper_figures({"case1": logs["mujoco"]["case1"]}, WINDOWS)
+    read = Page(report_html(results, some_sensitivity(), logs, {}, figures))
+    assert "Layout of the paper, mujoco plant" in read.text
+    assert "assumed joint damping, mujoco; dotted" in read.text
+    assert "Joint damping [N m s/rad], mujoco; bold" in read.text
+    # what is left are the headings of its empty columns and the lead, which says what the plants are
+    without_tables = re.sub(r"rigid_body(: within \d+ %|: compared| - paper|(?=mujoco|Verdict))", "", read.text)
+    assert without_tables.count("rigid_body") == 1
+    assert "rigid_body (this library" in without_tables
+
+
+def test_the_order_of_the_plants_decides_which_is_first() -> None:
+    results = some_results()
+    results["settings"]["plants"] = ["mujoco", "rigid_body"]
+    assert "assumed joint damping, mujoco" in report_html(results, some_sensitivity(), {}, {})
+
+
+def test_every_group_of_variations_has_a_title() -> None:
+    assert {each.group for each in variations()} == set(GROUPS)
+
+
+def test_an_episode_that_ended_early_is_named() -> None:
+    log = synthetic_log("case1", "rigid_body", "PD", seconds=3.0)
+    ended = {**log.info, "status": "joint_limit", "cause": "joint 2 < limit", "end_time": 3.0}
+    logs = {"rigid_body": {"case1": {"PD": dataclasses.replace(log, info=ended)}}}
+    read = Page(report_html(some_results(), {}, logs, {}))
+    assert "1 of 1 episodes ended early" in read.text
+    assert "joint_limit at 3 s, joint 2 < limit" in read.text
+
+
+def claim_results(claim: Any, value: float) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for case, controller in claim.cells:
+        found.setdefault(case, {}).setdefault(controller, {})[claim.name] = {"paper": None, "rigid_body": value}
+    return found
+
+
+@pytest.mark.parametrize("claim", CLAIMS, ids=lambda claim: claim.title)
+def test_a_claim_is_met_inside_its_range_only(claim: Any) -> None:
+    margin = 0.01 * (claim.high - claim.low)
+    assert claim.low < claim.high
+    assert meets(claim, claim_results(claim, 0.5 * (claim.low + claim.high)), "rigid_body") is True
+    assert meets(claim, claim_results(claim, claim.high + margin), "rigid_body") is False
+    assert meets(claim, claim_results(claim, claim.low - margin), "rigid_body") is False
+    assert meets(claim, claim_results(claim, 0.5 * (claim.low + claim.high)), "mujoco") is None
+
+
+def test_one_cell_outside_breaks_a_claim_over_many() -> None:
+    claim = CLAIMS[0]
+    results = claim_results(claim, 0.0348)
+    assert meets(claim, results, "rigid_body") is True
+    results["case3"]["PD"]["hover_offset"]["rigid_body"] = 0.04
+    assert meets(claim, results, "rigid_body") is False
+
+
+def test_orderings_count_where_ct_lies_below_pd() -> None:
+    def pair(ct: float, pd: float) -> dict[str, Any]:
+        return {"CT": {"pitch_rms": {"mujoco": ct}}, "PD": {"pitch_rms": {"mujoco": pd}}}
+
+    results = {"case2": pair(0.1, 0.2), "case3": pair(0.2, 0.1), "case1": pair(0.3, 0.1)}
+    results["case1"]["CT"]["ee_error_mean"] = {"mujoco": 0.1}
+    results["case1"]["PD"]["ee_error_mean"] = {"mujoco": 0.2}
+    assert ordered(results, "mujoco") == (2, 3)
+    assert ordered(results, "rigid_body") == (0, 0)
+    # three claims are about pitch RMS of these cases, none of them met; the fourth is the ordering
+    assert tally(results, "mujoco") == (0, 4)
+
+
+def test_the_variant_nearest_to_the_paper_is_bold(source: str) -> None:
+    """Case 2, CT, pitch RMS: the paper's 0.016 lies nearer to 0.0111 than to 0.0556; a single variant is never bold."""
+    assert re.findall(r"<strong>([0-9.]+)</strong>", source) == ["0.0111"]

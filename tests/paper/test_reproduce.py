@@ -1,0 +1,134 @@
+"""One call writes everything; nothing is flown that cannot be written."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import skyarm
+from skyarm.paper import reproduce as room
+from skyarm.paper.campaign import Campaign, run_campaign
+from skyarm.paper.flights import metrics, results, settings
+from skyarm.paper.published import CASES, PRINTED
+from skyarm.paper.short_table import number
+from skyarm.paper.variations import variations
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.simulate import Log, run
+
+
+def _few(plants: Any, *, workers: int = 1, progress: Any = None) -> Campaign:
+    """The plain flights, and the variations that need no flight of their own."""
+    campaign = run_campaign(plants, sensitivity=False, beyond=False, workers=workers, progress=progress)
+    log = campaign.logs[plants[0]]
+    for each in variations():
+        for case in each.cases:
+            for controller in ("CT", "PD"):
+                found = each.measure(case, log[case][controller])
+                values = campaign.sensitivity.setdefault(each.group, {}).setdefault(each.value, {})
+                values.setdefault(case, {})[controller] = found
+    return campaign
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any], list[str]]:
+    folder = tmp_path_factory.mktemp("paper") / "made" / "here"
+    notes: list[str] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(room, "run_campaign", _few)
+        table = skyarm.reproduce(folder, plants=("rigid_body",), note=notes.append)
+    return folder, table, notes
+
+
+def _no_constant(name: str) -> float:
+    raise AssertionError(f"{name} is not JSON")
+
+
+def test_every_promised_file_is_there_and_nothing_else(written: tuple[Path, dict[str, Any], list[str]]) -> None:
+    folder, _, notes = written
+    wanted = {"results.json", "sensitivity.json", "beyond.json", "table2.md", "inference.md", "report.html"}
+    wanted |= {f"figures/figure_{i:02d}.png" for i in range(3, 19)} | {"figures/overview.png"}
+    wanted |= {f"logs/rigid_body/{case}_{controller}.npz" for case in CASES for controller in ("CT", "PD")}
+    assert {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()} == wanted
+    assert all((folder / name).stat().st_size > 0 for name in wanted)
+    assert len(notes) == 4
+    assert notes[0].startswith("30 flights in ")
+
+
+def test_results_json_is_what_the_call_returns_and_strict(written: tuple[Path, dict[str, Any], list[str]]) -> None:
+    folder, table, _ = written
+    read = json.loads((folder / "results.json").read_text(encoding="utf-8"), parse_constant=_no_constant)
+    assert read == table
+    assert read["schema"] == 1
+    cell = read["experiments"]["case2"]["CT"]["position_error_mean"]
+    assert cell["mujoco"] is None, "a plant that was not flown is null"
+    assert math.isfinite(cell["rigid_body"])
+
+
+def test_every_cell_that_differs_has_a_reason(written: tuple[Path, dict[str, Any], list[str]]) -> None:
+    folder, table, _ = written
+    evidence = json.loads((folder / "sensitivity.json").read_text(encoding="utf-8"), parse_constant=_no_constant)
+    differing = 0
+    for case, controllers in table["experiments"].items():
+        for controller, cells in controllers.items():
+            for metric, cell in cells.items():
+                paper, ours = cell["paper"], cell["rigid_body"]
+                why = evidence["reasons"][case][controller].get(metric, "")
+                if paper is None or metric == "settling_time_upper_bound":
+                    continue
+                if ours is None or abs(ours - paper) > max(0.05 * abs(paper), 0.5):  # 0.5: the coarsest rounding
+                    assert why, (case, controller, metric)
+                if ours is not None and abs(ours - paper) > 0.06 * abs(paper) + 0.005:
+                    differing += 1
+                    assert why, (case, controller, metric)
+                    assert "\n" not in why
+                if ours is not None and abs(ours - paper) < 0.04 * abs(paper):
+                    assert not why, (case, controller, metric)
+    assert differing > 10
+
+
+def test_the_markdown_holds_every_published_cell(written: tuple[Path, dict[str, Any], list[str]]) -> None:
+    folder, table, _ = written
+    text = (folder / "table2.md").read_text(encoding="utf-8")
+    for case, controllers in table["experiments"].items():
+        for controller, cells in controllers.items():
+            for metric, cell in cells.items():
+                if cell["paper"] is not None:
+                    assert (
+                        f"| {controller} | {PRINTED[case][controller][metric]} | {number(cell['rigid_body'])} |" in text
+                    )
+
+
+def test_logs_are_the_flights(written: tuple[Path, dict[str, Any], list[str]]) -> None:
+    folder, _, _ = written
+    log = Log.load_npz(folder / "logs" / "rigid_body" / "case3_wind_PD.npz")
+    assert (log.info["scenario"], log.info["controller"]) == ("case3_wind", "decoupled_pd")
+    assert log.time.size == 6000
+
+
+def test_nothing_is_flown_for_an_unknown_plant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def flown(*_: Any, **__: Any) -> None:
+        raise AssertionError("flown")
+
+    monkeypatch.setattr(room, "run_campaign", flown)
+    for plants in (("gazebo",), ("rigid_body", "x"), ()):
+        with pytest.raises(ValueError, match="rigid_body, mujoco"):
+            skyarm.reproduce(tmp_path / "out", plants=plants)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_flight_that_diverged_is_null_and_named() -> None:
+    """A campaign with one short episode still makes a whole table."""
+    log = run(load_scenario("case2", duration=1.0))
+    ended = {"status": "diverged", "cause": "rate.x passed 10000", "duration": load_scenario("case2").duration}
+    log = dataclasses.replace(log, info=log.info | ended)
+    table = results({("case2", "CT", "rigid_body"): metrics("case2", log)}, settings([log]))
+    json.dumps(table, allow_nan=False)
+    assert table["experiments"]["case2"]["CT"]["position_error_mean"]["rigid_body"] is None
+    assert table["settings"]["not_completed"] == [
+        "case2 hybrid_computed_torque rigid_body: diverged, rate.x passed 10000"
+    ]

@@ -1,0 +1,34 @@
+"""The tests' folders are the rooms of the source, so that whoever changes a room finds its tests."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import skyarm
+
+SOURCE = Path(skyarm.__file__).parent
+TESTS = Path(__file__).resolve().parents[1]
+BESIDE = {"attacks", "data", "mutation", "openness", "project"}
+"""Folders that are no room's own: of many rooms at once, or of the repository."""
+
+
+def test_every_folder_of_tests_is_a_room_of_the_source() -> None:
+    folders = {path.parent.relative_to(TESTS) for path in TESTS.rglob("test_*.py")} - {Path()}
+    strangers = {str(folder) for folder in folders if not (SOURCE / folder / "__init__.py").is_file()} - BESIDE
+    assert strangers == set()
+    assert len(folders) > 25
+
+
+def test_no_two_files_of_tests_share_a_name() -> None:
+    names = Counter(path.name for path in TESTS.rglob("*.py"))
+    assert [name for name, count in names.items() if count > 1] == []
+
+
+def test_a_file_that_several_folders_use_lies_beside_them() -> None:
+    """A folder is on Python's path only while tests of it are collected."""
+    folders = {path.stem: path.parent for path in TESTS.rglob("*.py")}
+    for path in TESTS.rglob("*.py"):
+        lines = path.read_text("utf-8").splitlines()
+        for name in {line.split()[1] for line in lines if line.startswith(("from ", "import "))} & set(folders):
+            assert folders[name] in (TESTS, path.parent), f"{path.name} takes {name}"

@@ -1,0 +1,65 @@
+"""make: help says every target and every variable, and what it says is so."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+MAKEFILE = (ROOT / "Makefile").read_text("utf-8")
+(PHONY,) = (line.split() for line in re.findall(r"^\.PHONY: (.*)$", MAKEFILE, re.M))
+needs_make = pytest.mark.skipif(shutil.which("make") is None, reason="no 'make' on this machine")
+
+
+def make(*words: str) -> str:
+    done = subprocess.run(["make", "-C", str(ROOT), *words], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@needs_make
+def test_help_says_every_target() -> None:
+    said = re.findall(r"^make ([\w-]+) ", make("help"), re.M)
+    assert sorted(said) == sorted(set(PHONY) - {"help"})
+
+
+def test_every_target_that_is_no_file_is_declared_so() -> None:
+    assert sorted(re.findall(r"^([\w-]+):", MAKEFILE, re.M)) == sorted(PHONY)
+
+
+@needs_make
+def test_help_says_every_variable_with_its_value() -> None:
+    variables = re.findall(r"^(\w+) \?=", MAKEFILE, re.M)
+    assert variables == ["PYTHON", "OUT", "BENCH", "WORKERS", "TESTS"]
+    said = make("help", *(f"{name}=chosen_{name}" for name in variables if name != "TESTS"))
+    for name in variables:
+        assert f"{name}=" in said, name
+        assert name == "TESTS" or f"{name}=chosen_{name}" in said
+
+
+@needs_make
+@pytest.mark.parametrize(
+    ("words", "part"),
+    [
+        (("reproduce", "OUT=here"), "-m skyarm reproduce --out here"),
+        (("bench", "BENCH=there.json"), "-m skyarm bench --json there.json"),
+        (("mutants", "WORKERS=7"), "mutants.py run --workers 7"),
+        (("test", "TESTS=tests/plant -k wind"), "pytest tests/plant -k wind"),
+        (("fresh", "PYTHON=python9"), "python9 tests/release.py install"),
+        (("test-lowest", "PYTHON=python9"), "tests/lowest.py run"),
+    ],
+)
+def test_variables_reach_the_commands(words: tuple[str, ...], part: str) -> None:
+    assert part in make("--dry-run", *words)
+
+
+@needs_make
+@pytest.mark.parametrize("target", PHONY)
+def test_every_file_that_a_target_names_is_there(target: str) -> None:
+    found = re.findall(r"\btests/[\w./*-]+", make("--dry-run", target))
+    for name in found:
+        assert list(ROOT.glob(name.rstrip(".,;"))), name

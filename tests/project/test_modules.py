@@ -1,0 +1,59 @@
+"""What modules may take from each other."""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from pathlib import Path
+
+import skyarm
+from lowest import project
+
+SOURCES = sorted(Path(skyarm.__file__).parent.rglob("*.py"))
+
+
+def private_imports(path: Path) -> list[str]:
+    """Underscored names that a file imports from another module."""
+    found = []
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.ImportFrom):
+            module = node.module or ""
+            names = [alias.name for alias in node.names] + module.split(".")
+            found += [f"{path.name}: {module}.{name}" for name in names if name.startswith("_") and name[:2] != "__"]
+    return found
+
+
+def test_no_module_imports_a_private_name_of_another():
+    assert len(SOURCES) > 100
+    assert [found for path in SOURCES for found in private_imports(path)] == []
+
+
+INSTALLED_AS = {"mujoco-core": "mujoco", "pin": "pinocchio"}
+"""Distribution -> the name that it is imported by, where that is another."""
+PEERS = {"crazyflow", "rotorpy"}
+"""Simulators that the bench measures if somebody has them; nobody is asked to install them."""
+
+
+def imported(path: Path) -> set[str]:
+    """Top names that a file imports, anywhere in it."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            found.add(str(node.module).split(".")[0])
+    return found
+
+
+def test_every_library_that_is_imported_is_declared_and_every_declared_one_is_imported():
+    taken = set().union(*map(imported, SOURCES)) - set(sys.stdlib_module_names) - {"skyarm"} - PEERS
+    table = project()
+
+    def names(requirements):
+        found = [re.split(r"[>=; ]", each)[0] for each in requirements]
+        return {INSTALLED_AS.get(name, name) for name in found}
+
+    core, extras = names(table["dependencies"]), set().union(*map(names, table["optional-dependencies"].values()))
+    assert core <= taken
+    assert taken <= core | extras

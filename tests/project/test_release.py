@@ -1,0 +1,71 @@
+"""What must hold before a version is published: each check says what is wrong in one line, and passes what is right."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import release
+
+CITATION = "title: x\nversion: 1.2.0\ndate-released: 2026-01-01\n"
+CHANGELOG = "# Changelog\n\n## Unreleased\n\n## 1.2.0 - 2026-01-01\n\n### Added\n- x\n\n## 1.1.0 - 2025-01-01\n"
+
+
+def test_a_tag_that_is_the_version_of_everything_passes() -> None:
+    assert release.wrong_with_tag("v1.2.0", "1.2.0", CITATION, CHANGELOG) is None
+    assert release.wrong_with_tag("v1.2.0", "1.2.0", CITATION, CHANGELOG.replace("## Unreleased\n\n", "")) is None
+
+
+@pytest.mark.parametrize(
+    ("tag", "source", "citation", "changelog", "line"),
+    [
+        ("v1.2.1", "1.2.0", CITATION, CHANGELOG, "tag v1.2.1: must be v1.2.0"),
+        ("1.2.0", "1.2.0", CITATION, CHANGELOG, "tag 1.2.0: must be v1.2.0"),
+        ("v1.2.0", "1.2.0", CITATION.replace("1.2.0", "1.2.0rc1"), CHANGELOG, "CITATION.cff: version must be 1.2.0"),
+        ("v1.2.0", "1.2.0", CITATION, CHANGELOG.replace("## 1.2.0 - 2026-01-01", "## 1.2.0"), "must have a section"),
+        ("v1.2.0", "1.2.0", CITATION, CHANGELOG.replace("## 1.2.0", "## 1x2.0"), "must have a section"),
+        ("v1.2.0", "1.2.0", CITATION, CHANGELOG.replace("## Unreleased\n", "## Unreleased\n- y\n"), "must move under"),
+    ],
+)
+def test_a_tag_that_does_not_fit_is_refused(tag: str, source: str, citation: str, changelog: str, line: str) -> None:
+    assert line in (release.wrong_with_tag(tag, source, citation, changelog) or "")
+
+
+def test_a_wheel_that_lacks_a_file_or_holds_another_is_named() -> None:
+    wanted = {"skyarm/__init__.py", "skyarm/figures/plot.css"}
+    held = [*wanted, "skyarm/", "skyarm-1.0.dist-info/METADATA"]
+    assert release.wrong_with_contents(held, wanted) is None
+    assert release.wrong_with_contents(held[1:], {held[0]} | wanted) == f"the wheel lacks {held[0]}"
+    found = release.wrong_with_contents([*held, "tests/lowest.py"], wanted)
+    assert found == "the wheel holds tests/lowest.py, which is not of the package"
+
+
+def test_the_package_s_own_files_are_those_that_a_wheel_must_hold() -> None:
+    found = release.sources()
+    assert {"skyarm/__init__.py", "skyarm/py.typed", "skyarm/figures/plot_panels.js"} <= found
+    assert {"skyarm/paper/report/report.css", "skyarm/scenario/library/case1.toml"} <= found
+    assert not any("__pycache__" in name for name in found)
+
+
+def test_a_folder_is_weighed_as_a_disk_holds_it(tmp_path: Path) -> None:
+    (tmp_path / "inner").mkdir()
+    (tmp_path / "inner" / "file").write_bytes(b"x" * (3 << 20))
+    assert release.megabytes(tmp_path) == pytest.approx(3.0, abs=0.05)
+
+
+def command(*words: str) -> subprocess.CompletedProcess[str]:
+    program = str(Path(release.__file__))
+    return subprocess.run([sys.executable, program, *words], capture_output=True, text=True, check=False)
+
+
+def test_the_steps_are_commands_and_another_is_refused() -> None:
+    wrong = command("tag", "v0.0.0")
+    assert (wrong.returncode, wrong.stdout) == (1, "")
+    assert wrong.stderr.startswith("tag v0.0.0: must be v")
+    for words in ((), ("tag",), ("publish",), ("build", "now")):
+        refused = command(*words)
+        assert refused.returncode == 1
+        assert "python tests/release.py install" in refused.stderr

@@ -1,0 +1,100 @@
+"""Axes and rotations that are rounded are made exact in Python as in a file, and others are refused or left alone."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import skyarm
+from skyarm.algebra import Mat3, Quaternion, Vec3
+from skyarm.compile import trace
+from skyarm.environment import Dryden
+from skyarm.records.coerce import RecordError
+from skyarm.records.directions import near_rotation, near_unit_quaternion, near_unit_vector
+
+HALF = math.sqrt(0.5)
+
+
+def turned(axis: object) -> skyarm.Vehicle:
+    vehicle = skyarm.load_vehicle("hummingbird_arm2_rotors")
+    first = vehicle.links[0]
+    joint = dataclasses.replace(first.joint, axis=axis, rotation=Mat3.identity())
+    return dataclasses.replace(vehicle, links=(dataclasses.replace(first, joint=joint), *vehicle.links[1:]))
+
+
+def test_a_rounded_axis_gives_the_mass_matrix_of_the_exact_one() -> None:
+    at = ([0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.3, -0.2])
+    rounded, exact = (skyarm.mass_matrix(turned(axis), *at) for axis in ([0.707107, 0, 0.707107], [HALF, 0, HALF]))
+    np.testing.assert_allclose(rounded, exact, rtol=0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize("axis", [[0.6, 0.0, 0.8], [0.0, 0.0, 1.0], [HALF, 0.0, HALF]])
+def test_an_exact_axis_keeps_its_bits(axis: list[float]) -> None:
+    assert list(near_unit_vector("axis", axis)) == axis
+
+
+def test_the_rotors_axis_is_made_exact_too() -> None:
+    rotor = skyarm.load_vehicle("hummingbird").rotors[0]
+    assert np.linalg.norm(dataclasses.replace(rotor, axis=(0.0, 0.0995037, 0.9950372)).axis) == pytest.approx(
+        1.0, abs=1e-15
+    )
+
+
+def test_an_axis_of_another_length_is_refused_by_its_vehicle() -> None:
+    with pytest.raises(skyarm.VehicleError, match=r"must be a unit vector, its length is 1.1"):
+        turned([1.1, 0.0, 0.0])
+
+
+def test_traced_axes_pass() -> None:
+    program = trace(lambda axis: skyarm.Joint(name="j", axis=axis).axis, Vec3(1.0, 0.5, 0.25))
+    assert tuple(program(Vec3(0.9999999, 0.0, 0.0))) == (0.9999999, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("digits", [6, 7, 9])
+@pytest.mark.parametrize("frame", [False, True])
+def test_a_rounded_rotation_becomes_the_nearest_one(digits: int, frame: bool) -> None:
+    """Against the singular value decomposition, which shares no line with the iteration."""
+    given = np.round(Rotation.from_euler("zyx", [0.4, -0.7, 1.1]).as_matrix(), digits)
+    left, _, right = np.linalg.svd(given)
+    if frame:
+        held = skyarm.Frame(name="f", link=-1, position=(0, 0, 0), rotation=given).rotation
+    else:
+        held = skyarm.Joint(name="j", rotation=given).rotation
+    np.testing.assert_allclose(np.array(held), left @ right, rtol=0.0, atol=2e-15)  # rounding of the decomposition
+    assert near_rotation("again", held) == held
+
+
+def test_what_is_no_rotation_is_left_to_be_refused() -> None:
+    bent = np.eye(3) + 1e-3
+    np.testing.assert_array_equal(np.array(near_rotation("bent", bent)), bent)
+
+
+def test_a_rounded_quaternion_of_a_state_is_made_exact() -> None:
+    scenario = skyarm.load_scenario("case1")
+    state = skyarm.run(dataclasses.replace(scenario, duration=0.005))
+    start = skyarm.State(
+        position=state.position[0],
+        quaternion=(0.9950042, 0.0, 0.0, 0.0998334),
+        velocity=[0, 0, 0],
+        rate=[0, 0, 0],
+        joints=[0, 0],
+        joint_rates=[0, 0],
+        rotor_speeds=state.rotor_speeds[0],
+    )
+    held = dataclasses.replace(scenario, initial=start).initial
+    assert held is not None
+    assert math.sqrt(sum(c * c for c in held.quaternion)) == pytest.approx(1.0, abs=2e-16)
+    exact = Quaternion(HALF, 0.0, HALF, 0.0)
+    assert near_unit_quaternion(exact) is exact
+
+
+def test_the_turbulence_blows_along_a_unit_vector() -> None:
+    one = (1.0, 1.0, 1.0)
+    rounded = Dryden(intensity=one, scale_length=one, airspeed=1.0, direction_W=[0.707107, 0.707107, 0.0])
+    assert np.linalg.norm(rounded.direction_W) == pytest.approx(1.0, abs=2e-16)
+    with pytest.raises(RecordError, match=r"^turbulence.direction_W = .*must be a unit vector"):
+        Dryden(intensity=one, scale_length=one, airspeed=1.0, direction_W=(2.0, 0.0, 0.0))

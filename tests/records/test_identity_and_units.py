@@ -1,0 +1,91 @@
+"""Identity leaves out what is for people and nothing else; units are said once, at the field."""
+
+from __future__ import annotations
+
+import dataclasses
+import typing
+from dataclasses import dataclass
+from typing import Annotated
+
+import pytest
+
+import skyarm
+from skyarm.records.coerce import RecordError
+from skyarm.records.field_rules import accept_fields, require_fields
+from skyarm.records.identity import identity
+from skyarm.records.units import Unit, units
+from skyarm.scalars import Scalar
+
+
+def test_identity_is_of_all_numbers_and_of_no_title() -> None:
+    scenario = skyarm.load_scenario("case1")
+    assert identity(dataclasses.replace(scenario, title="other")) == identity(scenario)
+    others = [
+        dataclasses.replace(scenario, seed=1),
+        skyarm.with_numbers(scenario, {"plant.vehicle.base.mass": 0.7160000000000001}),
+        skyarm.load_scenario("case1", controller="indi"),
+    ]
+    assert len({identity(each) for each in (scenario, *others)}) == 4
+
+
+def test_every_field_of_what_crosses_the_boundary_says_its_unit() -> None:
+    assert units(skyarm.Measurement)["specific_force"].words == "m/s^2, accelerometer, base axes, +g along z in hover"
+    for kind in (skyarm.Measurement, skyarm.Reference, skyarm.Command):
+        assert set(units(kind)) == {field.name for field in dataclasses.fields(kind)}
+
+
+@dataclass(frozen=True)
+class Spring:
+    stiffness: Annotated[Scalar, Unit("N/m", "of the tether", low=0.0, high=1e4)]
+    count: Annotated[int, Unit(low=1, high=9)] = 1
+    share: Annotated[float, Unit(low=0.0, high=1.0, strict=True)] = 0.5
+    ends: tuple[float, float] = (0.0, 1.0)
+    patience: float = float("inf")
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "spring")
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"stiffness": -1.0}, "spring.stiffness = -1.0: must be at least 0"),
+        ({"stiffness": 2e4}, "spring.stiffness = 20000.0: must be at most 10000"),
+        ({"stiffness": float("inf")}, "spring.stiffness = inf: must be a finite number"),
+        ({"count": 0}, "spring.count = 0: must be at least 1"),
+        ({"count": 10}, "spring.count = 10: must be at most 9"),
+        ({"count": 1.5}, "spring.count = 1.5: must be a whole number"),
+        ({"share": 0.0}, "spring.share = 0.0: must be above 0"),
+        ({"share": 1.0}, "spring.share = 1.0: must be below 1"),
+        ({"ends": (1.0,)}, "spring.ends = (1.0,): must have 2 items"),
+        ({"ends": (1.0, "a")}, "spring.ends[1] = 'a': must be a number"),
+        ({"patience": float("nan")}, "spring.patience = nan: must be a number"),
+    ],
+)
+def test_a_field_refuses_what_its_unit_does_not_allow(fields: dict[str, object], words: str) -> None:
+    with pytest.raises(RecordError) as error:
+        Spring(**{"stiffness": 1.0, **fields})  # type: ignore[arg-type]
+    assert str(error.value) == words
+
+
+@dataclass(frozen=True)
+class Plain:
+    """A record of a plugin without any metadata."""
+
+    gain: float = 1.0
+    label: str = "x"
+    odd: float = None  # type: ignore[assignment]
+    late: typing.Any = None
+
+
+def test_a_plugins_record_without_metadata_is_looked_at_by_its_types() -> None:
+    for fine in (Plain(), Plain(gain=2), Plain(gain=float("inf")), Plain(late=object())):
+        require_fields(fine, "forces[0]")
+    for wrong, words in (
+        (Plain(gain="a"), "forces[0].gain = 'a': must be a number"),  # type: ignore[arg-type]
+        (Plain(gain=float("nan")), "forces[0].gain = nan: must be a number"),
+        (Plain(label=3), "forces[0].label = 3: must be text"),  # type: ignore[arg-type]
+    ):
+        with pytest.raises(RecordError) as error:
+            require_fields((wrong,), "forces")
+        assert str(error.value) == words

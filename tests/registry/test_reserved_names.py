@@ -1,0 +1,61 @@
+"""Names that commands, presets, tuned gains and the scenario's own controller have: a plugin cannot take them."""
+
+from __future__ import annotations
+
+import pytest
+import typer
+
+from added_components import registry_kept
+from skyarm.cli import run_commands, stability_commands, studies
+from skyarm.cli.app import app
+from skyarm.control.catalogue import presets
+from skyarm.registry import RegistryError, names, register
+from skyarm.registry.plugins import load_file
+from skyarm.registry.shipped import RESERVED, SHIPPED
+
+
+@pytest.fixture(autouse=True)
+def _kept():
+    with registry_kept():
+        yield
+
+
+def test_the_reserved_names_are_those_that_there_are():
+    ours = [info for info in app.registered_commands if (info.callback.__module__ or "").startswith("skyarm.cli.")]
+    assert {run_commands.__name__, studies.__name__} == {info.callback.__module__ for info in ours}
+    commands = [info.name or typer.main.get_command_name(info.callback.__name__) for info in ours]
+    assert sorted(RESERVED["command"]["a command"]) == sorted(commands)
+    assert sorted(RESERVED["law"]["a preset"]) == sorted((*presets.PRESETS, *presets.ALIASES, *presets.OLD_NAMES))
+    assert RESERVED["law"]["the controller of the scenario"] == (stability_commands.OWN,)
+
+
+TAKEN = {
+    ("command", "run"): "is a command of skyarm",
+    ("command", "list"): "is a command of skyarm",
+    ("command", "export-c"): "is a command of skyarm",
+    ("law", "paper_ct"): "is a preset of skyarm",
+    ("law", "exact_ee"): "is a preset of skyarm",
+    ("law", "rotors_hummingbird"): "is a preset of skyarm",
+    ("law", "indi_tuned"): "is the tuned gains of 'indi' of skyarm",
+    ("law", "exact_tuned"): "is the tuned gains of 'exact' of skyarm",
+    ("law", "own"): "is the controller of the scenario of skyarm",
+}
+
+
+@pytest.mark.parametrize(("kind", "name"), TAKEN)
+def test_a_plugin_cannot_take_a_name_that_stands_for_something_else(kind, name, tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(f"import skyarm\n\n@skyarm.register.{kind}({name!r})\ndef mine(model=None):\n    pass\n")
+    before = names(kind)
+    with pytest.raises(RegistryError) as caught:
+        load_file(path)
+    words = TAKEN[kind, name]
+    assert str(caught.value) == f"{kind} {name!r}: {words} and is registered by {path}; rename it"
+    assert names(kind) == before
+
+
+def test_what_is_like_such_a_name_is_free():
+    for kind, name in (("command", "run2"), ("law", "mine_tuned"), ("law", "owned"), ("force", "own"), ("air", "run")):
+        getattr(register, kind)(name)(lambda: None)
+        assert name in names(kind)
+    assert "indi" in SHIPPED["law"]

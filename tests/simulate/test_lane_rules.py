@@ -1,0 +1,112 @@
+"""Numbers of a batch's lanes: what a scenario would refuse is refused before it flies, with its path and lane."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.environment import ForceWind, Gust
+from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.simulate import lane_rules
+from skyarm.simulate.batch import Batch
+from skyarm.simulate.lane_rules import LaneRules
+
+BASE = load_scenario("case1", duration=0.05)
+GUSTY = dataclasses.replace(BASE, wind=ForceWind(gust=Gust(start=0.01, duration=0.01)))
+LOAD, MASS = "plant.payload.mass", "plant.vehicle.base.mass"
+GRAVITY = "plant.gravity"
+
+
+def column(*numbers: float) -> np.ndarray:
+    return np.array(numbers)
+
+
+@pytest.fixture(scope="module")
+def loaded():
+    with Batch(BASE, [LOAD], effort=0) as batch:
+        yield batch
+
+
+def test_a_number_that_its_field_refuses_does_not_fly(loaded):
+    wrong = {LOAD: column(0.01, -5.0, 0.02)}
+    words = r"values\['plant.payload.mass'\] = -5 \(lane 1\): links\[link2\].mass = .*: must be at least 0"
+    with pytest.raises(ScenarioError, match=words):
+        loaded.fly(wrong)
+    with pytest.raises(ScenarioError, match=words):
+        loaded.session(wrong)
+    assert loaded.stepped is None
+    assert (loaded.fly({LOAD: column(0.01, 0.02)}).status == "completed").all()
+
+
+def test_a_lane_of_nan_never_flies_and_hides_no_other(loaded):
+    assert loaded.fly({LOAD: column(np.nan)}).status.tolist() == ["diverged"]
+    assert loaded.fly({LOAD: column(np.nan, 0.02)}).status.tolist() == ["diverged", "completed"]
+    with pytest.raises(ScenarioError, match=r"= -5 \(lane 2\)"):
+        loaded.fly({LOAD: column(0.01, np.nan, -5.0)})
+
+
+@pytest.mark.parametrize(("path", "value"), [(MASS, 0.0), (GRAVITY, -1.0), ("environment.wind.gust.duration", -0.1)])
+def test_what_the_scenario_says_is_said(path, value):
+    with pytest.raises(ValueError, match="must be") as caught:
+        with_numbers(GUSTY, {path: value})
+    with pytest.raises(ScenarioError) as told:
+        LaneRules(GUSTY, [path]).require({path: column(value)})
+    assert str(told.value) == f"values[{path!r}] = {value:g} (lane 0): {caught.value}"
+
+
+def test_a_lane_is_looked_at_with_all_of_its_numbers(monkeypatch):
+    made = []
+    monkeypatch.setattr(lane_rules, "with_numbers", lambda scenario, numbers: made.append(numbers))
+    values = {MASS: column(1.0, 3.0, 2.0, 1.5), GRAVITY: column(9.0, 9.1, 9.2, 9.05)}
+    LaneRules(BASE, [MASS, GRAVITY]).require(values)
+    # the lane of the least mass is that of the least gravity
+    assert made == [{MASS: 1.0, GRAVITY: 9.0}, {MASS: 3.0, GRAVITY: 9.1}, {MASS: 2.0, GRAVITY: 9.2}]
+
+
+def test_of_numbers_that_are_wrong_only_together_the_lane_is_named(monkeypatch):
+    def refuse(_scenario, numbers):
+        if numbers.get(MASS, 9.0) < 2.0 and numbers.get(GRAVITY, 0.0) > 9.0:
+            raise ValueError("too light")
+
+    monkeypatch.setattr(lane_rules, "with_numbers", refuse)
+    with pytest.raises(ScenarioError, match="values of lane 1: too light"):
+        LaneRules(BASE, [MASS, GRAVITY]).require({MASS: column(2.0, 1.0), GRAVITY: column(9.9, 9.5)})
+
+
+def test_what_passed_once_is_not_looked_at_again(monkeypatch):
+    made = []
+    monkeypatch.setattr(lane_rules, "with_numbers", lambda scenario, numbers: made.append(numbers[MASS]))
+    rules = LaneRules(BASE, [MASS])
+    for numbers, looked_at in (
+        ((1.0, 2.0), [1.0, 2.0]),
+        ((1.1, 1.9, 1.0, 2.0), []),
+        ((1.5, 2.5), [2.5]),
+        ((0.5, 2.5), [0.5]),
+        ((0.5, 2.5), []),
+    ):
+        made.clear()
+        rules.require({MASS: column(*numbers)})
+        assert made == looked_at
+
+
+def test_one_number_for_all_lanes_and_none_at_all():
+    rules = LaneRules(BASE, [MASS, GRAVITY])
+    with pytest.raises(ScenarioError, match=r"= -9 \(lane 0\)"):
+        rules.require({GRAVITY: -9.0, MASS: column(1.0, 2.0)})
+    rules.require({})
+    rules.require({MASS: column()})
+
+
+def test_lanes_of_a_session_obey_the_rules_of_their_fields() -> None:
+    path = "plant.payload.mass"
+    session = skyarm.BatchSession(skyarm.load_scenario("case1", duration=1.0), 3, [path])
+    before = session.state.position.z.copy()
+    with pytest.raises(skyarm.ScenarioError, match=r"plant\.payload\.mass.*-5"):
+        session.set({path: -5.0}, mask=np.array([False, True, False]))
+    session.set({path: 0.05})
+    assert (session.state.position.z == before).all()

@@ -1,0 +1,498 @@
+"""A session flies what a run flies, period by period, and may be led, wound back and changed on the way."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from added_components import Blend, Ceiling, Fix, Lag, RandomPush, Turbulence, same_logs, with_law
+from simulate_flights import document
+from skyarm import Session
+from skyarm.actuation import Command
+from skyarm.algebra import Vec3
+from skyarm.compile import leaves
+from skyarm.control.catalogue import make_controller
+from skyarm.control.model import Model
+from skyarm.environment.environment_tables import wind_from
+from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.scenario_file import load_scenario, scenario_from
+from skyarm.scenario.scenario_record import JointDrive, NamedSensor
+from skyarm.sensors.noise import SensorNoise
+from skyarm.simulate import Delays, Log, Rates, ScenarioError, run, staged_flight
+from skyarm.simulate.compiled_session import CompiledSteps
+from skyarm.simulate.staged_flight import StagedFlight
+from skyarm.vehicle.vehicle_files import load_vehicle
+
+NOISY = dataclasses.replace(
+    load_scenario("case3_wind", duration=0.5),
+    sensors=SensorNoise(position=0.001, attitude=0.002),
+    delays=Delays(measurement=0.005, command=0.002),
+    seed=6,
+    episode=2,
+)
+ADDED = dataclasses.replace(
+    NOISY,
+    air=(Turbulence(),),
+    forces=(RandomPush(sigma=0.1),),
+    instruments=(NamedSensor(name="fix", sensor=Fix(rate=20.0, delay=0.01, sigma=0.01)),),
+    estimator=Blend(),
+    drives=(JointDrive(joint="joint1", drive=Lag()),),
+)
+
+
+def called(memory: Any, measurement: Any, reference: Any, dt: Any, *, par: Any) -> Any:
+    """A law with a memory that cannot be traced: it asks a number what it is."""
+    height = float(measurement.position.z) if not hasattr(measurement.position.z, "op") else measurement.position.z
+    push = 480.0 + (20.0 if memory[0] % 10 < 5 else -20.0)
+    return (memory[0] + 1, height), Command(rotor_speeds=(push,) * 4, efforts=(0.0, 0.0))
+
+
+def calling(scenario: Any) -> Any:
+    return with_law(scenario, called, memory=(0, 0.0), compiled=False)
+
+
+SCENARIOS: dict[str, Any] = {
+    "noisy": NOISY,
+    "added": ADDED,
+    "mujoco": dataclasses.replace(ADDED, plant="mujoco", duration=0.2),
+    "called": calling(dataclasses.replace(NOISY, duration=0.2)),
+    "ends": dataclasses.replace(NOISY, endings=(Ceiling(height=0.999),)),
+    "ends_at_once": scenario_from(document("case1", duration=0.2, reference__base__position=[0.0, 0.0, 0.1])),
+    "adaptive": load_scenario("case2_gust", controller="centroidal_tip", duration=0.2),
+}
+
+
+@pytest.fixture(params=sorted(SCENARIOS))
+def scenario(request: Any) -> Any:
+    if request.param == "mujoco":
+        pytest.importorskip("mujoco")
+    return SCENARIOS[request.param]
+
+
+def same(a: Log, b: Log) -> bool:
+    return same_logs(a, b) and a.info == b.info
+
+
+def test_a_session_to_its_end_is_a_run(scenario: Any) -> None:
+    wanted, session = run(scenario), Session(scenario)
+    assert (session.tick, session.time) == (0, 0.0)
+    count = 0
+    while session.step():
+        count += 1
+        assert session.tick == count
+        assert session.time == count / 200
+        assert session.running
+    assert not session.running
+    assert same(session.log, wanted)
+    assert (session.ended is None) == (wanted.status == "completed")
+    if session.ended:
+        assert (session.ended.status, session.ended.cause) == (wanted.status, wanted.info["cause"])
+    # and nothing flies any more
+    assert not session.step()
+    assert same(session.run(), wanted)
+
+
+def test_what_flies_is_machine_code_where_it_can_be() -> None:
+    engines = {name: type(Session(each)._engine) for name, each in SCENARIOS.items() if name != "mujoco"}
+    assert engines.pop("called") is StagedFlight
+    assert set(engines.values()) == {CompiledSteps}
+
+
+@pytest.mark.parametrize("engine", ["machine code", "stage by stage"])
+def test_a_period_in_which_the_episode_ends_can_be_asked_about(engine: str) -> None:
+    scenario = dataclasses.replace(NOISY, endings=(Ceiling(height=0.5),))
+    session = Session(scenario if engine == "machine code" else calling(scenario))
+    assert session.measurement.time == 0.0
+    assert not session.step()
+    assert session.ended is not None
+    assert session.ended.status == "ceiling"
+
+
+@pytest.mark.parametrize("name", ["added", "called", "mujoco"])
+def test_what_a_session_tells_of_the_next_period_is_what_comes_in_it(name: str) -> None:
+    """State and reference against the log; the measurement against what the law is told, which tells it."""
+    heard: list[Any] = []
+    base = SCENARIOS[name]
+
+    def listening(memory: Any, measurement: Any, reference: Any, dt: Any, *, par: Any) -> Any:
+        heard.append((measurement, reference))
+        return base.controller.law(memory, measurement, reference, dt, par=par)
+
+    session = Session(dataclasses.replace(with_law(base, listening, compiled=False), duration=0.1))
+    quick, log = Session(dataclasses.replace(base, duration=0.1)), run(dataclasses.replace(base, duration=0.1))
+    for k in range(20):
+        told = session.measurement, session.reference
+        assert (session.measurement, session.reference) == told, "asking changes nothing"
+        assert (quick.measurement, quick.reference) == told
+        assert list(session.state.position) == list(quick.state.position) == log.position[k].tolist()
+        session.step()
+        quick.step()
+        assert heard[-1] == told
+    with pytest.raises(ScenarioError, match=r"^session: has ended; there is no next period$"):
+        _ = session.measurement
+    with pytest.raises(ScenarioError, match="has ended"):
+        _ = session.reference
+
+
+@pytest.mark.parametrize("name", ["added", "mujoco", "called"])
+def test_the_laws_own_commands_from_outside_fly_the_same_flight(name: str) -> None:
+    base = dataclasses.replace(SCENARIOS[name], duration=0.1)
+    wanted, session = run(base), Session(base)
+    for speeds, efforts in zip(wanted.rotor_commands.tolist(), wanted.efforts.tolist(), strict=True):
+        session.step(Command(rotor_speeds=tuple(speeds), efforts=tuple(efforts)))
+    assert same_logs(session.log, wanted)
+
+
+@pytest.mark.parametrize("name", ["adaptive", "called"])
+def test_a_command_from_outside_leaves_the_laws_memory(name: str) -> None:
+    base = SCENARIOS[name]
+    session = Session(base)
+    for _ in range(5):
+        session.step()
+    before = leaves(session._engine.now.memory) if name == "adaptive" else session._engine.now.memory
+    command = Command(rotor_speeds=(470.0, 480.0, 470.0, 480.0), efforts=(0.001, -0.002))
+    for k in range(3):
+        session.step(command)
+        after = leaves(session._engine.now.memory) if name == "adaptive" else session._engine.now.memory
+        assert after == before
+        assert session.log.rotor_commands[5 + k].tolist() == list(command.rotor_speeds)
+        assert session.log.efforts[5 + k].tolist() == list(command.efforts)
+    session.step()
+    moved = leaves(session._engine.now.memory) if name == "adaptive" else session._engine.now.memory
+    assert moved != before
+    assert session.log.rotor_commands[8].tolist() != list(command.rotor_speeds), "the law is asked again"
+
+
+def test_a_command_of_another_vehicle_is_refused() -> None:
+    session = Session(NOISY)
+    for rotors, joints in ((3, 2), (4, 1), (5, 2), (4, 0)):
+        words = rf"^command: {rotors} rotor speeds and {joints} efforts: must be 4 and 2$"
+        with pytest.raises(ScenarioError, match=words):
+            session.step(Command(rotor_speeds=(480.0,) * rotors, efforts=(0.0,) * joints))
+    assert session.tick == 0
+
+
+@pytest.mark.parametrize("name", ["noisy", "mujoco", "called"])
+def test_a_command_that_is_no_number_ends_the_episode(name: str) -> None:
+    session = Session(SCENARIOS[name])
+    session.step()
+    assert not session.step(Command(rotor_speeds=(480.0, float("nan"), 480.0, 480.0), efforts=(0.0, 0.0)))
+    assert session.ended is not None
+    assert (session.ended.status, session.ended.time) == ("diverged", 0.005)
+    assert "is not finite" in session.ended.cause
+    assert session.log.time.size == 1
+
+
+@pytest.mark.parametrize("name", ["added", "mujoco", "called", "adaptive"])
+def test_a_session_goes_back_to_a_snapshot_as_often_as_it_likes(name: str) -> None:
+    base = SCENARIOS[name]
+    wanted, session = run(base), Session(base)
+    for _ in range(13):
+        session.step()
+    held, told = session.snapshot(), session.measurement
+    assert held.tick == 13
+    for _ in range(11):
+        session.step(Command(rotor_speeds=(520.0,) * 4, efforts=(0.01, 0.0)))
+    assert not np.array_equal(session.log.position[:24], wanted.position[:24])
+    later = session.snapshot()
+    for _ in range(2):
+        session.restore(held)
+        assert (session.tick, session.measurement) == (13, told)
+        assert same(session.run(), wanted)
+    session.restore(later)
+    assert session.tick == 24
+    assert session.running
+
+
+@pytest.mark.parametrize("name", ["noisy", "called"])
+@pytest.mark.parametrize(("at", "ahead"), [(14, 6), (3, 33), (16, 1), (15, 16)])
+def test_noise_is_that_of_the_period_wherever_a_session_goes_back_from(
+    name: str, at: int, ahead: int, monkeypatch: Any
+) -> None:
+    """Random numbers are drawn for many periods at once: what is held may be of a later block than is asked for."""
+    monkeypatch.setattr(staged_flight, "DRAWN", 16)
+    wanted, session = run(SCENARIOS[name]), Session(SCENARIOS[name])
+    for _ in range(at):
+        session.step()
+    held, told = session.snapshot(), session.measurement
+    for _ in range(ahead):
+        session.step()
+    session.restore(held)
+    assert session.measurement == told
+    assert same(session.run(), wanted)
+
+
+def test_a_snapshot_of_another_session_is_refused() -> None:
+    session, other = Session(NOISY), Session(dataclasses.replace(NOISY, seed=99))
+    session.step()
+    for foreign in (other.snapshot(), Session(NOISY).snapshot()):
+        with pytest.raises(ScenarioError, match=r"^snapshot: is of another session, must be of this one"):
+            session.restore(foreign)
+    with pytest.raises(ScenarioError, match=r"^snapshot = 3: must be a Snapshot"):
+        session.restore(3)  # type: ignore[arg-type]
+    assert (session.tick, session.scenario) == (1, NOISY)
+    # a copy is the session that it was copied from
+    twin = copy.deepcopy(other.snapshot())
+    other.step()
+    other.restore(twin)
+    assert other.tick == 0
+
+
+@pytest.mark.parametrize("name", ["noisy", "called"])
+def test_noise_stays_that_of_the_episode_when_parts_are_replaced(name: str) -> None:
+    """Seed and episode are keys of the noise, and no parts: the other scenario may have been made for others."""
+    base = SCENARIOS[name]
+    session, wanted = Session(base), run(base)
+    for _ in range(10):
+        session.step()
+    session.replace(dataclasses.replace(base, seed=base.seed + 1, episode=base.episode + 1))
+    assert (session.scenario.seed, session.scenario.episode) == (base.seed, base.episode)
+    assert same(session.run(), wanted)
+
+
+def test_stages_draw_block_by_block_what_machine_code_draws_one_by_one(monkeypatch: Any) -> None:
+    monkeypatch.setattr(staged_flight, "DRAWN", 16)
+    own = NOISY.controller.law
+
+    def untraced(memory: Any, measurement: Any, reference: Any, dt: Any, *, par: Any) -> Any:
+        return own(memory, measurement, reference, dt, par=par)
+
+    assert same_logs(run(with_law(NOISY, untraced, compiled=False)), run(NOISY))
+
+
+def test_a_snapshot_before_the_end_undoes_the_end() -> None:
+    session = Session(SCENARIOS["ends"])
+    held = session.snapshot()
+    wanted = session.run()
+    assert wanted.status == "ceiling"
+    ended = session.snapshot()
+    session.restore(held)
+    assert session.running
+    assert session.ended is None
+    assert same(session.run(), wanted)
+    session.restore(held)
+    session.restore(ended)
+    assert not session.running
+    assert same(session.log, wanted)
+
+
+def test_numbers_may_change_between_periods() -> None:
+    path = "controller.gains.position.z"
+    wanted, session = run(NOISY), Session(NOISY)
+    for _ in range(20):
+        session.step()
+    session.change({path: 12.0})
+    assert (session.tick, session.scenario.controller.par.gains.position.z) == (20, 12.0)
+    log = session.run()
+    assert log.position[:21].tobytes() == wanted.position[:21].tobytes()
+    assert not np.array_equal(log.position[22:], wanted.position[22:])
+    assert log.status == "completed"
+    # from the first period on it is the flight of the changed scenario
+    begun = Session(NOISY)
+    begun.change({path: 12.0})
+    assert same_logs(begun.run(), run(with_numbers(NOISY, {path: 12.0})))
+    # and a change to what it was changes nothing
+    still = Session(NOISY)
+    for _ in range(20):
+        still.step()
+    still.change({path: NOISY.controller.par.gains.position.z})
+    assert same_logs(still.run(), wanted)
+
+
+@pytest.mark.parametrize("name", ["added", "mujoco", "called"])
+def test_every_engine_flies_on_after_a_change(name: str) -> None:
+    base = SCENARIOS[name]
+    session, wanted = Session(base), run(base)
+    for _ in range(13):
+        session.step()
+    session.change({"plant.gravity": float(base.world.gravity)})  # as it was
+    assert same_logs(session.run(), wanted)
+    other = Session(base)
+    for _ in range(10):
+        other.step()
+    other.change({"plant.gravity": 9.0})
+    log = other.run()
+    assert log.position[:11].tobytes() == wanted.position[:11].tobytes()
+    assert not np.array_equal(log.velocity[12], wanted.velocity[12])
+
+
+def test_a_law_that_writes_to_its_memory_keeps_it_apart_for_every_flight() -> None:
+    """The memory is a list that the law changes in place: flights, snapshots and changes have one each."""
+
+    def counting(memory: Any, measurement: Any, reference: Any, dt: Any, *, par: Any) -> Any:
+        memory[0] += 1
+        return memory, Command(rotor_speeds=(470.0 + memory[0],) * 4, efforts=(0.0, 0.0))
+
+    base = with_law(dataclasses.replace(NOISY, duration=0.1), counting, memory=[0], compiled=False)
+    wanted = run(base)
+    assert wanted.rotor_commands[:, 0].tolist() == [471.0 + k for k in range(20)]
+    session = Session(base)
+    for _ in range(7):
+        session.step()
+    held = session.snapshot()
+    for _ in range(2):
+        assert same(session.run(), wanted)
+        session.restore(held)
+    session.change({"plant.gravity": float(base.world.gravity)})
+    assert same_logs(session.run(), wanted)
+    session.restore(held)
+    assert same(session.run(), wanted)
+    assert base.controller.memory == [0]
+
+
+def test_parts_may_be_replaced_and_what_has_another_structure_begins_anew() -> None:
+    session = Session(NOISY)
+    for _ in range(30):
+        session.step()
+    state = session.state
+    other = load_scenario("case3_wind", controller="centroidal_tip", duration=0.5).controller
+    session.replace(dataclasses.replace(NOISY, controller=other, sensors=SensorNoise(position=0.005)))
+    assert session.state == state
+    assert leaves(session._engine.now.memory) == leaves(other.memory)
+    assert session.step()
+    log = session.run()
+    assert (log.status, log.time.size) == ("completed", 100)
+    assert log.position[:30].tobytes() == run(NOISY).position[:30].tobytes()
+
+
+def test_a_law_that_is_called_may_take_over_from_machine_code_and_back() -> None:
+    session, wanted = Session(NOISY), run(NOISY)
+    for _ in range(30):
+        session.step()
+    own = NOISY.controller.law
+
+    def untraced(memory: Any, measurement: Any, reference: Any, dt: Any, *, par: Any) -> Any:
+        return own(memory, measurement, reference, dt, par=par)
+
+    session.replace(with_law(NOISY, untraced, compiled=False))
+    assert isinstance(session._engine, StagedFlight)
+    for _ in range(30):
+        session.step()
+    session.replace(NOISY)
+    assert isinstance(session._engine, CompiledSteps)
+    assert same_logs(session.run(), wanted)
+
+
+def test_a_snapshot_brings_its_scenario_back() -> None:
+    session, wanted = Session(NOISY), run(NOISY)
+    for _ in range(10):
+        session.step()
+    held = session.snapshot()
+    session.change({"plant.gravity": 3.0})
+    session.run()
+    session.restore(held)
+    assert session.scenario is NOISY
+    assert same(session.run(), wanted)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("rates", Rates(physics=1000, control=100, reference=50)),
+        ("plant", "mujoco"),
+        ("integrator", "euler"),
+        ("duration", 0.6),
+    ],
+)
+def test_clocks_and_plant_stay_as_they_began(field: str, value: Any) -> None:
+    scenario = load_scenario("case1", duration=0.5)
+    session = Session(scenario)
+    with pytest.raises(ScenarioError, match=rf"^{field} = .*: must be .* as the session began$"):
+        session.replace(dataclasses.replace(scenario, **{field: value}))
+    assert session.scenario is scenario
+
+
+@pytest.mark.parametrize("delays", [Delays(), Delays(measurement=0.005, command=0.012), Delays(measurement=0.010)])
+def test_delays_stay_as_they_began(delays: Any) -> None:
+    """What is on its way has one length: the docstring refuses other delays."""
+    session = Session(NOISY)
+    session.step()
+    with pytest.raises(ScenarioError, match=r"^delays = .* as the session began$"):
+        session.replace(dataclasses.replace(NOISY, delays=delays))
+
+
+@pytest.mark.parametrize(("name", "words"), [("hummingbird", "joints = 0: must be 2"), ("", "rotors = 6: must be 4")])
+def test_another_vehicles_structure_is_refused(name: str, words: str) -> None:
+    session = Session(NOISY)
+    session.step()
+    own = NOISY.world.vehicle
+    six = dataclasses.replace(own, rotors=load_vehicle("tilted_hexarotor").rotors)
+    vehicle = load_vehicle(name) if name else six
+    trajectory = dataclasses.replace(NOISY.trajectory, joints=NOISY.trajectory.joints[: vehicle.n])
+    other = dataclasses.replace(
+        NOISY,
+        world=dataclasses.replace(NOISY.world, vehicle=vehicle),
+        controller=make_controller("decoupled_pd", Model(vehicle=vehicle)),
+        trajectory=trajectory,
+    )
+    with pytest.raises(ScenarioError, match=rf"^{words} as the session began$"):
+        session.replace(other)
+    assert session.step(), "it flies on"
+
+
+def test_other_sensors_are_refused_since_readings_are_on_their_way() -> None:
+    session = Session(ADDED)
+    for _ in range(7):
+        session.step()
+    (fix,) = ADDED.instruments
+    later = NamedSensor(name="fix", sensor=dataclasses.replace(fix.sensor, delay=0.02))
+    held = NamedSensor(name="fix", sensor=dataclasses.replace(fix.sensor, rate=0.0))
+    for instruments in ((later,), (held,), (fix, NamedSensor(name="more", sensor=Fix()))):
+        with pytest.raises(ScenarioError, match=r"^sensors.*must be as the session began, since readings are on"):
+            session.replace(dataclasses.replace(ADDED, instruments=instruments))
+    # another number of the same sensor, and the same sensor's readings go on
+    louder = NamedSensor(name="fix", sensor=dataclasses.replace(fix.sensor, sigma=0.5))
+    before = session._engine.now.sensors
+    session.replace(dataclasses.replace(ADDED, instruments=(louder,)))
+    assert session._engine.now.sensors == before
+
+
+def test_a_component_that_is_replaced_leaves_the_others_memories() -> None:
+    session = Session(ADDED)
+    for _ in range(7):
+        session.step()
+    wind, air, push = session._engine.now.components
+    blowing = wind_from({"mode": "moving_air", "turbulence": {"altitude": 6.0, "wind_20ft": 7.7}}, "wind")
+    session.replace(dataclasses.replace(ADDED, wind=blowing))
+    started, *others = session._engine.now.components
+    assert wind == ()
+    assert len(leaves(started)) == 5
+    assert others == [air, push]
+    assert session._engine.now.drives != ((), ())
+
+
+def test_a_number_that_cannot_be_is_refused_and_nothing_has_changed() -> None:
+    session = Session(NOISY)
+    session.step()
+    for path, words in (("plant.gravty", "no 'gravty' here"), ("delays.command", "structure")):
+        with pytest.raises(ScenarioError, match=words):
+            session.change({path: 1.0})
+    assert session.scenario is NOISY
+    with pytest.raises(ScenarioError, match=r"^scenario = 'case1': must be a Scenario"):
+        Session("case1")
+
+
+def test_the_log_of_what_was_flown_so_far() -> None:
+    session, wanted = Session(ADDED), run(ADDED)
+    assert session.log.time.size == 0
+    for _ in range(7):
+        session.step()
+    log = session.log
+    assert log.time.size == 7
+    for name, array in log.arrays().items():
+        assert array.tobytes() == wanted.arrays()[name][:7].tobytes(), name
+    assert Vec3(*log.position[-1].tolist()) != session.state.position
+
+
+@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
+def test_the_log_of_a_session_that_goes_on_says_so(plant: str) -> None:
+    session = Session(load_scenario("case3", plant=plant, duration=0.1))
+    for _ in range(4):
+        session.step()
+    log = session.log
+    assert (log.status, log.info["end_time"], log.time.size) == ("running", 0.02, 4)
+    assert session.run().status == "completed"
