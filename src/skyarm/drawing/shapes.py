@@ -1,0 +1,66 @@
+"""A shape is one solid to draw, fixed to a body of a vehicle. It has no mass and touches nothing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+Vector = tuple[float, float, float]
+
+Matrix = tuple[Vector, Vector, Vector]
+
+UPRIGHT: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+ROLES = ("hull", "boom", "rotor", "link", "joint", "tip", "payload")
+"""What a shape stands for; who draws it chooses a colour by it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A solid in the frame of its body.
+
+    Attributes:
+        name: unique among the shapes of a vehicle.
+        role: one of ROLES.
+        kind: "ellipsoid" (three half axes), "capsule" or "cylinder" (radius, length between the centres of its ends,
+            along z), "sphere" (radius).
+        body: link of the vehicle, BASE for the airframe.
+        size: m, by kind.
+        position: centre, m, axes of the body.
+        rotation: rows of R_BS, axes of the shape to those of the body.
+    """
+
+    name: str
+    role: str
+    kind: str
+    body: int
+    size: tuple[float, ...]
+    position: Vector = (0.0, 0.0, 0.0)
+    rotation: Matrix = UPRIGHT
+
+
+def between(name: str, role: str, kind: str, body: int, radius: float, start: Vector, end: Vector) -> Shape:
+    """A capsule or cylinder from one point of a body to another."""
+    along = tuple(b - a for a, b in zip(start, end, strict=True))
+    centre = tuple(0.5 * (a + b) for a, b in zip(start, end, strict=True))
+    length = math.hypot(*along)
+    return Shape(name, role, kind, body, (radius, length), _vector(centre), turn_onto(_vector(along)))
+
+
+def turn_onto(axis: Vector) -> Matrix:
+    """Rotation, as rows, that turns z onto an axis of any length by the shortest way; about x where it is -z."""
+    length = math.hypot(*axis)
+    if length == 0.0:
+        return UPRIGHT
+    x, y, z = (component / length for component in axis)
+    across = x * x + y * y
+    if z < 0.0 and across == 0.0:
+        return ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
+    # 1 / (1 + z), which loses its digits next to the lower pole
+    k = 1.0 / (1.0 + z) if z > 0.0 else (1.0 - z) / across
+    return ((1.0 - k * x * x, -k * x * y, x), (-k * x * y, 1.0 - k * y * y, y), (-x, -y, z))
+
+
+def _vector(values: tuple[float, ...]) -> Vector:
+    x, y, z = values
+    return (x, y, z)

@@ -1,0 +1,94 @@
+"""The shapes of a vehicle: its hull, a boom and a disc for each rotor, a rod to all that a link carries, its tip."""
+
+from __future__ import annotations
+
+import math
+
+from skyarm.algebra import Vec3
+from skyarm.drawing.shapes import Shape, Vector, between, turn_onto
+from skyarm.vehicle.vehicle_records import BASE, Vehicle
+
+LEAST_REACH = 0.1
+"""m: scale of what has no rotors."""
+
+PAYLOAD_DENSITY = 2000.0
+"""kg/m^3: a payload is drawn as a ball of this density, between water's and aluminium's."""
+
+_ORIGIN: Vector = (0.0, 0.0, 0.0)
+
+
+def vehicle_shapes(vehicle: Vehicle) -> tuple[Shape, ...]:
+    """Shapes to draw a vehicle by; a file says masses, not looks, so sizes are guesses from its rotors and joints.
+
+    Args:
+        vehicle: with concrete numbers.
+    """
+    reach = _reach(vehicle)
+    shapes = [Shape("hull", "hull", "ellipsoid", BASE, (0.35 * reach, 0.35 * reach, 0.15 * reach))]
+    shapes += _rotor_shapes(vehicle, reach)
+    for i, link in enumerate(vehicle.links):
+        shapes += _link_shapes(vehicle, i, 0.04 * reach)
+        if link.joint.kind == "revolute":
+            half = 0.07 * reach
+            axis = _floats(link.joint.axis)
+            ends = (_scaled(axis, -half), _scaled(axis, half))
+            shapes.append(between(f"joint/{link.joint.name}", "joint", "cylinder", i, 0.055 * reach, *ends))
+    if vehicle.end_effector:
+        tip = vehicle.frame()
+        shapes.append(Shape("tip", "tip", "sphere", tip.link, (0.05 * reach,), _floats(tip.position)))
+    return tuple(shapes)
+
+
+def payload_shape(vehicle: Vehicle, mass: float, frame: str | None = None) -> Shape:
+    """Ball of a point mass (kg) at a frame, the end effector by default."""
+    at = vehicle.frame(frame)
+    radius = (3.0 * max(mass, 0.0) / (4.0 * math.pi * PAYLOAD_DENSITY)) ** (1.0 / 3.0)
+    return Shape("payload", "payload", "sphere", at.link, (radius,), _floats(at.position))
+
+
+def rotor_radius(vehicle: Vehicle) -> float:
+    """Radius of the discs, m: neighbours leave each other a tenth of their distance, or half the longest boom."""
+    hubs = [_floats(rotor.position) for rotor in vehicle.rotors]
+    apart = [math.dist(a, b) for i, a in enumerate(hubs) for b in hubs[:i] if math.dist(a, b) > 1e-6]
+    longest = 0.5 * _reach(vehicle)
+    # coaxial pairs are closer than their discs are wide
+    sideways = [d for d in apart if d > 0.3 * longest]
+    return min([longest, *(0.45 * d for d in sideways)])
+
+
+def _reach(vehicle: Vehicle) -> float:
+    """Longest boom, m."""
+    return max((math.hypot(*_floats(rotor.position)) for rotor in vehicle.rotors), default=0.0) or LEAST_REACH
+
+
+def _rotor_shapes(vehicle: Vehicle, reach: float) -> list[Shape]:
+    shapes = []
+    radius = rotor_radius(vehicle)
+    for rotor in vehicle.rotors:
+        hub = _floats(rotor.position)
+        if math.hypot(*hub) > 1e-6:
+            shapes.append(between(f"boom/{rotor.name}", "boom", "capsule", BASE, 0.03 * reach, _ORIGIN, hub))
+        disc, axis = (radius, 0.02 * reach), turn_onto(_floats(rotor.axis))
+        shapes.append(Shape(f"rotor/{rotor.name}", "rotor", "cylinder", BASE, disc, hub, axis))
+    return shapes
+
+
+def _link_shapes(vehicle: Vehicle, i: int, radius: float) -> list[Shape]:
+    """A rod from the link's joint to each joint and frame that it carries, else to its centre of mass."""
+    link = vehicle.links[i]
+    ends = [(other.joint.name, other.joint.position) for other in vehicle.links if other.parent == i]
+    ends += [(frame.name, frame.position) for frame in vehicle.frames if frame.link == i]
+    rods = []
+    for name, end in ends or [("com", link.body.com)]:
+        if math.hypot(*_floats(end)) > 1e-6:
+            rods.append(between(f"link/{link.name}/{name}", "link", "capsule", i, radius, _ORIGIN, _floats(end)))
+    return rods
+
+
+def _floats(v: Vec3) -> Vector:
+    return (float(v.x), float(v.y), float(v.z))
+
+
+def _scaled(v: Vector, by: float) -> Vector:
+    x, y, z = v
+    return (by * x, by * y, by * z)
