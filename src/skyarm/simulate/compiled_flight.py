@@ -183,11 +183,10 @@ def samples(flown: Flown) -> Samples:
     return Samples(rows[:, first:command], rows[:, command:reading], rows[:, reading:wind], columns.wind)
 
 
-def ending(scenario: Scenario, inputs: EpisodeInputs, flown: Flown) -> Ended | None:
-    """Why the episode stopped, in words."""
-    k = len(flown.rows)
-    goal = inputs.goals[min(k, scenario.steps - 1)].tolist()
-    time = k / scenario.rates.control
+def ending(scenario: Scenario, inputs: EpisodeInputs, flown: Flown, tick: int) -> Ended | None:
+    """Why the episode stopped after so many periods, in words."""
+    goal = inputs.goals[min(tick, scenario.steps - 1)].tolist()
+    time = tick / scenario.rates.control
     found = ended_by(scenario, time, leaves(flown.carry.state), goal)
     if flown.ended is None or found is not None:
         return found

@@ -16,16 +16,15 @@ from skyarm.compile.llvm.quick_function import Quick
 from skyarm.compile.llvm.stepper import Stepper
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.dynamics import State
-from skyarm.log.flight_log import Log
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.reference import Reference
 from skyarm.scalars.philox import uniforms
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensors.measurement import Measurement
-from skyarm.simulate.assemble_log import assemble
-from skyarm.simulate.check_endings import Ended, going_on
+from skyarm.simulate.assemble_log import Piece
+from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.compiled_flight import Flown, ending, samples
-from skyarm.simulate.first_state import first_loop_state, first_surroundings
+from skyarm.simulate.first_state import component_groups, first_loop_state, first_surroundings
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
 from skyarm.simulate.loop_state import LoopState, Row, Sample, blend, carried, structure_of
 from skyarm.simulate.own_code_trials import try_own_code
@@ -61,6 +60,7 @@ class CompiledSteps:
     Attributes:
         first: the loop before its first period.
         tick: control periods flown. ended: why the episode has ended before its time, or None.
+        begun: number of the first period that this engine flies.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -89,7 +89,7 @@ class CompiledSteps:
         self._width, self._steps = self._rows.shape[1], scenario.steps
         self._log = np.empty((scenario.steps, loop.logged))
         self._peek: Quick | None = None
-        self.tick = 0
+        self.tick = self.begun = 0
         self.ended: Ended | None = None
         self._last: Array | None = None
 
@@ -109,23 +109,22 @@ class CompiledSteps:
             row[width] = 0.0
         if stepper.carry[0] < 0.5:
             self._last = stepper.output.copy()
-            self.ended = ending(self.scenario, self._inputs, self._flown())
+            self.ended = ending(self.scenario, self._inputs, self._flown(), self.tick)
             return False
         self._log[k] = stepper.output
         self.tick = k + 1
         if self.tick < self._steps:
             return True
-        self.ended = ending(self.scenario, self._inputs, self._flown())
+        self.ended = ending(self.scenario, self._inputs, self._flown(), self.tick)
         return False
 
     def _flown(self) -> Flown:
-        return Flown(self._log[: self.tick], self.now, self._sample, self._last)
+        return Flown(self._log[self.begun : self.tick], self.now, self._sample, self._last)
 
-    def log(self) -> Log:
-        """What was flown so far."""
-        return assemble(
-            self.scenario, self._inputs, samples(self._flown()), self.ended or going_on(self.scenario, self.tick)
-        )
+    @property
+    def piece(self) -> Piece:
+        """What this engine flew so far."""
+        return Piece(self.scenario, self._inputs, self.begun, samples(self._flown()))
 
     def state(self) -> State:
         """The plant's state now."""
@@ -161,12 +160,13 @@ class CompiledSteps:
 
     def snapshot(self) -> Any:
         """What :meth:`restore` takes."""
-        return self.tick, self.ended, self._stepper.carry.copy(), self._log[: self.tick].copy(), self._last
+        flown = self._log[self.begun : self.tick].copy()
+        return self.begun, self.tick, self.ended, self._stepper.carry.copy(), flown, self._last
 
     def restore(self, held: Any) -> None:
         """Go to a snapshot."""
-        self.tick, self.ended, carry, log, self._last = held
-        self._stepper.carry[:], self._log[: self.tick] = carry, log
+        self.begun, self.tick, self.ended, carry, log, self._last = held
+        self._stepper.carry[:], self._log[self.begun : self.tick] = carry, log
 
     @property
     def now(self) -> LoopState:
@@ -174,13 +174,8 @@ class CompiledSteps:
         found: LoopState = rebuild(self.first, iter(self._stepper.carry.tolist()))
         return found
 
-    @property
-    def rows(self) -> Array:
-        """What was logged: a row a period, the leaves of :class:`Sample` but for ``alive``."""
-        return self._log[: self.tick, 1:]
-
     def take_over(self, other: Any) -> None:
         """Go on where another engine stands."""
-        self.tick, self.ended = other.tick, other.ended
-        self._stepper.carry[:] = leaves(carried(self.first, other.now))
-        self._log[: self.tick, 0], self._log[: self.tick, 1:] = 1.0, other.rows
+        self.begun = self.tick = other.tick
+        self.ended = other.ended
+        self._stepper.carry[:] = leaves(carried(self.first, other.now, component_groups(self.scenario, other.scenario)))
