@@ -59,6 +59,10 @@ class Overrides:
         return with_numbers(self.parts_of(scenario), dict(self.numbers))
 
 
+NONE = Overrides()
+"""Nothing is other than it was at the start."""
+
+
 def is_part(path: str, value: Any) -> bool:
     """Whether a part is replaced as a whole; a yaw that is given as a number is the number that stands there."""
     return path in WHOLE_PARTS and (path != "reference.yaw" or isinstance(value, (str, bool, list, tuple, Mapping)))

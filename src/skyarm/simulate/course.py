@@ -14,7 +14,7 @@ from typing import Any
 from skyarm.files import shown
 from skyarm.scenario.change_checks import try_change
 from skyarm.scenario.changes import Change, in_order
-from skyarm.scenario.in_flight import Overrides
+from skyarm.scenario.in_flight import NONE, Overrides
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.assemble_log import Piece
 
@@ -34,7 +34,7 @@ class Course:
     begun: Scenario
     made: tuple[Change, ...] = ()
     coming: tuple[Change, ...] = ()
-    overrides: Overrides = Overrides()
+    overrides: Overrides = NONE
     flown: tuple[Piece, ...] = ()
 
     @staticmethod

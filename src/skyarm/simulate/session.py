@@ -16,6 +16,7 @@ from skyarm.log.flight_log import Log
 from skyarm.records.leaves import mismatch
 from skyarm.reference import Reference
 from skyarm.scenario.change_checks import require_changes, require_continuous
+from skyarm.scenario.in_flight import NONE
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensors.measurement import Measurement
@@ -24,6 +25,7 @@ from skyarm.simulate.check_endings import Ended, going_on
 from skyarm.simulate.command_from_outside import numbers_of_command
 from skyarm.simulate.compiled_session import CompiledSteps
 from skyarm.simulate.course import Course
+from skyarm.simulate.session_code import SessionCode
 from skyarm.simulate.staged_flight import StagedFlight
 
 
@@ -71,8 +73,9 @@ class Session:
         self._course = Course.of(scenario)
         self._scenario = scenario
         self._compiles, self.slow = machine_code, ""
-        self._engine: Any = self._make_engine(scenario)
+        self._begun, self._codes = scenario, list[SessionCode]()
         self._waits = bool(scenario.changes)
+        self._engine: Any = self._make_engine(self._course)
         self._number = next(_NUMBERS)
         # the engine's own step is the session's, which a call between them would slow down by a tenth
         self._n = scenario.world.vehicle.n
@@ -190,7 +193,7 @@ class Session:
             raise ScenarioError("snapshot: is of another session, must be of this one, whose snapshot() gives it")
         course = snapshot.course
         if course.begun is not self._course.begun or course.overrides is not self._course.overrides:
-            self._engine = self._make_engine(course.now)
+            self._engine = self._make_engine(course)
         self._course, self._scenario, self._waits = course, course.now, bool(course.coming)
         self._engine.restore(snapshot.held)
 
@@ -223,11 +226,16 @@ class Session:
         scenario = dataclasses.replace(scenario, seed=old.seed, episode=old.episode)
         self._go_on(self._course.replaced(self.tick, scenario, self._engine.piece))
 
-    def _make_engine(self, scenario: Scenario) -> CompiledSteps | StagedFlight:
+    def _make_engine(self, course: Course) -> CompiledSteps | StagedFlight:
         """Machine code where it can be made, else the stages one by one."""
+        scenario = course.now
         if self._compiles and scenario.plant == "rigid_body" and scenario.controller.compiled:
+            if course.begun is not self._begun:
+                self._begun, self._codes = course.begun, []
+            # code that flies on after a change is made in a hurry: the vehicle is in the air
+            effort = 2 if course.overrides is NONE and not self._waits else 0
             try:
-                return CompiledSteps(scenario)
+                return CompiledSteps(course.begun, course.overrides, self._codes, effort)
             except NoMachineCodeError as error:
                 self.slow = str(error)
         return StagedFlight(scenario)
@@ -240,7 +248,7 @@ class Session:
     def _go_on(self, course: Course) -> None:
         """Fly on along another course."""
         scenario = course.now
-        engine = self._make_engine(scenario)
+        engine = self._make_engine(course)
         different = mismatch(self._engine.first.sensors, engine.first.sensors, "sensors")
         if different:
             raise ScenarioError(f"{different}: must be as the session began, since readings are on their way")
