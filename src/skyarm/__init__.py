@@ -114,6 +114,7 @@ __all__ = [
     "Batch",
     "BatchSession",
     "Body",
+    "Change",
     "Command",
     "Constant",
     "Controller",
