@@ -106,7 +106,8 @@ def difference_lines(found: LogDifferences, labels: tuple[str, str], tolerance: 
     more = f" (and {many - 1} more at this instant)" if many > 1 else ""
     lines.append(
         f"first difference{f' above {tolerance:g}' if tolerance else ''}: at {one.time:g} s, {one.name} = "
-        f"{one.first!r} and {one.second!r}{unit}, {abs(one.first - one.second):.3g} apart; it {COURSES[one.course]}{more}"
+        f"{one.first!r} and {one.second!r}{unit}, {abs(one.first - one.second):.3g} apart; "
+        f"it {COURSES[one.course]}{more}"
     )
     rows = [("quantity", "unit", "from, s", "largest", "at, s", "")]
     rows += [

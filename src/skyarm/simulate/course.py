@@ -6,6 +6,7 @@ the one before it stopped (:func:`skyarm.simulate.loop_state.carried`).
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -91,17 +92,31 @@ class Course:
 
 
 @dataclass(frozen=True, slots=True)
+class Flying:
+    """What flew at a snapshot: copies of the snapshot have it in common, since machine code is not copied.
+
+    Attributes:
+        engine: it. held: what it keeps of that instant.
+    """
+
+    engine: Any
+    held: Any
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Flying:
+        return Flying(self.engine, copy.deepcopy(self.held, memo))
+
+
+@dataclass(frozen=True, slots=True)
 class Snapshot:
     """A session at an instant, to go back to; it may be restored more than once.
 
     Attributes:
         course: scenario and changes as they were then. tick: control periods flown.
-        engine: what flew then. held: what it keeps.
+        flying: what flew then.
         session: number of the session that it is of.
     """
 
     course: Course
     tick: int
-    engine: Any
-    held: Any
+    flying: Flying
     session: int

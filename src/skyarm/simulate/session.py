@@ -24,7 +24,7 @@ from skyarm.simulate.assemble_log import joined
 from skyarm.simulate.check_endings import Ended, going_on
 from skyarm.simulate.command_from_outside import numbers_of_command
 from skyarm.simulate.compiled_session import CompiledSteps
-from skyarm.simulate.course import Course, Snapshot
+from skyarm.simulate.course import Course, Flying, Snapshot
 from skyarm.simulate.lane_arguments import require_paths
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.session_code import SessionCode
@@ -175,7 +175,7 @@ class Session:
 
     def snapshot(self) -> Snapshot:
         """The session now."""
-        return Snapshot(self._course, self.tick, self._engine, self._engine.snapshot(), self._number)
+        return Snapshot(self._course, self.tick, Flying(self._engine, self._engine.snapshot()), self._number)
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go back, or forward again, to a snapshot of this session.
@@ -187,9 +187,9 @@ class Session:
             raise ScenarioError(f"snapshot = {shown(snapshot)}: must be a Snapshot, which session.snapshot() gives")
         if snapshot.session != self._number:
             raise ScenarioError("snapshot: is of another session, must be of this one, whose snapshot() gives it")
-        course, self._engine = snapshot.course, snapshot.engine
+        course, self._engine = snapshot.course, snapshot.flying.engine
         self._course, self._scenario, self._waits = course, course.now, bool(course.coming)
-        self._engine.restore(snapshot.held)
+        self._engine.restore(snapshot.flying.held)
 
     def change(self, values: Mapping[str, Any]) -> None:
         """Give the scenario other numbers or parts by path, from the next period on, as ``[[changes]]`` of a file do.
