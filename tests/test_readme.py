@@ -22,6 +22,8 @@ def test_the_readme_shows_commands():
         "list",
         "show",
         "run",
+        "replay",
+        "diff",
         "reproduce",
         "sweep",
         "stats",

@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from skyarm.simulate.batch import Batch
     from skyarm.simulate.batch_session import BatchSession
     from skyarm.simulate.loop import run
+    from skyarm.simulate.replay import replay
     from skyarm.simulate.session import Session
     from skyarm.sweep.fly_sweep import fly_sweep
     from skyarm.sweep.study import StudyError
@@ -98,6 +99,7 @@ _ROOMS = {
     "skyarm.simulate.batch": ("Batch",),
     "skyarm.simulate.batch_session": ("BatchSession",),
     "skyarm.simulate.loop": ("run",),
+    "skyarm.simulate.replay": ("replay",),
     "skyarm.simulate.session": ("Session",),
     "skyarm.sweep.fly_sweep": ("fly_sweep",),
     "skyarm.sweep.study": ("StudyError",),
@@ -184,6 +186,7 @@ __all__ = [
     "plot",
     "preset",
     "register",
+    "replay",
     "reproduce",
     "run",
     "save_log",
