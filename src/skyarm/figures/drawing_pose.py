@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -130,5 +131,5 @@ def _ends(vehicle: Vehicle, i: int, poses: dict[int, tuple[Array, Array]]) -> li
     return [p + each for each in found if np.linalg.norm(each) > 1e-6]
 
 
-def _vector(v: Sequence[float] | object) -> Array:
-    return np.array([float(c) for c in v])  # type: ignore[attr-defined]
+def _vector(v: Iterable[Any]) -> Array:
+    return np.array([float(c) for c in v])

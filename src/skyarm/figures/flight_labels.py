@@ -1,4 +1,4 @@
-"""What flights are called in a legend: by their laws, their scenarios or their files, whichever tells them apart."""
+"""What flights are called in a legend: by their files, laws, scenarios ..., whichever tells them apart."""
 
 from __future__ import annotations
 
@@ -28,14 +28,16 @@ def flight_labels(logs: Sequence[Log], files: Sequence[str] = ()) -> list[str]:
         files: their paths, where they come from files.
 
     Returns:
-        laws where those differ; else files' names, law and scenario, law and plant, or law and seed, whichever
-        differs first; at last numbers.
+        names of the files, or of the laws, or law and scenario, law and plant, law and seed, whichever tells all
+        flights apart; at last numbers.
     """
     laws = [str(log.info.get("controller", "")) for log in logs]
     names = [Path(file).stem for file in files]
-    choices = [laws, names]
-    for field in ("scenario", "plant", "seed"):
-        choices.append([f"{law}, {log.info.get(field, '')}" for law, log in zip(laws, logs, strict=True)])
+    choices = [names, laws]
+    choices += [
+        [f"{law}, {log.info.get(field, '')}" for law, log in zip(laws, logs, strict=True)]
+        for field in ("scenario", "plant", "seed")
+    ]
     choices.append([str(file) for file in files])
     for labels in choices:
         short = [shortened(label) for label in labels]

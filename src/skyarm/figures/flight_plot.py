@@ -32,7 +32,7 @@ MOST = 12
 NEAR = 0.35
 """A limit is drawn if a curve comes to this share of it; else the panel says where it is."""
 
-OF_A_PAGE = {"paper": 9, "talk": 5}
+OF_A_PAGE = {"paper": 9, "talk": 6}
 """Panels one above the other where every kind is drawn."""
 
 
@@ -120,7 +120,7 @@ def _draw(
 ) -> dict[str, Any]:
     """Curves and references of one panel; words of the legend -> line."""
     handles: dict[str, Any] = {}
-    ax.set_ylabel(f"{panel.label} [{panel.unit}]", **style.small_words)
+    picture_styles.name_axis(ax, style, panel.label, panel.unit)
     for i, (label, log) in enumerate(named.items()):
         values = panel.of(log)
         if values is None:
@@ -129,7 +129,7 @@ def _draw(
         look = style.look(i)
         (handles[name],) = ax.plot(log.time, values, label=name, **look.line)
         if log.status != "completed" and log.time.size:
-            at = {"marker": "X", "markersize": 0.8 * style.small, "markeredgecolor": style.face}
+            at: dict[str, Any] = {"marker": "X", "markersize": 0.8 * style.small, "markeredgecolor": style.face}
             ax.plot(log.time[-1:], values[-1:], color=look.color, zorder=4.0, label="_end", **at)
     for log in _of_different_references(panel, named):
         desired = panel.desired(log) if panel.desired else None
@@ -189,13 +189,14 @@ def _limits(ax: Axes, panel: FlightPanel, facts: Mapping[str, FlightFacts], styl
     for limit in near:
         handles["limit"] = ax.axhline(limit, label="limit", **style.limit.line)
     if near:
-        room = 0.07 * (max(high, *near) - min(low, *near))
-        ax.set_ylim(
-            min(low, *(each - room for each in near)) if min(near) < low else low,
-            max(high, *(each + room for each in near)) if max(near) > high else high,
-        )
-    far = [each for each in values if each not in near]
+        low, high = min(low, *near), max(high, *near)
+        room = 0.07 * (high - low)
+        ax.set_ylim(low - room, high + room)
+    # of a limit to both sides the one that is drawn says the other
+    far = [each for each in values if each not in near and -each not in near]
     if far:
+        low, high = ax.get_ylim()
+        ax.set_ylim(low, high + 0.2 * (high - low))
         ax.text(0.99, 0.95, _words(far, panel.unit), transform=ax.transAxes, ha="right", va="top", **_note(style))
     return handles
 
@@ -230,7 +231,11 @@ def _shade(
         if event.start == event.stop:
             handles[label] = ax.axvline(event.start, color=style.frame, linewidth=0.1 * style.text, zorder=0.3)
             continue
-        fill = {"facecolor": style.shades[i % len(style.shades)], "edgecolor": style.grid, "linewidth": 0.0}
+        fill: dict[str, Any] = {
+            "facecolor": style.shades[i % len(style.shades)],
+            "edgecolor": style.grid,
+            "linewidth": 0.0,
+        }
         hatch = ("////", "", "\\\\\\\\", "....")[i % 4]
         handles[label] = ax.axvspan(event.start, event.stop, hatch=hatch or None, zorder=0.2, **fill)
     return handles

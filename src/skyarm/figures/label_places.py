@@ -44,14 +44,17 @@ class Labels:
         """Write a label near a point (2,), where it covers no label and as few points as can be."""
         size = self.style.small if size is None else size
         words = {**self.style.small_words, "fontsize": size, "color": color or self.style.ink}
-        label = self.ax.text(*at, text, ha="center", va="center", zorder=9.0, linespacing=1.0, **words)
+        label = self.ax.text(
+            float(at[0]), float(at[1]), text, ha="center", va="center", zorder=9.0, linespacing=1.0, **words
+        )
         label.set_path_effects([withStroke(linewidth=0.3 * size, foreground=self.style.face, alpha=0.8)])
         dots = size * self.ax.figure.dpi / 72.0
         here = self.ax.transData.transform(at)
         box = label.get_window_extent()
         best = min(self._tries(here, box, dots), key=lambda found: found[0])
         _, place, box = best
-        label.set_position(self.ax.transData.inverted().transform(place))
+        x, y = self.ax.transData.inverted().transform(place)
+        label.set_position((float(x), float(y)))
         self._taken.append(box.padded(GAP * dots))
         if math.dist(place, here) > LEADER * dots + 0.5 * box.width:
             self._lead(here, box, dots)

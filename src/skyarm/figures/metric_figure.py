@@ -15,7 +15,7 @@ from skyarm.figures import picture_styles
 from skyarm.figures.metric_words import metric_words, path_words
 from skyarm.figures.picture_files import require_suffix, save_picture
 from skyarm.figures.picture_styles import Picture, PictureStyle, picture_style
-from skyarm.figures.style import Look
+from skyarm.figures.style import Look, limits
 from skyarm.sweep.metric_curves import BAND, MetricCurve, MetricCurves, metric_curves
 from skyarm.sweep.stats import Rows
 from skyarm.sweep.study import StudyError
@@ -23,7 +23,8 @@ from skyarm.sweep.study import StudyError
 MOST_PANELS = 6
 """Metrics of one picture."""
 
-FEWEST_FOR_LINES = 2
+SHORT = 22
+"""Characters of a path above a panel."""
 
 
 def plot_sweep(
@@ -46,8 +47,10 @@ def plot_sweep(
         over: a varied path, ``"sqrt(a * a + b * b)"`` or ``"length = sqrt(a * a + b * b)"``.
         file: written there too, as PNG, SVG or PDF by its suffix.
         by: the same; curves for each of its values, or for its thirds.
-        center: "median" or "mean". band: quantiles of the other dimensions and the noise, as shares.
-        style: "paper" or "talk". dark: of a talk.
+        center: "median" or "mean".
+        band: quantiles over the other dimensions and the noise, as shares.
+        style: "paper" or "talk".
+        dark: of a talk.
 
     Raises:
         ValueError: one line. OSError: a file cannot be read or written.
@@ -67,7 +70,7 @@ def plot_sweep(
 
 
 def metric_figure(found: Sequence[MetricCurves], style: PictureStyle) -> Picture:
-    """Draw curves of several metrics over the same variable: a row a metric, a column a class where laws are several."""
+    """Draw curves of metrics over one variable: a row for each metric, a column for each class if laws are several."""
     first = found[0]
     laws = list(dict.fromkeys(curve.controller for curve in first.curves))
     classes = list(dict.fromkeys(curve.by for curve in first.curves))
@@ -84,19 +87,22 @@ def metric_figure(found: Sequence[MetricCurves], style: PictureStyle) -> Picture
             curves = [curve for curve in first.curves if column is None or curve.by == column]
             _draw_lost(grid[-1, j], curves, style)
         if column:
-            grid[0, j].set_title(f"{path_words(first.by)[0]} = {column}", **style.small_words)
+            words, unit = path_words(first.by, SHORT)
+            grid[0, j].set_title(f"{words}\n{column} {unit}".rstrip(), linespacing=1.0, **style.small_words)
         words, unit = path_words(first.over)
         grid[-1, j].set_xlabel(f"{words} [{unit}]" if unit else words, **style.words)
         if first.logarithmic:
             grid[-1, j].set_xscale("log")
     for i, each in enumerate(found):
         words, unit = metric_words(each.metric)
-        grid[i, 0].set_ylabel(f"{words}\n[{unit}]" if unit else words, **style.small_words)
+        picture_styles.name_axis(grid[i, 0], style, words, unit)
+        grid[i, 0].set_ylim(*_ends(each))
     if lost:
         grid[-1, 0].set_ylabel("Lost", **style.small_words)
     figure.align_ylabels(list(grid[:, 0]))
     shares = " to ".join(f"{100.0 * share:g}" for share in first.band)
-    handles[f"{first.center}, band {shares} %"] = _key(style)
+    of = " of completed" if lost else ""
+    handles[f"{first.center}{of}, band {shares} %"] = _key(style)
     picture_styles.legend(figure, style, list(handles.values()), list(handles))
     return figure
 
@@ -121,16 +127,22 @@ def _draw(
         look = style.look(i)
         label = curve.controller
         if one_law and curve.by:
-            label = f"{path_words(each.by)[0]} = {curve.by}"
-        band = {"color": look.color, "alpha": 0.16, "linewidth": 0.0, "zorder": look.layer - 1.0}
+            words, unit = path_words(each.by, SHORT)
+            label = f"{words} = {curve.by} {unit}".rstrip()
+        band: dict[str, Any] = {"color": look.color, "alpha": 0.16, "linewidth": 0.0, "zorder": look.layer - 1.0}
         ax.fill_between(curve.x, curve.low, curve.high, **band)
         for end in (curve.low, curve.high):
             ax.plot(curve.x, end, color=look.color, linewidth=0.4 * look.width, alpha=0.6, label="_band")
         marks = _marks(curve, look, style)
         (handles[label],) = ax.plot(curve.x, curve.middle, label=label, **look.line, **marks)
-    if all(np.nanmin(curve.low, initial=0.0) >= 0.0 for curve in curves):
-        ax.set_ylim(bottom=0.0)
     return handles
+
+
+def _ends(each: MetricCurves) -> tuple[float, float]:
+    """Ends of the value axis, which begins at zero where no curve is below."""
+    found = [line for curve in each.curves for line in (curve.middle, curve.low, curve.high)]
+    seen = np.concatenate(found)
+    return limits([seen], floor=not (seen < 0.0).any(), span=1e-9, cap=np.inf)
 
 
 def _marks(curve: MetricCurve, look: Look, style: PictureStyle) -> dict[str, Any]:

@@ -68,13 +68,13 @@ def metric_words(name: str) -> tuple[str, str]:
     return words, next((unit for form, unit in UNITS if re.fullmatch(form, plain)), "")
 
 
-def path_words(path: str) -> tuple[str, str]:
+def path_words(path: str, longest: int = LONGEST) -> tuple[str, str]:
     """A varied number in words, and its unit where its path says it; a name or an expression stays as it is."""
     parts = path.split(".")
     if len(parts) == 1 or not re.fullmatch(r"[\w.+-]+", path):
-        return path if len(path) <= LONGEST else f"{path[: LONGEST - 1]}\N{HORIZONTAL ELLIPSIS}", ""
+        return path if len(path) <= longest else f"{path[: longest - 1]}\N{HORIZONTAL ELLIPSIS}", ""
     unit = LAST.get(parts[-1]) or next((INSIDE[part] for part in reversed(parts) if part in INSIDE), "")
     kept = parts
-    while len(".".join(kept)) > LONGEST and len(kept) > 2:
+    while len(".".join(kept)) > longest and len(kept) > 2:
         kept = kept[1:]
     return ("" if kept == parts else "\N{HORIZONTAL ELLIPSIS}") + ".".join(kept), unit

@@ -164,23 +164,32 @@ def picture_style(name: str, *, dark: bool = False) -> PictureStyle:
 
 
 def panels(style: PictureStyle, count: int, rows: int | None = None) -> tuple[Picture, list[Axes]]:
-    """A figure of so many panels over one time axis, filled column by column."""
+    """A figure of so many panels over one time axis, filled column by column, top to bottom."""
     columns = -(-count // (rows or style.rows))
     rows = -(-count // columns)
     height = style.panel if style.name == "paper" else max(style.panel, 5.6 / rows)
     figure = blank(style, style.width if columns == 1 else style.wide, height * rows + 5.0 * style.text / 72.0)
     grid = figure.subplots(rows, columns, sharex=True, squeeze=False)
+    # what is left over stays blank at the top of the last column, so that every column ends with a time axis
+    blanks = rows * columns - count
     order = [grid[row, column] for column in range(columns) for row in range(rows)]
-    for ax in order[count:]:
+    first = rows * (columns - 1)
+    for ax in order[first : first + blanks]:
         ax.remove()
-    axes = [dress(ax, style) for ax in order[:count]]
-    for i, ax in enumerate(axes):
-        bottom = (i + 1) % rows == 0 or i == count - 1
-        ax.tick_params(labelbottom=bottom)
-        if bottom:
-            ax.set_xlabel("Time [s]", **style.words)
+    axes = [dress(ax, style) for ax in order[:first] + order[first + blanks :]]
+    for ax in grid[-1]:
+        ax.set_xlabel("Time [s]", **style.words)
     figure.align_ylabels(axes)
     return figure, axes
+
+
+def name_axis(ax: Axes, style: PictureStyle, label: str, unit: str) -> None:
+    """Words and unit of a value axis, on two lines where one is longer than the panel is high."""
+    height = ax.get_window_extent().height / ax.figure.dpi * 72.0
+    words = f"{label} [{unit}]" if unit else label
+    if 0.48 * style.small * len(words) > height:
+        words = f"{label}\n[{unit}]"
+    ax.set_ylabel(words, linespacing=1.0, **style.small_words)
 
 
 def blank(style: PictureStyle, width: float, height: float) -> Picture:
@@ -196,7 +205,7 @@ def dress(ax: Axes, style: PictureStyle) -> Axes:
     """Frame, grid and ticks of one panel."""
     line = 0.06 * style.text
     ax.set_facecolor(style.face)
-    ticks = {"labelsize": style.small, "labelfontfamily": style.font[0], "labelcolor": style.ink}
+    ticks: dict[str, Any] = {"labelsize": style.small, "labelfontfamily": style.font[0], "labelcolor": style.ink}
     ax.tick_params(**ticks, direction="in", width=line, length=5.0 * line, color=style.frame)
     ax.grid(visible=True, color=style.grid, linewidth=0.8 * line)
     ax.set_axisbelow(True)
@@ -209,6 +218,8 @@ def dress(ax: Axes, style: PictureStyle) -> Axes:
 
 def legend(figure: Figure, style: PictureStyle, handles: Sequence[Any], labels: Sequence[str]) -> None:
     """One legend below the panels, in as many columns as fit into the figure's width."""
+    canvas: Any = FigureCanvasAgg(figure)
+    renderer = canvas.get_renderer()
     for columns in range(min(len(labels), 6), 0, -1):
         drawn = figure.legend(
             handles,
@@ -225,7 +236,6 @@ def legend(figure: Figure, style: PictureStyle, handles: Sequence[Any], labels: 
         )
         for text in drawn.get_texts():
             text.set_parse_math(False)
-        figure.draw_without_rendering()
-        if columns == 1 or drawn.get_window_extent().width < 0.98 * figure.bbox.width:
+        if columns == 1 or drawn.get_window_extent(renderer).width < 0.98 * figure.bbox.width:
             return
         drawn.remove()

@@ -32,11 +32,11 @@ class View:
     @property
     def toward(self) -> Array:
         """Unit vector to the observer."""
-        return np.cross(self.right, self.up)
+        return np.asarray(np.cross(self.right, self.up))
 
     def flat(self, points: Array) -> Array:
         """Points (..., 3) on paper (..., 2), m."""
-        return np.asarray(points) @ np.array([self.right, self.up]).T
+        return np.asarray(points @ np.array([self.right, self.up]).T)
 
     def depth(self, point: Array) -> float:
         """How near a point is to the observer, m."""
@@ -61,15 +61,21 @@ def surface(shape: Shape) -> Array:
     if shape.kind == "cylinder":
         radius, length = shape.size
         ring = circle(radius)
-        local = np.concatenate([ring + [0.0, 0.0, 0.5 * length], ring - [0.0, 0.0, 0.5 * length]])
+        local = _both_ends(ring, length)
     elif shape.kind == "capsule":
         radius, length = shape.size
         ball = radius * _directions()
-        local = np.concatenate([ball + [0.0, 0.0, 0.5 * length], ball - [0.0, 0.0, 0.5 * length]])
+        local = _both_ends(ball, length)
     else:
         half = shape.size if shape.kind == "ellipsoid" else shape.size * 3
         local = _directions() * np.array(half)
     return np.asarray(local @ np.array(shape.rotation).T + np.array(shape.position))
+
+
+def _both_ends(points: Array, length: float) -> Array:
+    """Points moved by half a length along z, to either side."""
+    half = np.array([0.0, 0.0, 0.5 * length])
+    return np.concatenate([points + half, points - half])
 
 
 def circle(radius: float) -> Array:
@@ -81,7 +87,7 @@ def circle(radius: float) -> Array:
 def _directions() -> Array:
     """Unit vectors (N, 3) by longitude and latitude."""
     latitude = np.linspace(-0.5 * np.pi, 0.5 * np.pi, AROUND // 2 + 1)
-    rings = [circle(math.cos(each)) + [0.0, 0.0, math.sin(each)] for each in latitude]
+    rings = [circle(math.cos(each)) + np.array([0.0, 0.0, math.sin(each)]) for each in latitude]
     return np.concatenate(rings)
 
 
@@ -116,7 +122,11 @@ def arc(centre: Array, axis: Array, start: Array, angle: float, points: int = 48
     """Points (N, 3) of an arc about an axis: from centre + start by an angle, positive by the right-hand rule.
 
     Args:
-        centre: (3,), m. axis: unit vector (3,). start: (3,) across the axis, m. angle: rad. points: N.
+        centre: (3,), m.
+        axis: unit vector (3,).
+        start: (3,) across the axis, m.
+        angle: rad.
+        points: how many.
     """
     turned = np.linspace(0.0, angle, points)[:, None]
     return np.asarray(centre + np.cos(turned) * start + np.sin(turned) * np.cross(axis, start))

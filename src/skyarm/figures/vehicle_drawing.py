@@ -61,7 +61,8 @@ def vehicle_drawing(
     Args:
         vehicle: with concrete numbers.
         joints: rad or m; if left out, those whose motion the side view shows are bent by 0.5 rad.
-        style: "paper" or "talk". dark: of a talk.
+        style: "paper" or "talk".
+        dark: of a talk.
 
     Returns:
         a figure in which bodies are guesses by :mod:`skyarm.drawing`, and frames, joints, rotors and lengths are the

@@ -1,4 +1,4 @@
-"""Expressions of named numbers: ``+ - * /``, parentheses, ``sqrt``; read by a parser of their own, never evaluated as code.
+"""Expressions of named numbers: ``+ - * /``, parentheses, ``sqrt``; read by a small parser, never evaluated as code.
 
 A name is a word or a dotted path (``arm``, ``plant.payload.mass``, ``plant.vehicle.links.0.body.mass``); one that has
 other characters stands in double quotes. Numbers are written as in ``0.5`` or ``1e-3``.

@@ -1,4 +1,4 @@
-"""Curves of a metric over a varied number, or over an expression of several: middle and band of the other dimensions."""
+"""Curves of a metric over a varied number or an expression of several: middle, and a band over all else that varies."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from skyarm.files import did_you_mean, number, shown
 from skyarm.sweep.expressions import read_expression
-from skyarm.sweep.maps import LISTED, axis
+from skyarm.sweep.maps import LISTED
 from skyarm.sweep.stats import Rows
 from skyarm.sweep.study import StudyError
 
@@ -19,6 +19,14 @@ Array = npt.NDArray[np.float64]
 BAND = (0.05, 0.95)
 
 CENTERS = ("median", "mean")
+
+PER_CELL = 25
+"""Episodes that a cell of drawn numbers should hold: its median is then good to a fifth of the spread."""
+
+FEWEST_CELLS, MOST_CELLS = 4, 30
+
+FEWEST_OF_BAND = 5
+"""Episodes that must have flown to their end for a cell to have a band."""
 
 MOST_CLASSES = 6
 """Values of ``by`` up to which each has curves of its own; more are put into THIRDS."""
@@ -43,7 +51,7 @@ class MetricCurve:
         controller: that flew. by: class of the other variable in words, "" without one.
         x: (K,) value of the variable, of each cell the median.
         middle, low, high: (K,) median or mean, and the ends of the band, of episodes that flew to their end; NaN where
-            none did.
+            none did, or too few for a band.
         episodes, lost: (K,) how many there are, and how many of them ended before their time.
     """
 
@@ -109,9 +117,8 @@ def metric_curves(
         raise StudyError(f"band = [{low:g}, {high:g}]: must be two shares from 0 to 1, the first below the second")
     across = variable(rows, over, "over")
     classes = {"": np.ones(rows.episodes, dtype=bool)} if by is None else _classes(variable(rows, by, "by"))
-    cells = _cells(across)
     curves = tuple(
-        _curve(rows, metric, controller, name, inside, across.values, cells, center, (low, high))
+        _curve(rows, metric, controller, name, inside, across.values, center, (low, high))
         for controller in rows.controllers
         for name, inside in classes.items()
     )
@@ -150,13 +157,15 @@ def _column(rows: Rows, path: str) -> Array:
     return np.asarray(rows.of(rows.controllers[0], path), dtype=float)
 
 
-def _cells(across: Variable) -> npt.NDArray[np.int64]:
-    """The cell of each episode: one for each value where they are few, else even ones."""
-    different = np.unique(across.values)
-    if different.size <= LISTED and across.values.size >= 2 * different.size:
-        return np.searchsorted(different, across.values).astype(np.int64)
-    edges = axis(across.name, across.values, logarithmic=across.logarithmic).edges
-    return np.clip(np.searchsorted(edges, across.values, side="right") - 1, 0, len(edges) - 2).astype(np.int64)
+def _cells(values: Array) -> npt.NDArray[np.int64]:
+    """The cell of each value: one for each where they are few, else cells of equally many, in their order."""
+    different, place = np.unique(values, return_inverse=True)
+    if different.size <= LISTED and values.size >= 2 * different.size:
+        return np.asarray(place, dtype=np.int64)
+    cells = int(np.clip(values.size / PER_CELL, FEWEST_CELLS, MOST_CELLS))
+    rank = np.empty(values.size, dtype=np.int64)
+    rank[np.argsort(values, kind="stable")] = np.arange(values.size)
+    return rank * cells // values.size
 
 
 def _classes(by: Variable) -> dict[str, npt.NDArray[np.bool_]]:
@@ -177,20 +186,22 @@ def _curve(
     name: str,
     inside: npt.NDArray[np.bool_],
     over: Array,
-    cells: npt.NDArray[np.int64],
     center: str,
     band: tuple[float, float],
 ) -> MetricCurve:
-    column = np.asarray(rows.of(controller, metric), dtype=float)
-    flew = np.asarray(rows.of(controller, "status") == "completed")
+    over = over[inside]
+    column = np.asarray(rows.of(controller, metric), dtype=float)[inside]
+    flew = np.asarray(rows.of(controller, "status") == "completed")[inside]
+    cells = _cells(over)
     table: list[Sequence[float]] = []
-    for cell in np.unique(cells[inside]):
-        here = inside & (cells == cell)
+    for cell in np.unique(cells):
+        here = cells == cell
         kept = column[here & flew & np.isfinite(column)]
-        found = (np.nan,) * 3
+        found: tuple[float, ...] = (np.nan,) * 3
         if kept.size:
             middle = np.median(kept) if center == "median" else kept.mean()
-            found = (float(middle), *map(float, np.quantile(kept, band)))
+            ends = np.quantile(kept, band) if kept.size >= FEWEST_OF_BAND else (np.nan, np.nan)
+            found = (float(middle), *map(float, ends))
         table.append((float(np.median(over[here])), *found, int(here.sum()), int((here & ~flew).sum())))
     x, middle, low, high, episodes, lost = np.array(table, dtype=float).reshape(-1, 6).T
     return MetricCurve(
