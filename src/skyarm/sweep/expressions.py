@@ -71,12 +71,13 @@ class Expression:
     """An expression as it was read.
 
     Attributes:
-        text: as given. names: that it needs, each once, in order.
+        text: as given. names: that it needs, each once, in order. field: what messages call it.
     """
 
     text: str
     names: tuple[str, ...]
     root: Node
+    field: str = "expression"
 
     def value(self, numbers: Mapping[str, Any]) -> Array:
         """Its value for numbers or arrays by name, which broadcast.
@@ -97,7 +98,7 @@ class Expression:
         # what was NaN before, as a metric of an episode that did not fly, stays so and is no error
         wrong = ~np.isfinite(found) & np.logical_and.reduce([np.isfinite(each) for each in np.broadcast_arrays(*parts)])
         if wrong.any():
-            raise _wrong(self.text, node.at, _why(node, parts, wrong))
+            raise ExpressionError(f"{self.field} = {_wrong(self.text, node.at, _why(node, parts, wrong))}")
         return found
 
 
@@ -143,7 +144,7 @@ def read_expression(text: Any, known: Collection[str], field: str = "expression"
         root = parser.whole()
     except ExpressionError as error:
         raise ExpressionError(f"{field} = {error}") from None
-    return Expression(text=text, names=tuple(dict.fromkeys(parser.names)), root=root)
+    return Expression(text=text, names=tuple(dict.fromkeys(parser.names)), root=root, field=field)
 
 
 def _wrong(text: str, at: int, why: str) -> ExpressionError:
