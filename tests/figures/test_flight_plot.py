@@ -98,7 +98,9 @@ def test_a_log_draws_itself_and_a_notebook_shows_it(tmp_path: Path) -> None:
     np.testing.assert_array_equal(curves(figure.axes[3])["hybrid_computed_torque"].get_xdata(), log.time)
 
 
-@pytest.mark.parametrize(("suffix", "begin"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF"), ("PNG", b"\x89PNG")])
+@pytest.mark.parametrize(
+    ("suffix", "begin"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF"), ("PNG", b"\x89PNG")]
+)
 def test_the_suffix_says_the_format(suffix: str, begin: bytes, tmp_path: Path) -> None:
     file = tmp_path / f"flight.{suffix}"
     plot(flights(), file, kind="attitude")
@@ -240,7 +242,9 @@ def test_flights_are_told_apart_in_grey_and_on_their_ground() -> None:
 
 
 def test_styles_differ_in_size_and_ground() -> None:
-    paper, talk, dark = (plot(flights(), kind="tip", style=s, dark=d) for s, d in (("paper", False), ("talk", False), ("talk", True)))
+    paper, talk, dark = (
+        plot(flights(), kind="tip", style=s, dark=d) for s, d in (("paper", False), ("talk", False), ("talk", True))
+    )
     assert paper.get_size_inches()[0] == 3.5
     assert talk.get_size_inches()[0] == dark.get_size_inches()[0] == 13.33
     assert mpl.colors.to_hex(dark.get_facecolor()) == TALK_DARK.face

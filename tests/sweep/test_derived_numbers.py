@@ -157,9 +157,7 @@ def test_numbers_that_are_allowed_together_only_fly() -> None:
 def test_the_stiffest_joint_friction_is_found_among_derived_numbers() -> None:
     damping = "plant.vehicle.links.0.joint.damping"
     plain = prepare(study_from(document(vary={damping: {"uniform": [0.001, 0.5]}}))).stiffest
-    derived = prepare(
-        study_from(document(vary={"d": {"uniform": [0.001, 0.5]}}, derived={damping: "d"}))
-    ).stiffest
+    derived = prepare(study_from(document(vary={"d": {"uniform": [0.001, 0.5]}}, derived={damping: "d"}))).stiffest
     found = [float(each.world.vehicle.links[0].joint.damping) for each in (plain, derived)]
     assert found[0] > 0.4
     assert found[1] == found[0]

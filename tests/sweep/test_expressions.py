@@ -80,7 +80,7 @@ HOSTILE = [
     ("", "must be an expression"),
     ("   ", "must be an expression"),
     ("a.__class__", "at 1: 'a.__class__' must be a named number"),
-    ("__import__('os')", "at 12: \"'\" must be a number"),
+    ("__import__('os')", 'at 12: "\'" must be a number'),
     ("__import__(a)", "at 1: '__import__' must not be called; the one function is sqrt"),
     ("exec(a)", "at 1: 'exec' must not be called"),
     ("a(2)", "at 1: 'a' must not be called"),

@@ -17,7 +17,8 @@ def picture_file(name: str, field: str = "file") -> Path:
     Raises:
         ValueError: another suffix; one line with those there are. OSError: it cannot be written.
     """
-    require_suffix(Path(name), field)
+    if name:
+        require_suffix(Path(name), field)
     return output_file(name, field)
 
 

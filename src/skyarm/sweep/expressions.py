@@ -139,6 +139,7 @@ def read_expression(text: Any, known: Collection[str], field: str = "expression"
         raise ExpressionError(f"{field} = {shown(text)}: must be an expression of named numbers, as 'a + 2 * b'")
     if len(text) > LONGEST:
         raise ExpressionError(f"{field} = {shown(text)}: must have at most {LONGEST} characters")
+    text = " ".join(text.split())  # as messages show it, so that its places are theirs
     try:
         parser = _Parser(text, known)
         root = parser.whole()
