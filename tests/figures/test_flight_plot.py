@@ -1,4 +1,4 @@
-"""Pictures of flights: their lines are the log's numbers, their words fit, their limits and events are the scenario's."""
+"""Pictures of flights: lines are the log's numbers, words fit, limits and events are those of the scenario."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Expressions of named numbers: their values by another way, and every hostile text refused in one line with its place."""
+"""Expressions of named numbers: values found by another way; hostile texts are refused in one line with their place."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from skyarm.drawing.shapes import Shape
 
 Array = npt.NDArray[np.float64]
 
-AROUND = 72
+AROUND = 48
 """Points of a circle."""
 
 
