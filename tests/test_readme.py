@@ -22,6 +22,7 @@ def test_the_readme_shows_commands():
         "list",
         "show",
         "run",
+        "plot",
         "reproduce",
         "sweep",
         "stats",

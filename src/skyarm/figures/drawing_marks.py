@@ -107,8 +107,9 @@ class Marks:
         flat = self.view.flat(bow)
         self._arrow(flat, self.style.ink, 0.1)
         sign = ">" if joint.value > 0.0 else "<"
-        middle, centre = flat[len(flat) // 2], self.view.flat(joint.at)
-        self._wanted.append(Wanted(f"{joint.name} {sign} 0", centre + 1.3 * (middle - centre)))
+        # beside the beginning of the arrow, away from the link
+        begin, centre = flat[len(flat) // 5], self.view.flat(joint.at)
+        self._wanted.append(Wanted(f"{joint.name} {sign} 0", centre + 1.1 * (begin - centre)))
 
     def length(self, rod: Rod) -> None:
         """The length of a rod that lies in the paper."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import PercentFormatter
+from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from skyarm.figures import picture_styles
 from skyarm.figures.metric_words import metric_words, path_words
@@ -115,7 +115,7 @@ def _grid(style: PictureStyle, metrics: int, columns: int, lost: bool) -> tuple[
     options = {"height_ratios": heights}
     grid = figure.subplots(len(heights), columns, sharex=True, sharey="row", squeeze=False, gridspec_kw=options)
     for ax in grid.flat:
-        picture_styles.dress(ax, style)
+        picture_styles.dress(ax, style).xaxis.set_major_locator(MaxNLocator(nbins=7 if columns == 1 else 4))
     return figure, grid
 
 

@@ -92,7 +92,8 @@ def vehicle_drawing(
             marks.avoid(shape, corners)
         draw(marks, vehicle, posed, world)
         ax.set_title(TITLES[view.name], **chosen.small_words)
-    figure.suptitle(f"{vehicle.name}: frames, joints and rotors", **chosen.words)
+    parts = ["frames", *(["joints"] if vehicle.links else []), *(["rotors"] if vehicle.rotors else [])]
+    figure.suptitle(f"{vehicle.name}: {', '.join(parts)}", **chosen.words)
     return figure
 
 
