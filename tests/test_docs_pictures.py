@@ -22,6 +22,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pytest.importorskip("pyarrow")
     made: Path = tmp_path_factory.mktemp("pictures")
     short = re.sub(r"episodes = \d+", "episodes = 40", STUDY).replace("duration = 12", "duration = 0.3")
+    short = re.sub(
+        r"controllers = .*", 'controllers = ["paper_ct", "paper_pd"]', short
+    )  # a law of its own takes seconds
     text = re.sub(r"windows = .*", "windows = { steady = [0.1, 0.3], transient = [0.0, 0.1] }", short)
     (made / "arm_length.toml").write_text(text)
     return made
@@ -32,7 +35,7 @@ def test_the_commands_shown_draw_in_their_order(folder: Path) -> None:
     script = ["import sys", "from skyarm.cli.main import main"]
     for command in COMMANDS:
         words = shlex.split(command)[1:]
-        words += ["--duration", "8"] if words[0] == "run" else []
+        words += ["--duration", "6.5"] if words[0] == "run" else []
         script.append(f"sys.argv = ['skyarm', *{words!r}]")
         script += ["try: main()", "except SystemExit as stop:", f"    assert not stop.code, {words!r}"]
         made += [words[words.index(option) + 1] for option in ("-o", "--drawing") if option in words]
