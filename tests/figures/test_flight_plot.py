@@ -21,7 +21,7 @@ from skyarm.figures.flight_facts import flight_facts
 from skyarm.figures.flight_labels import LONGEST, flight_labels
 from skyarm.figures.flight_panels import KINDS
 from skyarm.figures.flight_plot import MOST, plot
-from skyarm.figures.picture_styles import PAPER, TALK, TALK_DARK
+from skyarm.figures.picture_styles import PAPER, TALK, TALK_DARK, name_axis, panels
 
 GUST = (0.3, 0.7)
 FAULT = 0.8
@@ -168,10 +168,18 @@ def test_limits_of_joints_are_those_of_the_vehicle() -> None:
 
 def test_the_window_sets_both_axes() -> None:
     log = flights()["paper_ct"]
-    ax = plot(log, kind="tip", window=(0.5, 1.0)).axes[3]
-    assert ax.get_xlim() == (0.5, 1.0)
-    error = 1e3 * np.linalg.norm(log.tip - log.tip_reference, axis=1)
-    assert ax.get_ylim()[1] == pytest.approx(1.07 * error[log.time >= 0.5].max())
+    falling = log.tip_reference + (1.0 - log.time[:, None]) * np.array([0.3, 0.0, 0.0])
+    ax = plot(dataclasses.replace(log, tool=falling), kind="tip", window=(0.5, 0.8)).axes[3]
+    assert ax.get_xlim() == (0.5, 0.8)
+    assert ax.get_ylim() == pytest.approx((0.0, 1.07 * 150.0))
+
+
+def test_words_longer_than_a_panel_is_high_take_two_lines() -> None:
+    for words in ("Tip x", "wrist_pitch torque", "a joint of this length"):
+        figure, axes = panels(PAPER, 3)
+        for ax in axes:
+            name_axis(ax, PAPER, words, "N m")
+        require_words_apart(figure)
 
 
 def test_a_lost_flight_does_not_flatten_the_others_and_is_named() -> None:
@@ -197,10 +205,11 @@ def require_words_apart(figure: Figure) -> None:
     """No label covers another, and none is cut by the edge of the figure."""
     figure.draw_without_rendering()
     texts = [ax.yaxis.label for ax in figure.axes] + [ax.xaxis.label for ax in figure.axes]
-    texts += [text for ax in figure.axes for text in ax.texts] + list(figure.legends[0].get_texts())
+    texts += [text for ax in figure.axes for text in ax.texts]
+    texts += [text for legend in figure.legends for text in legend.get_texts()]
     boxes = [text.get_window_extent() for text in texts if text.get_text()]
     assert not overlaps(boxes)
-    for box in [*boxes, figure.legends[0].get_window_extent()]:
+    for box in [*boxes, *(legend.get_window_extent() for legend in figure.legends)]:
         assert figure.bbox.x0 - 0.5 <= box.x0
         assert box.x1 <= figure.bbox.x1 + 0.5
         assert figure.bbox.y0 - 0.5 <= box.y0

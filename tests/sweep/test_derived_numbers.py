@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from skyarm.sweep import StudyError, study_from
+from skyarm.sweep import StudyError, design, study_from
 from skyarm.sweep.design import values
+from skyarm.sweep.facts import origin_from
 from skyarm.sweep.maps import robustness_maps
 from skyarm.sweep.plan import at_episode, prepare
 from skyarm.sweep.stats import Rows
@@ -161,3 +162,20 @@ def test_the_stiffest_joint_friction_is_found_among_derived_numbers() -> None:
     found = [float(each.world.vehicle.links[0].joint.damping) for each in (plain, derived)]
     assert found[0] > 0.4
     assert found[1] == found[0]
+
+
+def test_extremes_are_those_of_all_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(design, "BLOCK", 7)
+    study = small_study(**ARM)
+    drawn = values(study, range(study.episodes))
+    for path, (smallest, largest) in design.derived_extremes(study).items():
+        assert drawn[path][smallest] == drawn[path].min()
+        assert drawn[path][largest] == drawn[path].max()
+
+
+def test_a_folder_of_anyone_s_is_read_by_the_same_parser() -> None:
+    study = {**small_study(**ARM).document, "derived": {UPPER: "__import__('os')"}}
+    with pytest.raises(ValueError, match=r'study.derived\."plant.vehicle.links.1.joint.position.z" = '):
+        origin_from({"study": study, "scenarios": {"paper_ct": "0"}}, "0", "")
+    study["derived"] = dict(ARM["derived"])
+    assert origin_from({"study": study, "scenarios": {"paper_ct": "0"}}, "0").parameters[-1] == "plant.payload.mass"
