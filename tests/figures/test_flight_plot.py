@@ -314,3 +314,40 @@ def test_flights_without_joints_have_no_efforts_and_too_many_flights_are_refused
         plot([log] * 13)
     with pytest.raises(ValueError, match="flights = 0"):
         plot([])
+
+
+def changed_flight(*changes: skyarm.Change) -> skyarm.Log:
+    return skyarm.run(dataclasses.replace(skyarm.load_scenario("case2_gust", duration=1.0), changes=changes))
+
+
+def test_changes_in_flight_are_lines_and_gusts_that_they_bring_are_shaded() -> None:
+    gust = {"force": [2.0, 0.0, 0.0], "start": 0.2, "duration": 0.4}
+    wind = {"mode": "force_wind", "gust": gust}
+    log = changed_flight(
+        skyarm.Change(at=0.3, path="environment.wind", value=wind),
+        skyarm.Change(at=0.5, path="plant.payload.mass", value=0.02),
+        skyarm.Change(at=0.7, path="plant.payload.mass", value=0.01),
+        skyarm.Change(at=3.0, path="plant.payload.mass", value=0.0),
+    )
+    figure = plot(log, kind="attitude")
+    # the gust began before the change that brought it
+    assert spans(figure.axes[0]) == [(0.3, 0.6)]
+    instants = [line for line in figure.axes[0].get_lines() if line.get_label().startswith("_plant")]
+    assert [line.get_xdata()[0] for line in instants] == [0.5, 0.7]
+    words = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert words[2] == "gust"
+    assert words[3] == "environment.wind replaced"
+    assert words[4] == "plant.payload.mass, 2 changes"
+    require_words_apart(figure)
+
+
+def test_a_gust_goes_on_through_a_change_of_something_else_and_many_changes_are_counted() -> None:
+    scenario = skyarm.load_scenario("case2_gust", duration=1.0)
+    wind = dataclasses.replace(scenario.wind, gust=skyarm.Gust(peak=[2.0, 0.0, 0.0], start=0.3, duration=0.4))
+    paths = ("plant.payload.mass", "environment.wind.force_W.x", "sensors.position", "controller.gains.position.x")
+    changes = tuple(skyarm.Change(at=0.5, path=path, value=1e-3) for path in paths)
+    facts = flight_facts(skyarm.run(dataclasses.replace(scenario, wind=wind, changes=changes)))
+    assert [(event.label, event.start, round(event.stop, 9)) for event in facts.events] == [
+        ("gust", 0.3, 0.7),
+        *[("4 changes of 4 numbers", 0.5, 0.5)] * 4,
+    ]

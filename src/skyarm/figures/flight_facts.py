@@ -2,24 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from skyarm.figures.flight_events import Event, events_in
 from skyarm.figures.quantities import end_time, gust_interval
 from skyarm.log.flight_log import Log
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """Something that happens to a flight: ``start`` to ``stop`` (s), the same where it happens at once."""
-
-    label: str
-    start: float
-    stop: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +49,7 @@ def flight_facts(log: Log) -> FlightFacts:
         joint_limits=tuple((float(joint.lower), float(joint.upper)) for joint in joints),
         effort_limits=tuple((-float(joint.effort_limit), float(joint.effort_limit)) for joint in joints),
         rotor_limits=tuple((float(rotor.max_speed),) for rotor in vehicle.rotors),
-        events=tuple(_events(scenario, end_time(log))),
+        events=events_in(scenario, end_time(log)),
     )
 
 
@@ -73,30 +62,6 @@ def _from_arrays(log: Log) -> FlightFacts:
         tip=not np.array_equal(log.tip, log.position),
         events=() if gust is None else (Event("gust", *gust),),
     )
-
-
-def _events(scenario: Any, end: float) -> Iterator[Event]:
-    """Gusts and faults that fall into the flight, in order; and what was changed while it flew."""
-    for gust in _gusts(scenario):
-        start, stop = float(gust.start), float(gust.start + gust.duration)
-        if any(float(c) for c in gust.peak) and start < stop and start < end:
-            yield Event("gust", start, min(stop, end))
-    for fault in scenario.faults:
-        if float(fault.start) < end and float(fault.effectiveness) < 1.0:
-            what = f"rotor {fault.rotor}" if fault.rotor else f"joint {fault.joint}"
-            yield Event(f"{what} at {100.0 * float(fault.effectiveness):.3g} %", float(fault.start), end)
-
-
-def _gusts(scenario: Any) -> Iterator[Any]:
-    """Every gust of the wind and of what else surrounds the vehicle."""
-    from skyarm.environment import Gust
-
-    for around in (scenario.wind, *scenario.air, *scenario.forces):
-        if dataclasses.is_dataclass(around):
-            for field in dataclasses.fields(around):
-                value = getattr(around, field.name)
-                if isinstance(value, Gust):
-                    yield value
 
 
 def _capital(name: str) -> str:

@@ -12,7 +12,8 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 
 from skyarm.figures import picture_styles
-from skyarm.figures.flight_facts import Event, FlightFacts, flight_facts
+from skyarm.figures.flight_events import Event
+from skyarm.figures.flight_facts import FlightFacts, flight_facts
 from skyarm.figures.flight_labels import ending_of, flights_by_label
 from skyarm.figures.flight_panels import ALL, FlightPanel, panels_of
 from skyarm.figures.picture_files import require_suffix, save_picture
@@ -225,11 +226,14 @@ def _shade(
 ) -> dict[str, Any]:
     """Events of the flights: an interval as a shade, an instant as a line; words of the legend -> artist."""
     handles: dict[str, Any] = {}
+    instants: dict[str, str] = {}
     for i, (event, label) in enumerate(events_of(facts).items()):
         if event.start > span[1] or event.stop < span[0]:
             continue
         if event.start == event.stop:
-            handles[label] = ax.axvline(event.start, color=style.frame, linewidth=0.1 * style.text, zorder=0.3)
+            instants.setdefault(label, ("-", "--", "-.", ":")[len(instants) % 4])
+            line: dict[str, Any] = {"color": style.frame, "linewidth": 0.08 * style.text, "linestyle": instants[label]}
+            handles[label] = ax.axvline(event.start, zorder=0.3, label=f"_{label}", **line)
             continue
         fill: dict[str, Any] = {
             "facecolor": style.shades[i % len(style.shades)],
