@@ -24,6 +24,7 @@ def test_the_readme_shows_commands():
         "run",
         "replay",
         "diff",
+        "plot",
         "reproduce",
         "sweep",
         "stats",

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from skyarm.environment import Air, Fault, Force, ForceWind, Gust, MovingAir, Payload, Wrench
     from skyarm.estimate.estimator import Estimator
     from skyarm.figures.flight_plot import plot
+    from skyarm.figures.metric_figure import plot_sweep
+    from skyarm.figures.vehicle_drawing import vehicle_drawing
     from skyarm.log.flight_log import Log
     from skyarm.log.formats import LogFormat, load_log, save_log
     from skyarm.metrics.metric import Metric
@@ -78,6 +80,8 @@ _ROOMS = {
     "skyarm.environment": ("Air", "MovingAir", "Fault", "Force", "Gust", "Payload", "ForceWind", "Wrench"),
     "skyarm.estimate.estimator": ("Estimator",),
     "skyarm.figures.flight_plot": ("plot",),
+    "skyarm.figures.metric_figure": ("plot_sweep",),
+    "skyarm.figures.vehicle_drawing": ("vehicle_drawing",),
     "skyarm.log.flight_log": ("Log",),
     "skyarm.log.formats": ("LogFormat", "load_log", "save_log"),
     "skyarm.metrics.metric": ("Metric",),
@@ -184,6 +188,7 @@ __all__ = [
     "momentum",
     "normals",
     "plot",
+    "plot_sweep",
     "preset",
     "register",
     "replay",
@@ -192,6 +197,7 @@ __all__ = [
     "save_log",
     "scenario_from",
     "score",
+    "vehicle_drawing",
     "with_numbers",
 ]
 
