@@ -11,6 +11,7 @@ from typing import Any
 from rich.console import Console
 
 from skyarm.cli.lines import say_if_many, say_unlikely
+from skyarm.cli.machine_output import give
 from skyarm.cli.progress import bar
 from skyarm.cli.shipped_names import require_not_another
 from skyarm.files import file_names, require_no_link, require_writable, taken_back, write_inside
@@ -60,6 +61,16 @@ def sweep(
         soft_wrap=True,
     )
     console.print(f"next: skyarm stats {folder}", soft_wrap=True)
+    give(
+        study=loaded.name,
+        folder=folder,
+        rows=summary.rows,
+        episodes=loaded.episodes,
+        controllers=list(loaded.scenarios),
+        flights=flights,
+        seconds=summary.seconds,
+        episodes_there_before=summary.found,
+    )
 
 
 def stats(
