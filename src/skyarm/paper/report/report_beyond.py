@@ -61,12 +61,13 @@ def beyond_section(summaries: Mapping[str, Any], logs: Mapping[str, Mapping[str,
         logs: plant -> entrant -> log in the wind with perfect state.
         picture: PNG of the tip's error over time, or nothing.
     """
-    parts = [f"<p>{text(lead())}</p>", bullets(hints(summaries)), harder_table(summaries)]
+    parts = [f"<p>{text(lead())}</p>"]
     if picture:
-        words = f"{PICTURE}. Plant: {next(iter(logs), 'none')}."
+        words = f"{WORDS[WIND]}. {PICTURE}. Plant: {next(iter(logs), 'none')}."
         parts.append(f'<div class="single">{image(f"{WORDS[WIND]}: tip error over time", words, picture)}</div>')
-    parts.append(plants_table(logs))
-    return "".join(parts)
+    parts += [bullets(hints(summaries)), details("Every case, perfect and noisy", harder_table(summaries))]
+    found = plants_table(logs)
+    return "".join(parts) + (details("Plant by plant", found) if found else "")
 
 
 def comparison_section(found: Mapping[str, Any], comparison: Comparison, address: str) -> str:

@@ -75,6 +75,7 @@ def html_of(plain: PlainTable) -> str:
         cells = [f'<th scope="row">{text(row[0])}</th>']
         for name, cell in zip(plain.head[1:], row[1:], strict=True):
             right = name.startswith(">")
-            cells.append(f'<td class="num">{typographic(text(cell))}</td>' if right else f"<td>{text(cell)}</td>")
+            kind = ' class="num"' if right else ' class="unit"' if name == "unit" else ""
+            cells.append(f"<td{kind}>{typographic(text(cell)) if right else text(cell)}</td>")
         rows.append("".join(cells))
     return table(text(plain.title), list(plain.head), [("", rows)], "text")

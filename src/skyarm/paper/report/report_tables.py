@@ -55,7 +55,7 @@ def headline_table(experiments: Experiments) -> str:
 
 
 def reversed_table(experiments: Experiments, plant: str) -> str:
-    """Where the law that is better in the paper is the worse one here."""
+    """Where the law that is better in the paper is the worse one here, folded; a sentence where there is none."""
     rows = []
     for case, name in reversed_orders(experiments, plant):
         ct, pd = (experiments[case][controller][name] for controller in ("CT", "PD"))
@@ -63,12 +63,12 @@ def reversed_table(experiments: Experiments, plant: str) -> str:
         values = [number_cell(each.get(column)) for column in ("paper", plant) for each in (ct, pd)]
         rows.append("".join([f'<th scope="row">{text(title)}</th>', f"<td>{text(metric(name).unit)}</td>", *values]))
     head = ["Metric", "Unit", ">Paper CT", ">Paper PD", f">{plant} CT", f">{plant} PD"]
-    return table(
-        f"Not reproduced: the better law of the paper is the worse one here, {text(plant)}",
-        head,
-        [("", rows)],
-        "reversed",
+    if not rows:
+        return f"<p>In no metric is the better law of the paper the worse one here ({text(plant)}).</p>"
+    summary = (
+        f"Not reproduced: {len(rows)} metrics in which the better law of the paper is the worse one here ({plant})"
     )
+    return details(summary, table(f"The paper and {text(plant)}, both laws", head, [("", rows)], "reversed"))
 
 
 def near_counts(laws: Mapping[str, Cells], plant: str) -> tuple[int, int, int]:
@@ -174,8 +174,7 @@ def sensitivity_tables(sensitivity: Mapping[str, Variants], experiments: Experim
         caption = f"{text(title)}, {text(plant)}; <strong>bold</strong>: nearest to the paper; dash: not measurable"
         own = assumed.get(group, "")
         key, rest = (_variant_table(caption, own, variants, experiments, key=key) for key in (True, False))
-        parts.append(details(f"{title}: main metrics", key))
-        parts.append(details(f"{title}: other metrics", rest))
+        parts.append(details(title, key + details("Other metrics", rest)))
     return "".join(parts) or "<p>No variation was flown.</p>"
 
 

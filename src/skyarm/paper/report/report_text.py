@@ -48,7 +48,7 @@ ASSUMPTIONS = (
 
 LEGEND = "Symbols: a full disc is within 5 % of the paper, a half disc within 20 %, an open circle beyond."
 
-HOLDS = "Each point is the mean over one hold of the reference."
+HOLDS = "CT solid, PD dashed; each point is the mean over one hold of the reference."
 
 BANDS = "A line is the mean over each hold of the reference, a light band its range."
 
