@@ -50,8 +50,8 @@ def stats(
     map_: Annotated[tuple[str, str] | None, typer.Option("--map", help="two varied numbers, across and upward")] = None,
     seed: Annotated[int, typer.Option(help="of the bootstrap")] = 0,
 ) -> None:
-    """Success, quantiles, robustness maps of a sweep."""
-    from skyarm.cli.sweep_command import stats as perform
+    """Success, quantiles, curves, maps of a sweep."""
+    from skyarm.cli.stats_command import stats as perform
 
     if seed < 0:
         raise ValueError(f"--seed = {seed}: must be at least 0")

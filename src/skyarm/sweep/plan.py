@@ -7,6 +7,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from skyarm.files import versions
@@ -18,7 +19,9 @@ from skyarm.registry import registrations
 from skyarm.scenario.endings import STATUSES
 from skyarm.scenario.numbers import require_apart, with_numbers
 from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.units_of_numbers import unit_at
 from skyarm.simulate.batch import Batch
+from skyarm.simulate.draws import draws_needed
 from skyarm.sweep.design import extremes
 from skyarm.sweep.origin import Origin
 from skyarm.sweep.study import Study, StudyError
@@ -46,6 +49,17 @@ class Plan:
     def digest(self) -> str:
         """Digest of all that the rows depend on."""
         return self.origin.digest
+
+    @cached_property
+    def units(self) -> dict[str, str]:
+        """SI unit of each varied number, where its field declares one."""
+        scenario = next(iter(self.study.scenarios.values()))
+        return {path: unit for path in self.study.paths if (unit := unit_at(scenario, path))}
+
+    @cached_property
+    def noise(self) -> bool:
+        """Whether an episode draws random numbers while it flies."""
+        return any(draws_needed(scenario) for scenario in self.study.scenarios.values())
 
     def batches(self) -> dict[str, Batch]:
         """The closed loop of each controller in machine code."""
