@@ -13,7 +13,6 @@ import io
 import json
 import math
 import sys
-import typing
 from collections.abc import Callable, Iterator, Mapping
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -67,9 +66,8 @@ def with_output_options(name: str, function: Command) -> Command:
 
     An option of its own that is called so, as a plugin may have one, stays its own.
     """
-    hints = typing.get_type_hints(function, include_extras=True)
-    signature = inspect.signature(function)
-    own = [each.replace(annotation=hints.get(each.name, each.annotation)) for each in signature.parameters.values()]
+    signature = inspect.signature(function, eval_str=True)
+    own = list(signature.parameters.values())
     taken = {word for each in own for word in _words(each)}
     added = [
         inspect.Parameter(parameter, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=option)

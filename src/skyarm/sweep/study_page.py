@@ -46,7 +46,8 @@ def page(found: Mapping[str, Any], manifest: Manifest, pictures: Pictures) -> st
         body.append(section("Metrics over what varied", _curves(pictures, found)))
     if found["paired"]:
         body.append(section("Paired differences", _paired(found)))
-    body.append(section("Metrics", "".join(_metrics(name, each) for name, each in found["controllers"].items())))
+    folded = "".join(_metrics(name, each) for name, each in found["controllers"].items())
+    body.append(section("Metrics", folded + _names(found)))
     body.append(section("What varied", _varied(manifest.origin.study, pictures.labels)))
     return plain_page(
         manifest.title or manifest.name,
@@ -146,6 +147,13 @@ def _metrics(name: str, each: Mapping[str, Any]) -> str:
     caption = f"{name}: episodes that flew to their end, {how}"
     head = ("metric", ">episodes", ">mean", *(f">{share:.0%}" for share in SHARES))
     return details(f"Metrics of {name}", table(head, rows, caption))
+
+
+def _names(found: Mapping[str, Any]) -> str:
+    """What the metrics are called in files and on the command line."""
+    names = dict.fromkeys(name for each in found["controllers"].values() for name in each["metrics"])
+    rows = [(labelled(*metric_words(name)), name) for name in names]
+    return details("Names in files", table(("metric", "name"), rows)) if rows else ""
 
 
 def _paired(found: Mapping[str, Any]) -> str:
