@@ -22,13 +22,26 @@ from skyarm.cli.app import Program, app
 from skyarm.cli.old_options import with_new_options
 from skyarm.files.old_names import OldNameWarning
 from skyarm.paper.published import PAPER
-from skyarm.scenario.scenario_file import LIBRARY
 
 assert commands.JOINED
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "command_line.md"
 HEAD = {"schema", "command", "skyarm"}
-SHORT = (LIBRARY / "case3.toml").read_text("utf-8").replace('name = "case3"', 'name = "short"')
+SHORT = """
+schema = 1
+name = "short"
+duration = 0.5
+[plant]
+vehicle = "hummingbird_arm2_rotors"
+gravity = 9.81
+[model]
+vehicle = "hummingbird_arm2"
+[controller]
+preset = "paper_pd"
+[reference]
+base = { kind = "hover", position = [0.0, 0.0, 1.0] }
+"""
+FALLS = SHORT.replace("duration = 0.5", "duration = 5.0") + "[initial]\nposition = [0, 0, 1]\nvelocity = [0, 0, -20]\n"
 STUDY = """
 schema = 1
 name = "tiny"
@@ -63,8 +76,12 @@ def measured(**_options: Any) -> dict[str, Any]:
 def reproduced(out: str, **_options: Any) -> dict[str, Any]:
     """In place of a reproduction of a minute: every cell the paper's."""
     plants = {"rigid_body": 1.0, "mujoco": 1.0}
+    beside = {"held_position_error": None}
     experiments = {
-        case: {law: {name: {"paper": value, **plants} for name, value in cells.items()} for law, cells in laws.items()}
+        case: {
+            law: {name: {"paper": value, **plants} for name, value in (cells | beside).items()}
+            for law, cells in laws.items()
+        }
         for case, laws in PAPER.items()
     }
     return {"schema": 1, "experiments": experiments, "settings": {}}
@@ -73,7 +90,7 @@ def reproduced(out: str, **_options: Any) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("commands")
-    (path / "short.toml").write_text(re.sub(r"duration = [\d.]+", "duration = 0.5", SHORT, count=1))
+    (path / "short.toml").write_text(SHORT)
     (path / "study.toml").write_text(STUDY)
     return path
 
@@ -131,15 +148,13 @@ def test_wrong_input_is_a_line_and_no_document() -> None:
 
 
 def test_a_flight_that_ended_early_is_a_document_and_keeps_its_exit_code(folder: Path) -> None:
-    low = SHORT.replace("position = [0.0, 0.0, 1.0]", "").replace("[reference.base]", "[initial]\nposition = [0, 0, 0.1]\n"
-                                                                  "velocity = [0, 0, -9]\n[reference.base]")  # fmt: skip
-    (folder / "falls.toml").write_text(low)
+    (folder / "falls.toml").write_text(FALLS)
     ended = skyarm("run", "falls.toml", "--json")
     assert ended.code == 3, ended
     found = json.loads(ended.out)
     assert found["status"] != "completed"
     assert found["cause"]
-    assert found["end_time"] < 1.0
+    assert found["end_time"] < 5.0
 
 
 def test_the_numbers_of_a_document_are_those_of_the_flight() -> None:
@@ -156,24 +171,22 @@ def test_what_json_lacks_becomes_null_list_and_text() -> None:
     assert machine_output.plain(given) == {"a": [1.0, None], "b": [1, None], "c": "x", "d": 3, "5": {"e": True}}
 
 
-def run_own(monkeypatch: pytest.MonkeyPatch, function: Any, *words: str) -> Any:
+def run_own(function: Any, *words: str) -> Any:
     """A command that a plugin might bring, through the whole program."""
-    from skyarm.registry import register
-
     with registry_kept():
-        register("command", "own-words")(function)
+        package.register.command("own-words")(function)
         return skyarm("own-words", *words)
 
 
-def test_a_command_of_one_s_own_has_the_options_and_its_lines_are_the_document(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_command_of_one_s_own_has_the_options_and_its_lines_are_the_document() -> None:
     def own(number: int = 3) -> None:
         """Say a number."""
         print(f"number {number}")
 
-    ended = run_own(monkeypatch, own, "--number", "4", "--json")
+    ended = run_own(own, "--number", "4", "--json")
     assert json.loads(ended.out)["lines"] == ["number 4"]
-    assert run_own(monkeypatch, own, "--quiet").out == ""
-    assert run_own(monkeypatch, own).out == "number 3\n"
+    assert run_own(own, "--quiet").out == ""
+    assert run_own(own).out == "number 3\n"
 
 
 def test_an_option_of_one_s_own_that_is_called_so_stays_one_s_own() -> None:
