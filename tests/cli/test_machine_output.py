@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import re
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -164,6 +165,16 @@ def test_the_numbers_of_a_document_are_those_of_the_flight() -> None:
     inside = (log.time >= found["steady_window_s"][0]) & (log.time < found["steady_window_s"][1])
     wanted = {"mean": error[inside].mean(), "max": error[inside].max(), "max_whole_flight": error.max()}
     assert found["errors"]["tip"] == pytest.approx(wanted, rel=1e-12)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the shell's pipe and quotes")
+def test_the_pipe_that_the_documentation_shows_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (line,) = re.findall(r"^    (skyarm run case3 --json \|.*)$", DOCS.read_text("utf-8"), re.MULTILINE)
+    words = line.replace("skyarm run case3", f"{sys.executable} -m skyarm run case3 --duration 1")
+    words = words.replace("| python ", f"| {sys.executable} ")
+    done = subprocess.run(words, shell=True, capture_output=True, text=True, cwd=tmp_path, check=True)
+    assert 0.0 < float(done.stdout) < 0.1
+    assert not done.stderr
 
 
 def test_what_json_lacks_becomes_null_list_and_text() -> None:

@@ -55,7 +55,7 @@ class Plan:
     def units(self) -> dict[str, str]:
         """SI unit of each varied number, where its field declares one."""
         scenario = next(iter(self.study.scenarios.values()))
-        return {path: unit for path in self.study.paths if (unit := unit_at(scenario, path))}
+        return {path: unit for path in self.study.paths if (unit := _unit(scenario, path))}
 
     @cached_property
     def noise(self) -> bool:
@@ -77,6 +77,14 @@ class Plan:
             )
             for label, scenario in study.scenarios.items()
         }
+
+
+def _unit(scenario: Scenario, path: str) -> str:
+    """Unit of a number; empty for one that is no field of a record."""
+    try:
+        return unit_at(scenario, path)
+    except ValueError:
+        return ""
 
 
 def prepare(study: Study) -> Plan:
