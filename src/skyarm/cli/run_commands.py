@@ -190,7 +190,9 @@ def show(
     if drawing is not None:
         from skyarm.cli.plot_command import draw_vehicle
 
-        return tell(draw_vehicle(vehicle, drawing, style, dark=dark))
+        picture = draw_vehicle(vehicle, drawing, style, dark=dark)
+        give(picture=picture)
+        return tell(f"drawing: {picture}")
     loaded = load_vehicle(vehicle)
     if ops:
         say_if_many(loaded.name, loaded.n)
