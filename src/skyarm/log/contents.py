@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.log.columns import JOINT_ARRAYS, ROTOR_ARRAYS
 from skyarm.log.flight_log import Log
 from skyarm.records.leaves import field_names
 from skyarm.records.units import units
@@ -18,9 +19,6 @@ SCALARS = ("time", "yaw_held", "yaw_reference")
 """Arrays of a number an instant."""
 
 FOURS = ("quaternion",)
-
-BY_JOINT = ("joints", "joint_rates", "efforts", "joints_held", "joint_rates_held", "joints_reference", "measured_joints")
-BY_ROTOR = ("rotor_speeds", "rotor_commands")
 
 LAYOUT = "columns"
 """Key of a file's description that says the names and units of the arrays' columns."""
@@ -39,7 +37,7 @@ def log_of(content: Mapping[str, Any], info: Any, schema_words: str) -> Log:
     joints, rotors = np.shape(content["joints"])[1:], np.shape(content["rotor_speeds"])[1:]
     for name in wanted:
         width = (3,) if name not in SCALARS else ()
-        width = joints if name in BY_JOINT else rotors if name in BY_ROTOR else (4,) if name in FOURS else width
+        width = joints if name in JOINT_ARRAYS else rotors if name in ROTOR_ARRAYS else (4,) if name in FOURS else width
         array = np.asarray(content[name])
         if len(count) != 1 or array.shape != (*count, *width) or array.ndim > 2 or array.dtype != np.float64:
             raise ValueError(schema_words)

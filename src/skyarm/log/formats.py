@@ -108,7 +108,7 @@ def _written_aside(write: Callable[[Log, Path], Path], log: Log, path: Path) -> 
     try:
         write(log, folder / target.name)
         if not (folder / target.name).is_file():
-            raise ValueError(f"log = {shown(str(path))}: its format must write the file that it is given; it wrote none")
+            raise ValueError(f"log = {shown(str(path))}: must be written by its format, which wrote no such file")
         for file in sorted(folder.iterdir()):
             file.replace(target.parent / file.name)
     finally:

@@ -1,4 +1,4 @@
-"""A log as Parquet: columns with names and units, and all that was flown in the file's metadata; read back to the bit."""
+"""A log as Parquet: columns with names and units, all that was flown in the metadata; read back to the bit."""
 
 from __future__ import annotations
 
@@ -40,10 +40,11 @@ def write_parquet(log: Log, path: Path) -> Path:
         ValueError: pyarrow is missing. OSError: it cannot be written.
     """
     pa, pq = _parquet()
-    fields, arrays = [], []
-    for each in columns(log):
-        fields.append(pa.field(each.name, pa.float64(), nullable=False, metadata={"unit": each.unit, "meaning": each.meaning}))
-        arrays.append(pa.array(np.ascontiguousarray(each.of(log))))
+    every = columns(log)
+    said = [{"unit": each.unit, "meaning": each.meaning} for each in every]
+    names = [each.name for each in every]
+    fields = [pa.field(name, pa.float64(), nullable=False, metadata=m) for name, m in zip(names, said, strict=True)]
+    arrays = [pa.array(np.ascontiguousarray(each.of(log))) for each in every]
     info = json.dumps(log.info | {LAYOUT: layout(log)}).encode()
     table = pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata={KEY: info}))
     with writing_atomically(path) as stream:

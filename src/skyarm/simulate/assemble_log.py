@@ -36,26 +36,44 @@ class Samples:
     wind: WindSample
 
 
-def assemble(scenario: Scenario, inputs: EpisodeInputs, flown: Samples, ending: Ended | None) -> Log:
-    """The log of a flight."""
+def assemble(
+    scenario: Scenario,
+    inputs: EpisodeInputs,
+    flown: Samples,
+    ending: Ended | None,
+    *,
+    first: int = 0,
+    info: dict[str, Any] | None = None,
+) -> Log:
+    """The log of a flight, or of a part of it.
+
+    Args:
+        scenario: that was flown.
+        inputs: its tables.
+        flown: what the flight left of these instants.
+        ending: why it ended before its time, or None.
+        first: number of the first of these instants.
+        info: what the log says of itself, where that is known already.
+    """
     vehicle = scenario.world.vehicle
     n, rotors, count = vehicle.n, len(vehicle.rotors), len(flown.states)
     x, u, m = flown.states, flown.commands, flown.readings
     held, wind = inputs.held_reference, flown.wind
+    stop = first + count
 
-    def table(record: Any) -> Array:
+    def table(record: Any, start: int = 0) -> Array:
         columns = [np.asarray(c, dtype=float) for c in record]
-        columns = [c[:count] if c.ndim else np.broadcast_to(c, (count,)) for c in columns]
+        columns = [c[start : start + count] if c.ndim else np.broadcast_to(c, (count,)) for c in columns]
         return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
     position, quaternion, joints = x[:, 0:3], x[:, 3:7], x[:, 13 : 13 + n]
-    free = inputs.reference
+    free = inputs.reference_between(first, stop)
     tables = {
-        "position_held": table(held.position),
-        "velocity_held": table(held.velocity),
-        "joints_held": table(held.joints),
-        "joint_rates_held": table(held.joint_rates),
-        "yaw_held": table((held.yaw,))[:, 0],
+        "position_held": table(held.position, first),
+        "velocity_held": table(held.velocity, first),
+        "joints_held": table(held.joints, first),
+        "joint_rates_held": table(held.joint_rates, first),
+        "yaw_held": table((held.yaw,), first)[:, 0],
         "position_reference": table(free.position),
         "joints_reference": table(free.joints),
         "yaw_reference": table((free.yaw,))[:, 0],
@@ -67,7 +85,7 @@ def assemble(scenario: Scenario, inputs: EpisodeInputs, flown: Samples, ending: 
         goals = (tables[f"{name}_{kind}"] for name in ("position", "yaw", "joints"))
         tables[f"tool_{kind}"] = level_tip(vehicle, *goals)
     return Log(
-        time=inputs.times[:count],
+        time=inputs.times[first:stop],
         position=position,
         quaternion=quaternion,
         velocity=x[:, 7:10],
@@ -80,7 +98,7 @@ def assemble(scenario: Scenario, inputs: EpisodeInputs, flown: Samples, ending: 
         tool=tip(vehicle, position, quaternion, joints),
         measured_position=m[:, 1:4],
         measured_joints=m[:, 17 : 17 + n],
-        info=describe(scenario, ending),
+        info=describe(scenario, ending) if info is None else info,
         **tables,
     )
 

@@ -117,19 +117,25 @@ class StagedFlight:
 
     def log(self) -> Log:
         """What was flown so far."""
+        ended = self.ended or going_on(self.scenario, self.tick)
+        return assemble(self.scenario, self.inputs, self.samples(0, self.tick), ended)
+
+    def samples(self, start: int, stop: int) -> Samples:
+        """What some of the periods left."""
         n, rotors = self.scenario.world.vehicle.n, len(self.scenario.world.vehicle.rotors)
         ends = np.cumsum([13 + 2 * n + rotors, rotors + n, len(leaves(self._stages.reading))])
-        states, commands, readings, wind = np.split(self.rows, ends.tolist(), axis=1)
-        felt = rebuild(self._stages.wind, iter(wind.T))
-        ended = self.ended or going_on(self.scenario, self.tick)
-        return assemble(self.scenario, self.inputs, Samples(states, commands, readings, felt), ended)
+        states, commands, readings, wind = np.split(self._rows(start, stop), ends.tolist(), axis=1)
+        return Samples(states, commands, readings, rebuild(self._stages.wind, iter(wind.T)))
 
     @property
     def rows(self) -> Any:
         """What was logged: a row a period, the leaves of a sample but for ``alive``."""
+        return self._rows(0, self.tick)
+
+    def _rows(self, start: int, stop: int) -> Any:
         width = len(leaves((self.first.state, self.first.queue[0], self._stages.reading, self._stages.wind)))
-        numbers = chain.from_iterable(chain.from_iterable(self._logged))
-        return np.fromiter(numbers, dtype=float, count=width * len(self._logged)).reshape(-1, width)
+        numbers = chain.from_iterable(chain.from_iterable(self._logged[start:stop]))
+        return np.fromiter(numbers, dtype=float, count=width * (stop - start)).reshape(-1, width)
 
     @property
     def now(self) -> LoopState:

@@ -17,7 +17,7 @@ from skyarm.log.flight_log import Log, rows_of
 from skyarm.log.mcap.container import McapWriter, Messages
 from skyarm.log.mcap.scan import McapError, numbers, scan
 from skyarm.log.ros.message_types import definition, full_name
-from skyarm.log.ros.topics import FLIGHT_TOPIC, FlightTopics
+from skyarm.log.ros.topics import FLIGHT_TOPIC, FlightTopics, control_rate, every_of
 
 CHUNK = 1.0
 """s of flight in a chunk, about: what is lost at most where a file is cut off."""
@@ -39,15 +39,11 @@ class FlightWriter:
     Args:
         write: takes bytes, in the order of the file.
         log: of the flight or of its first part: its names, its structure, what it says of itself.
-
-    Attributes:
-        chunk: control instants of a chunk; a part must have a multiple of it, but for the last.
     """
 
     def __init__(self, write: Callable[[bytes], object], log: Log) -> None:
         self._topics = FlightTopics(log)
-        period, rate = self._topics.period, (log.info.get("rates_hz") or {}).get("control") or 200
-        self.chunk = period * max(1, round(CHUNK * rate / period))
+        self._chunk = chunk_of(log)
         self._file = McapWriter(write, f"skyarm {versions()['skyarm']}")
         known = self._topics.definitions
         self._channels = [
@@ -68,11 +64,11 @@ class FlightWriter:
         """Write a part of the flight.
 
         Args:
-            log: the part.
-            first: number of its first instant, a multiple of :attr:`chunk`.
+            log: the part; of whole chunks (:func:`chunk_of`), but for the last.
+            first: number of its first instant.
         """
-        for begin in range(0, log.time.size, self.chunk):
-            piece, instant = rows_of(log, slice(begin, begin + self.chunk)), first + begin
+        for begin in range(0, log.time.size, self._chunk):
+            piece, instant = rows_of(log, slice(begin, begin + self._chunk)), first + begin
             messages = []
             for channel, topic in zip(self._channels, self._topics.topics, strict=True):
                 if topic.every or not instant:
@@ -84,6 +80,12 @@ class FlightWriter:
     def end(self) -> None:
         """Write the index."""
         self._file.end()
+
+
+def chunk_of(log: Log) -> int:
+    """Control instants of a chunk."""
+    rate, (_, period) = control_rate(log), every_of(log)
+    return period * max(1, round(CHUNK * rate / period))
 
 
 def write_mcap(log: Log, path: Path) -> Path:

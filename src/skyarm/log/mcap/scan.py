@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from skyarm.files import shown
 from skyarm.log.mcap.container import ATTACHMENT, CHANNEL, CHUNK, DATA_END, MAGIC, MESSAGE
 
@@ -89,7 +91,8 @@ def _take(content: bytes, opcode: int, begin: int, end: int, topic: str, wanted:
         (length,) = struct.unpack_from("<Q", content, at)
         if at + 8 + length + 4 != end:
             raise struct.error
-        _require_sum(content[begin : end - 4], struct.unpack_from("<I", content, end - 4)[0], f"attachment {shown(name)}")
+        (crc,) = struct.unpack_from("<I", content, end - 4)
+        _require_sum(content[begin : end - 4], crc, f"attachment {shown(name)}")
         found.attachments[name] = content[at + 8 : end - 4]
 
 
@@ -98,7 +101,7 @@ def _chunk(content: bytes, begin: int, end: int) -> tuple[int, int]:
     _, _, _, crc = struct.unpack_from("<QQQI", content, begin)
     compression, at = _text(content, begin + 28, end)
     if compression:
-        raise McapError(f"chunk at byte {begin}: must not be compressed ({shown(compression)}); skyarm writes none that is")
+        raise McapError(f"chunk at byte {begin}: must not be compressed ({shown(compression)})")
     (length,) = struct.unpack_from("<Q", content, at)
     if at + 8 + length != end:
         raise struct.error
@@ -125,8 +128,6 @@ def numbers(messages: list[bytes], width: int) -> Any:
     Raises:
         McapError: messages of another size.
     """
-    import numpy as np
-
     size = 4 + 8 * width
     if any(len(each) != size for each in messages):
         raise McapError(f"messages of a flight: must have {width} numbers each")

@@ -127,4 +127,3 @@ def encode(kind: str, definitions: Mapping[str, str], values: Values, count: int
     template = Template(definitions, ros1)
     template.record(kind, values)
     return template.messages(count)
-

@@ -105,10 +105,8 @@ class FlightTopics:
         self._columns = columns(log)
         self._names = names_of(log)
         self.definitions: dict[str, str] = {**DEFINITIONS, FLIGHT: flight_definition(self._columns)}
-        rate = _control_rate(log)
-        fast = max(1, round(rate / FAST))
-        self.period = slow = fast * max(1, round(rate / fast / SLOW))
-        self.topics = tuple(self._flight() + self._state(fast) + self._rest(slow, vehicle_of(log)))
+        fast, self.period = every_of(log)
+        self.topics = tuple(self._flight() + self._state(fast) + self._rest(self.period, vehicle_of(log)))
 
     def encoded(self, topic: Topic, log: Log, ros1: bool = False) -> tuple[npt.NDArray[np.int64], Bytes]:
         """Times (ns) and messages of a topic in a part of the flight.
@@ -122,7 +120,7 @@ class FlightTopics:
         part = Part(log, chosen)
         with np.errstate(all="ignore"):
             values = topic.values(part)
-        known = self.definitions | ROS1 if ros1 else self.definitions
+        known = {**self.definitions, **ROS1} if ros1 else self.definitions
         return part.stamps, encode(topic.kind, known, values, len(part.stamps), ros1)
 
     def _flight(self) -> list[Topic]:
@@ -156,21 +154,22 @@ class FlightTopics:
 
     def _rest(self, every: int, vehicle: Vehicle | None) -> list[Topic]:
         names = self._names
-        joints = {"position": "joints_held", "velocity": "joint_rates_held"}
-        points = {"/tip": "tool", "/reference/tip": "tool_reference", "/held/tip": "tool_held"}
-        vectors = {"/air_velocity": "air_velocity"}
+        held = {"position": "joints_held", "velocity": "joint_rates_held"}
+        level = _level("position_reference", "yaw_reference")
         return [
-            *(_transforms(every, vehicle)),
-            Topic("/reference/base", "geometry_msgs/PoseStamped", every, _level("position_reference", "yaw_reference")),
+            *_transforms(every, vehicle),
+            Topic("/reference/base", "geometry_msgs/PoseStamped", every, level),
             *_joints("/reference/joints", every, names.joints, position="joints_reference"),
+            _point("/reference/tip", every, "tool_reference"),
             Topic("/held/base", "nav_msgs/Odometry", every, _held),
-            *_joints("/held/joints", every, names.joints, **joints),
-            *(Topic(name, "geometry_msgs/PointStamped", every, _vector("point", array)) for name, array in points.items()),
-            Topic("/measured/base", "geometry_msgs/PointStamped", every, _vector("point", "measured_position")),
+            *_joints("/held/joints", every, names.joints, **held),
+            _point("/held/tip", every, "tool_held"),
+            _point("/tip", every, "tool"),
+            _point("/measured/base", every, "measured_position"),
             *_joints("/measured/joints", every, names.joints, position="measured_joints"),
             Topic("/wind", "geometry_msgs/WrenchStamped", every, _wind),
-            *(Topic(name, "geometry_msgs/Vector3Stamped", every, _vector("vector", a)) for name, a in vectors.items()),
-            *([] if vehicle is None else [Topic("/rotor_wrench", "geometry_msgs/WrenchStamped", every, _thrust(vehicle))]),
+            Topic("/air_velocity", "geometry_msgs/Vector3Stamped", every, _air),
+            *_thrust(every, vehicle),
             *(Topic(f"/metrics/{name}", "std_msgs/Float64", every, metric) for name, metric in METRICS.items()),
         ]
 
@@ -181,11 +180,18 @@ def vehicle_of(log: Log) -> Vehicle | None:
         found = restore(log.info["scenario_record"]["world"]["vehicle"], log.info.get("plugins"))
     except (KeyError, TypeError, ValueError, AttributeError):
         return None
-    fits = isinstance(found, Vehicle) and (found.n, len(found.rotors)) == (log.joints.shape[1], log.rotor_speeds.shape[1])
-    return found if fits else None
+    shape = log.joints.shape[1], log.rotor_speeds.shape[1]
+    return found if isinstance(found, Vehicle) and (found.n, len(found.rotors)) == shape else None
 
 
-def _control_rate(log: Log) -> float:
+def every_of(log: Log) -> tuple[int, int]:
+    """Control instants from one message to the next: of the state, and of the rest, a multiple of it."""
+    rate = control_rate(log)
+    fast = max(1, round(rate / FAST))
+    return fast, fast * max(1, round(rate / fast / SLOW))
+
+
+def control_rate(log: Log) -> float:
     """Control instants in a second."""
     rate = (log.info.get("rates_hz") or {}).get("control")
     return float(rate) if isinstance(rate, (int, float)) and rate > 0 else FAST
@@ -241,16 +247,25 @@ def _held(part: Part) -> dict[str, Any]:
     }
 
 
-def _vector(field: str, array: str) -> Callable[[Part], dict[str, Any]]:
-    return lambda part: {"header": part.header(WORLD), field: xyz(part[array])}
+def _point(name: str, every: int, array: str) -> Topic:
+    def values(part: Part) -> dict[str, Any]:
+        return {"header": part.header(WORLD), "point": xyz(part[array])}
+
+    return Topic(name, "geometry_msgs/PointStamped", every, values)
 
 
 def _wind(part: Part) -> dict[str, Any]:
     return {"header": part.header(WORLD), "wrench": {"force": xyz(part["wind_force"])}}
 
 
-def _thrust(vehicle: Vehicle) -> Callable[[Part], dict[str, Any]]:
+def _air(part: Part) -> dict[str, Any]:
+    return {"header": part.header(WORLD), "vector": xyz(part["air_velocity"])}
+
+
+def _thrust(every: int, vehicle: Vehicle | None) -> list[Topic]:
     """Force and torque of the rotors, none of them faulty, about and at the base's origin, base axes."""
+    if vehicle is None:
+        return []
 
     def values(part: Part) -> dict[str, Any]:
         slip = Vec3(*part.in_base(part["velocity"] - part["air_velocity"]).T)
@@ -258,7 +273,7 @@ def _thrust(vehicle: Vehicle) -> Callable[[Part], dict[str, Any]]:
         wrench = {"force": xyz(total.force), "torque": xyz(total.torque)}
         return {"header": part.header(BASE_LINK), "wrench": wrench}
 
-    return values
+    return [Topic("/rotor_wrench", "geometry_msgs/WrenchStamped", every, values)]
 
 
 def _distance(array: str) -> Callable[[Part], dict[str, Any]]:

@@ -110,6 +110,5 @@ def of_matrices(R: Array) -> Array:
     w, x, y, z = squares.T
     products = np.array([[w, a, b, c], [a, x, d, e], [b, d, y, f], [c, e, f, z]]).transpose(2, 0, 1)
     found: Array = products[np.arange(len(R)), squares.argmax(axis=1)]
-    return found / np.linalg.norm(found, axis=1, keepdims=True)
-
-
+    unit: Array = found / np.linalg.norm(found, axis=1, keepdims=True)
+    return unit
