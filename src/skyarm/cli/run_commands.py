@@ -1,4 +1,4 @@
-"""The commands on one flight or one vehicle: reproduce, run, list, show, export-c; and on the cache of their code."""
+"""The commands on one flight or vehicle: reproduce, run, export, list, show, export-c; and on the cache of code."""
 
 from __future__ import annotations
 
@@ -131,6 +131,25 @@ def run(
         tell(f"the flight before it is kept: {', '.join(str(name) for _, name in kept)}")
     if log.status != "completed":
         raise typer.Exit(NOT_COMPLETED)
+
+
+@app.command()
+def export(
+    flight: Annotated[str, typer.Argument(help="the log of a flight: .npz, .mcap or .parquet")],
+    to: Annotated[str | None, typer.Option(metavar="FORMAT", help="mcap, npz, csv, parquet or ros1")] = None,
+    file: Annotated[str | None, typer.Option("--out", "-o", help="file to write; beside FLIGHT if left out")] = None,
+    layouts: Annotated[
+        str | None, typer.Option(metavar="FOLDER", help="write layouts for Foxglove and PlotJuggler there")
+    ] = None,
+) -> None:
+    """Write a flight's log in another format.
+
+    A log that was cut off, as that of a run that was killed, is written as far as it goes. 'skyarm export-c' writes a
+    controller.
+    """
+    from skyarm.cli.export_logs import export as perform
+
+    perform(flight, to, file, layouts, tell)
 
 
 @app.command(name="list")

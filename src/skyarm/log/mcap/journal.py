@@ -16,7 +16,7 @@ from skyarm.log.flight_log import Log, rows_of
 PAUSE = 0.25
 """s between two writes at least, and before the first: most flights are over by then and are written once."""
 
-SHARE = 0.1
+SHARE = 0.2
 """Largest part of a flight's time that is spent on this."""
 
 ENDING = ".partial.mcap"
@@ -68,15 +68,14 @@ class Journal:
         from skyarm.log.mcap.flight_file import FlightWriter, chunk_of
 
         chunk = chunk_of(log)
-        whole = log.time.size // chunk * chunk
-        if not whole:
-            return
-        if self._writer is None or self._stream is None:
+        if self._stream is None and log.time.size >= chunk:
             self._stream = self.file.open("wb")
             self._writer = FlightWriter(self._stream.write, log)
-        self._writer.part(rows_of(log, slice(0, whole)), self.kept)
-        self._stream.flush()
-        self.kept, self.until = self.kept + whole, float(log.time[whole - 1])
+        for begin in range(0, log.time.size - chunk + 1, chunk):
+            self._writer.part(rows_of(log, slice(begin, begin + chunk)), self.kept)
+            self.kept, self.until = self.kept + chunk, float(log.time[begin + chunk - 1])
+        if self._stream is not None:
+            self._stream.flush()
 
     def close(self) -> None:
         """Write no more."""
