@@ -48,7 +48,7 @@ def write_parquet(log: Log, path: Path) -> Path:
     info = json.dumps(log.info | {LAYOUT: layout(log)}).encode()
     table = pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata={KEY: info}))
     with writing_atomically(path) as stream:
-        pq.write_table(table, stream, compression="zstd")
+        pq.write_table(table, stream, compression="zstd", write_page_checksum=True)
     return path
 
 
@@ -61,7 +61,7 @@ def read_parquet(path: Path) -> Log:
     pa, pq = _parquet()
     name, content = f"log = {shown(os.fspath(path))}", path.read_bytes()
     try:
-        table = pq.read_table(pa.BufferReader(content))
+        table = pq.read_table(pa.BufferReader(content), page_checksum_verification=True)
         info = json.loads((table.schema.metadata or {})[KEY])
         rows = np.stack([np.asarray(each, dtype=float) for each in table.columns], axis=1)
     except Exception:  # file, pages, compression, columns and JSON have readers of their own, each with its own errors

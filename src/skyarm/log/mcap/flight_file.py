@@ -129,7 +129,11 @@ def _log(attachments: dict[str, bytes], messages: list[bytes]) -> Log:
         info = json.loads(attachments[INFO])
         if SCENARIO in attachments:
             info["scenario_record"] = json.loads(attachments[SCENARIO])
+        elif "digest" in info:
+            raise McapError(f"must hold the attachment {SCENARIO}, before which it was cut off")
         names = [name for each in info[LAYOUT].values() for name in each["columns"]]
+    except McapError:
+        raise
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         raise McapError(f"{INFO}: must be what skyarm writes of a flight") from None
     arrays = arrays_of(numbers(messages, len(names)), names, info[LAYOUT])
