@@ -102,7 +102,7 @@ class McapWriter:
 
     def channel(self, topic: str, schema: str, definition: str) -> int:
         """Announce a topic and the definition of its messages; returns the channel's number."""
-        kept, number = self._kept, len(self._kept.channels)
+        kept, number = self._kept, len(self._kept.channels) + 1  # some readers take a zero for none
         content = _text(schema) + _text(SCHEMA_ENCODING) + _text(definition)
         known = [each[11:] for each in kept.schemas]
         if content not in known:
