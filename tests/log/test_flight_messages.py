@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import warnings
 from collections import defaultdict
 from pathlib import Path
@@ -252,3 +253,24 @@ def test_definitions_are_those_of_ros(tmp_path):
         for name in own:
             # the identity by which ROS 2 tells types apart
             assert reader.typestore.hash_rihs01(name) == store.hash_rihs01(name), name
+
+
+@pytest.mark.parametrize("count", [0, 3, 603])
+def test_the_index_of_a_chunk_says_where_its_messages_begin(count, tmp_path):
+    from mcap.records import Chunk, MessageIndex
+    from mcap.stream_reader import StreamReader
+
+    chunk, seen = b"", 0
+    path = skyarm.save_log(drawn(skyarm.load_vehicle("hummingbird_arm2"), count=count), tmp_path / "drawn.mcap")
+    with path.open("rb") as stream:
+        for record in StreamReader(stream, emit_chunks=True, validate_crcs=True).records:
+            if isinstance(record, Chunk):
+                chunk = record.data
+            elif isinstance(record, MessageIndex):
+                for time, at in record.records:
+                    # opcode, length; channel, sequence, time of the log
+                    opcode, _, channel, _, stamp = struct.unpack_from("<BQHIQ", chunk, at)
+                    assert (opcode, channel, stamp) == (5, record.channel_id, time)
+                    seen += 1
+    with path.open("rb") as stream:
+        assert seen == mcap_reader.make_reader(stream).get_summary().statistics.message_count
