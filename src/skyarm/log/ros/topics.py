@@ -38,6 +38,9 @@ Array = npt.NDArray[np.float64]
 FAST, SLOW = 200.0, 50.0
 """Hz: of the state, joints and commands; of the rest. Slower controls are written at each of their instants."""
 
+HIGHEST = 1e6
+"""Hz: no control is faster, and a log that says so is taken for one at FAST."""
+
 FLIGHT_TOPIC = "/skyarm/flight"
 
 
@@ -193,8 +196,9 @@ def every_of(log: Log) -> tuple[int, int]:
 
 def control_rate(log: Log) -> float:
     """Control instants in a second."""
-    rate = (log.info.get("rates_hz") or {}).get("control")
-    return float(rate) if isinstance(rate, (int, float)) and rate > 0 else FAST
+    rates = log.info.get("rates_hz")
+    rate = rates.get("control") if isinstance(rates, dict) else None
+    return float(rate) if isinstance(rate, (int, float)) and 0 < rate <= HIGHEST else FAST
 
 
 def _joints(name: str, every: int, names: Sequence[str], **arrays: str) -> list[Topic]:
