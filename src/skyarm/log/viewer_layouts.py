@@ -74,6 +74,8 @@ def foxglove(shown: Sequence[Plot]) -> dict[str, Any]:
                 for topic, name in curves
             ],
             "xAxisVal": "timestamp",
+            "showXAxisLabels": True,
+            "showYAxisLabels": True,
             "showLegend": True,
             "legendDisplay": "floating",
             "isSynced": True,
@@ -91,17 +93,38 @@ def foxglove(shown: Sequence[Plot]) -> dict[str, Any]:
 
 
 def _scene() -> dict[str, Any]:
-    """The panel that draws the vehicle and its reference."""
+    """The panel that draws the vehicle and its reference, seen from 4 m away."""
     drawn = ("/vehicle", "/reference/base", "/reference/tip", "/tip")
+    camera = {
+        "perspective": True,
+        "distance": 4,
+        "phi": 65,
+        "thetaOffset": 40,
+        "target": [0, 0, 1],
+        "targetOffset": [0, 0, 0],
+        "targetOrientation": [0, 0, 0, 1],
+        "fovy": 45,
+        "near": 0.05,
+        "far": 500,
+    }
+    grid = {"layerId": "foxglove.Grid", "instanceId": "grid", "visible": True, "frameId": WORLD, "order": 1}
+    lines = {
+        "size": 10,
+        "divisions": 10,
+        "lineWidth": 1,
+        "color": "#808080",
+        "position": [0, 0, 0],
+        "rotation": [0, 0, 0],
+    }
     return {
         "title": "vehicle",
         "followTf": WORLD,
         "followMode": "follow-pose",
-        "cameraState": {"distance": 4, "phi": 65, "thetaOffset": 40, "target": [0, 0, 1]},
+        "cameraState": camera,
+        "scene": {},
+        "transforms": {},
         "topics": {name: {"visible": True} for name in drawn},
-        "layers": {
-            "grid": {"layerId": "foxglove.Grid", "visible": True, "frameId": WORLD, "size": 10, "divisions": 10}
-        },
+        "layers": {"grid": grid | lines},
     }
 
 
