@@ -77,6 +77,10 @@ def test_what_is_kept_is_whole_seconds_and_is_read_back(tmp_path):
     held.close()
     held(1000, offered(log))
     assert held.kept == 800
+    # what is kept is the beginning of the finished file, byte by byte
+    whole = skyarm.save_log(log, tmp_path / "whole.mcap")
+    assert whole.read_bytes().startswith(held.file.read_bytes())
+    whole.unlink()
     held.remove()
     assert list(tmp_path.iterdir()) == []
 
