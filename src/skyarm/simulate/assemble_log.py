@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,71 +37,90 @@ class Samples:
     wind: WindSample
 
 
-def assemble(
-    scenario: Scenario,
-    inputs: EpisodeInputs,
-    flown: Samples,
-    ending: Ended | None,
-    *,
-    first: int = 0,
-    info: dict[str, Any] | None = None,
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """Some control periods of a flight under one scenario.
+
+    Attributes:
+        inputs: of the scenario. start: number of the first period. flown: what they left.
+    """
+
+    scenario: Scenario
+    inputs: EpisodeInputs
+    start: int
+    flown: Samples
+
+
+def assemble(scenario: Scenario, inputs: EpisodeInputs, flown: Samples, ending: Ended | None) -> Log:
+    """The log of a flight."""
+    return joined(scenario, [Piece(scenario, inputs, 0, flown)], ending)
+
+
+def joined(
+    scenario: Scenario, pieces: Sequence[Piece], ending: Ended | None, *, info: dict[str, Any] | None = None
 ) -> Log:
-    """The log of a flight, or of a part of it.
+    """The log of a flight in pieces, one after the other.
 
     Args:
-        scenario: that was flown.
-        inputs: its tables.
-        flown: what the flight left of these instants.
-        ending: why it ended before its time, or None.
-        first: number of the first of these instants.
+        scenario: that the log says was flown.
+        pieces: at least one.
+        ending: None for a flight that was completed.
         info: what the log says of itself, where that is known already.
     """
+    tables = [_tables(piece) for piece in pieces]
+    if len(tables) > 1:
+        tables = [{name: np.concatenate([table[name] for table in tables]) for name in tables[0]}]
+    return Log(**tables[0], info=describe(scenario, ending) if info is None else info)
+
+
+def _tables(piece: Piece) -> dict[str, Array]:
+    """A log's arrays over the periods of a piece."""
+    scenario, inputs, flown = piece.scenario, piece.inputs, piece.flown
     vehicle = scenario.world.vehicle
     n, rotors, count = vehicle.n, len(vehicle.rotors), len(flown.states)
     x, u, m = flown.states, flown.commands, flown.readings
     held, wind = inputs.held_reference, flown.wind
-    stop = first + count
+    periods = slice(piece.start, piece.start + count)
 
-    def table(record: Any, start: int = 0) -> Array:
+    def table(record: Any, rows: slice = periods) -> Array:
         columns = [np.asarray(c, dtype=float) for c in record]
-        columns = [c[start : start + count] if c.ndim else np.broadcast_to(c, (count,)) for c in columns]
+        columns = [c[rows] if c.ndim else np.broadcast_to(c, (count,)) for c in columns]
         return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
     position, quaternion, joints = x[:, 0:3], x[:, 3:7], x[:, 13 : 13 + n]
-    free = inputs.reference_between(first, stop)
+    free = inputs.reference_between(periods.start, periods.stop)
     tables = {
-        "position_held": table(held.position, first),
-        "velocity_held": table(held.velocity, first),
-        "joints_held": table(held.joints, first),
-        "joint_rates_held": table(held.joint_rates, first),
-        "yaw_held": table((held.yaw,), first)[:, 0],
-        "position_reference": table(free.position),
-        "joints_reference": table(free.joints),
-        "yaw_reference": table((free.yaw,))[:, 0],
-        "wind_force": table(wind.force_W),
-        "air_velocity": table(wind.air_velocity_W),
+        "position_held": table(held.position),
+        "velocity_held": table(held.velocity),
+        "joints_held": table(held.joints),
+        "joint_rates_held": table(held.joint_rates),
+        "yaw_held": table((held.yaw,))[:, 0],
+        "position_reference": table(free.position, slice(count)),
+        "joints_reference": table(free.joints, slice(count)),
+        "yaw_reference": table((free.yaw,), slice(count))[:, 0],
+        "wind_force": table(wind.force_W, slice(count)),
+        "air_velocity": table(wind.air_velocity_W, slice(count)),
     }
     del free  # its derivatives take more memory than the log of it
     for kind in ("held", "reference"):
         goals = (tables[f"{name}_{kind}"] for name in ("position", "yaw", "joints"))
         tables[f"tool_{kind}"] = level_tip(vehicle, *goals)
-    return Log(
-        time=inputs.times[first:stop],
-        position=position,
-        quaternion=quaternion,
-        velocity=x[:, 7:10],
-        rate=x[:, 10:13],
-        joints=joints,
-        joint_rates=x[:, 13 + n : 13 + 2 * n],
-        rotor_speeds=x[:, 13 + 2 * n :],
-        rotor_commands=u[:, :rotors],
-        efforts=u[:, rotors:],
-        tool=tip(vehicle, position, quaternion, joints),
-        measured_position=m[:, 1:4],
-        measured_joints=m[:, 17 : 17 + n],
-        info=describe(scenario, ending) if info is None else info,
+    return {
+        "time": inputs.times[periods],
+        "position": position,
+        "quaternion": quaternion,
+        "velocity": x[:, 7:10],
+        "rate": x[:, 10:13],
+        "joints": joints,
+        "joint_rates": x[:, 13 + n : 13 + 2 * n],
+        "rotor_speeds": x[:, 13 + 2 * n :],
+        "rotor_commands": u[:, :rotors],
+        "efforts": u[:, rotors:],
+        "tool": tip(vehicle, position, quaternion, joints),
+        "measured_position": m[:, 1:4],
+        "measured_joints": m[:, 17 : 17 + n],
         **tables,
-    )
+    }
 
 
 def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:

@@ -8,13 +8,14 @@ from functools import cache
 
 from skyarm.compile.machine_code import NoMachineCodeError, SlowFlightWarning
 from skyarm.files import shown
-from skyarm.log.flight_log import Log
+from skyarm.log.flight_log import Log, rows_of
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate import compiled_flight
-from skyarm.simulate.assemble_log import Samples, assemble, describe
+from skyarm.simulate.assemble_log import Piece, Samples, assemble, describe, joined
 from skyarm.simulate.check_endings import RUNNING, Ended
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
+from skyarm.simulate.session import Session
 from skyarm.simulate.staged_flight import StagedFlight
 
 Progress = Callable[[int, int], None]
@@ -39,10 +40,14 @@ def run(scenario: Scenario, progress: Progress | None = None, *, keep: Keep | No
 
     The rigid-body plant flies in machine code, unless the law cannot be traced. Where that code cannot be made a
     warning says so, and the episode flies in Python: slower, the same numbers to the last bit.
+
+    Changes in flight take hold in their control periods, as in a :class:`skyarm.Session` of the scenario.
     """
     require_flight(scenario)
     if progress is not None and not callable(progress):
         raise ScenarioError(f"progress = {shown(progress)}: must be a function of periods flown and all")
+    if scenario.changes:
+        return _run_with_changes(scenario, progress, keep)
     if scenario.plant == "rigid_body" and scenario.controller.compiled:
         inputs = episode_inputs(scenario)
         try:
@@ -51,7 +56,7 @@ def run(scenario: Scenario, progress: Progress | None = None, *, keep: Keep | No
         except NoMachineCodeError as error:
             warnings.warn(f"{error}; flying as Python floats: {SLOWER}", SlowFlightWarning, stacklevel=2)
         else:
-            ended = compiled_flight.ending(scenario, inputs, flown)
+            ended = compiled_flight.ending(scenario, inputs, flown, len(flown.rows))
             return assemble(scenario, inputs, compiled_flight.samples(flown), ended)
     return run_in_python(scenario, progress, keep=keep)
 
@@ -59,11 +64,13 @@ def run(scenario: Scenario, progress: Progress | None = None, *, keep: Keep | No
 def run_in_python(scenario: Scenario, progress: Progress | None = None, *, keep: Keep | None = None) -> Log:
     """Fly an episode as :func:`run` does, stage by stage in Python floats, on any plant and with any law."""
     require_flight(scenario)
+    if scenario.changes:
+        return _to_its_end(Session(scenario, machine_code=False), progress, keep)
     flight = StagedFlight(scenario)
     total = scenario.steps
     every = max(1, total // 100)
     kept = None if keep is None else _kept(scenario, flight.inputs, keep)
-    often = max(1, round(scenario.rates.control * OFTEN))
+    often = _often(scenario)
     for k in range(total):
         if progress is not None and k % every == 0:
             progress(k, total)
@@ -76,14 +83,45 @@ def run_in_python(scenario: Scenario, progress: Progress | None = None, *, keep:
     return flight.log()
 
 
+def _often(scenario: Scenario) -> int:
+    """Control periods between two calls of ``keep``."""
+    return max(1, round(scenario.rates.control * OFTEN))
+
+
 def _kept(scenario: Scenario, inputs: EpisodeInputs, keep: Keep) -> compiled_flight.Keep:
     """A function that is given what periods left and gives logs of them on."""
     said = cache(lambda: describe(scenario, Ended(RUNNING, "", 0.0)))
 
     def offer(done: int, left: Callable[[int, int], Samples]) -> None:
         def between(first: int, stop: int) -> Log:
-            return assemble(scenario, inputs, left(first, stop), None, first=first, info=said())
+            return joined(scenario, [Piece(scenario, inputs, first, left(first, stop))], None, info=said())
 
         keep(done, between)
 
     return offer
+
+
+def _run_with_changes(scenario: Scenario, progress: Progress | None, keep: Keep | None) -> Log:
+    """Fly an episode whose scenario changes on its way."""
+    session = Session(scenario)
+    if session.slow:
+        warnings.warn(f"{session.slow}; flying as Python floats: {SLOWER}", SlowFlightWarning, stacklevel=3)
+    return _to_its_end(session, progress, keep)
+
+
+def _to_its_end(session: Session, progress: Progress | None, keep: Keep | None) -> Log:
+    """Step a session to its end; the log of all of it."""
+    if progress is None and keep is None:
+        return session.run()
+    total, often = session.scenario.steps, _often(session.scenario)
+    every = max(1, total // 100)
+    if progress is not None:
+        progress(0, total)
+    while session.step():
+        if progress is not None and session.tick % every == 0:
+            progress(session.tick, total)
+        if keep is not None and session.tick % often == 0:
+            keep(session.tick, lambda first, stop: rows_of(session.log, slice(first, stop)))
+    if progress is not None:
+        progress(total, total)
+    return session.log
