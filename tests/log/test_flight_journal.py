@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import signal
 import subprocess
@@ -32,11 +33,17 @@ def offered(log):
     return lambda first, stop: rows_of(log, slice(first, stop))
 
 
-@pytest.mark.parametrize("engine", ["machine code", "python", "mujoco"])
+TURN = {"kind": "hover", "position": [0.0, 0.0, 1.2]}
+
+
+@pytest.mark.parametrize("engine", ["machine code", "python", "mujoco", "changes"])
 @pytest.mark.usefixtures("at_once")
 def test_parts_of_a_flight_are_those_of_its_log(engine):
     plant = "mujoco" if engine == "mujoco" else "rigid_body"
     scenario = skyarm.load_scenario("case3_wind", plant=plant, duration=0.8)
+    if engine == "changes":
+        turn = skyarm.Change(at=0.3, path="reference.base", value=TURN)
+        scenario = dataclasses.replace(scenario, changes=(turn,))
     fly = run_in_python if engine == "python" else skyarm.run
     parts = []
 
@@ -170,3 +177,8 @@ def test_a_run_that_is_killed_leaves_a_log_that_can_be_read(sent, tmp_path):
     assert read.time.size >= 200
     if sent == signal.SIGINT:
         assert f"what was flown until t = {read.time[-1]:g} s is kept: {partial_file(Path('flight.csv'))}" in err
+
+
+def test_what_keeps_a_flight_must_be_a_function():
+    with pytest.raises(skyarm.ScenarioError, match=r"^keep = 3: must be a function of periods flown"):
+        skyarm.run(skyarm.load_scenario("case1", duration=0.25), keep=3)

@@ -46,6 +46,8 @@ def run(scenario: Scenario, progress: Progress | None = None, *, keep: Keep | No
     require_flight(scenario)
     if progress is not None and not callable(progress):
         raise ScenarioError(f"progress = {shown(progress)}: must be a function of periods flown and all")
+    if keep is not None and not callable(keep):
+        raise ScenarioError(f"keep = {shown(keep)}: must be a function of periods flown and of what gives their log")
     if scenario.changes:
         return _run_with_changes(scenario, progress, keep)
     if scenario.plant == "rigid_body" and scenario.controller.compiled:
