@@ -114,6 +114,7 @@ def _varied(study: Mapping[str, Any]) -> str:
     rows = [
         (path, kind, str(value)) for path, table in (study.get("vary") or {}).items() for kind, value in table.items()
     ]
+    rows += [(name, "derived", str(text)) for name, text in (study.get("derived") or {}).items()]
     line = f"Design {study['design']}, seed {study['seed']}, precision {study['precision']}."
     return f"<p>{escape(line)}</p>" + table(("number", "distribution", "of"), rows)
 
