@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -92,7 +93,8 @@ def test_what_is_kept_is_whole_seconds_and_is_read_back(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_short_flight_writes_nothing_on_its_way(tmp_path):
+def test_a_short_flight_writes_nothing_on_its_way(tmp_path, monkeypatch):
+    monkeypatch.setattr(journal, "perf_counter", lambda: 7.0)
     with journal_beside(tmp_path / "flight.npz", pytest.fail) as held:
         held(1000, pytest.fail)
     assert list(tmp_path.iterdir()) == []
@@ -162,7 +164,7 @@ def test_a_run_that_is_killed_leaves_a_log_that_can_be_read(sent, tmp_path):
         text=True,
     ) as flying:
         begun = time.monotonic()
-        while not (file.exists() and file.stat().st_size > 200_000) and time.monotonic() - begun < 60:
+        while not (file.exists() and file.stat().st_size > 700_000) and time.monotonic() - begun < 60:
             time.sleep(0.02)
             assert flying.poll() is None
         flying.send_signal(sent)
@@ -176,7 +178,9 @@ def test_a_run_that_is_killed_leaves_a_log_that_can_be_read(sent, tmp_path):
     assert begins(rows_of(wanted, slice(0, min(read.time.size, 200))), read)
     assert read.time.size >= 200
     if sent == signal.SIGINT:
-        assert f"what was flown until t = {read.time[-1]:g} s is kept: {partial_file(Path('flight.csv'))}" in err
+        said = re.search(r"what was flown until t = (\S+) s is kept: (.*)\n", err)
+        assert said[2] == str(partial_file(Path("flight.csv")))
+        assert round(read.time[-1] - float(said[1]), 6) in (0, 1)  # a second may just have been written
 
 
 def test_what_keeps_a_flight_must_be_a_function():
