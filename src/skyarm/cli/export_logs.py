@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 from skyarm.files import must_be_one_of, output_file, require_writable, shown, unreadable
@@ -14,7 +13,7 @@ OTHER_NAMES = {"ros1": "bag"}
 """What a format is called beside its suffix."""
 
 
-def export(flight: str, to: str | None, file: str | None, layouts: str | None, tell: Callable[[str], object]) -> None:
+def export(flight: str, to: str | None, file: str | None, layouts: str | None) -> tuple[Path | None, list[Path]]:
     """Write a log in another format.
 
     Args:
@@ -22,7 +21,9 @@ def export(flight: str, to: str | None, file: str | None, layouts: str | None, t
         to: name of a format; that of ``file``'s suffix if left out.
         file: to write; beside the flight, with the format's suffix, if left out.
         layouts: folder for layouts of Foxglove and PlotJuggler.
-        tell: takes a line on each file that was written.
+
+    Returns:
+        the files that were written: that of the log, if one was asked for, and those of the layouts.
 
     Raises:
         ValueError, OSError: one line.
@@ -38,11 +39,12 @@ def export(flight: str, to: str | None, file: str | None, layouts: str | None, t
         require_writable(layouts)
     log = load_log(flight)
     if target is not None:
-        tell(f"log: {save_log(log, target)}")
-    if layouts is not None:
-        from skyarm.log.viewer_layouts import write_layouts
+        save_log(log, target)
+    if layouts is None:
+        return target, []
+    from skyarm.log.viewer_layouts import write_layouts
 
-        tell("layouts: " + ", ".join(str(path) for path in write_layouts(log, layouts)))
+    return target, write_layouts(log, layouts)
 
 
 def _formats() -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""The commands on one flight or vehicle: reproduce, run, export, list, show, export-c; and on the cache of code."""
+"""The commands on one flight or vehicle: reproduce, run, list, show, export-c; and on the cache of code."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import typer
 
 from skyarm.cli.app import NOT_COMPLETED, Out, app, console, tell, workers
 from skyarm.cli.lines import say, say_if_many, say_unlikely
-from skyarm.cli.progress import bar
+from skyarm.cli.machine_output import give, is_document_wanted
+from skyarm.cli.progress import bar, waiting
 
 
 @app.command()
@@ -53,6 +54,7 @@ def reproduce(
             progress=advance,
             note=console.print,
         )
+    give(table, folder=out)
     tell(sentence(table))
     console.print(headline(table))
     tell(f"results in {out}: report.html, table2.md, inference.md, results.json, figures/")
@@ -88,20 +90,24 @@ def run(
         list[str] | None,
         typer.Option("--log", metavar="FILE", help="file of the log, its format by its suffix; repeat"),
     ] = None,
+    picture: Annotated[
+        str | None, typer.Option("--plot", metavar="FILE", help="a picture of the flight (.png, .svg or .pdf)")
+    ] = None,
 ) -> None:
     """Fly a scenario; write its log (npz, CSV, MCAP).
 
     The log is OUT/NAME.npz and .csv, or with --log the files named (.npz, .csv, .mcap, .parquet, .bag); that of an
     earlier flight is kept as NAME_1.npz, NAME_2.npz ... unless --force is given. While a flight goes on, what has been
     flown stands in NAME.partial.mcap, which stays if the run is killed. The errors are summed up over the scenario's
-    own steady window, or where it says none over the flight after its first third.
+    own steady window, or where it says none over the flight after its first third. On a terminal a chart of the tip's
+    error follows.
 
     Exit code: 0 if the flight was completed, 3 if it ended before its time (the log says why), 2 if the input was
     wrong, 130 after Ctrl-C.
     """
     from skyarm.cli.earlier_files import earlier_kept
-    from skyarm.cli.flight_summary import episode
-    from skyarm.cli.log_files import log_files
+    from skyarm.cli.flight_summary import episode, error_chart, facts
+    from skyarm.cli.log_files import draw, log_files, picture_file
     from skyarm.cli.shipped_names import require_not_another
     from skyarm.files import require_replaceable, require_writable, taken_back
     from skyarm.log.formats import save_log
@@ -114,6 +120,7 @@ def run(
     planned = load_scenario(scenario, plant=plant, controller=controller, seed=seed, duration=duration)
     folder = Path(out)
     files = log_files(logs, (folder / f"{planned.name}.npz", folder / f"{planned.name}.csv"))
+    drawn = None if picture is None else picture_file(picture)
     with taken_back(*(() if logs else (folder,))):
         if not logs:
             require_writable(out)
@@ -126,42 +133,32 @@ def run(
             with earlier_kept([] if force else files) as kept:
                 written = [save_log(log, file) for file in files]
     console.print(episode(log), soft_wrap=True)
+    for line in error_chart(log) if console.is_terminal else ():
+        tell(line)
     tell("log: " + ", ".join(str(path) for path in written))
+    if drawn is not None:
+        draw(log, drawn)
+        tell(f"picture: {drawn}")
+    give(facts(log), logs=written, kept=[str(name) for _, name in kept], picture=drawn)
     if kept:
         tell(f"the flight before it is kept: {', '.join(str(name) for _, name in kept)}")
     if log.status != "completed":
         raise typer.Exit(NOT_COMPLETED)
 
 
-@app.command()
-def export(
-    flight: Annotated[str, typer.Argument(help="the log of a flight: .npz, .mcap or .parquet")],
-    to: Annotated[str | None, typer.Option(metavar="FORMAT", help="mcap, npz, csv, parquet or ros1")] = None,
-    file: Annotated[str | None, typer.Option("--out", "-o", help="file to write; beside FLIGHT if left out")] = None,
-    layouts: Annotated[
-        str | None, typer.Option(metavar="FOLDER", help="write layouts for Foxglove and PlotJuggler there")
-    ] = None,
-) -> None:
-    """Write a flight's log in another format.
-
-    A log that was cut off, as that of a run that was killed, is written as far as it goes. 'skyarm export-c' writes a
-    controller.
-    """
-    from skyarm.cli.export_logs import export as perform
-
-    perform(flight, to, file, layouts, tell)
-
-
 @app.command(name="list")
 def list_(
-    file: Annotated[str | None, typer.Option("--json", help="write names, titles and laws' options there")] = None,
+    file: Annotated[
+        str | None, typer.Option("--out", help="write names, titles and laws' options there, as JSON")
+    ] = None,
 ) -> None:
     """List vehicles, scenarios, studies, controllers."""
     from skyarm.cli.library_commands import contents, library, write
     from skyarm.files import output_file
 
-    written = None if file is None else output_file(file, "--json")
+    written = None if file is None else output_file(file, "--out")
     found = contents()
+    give(found)
     console.print(library(found), soft_wrap=True)
     if written is not None:
         tell(f"written: {write(found, written)}")
@@ -187,6 +184,7 @@ def show(
     from skyarm.actuation import AllocationError
     from skyarm.cli.shipped_names import require_not_another
     from skyarm.cli.show import operations_sheet, vehicle_sheet
+    from skyarm.cli.vehicle_facts import operations, vehicle_facts
     from skyarm.files import number
     from skyarm.scenario.unlikely_vehicle import unlikely_in_vehicle
     from skyarm.vehicle.vehicle_files import load_vehicle
@@ -200,14 +198,20 @@ def show(
     loaded = load_vehicle(vehicle)
     if ops:
         say_if_many(loaded.name, loaded.n)
-        console.print(operations_sheet(loaded))
+        with waiting(f"{loaded.name}: counting operations", console):
+            found = operations(loaded)
+        give(vehicle=loaded.name, operations=found)
+        console.print(operations_sheet(loaded, found))
         return
     try:
-        sheet = vehicle_sheet(loaded, gravity)
+        with waiting(f"{loaded.name}: reach and static efforts", console):
+            sheet = None if is_document_wanted() else vehicle_sheet(loaded, gravity)
+            give(vehicle_facts(loaded, gravity) if sheet is None else {})
     except AllocationError as error:
         raise ValueError(f"{vehicle}: rotors = {error}") from None
     say_unlikely(loaded.name, unlikely_in_vehicle(loaded))
-    console.print(sheet)
+    if sheet is not None:
+        console.print(sheet)
 
 
 @app.command(name="export-c")
@@ -225,7 +229,8 @@ def export_c(
     """Write a controller as one C99 file."""
     from skyarm.cli.export_command import export
 
-    line = export(controller, file, vehicle=vehicle, gravity=gravity, rate=rate, name=name, single=single)
+    with waiting(f"{controller}: writing C", console):
+        line = export(controller, file, vehicle=vehicle, gravity=gravity, rate=rate, name=name, single=single)
     tell(line)
 
 

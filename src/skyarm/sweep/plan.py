@@ -7,6 +7,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from skyarm.files import versions
@@ -19,7 +20,9 @@ from skyarm.scenario.endings import STATUSES
 from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.numbers import require_apart, with_numbers
 from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.units_of_numbers import unit_at
 from skyarm.simulate.batch import Batch
+from skyarm.simulate.draws import draws_needed
 from skyarm.sweep.design import derived_extremes, extremes, values
 from skyarm.sweep.expressions import ExpressionError
 from skyarm.sweep.origin import Origin
@@ -49,6 +52,17 @@ class Plan:
         """Digest of all that the rows depend on."""
         return self.origin.digest
 
+    @cached_property
+    def units(self) -> dict[str, str]:
+        """SI unit of each varied number, where its field declares one."""
+        scenario = next(iter(self.study.scenarios.values()))
+        return {path: unit for path in self.study.paths if (unit := _unit(scenario, path))}
+
+    @cached_property
+    def noise(self) -> bool:
+        """Whether an episode draws random numbers while it flies."""
+        return any(draws_needed(scenario) for scenario in self.study.scenarios.values())
+
     def batches(self) -> dict[str, Batch]:
         """The closed loop of each controller in machine code."""
         study = self.study
@@ -64,6 +78,14 @@ class Plan:
             )
             for label, scenario in study.scenarios.items()
         }
+
+
+def _unit(scenario: Scenario, path: str) -> str:
+    """Unit of a number; empty for one that is no field of a record."""
+    try:
+        return unit_at(scenario, path)
+    except ValueError:
+        return ""
 
 
 def prepare(study: Study) -> Plan:
