@@ -15,6 +15,7 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "replay": ("flight.npz",),
     "diff": ("flight.npz", "flight.npz"),
     "plot": ("flight.npz", "-o", "flight.png"),
+    "export": ("flight.npz", "--to", "csv"),
     "export-c": ("paper_ct", "--vehicle", "hummingbird_arm2", "-o", "x.c"),
     "margins": ("short.toml", "--instants", "0"),
     "basin": ("short.toml", "--flights", "16"),
