@@ -165,11 +165,17 @@ def show(
     vehicle: Annotated[str, typer.Argument(help="a vehicle file (.toml, .urdf) or the name of a shipped one")],
     gravity: Annotated[float, typer.Option(help="m/s^2")] = 9.81,
     ops: Annotated[bool, typer.Option("--ops", help="count the operations of its equations instead")] = False,
+    drawing: Annotated[
+        str | None, typer.Option(metavar="FILE", help="draw it there (.png, .svg, .pdf) instead, all labelled")
+    ] = None,
+    style: Annotated[str, typer.Option(help="of the drawing: paper or talk")] = "paper",
+    dark: Annotated[bool, typer.Option("--dark", help="of a talk's drawing")] = False,
 ) -> None:
     """Show a vehicle: mass, hover, arm, rotors.
 
     Mass, centre of mass, hover speed and thrust margin, arm reach, static joint torques of a level base; limits of the
-    joints, inertias, motor constants, all with units; sources of the numbers.
+    joints, inertias, motor constants, all with units; sources of the numbers. With --drawing its frames, joints with
+    their positive directions, rotors with the sense in which they turn, and lengths, as a picture.
     """
     from skyarm.actuation import AllocationError
     from skyarm.cli.shipped_names import require_not_another
@@ -181,6 +187,10 @@ def show(
 
     number(gravity, "--gravity", low=0.0, strict=True)
     require_not_another(vehicle, "vehicle")
+    if drawing is not None:
+        from skyarm.cli.plot_command import draw_vehicle
+
+        return tell(draw_vehicle(vehicle, drawing, style, dark=dark))
     loaded = load_vehicle(vehicle)
     if ops:
         say_if_many(loaded.name, loaded.n)
