@@ -6,7 +6,9 @@ from typing import Annotated
 
 import typer
 
-from skyarm.cli.app import app, tell
+from skyarm.cli.app import app, console, tell
+from skyarm.cli.machine_output import give
+from skyarm.cli.progress import waiting
 
 
 @app.command()
@@ -42,9 +44,11 @@ def plot(
     from skyarm.cli.plot_command import draw_flights, draw_sweep, is_sweep
 
     asked = {"--metric": metric, "--over": over, "--by": by, "--center": center, "--band": band}
-    if is_sweep(flights):
-        given = {"--kind": kind, "--window": window}
-        line = draw_sweep(flights[0], file, asked, given, style, dark=dark)
-    else:
-        line = draw_flights(flights, file, kind, window, asked, style, dark=dark)
+    with waiting("drawing", console):
+        if is_sweep(flights):
+            given = {"--kind": kind, "--window": window}
+            line = draw_sweep(flights[0], file, asked, given, style, dark=dark)
+        else:
+            line = draw_flights(flights, file, kind, window, asked, style, dark=dark)
     tell(line)
+    give(picture=file, drawn=flights)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -11,6 +11,9 @@ from skyarm.cli.app import NOT_COMPLETED, Out, app, console, tell, workers
 from skyarm.cli.lines import say_if_many, say_unlikely
 from skyarm.cli.machine_output import give, is_document_wanted
 from skyarm.cli.progress import bar, waiting
+
+if TYPE_CHECKING:
+    from skyarm.log.flight_log import Log
 
 
 @app.command()
@@ -105,7 +108,7 @@ def run(
     """
     from skyarm.cli.earlier_files import keep_earlier
     from skyarm.cli.flight_summary import episode, error_chart, facts
-    from skyarm.cli.log_files import draw, log_files, picture_file
+    from skyarm.cli.log_files import log_files
     from skyarm.cli.shipped_names import require_not_another
     from skyarm.files import require_replaceable, require_writable, taken_back
     from skyarm.log.formats import save_log
@@ -117,7 +120,7 @@ def run(
     planned = load_scenario(scenario, plant=plant, controller=controller, seed=seed, duration=duration)
     folder = Path(out)
     files = log_files(logs, (folder / f"{planned.name}.npz", folder / f"{planned.name}.csv"))
-    drawn = None if picture is None else picture_file(picture)
+    drawn = None if picture is None else _picture_file(picture)
     with taken_back(*(() if logs else (folder,))):
         if not logs:
             require_writable(out)
@@ -133,13 +136,26 @@ def run(
         tell(line)
     tell("log: " + ", ".join(str(path) for path in written))
     if drawn is not None:
-        draw(log, drawn)
+        _draw(log, drawn)
         tell(f"picture: {drawn}")
     give(facts(log), logs=written, kept=[str(name) for _, name in kept], picture=drawn)
     if kept:
         tell(f"the flight before it is kept: {', '.join(str(name) for _, name in kept)}")
     if log.status != "completed":
         raise typer.Exit(NOT_COMPLETED)
+
+
+def _picture_file(name: str) -> Path:
+    """Path of the flight's picture. Matplotlib loads here and not before: most flights are not drawn."""
+    from skyarm.figures.picture_files import picture_file
+
+    return picture_file(name, "--plot")
+
+
+def _draw(log: Log, file: Path) -> None:
+    from skyarm.figures.flight_plot import plot
+
+    plot(log, file)
 
 
 @app.command(name="list")
@@ -190,6 +206,7 @@ def show(
     if drawing is not None:
         from skyarm.cli.plot_command import draw_vehicle
 
+        give(vehicle=vehicle, drawing=drawing)
         return tell(draw_vehicle(vehicle, drawing, style, dark=dark))
     loaded = load_vehicle(vehicle)
     if ops:
