@@ -8,12 +8,11 @@ from typing import Annotated
 import typer
 
 from skyarm.cli.app import NOT_COMPLETED, app, console, tell
+from skyarm.cli.machine_output import give
 from skyarm.cli.progress import bar
 
 DIFFERENT = 1
 """Exit code of a comparison that found a difference."""
-
-AsJson = Annotated[bool, typer.Option("--json", help="print what was found as one JSON document, and nothing else")]
 
 
 @app.command()
@@ -25,7 +24,6 @@ def replay(
     out: Annotated[
         str | None, typer.Option("--out", "-o", metavar="FILE", help="log of the new flight, its format by its suffix")
     ] = None,
-    as_json: AsJson = False,
 ) -> None:
     """Fly a log's flight again, also under another law.
 
@@ -35,9 +33,6 @@ def replay(
     NAME_1.npz.
     """
     from skyarm.cli.earlier_files import keep_earlier
-    from skyarm.cli.flight_differences import (
-        as_json as written,
-    )
     from skyarm.cli.flight_differences import (
         difference_lines,
         metric_lines,
@@ -66,22 +61,20 @@ def replay(
     save_log(log, file)
     again = controller is None
     equal = same_bits(before, log)
-    if as_json:
-        tell(written(replay_document(before, log, file)))
-    else:
-        labels = ("log", "again") if again else (str(before.info["controller"]), str(log.info["controller"]))
-        tell(f"{planned.name}: law {log.info['controller']} on {log.info['plant_vehicle']}, plant {log.info['plant']}")
-        if again and equal:
-            tell(f"equal to the bit: {min(before.time.size, log.time.size)} control periods")
-        elif again:
-            for line in difference_lines(log_differences(before, log), labels):
-                tell(line)
-        if not (again and equal):
-            for line in metric_lines(before, log, labels):
-                tell(line)
-        tell(f"log: {file}")
-        for _, name in kept:
-            tell(f"the flight before it is kept: {name}")
+    give(replay_document(before, log), log=file, kept=[str(name) for _, name in kept])
+    labels = ("log", "again") if again else (str(before.info["controller"]), str(log.info["controller"]))
+    tell(f"{planned.name}: law {log.info['controller']} on {log.info['plant_vehicle']}, plant {log.info['plant']}")
+    if again and equal:
+        tell(f"equal to the bit: {min(before.time.size, log.time.size)} control periods")
+    elif again:
+        for line in difference_lines(log_differences(before, log), labels):
+            tell(line)
+    if not (again and equal):
+        for line in metric_lines(before, log, labels):
+            tell(line)
+    tell(f"log: {file}")
+    for _, name in kept:
+        tell(f"the flight before it is kept: {name}")
     say_versions(before, log)
     if again and not equal:
         raise typer.Exit(DIFFERENT)
@@ -96,16 +89,12 @@ def diff(
     tolerance: Annotated[
         float, typer.Option(help="differences up to this, in the SI unit of each quantity, count as none")
     ] = 0.0,
-    as_json: AsJson = False,
 ) -> None:
     """Compare two logs: where they come apart.
 
     The first divergence in time, the largest difference of each quantity, metrics side by side, and what differs
     between the scenarios. Exit code: 0 if they are equal, 1 if they differ, 2 if the input was wrong.
     """
-    from skyarm.cli.flight_differences import (
-        as_json as written,
-    )
     from skyarm.cli.flight_differences import (
         difference_lines,
         document,
@@ -120,16 +109,14 @@ def diff(
     number(tolerance, "--tolerance", low=0.0)
     a, b = read(first), read(second)
     found = log_differences(a, b, tolerance)
-    told = document("diff", a, b, found)
-    if as_json:
-        tell(written(told))
-    else:
-        for line in (
-            *difference_lines(found, ("the first", "the second"), tolerance),
-            *metric_lines(a, b, ("first", "second")),
-            *scenario_lines(a, b),
-        ):
-            tell(line)
+    told = document(a, b, found)
+    give(told)
+    for line in (
+        *difference_lines(found, ("the first", "the second"), tolerance),
+        *metric_lines(a, b, ("first", "second")),
+        *scenario_lines(a, b),
+    ):
+        tell(line)
     say_versions(a, b)
     if not told["equal"]:
         raise typer.Exit(DIFFERENT)

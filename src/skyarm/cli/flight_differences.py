@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import json
-import math
-from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from skyarm import __version__
 from skyarm.cli.lines import say
 from skyarm.cli.terminal_tables import aligned
 from skyarm.files import shown
@@ -48,12 +43,9 @@ def same_bits(a: Log, b: Log) -> bool:
     return all(ours[name][:count].tobytes() == np.asarray(theirs[name])[:count].tobytes() for name in ours)
 
 
-def document(command: str, a: Log, b: Log, found: LogDifferences) -> dict[str, Any]:
+def document(a: Log, b: Log, found: LogDifferences) -> dict[str, Any]:
     """Everything that was found, as plain data."""
     return {
-        "schema": 1,
-        "command": command,
-        "skyarm": __version__,
         "equal": found.equal and a.status == b.status,
         "instants": dict(zip(("both", "first", "second"), found.instants, strict=True)),
         "status": [a.status, b.status],
@@ -63,19 +55,6 @@ def document(command: str, a: Log, b: Log, found: LogDifferences) -> dict[str, A
         "metrics": [metrics_of(a), metrics_of(b)],
         "scenario": {path: list(pair) for path, pair in _scenarios(a, b).items()},
     }
-
-
-def as_json(found: Mapping[str, Any]) -> str:
-    """A document as strict JSON: what is not finite becomes null."""
-    return json.dumps(_finite(found), indent=1, allow_nan=False)
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _finite(each) for key, each in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(each) for each in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _scenarios(a: Log, b: Log) -> dict[str, tuple[Any, Any]]:
@@ -144,10 +123,10 @@ def scenario_lines(a: Log, b: Log) -> list[str]:
     return lines
 
 
-def replay_document(a: Log, b: Log, file: Path) -> dict[str, Any]:
+def replay_document(a: Log, b: Log) -> dict[str, Any]:
     """What a replay found, as plain data."""
-    found = document("replay", a, b, log_differences(a, b))
-    return {**found, "bit_equal": same_bits(a, b), "controllers": [_law(a), _law(b)], "log": str(file)}
+    found = document(a, b, log_differences(a, b))
+    return {**found, "bit_equal": same_bits(a, b), "controllers": [_law(a), _law(b)]}
 
 
 def _law(log: Log) -> str:
