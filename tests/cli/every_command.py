@@ -12,6 +12,7 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "show": ("hummingbird_arm2_rotors",),
     "cache": (),
     "run": ("case3", "--duration", "0.5"),
+    "plot": ("out/run/case3.npz", "-o", "x.svg", "--kind", "tip"),
     "export-c": ("paper_ct", "--vehicle", "hummingbird_arm2", "-o", "x.c"),
     "margins": ("short.toml", "--instants", "0"),
     "basin": ("short.toml", "--flights", "16"),

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from skyarm.cli.machine_output import give
 from skyarm.files import shown
 from skyarm.log.flight_log import Log
 
@@ -43,8 +44,8 @@ def draw_flights(
     from skyarm.figures.flight_labels import flight_labels
     from skyarm.figures.flight_panels import ALL
     from skyarm.figures.flight_plot import plot
-    from skyarm.figures.picture_files import picture_file
     from skyarm.figures.picture_styles import picture_style
+    from skyarm.files.picture_names import picture_file
 
     target = picture_file(file, "--out")
     picture_style(style, dark=dark)
@@ -56,6 +57,7 @@ def draw_flights(
         if label in labels[:i]:
             raise ValueError(f"flight = {shown(names[i])}: must have another name than a flight before it")
     plot(dict(zip(labels, logs, strict=True)), target, kind=kind or ALL, style=style, dark=dark, window=window)
+    give(picture=target)
     return f"picture: {target}"
 
 
@@ -94,8 +96,8 @@ def draw_sweep(
         if not asked[option]:
             raise ValueError(f"{option}: is missing; a picture of a sweep needs --metric NAME and --over NUMBER")
     from skyarm.figures.metric_figure import plot_sweep
-    from skyarm.figures.picture_files import picture_file
-    from skyarm.sweep.metric_curves import BAND
+    from skyarm.files.picture_names import picture_file
+    from skyarm.sweep.banded_curves import BAND
 
     target = picture_file(file, "--out")
     plot_sweep(
@@ -109,6 +111,7 @@ def draw_sweep(
         style=style,
         dark=dark,
     )
+    give(picture=target)
     return f"picture: {target}"
 
 
@@ -118,10 +121,12 @@ def draw_vehicle(name: str, file: str, style: str, *, dark: bool) -> str:
     Raises:
         ValueError, OSError: one line.
     """
-    from skyarm.figures.picture_files import picture_file, save_picture
+    from skyarm.figures.picture_files import save_picture
     from skyarm.figures.vehicle_drawing import vehicle_drawing
+    from skyarm.files.picture_names import picture_file
     from skyarm.vehicle.vehicle_files import load_vehicle
 
     target = picture_file(file, "--drawing")
     save_picture(vehicle_drawing(load_vehicle(name), style=style, dark=dark), target, style)
+    give(vehicle=name, drawing=target)
     return f"drawing: {target}"

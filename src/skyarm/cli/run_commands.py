@@ -105,9 +105,10 @@ def run(
     """
     from skyarm.cli.earlier_files import keep_earlier
     from skyarm.cli.flight_summary import episode, error_chart, facts
-    from skyarm.cli.log_files import draw, log_files, picture_file
+    from skyarm.cli.log_files import draw, log_files
     from skyarm.cli.shipped_names import require_not_another
     from skyarm.files import require_replaceable, require_writable, taken_back
+    from skyarm.files.picture_names import picture_file
     from skyarm.log.formats import save_log
     from skyarm.scenario.scenario_file import load_scenario
     from skyarm.scenario.unlikely_numbers import unlikely_numbers
@@ -117,7 +118,7 @@ def run(
     planned = load_scenario(scenario, plant=plant, controller=controller, seed=seed, duration=duration)
     folder = Path(out)
     files = log_files(logs, (folder / f"{planned.name}.npz", folder / f"{planned.name}.csv"))
-    drawn = None if picture is None else picture_file(picture)
+    drawn = None if picture is None else picture_file(picture, "--plot")
     with taken_back(*(() if logs else (folder,))):
         if not logs:
             require_writable(out)
