@@ -471,7 +471,21 @@ def test_a_number_that_cannot_be_is_refused_and_nothing_has_changed() -> None:
     for path, words in (("plant.gravty", "no 'gravty' here"), ("delays.command", "structure")):
         with pytest.raises(ScenarioError, match=words):
             session.change({path: 1.0})
+    for values, words in (
+        (3, r"^values = 3: must be a mapping of paths to numbers$"),
+        (None, r"^values = None: must be a mapping"),
+        ([("plant.gravity", 9.0)], r"^values = \[\('plant\.gravity', 9\.0\)\]: must be a mapping"),
+        ({3: 4}, r"^path = 3: must be text, as 'plant\.gravity'$"),
+        ({"x": object()}, r"^values\['x'\] = <object object at .*>: must be a number$"),
+        ({"plant.gravity": "9"}, r"^values\['plant\.gravity'\] = '9': must be a number$"),
+        ({"plant.payload.mass": object()}, r"^values\['plant\.payload\.mass'\] = .*: must be a number$"),
+        ({"initial.joints.0": None}, r"^values\['initial\.joints\.0'\] = None: must be a number$"),
+        ({"plant.gravity": float("nan")}, r"gravity = nan: must be a finite number$"),
+    ):
+        with pytest.raises(ScenarioError, match=words):
+            session.change(values)
     assert session.scenario is NOISY
+    assert session.tick == 1
     with pytest.raises(ScenarioError, match=r"^scenario = 'case1': must be a Scenario"):
         Session("case1")
 

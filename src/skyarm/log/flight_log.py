@@ -5,9 +5,11 @@ from __future__ import annotations
 import io
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Annotated, Any
 
 import numpy as np
@@ -20,7 +22,7 @@ from skyarm.files import shown, write_atomically
 from skyarm.records.identity import log_digest
 from skyarm.records.leaves import field_names, parts
 from skyarm.records.own_files import own_files
-from skyarm.records.restore import restore
+from skyarm.records.restore import restore, restore_fields
 from skyarm.records.units import Unit, units
 from skyarm.registry import RegistryError
 from skyarm.registry.plugins import identities
@@ -110,8 +112,22 @@ class Log:
         """The :class:`skyarm.Scenario` that was flown: flown again by the same version, it gives the same bits.
 
         Raises:
-            ValueError: one line: a log of a version that did not keep it, a plugin that is not loaded, or a damaged
+            ValueError: one line: a log of a version that did not keep it, plugins that are not loaded, or a damaged
                 log.
+        """
+        return self.scenario_with({})
+
+    def scenario_with(
+        self, replaced: Mapping[str, Any], controller: Callable[[Any, Any, Any], Any] | None = None
+    ) -> Any:
+        """The scenario that was flown with some of it replaced; code of what is replaced need not be there.
+
+        Args:
+            replaced: field -> value.
+            controller: (believed model, rates, delays) -> controller in place of the log's.
+
+        Raises:
+            ValueError: as :attr:`scenario`, or of ``controller``.
         """
         written, plugins, code = (self.info.get(name) or {} for name in ("scenario_record", "plugins", "code"))
         of = (self.info.get("versions") or {}).get("skyarm", "unknown")
@@ -119,15 +135,16 @@ class Log:
             raise ValueError(f"scenario_record: must hold the scenario as this version writes it; skyarm {of} wrote it")
         if not self._fits(written, code):
             raise ValueError(f"scenario_record: must be of the log's digest; it was changed after skyarm {of} wrote it")
-        try:
-            found = restore(written, {**code, **plugins})
-        except RegistryError as error:
-            raise ValueError(f"scenario_record: {error}") from None
-        except ValueError as error:
-            absent = [name for name in plugins if name not in identities()]
-            needs = f"; it was flown with the plugins {', '.join(absent)}" if absent else ""
-            raise ValueError(f"scenario_record: {error}{needs}") from None
-        now = own_files(found)
+        known, without = {**code, **plugins}, {*replaced, *(() if controller is None else ("controller",))}
+        with _in_words_of_the_log(plugins):
+            kind, fields = restore_fields(written, known, without)
+            model = None if controller is None else _believed(written, known)
+        changed = dict(replaced)
+        if controller is not None:
+            changed["controller"] = controller(model, fields["rates"], fields["delays"])
+        with _in_words_of_the_log(plugins):
+            found = kind(**fields, **changed)
+        now = own_files(SimpleNamespace(**fields))
         for name in sorted(code):
             if now.get(name, code[name]) != code[name]:
                 raise ValueError(f"code {name!r} = {shown(now[name])}: must be {shown(code[name])} as it was flown")
@@ -200,6 +217,30 @@ class Log:
         if sorted(content) != sorted(wanted) or schema != 1:
             raise ValueError(f"log = {os.fspath(path)!r}: must be a log of schema 1") from None
         return cls(**{**content, "info": info})
+
+
+def _believed(written: Mapping[str, Any], known: Mapping[str, str]) -> Any:
+    """The model of a written scenario's controller; the law's own code is not needed if it stands beside it."""
+    held = written["controller"]
+    par = held.get("par") if isinstance(held, dict) else None
+    if isinstance(par, dict) and "model" in par:
+        return restore(par["model"], known)
+    return getattr(getattr(restore(held, known), "par", None), "model", None)
+
+
+@contextmanager
+def _in_words_of_the_log(plugins: Mapping[str, str]) -> Iterator[None]:
+    """Errors of reading a record say that it is the log's, and which plugins it may lack."""
+    try:
+        yield
+    except RegistryError as error:
+        raise ValueError(f"scenario_record: {error}") from None
+    except (KeyError, TypeError, AttributeError, OverflowError) as error:
+        raise ValueError(f"scenario_record: must be a record that was written ({error})") from None
+    except ValueError as error:
+        absent = [name for name in plugins if name not in identities()]
+        needs = f"; it was flown with the plugins {', '.join(absent)}" if absent else ""
+        raise ValueError(f"scenario_record: {error}{needs}") from None
 
 
 def _texts(column: Array, known: dict[bytes, list[str]]) -> list[str]:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from skyarm.actuation import AllocationError
 from skyarm.control.catalogue import make_named
-from skyarm.files import unreadable
+from skyarm.control.controller import Controller
+from skyarm.control.model import Model
+from skyarm.files import shown, unreadable
 from skyarm.log.formats import load_log
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario, ScenarioError
 
@@ -30,14 +32,21 @@ def scenario_of_log(path: str | os.PathLike[str], replaced: Mapping[str, Any] | 
     try:
         if reason:
             raise ValueError(reason)
-        scenario: Scenario = load_log(path).scenario
         law = changes.pop("controller", None)
-        if law is not None:
-            model, known = scenario.controller.par.model, loop_facts(scenario.rates, scenario.delays)
-            changes["controller"] = make_named(law, model, known)
-        return dataclasses.replace(scenario, **changes)
+        make = None if law is None else partial(_named_law, law)
+        scenario: Scenario = load_log(path).scenario_with(changes, make)
+        return scenario
     except (ValueError, OSError, AllocationError) as error:
         raise ScenarioError(f"{os.fspath(path)}: {error}") from None
+
+
+def _named_law(name: str, model: Model, rates: Rates, delays: Delays) -> Controller:
+    """A preset or a law with the belief and the clocks of a log."""
+    pairs = (("controller.par.model", model, Model), ("rates", rates, Rates), ("delays", delays, Delays))
+    for field, held, kind in pairs:
+        if not isinstance(held, kind):
+            raise ValueError(f"scenario_record: {field} = {shown(held)}: must be a {kind.__name__}")
+    return make_named(name, model, loop_facts(rates, delays))
 
 
 def loop_facts(rates: Rates, delays: Delays) -> dict[str, float]:

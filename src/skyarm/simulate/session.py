@@ -178,7 +178,11 @@ class Session:
         Raises:
             ScenarioError: no such number, or one that cannot be.
         """
-        self.replace(with_numbers(self._scenario, values))
+        try:
+            changed = with_numbers(self._scenario, values)
+        except ValueError as error:
+            raise ScenarioError(str(error)) from None
+        self.replace(changed)
 
     def replace(self, scenario: Scenario) -> None:
         """Fly on with another scenario: other gains, wind, payload, reference or law.
