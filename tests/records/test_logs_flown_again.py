@@ -196,7 +196,7 @@ def test_the_law_that_is_replaced_is_not_asked_for(tmp_path: Path) -> None:
         assert again.world == planned.world
     file.write_text(OWN_LAW.replace("470.0", "480.0"))
     load_file(file)
-    assert skyarm.load_scenario(path, controller="paper_pd").controller.name == "paper_pd"
+    assert skyarm.load_scenario(path, controller="paper_pd").controller.name == "decoupled_pd"
     with registry_kept():
         (tmp_path / "breath.py").write_text(PLUGIN)
         load_file(tmp_path / "breath.py")
