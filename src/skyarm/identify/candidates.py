@@ -117,7 +117,7 @@ class Candidates:
         paths = tuple(sorted({*self._paths(flight, names), *numbers}))
         key = (flight, json.dumps(table, sort_keys=True), *paths)
         if key not in self._flights:
-            planned = scenario_from(table)
+            planned = scenario_from(table, self.study.flight(flight).folder)
             stiffest, _ = _stiffest(planned, self._ends(flight, fixed, names))
             effort = 2 if names == self._family else 1 if len(names) > len(self._family) + 1 else 0
             effort = 0 if self._restructured(fixed) else effort
@@ -135,7 +135,7 @@ class Candidates:
         """
         if set(numbers) <= self._paths(flight, self._family):
             return self._family
-        planned = scenario_from(table)
+        planned = scenario_from(table, self.study.flight(flight).folder)
         _, fastest = _stiffest(planned, self._ends(flight, {}, self._family))
         mild = [
             name for name in self._rivals if _stiffest(planned, self._ends(flight, {}, [name]))[1] <= MILD * fastest
