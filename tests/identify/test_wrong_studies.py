@@ -60,7 +60,7 @@ FRICTION = 'targets = [{ flights = ["*"], path = "plant.vehicle.links.0.joint.da
         ('free = ["friction", "late"]\nchoices = { clock = "early" }\nseen', 'free = []\nseen',
          "predictions.from_joints.free = []: must have at least one parameter"),
         ("[[choices.options]]\nname = \"at_once\"\n[[choices.options]]\nname = \"late\"\n"
-         'tables = [{ flights = ["*"], table = "late" }]\n', "options = []\n", "choices[1].options: must have at least one"),
+         'tables = [{ flights = ["*"], table = "late" }]\n', "options = []\n", "choices[1].options: must have"),
         # numbers
         ("low = 0.0\nhigh = 0.1", "low = nan\nhigh = 0.1", "parameters[0].low = nan: must be a finite number"),
         ("low = 0.0\nhigh = 0.1", "low = 0.1\nhigh = 0.1", "parameters[0].high = 0.1: must be above low = 0.1"),
