@@ -151,3 +151,9 @@ def test_no_value_leaves_its_range_however_coarse_the_step(scale):
     for low, high, step in ((0.0004, 0.26, 0.1), (0.12345, 1.0, 0.5), (5e-05, 0.005, 1e-05)):
         values = decoded([parameter(low, high, step, scale)], points)["p"]
         assert (values.min(), values.max()) == (low, high)
+
+
+def test_the_compass_ends_on_the_edge_and_not_beyond_it():
+    points, costs = compass(lambda at: -at.sum(axis=1), np.array([[0.95, 0.2]]))
+    assert points.tolist() == [[1.0, 1.0]]
+    assert costs.tolist() == [-2.0]
