@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fnmatch import fnmatchcase
+from typing import Any
 
 from skyarm.files import shown
 from skyarm.identify.records import IdentificationStudy
@@ -20,7 +22,7 @@ def require_consistent(study: IdentificationStudy) -> None:
     """
     if not study.cells:
         raise ValueError("flights: must have cells, at least one")
-    once = {
+    once: dict[str, Sequence[Any]] = {
         "flights": study.flights,
         "parameters": study.parameters,
         "choices": study.choices,

@@ -118,13 +118,13 @@ class Log:
         return self.scenario_with({})
 
     def scenario_with(
-        self, replaced: Mapping[str, Any], controller: Callable[[Any, Any, Any], Any] | None = None
+        self, replaced: Mapping[str, Any], controller: Callable[[Any, Mapping[str, Any]], dict[str, Any]] | None = None
     ) -> Any:
         """The scenario that was flown with some of it replaced; code of what is replaced need not be there.
 
         Args:
             replaced: field -> value.
-            controller: (believed model, rates, delays) -> controller in place of the log's.
+            controller: (believed model, the other fields) -> fields with another controller in place of the log's.
 
         Raises:
             ValueError: as :attr:`scenario`, or of ``controller``.
@@ -141,9 +141,9 @@ class Log:
             model = None if controller is None else _believed(written, known)
         changed = dict(replaced)
         if controller is not None:
-            changed["controller"] = controller(model, fields["rates"], fields["delays"])
+            changed |= controller(model, fields)
         with _in_words_of_the_log(plugins):
-            found = kind(**fields, **changed)
+            found = kind(**{**fields, **changed})
         now = own_files(SimpleNamespace(**fields))
         for name in sorted(code):
             if now.get(name, code[name]) != code[name]:

@@ -10,10 +10,10 @@ from typing import Any
 
 from skyarm.actuation import AllocationError
 from skyarm.control.catalogue import make_named
-from skyarm.control.controller import Controller
 from skyarm.control.model import Model
 from skyarm.files import shown, unreadable
 from skyarm.log.formats import load_log
+from skyarm.scenario.changes import Change, without_law
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario, ScenarioError
 
 
@@ -40,13 +40,17 @@ def scenario_of_log(path: str | os.PathLike[str], replaced: Mapping[str, Any] | 
         raise ScenarioError(f"{os.fspath(path)}: {error}") from None
 
 
-def _named_law(name: str, model: Model, rates: Rates, delays: Delays) -> Controller:
-    """A preset or a law with the belief and the clocks of a log."""
+def _named_law(name: str, model: Model, fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields of a scenario with a preset or a law, with the belief and the clocks of a log."""
+    rates, delays = fields["rates"], fields["delays"]
     pairs = (("controller.par.model", model, Model), ("rates", rates, Rates), ("delays", delays, Delays))
     for field, held, kind in pairs:
         if not isinstance(held, kind):
             raise ValueError(f"scenario_record: {field} = {shown(held)}: must be a {kind.__name__}")
-    return make_named(name, model, loop_facts(rates, delays))
+    found: dict[str, Any] = {"controller": make_named(name, model, loop_facts(rates, delays))}
+    changes = fields.get("changes", ())
+    kept = isinstance(changes, tuple) and all(isinstance(each, Change) for each in changes)
+    return found | ({"changes": without_law(changes)} if kept and changes else {})
 
 
 def loop_facts(rates: Rates, delays: Delays) -> dict[str, float]:
