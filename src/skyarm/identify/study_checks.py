@@ -31,7 +31,8 @@ def require_consistent(study: IdentificationStudy) -> None:
     }
     for field, records in once.items():
         require_once(f"{field}.name", [each.name for each in records])
-    require_once("parameters.name, choices.name", [each.name for each in (*study.parameters, *study.choices)])
+    both = [*(each.name for each in study.parameters), *(each.name for each in study.choices)]
+    require_once("parameters.name, choices.name", both)
     options = {choice.name: [option.name for option in choice.options] for choice in study.choices}
     targets = [(f"parameters.{each.name}", target) for each in study.parameters for target in each.targets]
     targets += [(f"choices.{c.name}", target) for c in study.choices for o in c.options for target in o.sets]

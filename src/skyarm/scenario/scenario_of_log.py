@@ -11,9 +11,12 @@ from typing import Any
 from skyarm.actuation import AllocationError
 from skyarm.control.catalogue import make_named
 from skyarm.control.model import Model
+from skyarm.control.safety.memory import SafetyParameters
 from skyarm.files import shown, unreadable
 from skyarm.log.formats import load_log
+from skyarm.records.plain import dotted
 from skyarm.scenario.changes import Change, without_law
+from skyarm.scenario.law_by_name import loop_facts, under_law
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario, ScenarioError
 
 
@@ -32,12 +35,22 @@ def scenario_of_log(path: str | os.PathLike[str], replaced: Mapping[str, Any] | 
     try:
         if reason:
             raise ValueError(reason)
-        law = changes.pop("controller", None)
-        make = None if law is None else partial(_named_law, law)
-        scenario: Scenario = load_log(path).scenario_with(changes, make)
-        return scenario
+        law, log = changes.pop("controller", None), load_log(path)
+        if law is not None and not _is_guarded(log):
+            unguarded: Scenario = log.scenario_with(changes, partial(_named_law, law))
+            return unguarded
+        scenario: Scenario = log.scenario_with(changes)
+        return scenario if law is None else under_law(scenario, law)
     except (ValueError, OSError, AllocationError) as error:
         raise ScenarioError(f"{os.fspath(path)}: {error}") from None
+
+
+def _is_guarded(log: Any) -> bool:
+    """Whether a log's law flew under the safety layer, which the law that replaces it keeps."""
+    held: Any = log.info.get("scenario_record")
+    for name in ("controller", "par", "type"):
+        held = held.get(name) if isinstance(held, dict) else None
+    return bool(held == dotted(SafetyParameters))
 
 
 def _named_law(name: str, model: Model, fields: Mapping[str, Any]) -> dict[str, Any]:
@@ -51,13 +64,3 @@ def _named_law(name: str, model: Model, fields: Mapping[str, Any]) -> dict[str, 
     changes = fields.get("changes", ())
     kept = isinstance(changes, tuple) and all(isinstance(each, Change) for each in changes)
     return found | ({"changes": without_law(changes)} if kept and changes else {})
-
-
-def loop_facts(rates: Rates, delays: Delays) -> dict[str, float]:
-    """What a law may know of its loop: its clocks and the age of its measurements, s."""
-    return {
-        "control_period": 1.0 / rates.control,
-        "reference_period": 1.0 / rates.reference,
-        "delay": delays.measurement,
-        "delay_periods": round(delays.measurement * rates.control),
-    }
