@@ -169,3 +169,11 @@ def test_a_scenario_beside_the_study_names_vehicles_beside_itself(
     (tmp_path / "inner" / "flight.toml").write_text("[plant\n")
     with pytest.raises(IdentificationError, match=r"flights\[0\]\.scenario = 'inner/flight\.toml': "):
         read(('scenario = "case2"', 'scenario = "inner/flight.toml"'), folder=tmp_path)
+
+
+def test_a_target_acts_only_under_the_option_that_it_names() -> None:
+    study = read((FRICTION, FRICTION.replace('" }', '", when = { clock = "early" } }')))
+    path = "plant.vehicle.links.0.joint.damping"
+    assert path not in study.numbers("sines", {"friction": 0.04})
+    assert path not in study.numbers("sines", {"friction": 0.04, "clock": "stated"})
+    assert study.numbers("sines", {"friction": 0.04, "clock": "early"})[path] == 0.04
