@@ -22,10 +22,11 @@ from skyarm.scenario.whole_parts import WHOLE_PARTS, below, with_part
 
 @dataclass(frozen=True, slots=True)
 class Overrides:
-    """What holds in the place of a scenario's own: path -> value, the latest last.
+    """What holds in the place of a scenario's own: path -> value.
 
     Attributes:
-        parts: whole parts, as a file has them. numbers: by path.
+        parts: whole parts, as a file has them, the latest last.
+        numbers: by path, in the order in which each was changed first.
     """
 
     parts: tuple[tuple[str, Any], ...] = ()
@@ -35,8 +36,8 @@ class Overrides:
         """With one more change."""
         path, value = change.path, change.table
         if not is_part(path, value):
-            kept = tuple(pair for pair in self.numbers if pair[0] != path)
-            return Overrides(self.parts, (*kept, (path, value)))
+            # one that is changed again keeps its place: code of the same numbers in the same order flies on
+            return Overrides(self.parts, tuple({**dict(self.numbers), path: value}.items()))
         hidden = below(path)
         parts = tuple(pair for pair in self.parts if not _within(pair[0], path, hidden))
         numbers = tuple(pair for pair in self.numbers if not _within(pair[0], path, hidden))
@@ -110,6 +111,11 @@ def stretches(scenario: Scenario) -> tuple[Stretch, ...]:
         else:
             found.append(following)
     return tuple(found)
+
+
+def is_traceable(scenario: Scenario) -> bool:
+    """Whether every law of a flight can be traced, so that all of it flies in machine code."""
+    return all(stretch.overrides.parts_of(scenario).controller.compiled for stretch in stretches(scenario))
 
 
 def overrides_at(scenario: Scenario, tick: int) -> Overrides:
