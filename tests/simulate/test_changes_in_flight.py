@@ -13,6 +13,7 @@ from skyarm import BatchSession, Scenario, ScenarioError, Session, run, scenario
 from skyarm.compile import leaves
 from skyarm.log.flight_log import Log
 from skyarm.scenario.changes import Change
+from skyarm.scenario.in_flight import is_traceable
 from skyarm.scenario.numbers import with_numbers
 from skyarm.sensors.noise import SensorNoise
 from skyarm.simulate.batch import Batch
@@ -190,6 +191,58 @@ def test_changes_of_a_hand_join_those_of_the_scenario_and_a_snapshot_goes_behind
     assert same_logs(session.run(), run(changing(Change(at=0.2, path=GAIN, value=9.0))))
 
 
+@pytest.mark.parametrize(
+    ("coming", "by_hand", "words"),
+    [
+        (GAIN, {"controller.law": "centroidal_tip"}, rf"path = '{GAIN}': no 'gains' here"),
+        ("environment.wind.force.x", {"environment.wind": WIND}, r"path = 'environment.wind.force.x': no 'force' here"),
+    ],
+)
+def test_a_hand_that_makes_a_change_to_come_impossible_is_refused(coming: str, by_hand: object, words: str) -> None:
+    scenario = changing(Change(at=0.1, path=coming, value=3.0))
+    session = Session(scenario, machine_code=False)
+    for _ in range(10):
+        session.step()
+    with pytest.raises(ScenarioError, match=rf"^after this the change at 0.1 s cannot be made: {words}"):
+        session.change(by_hand)  # type: ignore[arg-type]
+    assert session.plan is scenario
+    # once it has been made nothing stands against it
+    while session.tick < 21:
+        session.step()
+    session.change(by_hand)  # type: ignore[arg-type]
+    assert [change.path for change in session.plan.changes] == [coming, *by_hand]  # type: ignore[has-type]
+
+
+def test_a_session_that_has_ended_cannot_be_changed() -> None:
+    session = Session(changing(Change(at=0.05, path="plant.gravity", value=400.0)), machine_code=False)
+    log = session.run()
+    assert log.status == "ground"
+    # a change at this instant would come before the ending in a flight of the plan
+    for act in (lambda: session.change({"environment.ground": False}), lambda: session.replace(BASE)):
+        with pytest.raises(ScenarioError, match=r"^session: has ended; there is no next period"):
+            act()
+    assert same_logs(run(session.plan), log)
+
+
+def test_a_number_that_is_changed_again_compiles_nothing() -> None:
+    session = Session(BASE)
+    for value in (3.0, 4.0, 3.0, 5.0):
+        session.change({GAIN: value})
+        session.step()
+        session.change({PAYLOAD: 0.01 * value})
+        session.step()
+    # as it began, with the gain, with the gain and the payload
+    assert len(session._codes) == 3
+
+
+def test_a_law_that_cannot_be_traced_flies_alone_and_in_no_batch() -> None:
+    scenario = changing(Change(at=0.1, path="controller.law", value="nmpc"))
+    assert is_traceable(BASE)
+    assert not is_traceable(scenario)
+    with pytest.raises(ValueError, match=r"^controller 'nmpc': its law cannot be traced, a batch needs a traceable"):
+        Batch(scenario)
+
+
 def test_progress_is_told_of_a_flight_that_changes() -> None:
     told: list[tuple[int, int]] = []
     run(changing(CHANGES[0]), lambda done, total: told.append((done, total)))
@@ -271,6 +324,7 @@ def test_changes_that_differ_in_numbers_alone_share_their_code() -> None:
     ("path", "change", "words"),
     [
         (PAYLOAD, Change(at=0.1, path=PAYLOAD, value=0.1), r"adds to changes\[0\].path = 'plant.payload.mass'; vary"),
+        ("plant.payload.tip.mass", Change(at=0.1, path=PAYLOAD, value=0.1), r"adds to changes\[0\].path = 'plant.payl"),
         (
             "model.vehicle.base.mass",
             CHANGES[1],
