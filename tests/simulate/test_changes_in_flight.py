@@ -118,6 +118,19 @@ def test_a_change_at_the_beginning_is_a_scenario_with_that_number() -> None:
     assert heavy.rotor_speeds[0].tobytes() == run(BASE).rotor_speeds[0].tobytes()
 
 
+def test_lanes_that_change_at_the_beginning_start_as_the_scenario_began() -> None:
+    """Rotors turn at the hover of the vehicle without the payload, as in a run."""
+    scenario = changing(Change(at=0.0, path=PAYLOAD, value=0.1), Change(at=0.0, path=GAIN, value=5.0))
+    log = run(scenario)
+    assert log.rotor_speeds[0].tobytes() == run(BASE).rotor_speeds[0].tobytes()
+    flown = Batch(scenario, metrics=("standard",), bit_exact=True, effort=0).fly(
+        {}, episodes=np.array([0]), seed=BASE.seed
+    )
+    session = Session(scenario)
+    session.run()
+    assert [float(each[0]) for each in leaves(flown.state)] == leaves(session.state)
+
+
 def test_a_change_to_what_it_was_changes_nothing(still: Log) -> None:
     own = float(BASE.controller.par.gains.position.x)
     changes = (Change(at=0.1, path=GAIN, value=own), Change(at=0.2, path=PAYLOAD, value=0.0))
@@ -233,6 +246,11 @@ def test_a_number_that_is_changed_again_compiles_nothing() -> None:
         session.step()
     # as it began, with the gain, with the gain and the payload
     assert len(session._codes) == 3
+    named = Session(BASE, (GAIN, PAYLOAD, "reference.yaw.value"))
+    for path, value in ((PAYLOAD, 0.03), (GAIN, 3.0), (PAYLOAD, 0.01), (GAIN, 5.0)):
+        named.change({path: value})
+        named.step()
+    assert len(named._codes) == 1, "paths that are named from the start are parameters from the start"
 
 
 def test_a_law_that_cannot_be_traced_flies_alone_and_in_no_batch() -> None:

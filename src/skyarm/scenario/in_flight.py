@@ -44,13 +44,15 @@ class Overrides:
         return Overrides((*parts, (path, value)), numbers)
 
     def with_data(self, scenario: Scenario, paths: Sequence[str]) -> Overrides:
-        """These and, of some paths, the numbers that the scenario has there itself, where it has any."""
-        parts, own = self.parts_of(scenario), []
+        """These and, of some paths, the numbers that the scenario has there itself, where it has any.
+
+        The paths come first, in their order, whichever of them have been changed: the same code reads them.
+        """
+        parts, given, first = self.parts_of(scenario), dict(self.numbers), dict[str, Any]()
         for path in paths:
-            if not any(path == name for name, _ in self.numbers):
-                with suppress(ScenarioError):
-                    own.append((path, number_at(parts, path)))
-        return Overrides(self.parts, (*own, *self.numbers)) if own else self
+            with suppress(ScenarioError):
+                first[path] = given[path] if path in given else number_at(parts, path)
+        return Overrides(self.parts, tuple({**first, **given}.items())) if first else self
 
     def hides(self, path: str) -> bool:
         """Whether a number of the scenario's own no longer counts: another holds in its place, or its part is gone."""
