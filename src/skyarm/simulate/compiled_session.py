@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.actuation import Command
 from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -18,16 +18,19 @@ from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.dynamics import State
 from skyarm.log.flight_log import Log
 from skyarm.plant.compiled import RigidBodyPlant
-from skyarm.reference import Reference
+from skyarm.reference import Publisher, Reference
 from skyarm.scalars.philox import uniforms
+from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.assemble_log import assemble
 from skyarm.simulate.check_endings import Ended, going_on
+from skyarm.simulate.commanded_stages import CommandedStages
 from skyarm.simulate.compiled_flight import Flown, ending, samples
+from skyarm.simulate.draws import draws_needed
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
-from skyarm.simulate.loop_state import LoopState, Row, Sample, blend, carried, structure_of
+from skyarm.simulate.loop_state import LoopState, Row, Sample, carried, structure_of
 from skyarm.simulate.own_code_trials import try_own_code
 from skyarm.simulate.period import make_period
 from skyarm.simulate.stages import RigidBodySteps, Stages
@@ -35,25 +38,13 @@ from skyarm.simulate.stages import RigidBodySteps, Stages
 Array = npt.NDArray[np.float64]
 
 
-class CommandedStages(Stages):
-    """Stages whose law is passed over where a command is given.
-
-    Attributes:
-        given: 1 where there is one. command: it.
-    """
-
-    given: Any = 0.0
-    command: Any = None
-
-    def decide(self, memory: Any, measurement: Measurement, reference: Reference) -> tuple[Any, Command]:
-        """The law, or the command that is given; the law's memory stays then."""
-        following, wanted = super().decide(memory, measurement, reference)
-        own = self.given < 0.5
-        return blend(own, following, memory), blend(own, wanted, self.command)
-
-
 class CompiledSteps:
     """A scenario on the rigid-body plant, period by period.
+
+    Args:
+        scenario: of the episode.
+        paths: numbers that are read anew in every period (:mod:`skyarm.scenario.numbers`), which :meth:`give` writes;
+            all others are constants of the code.
 
     Raises:
         NoMachineCodeError: fly the stages one by one.
@@ -63,35 +54,89 @@ class CompiledSteps:
         tick: control periods flown. ended: why the episode has ended before its time, or None.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
-        self.scenario = scenario
+    def __init__(self, scenario: Scenario, paths: Sequence[str] = ()) -> None:
+        self.scenario = self._built = scenario
+        self.paths = tuple(paths)
         try_own_code(scenario)
-        self._inputs: EpisodeInputs = episode_inputs(scenario)
         self.first: LoopState = first_loop_state(scenario)
-        self._stages = stages = CommandedStages(scenario)
+        self._own_motion = any(path.startswith("reference.") for path in paths)
+        needed = draws_needed(scenario)
         around = first_surroundings(scenario, self.first)
         plant = RigidBodyPlant(scenario.world, around, scenario.integrator, 1.0 / scenario.rates.physics)
-        period = make_period(stages, RigidBodySteps(stages, plant.substeps))
-        row = Row(time=0.0, reference=self._inputs.reference_example)
+        self._substeps = plant.substeps
         command = structure_of(self.first.queue[0])
 
-        def step(now: LoopState, _parameters: Any, fed: Any, drawn: Any) -> tuple[LoopState, Sample]:
-            instant, stages.given, stages.command = fed
-            return period(now, instant, drawn)
+        def step(now: LoopState, numbers: Any, fed: Any, drawn: Any) -> tuple[LoopState, Sample]:
+            instant, given, commanded = fed
+            varied = self._varied(numbers)
+            stages = CommandedStages(varied)
+            stages.given, stages.command = given, commanded
+            period = make_period(stages, RigidBodySteps(stages, plant.substeps))
+            return period(now, self._row(varied, instant), drawn)
 
-        fed = (row, 0.0, command)
-        loop = trace_loop(step, structure_of(self.first), (), fed, stages.draws.needed, loops=True)
-        kernel = Kernel(loop, Lanes(1), logging=True)
+        numbers = tuple(number_at(scenario, path) for path in self.paths)
+        fed = (self._instant, 0.0, command)
+        loop = trace_loop(step, structure_of(self.first), numbers, fed, needed, loops=True)
+        # numbers that a hand moves are waited for: code that is made in a hurry gives the same bits
+        kernel = Kernel(loop, Lanes(1), logging=True, effort=0 if self.paths else 2)
         self._sample: Sample = loop.result[1]
         start = np.array(leaves(self.first), dtype=float)
-        self._stepper = Stepper(kernel, start, seed=scenario.seed, episode=scenario.episode)
-        self._rows = self._inputs.rows(0, scenario.steps)
+        keys = {"seed": scenario.seed, "episode": scenario.episode}
+        self._stepper = Stepper(kernel, start, np.array(numbers, dtype=float), **keys)
+        self._rows = self._clock() if self._own_motion else self._inputs.rows(0, scenario.steps)
         self._width, self._steps = self._rows.shape[1], scenario.steps
         self._log = np.empty((scenario.steps, loop.logged))
         self._peek: Quick | None = None
         self.tick = 0
         self.ended: Ended | None = None
         self._last: Array | None = None
+
+    @cached_property
+    def _inputs(self) -> EpisodeInputs:
+        return episode_inputs(self.scenario)
+
+    @property
+    def _instant(self) -> Any:
+        """What a period is fed of its clock: a row, or two times where the code makes the reference itself."""
+        return (0.0, 0.0) if self._own_motion else Row(time=0.0, reference=self._inputs.reference_example)
+
+    def _clock(self) -> Array:
+        """(steps, 2) time, and time of the held reference, s."""
+        ticks, rates = np.arange(self.scenario.steps), self.scenario.rates
+        publisher = Publisher(control_rate=rates.control, reference_rate=rates.reference)
+        return np.stack([ticks / rates.control, publisher.held_time(ticks)], axis=1)
+
+    def _varied(self, numbers: Sequence[Any]) -> Scenario:
+        """The scenario of the code with numbers of its paths."""
+        return with_numbers(self._built, dict(zip(self.paths, numbers, strict=True))) if numbers else self._built
+
+    def _row(self, varied: Scenario, instant: Any) -> Row:
+        """What the stages are fed of the clock."""
+        if not self._own_motion:
+            row: Row = instant
+            return row
+        time, held = instant
+        return Row(time=time, reference=varied.trajectory.at(held))
+
+    def give(self, scenario: Scenario, values: Mapping[str, float]) -> None:
+        """Fly on with other numbers, from the next period on.
+
+        Args:
+            scenario: with these numbers.
+            values: some of the paths, beyond what the code's scenario has.
+        """
+        self.scenario = scenario
+        for path, value in values.items():
+            self._stepper.parameters[self.paths.index(path)] = value
+        if self._own_motion:
+            self.__dict__.pop("_inputs", None)  # tables of the reference, made where they are asked for
+
+    def bears(self, scenario: Scenario) -> bool:
+        """Whether a scenario with other numbers is integrated in the steps that the code was made with."""
+        around = first_surroundings(scenario, self.first)
+        plant = RigidBodyPlant(scenario.world, around, scenario.integrator, 1.0 / scenario.rates.physics)
+        period = 1.0 / scenario.rates.control
+        return plant.substeps(period) == self._substeps(period)
 
     def step(self, command: Sequence[float] | None = None) -> bool:
         """Fly one control period; False once the episode has ended or flown its time."""
@@ -128,45 +173,55 @@ class CompiledSteps:
         )
 
     def state(self) -> State:
-        """The plant's state now."""
-        return self.now.state
+        """The plant's state now; it follows ``alive`` and ``ticks`` among the leaves."""
+        state: State = rebuild(self.first.state, iter(self._stepper.carry[2:].tolist()))
+        return state
 
     def reference(self) -> Reference:
         """The held reference of the next period."""
-        held: Reference = rebuild(self._inputs.reference_example, iter(self._rows[self.tick, 1:].tolist()))
+        row = self._rows[self.tick].tolist()
+        if self._own_motion:
+            return self.scenario.trajectory.at(row[1]).dense()
+        held: Reference = rebuild(self._inputs.reference_example, iter(row[1:]))
         return held
 
     def measurement(self) -> Measurement:
         """What the law is told in the next period."""
-        stages = self._stages
-        needed = stages.draws.needed
+        needed = draws_needed(self._built)
+        parameters = self._stepper.parameters.tolist()
         if self._peek is None:
-            plant = RigidBodySteps(stages, lambda _: 1)
+            own = self._own_motion
 
-            def told(now: LoopState, row: Row, drawn: Any) -> Measurement:
-                _, around = stages.surround(now.components, now.drives, now.state, row.time, drawn)
+            def told(now: LoopState, numbers: Any, instant: Any, drawn: Any) -> Measurement:
+                time, stages = instant[0] if own else instant.time, Stages(self._varied(numbers))
+                plant = RigidBodySteps(stages, lambda _: 1)
+                _, around = stages.surround(now.components, now.drives, now.state, time, drawn)
                 before = stages.acting(now.queue)
                 force = plant.specific_force(now.state, before, around)
-                read = stages.sense(now.sensors, now.estimate, now.ticks, now.state, force, before, row.time, drawn)
+                read = stages.sense(now.sensors, now.estimate, now.ticks, now.state, force, before, time, drawn)
                 return read.measurement
 
-            row = Row(time=0.0, reference=self._inputs.reference_example)
-            self._peek = Quick(told, structure_of(self.first), row, (0.5,) * sum(count for _, count in needed))
+            example = structure_of(self.first), tuple(parameters), self._instant
+            self._peek = Quick(told, *example, (0.5,) * sum(count for _, count in needed))
         keys = (self.scenario.seed, self.scenario.episode)
         drawn = [float(u) for channel, n in needed for u in uniforms(*keys, channel, self.tick, n)]
-        self._peek.inputs[:] = [*self._stepper.carry, *self._rows[self.tick], *drawn]
+        self._peek.inputs[:] = [*self._stepper.carry, *parameters, *self._rows[self.tick], *drawn]
         self._peek.step()
         told_now: Measurement = self._peek.shaped()
         return told_now
 
     def snapshot(self) -> Any:
-        """What :meth:`restore` takes."""
-        return self.tick, self.ended, self._stepper.carry.copy(), self._log[: self.tick].copy(), self._last
+        """What :meth:`restore` takes: it holds on to the log, whose rows before this period no step writes again."""
+        stepper = self._stepper
+        return self.tick, self.ended, stepper.carry.copy(), stepper.parameters.copy(), self._log, self._last
 
     def restore(self, held: Any) -> None:
         """Go to a snapshot."""
-        self.tick, self.ended, carry, log, self._last = held
-        self._stepper.carry[:], self._log[: self.tick] = carry, log
+        self.tick, self.ended, carry, parameters, log, self._last = held
+        self._stepper.carry[:], self._stepper.parameters[:] = carry, parameters
+        # what is flown from here on must not be written over what other snapshots hold
+        self._log = np.empty_like(log)
+        self._log[: self.tick] = log[: self.tick]
 
     @property
     def now(self) -> LoopState:

@@ -4,26 +4,26 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from skyarm.actuation import Command
-from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.dynamics import State
 from skyarm.files import shown
 from skyarm.log.flight_log import Log
-from skyarm.records import coerce
-from skyarm.records.coerce import RecordError
 from skyarm.records.leaves import mismatch
 from skyarm.reference import Reference
-from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.numbers import require_apart, with_numbers
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.check_endings import Ended
-from skyarm.simulate.compiled_session import CompiledSteps
-from skyarm.simulate.staged_flight import StagedFlight
+from skyarm.simulate.lane_arguments import require_paths, require_values, require_within_queue
+from skyarm.simulate.loop_state import LoopState
+from skyarm.simulate.session_engine import make_engine, plain_numbers, require_continuous, with_data
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,14 +31,19 @@ class Snapshot:
     """A session at an instant, to go back to; it may be restored more than once.
 
     Attributes:
-        scenario: as it was flown then. tick: control periods flown. held: what the engine keeps.
+        scenario: as it was flown then. tick: control periods flown.
+        engine: what flew it. held: what the engine keeps.
         session: number of the session that it is of.
+        origin, numbers: scenario before its numbers were changed, and by what.
     """
 
     scenario: Scenario
     tick: int
+    engine: Any
     held: Any
     session: int
+    origin: Scenario
+    numbers: Mapping[str, Any]
 
 
 _NUMBERS = itertools.count()
@@ -52,15 +57,20 @@ class Session:
 
     Args:
         scenario: what is flown; its duration is the longest the session can get.
+        paths: numbers that :meth:`change` will give other values often. Machine code reads them in every period
+            instead of holding them as constants, so that a change of these compiles nothing; the bits are the same.
 
     Raises:
-        ScenarioError: not a scenario.
+        ScenarioError: not a scenario, or a path that leads to no number of it.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, paths: Sequence[str] = ()) -> None:
         require_flight(scenario)
-        self._scenario = scenario
-        self._engine: Any = _engine(scenario)
+        self._paths = require_paths(paths)
+        require_apart(scenario, self._paths)
+        self._scenario = self._origin = with_data(scenario, self._paths)
+        self._numbers: dict[str, Any] = {}
+        self._engine: Any = make_engine(self._origin, self._paths, {})
         self._number = next(_NUMBERS)
         # the engine's own step is the session's, which a call between them would slow down by a tenth
         self._n = scenario.world.vehicle.n
@@ -100,6 +110,12 @@ class Session:
         return state
 
     @property
+    def now(self) -> LoopState:
+        """What the next period begins with: state, commands and readings on their way, every memory."""
+        now: LoopState = self._engine.now
+        return now
+
+    @property
     def measurement(self) -> Measurement:
         """What the law is told in the period that comes next."""
         self._require_running()
@@ -137,7 +153,7 @@ class Session:
             )
         numbers = (*command.rotor_speeds, *command.efforts)
         if not all(type(number) is float for number in numbers):
-            numbers = _plain_numbers(command)
+            numbers = plain_numbers(command)
         going = self._engine.step(numbers)
         return going
 
@@ -156,7 +172,9 @@ class Session:
 
     def snapshot(self) -> Snapshot:
         """The session now."""
-        return Snapshot(self._scenario, self.tick, self._engine.snapshot(), self._number)
+        return Snapshot(
+            self._scenario, self.tick, self._engine, self._engine.snapshot(), self._number, self._origin, self._numbers
+        )
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go back, or forward again, to a snapshot of this session.
@@ -168,17 +186,27 @@ class Session:
             raise ScenarioError(f"snapshot = {shown(snapshot)}: must be a Snapshot, which session.snapshot() gives")
         if snapshot.session != self._number:
             raise ScenarioError("snapshot: is of another session, must be of this one, whose snapshot() gives it")
-        if snapshot.scenario is not self._scenario:
-            self._scenario, self._engine = snapshot.scenario, _engine(snapshot.scenario)
+        self._engine = snapshot.engine
         self._engine.restore(snapshot.held)
+        self._scenario, self._origin, self._numbers = snapshot.scenario, snapshot.origin, dict(snapshot.numbers)
 
     def change(self, values: Mapping[str, Any]) -> None:
         """Give the scenario other numbers by path (:mod:`skyarm.scenario.numbers`), from the next period on.
 
+        A payload's mass is what the vehicle carries beyond what it began with, however often it is changed.
+
         Raises:
             ScenarioError: no such number, or one that cannot be.
         """
-        self.replace(with_numbers(self._scenario, values))
+        numbers = {**self._numbers, **require_values(values)}
+        scenario, engine = with_numbers(self._origin, numbers), self._engine
+        if set(values) <= set(engine.paths) and engine.bears(scenario):
+            require_within_queue(self._origin, {path: np.array([float(value)]) for path, value in values.items()})
+            engine.give(scenario, values)
+            self._scenario = scenario
+        else:
+            self._fly_on(self._origin, numbers)
+        self._numbers = numbers
 
     def replace(self, scenario: Scenario) -> None:
         """Fly on with another scenario: other gains, wind, payload, reference or law.
@@ -190,10 +218,15 @@ class Session:
             ScenarioError: another vehicle's structure, other clocks, delays or sensors, another plant.
         """
         require_flight(scenario)
-        old = self._scenario
-        _require_continuous(old, scenario)
-        scenario = dataclasses.replace(scenario, seed=old.seed, episode=old.episode)
-        engine = _engine(scenario)
+        scenario = dataclasses.replace(scenario, seed=self._scenario.seed, episode=self._scenario.episode)
+        self._fly_on(scenario, {})
+        self._origin, self._numbers = scenario, {}
+
+    def _fly_on(self, origin: Scenario, numbers: Mapping[str, Any]) -> None:
+        """Fly on with another engine."""
+        scenario = with_numbers(origin, numbers)
+        require_continuous(self._scenario, scenario)
+        engine = make_engine(origin, self._paths, numbers)
         different = mismatch(self._engine.first.sensors, engine.first.sensors, "sensors")
         if different:
             raise ScenarioError(f"{different}: must be as the session began, since readings are on their way")
@@ -203,54 +236,3 @@ class Session:
     def _require_running(self) -> None:
         if not self.running:
             raise ScenarioError("session: has ended; there is no next period")
-
-
-def _plain_numbers(command: Command) -> tuple[float, ...]:
-    """The numbers of a command from outside.
-
-    Raises:
-        ScenarioError: one that is none.
-    """
-    found = []
-    for field in ("rotor_speeds", "efforts"):
-        for i, value in enumerate(getattr(command, field)):
-            try:
-                held = coerce.number(f"command.{field}[{i}]", value)
-            except RecordError as error:
-                raise ScenarioError(str(error)) from None
-            if type(held) is not float:
-                raise ScenarioError(f"command.{field}[{i}] = {shown(value)}: must be one number")
-            found.append(held)
-    return tuple(found)
-
-
-def _require_continuous(old: Scenario, new: Scenario) -> None:
-    """What a session cannot change is as it began.
-
-    Raises:
-        ScenarioError: names it.
-    """
-    delays, before, after = new.delays, old.world.vehicle, new.world.vehicle
-    if old.delays.longest_command is not None:
-        # a varied delay of the commands stands within a queue of the same length
-        began = old.delays
-        delays = dataclasses.replace(delays, command=began.command, rotors=began.rotors, joints=began.joints)
-    pairs: list[tuple[str, Any, Any]] = [
-        *((name, getattr(old, name), getattr(new, name)) for name in ("rates", "plant", "integrator", "duration")),
-        ("delays", old.delays, delays),
-        ("joints", before.n, after.n),
-        ("rotors", len(before.rotors), len(after.rotors)),
-    ]
-    for name, began, value in pairs:
-        if began != value:
-            raise ScenarioError(f"{name} = {shown(value)}: must be {shown(began)} as the session began")
-
-
-def _engine(scenario: Scenario) -> Any:
-    """Machine code where it can be made, else the stages one by one."""
-    if scenario.plant == "rigid_body" and scenario.controller.compiled:
-        try:
-            return CompiledSteps(scenario)
-        except NoMachineCodeError:
-            pass
-    return StagedFlight(scenario)

@@ -43,8 +43,10 @@ class StagedFlight:
 
     Attributes:
         scenario, inputs: of the episode. first: the loop before its first period.
-        ended: why it has ended before its time, or None.
+        ended: why it has ended before its time, or None. paths: numbers that can be changed in flight: none.
     """
+
+    paths: tuple[str, ...] = ()
 
     def __init__(self, scenario: Scenario) -> None:
         self.scenario = scenario

@@ -1,0 +1,89 @@
+"""What is seen of a session at one instant: poses, errors, efforts and forces, as plain numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from skyarm.algebra import Vec3
+from skyarm.control.blocks.disturbance_observer import Observed
+from skyarm.drawing.pose_program import Array, Placed, PoseProgram
+from skyarm.records.leaves import is_record, parts
+from skyarm.reference import Reference
+from skyarm.simulate.session import Session
+from skyarm.vehicle.vehicle_records import Vehicle
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """What the plots show of one instant.
+
+    Attributes:
+        tick: control periods flown. time: s.
+        tip, wanted: of the tip and its desired position, world axes, m.
+        tilt: of the base's z axis against the vertical, rad.
+        efforts: share of each joint's limit that its setpoint takes; N m or N of a joint without a limit.
+        rotors: share of each rotor's highest speed.
+        observed: force on the base that the law's observer has found, N, world axes; None without an observer.
+    """
+
+    tick: int
+    time: float
+    tip: Array
+    wanted: Array
+    tilt: float
+    efforts: tuple[float, ...]
+    rotors: tuple[float, ...]
+    observed: Vec3 | None
+
+    @property
+    def error(self) -> float:
+        """Distance of the tip from where it should be, m."""
+        return float(np.linalg.norm(self.tip - self.wanted))
+
+
+def sight(session: Session, program: PoseProgram) -> Sight:
+    """What the plots show of a session now."""
+    scenario, now, time = session.scenario, session.now, session.time
+    vehicle, state = scenario.world.vehicle, now.state
+    placed = program(tuple(state.position), tuple(state.quaternion), state.joints)
+    goal = goal_of(program, scenario.trajectory.at(time))
+    upward = float(placed.rotations[0, 2, 2])
+    return Sight(
+        tick=session.tick,
+        time=time,
+        tip=placed.tip,
+        wanted=goal.tip,
+        tilt=math.acos(min(1.0, max(-1.0, upward))) if math.isfinite(upward) else math.pi,
+        efforts=_efforts(vehicle, now.queue[-1].efforts),
+        rotors=tuple(float(w) / float(r.max_speed) for w, r in zip(state.rotor_speeds, vehicle.rotors, strict=True)),
+        observed=observed_force(now.memory),
+    )
+
+
+def goal_of(program: PoseProgram, reference: Reference) -> Placed:
+    """Where the bodies should be: level, at the desired position, heading and joints."""
+    half = 0.5 * float(reference.yaw)
+    return program(tuple(reference.position), (math.cos(half), 0.0, 0.0, math.sin(half)), reference.joints)
+
+
+def _efforts(vehicle: Vehicle, setpoints: Sequence[Any]) -> tuple[float, ...]:
+    """Shares of the joints' limits that setpoints take; a joint without a limit shows its N m or N."""
+    limits = [float(link.joint.effort_limit) for link in vehicle.links]
+    return tuple(float(u) / m if m and math.isfinite(m) else float(u) for u, m in zip(setpoints, limits, strict=True))
+
+
+def observed_force(memory: Any) -> Vec3 | None:
+    """Force on the base that a law's observer has found, world axes, N; None for a law without one."""
+    if isinstance(memory, Observed):
+        return memory.force
+    if is_record(memory) or isinstance(memory, tuple):
+        for part in parts(memory).values():
+            found = observed_force(part)
+            if found is not None:
+                return found
+    return None
