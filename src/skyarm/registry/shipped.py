@@ -79,7 +79,7 @@ RESERVED: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "command": {
         "a command": (
             *("reproduce", "run", "list", "show", "export-c", "cache"),
-            *("sweep", "stats", "margins", "basin", "bench", "compare"),
+            *("sweep", "stats", "margins", "basin", "bench", "compare", "studio"),
         ),
     },
     "law": {

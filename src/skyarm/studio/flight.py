@@ -76,6 +76,11 @@ class Flight:
         """Every number that has been changed so far, as it is now."""
         return {moved.path: moved.value for moved in self.moved if moved.tick <= self.tick}
 
+    @property
+    def payload(self) -> float:
+        """Mass that a hand has hung at the tip, kg."""
+        return self.values.get("plant.payload.mass", 0.0)
+
     def placed(self) -> Placed:
         """Where the bodies are now."""
         state = self.session.state
@@ -145,11 +150,16 @@ class Flight:
         if tick % self._every == 0 and (not self.sights or self.sights[-1].tick < tick):
             self.sights.append(sight(self.session, self.program))
 
+    @property
+    def last(self) -> Sight:
+        """The latest of what the plots show."""
+        return self.sights[bisect.bisect_right(self.sights, self.tick, key=lambda each: each.tick) - 1]
+
     def seen(self, seconds: float) -> list[Sight]:
         """What the plots show of the last seconds."""
         now, rate = self.tick, self.first.rates.control
-        ticks = [each.tick for each in self.sights]
-        return self.sights[bisect.bisect_left(ticks, now - seconds * rate) : bisect.bisect_right(ticks, now)]
+        first = bisect.bisect_left(self.sights, now - seconds * rate, key=lambda each: each.tick)
+        return self.sights[first : bisect.bisect_right(self.sights, now, key=lambda each: each.tick)]
 
 
 def as_changes(moved: Sequence[Moved], rate: float) -> list[dict[str, Any]]:

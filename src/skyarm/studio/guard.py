@@ -41,7 +41,8 @@ class Guard:
         """Why a request is refused, in words; None where it may pass.
 
         Args:
-            path: with its query. headers: by name.
+            path: with its query.
+            headers: by name.
             websocket: whether it asks for one; browsers send its page's ``Origin`` along, whatever the page wants.
         """
         host = headers.get("Host", "")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import http
+import io
 import logging
 import math
 import socket
@@ -121,14 +122,8 @@ def _serving(module: Any, listening: socket.socket, guard: Guard, inputs: dict[s
 @contextlib.contextmanager
 def _silent() -> Iterator[None]:
     """viser prints a table when it starts and a line when it stops."""
-    import rich
-
-    console = rich.get_console()
-    before, console.quiet = console.quiet, True
-    try:
+    with contextlib.redirect_stdout(io.StringIO()):
         yield
-    finally:
-        console.quiet = before
 
 
 class Sieve:
@@ -198,6 +193,8 @@ class Sieve:
 
 
 CAMERA = {"wxyz": 4, "position": 3, "look_at": 3, "up_direction": 3}
+SCALARS = ("fov", "near", "far", "image_height", "image_width")
+"""Fields of a camera's frame: how many numbers each has."""
 
 
 def _is_camera(message: dict[str, Any]) -> bool:
@@ -206,7 +203,7 @@ def _is_camera(message: dict[str, Any]) -> bool:
         isinstance(message[name], (list, tuple)) and len(message[name]) == count and all(map(_finite, message[name]))
         for name, count in CAMERA.items()
     )
-    return vectors and all(_finite(message[name]) for name in ("fov", "near", "far", "image_height", "image_width"))
+    return vectors and all(_finite(message[name]) for name in SCALARS) and set(message) == {"type", *CAMERA, *SCALARS}
 
 
 def _finite(value: Any) -> bool:

@@ -12,6 +12,7 @@ import numpy as np
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.drawing.pose_program import Array, Placed, PoseProgram
+from skyarm.plant.surroundings import Surroundings, felt
 from skyarm.records.leaves import is_record, parts
 from skyarm.reference import Reference
 from skyarm.simulate.session import Session
@@ -28,6 +29,7 @@ class Sight:
         tilt: of the base's z axis against the vertical, rad.
         efforts: share of each joint's limit that its setpoint takes; N m or N of a joint without a limit.
         rotors: share of each rotor's highest speed.
+        air: velocity of the air at the base, world axes, m/s. pushed: force on the base of all that surrounds it, N.
         observed: force on the base that the law's observer has found, N, world axes; None without an observer.
     """
 
@@ -38,6 +40,8 @@ class Sight:
     tilt: float
     efforts: tuple[float, ...]
     rotors: tuple[float, ...]
+    air: Array
+    pushed: Array
     observed: Vec3 | None
 
     @property
@@ -52,6 +56,8 @@ def sight(session: Session, program: PoseProgram) -> Sight:
     vehicle, state = scenario.world.vehicle, now.state
     placed = program(tuple(state.position), tuple(state.quaternion), state.joints)
     goal = goal_of(program, scenario.trajectory.at(time))
+    around = Surroundings(components=scenario.components, memories=now.components, time=time)
+    outside = felt(around, vehicle, state)
     upward = float(placed.rotations[0, 2, 2])
     return Sight(
         tick=session.tick,
@@ -61,6 +67,8 @@ def sight(session: Session, program: PoseProgram) -> Sight:
         tilt=math.acos(min(1.0, max(-1.0, upward))) if math.isfinite(upward) else math.pi,
         efforts=_efforts(vehicle, now.queue[-1].efforts),
         rotors=tuple(float(w) / float(r.max_speed) for w, r in zip(state.rotor_speeds, vehicle.rotors, strict=True)),
+        air=np.array([float(c) for c in outside.air_velocity_W]),
+        pushed=np.array([float(c) for c in outside.force_W]),
         observed=observed_force(now.memory),
     )
 
