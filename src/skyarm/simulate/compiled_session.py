@@ -45,6 +45,7 @@ class CompiledSteps:
         scenario: of the episode.
         paths: numbers that are read anew in every period (:mod:`skyarm.scenario.numbers`), which :meth:`give` writes;
             all others are constants of the code.
+        stiffest: the scenario with the numbers that it flies with, which fix the integration steps.
 
     Raises:
         NoMachineCodeError: fly the stages one by one.
@@ -54,15 +55,16 @@ class CompiledSteps:
         tick: control periods flown. ended: why the episode has ended before its time, or None.
     """
 
-    def __init__(self, scenario: Scenario, paths: Sequence[str] = ()) -> None:
+    def __init__(self, scenario: Scenario, paths: Sequence[str] = (), stiffest: Scenario | None = None) -> None:
         self.scenario = self._built = scenario
         self.paths = tuple(paths)
         try_own_code(scenario)
         self.first: LoopState = first_loop_state(scenario)
         self._own_motion = any(path.startswith("reference.") for path in paths)
         needed = draws_needed(scenario)
-        around = first_surroundings(scenario, self.first)
-        plant = RigidBodyPlant(scenario.world, around, scenario.integrator, 1.0 / scenario.rates.physics)
+        stiff = stiffest or scenario
+        around = first_surroundings(stiff, self.first)
+        plant = RigidBodyPlant(stiff.world, around, scenario.integrator, 1.0 / scenario.rates.physics)
         self._substeps = plant.substeps
         command = structure_of(self.first.queue[0])
 

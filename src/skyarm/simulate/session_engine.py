@@ -71,7 +71,7 @@ def make_engine(origin: Scenario, paths: Sequence[str], numbers: Mapping[str, An
         there = [path for path in paths if _leads_on(origin, path)]
         constant = {path: value for path, value in numbers.items() if path not in there}
         try:
-            engine = CompiledSteps(with_numbers(with_data(origin, there), constant), there)
+            engine = CompiledSteps(with_numbers(with_data(origin, there), constant), there, scenario)
         except NoMachineCodeError:
             pass
         else:

@@ -60,6 +60,10 @@ class Chart:
         """Show the last seconds."""
         self._node.data = self._data()
 
+    def remove(self) -> None:
+        """Take the plot off the page."""
+        self._node.remove()
+
     def _data(self) -> tuple[Any, ...]:
         rows = [flight.seen(SECONDS) for flight in self._flights]
         longest = max(rows, key=len, default=[])

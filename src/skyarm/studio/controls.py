@@ -43,17 +43,20 @@ class Controls:
 
     Args:
         gui: of viser. orders: what they ask.
-        case: name of the scenario. laws: that fly at first.
+        laws: that fly at first.
     """
 
-    def __init__(self, gui: Any, orders: Orders, case: str, laws: list[str]) -> None:
+    def __init__(self, gui: Any, orders: Orders, laws: list[str]) -> None:
         self._gui, self._orders = gui, orders
         self.status = gui.add_markdown("Machine code is being made ...")
         self._clock()
         self._push()
-        self._laws(laws)
-        self._cases(case)
-        self._view()
+        self.tabs = gui.add_tab_group()
+        self.plots = self.tabs.add_tab("plots")
+        with self.tabs.add_tab("scenario"):
+            self._laws(laws)
+            self._cases()
+            self._view()
 
     def _clock(self) -> None:
         """Play, step, speed, and the way back."""
@@ -92,7 +95,7 @@ class Controls:
     def _menu(self, menu: Any, place: int) -> None:
         _clicked(menu, lambda value: self._orders.choose_law(place, None if value == NO_LAW else value))
 
-    def _cases(self, case: str) -> None:
+    def _cases(self) -> None:
         """The shipped scenarios, which are the paper's cases, and saving."""
         with self._gui.add_folder("cases"):
             buttons = self._gui.add_button_group("case", list_scenarios())
@@ -102,7 +105,7 @@ class Controls:
 
     def _view(self) -> None:
         """What of the picture is shown."""
-        with self._gui.add_folder("view", expand_by_default=False):
+        with self._gui.add_folder("view"):
             names = ("beside", "ghost", "arrows", "trails", "dark")
             boxes = {name: self._gui.add_checkbox(name, name not in ("beside", "dark")) for name in names}
 

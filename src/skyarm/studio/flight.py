@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.drawing.pose_program import Placed, PoseProgram
+from skyarm.dynamics import State
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.session import Session, Snapshot
 from skyarm.studio.sights import Sight, goal_of, sight
@@ -81,9 +82,8 @@ class Flight:
         """Mass that a hand has hung at the tip, kg."""
         return self.values.get("plant.payload.mass", 0.0)
 
-    def placed(self) -> Placed:
-        """Where the bodies are now."""
-        state = self.session.state
+    def placed(self, state: State) -> Placed:
+        """Where the bodies are in a state."""
         return self.program(tuple(state.position), tuple(state.quaternion), state.joints)
 
     def goal(self) -> Placed:

@@ -64,11 +64,11 @@ class Page:
         self.fleet = load_fleet(source)
         self._words = ""
         self._making = 0
+        self._turn = False
         self._picture = Picture(server, plain=plain)
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         own = self.fleet.prepared.scenario.controller.name
-        self._controls = Controls(server.gui, self, source, [law or own for law in laws])
-        self._tabs = server.gui.add_tab_group()
+        self._controls = Controls(server.gui, self, [law or own for law in laws])
         self._shown: list[Any] = []
         self._panels: list[tuple[int | None, KnobPanel]] = []
         self._charts: list[Chart] = []
@@ -211,17 +211,17 @@ class Page:
                 self._picture.build(self.fleet.prepared.scenario, [flight.title for flight in flights])
             for tab in self._shown:
                 tab.remove()
+            for chart in self._charts:
+                chart.remove()
             self._shown, self._panels = [], []
-            gui = self._server.gui
-            self._shown.append(self._tabs.add_tab("plots"))
-            with self._shown[-1]:
-                self._charts = charts(gui, flights)
+            with self._controls.plots:
+                self._charts = charts(self._server.gui, flights)
             self._add_panel("world", None, shared_knobs(self.fleet.prepared), ("wind and forces",))
             for i, flight in enumerate(flights):
                 self._add_panel(flight.title, i, law_knobs(flight, self.fleet.prepared), ("law",))
 
     def _add_panel(self, title: str, place: int | None, knobs: Any, opened: Sequence[str]) -> None:
-        self._shown.append(self._tabs.add_tab(title))
+        self._shown.append(self._controls.tabs.add_tab(title))
         with self._shown[-1]:
             panel = KnobPanel(self._server.gui, knobs, lambda path, value: self.move(place, path, value), opened)
         self._panels.append((place, panel))
@@ -234,7 +234,9 @@ class Page:
     def _draw_slowly(self) -> None:
         """Plots, words and the clock."""
         fleet = self.fleet
-        for chart in self._charts:
+        # each plot at half the rate: they are most of what is sent
+        self._turn = not self._turn
+        for chart in self._charts[self._turn :: 2]:
             chart.draw()
         slider = self._controls.time
         longest = max(30.0, 30.0 * -(-fleet.furthest // (30 * fleet.rate)))
@@ -248,7 +250,7 @@ class Page:
         """What is measured now, in words."""
         fleet = self.fleet
         state = f"{fleet.time:.2f} s, {'playing' if fleet.playing else 'paused'}, {fleet.speed:g}x"
-        lines = [f"**{fleet.prepared.scenario.title or fleet.source}**", state]
+        lines = [f"**{literal(fleet.prepared.scenario.title or fleet.source)}**", state]
         for flight in fleet.flights:
             last = flight.last
             words = (
@@ -257,4 +259,9 @@ class Page:
             lines.append(f"{flight.title}: {words}")
         if self._making:
             lines.append("Machine code is being made ...")
-        return "\n\n".join([*lines, *([self._words] if self._words else [])])
+        return "\n\n".join([*lines, *([literal(self._words)] if self._words else [])])
+
+
+def literal(text: str) -> str:
+    """Text from files and messages as a page's markdown shows it as it is: nothing in it is a link or code."""
+    return re.sub(r"([\\`*\[\]<>{}!#|~$&])", r"\\\1", text)

@@ -17,8 +17,8 @@ from skyarm.studio.sights import goal_of
 APART = 1.2
 """m between vehicles that are drawn beside each other."""
 
-SLOW = 6
-"""Frames between two drawings of what moves slowly: trails, labels, payloads."""
+SLOW = 4
+"""Frames between two drawings of what moves slowly: the ghost, trails, labels, payloads."""
 
 
 @dataclass(slots=True)
@@ -55,6 +55,7 @@ class Picture:
         self._scene.configure_default_lights(cast_shadow=not plain)
         if plain:
             self._scene.configure_environment_map(None)
+            self._scene.add_light_ambient("/light", intensity=1.5)
         shade = 0.0 if plain else 0.15
         self._scene.add_grid("/ground", width=12.0, height=12.0, cell_size=0.5, shadow_opacity=shade)
 
@@ -72,7 +73,7 @@ class Picture:
             nodes = VehicleNodes(self._scene, f"/law{i + 1}", vehicle, COLORS[i], plain=self._plain)
             nodes.place(placed, self._beside(i))
             self._vehicles.append(nodes)
-            self._arrows.append(Arrows(self._scene, f"/arrows{i + 1}", len(vehicle.rotors)))
+            self._arrows.append(Arrows(self._scene, f"/arrows{i + 1}", vehicle))
             still = np.repeat(placed.tip[None, None], 2, axis=1).astype(np.float32)
             self._trails.append(self._scene.add_line_segments(f"/trail{i + 1}", still, COLORS[i]))
             self._labels.append(self._scene.add_label(f"/label{i + 1}", title, position=placed.positions[0]))
@@ -84,8 +85,8 @@ class Picture:
     def _look_at(self, place: Array) -> None:
         """The view that a new tab begins with."""
         camera = self._server.initial_camera
-        camera.look_at = tuple(place + np.array([0.0, 0.0, -0.08]))
-        camera.position = tuple(place + np.array([0.95, -1.15, 0.45]))
+        camera.look_at = tuple(place + np.array([0.12, 0.08, -0.06]))
+        camera.position = tuple(place + np.array([0.72, -0.85, 0.38]))
 
     def _beside(self, index: int) -> Array:
         return np.array([0.0, APART * index if self.view.beside else 0.0, 0.0])
@@ -100,16 +101,17 @@ class Picture:
         self._frame += 1
         slow = self._frame % SLOW == 0
         for i, flight in enumerate(flights):
-            placed, beside = flight.placed(), self._beside(i)
+            state, beside = flight.session.state, self._beside(i)
+            placed, speeds = flight.placed(state), np.array([float(w) for w in state.rotor_speeds])
             nodes = self._vehicles[i]
             nodes.place(placed, beside)
             if flight.session.running:
-                nodes.spin([float(w) for w in flight.session.state.rotor_speeds], seconds)
+                nodes.spin(speeds, seconds)
             if self.view.arrows:
-                self._arrows[i].point(flight, placed, beside)
+                self._arrows[i].point(flight.last, speeds, placed, beside)
             if slow:
                 self._slowly(i, flight, placed.positions[0] + beside, beside)
-        if flights and self._ghost is not None and self.view.ghost:
+        if slow and flights and self._ghost is not None and self.view.ghost:
             self._ghost.place(flights[0].goal(), np.zeros(3))
 
     def _slowly(self, i: int, flight: Flight, place: Array, beside: Array) -> None:

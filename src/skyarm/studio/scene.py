@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 
 from skyarm.drawing.meshes import blade_mesh, mesh_of
-from skyarm.drawing.pose_program import Array, Placed
+from skyarm.drawing.pose_program import Array, Placed, quaternions_of
 from skyarm.drawing.shapes import Shape, turn_onto
 from skyarm.drawing.vehicle_shapes import payload_shape, rotor_radius, vehicle_shapes
-from skyarm.studio.flight import Flight
+from skyarm.studio.sights import Sight
 from skyarm.vehicle.vehicle_records import BASE, Vehicle
 
 COLORS = ((38, 110, 190), (214, 105, 30), (44, 140, 80))
 """Of the first, second and third law, here and in the plots: blue, orange, green."""
 
-GREY, GHOST, LOST = (90, 96, 105), (130, 130, 140), (200, 40, 40)
+GREY, GHOST, LOST, THRUST = (90, 96, 105), (130, 130, 140), (200, 40, 40), (240, 190, 40)
 WIND, PUSHED, OBSERVED = (70, 170, 220), (225, 60, 60), (150, 80, 190)
 
 TONES = {"hull": 1.0, "boom": 0.75, "rotor": 0.5, "link": 0.85, "joint": 0.6, "tip": 1.15, "payload": 0.4}
@@ -26,6 +26,15 @@ TONES = {"hull": 1.0, "boom": 0.75, "rotor": 0.5, "link": 0.85, "joint": 0.6, "t
 
 NEWTON = 0.08
 """m of arrow per newton. Air: the same per metre a second."""
+
+SLOWED = 40.0
+"""Times that rotors are drawn slower than they turn."""
+
+STILL = 1e-6
+"""m below which a link stays where it was on its vehicle."""
+
+SHORTEST = 0.01
+"""m of arrow below which none is drawn."""
 
 TRAIL = 4.0
 """s of tip trail."""
@@ -52,7 +61,11 @@ class VehicleNodes:
     ) -> None:
         self._scene, self._name, self._vehicle, self._opacity = scene, name, vehicle, opacity
         self._look = {"opacity": opacity, "cast_shadow": not plain and opacity is None, "receive_shadow": False}
-        self._frames = [scene.add_frame(f"{name}/{body}", show_axes=False) for body in range(-1, vehicle.n)]
+        # every body hangs on the base: what stands still against it need not be sent
+        self._base = scene.add_frame(name, show_axes=False)
+        self._links = [scene.add_frame(f"{name}/{body}", show_axes=False) for body in range(vehicle.n)]
+        scene.add_frame(f"{name}/{BASE}", show_axes=False)
+        self._sent = np.zeros((vehicle.n, 3))
         self._meshes: list[tuple[Any, float]] = []
         for shape in vehicle_shapes(vehicle):
             self._add(shape, color)
@@ -75,9 +88,11 @@ class VehicleNodes:
 
     def _add_blades(self) -> Any:
         vertices, faces = blade_mesh(0.95 * rotor_radius(self._vehicle))
-        self._hubs = np.array([[float(c) for c in rotor.position] for rotor in self._vehicle.rotors])
-        axes = [turn_onto((float(r.axis.x), float(r.axis.y), float(r.axis.z))) for r in self._vehicle.rotors]
-        self._axes = np.array(axes)
+        rotors = self._vehicle.rotors
+        self._hubs = np.array([[float(c) for c in rotor.position] for rotor in rotors])
+        turned = np.array([turn_onto((float(r.axis.x), float(r.axis.y), float(r.axis.z))) for r in rotors])
+        self._lifts, self._ups = quaternions_of(turned), turned[:, :, 2]
+        self._senses = np.array([float(rotor.direction) for rotor in rotors])
         still = np.tile([1.0, 0.0, 0.0, 0.0], (len(self._hubs), 1))
         return self._scene.add_batched_meshes_simple(
             f"{self._name}/{BASE}/blades", vertices, faces, still, self._hubs, batched_colors=GREY, lod="off",
@@ -93,10 +108,18 @@ class VehicleNodes:
         """
         if not np.isfinite(placed.rotations).all() or not np.isfinite(placed.positions).all():
             return
-        for frame, wxyz, position in zip(self._frames, placed.quaternions, placed.positions + beside, strict=True):
-            frame.wxyz, frame.position = wxyz, position
+        R = placed.rotations[0]
+        local = quaternions_of(np.concatenate([placed.rotations[:1], R.T @ placed.rotations[1:]]))
+        self._base.wxyz, self._base.position = local[0], placed.positions[0] + beside
+        held = (placed.positions[1:] - placed.positions[0]) @ R
+        moved = np.abs(held - self._sent).max(axis=1, initial=0.0) > STILL
+        for link, wxyz, position, other in zip(self._links, local[1:], held, moved, strict=True):
+            link.wxyz = wxyz
+            if other:
+                link.position = position
+        self._sent[moved] = held[moved]
 
-    def spin(self, speeds: Sequence[float], seconds: float) -> None:
+    def spin(self, speeds: Array, seconds: float) -> None:
         """Turn the blades by so much time; what is too fast to see is slowed down, and keeps its order.
 
         Args:
@@ -105,14 +128,11 @@ class VehicleNodes:
         """
         if self._blades is None:
             return
-        senses = np.array([float(rotor.direction) for rotor in self._vehicle.rotors])
-        self._turned = (self._turned + senses * np.array(speeds) * seconds / 40.0) % (2.0 * math.pi)
-        cos, sin = np.cos(0.5 * self._turned), np.sin(0.5 * self._turned)
+        self._turned = (self._turned + self._senses * speeds * seconds / SLOWED) % (2.0 * math.pi)
+        half = 0.5 * self._turned[:, None]
         # about the axis of the rotor, after the turn of z onto it
-        up = self._axes[:, :, 2]
-        lift = np.array([_half(row) for row in self._axes])
-        spun = np.concatenate([cos[:, None], sin[:, None] * up], axis=1)
-        self._blades.batched_wxyzs = _times(spun, lift).astype(np.float32)
+        spun = _times(np.concatenate([np.cos(half), np.sin(half) * self._ups], axis=1), self._lifts)
+        self._blades.batched_wxyzs = spun.astype(np.float32)
 
     def carry(self, mass: float) -> None:
         """Show a payload at the tip, kg; none where it weighs nothing."""
@@ -132,13 +152,11 @@ class VehicleNodes:
 
     def show(self, visible: bool) -> None:
         """Show or hide it."""
-        for frame in self._frames:
-            frame.visible = visible
+        self._base.visible = visible
 
     def remove(self) -> None:
-        """Take it out of the scene."""
-        for frame in self._frames:
-            frame.remove()
+        """Take it out of the scene, with all that hangs on it."""
+        self._base.remove()
 
 
 class Arrows:
@@ -147,31 +165,43 @@ class Arrows:
     Args:
         scene: of viser.
         name: of the node.
-        count: of rotors.
+        vehicle: with concrete numbers.
     """
 
-    def __init__(self, scene: Any, name: str, count: int) -> None:
-        colors = np.array([(240, 190, 40)] * count + [WIND, PUSHED, OBSERVED], dtype=np.uint8)
+    def __init__(self, scene: Any, name: str, vehicle: Vehicle) -> None:
+        rotors, count = vehicle.rotors, len(vehicle.rotors)
+        self._hubs = np.array([[float(c) for c in rotor.position] for rotor in rotors]).reshape(count, 3)
+        axes = np.array([[float(c) for c in rotor.axis] for rotor in rotors]).reshape(count, 3)
+        self._thrusts = axes * np.array([[NEWTON * float(rotor.thrust_coefficient)] for rotor in rotors]).reshape(
+            count, 1
+        )
+        colors = np.array([THRUST] * count + [WIND, PUSHED, OBSERVED], dtype=np.uint8)
         self._points = np.zeros((count + 3, 2, 3), dtype=np.float32)
         self._node = scene.add_arrows(
-            name, self._points, colors, shaft_radius=0.006, head_radius=0.016, head_length=0.03
+            name, self._points, colors, shaft_radius=0.004, head_radius=0.011, head_length=0.022
         )
 
-    def point(self, flight: Flight, placed: Placed, beside: Array) -> None:
-        """Draw what acts now."""
-        state, vehicle = flight.session.state, flight.first.world.vehicle
+    def point(self, last: Sight, speeds: Array, placed: Placed, beside: Array) -> None:
+        """Draw what acts now.
+
+        Args:
+            last: what was seen last.
+            speeds: of the rotors, rad/s.
+            placed: where the bodies are.
+            beside: (3,) m, how far beside its own place the vehicle is drawn.
+        """
+        seen = np.zeros(3) if last.observed is None else np.array([float(c) for c in last.observed])
         R, p = placed.rotations[0], placed.positions[0] + beside
         arrows = np.zeros_like(self._points)
-        for i, (rotor, speed) in enumerate(zip(vehicle.rotors, state.rotor_speeds, strict=True)):
-            hub = p + R @ np.array([float(c) for c in rotor.position])
-            thrust = float(rotor.thrust_coefficient) * float(speed) ** 2
-            arrows[i] = hub, hub + R @ np.array([float(c) for c in rotor.axis]) * thrust * NEWTON
-        last = flight.last
-        seen = np.zeros(3) if last.observed is None else np.array([float(c) for c in last.observed])
-        above = p + np.array([0.0, 0.0, 0.12])
-        arrows[-3] = above - last.air * NEWTON - np.array([0.0, 0.0, -0.1]), above + np.array([0.0, 0.0, 0.1])
+        arrows[:-3, 0] = p + self._hubs @ R.T
+        arrows[:-3, 1] = arrows[:-3, 0] + (self._thrusts * (speeds**2)[:, None]) @ R.T
+        above = p + np.array([0.0, 0.0, 0.22])
+        arrows[-3] = above - last.air * NEWTON, above
         arrows[-2] = p - last.pushed * NEWTON, p
-        arrows[-1] = above, above + seen * NEWTON
+        arrows[-1] = p, p + seen * NEWTON
+        # the head of an arrow is drawn however short it is: inside the hull nobody sees it
+        short = ((arrows[:, 1] - arrows[:, 0]) ** 2).sum(axis=1) < SHORTEST**2
+        arrows[short] = p
         if np.isfinite(arrows).all():
             self._node.points = arrows
 
@@ -196,16 +226,6 @@ def trail(sights: Sequence[Any], beside: Array) -> Array:
 def _toned(color: Sequence[int], tone: float) -> tuple[int, int, int]:
     red, green, blue = (min(255, int(tone * c)) for c in color)
     return red, green, blue
-
-
-def _half(rows: Array) -> Array:
-    """Quaternion wxyz of a rotation that turns z somewhere by the shortest way."""
-    x, y, z = rows[:, 2]
-    if z < -1.0 + 1e-9:
-        return np.array([0.0, 1.0, 0.0, 0.0])
-    q = np.array([1.0 + z, -y, x, 0.0])
-    found: Array = q / np.linalg.norm(q)
-    return found
 
 
 def _times(a: Array, b: Array) -> Array:

@@ -25,7 +25,7 @@ class Sight:
 
     Attributes:
         tick: control periods flown. time: s.
-        tip, wanted: of the tip and its desired position, world axes, m.
+        tip: its position, world axes, m. error: its distance from where it should be, m.
         tilt: of the base's z axis against the vertical, rad.
         efforts: share of each joint's limit that its setpoint takes; N m or N of a joint without a limit.
         rotors: share of each rotor's highest speed.
@@ -36,18 +36,13 @@ class Sight:
     tick: int
     time: float
     tip: Array
-    wanted: Array
+    error: float
     tilt: float
     efforts: tuple[float, ...]
     rotors: tuple[float, ...]
     air: Array
     pushed: Array
     observed: Vec3 | None
-
-    @property
-    def error(self) -> float:
-        """Distance of the tip from where it should be, m."""
-        return float(np.linalg.norm(self.tip - self.wanted))
 
 
 def sight(session: Session, program: PoseProgram) -> Sight:
@@ -63,7 +58,7 @@ def sight(session: Session, program: PoseProgram) -> Sight:
         tick=session.tick,
         time=time,
         tip=placed.tip,
-        wanted=goal.tip,
+        error=math.dist(placed.tip, goal.tip),
         tilt=math.acos(min(1.0, max(-1.0, upward))) if math.isfinite(upward) else math.pi,
         efforts=_efforts(vehicle, now.queue[-1].efforts),
         rotors=tuple(float(w) / float(r.max_speed) for w, r in zip(state.rotor_speeds, vehicle.rotors, strict=True)),
