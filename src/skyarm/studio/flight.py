@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import bisect
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.drawing.pose_program import Placed, PoseProgram
 from skyarm.dynamics import State
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.session import Session, Snapshot
+from skyarm.simulate.live_session import LiveSession
+from skyarm.simulate.session import Session
 from skyarm.studio.sights import Sight, goal_of, sight
 
 SAMPLES = 20.0
@@ -46,13 +49,13 @@ class Flight:
 
     def __init__(self, law: str | None, scenario: Scenario, paths: Sequence[str]) -> None:
         self.law, self.first = law, scenario
-        self.session = Session(scenario, paths)
+        self.session = _session(scenario, paths)
         self.program = PoseProgram(scenario.world.vehicle)
         self.moved: list[Moved] = []
         self.sights: list[Sight] = []
         self._every = max(1, round(scenario.rates.control / SAMPLES))
         self._apart = round(scenario.rates.control)
-        self._kept: list[Snapshot] = []
+        self._kept: list[Any] = []
         self._note()
         self._start = self._kept[0]
 
@@ -160,6 +163,14 @@ class Flight:
         now, rate = self.tick, self.first.rates.control
         first = bisect.bisect_left(self.sights, now - seconds * rate, key=lambda each: each.tick)
         return self.sights[first : bisect.bisect_right(self.sights, now, key=lambda each: each.tick)]
+
+
+def _session(scenario: Scenario, paths: Sequence[str]) -> LiveSession | Session:
+    """Machine code in which every number may move, or the stages one by one."""
+    if scenario.plant == "rigid_body" and scenario.controller.compiled:
+        with contextlib.suppress(NoMachineCodeError):
+            return LiveSession(scenario, paths)
+    return Session(scenario, machine_code=False)
 
 
 def as_changes(moved: Sequence[Moved], rate: float) -> list[dict[str, Any]]:

@@ -15,6 +15,7 @@ from skyarm.drawing.pose_program import Array, Placed, PoseProgram
 from skyarm.plant.surroundings import Surroundings, felt
 from skyarm.records.leaves import is_record, parts
 from skyarm.reference import Reference
+from skyarm.simulate.live_session import LiveSession
 from skyarm.simulate.session import Session
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -45,7 +46,7 @@ class Sight:
     observed: Vec3 | None
 
 
-def sight(session: Session, program: PoseProgram) -> Sight:
+def sight(session: LiveSession | Session, program: PoseProgram) -> Sight:
     """What the plots show of a session now."""
     scenario, now, time = session.scenario, session.now, session.time
     vehicle, state = scenario.world.vehicle, now.state

@@ -1,4 +1,4 @@
-"""Numbers that a session reads in every period: the same flight as with each of them a constant, and nothing compiled."""
+"""Numbers that a live session reads in every period: the same flight as with each of them a constant, and nothing compiled."""
 
 import dataclasses
 
@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.simulate import compiled_session
+from skyarm.simulate import live_session
+from skyarm.simulate.live_session import LiveSession
 
 PATHS = (
     "controller.gains.position.x",
@@ -37,7 +38,7 @@ def scenario() -> skyarm.Scenario:
     return dataclasses.replace(hover, wind=wind, trajectory=motion)
 
 
-def flown(session: skyarm.Session) -> np.ndarray:
+def flown(session: skyarm.Session | LiveSession) -> np.ndarray:
     """Every state of a flight under the changes."""
     rows, coming = [], dict(CHANGES)
     while session.running:
@@ -55,23 +56,24 @@ def constants(scenario: skyarm.Scenario) -> np.ndarray:
 
 
 def test_numbers_that_are_read_fly_the_bits_of_constants(scenario, constants, monkeypatch) -> None:
-    session = skyarm.Session(scenario, PATHS)
+    session = LiveSession(scenario, PATHS)
 
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("a change compiles machine code")
 
-    monkeypatch.setattr(compiled_session, "Kernel", refuse)
+    monkeypatch.setattr(live_session, "Kernel", refuse)
     assert (flown(session) == constants).all()
 
 
 def test_a_changed_number_changes_the_flight(scenario, constants) -> None:
-    still = skyarm.Session(scenario, PATHS)
-    still.run()
+    still = LiveSession(scenario, PATHS)
+    while still.step():
+        pass
     assert not np.allclose(still.log.position[-1], constants[-1, :3], atol=1e-3)
 
 
 def test_a_way_back_restores_numbers_and_flight(scenario) -> None:
-    session = skyarm.Session(scenario, PATHS)
+    session = LiveSession(scenario, PATHS)
     for _ in range(100):
         session.step()
     before = session.snapshot()
@@ -94,22 +96,9 @@ def test_a_way_back_restores_numbers_and_flight(scenario) -> None:
     assert not (session.log.position[150:] == calm[150:]).all()
 
 
-def test_a_measurement_is_that_of_the_changed_numbers(scenario) -> None:
-    session = skyarm.Session(scenario, PATHS)
-    session.step()
-    assert session.measurement.position == session.state.position
-    session.change({"sensors.position": 0.01})
-    noisy = session.measurement.position
-    assert noisy != session.state.position
-    other = skyarm.Session(dataclasses.replace(scenario, sensors=skyarm.SensorNoise(position=0.01)))
-    other.step()
-    noise = np.array([*noisy]) - [*session.state.position]
-    assert np.allclose(noise, np.array([*other.measurement.position]) - [*other.state.position], atol=1e-12)
-
-
 def test_another_friction_flies_in_the_steps_it_needs(scenario) -> None:
     path = "plant.joints.damping"
-    session, constant = skyarm.Session(scenario, [path]), skyarm.Session(scenario)
+    session, constant = LiveSession(scenario, [path]), skyarm.Session(scenario)
     for each in (session, constant):
         for _ in range(20):
             each.step()
@@ -122,11 +111,11 @@ def test_another_friction_flies_in_the_steps_it_needs(scenario) -> None:
 @pytest.mark.parametrize("path", ["plant.nothing", "rates.control", "controller.gains"])
 def test_a_path_that_leads_to_no_number_is_refused(scenario, path: str) -> None:
     with pytest.raises(skyarm.ScenarioError, match="path"):
-        skyarm.Session(scenario, [path])
+        LiveSession(scenario, [path])
 
 
 def test_a_number_that_cannot_be_leaves_the_session_as_it_was(scenario) -> None:
-    session = skyarm.Session(scenario, PATHS)
+    session = LiveSession(scenario, PATHS)
     with pytest.raises(ValueError, match="at least 0"):
         session.change({"sensors.position": -1.0})
     session.step()
