@@ -1,4 +1,4 @@
-"""Numbers that a live session reads in every period: the same flight as with each of them a constant, and nothing compiled."""
+"""Numbers that a live session reads in every period: the flight of constants, and nothing compiled."""
 
 import dataclasses
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.simulate import live_session
+from skyarm.simulate import live_steps
 from skyarm.simulate.live_session import LiveSession
 
 PATHS = (
@@ -61,7 +61,7 @@ def test_numbers_that_are_read_fly_the_bits_of_constants(scenario, constants, mo
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("a change compiles machine code")
 
-    monkeypatch.setattr(live_session, "Kernel", refuse)
+    monkeypatch.setattr(live_steps, "Kernel", refuse)
     assert (flown(session) == constants).all()
 
 
