@@ -43,6 +43,7 @@ class Tab:
             subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]
             max_size=None,
             open_timeout=20,
+            close_timeout=0.2,
         )
         self.props: dict[str, dict[str, Any]] = {}
         self.kinds: dict[str, str] = {}
@@ -103,6 +104,11 @@ class Tab:
         """What the page says in words."""
         texts = [str(props.get("content", props.get("_markdown", ""))) for props in self.props.values()]
         return next((text for text in texts if " s, " in text), "")
+
+    def forget(self) -> None:
+        """Forget what the page has said in words: what comes next is news."""
+        for props in self.props.values():
+            props.pop("_markdown", None)
 
     def error(self, law: str) -> float:
         """Tip error of a law as the page says it, mm; NaN before it does."""

@@ -10,12 +10,13 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from tab import CAMERA, Tab
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from skyarm.studio.fleet import Fleet
 from skyarm.studio.guard import Guard
 from skyarm.studio.page import Page
 from skyarm.studio.server import bound, close_server, open_server
-from studio.tab import CAMERA, Tab
 
 TOKEN = "0123456789abcdef"
 
@@ -58,9 +59,24 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Open]:
 def tab(shown: Open) -> Iterator[Tab]:
     first = Tab(shown.port, TOKEN)
     first.listen(lambda t: t.has("controller.gains.position.x") and t.error("paper_pd") >= 0.0)
-    click(first, "reset")
+    begin(shown, first)
     yield first
     first.close()
+
+
+def begin(shown: Open, tab: Tab) -> None:
+    """Begin again at real time."""
+    done = threading.Event()
+
+    def again(fleet: Fleet) -> None:
+        fleet.reset()
+        fleet.speed = 1.0
+        done.set()
+
+    shown.page.do(again)
+    assert done.wait(20.0)
+    tab.forget()
+    tab.listen(lambda t: seconds(t) >= 0.0)
 
 
 def click(tab: Tab, word: str) -> None:
@@ -143,7 +159,7 @@ def test_garbage_does_no_harm_and_says_nothing(shown: Open, tab: Tab, capfd: pyt
             {**update, "updates": None},
             {**update, "updates": {"visible": False}},
             {**update, "updates": {"value": 1.0, "_impl": 2}},
-            *({**update, "updates": {"value": bad}} for bad in (None, "1", [], {}, math.nan, math.inf, True, 10**30)),
+            *({**update, "updates": {"value": bad}} for bad in (None, "1", [], {}, math.nan, math.inf, True, {"a": 1})),
             *({**update, "uuid": group, "updates": {"value": bad}} for bad in (None, 3, "nothing", ["step"])),
             {**CAMERA, "wxyz": [1.0]},
             {**CAMERA, "wxyz": None},
