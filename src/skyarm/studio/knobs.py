@@ -87,28 +87,29 @@ def knobs_of(scenario: Scenario, without: str = "") -> tuple[Knob, ...]:
         scenario: of the flight.
         without: beginning of the paths that have no slider.
     """
-    found: dict[Place, Knob] = {}
+    found, seen = list[Knob](), set[Place]()
     hidden = places_of(scenario, f"{without}.point_B.x")[0][:2] if without else ("",)
     for group, roots in GROUPS.items():
         for root in roots:
             for path in _paths(scenario, root):
-                place = _place(scenario, path)
+                places = _places(scenario, path)
                 # a number may have two names: the file's word comes first
-                if place is None or place in found or place[: len(hidden)] == hidden:
+                if not places or seen.intersection(places) or places[0][: len(hidden)] == hidden:
                     continue
+                seen.update(places)
                 knob = _knob(scenario, path, group, root)
                 if knob.unit != "s" or group in ("delay", "law"):
-                    found[place] = knob
-    return tuple(found.values())
+                    found.append(knob)
+    return tuple(found)
 
 
-def _place(scenario: Scenario, path: str) -> Place | None:
-    """Where the number of a path stands; None where there is none that can vary."""
+def _places(scenario: Scenario, path: str) -> tuple[Place, ...]:
+    """Where the number of a path stands; empty where there is none that can vary."""
     try:
         number_at(scenario, path)
-        return (path,) if ".payload." in path else places_of(scenario, path)[0]
+        return ((path,),) if ".payload." in path else places_of(scenario, path)
     except ScenarioError:
-        return None
+        return ()
 
 
 def _paths(scenario: Scenario, root: str) -> Iterator[str]:

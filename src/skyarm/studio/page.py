@@ -140,7 +140,8 @@ class Page:
                 now = time.perf_counter()
                 self._obey()
                 before = self.fleet.tick
-                if watched:
+                # laws that are chosen together begin together
+                if watched and self.fleet.flights and not (self._making and not self.fleet.tick):
                     self.fleet.advance(now - last)
                 with self._server.atomic():
                     if watched:

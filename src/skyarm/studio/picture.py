@@ -73,10 +73,11 @@ class Picture:
             nodes = VehicleNodes(self._scene, f"/law{i + 1}", vehicle, COLORS[i], plain=self._plain)
             nodes.place(placed, self._beside(i))
             self._vehicles.append(nodes)
-            self._arrows.append(Arrows(self._scene, f"/arrows{i + 1}", vehicle))
+            self._arrows.append(Arrows(self._scene, f"/arrows{i + 1}", vehicle, placed.positions[0]))
             still = np.repeat(placed.tip[None, None], 2, axis=1).astype(np.float32)
-            self._trails.append(self._scene.add_line_segments(f"/trail{i + 1}", still, COLORS[i]))
-            self._labels.append(self._scene.add_label(f"/label{i + 1}", title, position=placed.positions[0]))
+            self._trails.append(self._scene.add_line_segments(f"/trail{i + 1}", still, COLORS[i], thickness=0.004))
+            above = placed.positions[0] + self._above(i)
+            self._labels.append(self._scene.add_label(f"/label{i + 1}", title, position=above))
         self._ghost = VehicleNodes(self._scene, "/ghost", vehicle, GHOST, plain=True, opacity=0.25)
         self._ghost.place(goal_of(program, scenario.trajectory.at(0.0)), np.zeros(3))
         self._lost = [False] * len(titles)
@@ -90,6 +91,10 @@ class Picture:
 
     def _beside(self, index: int) -> Array:
         return np.array([0.0, APART * index if self.view.beside else 0.0, 0.0])
+
+    def _above(self, index: int) -> Array:
+        """Where the label of a vehicle stands over it."""
+        return np.array([0.0, 0.0, 0.16 + 0.08 * index])
 
     def draw(self, flights: Sequence[Flight], seconds: float) -> None:
         """Show the flights as they are now.
@@ -125,7 +130,7 @@ class Picture:
             self._lost[i] = lost
         self._labels[i].text = f"{flight.title}: lost" if lost else flight.title
         if np.isfinite(place).all():
-            self._labels[i].position = place + np.array([0.0, 0.0, 0.16 + 0.08 * i])
+            self._labels[i].position = place + self._above(i)
 
     def choose(self, view: View) -> None:
         """Show and hide parts of the picture."""

@@ -166,9 +166,10 @@ class Arrows:
         scene: of viser.
         name: of the node.
         vehicle: with concrete numbers.
+        place: (3,) m, where it is at first.
     """
 
-    def __init__(self, scene: Any, name: str, vehicle: Vehicle) -> None:
+    def __init__(self, scene: Any, name: str, vehicle: Vehicle, place: Array) -> None:
         rotors, count = vehicle.rotors, len(vehicle.rotors)
         self._hubs = np.array([[float(c) for c in rotor.position] for rotor in rotors]).reshape(count, 3)
         axes = np.array([[float(c) for c in rotor.axis] for rotor in rotors]).reshape(count, 3)
@@ -176,7 +177,7 @@ class Arrows:
             count, 1
         )
         colors = np.array([THRUST] * count + [WIND, PUSHED, OBSERVED], dtype=np.uint8)
-        self._points = np.zeros((count + 3, 2, 3), dtype=np.float32)
+        self._points = np.tile(place, (count + 3, 2, 1)).astype(np.float32)
         self._node = scene.add_arrows(
             name, self._points, colors, shaft_radius=0.004, head_radius=0.011, head_length=0.022
         )
