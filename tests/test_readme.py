@@ -31,6 +31,7 @@ def test_the_readme_shows_commands():
         "margins",
         "basin",
         "cache",
+        "studio",
     }
 
 

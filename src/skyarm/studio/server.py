@@ -91,7 +91,7 @@ def _serving(module: Any, listening: socket.socket, guard: Guard, inputs: dict[s
     def serve(handler: Callable[[Any], Any], _host: str, _port: int, **options: Any) -> Any:
         page = options.pop("process_request")
 
-        async def guarded(connection: Any) -> None:
+        async def sifted(connection: Any) -> None:
             await handler(Sieve(connection, inputs))
 
         def answer(connection: Any, request: Any) -> Any:
@@ -110,7 +110,7 @@ def _serving(module: Any, listening: socket.socket, guard: Guard, inputs: dict[s
             return response
 
         options["max_size"] = MOST_BYTES
-        return plain(guarded, sock=listening, process_request=answer, **options)
+        return plain(sifted, sock=listening, process_request=answer, **options)
 
     module.serve = serve
     try:
