@@ -163,6 +163,8 @@ class Page:
                 break
             self._try(order)
         moves, self._moves = self._moves, {}
+        if moves:
+            self._picture.hurry()
         for place, values in moves.items():
             self._try(lambda values=values, place=place: self.fleet.move(values, place))  # type: ignore[misc]
 

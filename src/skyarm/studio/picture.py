@@ -119,6 +119,10 @@ class Picture:
         if slow and flights and self._ghost is not None and self.view.ghost:
             self._ghost.place(flights[0].goal(), np.zeros(3))
 
+    def hurry(self) -> None:
+        """Draw all of the next picture: a hand has moved something."""
+        self._frame = -1
+
     def _slowly(self, i: int, flight: Flight, place: Array, beside: Array) -> None:
         """What need not move sixty times a second."""
         self._vehicles[i].carry(flight.payload)
