@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import skyarm
+from skyarm.studio.documents import prepare, read_document
 from skyarm.studio.fleet import Fleet, load_fleet, make_flight
 from skyarm.studio.flight import Flight
 
@@ -208,3 +209,22 @@ def test_the_end_of_the_longest_flight_stops_the_clock(fleet: Fleet) -> None:
     ended.go(10_000)
     assert ended.tick == 399
     assert ended.time < 2.0
+
+
+def test_mujocos_plant_flies_in_the_studio_too() -> None:
+    document, folder = read_document("case1")
+    document["plant"]["kind"] = "mujoco"
+    fleet = Fleet(prepare(document, folder), "case1")
+    fleet.join(make_flight(fleet.prepared, "paper_pd"))
+    (flight,) = fleet.flights
+    fleet.go(30)
+    fleet.move({"environment.wind.force.y": 2.0})
+    fleet.go(60)
+    flown = states(flight)
+    assert flown[-1, 1] > 1e-3
+    fleet.go(20)
+    assert flight.session.scenario.wind.force_W.y == 0.0
+    fleet.go(60)
+    assert (states(flight) == flown).all()
+    plain = skyarm.run(skyarm.load_scenario("case1", controller="paper_pd", plant="mujoco", duration=0.15))
+    assert (flown[:30, :3] == plain.position).all()

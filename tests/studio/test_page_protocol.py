@@ -187,7 +187,11 @@ def test_garbage_does_no_harm_and_says_nothing(shown: Open, tab: Tab, capfd: pyt
 
 def test_a_value_beyond_a_slider_is_its_end(shown: Open, tab: Tab) -> None:
     knob = tab.find("environment.wind.force.x")
+    other = Tab(shown.port, TOKEN)
+    other.listen(lambda t: knob in t.props)
     tab.move(knob, 1e9)
+    other.listen(lambda t: t.props[knob]["value"] == 5.0)  # what other tabs are told
+    other.close()
     wait(lambda: shown.page.fleet.flights[0].values.get("environment.wind.force.x") == 5.0)
     tab.move(knob, -7)
     wait(lambda: shown.page.fleet.flights[0].values.get("environment.wind.force.x") == -5.0)
