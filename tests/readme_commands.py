@@ -11,7 +11,10 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 LINES = [line.split("#")[0].strip() for line in README.splitlines() if line.startswith("    ")]
 SHOWN = [line for line in LINES if line.startswith("skyarm ")]
 
-LONG = ("reproduce", "sweep", "stats", "bench", "compare", "margins", "basin", "studio")
+LONG = (
+    *("replay", "diff", "plot", "reproduce", "sweep", "stats", "bench", "compare", "margins", "basin", "export"),
+    "studio",
+)
 """These take a minute, need the one before or wait for Ctrl-C, and have tests of their own; here their options must be
 understood."""
 

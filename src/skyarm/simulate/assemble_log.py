@@ -56,18 +56,21 @@ def assemble(scenario: Scenario, inputs: EpisodeInputs, flown: Samples, ending: 
     return joined(scenario, [Piece(scenario, inputs, 0, flown)], ending)
 
 
-def joined(scenario: Scenario, pieces: Sequence[Piece], ending: Ended | None) -> Log:
+def joined(
+    scenario: Scenario, pieces: Sequence[Piece], ending: Ended | None, *, info: dict[str, Any] | None = None
+) -> Log:
     """The log of a flight in pieces, one after the other.
 
     Args:
         scenario: that the log says was flown.
         pieces: at least one.
         ending: None for a flight that was completed.
+        info: what the log says of itself, where that is known already.
     """
     tables = [_tables(piece) for piece in pieces]
     if len(tables) > 1:
         tables = [{name: np.concatenate([table[name] for table in tables]) for name in tables[0]}]
-    return Log(**tables[0], info=describe(scenario, ending))
+    return Log(**tables[0], info=describe(scenario, ending) if info is None else info)
 
 
 def _tables(piece: Piece) -> dict[str, Array]:
@@ -77,33 +80,33 @@ def _tables(piece: Piece) -> dict[str, Array]:
     n, rotors, count = vehicle.n, len(vehicle.rotors), len(flown.states)
     x, u, m = flown.states, flown.commands, flown.readings
     held, wind = inputs.held_reference, flown.wind
-    periods = slice(piece.start, piece.start + count)
+    start, stop = piece.start, piece.start + count
 
-    def table(record: Any, rows: slice = periods) -> Array:
+    def table(record: Any, start: int = 0) -> Array:
         columns = [np.asarray(c, dtype=float) for c in record]
-        columns = [c[rows] if c.ndim else np.broadcast_to(c, (count,)) for c in columns]
+        columns = [c[start : start + count] if c.ndim else np.broadcast_to(c, (count,)) for c in columns]
         return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
     position, quaternion, joints = x[:, 0:3], x[:, 3:7], x[:, 13 : 13 + n]
-    free = inputs.reference
+    free = inputs.reference_between(start, stop)
     tables = {
-        "position_held": table(held.position),
-        "velocity_held": table(held.velocity),
-        "joints_held": table(held.joints),
-        "joint_rates_held": table(held.joint_rates),
-        "yaw_held": table((held.yaw,))[:, 0],
+        "position_held": table(held.position, start),
+        "velocity_held": table(held.velocity, start),
+        "joints_held": table(held.joints, start),
+        "joint_rates_held": table(held.joint_rates, start),
+        "yaw_held": table((held.yaw,), start)[:, 0],
         "position_reference": table(free.position),
         "joints_reference": table(free.joints),
         "yaw_reference": table((free.yaw,))[:, 0],
-        "wind_force": table(wind.force_W, slice(count)),
-        "air_velocity": table(wind.air_velocity_W, slice(count)),
+        "wind_force": table(wind.force_W),
+        "air_velocity": table(wind.air_velocity_W),
     }
     del free  # its derivatives take more memory than the log of it
     for kind in ("held", "reference"):
         goals = (tables[f"{name}_{kind}"] for name in ("position", "yaw", "joints"))
         tables[f"tool_{kind}"] = level_tip(vehicle, *goals)
     return {
-        "time": inputs.times[periods],
+        "time": inputs.times[start:stop],
         "position": position,
         "quaternion": quaternion,
         "velocity": x[:, 7:10],

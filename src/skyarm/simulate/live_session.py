@@ -115,10 +115,10 @@ class LiveSession:
         scenario = with_numbers(self._origin, numbers)
         require_within_queue(self._origin, {path: np.array([value]) for path, value in numbers.items()})
         if self._engine.bears(scenario):
-            self._engine.give(scenario, values)
+            self._engine.set_numbers(scenario, values)
         else:
             engine = LiveSteps(self._origin, self._paths, scenario)
-            engine.give(scenario, numbers)
+            engine.set_numbers(scenario, numbers)
             engine.go_on(self._engine)
             self._engine = engine
         self.scenario, self._numbers = scenario, numbers
@@ -132,4 +132,4 @@ class LiveSession:
         self._engine = snapshot.engine
         self._engine.restore(snapshot.held)
         self.scenario, self._numbers = snapshot.scenario, dict(snapshot.numbers)
-        self._engine.give(snapshot.scenario, {})
+        self._engine.set_numbers(snapshot.scenario, {})

@@ -95,7 +95,7 @@ class LiveSteps(CompiledSteps):
         plant = plant_of(scenario, self.first)
         return all(plant.substeps(seconds) == count for seconds, count in self._asked.items())
 
-    def give(self, scenario: Scenario, values: Mapping[str, float]) -> None:
+    def set_numbers(self, scenario: Scenario, values: Mapping[str, float]) -> None:
         """Fly on with other numbers, by path, from the next period on; ``scenario`` is the one with them."""
         self.scenario = scenario
         for path, value in values.items():
