@@ -58,7 +58,7 @@ class Tab:
         """Give an input a value."""
         self.send({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}})
 
-    def listen(self, until: Callable[[Tab], bool], seconds: float = 30.0) -> None:
+    def listen(self, until: Callable[[Tab], bool], seconds: float = 120.0) -> None:
         """Take in what the page is told until something holds.
 
         Raises:
