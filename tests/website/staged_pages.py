@@ -45,6 +45,19 @@ def outside_fences(text: str, change: Callable[[str], str]) -> str:
     return "".join([*parts, change(text[last:])])
 
 
+def outside_spans(text: str, change: Callable[[str], str]) -> str:
+    """Text changed, but for spans of code that show a link."""
+    kept: list[str] = []
+
+    def hide(span: re.Match[str]) -> str:
+        if "](" not in span[0]:
+            return span[0]
+        kept.append(span[0])
+        return f"\0{len(kept) - 1}\0"
+
+    return re.sub(r"\0(\d+)\0", lambda found: kept[int(found[1])], change(re.sub(r"`[^`\n]*`", hide, text)))
+
+
 def site_name(path: Path) -> str | None:
     """Where a file of the repository stands on the site, from its root; None for what has no place there."""
     inside = path.relative_to(ROOT).as_posix()
@@ -88,7 +101,7 @@ def relink(text: str, page: Path, name: str, taken: dict[str, Path]) -> str:
             taken[there] = path
         return f"{link[1]}{up}{there}{hash_}{anchor}{link[3]}"
 
-    return outside_fences(text, lambda part: LINK.sub(one, part))
+    return outside_fences(text, lambda part: outside_spans(part, lambda words: LINK.sub(one, words)))
 
 
 def with_drawings(text: str, page: Path) -> str:
