@@ -88,7 +88,9 @@ def draw_arrow(begin: Box, end: Box, words: str) -> list[str]:
         place = ((x0 + min(turn, x1)) / 2, y0 - 5, "middle")
     parts = [f'<path d="{path}" marker-end="url(#tip)"/>']
     if words:
-        parts.append(f'<text x="{place[0]:g}" y="{place[1]:g}" text-anchor="{place[2]}" font-size="11">{escaped(words)}</text>')
+        parts.append(
+            f'<text x="{place[0]:g}" y="{place[1]:g}" text-anchor="{place[2]}" font-size="11">{escaped(words)}</text>'
+        )
     return parts
 
 
@@ -116,20 +118,28 @@ def svg(diagram: Diagram) -> str:
     right = max(left(box) for box in boxes) + WIDTH + EDGE
     low = max(top(box) for box in boxes) + HEIGHT
     line = low + 26
-    parts = [piece for begin, end, words in diagram.arrows for piece in draw_arrow(diagram.boxes[begin], diagram.boxes[end], words)]
+    parts = [
+        piece
+        for begin, end, words in diagram.arrows
+        for piece in draw_arrow(diagram.boxes[begin], diagram.boxes[end], words)
+    ]
     parts += draw_measurement(boxes, line)
     for box in boxes:
         parts += draw_box(box)
     head = (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {right:g} {line + EDGE:g}" width="{right:g}" '
-        f'height="{line + EDGE:g}" font-family="sans-serif" font-size="12" fill="none" stroke="currentColor" stroke-width="1.3">'
+        f'height="{line + EDGE:g}" font-family="sans-serif" font-size="12" fill="none" stroke="currentColor" '
+        'stroke-width="1.3">'
     )
     marker = (
         '<defs><marker id="tip" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="8" markerHeight="8" orient="auto">'
         '<path d="M0 0.5L8 4L0 7.5z" fill="currentColor" stroke="none"/></marker></defs>'
     )
     words = [
-        part.replace("<text ", '<text fill="currentColor" stroke="none" ' + ("" if "text-anchor" in part else 'text-anchor="middle" '))
+        part.replace(
+            "<text ",
+            '<text fill="currentColor" stroke="none" ' + ("" if "text-anchor" in part else 'text-anchor="middle" '),
+        )
         for part in parts
     ]
     return "\n".join([head, STYLE, f"<title>{escaped(diagram.title)}</title>", marker, *words, "</svg>"]) + "\n"

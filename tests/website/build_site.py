@@ -1,7 +1,7 @@
 """Build the documentation site: lay the pages out, run the notebooks, build, check; a warning is an error.
 
-    python tests/website/build_site.py            what `make docs` does; the site is out/docs/site/index.html
-    python tests/website/build_site.py pages      only lay the pages out, in out/docs/pages
+python tests/website/build_site.py            what `make docs` does; the site is out/docs/site/index.html
+python tests/website/build_site.py pages      only lay the pages out, in out/docs/pages
 """
 
 from __future__ import annotations
@@ -100,7 +100,11 @@ def build(config: Path) -> list[str]:
         cwd=config.parent,
     )
     told = (done.stdout + done.stderr).splitlines()
-    wrong = [line for line in told if re.search(r"\b(warning|error)s?\b", line, re.I) and not re.search(r"\bno (issues|warnings)", line, re.I)]
+    wrong = [
+        line
+        for line in told
+        if re.search(r"\b(warning|error)s?\b", line, re.I) and not re.search(r"\bno (issues|warnings)", line, re.I)
+    ]
     if done.returncode and not wrong:
         wrong = told or [f"zensical ended with exit code {done.returncode}"]
     return told if wrong else []

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from block_diagrams import Box, Diagram
 
 TOLD = "told"
@@ -19,12 +21,12 @@ def chain(title: str, *steps: Box, joints: tuple[Box, ...] = (), words: dict[str
     names = [f"step{i}" for i in range(len(steps))]
     boxes = {"reference": REFERENCE, **dict(zip(names, steps, strict=True)), "vehicle": vehicle(len(steps) + 1)}
     order = ["reference", *names, "vehicle"]
-    arrows = [(a, b, said.get(f"{a}>{b}", "")) for a, b in zip(order, order[1:], strict=False)]
+    arrows = [(a, b, said.get(f"{a}>{b}", "")) for a, b in pairwise(order)]
     arms = [f"joint{i}" for i in range(len(joints))]
     boxes |= dict(zip(arms, joints, strict=True))
     if arms:
         order = ["reference", *arms, "vehicle"]
-        arrows += [(a, b, "") for a, b in zip(order, order[1:], strict=False)]
+        arrows += [(a, b, "") for a, b in pairwise(order)]
     return Diagram(title, boxes, arrows)
 
 
@@ -90,27 +92,42 @@ DIAGRAMS: dict[str, Diagram] = {
         "The paper's law with the arm's weight taken at a level attitude",
         dynamics=Box(3, 0, ("inverse dynamics", "weight at R = 1"), measured=True),
     ),
-    "ct_coupled_thrust": coupled(
-        "Computed torque whose thrust points along the coupled force", attitude=AIMED
-    ),
+    "ct_coupled_thrust": coupled("Computed torque whose thrust points along the coupled force", attitude=AIMED),
     "ct_consistent": coupled(
-        "The inverse dynamics takes the base acceleration that the real thrust gives", attitude=AIMED, dynamics=CONSISTENT
+        "The inverse dynamics takes the base acceleration that the real thrust gives",
+        attitude=AIMED,
+        dynamics=CONSISTENT,
     ),
     "ct_observer": coupled(
-        "A disturbance observer on base and joints", attitude=AIMED, dynamics=CONSISTENT,
-        more={"observer": OBSERVER}, arrows=FEEDS,
+        "A disturbance observer on base and joints",
+        attitude=AIMED,
+        dynamics=CONSISTENT,
+        more={"observer": OBSERVER},
+        arrows=FEEDS,
     ),
     "ct_feedforward": coupled(
         "Desired body rate and angular acceleration follow from the derivatives of the wanted force",
-        attitude=TWICE, dynamics=CONSISTENT, more={"observer": OBSERVER}, arrows=FEEDS,
+        attitude=TWICE,
+        dynamics=CONSISTENT,
+        more={"observer": OBSERVER},
+        arrows=FEEDS,
     ),
     "ct_extrapolation": coupled(
         "Held samples of the reference are continued to the present",
-        attitude=TWICE, dynamics=CONSISTENT, more={"observer": OBSERVER}, arrows=FEEDS, continued=True,
+        attitude=TWICE,
+        dynamics=CONSISTENT,
+        more={"observer": OBSERVER},
+        arrows=FEEDS,
+        continued=True,
     ),
     "ct_lag_inversion": coupled(
         "Rotor commands undo the lag of the motors",
-        attitude=TWICE, dynamics=CONSISTENT, more={"observer": OBSERVER}, arrows=FEEDS, continued=True, last=UNLAG,
+        attitude=TWICE,
+        dynamics=CONSISTENT,
+        more={"observer": OBSERVER},
+        arrows=FEEDS,
+        continued=True,
+        last=UNLAG,
     ),
     "bulut2019": coupled(
         "Computed torque on Euler angles; translation is decoupled in the mass matrix",
@@ -144,8 +161,15 @@ DIAGRAMS: dict[str, Diagram] = {
             "mixer": MIXER,
             "vehicle": vehicle(5),
         },
-        [("reference", "sliding", ""), ("sliding", "reach", ""), ("sliding", "adapt", ""), ("adapt", "reach", ""),
-         ("reach", "dynamics", ""), ("dynamics", "mixer", ""), ("mixer", "vehicle", "")],
+        [
+            ("reference", "sliding", ""),
+            ("sliding", "reach", ""),
+            ("sliding", "adapt", ""),
+            ("adapt", "reach", ""),
+            ("reach", "dynamics", ""),
+            ("dynamics", "mixer", ""),
+            ("mixer", "vehicle", ""),
+        ],
     ),
     "l1_adaptive": coupled(
         "A predictor finds what the model leaves out; the matched part is filtered and taken off",
@@ -169,11 +193,17 @@ DIAGRAMS: dict[str, Diagram] = {
             "mixer": MIXER,
             "vehicle": vehicle(5),
         },
-        [("reference", "position", ""), ("position", "attitude", ""), ("attitude", "increment", ""),
-         ("filters", "increment", ""), ("increment", "mixer", ""), ("mixer", "vehicle", "")],
+        [
+            ("reference", "position", ""),
+            ("position", "attitude", ""),
+            ("attitude", "increment", ""),
+            ("filters", "increment", ""),
+            ("increment", "mixer", ""),
+            ("mixer", "vehicle", ""),
+        ],
     ),
     "centroidal": Diagram(
-        "The centroidal law: a force for the centre of mass, an attitude for the force, joints or tip, one inverse dynamics",
+        "The centroidal law: a force for the centre of mass, an attitude for it, joints or tip, one inverse dynamics",
         {
             "reference": REFERENCE,
             "com": Box(1, 0, ("centre of mass", "force, 2 derivatives"), measured=True),
@@ -184,8 +214,16 @@ DIAGRAMS: dict[str, Diagram] = {
             "mixer": Box(4, 0, ("mixer, torque limit", "trim, lag")),
             "vehicle": vehicle(5),
         },
-        [("reference", "com", ""), ("com", "attitude", ""), ("attitude", "dynamics", ""), ("reference", "tasks", ""),
-         ("tasks", "dynamics", ""), ("observer", "dynamics", ""), ("dynamics", "mixer", ""), ("mixer", "vehicle", "")],
+        [
+            ("reference", "com", ""),
+            ("com", "attitude", ""),
+            ("attitude", "dynamics", ""),
+            ("reference", "tasks", ""),
+            ("tasks", "dynamics", ""),
+            ("observer", "dynamics", ""),
+            ("dynamics", "mixer", ""),
+            ("mixer", "vehicle", ""),
+        ],
     ),
     "nmpc": Diagram(
         "Model predictive control: every second period a plan over 0.65 s, in between its feedback",
@@ -198,8 +236,14 @@ DIAGRAMS: dict[str, Diagram] = {
             "command": Box(4, 0, ("rotor commands", "through the lag")),
             "vehicle": vehicle(5),
         },
-        [("reference", "preview", ""), ("preview", "solve", ""), ("observer", "solve", ""), ("solve", "feedback", ""),
-         ("feedback", "command", ""), ("command", "vehicle", "")],
+        [
+            ("reference", "preview", ""),
+            ("preview", "solve", ""),
+            ("observer", "solve", ""),
+            ("solve", "feedback", ""),
+            ("feedback", "command", ""),
+            ("command", "vehicle", ""),
+        ],
     ),
     "learned_compensator": coupled(
         "The paper's law; a network says what the model leaves out",

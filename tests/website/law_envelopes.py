@@ -1,6 +1,6 @@
 """The tables under *Envelope* on the pages of the laws: flown as the comparison flies them, with perfect state.
 
-    python tests/website/law_envelopes.py     flies every law and writes its table into its page
+python tests/website/law_envelopes.py     flies every law and writes its table into its page
 """
 
 from __future__ import annotations

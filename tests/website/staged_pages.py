@@ -1,4 +1,4 @@
-"""Pages of docs as the site's builder takes them: links that leave docs lead to copies, drawings and formulas are inside.
+"""Pages of docs as the site's builder takes them: links out of docs lead to copies, drawings and formulas are inside.
 
 A page stays readable where it lies: what is changed here is changed in a copy. Taken from outside of docs are the pages
 of the repository (``REPOSITORY``), the examples, and single files that a page links to.

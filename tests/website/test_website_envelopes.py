@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 
 import pytest
-
 from block_diagrams import svg
 from law_diagrams import DIAGRAMS
 from law_envelopes import LAWS, flown, rows, shown, tables
+
 from skyarm.control.catalogue.law_entries import SHIPPED_LAWS
 
 QUICK = {"ct_observer", "guo2023"}
@@ -31,7 +31,9 @@ def test_a_page_has_what_a_page_of_a_law_has(name: str) -> None:
     assert f"](../images/laws/{name}.svg)" in text
     heads = re.findall(r"^## (.*)$", text, re.M)
     assert [head for head in heads if head != "Equations"] == ["Source", "Envelope", "Fly it"]
-    assert re.search(r"\b(19|20)\d\d\b|this project", text.split("## Source")[1].split("##")[0]), "a source has a year, or is ours"
+    assert re.search(r"\b(19|20)\d\d\b|this project", text.split("## Source")[1].split("##")[0]), (
+        "a source has a year, or is ours"
+    )
     assert f"]({name}.md)" in (LAWS / "README.md").read_text("utf-8")
 
 
