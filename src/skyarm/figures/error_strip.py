@@ -60,15 +60,16 @@ def error_strip(curves: Sequence[Curve], span: tuple[float, float], width: int, 
     Args:
         curves: at least one.
         span: first and last instant, s.
-        width, height: pixels.
+        width: pixels.
+        height: pixels.
         scale: of texts, 1 at 720 lines.
     """
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor="white")
     canvas = FigureCanvasAgg(figure)
     size = TEXT * scale
-    edge = 72.0 * scale
+    edge = 86.0 * scale
     bottom, top = 40.0 * scale / height, 1.0 - 10.0 * scale / height
-    ax = figure.add_axes((edge / width, bottom, 1.0 - (edge + 24.0 * scale) / width, top - bottom))
+    ax = figure.add_axes((edge / width, bottom, 1.0 - (edge + 26.0 * scale) / width, top - bottom))
     style.dress(ax, size=size, family=style.PAGE_FONT[0])
     logarithmic = _far_apart(curves)
     for curve in curves:

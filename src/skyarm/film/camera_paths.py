@@ -26,6 +26,10 @@ SMOOTH = 0.6
 """s: time constant with which a following camera turns to what it follows."""
 
 
+LEAVES = 6.0
+"""Reaches of a vehicle: farther from its desired position a following camera lets it go."""
+
+
 @dataclass(frozen=True, slots=True)
 class CameraPath:
     """A camera at F frames.
@@ -54,12 +58,14 @@ def orbit(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> Cam
 
 
 def follow(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
-    """A camera that goes with the desired position, so that how far a vehicle is from it is seen."""
+    """A camera that goes with the vehicles and their desired positions, so that how far they are apart is seen."""
     desired = np.mean([flight.desired_position for flight in flights], axis=0)
-    off = [np.linalg.norm(flight.position - desired, axis=1) + vehicle_reach(flight) for flight in flights]
-    # a lost vehicle may leave the picture
-    farthest = min(float(np.quantile(np.max(off, axis=0), 0.98)), 6.0 * max(map(vehicle_reach, flights)))
-    return _path(_smoothed(desired, seconds), _to_hold(0.8 * farthest, aspect))
+    farthest = LEAVES * max(map(vehicle_reach, flights))
+    # a lost vehicle leaves the picture
+    places = np.array([desired, *(_at_most(flight.position - desired, farthest) + desired for flight in flights)])
+    middle = _smoothed(0.5 * (places.min(axis=0) + places.max(axis=0)), seconds)
+    off = np.linalg.norm(places - middle, axis=2).max(axis=0) + max(map(vehicle_reach, flights))
+    return _path(middle, _to_hold(0.95 * float(np.quantile(off, 0.98)), aspect))
 
 
 def tip(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
@@ -98,6 +104,12 @@ def _bounds(flights: Sequence[FilmedFlight]) -> tuple[Array, Array]:
         low.append(places.min(axis=0) - vehicle_reach(flight))
         high.append(places.max(axis=0) + vehicle_reach(flight))
     return np.min(low, axis=0), np.max(high, axis=0)
+
+
+def _at_most(offset: Array, length: float) -> Array:
+    """Vectors (F, 3), shortened to a length where they are longer."""
+    size = np.linalg.norm(offset, axis=1, keepdims=True)
+    return offset * np.minimum(1.0, length / np.maximum(size, 1e-9))
 
 
 def _to_hold(radius: float, aspect: float) -> float:

@@ -30,7 +30,7 @@ class FilmSettings:
         fps: frames a second of the film. speed: seconds of flight a second of the film.
         start, stop: s of flight; to the end if ``stop`` is left out.
         ghost: whether the desired pose is drawn. plot: whether the tip's error is plotted below.
-        shadows: cast by the light; they take twice as long as all the rest.
+        fine: shadows, smooth edges and rounder shapes; a frame takes some four times as long.
         title: above; the scenario's if left out.
     """
 
@@ -44,7 +44,7 @@ class FilmSettings:
     stop: float | None = None
     ghost: bool = True
     plot: bool = True
-    shadows: bool = False
+    fine: bool = False
     title: str | None = None
 
     def __post_init__(self) -> None:

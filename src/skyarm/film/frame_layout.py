@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 DESIGNED = 720.0
 """Pixels: the height for which the sizes below are meant; others are scaled."""
@@ -47,7 +48,8 @@ def frame_layout(width: int, height: int, flights: int, layout: str, *, plot: bo
     """Divide a frame.
 
     Args:
-        width, height: pixels.
+        width: pixels.
+        height: pixels.
         flights: number of them.
         layout: "side" or "over".
         plot: whether there shall be a plot; a frame that is too low for it has none.
@@ -74,4 +76,4 @@ def frame_layout(width: int, height: int, flights: int, layout: str, *, plot: bo
 def _columns(width: int, count: int, gap: int) -> list[tuple[int, int]]:
     """(left, width) of columns that fill the width."""
     edges = [round(i * (width + gap) / count) for i in range(count + 1)]
-    return [(left, right - gap - left) for left, right in zip(edges[:-1], edges[1:], strict=True)]
+    return [(left, right - gap - left) for left, right in pairwise(edges)]

@@ -16,7 +16,7 @@ from skyarm.film.captions import Captions
 from skyarm.film.film_settings import FilmSettings
 from skyarm.film.filmed_flight import FilmedFlight, film_flights, frame_times
 from skyarm.film.frame_layout import FrameLayout, frame_layout
-from skyarm.film.marks import rods_of
+from skyarm.film.marks import marks_of
 from skyarm.film.solids import Solid, ghost_solids, vehicle_solids
 from skyarm.film.stage import Panel, open_stage
 from skyarm.film.video_files import require_film_format
@@ -73,7 +73,7 @@ def film_frames(
     width, height = settings.width, settings.height
     layout = frame_layout(width, height, len(flights), settings.layout, plot=settings.plot)
     captions = Captions(flights, times, layout, settings.title or "")
-    with open_stage(film_panels(flights, times, settings, layout), width, height, shadows=settings.shadows) as stage:
+    with open_stage(film_panels(flights, times, settings, layout), width, height, fine=settings.fine) as stage:
         for k in range(len(times)):
             yield captions.frame(stage.draw(k), k)
             if progress is not None:
@@ -92,7 +92,9 @@ def film_panels(
         if settings.ghost:
             solids += ghost_solids(inside[0])
         booms = max(longest_boom(flight.vehicle) for flight in inside)
-        panels.append(Panel(box.left, box.top, box.width, box.height, path, solids, rods_of(inside, times, booms)))
+        panels.append(
+            Panel(box.left, box.top, box.width, box.height, path, solids, marks_of(inside, times, booms, layout.scale))
+        )
     return panels
 
 

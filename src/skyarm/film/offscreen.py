@@ -1,4 +1,4 @@
-"""An OpenGL context without a window or a screen, of EGL's own functions: nothing is installed for it but EGL itself."""
+"""An OpenGL context without a window or a screen, made by EGL's own functions, so that no library is needed for it."""
 
 from __future__ import annotations
 

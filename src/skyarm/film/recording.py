@@ -69,7 +69,8 @@ def record(
     Args:
         flights: one log or several.
         settings: layout, span, speed, frames a second, ghost; the camera's first place.
-        labels, progress: as of a film.
+        labels: as of a film.
+        progress: as of a film.
 
     Raises:
         ValueError: one line: what cannot be filmed, or the extra that is missing.

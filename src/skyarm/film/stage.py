@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.film.camera_paths import FIELD_OF_VIEW, CameraPath
-from skyarm.film.marks import Rod
+from skyarm.film.marks import Mark
 from skyarm.film.offscreen import offscreen
 from skyarm.film.solids import Solid
 
@@ -28,12 +28,13 @@ KINDS = {
     "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
     "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
     "arrow": mujoco.mjtGeom.mjGEOM_ARROW,
+    "line": mujoco.mjtGeom.mjGEOM_LINE,
 }
 
 GROUND_HALF_WIDTH, TILE = 60.0, 0.5
 """m: of the ground, and of one tile of its grid."""
 
-GROUND, LINE = (0.93, 0.935, 0.945), (0.80, 0.815, 0.835)
+GROUND, LINE = (0.945, 0.95, 0.96), (0.80, 0.82, 0.845)
 SKY, HORIZON = (0.82, 0.88, 0.95), (0.965, 0.972, 0.98)
 
 GRID_PIXELS, MOST_GEOMS = 256, 4000
@@ -45,7 +46,7 @@ class Panel:
 
     Attributes:
         left, top, width, height: pixels, from the frame's upper left corner.
-        camera: where it is looked from. solids: that move. rods: number of a frame -> rods and arrows of that frame.
+        camera: where it is looked from. solids: that move. marks: number of a frame -> lines and arrows of that frame.
     """
 
     left: int
@@ -54,20 +55,20 @@ class Panel:
     height: int
     camera: CameraPath
     solids: Sequence[Solid]
-    rods: Callable[[int], Sequence[Rod]]
+    marks: Callable[[int], Sequence[Mark]]
 
 
 class Stage:
     """Draws the panels of one film, frame by frame; :func:`open_stage` makes it."""
 
-    def __init__(self, panels: Sequence[Panel], width: int, height: int, *, shadows: bool) -> None:
+    def __init__(self, panels: Sequence[Panel], width: int, height: int, *, fine: bool) -> None:
         self._panels, self._size = panels, (width, height)
-        self._model = _model(width, height, shadows=shadows)
+        self._model = _model(width, height, fine=fine)
         self._data = mujoco.MjData(self._model)
         mujoco.mj_forward(self._model, self._data)
         self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
-        self._scenes = [self._scene(panel, shadows=shadows) for panel in panels]
+        self._scenes = [self._scene(panel, fine=fine) for panel in panels]
         self._pixels = np.zeros((height, width, 3), np.uint8)
 
     def draw(self, k: int) -> Pixels:
@@ -83,10 +84,10 @@ class Stage:
         """Give back what the context holds."""
         self._context.free()
 
-    def _scene(self, panel: Panel, *, shadows: bool) -> tuple[Any, int]:
+    def _scene(self, panel: Panel, *, fine: bool) -> tuple[Any, int]:
         """A scene with the ground and the solids of a panel, and the number of geoms that do not move."""
         scene = mujoco.MjvScene(self._model, MOST_GEOMS)
-        scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
+        scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = fine
         scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
         mujoco.mjv_updateScene(
             self._model,
@@ -105,14 +106,14 @@ class Stage:
         return scene, ground
 
     def _place(self, panel: Panel, scene: Any, ground: int, k: int) -> None:
-        """Put solids, rods and camera where they are at frame k."""
+        """Put solids, marks and camera where they are at frame k."""
         for i, solid in enumerate(panel.solids):
             geom = scene.geoms[ground + i]
             geom.pos, geom.mat = solid.position[k], solid.rotation[k]
         scene.ngeom = ground + len(panel.solids)
-        for rod in panel.rods(k):
-            geom = self._add(scene, rod.kind, (rod.radius, rod.radius, 0.0), rod.rgba)
-            mujoco.mjv_connector(geom, KINDS[rod.kind].value, rod.radius, rod.start, rod.end)
+        for mark in panel.marks(k):
+            geom = self._add(scene, mark.kind, (mark.width, mark.width, 0.0), mark.rgba)
+            mujoco.mjv_connector(geom, KINDS[mark.kind].value, mark.width, mark.start, mark.end)
         mujoco.mjv_updateCamera(self._model, self._data, _camera(panel.camera, k), scene)
 
     def _add(self, scene: Any, kind: str, size: Sequence[float], rgba: Sequence[float]) -> Any:
@@ -126,14 +127,14 @@ class Stage:
 
 
 @contextmanager
-def open_stage(panels: Sequence[Panel], width: int, height: int, *, shadows: bool = False) -> Iterator[Stage]:
+def open_stage(panels: Sequence[Panel], width: int, height: int, *, fine: bool = False) -> Iterator[Stage]:
     """A stage that draws frames of ``width`` by ``height`` pixels.
 
     Raises:
         NoDisplayError: one line: nothing can be drawn on this machine.
     """
     with offscreen():
-        stage = Stage(panels, width, height, shadows=shadows)
+        stage = Stage(panels, width, height, fine=fine)
         try:
             yield stage
         finally:
@@ -148,14 +149,16 @@ def _camera(path: CameraPath, k: int) -> Any:
     return camera
 
 
-def _model(width: int, height: int, *, shadows: bool) -> Any:
+def _model(width: int, height: int, *, fine: bool) -> Any:
     """Ground, sky and light; no vehicle."""
     spec = mujoco.MjSpec()
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
     spec.visual.global_.fovy = FIELD_OF_VIEW
     spec.visual.map.znear, spec.visual.map.zfar = 0.02, 300.0
-    spec.visual.quality.shadowsize = 2048 if shadows else 0
-    spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.42] * 3, [0.35] * 3
+    quality = spec.visual.quality
+    quality.shadowsize, quality.offsamples = (2048, 4) if fine else (0, 0)
+    quality.numslices, quality.numstacks, quality.numquads = (28, 16, 4) if fine else (12, 8, 2)
+    spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.5] * 3, [0.2] * 3
     spec.visual.headlight.specular = [0.0] * 3
     spec.stat.extent, spec.stat.center = 1.0, [0.0, 0.0, 0.0]
     builtin = mujoco.mjtBuiltin
@@ -183,8 +186,8 @@ def _model(width: int, height: int, *, shadows: bool) -> Any:
     material = spec.add_material(name="ground", texuniform=True, texrepeat=[tiles, tiles], specular=0.0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "grid"
     spec.worldbody.add_light(
-        pos=[0.0, 0.0, 30.0], dir=[0.25, 0.2, -1.0], type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, castshadow=shadows,
-        diffuse=[0.45] * 3, specular=[0.2] * 3,
+        pos=[0.0, 0.0, 30.0], dir=[0.25, 0.2, -1.0], type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, castshadow=fine,
+        diffuse=[0.5] * 3, specular=[0.2] * 3,
     )  # fmt: skip
     size = [GROUND_HALF_WIDTH, GROUND_HALF_WIDTH, 1.0]
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=size, material="ground")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import itertools
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -37,15 +38,17 @@ def write_mp4(path: Path, frames: Frames, size: tuple[int, int], fps: int, count
     """
     del count
     av = import_av()
-    buffer = io.BytesIO()
-    with av.open(buffer, "w", format="mp4", options={"movflags": "faststart"}) as container:
-        stream = container.add_stream("libx264", rate=fps, options={"crf": QUALITY, "preset": "veryfast"})
-        stream.width, stream.height = size
-        stream.pix_fmt = "yuv420p"
-        for pixels in frames:
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(pixels), format="rgb24")))
-        container.mux(stream.encode(None))
-    return write_atomically(path, buffer.getvalue())
+    # a file, not memory: the table of frames is moved to the front at the end, so that a browser plays at once
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder) / "film.mp4"
+        with av.open(str(made), "w", format="mp4", options={"movflags": "faststart"}) as container:
+            stream = container.add_stream("libx264", rate=fps, options={"crf": QUALITY, "preset": "veryfast"})
+            stream.width, stream.height = size
+            stream.pix_fmt = "yuv420p"
+            for pixels in frames:
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(pixels), format="rgb24")))
+            container.mux(stream.encode(None))
+        return write_atomically(path, made.read_bytes())
 
 
 def write_webp(path: Path, frames: Frames, size: tuple[int, int], fps: int, count: int) -> Path:
@@ -107,9 +110,10 @@ def _held(frames: Frames, size: tuple[int, int], count: int, path: Path) -> tupl
         ValueError: they would not fit into memory.
     """
     if 3 * size[0] * size[1] * count > MOST_IN_MEMORY:
+        most = f"{MOST_IN_MEMORY / 1e9:g} GB"
         raise ValueError(
-            f"film = {shown(str(path))}: {count} frames of {size[0]}x{size[1]} are more than {MOST_IN_MEMORY / 1e9:g} GB; "
-            "take .mp4, or a lower fps, a smaller size, a shorter span"
+            f"film = {shown(str(path))}: {count} frames of {size[0]}x{size[1]} are more than {most}; take .mp4, or a "
+            "lower fps, a smaller size, a shorter span"
         )
     first, *rest = (Image.fromarray(pixels) for pixels in frames)
     return first, rest
