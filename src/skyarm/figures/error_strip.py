@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -65,7 +66,7 @@ def error_strip(curves: Sequence[Curve], span: tuple[float, float], width: int, 
         scale: of texts, 1 at 720 lines.
     """
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor="white")
-    canvas = FigureCanvasAgg(figure)
+    canvas: Any = FigureCanvasAgg(figure)
     size = TEXT * scale
     edge = 86.0 * scale
     bottom, top = 40.0 * scale / height, 1.0 - 10.0 * scale / height
@@ -83,7 +84,7 @@ def error_strip(curves: Sequence[Curve], span: tuple[float, float], width: int, 
         ax.set_ylim(bottom=0.0)
         ax.yaxis.set_major_locator(MaxNLocator(nbins=3))
     ax.set_xlim(*span)
-    text = {"fontsize": size, "family": style.PAGE_FONT}
+    text: dict[str, Any] = {"fontsize": size, "family": style.PAGE_FONT}
     ax.set_xlabel("time, s", labelpad=1.0, **text)
     ax.set_ylabel("tip error, mm", **text)
     canvas.draw()

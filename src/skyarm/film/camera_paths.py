@@ -109,7 +109,7 @@ def _bounds(flights: Sequence[FilmedFlight]) -> tuple[Array, Array]:
 def _at_most(offset: Array, length: float) -> Array:
     """Vectors (F, 3), shortened to a length where they are longer."""
     size = np.linalg.norm(offset, axis=1, keepdims=True)
-    return offset * np.minimum(1.0, length / np.maximum(size, 1e-9))
+    return np.asarray(offset * np.minimum(1.0, length / np.maximum(size, 1e-9)), dtype=float)
 
 
 def _to_hold(radius: float, aspect: float) -> float:

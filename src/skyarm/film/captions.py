@@ -81,13 +81,13 @@ class Captions:
         if box is None:
             return None
         curves = [Curve(each.error_time, each.error_curve, each.color) for each in self._flights]
-        span = float(self._times[0]), max(float(each.error_time[-1]) for each in self._flights)
+        span = float(self._times[0]), _end(self._times)
         strip = error_strip(curves, span, box.width, box.height, self._layout.scale)
         self._blank[_inside(box)] = strip.pixels
         return strip
 
     def _put_cursor(self, pixels: Pixels, strip: Strip, box: Box, k: int) -> None:
-        share = (self._times[k] - self._times[0]) / max(strip_span(self._flights, self._times), 1e-9)
+        share = (self._times[k] - self._times[0]) / (_end(self._times) - self._times[0])
         at = round(box.left + strip.left + share * (strip.right - strip.left))
         half = max(1, round(self._layout.scale))
         pixels[box.top + strip.top : box.top + strip.bottom, max(at - half, 0) : at + half] = INK
@@ -120,14 +120,16 @@ class Captions:
 def error_words(error: float) -> str:
     """A distance in m as millimetres of two or three digits."""
     millimetres = 1e3 * error
+    if millimetres < 0.995:
+        return f"{millimetres:.2f} mm"
     if millimetres < 9.95:
         return f"{millimetres:.1f} mm"
     return f"{millimetres:.0f} mm" if millimetres < 9999.5 else f"{error:.0f} m"
 
 
-def strip_span(flights: Sequence[FilmedFlight], times: Array) -> float:
-    """Length of the plot's time axis, s."""
-    return max(float(each.error_time[-1]) for each in flights) - float(times[0])
+def _end(times: Array) -> float:
+    """End of the last frame, s."""
+    return float(times[-1] + (times[-1] - times[0]) / max(len(times) - 1, 1)) if len(times) > 1 else times[0] + 1.0
 
 
 def _inside(box: Box) -> tuple[slice, slice]:

@@ -160,4 +160,4 @@ def _continuous(quaternion: Array) -> Array:
     """The same attitudes with signs that do not jump, so that they can be read between two instants."""
     same = np.einsum("ni,ni->n", quaternion[1:], quaternion[:-1]) >= 0.0
     sign = np.concatenate([[1.0], np.cumprod(np.where(same, 1.0, -1.0))])
-    return quaternion * sign[:, None]
+    return np.asarray(quaternion * sign[:, None], dtype=float)

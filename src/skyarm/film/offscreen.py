@@ -93,7 +93,7 @@ def _display(egl: Any) -> tuple[int, int]:
         wanted = (ctypes.c_int * len(CONFIG))(*CONFIG)
         found = egl.eglChooseConfig(display, wanted, config, 1, ctypes.byref(count))
         if found and count.value and egl.eglBindAPI(OPENGL_API):
-            return display, config[0]
+            return display, config[0] or 0
     raise NoDisplayError(f"EGL: finds no device that draws with OpenGL; {NEEDS}")
 
 
@@ -101,7 +101,7 @@ def _devices(egl: Any) -> list[int]:
     devices, count = (_Pointer * MOST_DEVICES)(), ctypes.c_int()
     query = _extension(egl, b"eglQueryDevicesEXT", ctypes.c_uint, ctypes.c_int, _Pointer, _Pointer)
     query(MOST_DEVICES, devices, ctypes.byref(count))
-    return list(devices[: count.value])
+    return [device for device in devices[: count.value] if device]
 
 
 def _extension(egl: Any, name: bytes, result: Any, *arguments: Any) -> Any:

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.files import needs_extra, write_atomically
-from skyarm.film.camera_paths import CAMERAS, FIELD_OF_VIEW, CameraPath, vehicle_reach
+from skyarm.film.camera_paths import AZIMUTH, CAMERAS, FIELD_OF_VIEW, CameraPath, vehicle_reach
 from skyarm.film.captions import error_words
 from skyarm.film.film_settings import FilmSettings
 from skyarm.film.filmed_flight import FilmedFlight, film_flights, frame_times
@@ -40,7 +40,7 @@ WORDS_PER_SECOND = 5.0
 ASPECT = 16.0 / 9.0
 """Of the window for which the camera is placed."""
 
-BACKGROUND = (246, 248, 250)
+GRID = (208, 212, 218)
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,26 +252,35 @@ def _surroundings(
     scene.add_light_ambient("/light", intensity=1.2)
     centre = np.mean([f.desired_position.mean(axis=0) + s for f, s in zip(flights, shifts, strict=True)], axis=0)
     scene.add_grid(
-        "/ground", width=40.0, height=40.0, position=(float(centre[0]), float(centre[1]), 0.0), cell_size=0.5
+        "/ground",
+        width=40.0,
+        height=40.0,
+        position=(float(centre[0]), float(centre[1]), 0.0),
+        cell_size=0.5,
+        cell_color=GRID,
+        section_size=2.0,
+        section_color=GRID,
     )
     seconds = (times - times[0]) / settings.speed
     path = CAMERAS["fixed" if settings.camera == "follow" else settings.camera](flights, seconds, ASPECT)
     wide = float(np.linalg.norm(shifts[-1] - shifts[0]))
-    eye, target = _eye(path, centre, 0.75 * wide)
+    eye, target = _eye(path, centre, 0.5 * wide)
     server.initial_camera.position, server.initial_camera.look_at = tuple(eye), tuple(target)
     server.initial_camera.fov = np.radians(FIELD_OF_VIEW)
     server.initial_camera.up = (0.0, 0.0, 1.0)
 
 
 def _shifts(flights: Sequence[FilmedFlight], settings: FilmSettings) -> list[Array]:
-    """Where each flight's world stands: all in one place, or side by side along y."""
+    """Where each flight's world stands: all in one place, or side by side as the camera sees them."""
     if settings.layout == "over" or len(flights) == 1:
         return [np.zeros(3) for _ in flights]
-    low = np.min([np.minimum(f.desired_position, f.position).min(axis=0) for f in flights], axis=0)
-    high = np.max([np.maximum(f.desired_position, f.position).max(axis=0) for f in flights], axis=0)
-    apart = min(float(high[1] - low[1]), 3.0) + 2.4 * max(vehicle_reach(flight) for flight in flights)
+    # to the camera's right
+    turn = np.radians(AZIMUTH)
+    right = np.array([np.sin(turn), -np.cos(turn), 0.0])
+    along = np.concatenate([places @ right for f in flights for places in (f.desired_position, f.position)])
+    apart = min(float(np.ptp(along)), 3.0) + 2.4 * max(vehicle_reach(flight) for flight in flights)
     middle = 0.5 * (len(flights) - 1)
-    return [np.array([0.0, apart * (i - middle), 0.0]) for i in range(len(flights))]
+    return [apart * (i - middle) * right for i in range(len(flights))]
 
 
 def _eye(path: CameraPath, centre: Array, wider: float) -> tuple[Array, Array]:

@@ -103,4 +103,4 @@ def _quaternions(R: Array) -> Array:
     found: Array = chosen / np.linalg.norm(chosen, axis=1, keepdims=True)
     # signs that do not jump from one frame to the next
     same = np.concatenate([[1.0], np.cumprod(np.where(np.einsum("ni,ni->n", found[1:], found[:-1]) < 0.0, -1.0, 1.0))])
-    return found * same[:, None]
+    return np.asarray(found * same[:, None], dtype=float)
