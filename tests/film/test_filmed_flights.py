@@ -102,10 +102,15 @@ def test_every_camera_has_the_vehicles_and_their_desired_places_in_view(name: st
     path = CAMERAS[name](flights, times, 0.9)
     for each in flights:
         for places in (each.desired_tip,) if name == "tip" else (each.position, each.tip, each.desired_position):
-            off = np.linalg.norm(places - path.look_at, axis=1)
-            # a ball of this radius at this distance fills the narrower side
-            half = np.arctan(np.tan(np.radians(0.5 * FIELD_OF_VIEW)) * 0.9)
-            assert np.all(off <= path.distance * np.sin(half))
+            # by a pinhole of the test's own: columns and rows from -1 to 1
+            az, el = np.radians(path.azimuth), np.radians(path.elevation)
+            away = np.stack([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)], axis=1)
+            right = np.cross(away, [0.0, 0.0, 1.0])
+            right /= np.linalg.norm(right, axis=1, keepdims=True)
+            ray = places - path.look_at + path.distance[:, None] * away
+            depth, slope = np.sum(ray * away, axis=1), np.tan(np.radians(0.5 * FIELD_OF_VIEW))
+            assert np.all(np.abs(np.sum(ray * right, axis=1)) < 0.95 * 0.9 * slope * depth)
+            assert np.all(np.abs(np.sum(ray * np.cross(right, away), axis=1)) < 0.95 * slope * depth)
     assert name in CAMERA_NAMES
     assert (np.ptp(path.azimuth) > 0.0) == (name == "orbit")
 

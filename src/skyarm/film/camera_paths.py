@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.drawing.vehicle_shapes import longest_boom
 from skyarm.film.filmed_flight import FilmedFlight
 
 Array = npt.NDArray[np.float64]
@@ -25,6 +26,16 @@ TURN = 12.0
 SMOOTH = 0.6
 """s: time constant with which a following camera turns to what it follows."""
 
+
+def _axes_of_view() -> Array:
+    """Right, up and away, as columns, of a camera at AZIMUTH and ELEVATION."""
+    az, el = math.radians(AZIMUTH), math.radians(ELEVATION)
+    away = np.array([math.cos(el) * math.cos(az), math.cos(el) * math.sin(az), math.sin(el)])
+    right = np.array([math.sin(az), -math.cos(az), 0.0])
+    return np.stack([right, np.cross(right, away), away], axis=1)
+
+
+_VIEW = _axes_of_view()
 
 LEAVES = 6.0
 """Reaches of a vehicle: farther from its desired position a following camera lets it go."""
@@ -46,26 +57,26 @@ class CameraPath:
 
 def fixed(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
     """A camera that stands still and has every vehicle in view all the time."""
-    low, high = _bounds(flights)
-    radius = 0.5 * float(np.linalg.norm(high - low))
-    return _path(np.tile(0.5 * (low + high), (len(seconds), 1)), _to_hold(radius, aspect))
+    places = np.concatenate([part for flight in flights for part in _seen(flight)])
+    low, high = ((places @ _VIEW).min(axis=0), (places @ _VIEW).max(axis=0))
+    middle = _VIEW @ (0.5 * (low + high))
+    return _path(np.tile(middle, (len(seconds), 1)), _to_see(places - middle, _margin(flights), aspect))
 
 
 def orbit(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
-    """The same, going round."""
-    still = fixed(flights, seconds, aspect)
+    """A camera that goes round all of the flight and has it in view from every side."""
+    places = np.concatenate([part for flight in flights for part in _seen(flight)])
+    middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
+    radius = float(np.linalg.norm(places - middle, axis=1).max()) + _margin(flights)
+    still = _path(np.tile(middle, (len(seconds), 1)), _to_hold(radius, aspect))
     return CameraPath(still.look_at, still.distance, still.azimuth + TURN * seconds, still.elevation)
 
 
 def follow(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
     """A camera that goes with the vehicles and their desired positions, so that how far they are apart is seen."""
-    desired = np.mean([flight.desired_position for flight in flights], axis=0)
-    farthest = LEAVES * max(map(vehicle_reach, flights))
-    # a lost vehicle leaves the picture
-    places = np.array([desired, *(_at_most(flight.position - desired, farthest) + desired for flight in flights)])
+    places = np.stack([part for flight in flights for part in _seen(flight)])
     middle = _smoothed(0.5 * (places.min(axis=0) + places.max(axis=0)), seconds)
-    off = np.linalg.norm(places - middle, axis=2).max(axis=0) + max(map(vehicle_reach, flights))
-    return _path(middle, _to_hold(0.95 * float(np.quantile(off, 0.98)), aspect))
+    return _path(middle, _to_see((places - middle).reshape(-1, 3), _margin(flights), aspect))
 
 
 def tip(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
@@ -90,20 +101,21 @@ def _path(look_at: Array, distance: float) -> CameraPath:
 
 def vehicle_reach(flight: FilmedFlight) -> float:
     """How far the vehicle reaches from its base, m: booms with their discs, arm stretched out."""
-    booms = [math.hypot(*(float(c) for c in rotor.position)) for rotor in flight.vehicle.rotors]
     arm = float(np.max(np.linalg.norm(flight.desired_tip - flight.desired_position, axis=1)))
-    return max([1.5 * boom for boom in booms] + [arm, 0.1])
+    return max(1.5 * longest_boom(flight.vehicle), arm)
 
 
-def _bounds(flights: Sequence[FilmedFlight]) -> tuple[Array, Array]:
-    """Corners of the box that holds every vehicle at every frame, but for the flight of a lost one."""
-    low, high = [], []
-    for flight in flights:
-        near = np.linalg.norm(flight.position - flight.desired_position, axis=1) < 10.0 * vehicle_reach(flight)
-        places = np.concatenate([flight.position[near], flight.desired_position])
-        low.append(places.min(axis=0) - vehicle_reach(flight))
-        high.append(places.max(axis=0) + vehicle_reach(flight))
-    return np.min(low, axis=0), np.max(high, axis=0)
+def _seen(flight: FilmedFlight) -> list[Array]:
+    """What shall be in view, four times (F, 3): base and tip, where they are and where they should be."""
+    farthest = LEAVES * vehicle_reach(flight)
+    pairs = (flight.position, flight.desired_position), (flight.tip, flight.desired_tip)
+    # a lost vehicle leaves the picture
+    return [part for at, wanted in pairs for part in (wanted + _at_most(at - wanted, farthest), wanted)]
+
+
+def _margin(flights: Sequence[FilmedFlight]) -> float:
+    """How far a vehicle is drawn about its base, m."""
+    return 1.6 * max(longest_boom(flight.vehicle) for flight in flights)
 
 
 def _at_most(offset: Array, length: float) -> Array:
@@ -117,6 +129,17 @@ def _to_hold(radius: float, aspect: float) -> float:
     half = math.radians(0.5 * FIELD_OF_VIEW)
     across = math.atan(math.tan(half) * aspect)
     return radius / math.sin(min(half, across))
+
+
+def _to_see(places: Array, margin: float, aspect: float) -> float:
+    """Distance from which balls about places (N, 3), told from the middle of the picture, are inside it."""
+    across, upwards, away = (places @ _VIEW).T
+    slope = math.tan(math.radians(0.5 * FIELD_OF_VIEW))
+    needed = [
+        (np.abs(off) + margin * math.hypot(1.0, edge)) / edge - away
+        for off, edge in ((across, slope * aspect), (upwards, slope))
+    ]
+    return float(np.max(needed))
 
 
 def _smoothed(places: Array, seconds: Array) -> Array:

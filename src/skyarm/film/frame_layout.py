@@ -8,7 +8,7 @@ from itertools import pairwise
 DESIGNED = 720.0
 """Pixels: the height for which the sizes below are meant; others are scaled."""
 
-TITLE, HEAD, PLOT, GAP = 46.0, 40.0, 170.0, 4.0
+TITLE, HEAD, PLOT, GAP = 46.0, 40.0, 178.0, 4.0
 """Pixels of that height: bands of title and names, plot, space between panels."""
 
 LEAST_HEIGHT_OF_PLOT = 240

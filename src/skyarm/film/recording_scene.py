@@ -77,7 +77,9 @@ def add_path(scene: Any, name: str, places: Array, color: tuple[int, ...], width
     places = np.round(places, DIGITS)
     points = np.stack([places[:-1], places[1:]], axis=1).astype(np.float32)
     if len(points):
-        scene.add_line_segments(name, points=points, colors=np.array(color, np.uint8), line_width=width)
+        scene.add_line_segments(
+            name, points=points, colors=np.array(color, np.uint8), thickness=width, thickness_units="screen"
+        )
 
 
 def _within(look: dict[str, Any], shape: Shape) -> dict[str, Any]:
