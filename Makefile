@@ -59,7 +59,7 @@ test-lowest: $(LOWEST)/.installed
 	$(LOWEST)/bin/python tests/lowest.py run
 
 $(VENV)/.docs: $(VENV)/.test
-	$(BIN)/python $(PIP) -c constraints.txt -e ".[docs]"
+	$(BIN)/python $(PIP) -c constraints.txt -e ".[docs,studio]"
 	@touch $@
 
 docs: $(VENV)/.docs

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from percent_scripts import rendered, run_script
 from site_links import broken
+from site_recordings import asked_for, make_recordings
 from site_reference import reference_pages
 from staged_pages import DOCS, REPOSITORY, ROOT, example_page, examples_index, staged, staged_text
 
@@ -112,8 +113,20 @@ def build(config: Path) -> list[str]:
 
 def main() -> int:
     """Build the site, or only its pages; 0 if nothing is wrong."""
+    try:
+        return make_site()
+    except ValueError as error:  # a link or a formula of a page
+        print(error, file=sys.stderr)
+        return 1
+
+
+def make_site() -> int:
+    """Recordings, pages, site, links; 0 if nothing is wrong."""
     began = time.perf_counter()
-    names = lay_out(PAGES, recordings=RECORDINGS if RECORDINGS.is_dir() else None)
+    shutil.rmtree(RECORDINGS, ignore_errors=True)
+    recorded = make_recordings(RECORDINGS, asked_for([path.read_text("utf-8") for path in DOCS.rglob("*.md")]))
+    print(f"{len(recorded)} recordings" + ("" if recorded else ", for want of the extra studio"), flush=True)
+    names = lay_out(PAGES, recordings=RECORDINGS if recorded else None)
     print(f"{len(names)} pages in {PAGES.relative_to(ROOT)}, {time.perf_counter() - began:.1f} s", flush=True)
     if sys.argv[1:] == ["pages"]:
         return 0

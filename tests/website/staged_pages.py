@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from site_maths import with_mathml
+from site_recordings import ASKED
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -31,9 +32,6 @@ FENCE = re.compile(r"^( *)(`{3,}|~{3,}).*?^\1\2[ \t]*$", re.M | re.S)
 
 DRAWING = re.compile(r"^!\[([^\]]*)\]\(([^)\s]+\.svg)\)$", re.M)
 """A drawing that has a line of its own."""
-
-RECORDING = re.compile(r"^<!-- recording: ([\w-]+) \| (.+?) -->$", re.M)
-"""A place for a recording: its name, and the words below it."""
 
 
 def outside_fences(text: str, change: Callable[[str], str]) -> str:
@@ -121,18 +119,18 @@ def with_recordings(text: str, name: str, recordings: Path | None) -> str:
     """Text with each recording in a frame of its own; without one that was not made.
 
     Args:
-        name: of the page on the site. recordings: folder with the player and ``NAME.viser``; None if there is none.
+        name: of the page on the site. recordings: folder of ``NAME.html``; None if there is none.
     """
     up = "../" * name.count("/")
 
     def one(found: re.Match[str]) -> str:
-        if recordings is None or not (recordings / f"{found[1]}.viser").is_file():
+        if recordings is None or not (recordings / f"{found[1]}.html").is_file():
             return ""
-        source = f"{up}recordings/player/index.html?playbackPath=../{found[1]}.viser"
+        source = f"{up}recordings/{found[1]}.html"
         frame = f'<iframe class="recording" loading="lazy" title="{found[2]}" src="{source}"></iframe>'
         return f'<figure markdown="0">{frame}<figcaption>{found[2]}</figcaption></figure>'
 
-    return RECORDING.sub(one, text)
+    return ASKED.sub(one, text)
 
 
 def staged(page: Path, recordings: Path | None, taken: dict[str, Path]) -> tuple[str, str]:

@@ -91,9 +91,9 @@ def test_a_recording_is_played_where_it_was_made_and_left_out_where_not(tmp_path
     text = "before\n\n<!-- recording: one | A flight. -->\n\nafter\n"
     assert with_recordings(text, "laws/a.md", None) == "before\n\n\n\nafter\n"
     assert with_recordings(text, "laws/a.md", tmp_path) == "before\n\n\n\nafter\n"
-    (tmp_path / "one.viser").write_bytes(b"x")
+    (tmp_path / "one.html").write_bytes(b"x")
     shown = with_recordings(text, "laws/a.md", tmp_path)
-    assert 'src="../recordings/player/index.html?playbackPath=../one.viser"' in shown
+    assert 'src="../recordings/one.html"' in shown
     assert "A flight." in shown
 
 
