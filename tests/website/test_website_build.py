@@ -12,6 +12,7 @@ import yaml
 from build_site import PAGES, SITE, build, lay_out
 from site_links import broken, is_address, read_page
 from site_maths import formulas, mathml, with_mathml
+from site_recordings import RECORDINGS, asked_for, make_recordings
 from site_reference import homes, reference_pages
 from staged_pages import DOCS, ROOT, relink, site_name, staged, with_drawings, with_recordings
 
@@ -205,3 +206,22 @@ def test_a_page_of_the_repository_keeps_its_text() -> None:
     assert name == "readme.md"
     assert "](decisions/005-reading-the-paper.md)" in text
     assert "](extending.md)" in text
+
+
+def test_every_law_has_a_recording_and_pages_ask_for_no_other() -> None:
+    for page in (DOCS / "laws").glob("*.md"):
+        asked = asked_for([TEXTS[page]])
+        assert len(asked) == (0 if page.stem == "README" else 1), page
+    assert set(asked_for(list(TEXTS.values()))) == set(RECORDINGS)
+    with pytest.raises(ValueError, match="recording 'nothing': must be one of case3, "):
+        asked_for(["<!-- recording: nothing | Words. -->\n"])
+
+
+@pytest.mark.site
+def test_a_recording_is_one_page_that_asks_for_nothing_from_elsewhere(tmp_path: Path) -> None:
+    pytest.importorskip("viser", reason="of the extra studio")
+    (page,) = make_recordings(tmp_path, ["gust"])
+    text = page.read_text("utf-8")
+    assert page.name == "gust.html"
+    assert "__VISER_EMBED_DATA__" in text
+    assert not re.search(r'(?:src|href)="https?:', text)
