@@ -12,6 +12,7 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Iterable
 from pathlib import Path
 
 from percent_scripts import rendered, run_script
@@ -91,6 +92,18 @@ def without_roles(site: Path) -> None:
         path.write_text(ROLE.sub("", text), "utf-8")
 
 
+ENTRY = re.compile(r"^ *- (?:.*: )?([\w/]+\.md)\n", re.M)
+"""A line of the menu that names a page."""
+
+
+def menu_of(text: str, pages: Iterable[str]) -> str:
+    """The configuration without entries of pages that are not there, and without headings that are left empty."""
+    there = set(pages)
+    before, nav, menu = text.partition("nav:\n")
+    menu = ENTRY.sub(lambda entry: entry[0] if entry[1] in there else "", menu)
+    return before + nav + re.sub(r"^( *)- [^:\n]+:\n(?!\1 +-)", "", menu, flags=re.M)
+
+
 def build(config: Path) -> list[str]:
     """Build the site; returns the lines of warnings and errors, none if all is well."""
     done = subprocess.run(
@@ -130,7 +143,9 @@ def make_site() -> int:
     print(f"{len(names)} pages in {PAGES.relative_to(ROOT)}, {time.perf_counter() - began:.1f} s", flush=True)
     if sys.argv[1:] == ["pages"]:
         return 0
-    wrong = build(ROOT / "mkdocs.yml")
+    config = OUT / "mkdocs.yml"
+    config.write_text(menu_of((ROOT / "mkdocs.yml").read_text("utf-8"), names), "utf-8")
+    wrong = build(config)
     if not wrong:
         without_roles(SITE)
         wrong = list(broken(SITE))
