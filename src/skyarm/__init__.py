@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from skyarm.reference import Constant, Ramp, Reference, Sine, Trajectory, circle, hover
     from skyarm.registry import register
     from skyarm.scalars.philox import normals
+    from skyarm.scenario.changes import Change
     from skyarm.scenario.endings import Ending
     from skyarm.scenario.numbers import with_numbers
     from skyarm.scenario.scenario_file import list_scenarios, load_scenario, scenario_from
@@ -86,6 +87,7 @@ _ROOMS = {
     "skyarm.reference": ("Constant", "Ramp", "Reference", "Sine", "Trajectory", "circle", "hover"),
     "skyarm.registry": ("register",),
     "skyarm.scalars.philox": ("normals",),
+    "skyarm.scenario.changes": ("Change",),
     "skyarm.scenario.endings": ("Ending",),
     "skyarm.scenario.numbers": ("with_numbers",),
     "skyarm.scenario.scenario_file": ("list_scenarios", "load_scenario", "scenario_from"),
@@ -112,6 +114,7 @@ __all__ = [
     "Batch",
     "BatchSession",
     "Body",
+    "Change",
     "Command",
     "Constant",
     "Controller",

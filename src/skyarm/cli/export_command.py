@@ -14,6 +14,7 @@ from skyarm.control.model import Model
 from skyarm.files import number, output_file, shown, write_atomically
 from skyarm.onboard.export_c import export_c
 from skyarm.registry.plugins import identities, law_of_file_name
+from skyarm.scenario.changes import without_law
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.scenario.scenario_parts import HIGHEST_RATE
 from skyarm.vehicle.vehicle_files import load_vehicle
@@ -54,6 +55,7 @@ def export(
     held = None if rate is None else number(rate, "--rate", low=0.0, strict=True)
     if held is not None and not SLOWEST <= held <= HIGHEST_RATE:
         raise ValueError(f"--rate = {rate!r}: must be from {SLOWEST:g} to {HIGHEST_RATE} Hz")
+    note = ""
     if is_named(controller):
         if vehicle is None:
             raise ValueError(f"--vehicle: is missing; controller {controller!r} must know the vehicle it flies")
@@ -67,6 +69,8 @@ def export(
                 raise ValueError(f"{option} = {value!r}: must be left out, scenario {controller!r} brings its own")
         planned = load_scenario(controller)
         chosen, title = planned.controller, planned.name
+        if len(without_law(planned.changes)) < len(planned.changes):
+            note = f"; the law as {controller} begins, without its changes in flight"
         held = held or float(planned.rates.control)
     say_if_many(title, chosen.par.model.vehicle.n)
     period = 1.0 / (held or RATE)
@@ -76,6 +80,7 @@ def export(
     return (
         f"{written}: {exported.name}_step, {chosen.name} for {chosen.par.model.vehicle.name}, "
         f"{exported.operations} operations in {'float' if single else 'double'}, {len(exported.parameters)} parameters"
+        f"{note}"
     )
 
 

@@ -39,4 +39,6 @@ def flown(log: Log) -> str:
     info = log.info
     plugins = info.get("plugins") or {}
     line = f"law {info['controller']} on {info['plant_vehicle']}, plant {info['plant']} ({info['integrator']}), seed "
-    return line + str(info["seed"]) + (f", plugins {', '.join(sorted(plugins))}" if plugins else "")
+    made = len((info.get("scenario_record") or {}).get("changes", ()))
+    more = f", {made} change{'s' if made > 1 else ''} in flight" if made else ""
+    return line + str(info["seed"]) + more + (f", plugins {', '.join(sorted(plugins))}" if plugins else "")

@@ -122,6 +122,10 @@ def margins(scenario: Scenario, instants: int, name: str | None, console: Consol
     console.print(NOTE, soft_wrap=True)
     if held is not scenario:
         console.print("the law's slow adaptation of load and friction is held")
+    if scenario.changes:
+        console.print(
+            "changes in flight are left out: these are the margins of the scenario as it begins", soft_wrap=True
+        )
     if not found.completed:
         console.print("the flight ended before its time: no instants beyond")
     if file is not None:
@@ -227,6 +231,8 @@ def basin(
     text = json.dumps(found.plain() | _plugins(), indent=1, allow_nan=False) + "\n"
     write_atomically(folder / f"{name}.json", text.encode())
     write_atomically(folder / f"{name}.png", image_bytes(basin_figure(found), dpi=DPI))
+    if scenario.changes:
+        console.print("changes in flight are left out: this is the basin of the scenario as it begins", soft_wrap=True)
     upside = found.tilt > 0.5 * math.pi
     console.print(
         f"{found.controller}: {found.caught.mean():.2%} of {flights} flights caught, {found.returned.mean():.2%} back "

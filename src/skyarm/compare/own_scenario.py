@@ -21,6 +21,7 @@ from skyarm.control.catalogue import require_different
 from skyarm.files import write_atomically
 from skyarm.registry import names
 from skyarm.registry.plugins import identities
+from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.draws import draws_needed
@@ -85,7 +86,7 @@ def own_flights(scenario: str, laws: Sequence[str] | None, *, plant: str, seeds:
     own = load_scenario(scenario, plant=plant)
     case = Case(name=own.name, title=own.title, scenario=scenario)
     title = "the scenario as its file describes it"
-    episodes = seeds if draws_needed(own) else 1
+    episodes = seeds if any(draws_needed(stretch.overrides.of(own)) for stretch in stretches(own)) else 1
     condition = Condition(name=AS_GIVEN, title=title, noisy=False, episodes=episodes, cases=(own.name,))
     chosen: dict[str, str | None] = {OWN: None, **{name: name for name in named}}
     found = [

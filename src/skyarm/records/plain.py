@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import Enum
 from types import ModuleType
 from typing import Any
@@ -15,6 +16,10 @@ from skyarm.records.leaves import field_names
 
 NOT_FINITE = ("inf", "-inf", "nan")
 """Texts of the floats that strict JSON lacks."""
+
+WRITTEN_IF_ANY = {"written_if_any": True}
+"""Metadata of a field that plain data holds only where it is not empty: what was written before it was added keeps its
+digest."""
 
 
 def plain(value: Any) -> Any:
@@ -82,9 +87,19 @@ def fields_of(value: Any) -> list[tuple[str, Any]]:
     """Names and values of an object's fields."""
     names = field_names(type(value))
     if names is not None:
-        return [(name, getattr(value, name)) for name in names]
+        held = [(name, getattr(value, name)) for name in names]
+        unwritten = written_if_any(type(value))
+        return [pair for pair in held if pair[0] not in unwritten or pair[1]] if unwritten else held
     slots = [name for kind in type(value).__mro__ for name in getattr(kind, "__slots__", ())]
     return [*getattr(value, "__dict__", {}).items(), *((name, getattr(value, name, None)) for name in slots)]
+
+
+def _written_if_any(kind: Any) -> tuple[str, ...]:
+    return tuple(field.name for field in dataclasses.fields(kind) if "written_if_any" in field.metadata)
+
+
+written_if_any: Callable[[type], tuple[str, ...]] = functools.cache(_written_if_any)
+"""Fields of a dataclass that are written only where they are not empty."""
 
 
 def _bound(function: Any) -> list[Any]:

@@ -14,7 +14,7 @@ from typing import Any
 
 from skyarm.files import shown
 from skyarm.records.leaves import field_names
-from skyarm.records.plain import NOT_FINITE, dotted, plain
+from skyarm.records.plain import NOT_FINITE, dotted, plain, written_if_any
 from skyarm.registry.code_of_names import code_of
 
 FUNCTIONS = ("skyarm.control.",)
@@ -74,11 +74,11 @@ def _record(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any
     if names is None or not kind.__dataclass_params__.frozen:
         raise RestoreError(f"{where or 'record'}: {data['type']} is no frozen dataclass, it cannot be read back")
     table = {key: value for key, value in data.items() if key != "type"}
-    if sorted(table) != sorted(names):
-        odd = sorted(set(table) ^ set(names))
+    odd = sorted((set(table) ^ set(names)) - set(written_if_any(kind)))
+    if odd:
         raise RestoreError(f"{where or 'record'}: {data['type']} was written by another version ({', '.join(odd)})")
     values = _each(table, plugins, where)
-    made = {field.name: values[field.name] for field in dataclasses.fields(kind) if field.init}
+    made = {field.name: values[field.name] for field in dataclasses.fields(kind) if field.init and field.name in values}
     return kind(**made)
 
 

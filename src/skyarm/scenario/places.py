@@ -25,6 +25,7 @@ ROOTS: Mapping[str, Place] = {
     "sensors": ("sensors",),
     "initial": ("initial",),
     "reference": ("trajectory",),
+    "changes": ("changes",),
 }
 
 STRUCTURE = ("duration", "rates", "delays", "seed", "episode", "environment.ground", "plant.integrator", "plant.kind")
@@ -51,6 +52,8 @@ def places_of(scenario: Scenario, path: str) -> tuple[Place, ...]:
     for field in STRUCTURE:
         if path == field or path.startswith(f"{field}."):
             raise ScenarioError(f"path = {path!r}: {field} is structure, the same for all episodes; fly two studies")
+    if path.startswith("changes.") and not path.endswith(".value"):
+        raise ScenarioError(f"path = {path!r}: must be changes.NUMBER.value; when a change comes is structure")
     for root, start in roots(scenario).items():
         if path.startswith(f"{root}."):
             return _follow(scenario, path, start, path[len(root) + 1 :].split("."))

@@ -25,6 +25,7 @@ A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
     [delays]      measurement, command, and on top of it rotors, joints (s); longest_command
     [initial]     position, quaternion_wxyz, velocity, rate, joints, joint_rates, rotor_speeds; left out: hover trim
     [windows]     when its metrics look: steady, transient, gust, hover = [start, stop), s; holds = [...]; last = s
+    [[changes]]   at (s), path, value: what is other from then on (:mod:`skyarm.scenario.in_flight`)
     seed, episode
 
 A vehicle is a name of the library or a path beside the file. Without [model] the controller believes the plant's
@@ -50,6 +51,8 @@ from skyarm.reference import trajectory_from
 from skyarm.registry import names
 from skyarm.scenario import registered_tables as added
 from skyarm.scenario import scenario_tables as tables
+from skyarm.scenario.change_checks import require_changes
+from skyarm.scenario.changes import Change, changes_from, require_within, without_law
 from skyarm.scenario.scenario_of_log import loop_facts, scenario_of_log
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
@@ -180,17 +183,26 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         episode=top.take("episode", 0),
         ground=tables.truth_value(environment, "ground", True),
         windows=windows_from(Fields(top.take("windows", {}), "windows")),
+        changes=_changes(top, replaced),
         **chosen,
     )
     for fields in (plant, environment):
         fields.done()
     if "duration" not in replaced:  # what takes its place shortens the flight, not the file
         scenario.windows.require_within(scenario.duration)
+        require_within(scenario.changes, scenario.steps, rates.control)
     initial = top.take("initial", None)
     top.done()
+    require_changes(scenario)
     if initial is None:
         return scenario
     return dataclasses.replace(scenario, initial=tables.initial(Fields(initial, "initial"), scenario))
+
+
+def _changes(top: Fields, replaced: Mapping[str, Any]) -> tuple[Change, ...]:
+    """[[changes]]; a controller that takes the place of the file's is not changed by the file."""
+    found = changes_from(top.take("changes", []))
+    return without_law(found) if "controller" in replaced else found
 
 
 def _windows(top: Fields, duration: Any) -> Windows:

@@ -12,6 +12,7 @@ from skyarm.actuation import AllocationError
 from skyarm.control.catalogue import make_named
 from skyarm.files import unreadable
 from skyarm.log.formats import load_log
+from skyarm.scenario.changes import without_law
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario, ScenarioError
 
 
@@ -35,6 +36,7 @@ def scenario_of_log(path: str | os.PathLike[str], replaced: Mapping[str, Any] | 
         if law is not None:
             model, known = scenario.controller.par.model, loop_facts(scenario.rates, scenario.delays)
             changes["controller"] = make_named(law, model, known)
+            changes["changes"] = without_law(scenario.changes)
         return dataclasses.replace(scenario, **changes)
     except (ValueError, OSError, AllocationError) as error:
         raise ScenarioError(f"{os.fspath(path)}: {error}") from None

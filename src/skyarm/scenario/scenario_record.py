@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,9 +21,11 @@ from skyarm.plant.integrators import INTEGRATORS
 from skyarm.plant.interface import Truth
 from skyarm.records.coerce import RecordError, accept
 from skyarm.records.field_rules import require_fields, rules
+from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.reference import Trajectory
 from skyarm.registry.registrations import registrations
 from skyarm.scalars import Scalar, cos, data, minimum, sin
+from skyarm.scenario.changes import Change
 from skyarm.scenario.endings import Ending
 from skyarm.scenario.scenario_checks import (
     as_data,
@@ -82,6 +85,8 @@ class Scenario:
         seed, episode: keys of all noise.
         ground: end the episode when the lowest point reaches z = 0.
         windows: when its metrics look; those that end after a shortened flight are general in it.
+        changes: what is other from an instant of the flight on (:mod:`skyarm.scenario.in_flight`); those that would
+            come after the end of a shortened flight do not.
     """
 
     name: str
@@ -109,6 +114,7 @@ class Scenario:
     episode: int = 0
     ground: bool = True
     windows: Windows = Windows()
+    changes: tuple[Change, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,16 +37,51 @@ class Samples:
     wind: WindSample
 
 
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """Some control periods of a flight under one scenario.
+
+    Attributes:
+        inputs: of the scenario. start: number of the first period. flown: what they left.
+    """
+
+    scenario: Scenario
+    inputs: EpisodeInputs
+    start: int
+    flown: Samples
+
+
 def assemble(scenario: Scenario, inputs: EpisodeInputs, flown: Samples, ending: Ended | None) -> Log:
     """The log of a flight."""
+    return joined(scenario, [Piece(scenario, inputs, 0, flown)], ending)
+
+
+def joined(scenario: Scenario, pieces: Sequence[Piece], ending: Ended | None) -> Log:
+    """The log of a flight in pieces, one after the other.
+
+    Args:
+        scenario: that the log says was flown.
+        pieces: at least one.
+        ending: None for a flight that was completed.
+    """
+    tables = [_tables(piece) for piece in pieces]
+    if len(tables) > 1:
+        tables = [{name: np.concatenate([table[name] for table in tables]) for name in tables[0]}]
+    return Log(**tables[0], info=describe(scenario, ending))
+
+
+def _tables(piece: Piece) -> dict[str, Array]:
+    """A log's arrays over the periods of a piece."""
+    scenario, inputs, flown = piece.scenario, piece.inputs, piece.flown
     vehicle = scenario.world.vehicle
     n, rotors, count = vehicle.n, len(vehicle.rotors), len(flown.states)
     x, u, m = flown.states, flown.commands, flown.readings
     held, wind = inputs.held_reference, flown.wind
+    periods = slice(piece.start, piece.start + count)
 
-    def table(record: Any) -> Array:
+    def table(record: Any, rows: slice = periods) -> Array:
         columns = [np.asarray(c, dtype=float) for c in record]
-        columns = [c[:count] if c.ndim else np.broadcast_to(c, (count,)) for c in columns]
+        columns = [c[rows] if c.ndim else np.broadcast_to(c, (count,)) for c in columns]
         return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
     position, quaternion, joints = x[:, 0:3], x[:, 3:7], x[:, 13 : 13 + n]
@@ -59,30 +95,29 @@ def assemble(scenario: Scenario, inputs: EpisodeInputs, flown: Samples, ending: 
         "position_reference": table(free.position),
         "joints_reference": table(free.joints),
         "yaw_reference": table((free.yaw,))[:, 0],
-        "wind_force": table(wind.force_W),
-        "air_velocity": table(wind.air_velocity_W),
+        "wind_force": table(wind.force_W, slice(count)),
+        "air_velocity": table(wind.air_velocity_W, slice(count)),
     }
     del free  # its derivatives take more memory than the log of it
     for kind in ("held", "reference"):
         goals = (tables[f"{name}_{kind}"] for name in ("position", "yaw", "joints"))
         tables[f"tool_{kind}"] = level_tip(vehicle, *goals)
-    return Log(
-        time=inputs.times[:count],
-        position=position,
-        quaternion=quaternion,
-        velocity=x[:, 7:10],
-        rate=x[:, 10:13],
-        joints=joints,
-        joint_rates=x[:, 13 + n : 13 + 2 * n],
-        rotor_speeds=x[:, 13 + 2 * n :],
-        rotor_commands=u[:, :rotors],
-        efforts=u[:, rotors:],
-        tool=tip(vehicle, position, quaternion, joints),
-        measured_position=m[:, 1:4],
-        measured_joints=m[:, 17 : 17 + n],
-        info=describe(scenario, ending),
+    return {
+        "time": inputs.times[periods],
+        "position": position,
+        "quaternion": quaternion,
+        "velocity": x[:, 7:10],
+        "rate": x[:, 10:13],
+        "joints": joints,
+        "joint_rates": x[:, 13 + n : 13 + 2 * n],
+        "rotor_speeds": x[:, 13 + 2 * n :],
+        "rotor_commands": u[:, :rotors],
+        "efforts": u[:, rotors:],
+        "tool": tip(vehicle, position, quaternion, joints),
+        "measured_position": m[:, 1:4],
+        "measured_joints": m[:, 17 : 17 + n],
         **tables,
-    )
+    }
 
 
 def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:

@@ -8,37 +8,29 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.compile import leaves, rebuild, trace
-from skyarm.compile.llvm.kernel import Kernel, host_width
+from skyarm.compile import leaves, rebuild
+from skyarm.compile.llvm.kernel import host_width
 from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.tracing.array_evaluation import evaluate
-from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.dynamics import State
 from skyarm.files import shown
 from skyarm.files.old_names import warn_of_old_name
-from skyarm.log.batch_log import Logged, batch_log
-from skyarm.metrics.accumulate import first_totals
+from skyarm.log.batch_log import batch_log
 from skyarm.metrics.metric_catalogue import metric_names, needed
 from skyarm.metrics.metric_catalogue import values as metric_values
 from skyarm.metrics.windows import Windows
-from skyarm.plant.compiled import RigidBodyPlant
-from skyarm.plant.largest_step import largest_step
-from skyarm.scenario.numbers import number_at, require_apart, with_numbers
+from skyarm.scenario.change_checks import require_changes
+from skyarm.scenario.in_flight import stretches
+from skyarm.scenario.numbers import require_apart
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, noise_key
-from skyarm.simulate.batch_rows import Feed, lane_columns
+from skyarm.simulate.batch_leg import Leg, LegOptions
+from skyarm.simulate.batch_rows import lane_columns
 from skyarm.simulate.batch_session import BatchSession
-from skyarm.simulate.check_endings import statuses
-from skyarm.simulate.counting_period import make_counting_period
-from skyarm.simulate.draws import draw_plan, draws_needed, start_draws
-from skyarm.simulate.first_state import first_loop_state, first_surroundings
-from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.lane_arguments import require_count, require_kind, require_paths, require_values, require_width
 from skyarm.simulate.lane_rules import LaneRules
-from skyarm.simulate.loop_state import LoopState, structure_of
+from skyarm.simulate.lanes_and_changes import require_apart_from_changes
 from skyarm.simulate.outcome import Outcome
 from skyarm.simulate.own_code_trials import try_own_code
-from skyarm.simulate.short_steps import require_short_steps
 
 Array = npt.NDArray[Any]
 
@@ -100,51 +92,30 @@ class Batch:
         scenario.controller.require_compiled("a batch")
         try_own_code(scenario)
         require_apart(scenario, self.paths)
-        self.base = np.array([number_at(scenario, path) for path in paths])
+        require_changes(scenario)
         self._rules = LaneRules(scenario, self.paths)
+        require_apart_from_changes(scenario, self.paths)
         self._wanted = needed(self.names, scenario.world.vehicle.n)
-        self._log_every = log_every
-        inputs = episode_inputs(scenario)
-        first = first_loop_state(scenario)
-        stiff = stiffest or scenario
-        around = first_surroundings(stiff, first_loop_state(stiff) if stiffest else first)
-        plant = RigidBodyPlant(stiff.world, around, scenario.integrator, 1.0 / scenario.rates.physics)
-        self._largest = largest_step(around)
-        self._masks = self.windows.masks(inputs.times)
-        used = dict.fromkeys(window for _, window, _ in self._wanted)
-        self._feed = Feed(scenario, self.paths, inputs, {name: self._masks[name] for name in used})
-        self.rows = self._feed.rows
-        counts = [2 * count for _, count in draw_plan(scenario).components]
-        self._first = trace(self._start, tuple(self.base.tolist()), *((0.5,) * count for count in counts))
-        self._example: tuple[LoopState, tuple[Any, ...]] = (first, first_totals(self._wanted))
-
-        def step(both: Any, values: tuple[Any, ...], fed: Any, uniforms: Any) -> tuple[Any, Any]:
-            varied = self._varied(values)
-            row, goals, inside = self._feed.read(varied, fed)
-            period = make_counting_period(varied, plant.substeps, self._wanted)
-            following, sample = period(both, row, goals, inside, uniforms)
-            kept = Logged(alive=sample.alive, state=sample.state, command=sample.command, reference=row.reference)
-            return following, kept if log_every else ()
-
-        example, fed = structure_of(self._example), self._feed.example
-        loop = trace_loop(step, example, tuple(self.base.tolist()), fed, draws_needed(scenario), loops=True)
-        self._logged = loop.result[1]
-        lanes = Lanes(width or host_width(single=single), single=single, contract=not bit_exact)
-        self.kernel = Kernel(loop, lanes, logging=log_every > 0, effort=effort)
-
-    def _varied(self, values: Sequence[Any]) -> Scenario:
-        return with_numbers(self.scenario, dict(zip(self.paths, values, strict=True)))
-
-    def _start(self, values: tuple[Any, ...], *draws: tuple[Any, ...]) -> Any:
-        """First state of a lane's loop; ``draws`` start the components' memories."""
-        return first_loop_state(self._varied(values), draws)
-
-    def _starts(self, parameters: Array, seed: int, episodes: Array) -> Array:
-        """First state of each lane's loop: (leaves, lanes)."""
-        columns = [*parameters]
-        for draws in start_draws(self.scenario, seed, episodes):
-            columns += [*draws.T]
-        return evaluate(self._first, columns, len(episodes))
+        self._log_every, self._times = log_every, np.arange(scenario.steps) / scenario.rates.control
+        self._masks = self.windows.masks(self._times)
+        course = stretches(scenario)
+        options = LegOptions(
+            paths=self.paths,
+            stiffest=stiffest,
+            wanted=self._wanted,
+            masks=self._masks,
+            lanes=Lanes(width or host_width(single=single), single=single, contract=not bit_exact),
+            every=log_every,
+            changing=len(course) > 1,
+            effort=effort,
+        )
+        self._legs: list[Leg] = []
+        stops = [*(stretch.start for stretch in course[1:]), scenario.steps]
+        for stretch, stop in zip(course, stops, strict=True):
+            self._legs.append(Leg(scenario, stretch.overrides, range(stretch.start, stop), options, self._legs))
+        self.base = np.array(self._legs[0].base)
+        begins = next(leg for leg in self._legs if leg.periods)
+        self.kernel, self.rows = begins.kernel, begins.rows
 
     def fly(
         self, values: Mapping[str, Array], *, seed: int = 0, episodes: Array | None = None, threads: int = 1
@@ -152,7 +123,7 @@ class Batch:
         """Fly one episode per lane.
 
         Args:
-            values: path -> (lanes,); every path of the batch.
+            values: path -> (lanes,); every path of the batch. A number that a change in flight sets wins from then on.
             seed: key of the noise.
             episodes: (lanes,) further keys of the noise; lane k is episode k if left out.
             threads: results do not depend on it.
@@ -165,25 +136,14 @@ class Batch:
         noise_key("seed", seed)
         named = dict(zip(self.paths, columns, strict=True))
         self._rules.require(named)
-        require_short_steps(self.scenario, named, self._largest)
-        parameters = np.stack(columns) if columns else np.zeros((0, count))
-        keys = np.arange(count) if episodes is None else np.asarray(episodes)
-        totals = np.repeat(np.array(leaves(self._example[1]))[:, None], count, axis=1)
-        limit = np.finfo(self.kernel.dtype).max
-        carry, log = self.kernel.run(
-            np.clip(np.vstack([self._starts(parameters, seed, keys), totals]), -limit, limit),
-            parameters,
-            self.rows,
-            seed=seed,
-            episodes=keys,
-            threads=threads,
-            every=max(1, self._log_every),
-        )
-        ended = rebuild(self._example, iter(list(carry.astype(float))))
+        for leg in self._legs:
+            leg.require(columns)
+        keys = {"seed": seed, "episodes": np.arange(count) if episodes is None else np.asarray(episodes)}
+        carry, log = self._flown(columns, count, keys, threads)
+        ended = rebuild(self._legs[-1].first, iter(list(carry.astype(float))))
         ticks = np.asarray(ended[0].ticks).astype(int)
         completed = ticks >= self.scenario.steps
-        goals = self._feed.goals(named, np.minimum(ticks, self.scenario.steps - 1))
-        status = statuses(self.scenario, named, ended[0].state, goals, ~completed)
+        status = self._statuses(columns, ended[0].state, ticks, ~completed)
         return Outcome(
             metrics=self._metrics(ended[1], ticks),
             # an ending may come in the very last period
@@ -192,8 +152,32 @@ class Batch:
             end_time=ticks / self.scenario.rates.control,
             status=status,
             state=ended[0].state,
-            log=batch_log(self._logged, log, self._feed.times[:: self._log_every]) if self._log_every else None,
+            log=batch_log(self._legs[-1].logged, log, self._times[:: self._log_every]) if self._log_every else None,
         )
+
+    def _flown(self, columns: list[Array], count: int, keys: Mapping[str, Any], threads: int) -> tuple[Array, Array]:
+        """Carry after the last leg, and what was logged: (samples, leaves, lanes)."""
+        last: tuple[Leg, Array] | None = None
+        log: list[Array] = []
+        for leg in self._legs:
+            parameters = leg.parameters(columns, count)
+            carry = leg.begin(parameters, keys["seed"], keys["episodes"], last)
+            carry, kept = leg.fly(carry, parameters, keys, threads)
+            last, log = (leg, carry), [*log, *kept]
+        return carry, log[0] if len(log) == 1 else np.concatenate(log)
+
+    def _statuses(self, columns: list[Array], state: State, ticks: Array, ended: Array) -> Array:
+        """Status of each lane, by the scenario of the leg that it was left in."""
+        if len(self._legs) == 1:
+            return self._legs[0].statuses(columns, state, ticks, ended)
+        found = np.full(len(ticks), "completed", dtype=object)
+        for leg in self._legs:
+            here = (ticks >= leg.periods.start) & ((ticks < leg.periods.stop) | (leg is self._legs[-1]))
+            if here.any():
+                left = rebuild(state, iter([np.asarray(number)[here] for number in leaves(state)]))
+                mine = [column[here] for column in columns]
+                found[here] = leg.statuses(mine, left, ticks[here], ended[here])
+        return found.astype(str)
 
     def session(
         self,
@@ -249,7 +233,8 @@ class Batch:
 
     def close(self) -> None:
         """End the threads; another call makes them again."""
-        self.kernel.pools.close()
+        for leg in self._legs:
+            leg.close()
         if self.stepped is not None:
             self.stepped.close()
 

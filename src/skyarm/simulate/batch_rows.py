@@ -82,7 +82,7 @@ class Feed:
             return Row(time=time, reference=held), goals, inside
         reference, *tables = rest
         if self._own_arm(varied):
-            free = self._scenario.trajectory.at(time)
+            free = varied.trajectory.at(time)
             goals = goal_of(vehicle, reference.dense()), goal_of(vehicle, free.dense())
             return Row(time=time, reference=reference), goals, inside
         return Row(time=time, reference=reference), (tables[0], tables[1]), inside

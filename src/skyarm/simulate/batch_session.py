@@ -91,6 +91,8 @@ class BatchSession:
         require_flight(scenario)
         if scenario.plant != "rigid_body":
             raise ScenarioError(f"plant.kind = {scenario.plant!r}: must be rigid_body for a batch")
+        if scenario.changes:
+            raise ScenarioError("changes: must be left out for lanes that are stepped; set() gives them other numbers")
         lanes, threads = require_count("lanes", lanes), require_count("threads", threads)
         paths, seed = require_paths(paths), noise_key("seed", seed)
         try_own_code(scenario, law=law)

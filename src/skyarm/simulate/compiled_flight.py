@@ -17,7 +17,7 @@ from skyarm.compile.tracing.repeat import operations
 from skyarm.compile.tracing.stepped_loop import Loop, trace_loop
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.scalars.philox import uniforms
-from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.assemble_log import Samples
 from skyarm.simulate.check_endings import Ended, ended_by, refused
 from skyarm.simulate.draws import draws_needed
@@ -50,6 +50,8 @@ class Traced:
 
 def trace_scenario(scenario: Scenario, inputs: EpisodeInputs) -> Traced:
     """Trace one control period of a scenario with all its numbers as constants."""
+    if scenario.changes:
+        raise ScenarioError("changes: must be left out of one program; a Session makes one for each of them")
     scenario.controller.require_compiled("machine code of the loop")
     try_own_code(scenario)
     stages, carry = Stages(scenario), first_loop_state(scenario)
@@ -183,11 +185,10 @@ def samples(flown: Flown) -> Samples:
     return Samples(rows[:, first:command], rows[:, command:reading], rows[:, reading:wind], columns.wind)
 
 
-def ending(scenario: Scenario, inputs: EpisodeInputs, flown: Flown) -> Ended | None:
-    """Why the episode stopped, in words."""
-    k = len(flown.rows)
-    goal = inputs.goals[min(k, scenario.steps - 1)].tolist()
-    time = k / scenario.rates.control
+def ending(scenario: Scenario, inputs: EpisodeInputs, flown: Flown, tick: int) -> Ended | None:
+    """Why the episode stopped after so many periods, in words."""
+    goal = inputs.goals[min(tick, scenario.steps - 1)].tolist()
+    time = tick / scenario.rates.control
     found = ended_by(scenario, time, leaves(flown.carry.state), goal)
     if flown.ended is None or found is not None:
         return found

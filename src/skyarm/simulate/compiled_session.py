@@ -2,58 +2,41 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.actuation import Command
 from skyarm.compile import leaves, rebuild
-from skyarm.compile.llvm.kernel import Kernel
-from skyarm.compile.llvm.llvm_text import Lanes
-from skyarm.compile.llvm.quick_function import Quick
 from skyarm.compile.llvm.stepper import Stepper
-from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.dynamics import State
-from skyarm.log.flight_log import Log
-from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.reference import Reference
 from skyarm.scalars.philox import uniforms
+from skyarm.scenario.in_flight import NONE, Overrides
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensors.measurement import Measurement
-from skyarm.simulate.assemble_log import assemble
-from skyarm.simulate.check_endings import Ended, going_on
+from skyarm.simulate.assemble_log import Piece
+from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.compiled_flight import Flown, ending, samples
-from skyarm.simulate.first_state import first_loop_state, first_surroundings
+from skyarm.simulate.first_state import component_groups, first_loop_state
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
-from skyarm.simulate.loop_state import LoopState, Row, Sample, blend, carried, structure_of
+from skyarm.simulate.loop_state import LoopState, carried
 from skyarm.simulate.own_code_trials import try_own_code
-from skyarm.simulate.period import make_period
-from skyarm.simulate.stages import RigidBodySteps, Stages
+from skyarm.simulate.session_code import SessionCode
 
 Array = npt.NDArray[np.float64]
 
 
-class CommandedStages(Stages):
-    """Stages whose law is passed over where a command is given.
-
-    Attributes:
-        given: 1 where there is one. command: it.
-    """
-
-    given: Any = 0.0
-    command: Any = None
-
-    def decide(self, memory: Any, measurement: Measurement, reference: Reference) -> tuple[Any, Command]:
-        """The law, or the command that is given; the law's memory stays then."""
-        following, wanted = super().decide(memory, measurement, reference)
-        own = self.given < 0.5
-        return blend(own, following, memory), blend(own, wanted, self.command)
-
-
 class CompiledSteps:
     """A scenario on the rigid-body plant, period by period.
+
+    Args:
+        scenario: as it began.
+        overrides: what holds in the place of its own.
+        codes: of engines of the same scenario, one of which may do; what is made here joins them.
+        effort: of the compiler.
 
     Raises:
         NoMachineCodeError: fly the stages one by one.
@@ -61,35 +44,32 @@ class CompiledSteps:
     Attributes:
         first: the loop before its first period.
         tick: control periods flown. ended: why the episode has ended before its time, or None.
+        begun: number of the first period that this engine flies.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
-        self.scenario = scenario
+    def __init__(
+        self, scenario: Scenario, overrides: Overrides = NONE, codes: list[SessionCode] | None = None, effort: int = 2
+    ) -> None:
         try_own_code(scenario)
-        self._inputs: EpisodeInputs = episode_inputs(scenario)
-        self.first: LoopState = first_loop_state(scenario)
-        self._stages = stages = CommandedStages(scenario)
-        around = first_surroundings(scenario, self.first)
-        plant = RigidBodyPlant(scenario.world, around, scenario.integrator, 1.0 / scenario.rates.physics)
-        period = make_period(stages, RigidBodySteps(stages, plant.substeps))
-        row = Row(time=0.0, reference=self._inputs.reference_example)
-        command = structure_of(self.first.queue[0])
-
-        def step(now: LoopState, _parameters: Any, fed: Any, drawn: Any) -> tuple[LoopState, Sample]:
-            instant, stages.given, stages.command = fed
-            return period(now, instant, drawn)
-
-        fed = (row, 0.0, command)
-        loop = trace_loop(step, structure_of(self.first), (), fed, stages.draws.needed, loops=True)
-        kernel = Kernel(loop, Lanes(1), logging=True)
-        self._sample: Sample = loop.result[1]
+        self.scenario = overrides.of(scenario)
+        self._inputs: EpisodeInputs = episode_inputs(self.scenario)
+        self.first: LoopState = first_loop_state(self.scenario)
+        made = codes if codes is not None else []
+        code = next((code for code in made if code.fits(overrides, self.scenario, self.first)), None)
+        if code is None:
+            reference = self._inputs.reference_example
+            code = SessionCode(scenario, overrides, self.scenario, self.first, reference, effort)
+            made.append(code)
+        self._code, self._sample = code, code.sample
         start = np.array(leaves(self.first), dtype=float)
-        self._stepper = Stepper(kernel, start, seed=scenario.seed, episode=scenario.episode)
+        self._numbers = [value for _, value in overrides.numbers]
+        self._stepper = Stepper(
+            code.kernel, start, np.array(self._numbers, dtype=float), seed=scenario.seed, episode=scenario.episode
+        )
         self._rows = self._inputs.rows(0, scenario.steps)
         self._width, self._steps = self._rows.shape[1], scenario.steps
-        self._log = np.empty((scenario.steps, loop.logged))
-        self._peek: Quick | None = None
-        self.tick = 0
+        self._log = np.empty((scenario.steps, code.kernel.loop.logged))
+        self.tick = self.begun = 0
         self.ended: Ended | None = None
         self._last: Array | None = None
 
@@ -109,23 +89,23 @@ class CompiledSteps:
             row[width] = 0.0
         if stepper.carry[0] < 0.5:
             self._last = stepper.output.copy()
-            self.ended = ending(self.scenario, self._inputs, self._flown())
+            self.ended = ending(self.scenario, self._inputs, self._flown(), self.tick)
             return False
         self._log[k] = stepper.output
         self.tick = k + 1
         if self.tick < self._steps:
             return True
-        self.ended = ending(self.scenario, self._inputs, self._flown())
+        self.ended = ending(self.scenario, self._inputs, self._flown(), self.tick)
         return False
 
     def _flown(self) -> Flown:
-        return Flown(self._log[: self.tick], self.now, self._sample, self._last)
+        return Flown(self._log[self.begun : self.tick], self.now, self._sample, self._last)
 
-    def log(self) -> Log:
-        """What was flown so far."""
-        return assemble(
-            self.scenario, self._inputs, samples(self._flown()), self.ended or going_on(self.scenario, self.tick)
-        )
+    @property
+    def piece(self) -> Piece:
+        """What this engine flew so far."""
+        flown = dataclasses.replace(self._flown(), rows=self._log[self.begun : self.tick].copy())
+        return Piece(self.scenario, self._inputs, self.begun, samples(flown))
 
     def state(self) -> State:
         """The plant's state now."""
@@ -138,35 +118,23 @@ class CompiledSteps:
 
     def measurement(self) -> Measurement:
         """What the law is told in the next period."""
-        stages = self._stages
-        needed = stages.draws.needed
-        if self._peek is None:
-            plant = RigidBodySteps(stages, lambda _: 1)
-
-            def told(now: LoopState, row: Row, drawn: Any) -> Measurement:
-                _, around = stages.surround(now.components, now.drives, now.state, row.time, drawn)
-                before = stages.acting(now.queue)
-                force = plant.specific_force(now.state, before, around)
-                read = stages.sense(now.sensors, now.estimate, now.ticks, now.state, force, before, row.time, drawn)
-                return read.measurement
-
-            row = Row(time=0.0, reference=self._inputs.reference_example)
-            self._peek = Quick(told, structure_of(self.first), row, (0.5,) * sum(count for _, count in needed))
+        peek, needed = self._code.measurement, self._code.draws
         keys = (self.scenario.seed, self.scenario.episode)
         drawn = [float(u) for channel, n in needed for u in uniforms(*keys, channel, self.tick, n)]
-        self._peek.inputs[:] = [*self._stepper.carry, *self._rows[self.tick], *drawn]
-        self._peek.step()
-        told_now: Measurement = self._peek.shaped()
-        return told_now
+        peek.inputs[:] = [*self._stepper.carry, *self._numbers, *self._rows[self.tick], *drawn]
+        peek.step()
+        told: Measurement = peek.shaped()
+        return told
 
     def snapshot(self) -> Any:
         """What :meth:`restore` takes."""
-        return self.tick, self.ended, self._stepper.carry.copy(), self._log[: self.tick].copy(), self._last
+        flown = self._log[self.begun : self.tick].copy()
+        return self.begun, self.tick, self.ended, self._stepper.carry.copy(), flown, self._last
 
     def restore(self, held: Any) -> None:
         """Go to a snapshot."""
-        self.tick, self.ended, carry, log, self._last = held
-        self._stepper.carry[:], self._log[: self.tick] = carry, log
+        self.begun, self.tick, self.ended, carry, log, self._last = held
+        self._stepper.carry[:], self._log[self.begun : self.tick] = carry, log
 
     @property
     def now(self) -> LoopState:
@@ -174,13 +142,8 @@ class CompiledSteps:
         found: LoopState = rebuild(self.first, iter(self._stepper.carry.tolist()))
         return found
 
-    @property
-    def rows(self) -> Array:
-        """What was logged: a row a period, the leaves of :class:`Sample` but for ``alive``."""
-        return self._log[: self.tick, 1:]
-
     def take_over(self, other: Any) -> None:
         """Go on where another engine stands."""
-        self.tick, self.ended = other.tick, other.ended
-        self._stepper.carry[:] = leaves(carried(self.first, other.now))
-        self._log[: self.tick, 0], self._log[: self.tick, 1:] = 1.0, other.rows
+        self.begun = self.tick = other.tick
+        self.ended = other.ended
+        self._stepper.carry[:] = leaves(carried(self.first, other.now, component_groups(self.scenario, other.scenario)))

@@ -66,3 +66,8 @@ def _first_reading(scenario: Scenario, index: int) -> SensorState:
 def first_surroundings(scenario: Scenario, first: LoopState) -> Any:
     """Surroundings of one period as an example: those of the start, since a component may refuse other numbers."""
     return Stages(scenario).surroundings(first.components, first.drives, 0.0)
+
+
+def component_groups(new: Scenario, old: Scenario) -> tuple[tuple[int, int], ...]:
+    """How many components stand in each group of two scenarios: the wind, the air, the forces."""
+    return ((1, 1), (len(new.air), len(old.air)), (len(new.forces), len(old.forces)))

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from skyarm.scenario.change_checks import require_changes
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
@@ -70,7 +71,7 @@ class LaneRules:
     def _refusal(self, numbers: dict[str, float]) -> str | None:
         """What the scenario says of some numbers; None where it takes them."""
         try:
-            with_numbers(self._scenario, numbers)
+            require_changes(with_numbers(self._scenario, numbers))
         except REFUSALS as error:
             return " ".join(str(error).split())
         return None

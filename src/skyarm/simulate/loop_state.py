@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -84,16 +85,36 @@ def ended(now: LoopState) -> LoopState:
     return dataclasses.replace(now, alive=0.0)
 
 
-def carried(first: LoopState, now: LoopState) -> LoopState:
-    """``now`` for a loop that begins with ``first``: parts of another structure begin anew."""
+def carried(first: LoopState, now: LoopState, groups: Sequence[tuple[int, int]] = ()) -> LoopState:
+    """``now`` for a loop that begins with ``first``: parts of another structure begin anew.
+
+    Args:
+        first: its first state.
+        now: that of the loop before.
+        groups: (new, old) number of components of each group that stand one behind the other; what is added to a group
+            stands behind what was there. Left out where as many components are there as before.
+    """
     fields: dict[str, Any] = {}
     for name, new in parts(first).items():
         old = getattr(now, name)
-        if name in ("components", "drives") and len(new) == len(old):
+        if name == "components":
+            fields[name] = _grouped(new, old, groups or ((len(new), len(old)),))
+        elif name == "drives" and len(new) == len(old):
             fields[name] = tuple(_kept(a, b) for a, b in zip(new, old, strict=True))
         else:
             fields[name] = _kept(new, old)
     return LoopState(**fields)
+
+
+def _grouped(new: tuple[Any, ...], old: tuple[Any, ...], groups: Sequence[tuple[int, int]]) -> tuple[Any, ...]:
+    """Memories of components, group by group."""
+    kept: list[Any] = []
+    for many, few in groups:
+        both = zip(new[:many], old[:few], strict=False)
+        mine = [_kept(a, b) for a, b in both]
+        kept += [*mine, *new[len(mine) : many]]
+        new, old = new[many:], old[few:]
+    return tuple(kept)
 
 
 def _kept(new: Any, old: Any) -> Any:

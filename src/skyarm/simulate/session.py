@@ -13,16 +13,19 @@ from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.dynamics import State
 from skyarm.files import shown
 from skyarm.log.flight_log import Log
-from skyarm.records import coerce
-from skyarm.records.coerce import RecordError
 from skyarm.records.leaves import mismatch
 from skyarm.reference import Reference
-from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.change_checks import require_changes, require_continuous
+from skyarm.scenario.in_flight import NONE
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensors.measurement import Measurement
-from skyarm.simulate.check_endings import Ended
+from skyarm.simulate.assemble_log import joined
+from skyarm.simulate.check_endings import Ended, going_on
+from skyarm.simulate.command_from_outside import numbers_of_command
 from skyarm.simulate.compiled_session import CompiledSteps
+from skyarm.simulate.course import Course
+from skyarm.simulate.session_code import SessionCode
 from skyarm.simulate.staged_flight import StagedFlight
 
 
@@ -31,11 +34,11 @@ class Snapshot:
     """A session at an instant, to go back to; it may be restored more than once.
 
     Attributes:
-        scenario: as it was flown then. tick: control periods flown. held: what the engine keeps.
+        course: scenario and changes as they were then. tick: control periods flown. held: what the engine keeps.
         session: number of the session that it is of.
     """
 
-    scenario: Scenario
+    course: Course
     tick: int
     held: Any
     session: int
@@ -50,26 +53,48 @@ class Session:
     On the rigid-body plant a law that can be traced flies in machine code, compiled when the session is made; any other
     law or plant flies stage by stage in Python. The numbers are those of :func:`skyarm.run`, to the last bit.
 
+    Changes of the scenario (:attr:`skyarm.Scenario.changes`) take hold in their control periods, and those made by hand
+    are kept beside them: :attr:`plan` is the scenario that flies the session again.
+
     Args:
         scenario: what is flown; its duration is the longest the session can get.
+        machine_code: False flies stage by stage in Python whatever the law and the plant: slower, the same numbers.
 
     Raises:
-        ScenarioError: not a scenario.
+        ScenarioError: not a scenario, or one with changes that cannot be made.
+
+    Attributes:
+        slow: why it flies in Python where machine code was wanted; else empty.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, *, machine_code: bool = True) -> None:
         require_flight(scenario)
+        require_changes(scenario)
+        self._course = Course.of(scenario)
         self._scenario = scenario
-        self._engine: Any = _engine(scenario)
+        self._compiles, self.slow = machine_code, ""
+        self._begun, self._codes = scenario, list[SessionCode]()
+        self._waits = bool(scenario.changes)
+        self._engine: Any = self._make_engine(self._course)
         self._number = next(_NUMBERS)
         # the engine's own step is the session's, which a call between them would slow down by a tenth
         self._n = scenario.world.vehicle.n
         self._rotors = len(scenario.world.vehicle.rotors)
+        if self._waits:
+            self._let_change()
 
     @property
     def scenario(self) -> Scenario:
-        """What is flown. :meth:`change` gives it other numbers, :meth:`replace` other parts."""
+        """What holds now, with the changes to come; :meth:`change` and :meth:`replace` make it another."""
         return self._scenario
+
+    @property
+    def plan(self) -> Scenario:
+        """The scenario that :func:`skyarm.run` flies to the bits of this session: as it began, with all its changes.
+
+        Commands from outside are no part of a scenario; one that was replaced as a whole says the last.
+        """
+        return self._course.plan
 
     @property
     def tick(self) -> int:
@@ -127,22 +152,19 @@ class Session:
         """
         if command is None:
             going: bool = self._engine.step()
+            if self._waits and going:
+                self._let_change()
             return going
-        if not isinstance(command, Command):
-            raise ScenarioError(f"command = {shown(command)}: must be a Command")
-        if len(command.rotor_speeds) != self._rotors or len(command.efforts) != self._n:
-            raise ScenarioError(
-                f"command: {len(command.rotor_speeds)} rotor speeds and {len(command.efforts)} efforts: must be "
-                f"{self._rotors} and {self._n}"
-            )
-        numbers = (*command.rotor_speeds, *command.efforts)
-        if not all(type(number) is float for number in numbers):
-            numbers = _plain_numbers(command)
+        numbers = numbers_of_command(command, self._rotors, self._n)
         going = self._engine.step(numbers)
+        if self._waits and going:
+            self._let_change()
         return going
 
     def run(self) -> Log:
         """Fly to the end; the log of everything since the session began."""
+        while self._waits and self.step():
+            pass
         step = self._engine.step
         while step():
             pass
@@ -150,13 +172,14 @@ class Session:
 
     @property
     def log(self) -> Log:
-        """What was flown so far; a session whose scenario was changed says the last one."""
-        log: Log = self._engine.log()
-        return log
+        """What was flown so far, each period with the references that held in it; its scenario is :attr:`plan`."""
+        engine = self._engine
+        pieces = (*self._course.flown, engine.piece)
+        return joined(self.plan, pieces, engine.ended or going_on(self._scenario, engine.tick))
 
     def snapshot(self) -> Snapshot:
         """The session now."""
-        return Snapshot(self._scenario, self.tick, self._engine.snapshot(), self._number)
+        return Snapshot(self._course, self.tick, self._engine.snapshot(), self._number)
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go back, or forward again, to a snapshot of this session.
@@ -168,17 +191,24 @@ class Session:
             raise ScenarioError(f"snapshot = {shown(snapshot)}: must be a Snapshot, which session.snapshot() gives")
         if snapshot.session != self._number:
             raise ScenarioError("snapshot: is of another session, must be of this one, whose snapshot() gives it")
-        if snapshot.scenario is not self._scenario:
-            self._scenario, self._engine = snapshot.scenario, _engine(snapshot.scenario)
+        course = snapshot.course
+        if course.begun is not self._course.begun or course.overrides is not self._course.overrides:
+            self._engine = self._make_engine(course)
+        self._course, self._scenario, self._waits = course, course.now, bool(course.coming)
         self._engine.restore(snapshot.held)
 
     def change(self, values: Mapping[str, Any]) -> None:
-        """Give the scenario other numbers by path (:mod:`skyarm.scenario.numbers`), from the next period on.
+        """Give the scenario other numbers or parts by path, from the next period on, as ``[[changes]]`` of a file do.
+
+        Args:
+            values: path -> a number (:mod:`skyarm.scenario.numbers`), or what a file has in the place of a whole part
+                (:mod:`skyarm.scenario.whole_parts`): ``{"controller.law": "indi"}``. They take the place of the numbers
+                with which the session began, and do not add up: a payload is one on top of what the vehicle carried.
 
         Raises:
-            ScenarioError: no such number, or one that cannot be.
+            ScenarioError: no such number, or one that cannot be; nothing is changed then.
         """
-        self.replace(with_numbers(self._scenario, values))
+        self._go_on(self._course.with_values(self.tick, values, self._engine.piece))
 
     def replace(self, scenario: Scenario) -> None:
         """Fly on with another scenario: other gains, wind, payload, reference or law.
@@ -190,67 +220,41 @@ class Session:
             ScenarioError: another vehicle's structure, other clocks, delays or sensors, another plant.
         """
         require_flight(scenario)
+        require_changes(scenario)
         old = self._scenario
-        _require_continuous(old, scenario)
+        require_continuous(old, scenario)
         scenario = dataclasses.replace(scenario, seed=old.seed, episode=old.episode)
-        engine = _engine(scenario)
+        self._go_on(self._course.replaced(self.tick, scenario, self._engine.piece))
+
+    def _make_engine(self, course: Course) -> CompiledSteps | StagedFlight:
+        """Machine code where it can be made, else the stages one by one."""
+        scenario = course.now
+        if self._compiles and scenario.plant == "rigid_body" and scenario.controller.compiled:
+            if course.begun is not self._begun:
+                self._begun, self._codes = course.begun, []
+            # code that flies on after a change is made in a hurry: the vehicle is in the air
+            effort = 2 if course.overrides is NONE and not self._waits else 0
+            try:
+                return CompiledSteps(course.begun, course.overrides, self._codes, effort)
+            except NoMachineCodeError as error:
+                self.slow = str(error)
+        return StagedFlight(scenario)
+
+    def _let_change(self) -> None:
+        """Let the changes take hold that the next period begins with."""
+        if self._course.due(self.tick):
+            self._go_on(self._course.then(self.tick, self._engine.piece))
+
+    def _go_on(self, course: Course) -> None:
+        """Fly on along another course."""
+        scenario = course.now
+        engine = self._make_engine(course)
         different = mismatch(self._engine.first.sensors, engine.first.sensors, "sensors")
         if different:
             raise ScenarioError(f"{different}: must be as the session began, since readings are on their way")
         engine.take_over(self._engine)
-        self._scenario, self._engine = scenario, engine
+        self._course, self._scenario, self._engine, self._waits = course, scenario, engine, bool(course.coming)
 
     def _require_running(self) -> None:
         if not self.running:
             raise ScenarioError("session: has ended; there is no next period")
-
-
-def _plain_numbers(command: Command) -> tuple[float, ...]:
-    """The numbers of a command from outside.
-
-    Raises:
-        ScenarioError: one that is none.
-    """
-    found = []
-    for field in ("rotor_speeds", "efforts"):
-        for i, value in enumerate(getattr(command, field)):
-            try:
-                held = coerce.number(f"command.{field}[{i}]", value)
-            except RecordError as error:
-                raise ScenarioError(str(error)) from None
-            if type(held) is not float:
-                raise ScenarioError(f"command.{field}[{i}] = {shown(value)}: must be one number")
-            found.append(held)
-    return tuple(found)
-
-
-def _require_continuous(old: Scenario, new: Scenario) -> None:
-    """What a session cannot change is as it began.
-
-    Raises:
-        ScenarioError: names it.
-    """
-    delays, before, after = new.delays, old.world.vehicle, new.world.vehicle
-    if old.delays.longest_command is not None:
-        # a varied delay of the commands stands within a queue of the same length
-        began = old.delays
-        delays = dataclasses.replace(delays, command=began.command, rotors=began.rotors, joints=began.joints)
-    pairs: list[tuple[str, Any, Any]] = [
-        *((name, getattr(old, name), getattr(new, name)) for name in ("rates", "plant", "integrator", "duration")),
-        ("delays", old.delays, delays),
-        ("joints", before.n, after.n),
-        ("rotors", len(before.rotors), len(after.rotors)),
-    ]
-    for name, began, value in pairs:
-        if began != value:
-            raise ScenarioError(f"{name} = {shown(value)}: must be {shown(began)} as the session began")
-
-
-def _engine(scenario: Scenario) -> Any:
-    """Machine code where it can be made, else the stages one by one."""
-    if scenario.plant == "rigid_body" and scenario.controller.compiled:
-        try:
-            return CompiledSteps(scenario)
-        except NoMachineCodeError:
-            pass
-    return StagedFlight(scenario)

@@ -19,9 +19,9 @@ from skyarm.reference import Reference
 from skyarm.scalars.philox import uniforms
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensors.measurement import Measurement
-from skyarm.simulate.assemble_log import Samples, assemble
+from skyarm.simulate.assemble_log import Piece, Samples, joined
 from skyarm.simulate.check_endings import Ended, ended_by, going_on, refused
-from skyarm.simulate.first_state import first_loop_state, first_surroundings
+from skyarm.simulate.first_state import component_groups, first_loop_state, first_surroundings
 from skyarm.simulate.flat_stages import EpisodeEndedError, FlatStages, FlatSteps, flatten
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
 from skyarm.simulate.loop_state import LoopState, Row, carried
@@ -43,7 +43,7 @@ class StagedFlight:
 
     Attributes:
         scenario, inputs: of the episode. first: the loop before its first period.
-        ended: why it has ended before its time, or None.
+        ended: why it has ended before its time, or None. begun: number of the first period that it flies.
     """
 
     def __init__(self, scenario: Scenario) -> None:
@@ -66,11 +66,12 @@ class StagedFlight:
         self._block = -1
         self._logged: list[tuple[Any, ...]] = []
         self.ended: Ended | None = None
+        self.begun = 0
 
     @property
     def tick(self) -> int:
         """Control periods flown."""
-        return len(self._logged)
+        return self.begun + len(self._logged)
 
     def step(self, command: Sequence[float] | None = None) -> bool:
         """Fly one control period; False once the episode has ended or flown its time.
@@ -117,15 +118,18 @@ class StagedFlight:
 
     def log(self) -> Log:
         """What was flown so far."""
-        n, rotors = self.scenario.world.vehicle.n, len(self.scenario.world.vehicle.rotors)
-        ends = np.cumsum([13 + 2 * n + rotors, rotors + n, len(leaves(self._stages.reading))])
-        states, commands, readings, wind = np.split(self.rows, ends.tolist(), axis=1)
-        felt = rebuild(self._stages.wind, iter(wind.T))
-        ended = self.ended or going_on(self.scenario, self.tick)
-        return assemble(self.scenario, self.inputs, Samples(states, commands, readings, felt), ended)
+        return joined(self.scenario, [self.piece], self.ended or going_on(self.scenario, self.tick))
 
     @property
-    def rows(self) -> Any:
+    def piece(self) -> Piece:
+        """What this engine flew so far."""
+        n, rotors = self.scenario.world.vehicle.n, len(self.scenario.world.vehicle.rotors)
+        ends = np.cumsum([13 + 2 * n + rotors, rotors + n, len(leaves(self._stages.reading))])
+        states, commands, readings, wind = np.split(self._rows(), ends.tolist(), axis=1)
+        felt = rebuild(self._stages.wind, iter(wind.T))
+        return Piece(self.scenario, self.inputs, self.begun, Samples(states, commands, readings, felt))
+
+    def _rows(self) -> Any:
         """What was logged: a row a period, the leaves of a sample but for ``alive``."""
         width = len(leaves((self.first.state, self.first.queue[0], self._stages.reading, self._stages.wind)))
         numbers = chain.from_iterable(chain.from_iterable(self._logged))
@@ -161,11 +165,11 @@ class StagedFlight:
 
     def snapshot(self) -> Any:
         """What :meth:`restore` takes; the memory of a law that is called is copied."""
-        return self._flat, copy.deepcopy(self._flat.memory), list(self._logged), self.ended
+        return self.begun, self._flat, copy.deepcopy(self._flat.memory), list(self._logged), self.ended
 
     def restore(self, held: Any) -> None:
         """Go to a snapshot."""
-        flat, memory, logged, self.ended = held
+        self.begun, flat, memory, logged, self.ended = held
         self._flat = dataclasses.replace(flat, memory=copy.deepcopy(memory))
         self._logged = list(logged)
 
@@ -173,12 +177,10 @@ class StagedFlight:
         """Go on where another engine stands."""
         called = not self.scenario.controller.compiled
         now = other.now
-        kept = carried(self.first, now)
+        kept = carried(self.first, now, component_groups(self.scenario, other.scenario))
         if called and self.scenario.controller.law is other.scenario.controller.law:
             # the memory of a law that is called is its own: it may hold anything
             kept = dataclasses.replace(kept, memory=now.memory)
         self._flat = flatten(kept, called=called)
-        widths = [len(leaves(part)) for part in (self.first.state, self.first.queue[0], self._stages.reading)]
-        ends = np.cumsum(widths).tolist()
-        self._logged = [tuple(tuple(part.tolist()) for part in np.split(row, ends)) for row in other.rows]
+        self._logged, self.begun = [], other.tick
         self.ended = other.ended

@@ -80,14 +80,15 @@ def hovering(scenario: Scenario) -> Scenario:
         faults=(),
         initial=None,
         ground=False,
+        changes=(),
     )
 
 
 def evidence(scenario: Scenario, instants: int = 4, progress: Callable[[int, int], object] | None = None) -> Evidence:
     """Margins in hover and at ``instants`` times along the scenario, equally far apart, the last at its end.
 
-    Noise and turbulence are left out, on the rigid-body plant. Along a flight each instant is linearised as if time
-    stood still: that every one is stable is no proof that the flight, which varies with time, is.
+    Noise, turbulence and changes in flight are left out, on the rigid-body plant. Along a flight each instant is
+    linearised as if time stood still: that every one is stable is no proof that the flight, which varies with time, is.
 
     Raises:
         ScenarioError: fewer than 0 instants.

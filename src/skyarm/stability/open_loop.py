@@ -86,11 +86,11 @@ class _Point:
 
 
 def nominal(scenario: Scenario) -> Scenario:
-    """The scenario without noise and turbulence, which have no place in a linearisation."""
+    """The scenario without noise, turbulence and changes in flight, which have no place in a linearisation."""
     calm: Wind = scenario.wind
     if isinstance(calm, MovingAir):
         calm = dataclasses.replace(calm, turbulence=None)
-    return dataclasses.replace(scenario, sensors=PERFECT_SENSORS, wind=calm)
+    return dataclasses.replace(scenario, sensors=PERFECT_SENSORS, wind=calm, changes=())
 
 
 def with_lag(scenario: Scenario, share: Any) -> Scenario:

@@ -16,6 +16,7 @@ from skyarm.records.identity import identity
 from skyarm.records.own_files import all_files
 from skyarm.registry import registrations
 from skyarm.scenario.endings import STATUSES
+from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.numbers import require_apart, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.batch import Batch
@@ -111,10 +112,10 @@ def _stiffest(study: Study, scenario: Scenario, ends: Mapping[str, tuple[float, 
     masses; FRICTION_STEP leaves a margin of four for those that do neither.
     """
     worst: dict[str, float] = {}
-    rate = friction_rate(scenario.world.vehicle)
+    rate = _fastest_friction(scenario)
     best, best_rate = scenario, rate
     for path, pair in ends.items():
-        if not path.startswith(PLANT):
+        if not path.startswith((*PLANT, "changes.")):
             continue
         for value in pair:
             single = _changed(study, scenario, path, value)
@@ -140,10 +141,15 @@ def _with_shortest_step(study: Study, scenario: Scenario, ends: Mapping[str, tup
 
 def _rate(study: Study, path: str, value: float, scenario: Scenario) -> float:
     try:
-        return friction_rate(scenario.world.vehicle)
+        return _fastest_friction(scenario)
     except ValueError as error:
         at = f'vary."{path}" reaches {value:.6g}' if path else "vary"
         raise StudyError(f"{study.source}: {at}: {error}") from None
+
+
+def _fastest_friction(scenario: Scenario) -> float:
+    """Of the joints of the plant, 1/s, whatever holds in the course of the flight."""
+    return max(friction_rate(stretch.overrides.of(scenario).world.vehicle) for stretch in stretches(scenario))
 
 
 def _valid(scenario: Scenario, values: Mapping[str, float]) -> Iterator[Scenario]:

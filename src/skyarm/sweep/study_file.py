@@ -234,8 +234,17 @@ def _scenarios(top: Fields, folder: Path, paths: list[str]) -> dict[str, Scenari
     chosen: list[str | None] = [None] if controllers is None else [*controllers]
     for controller in chosen:
         scenario = load_scenario(file, controller=controller, duration=duration)
+        if any(path.startswith("changes.") for path in paths) and controller is not None:
+            _require_numbered_alike(scenario, load_scenario(file, duration=duration))
         found[controller or scenario.controller.name] = _ready(scenario, paths)
     return found
+
+
+def _require_numbered_alike(scenario: Scenario, own: Scenario) -> None:
+    """Refuse to vary changes by their numbers where another controller flies without some of them."""
+    if scenario.changes != own.changes:
+        words = "must be left out with vary.changes, since the scenario changes numbers of its own controller in flight"
+        raise ValueError(f"controllers: {words}")
 
 
 def _controllers(top: Fields) -> list[str] | None:

@@ -1,0 +1,113 @@
+"""Changes in flight that could not be made are refused before anything flies."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+from skyarm.files import did_you_mean, shown
+from skyarm.scenario.changes import Change
+from skyarm.scenario.in_flight import Overrides, is_part
+from skyarm.scenario.numbers import number_at
+from skyarm.scenario.places import LATER, STRUCTURE, roots
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.scenario.whole_parts import WHOLE_PARTS
+
+NUMBERS = (
+    "plant", "model", "controller", "environment.wind", "environment.air", "environment.forces", "environment.faults",
+    "sensors", "reference", "endings", "estimator",
+)  # fmt: skip
+"""Beginnings of the paths of numbers that may change in flight."""
+
+FIXED = ("name", "title", "schema", "plugins", "initial", "windows", "changes", *STRUCTURE)
+"""Words of a file that hold for the whole flight."""
+
+MAY = f"what may is a number of {', '.join(NUMBERS)}, or as a whole {', '.join(WHOLE_PARTS)}"
+
+
+def require_changes(scenario: Scenario) -> None:
+    """Refuse changes that could not be made; they are tried one after the other, as they take hold.
+
+    Raises:
+        ScenarioError: one line with the change, its path or its value, and what is allowed.
+    """
+    rate, held = scenario.rates.control, Overrides()
+    for i in sorted(range(len(scenario.changes)), key=lambda i: scenario.changes[i].tick(rate)):
+        held = try_change(scenario, held, scenario.changes[i], f"changes[{i}]")
+
+
+def try_change(scenario: Scenario, held: Overrides, change: Change, where: str) -> Overrides:
+    """What holds after one more change, which is tried.
+
+    Args:
+        scenario: as the flight began.
+        held: what holds before.
+        change: to try.
+        where: begins messages.
+
+    Raises:
+        ScenarioError: one line.
+    """
+    following = held.then(change)
+    try:
+        _require_changeable(scenario, change.path)
+        if not is_part(change.path, change.value):
+            _require_number(held.of(scenario), change)
+        require_continuous(scenario, following.of(scenario))
+    except ValueError as error:
+        words = str(error)
+        joint = "." if words.startswith(("path = ", "value = ")) else ": "
+        raise ScenarioError(f"{where}{joint}{words}" if where else words) from None
+    return following
+
+
+def _require_changeable(scenario: Scenario, path: str) -> None:
+    """Refuse what no change reaches."""
+    if path in WHOLE_PARTS or (path in LATER and scenario.delays.longest_command is not None):
+        return
+    for word in FIXED:
+        if path == word or path.startswith(f"{word}."):
+            raise ScenarioError(f"path = {path!r}: {word} must be as the flight began; {MAY}")
+    starts = [*NUMBERS, *roots(scenario)]
+    if not any(path.startswith(f"{start}.") for start in starts):
+        near = did_you_mean(path, WHOLE_PARTS) or did_you_mean(path.split(".", maxsplit=1)[0], starts)
+        raise ScenarioError(f"path = {shown(path)}: {near}nothing of this name changes in flight; {MAY}")
+
+
+def _require_number(scenario: Scenario, change: Change) -> None:
+    """The path leads to a number, and gets one."""
+    try:
+        number_at(scenario, change.path)
+    except ScenarioError as error:
+        near = did_you_mean(change.path, WHOLE_PARTS).strip() if change.path.count(".") < 2 else ""
+        raise ScenarioError(f"{error}; {near}" if near else str(error)) from None
+    if isinstance(change.value, (str, bool, tuple, Mapping)):
+        raise ScenarioError(f"value = {shown(change.table)}: must be a number, as {change.path} is one")
+
+
+def require_continuous(old: Scenario, new: Scenario) -> None:
+    """Refuse to fly on with a scenario in which something is other that holds for a whole flight.
+
+    Raises:
+        ScenarioError: names it.
+    """
+    delays, before, after = new.delays, old.world.vehicle, new.world.vehicle
+    if old.delays.longest_command is not None:
+        # a varied delay of the commands stands within a queue of the same length
+        began = old.delays
+        delays = dataclasses.replace(delays, command=began.command, rotors=began.rotors, joints=began.joints)
+    pairs: list[tuple[str, Any, Any]] = [
+        *((name, getattr(old, name), getattr(new, name)) for name in ("rates", "plant", "integrator", "duration")),
+        ("delays", old.delays, delays),
+        ("joints", before.n, after.n),
+        ("rotors", len(before.rotors), len(after.rotors)),
+    ]
+    for name, began, value in pairs:
+        if began != value:
+            raise ScenarioError(f"{name} = {shown(value)}: must be {shown(began)} as the session began")
+    for a, b in zip(old.instruments, new.instruments, strict=False):
+        for clock in ("frequency", "latency"):
+            if getattr(a.sensor, clock) != getattr(b.sensor, clock):
+                words = "must be as the session began, since readings are on their way"
+                raise ScenarioError(f"sensors.{b.name}.{clock} = {shown(getattr(b.sensor, clock))}: {words}")

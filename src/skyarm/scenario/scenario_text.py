@@ -1,0 +1,139 @@
+"""The text of a scenario file with other changes in flight: a flight that a hand has led, saved to be flown again."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from skyarm.control.catalogue import PRESETS, TUNED, full_name
+from skyarm.files import read_toml, shown
+from skyarm.files.write_toml import toml_text, toml_value
+from skyarm.scenario.changes import Change
+from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
+from skyarm.scenario.scenario_record import ScenarioError
+
+HEAD = re.compile(r"[ \t]*\[[ \t]*\[[ \t]*changes[ \t]*\][ \t]*\][ \t]*(#.*)?")
+"""Line that begins one table of ``[[changes]]``."""
+
+REPLACED = ("name", "title", "plant", "controller", "seed", "episode", "duration")
+"""What a saved scenario may say other than the file that it came from."""
+
+
+def scenario_text(name_or_path: str | os.PathLike[str]) -> str:
+    """The text of a scenario file: of a shipped one by its name, or of a file.
+
+    Raises:
+        OSError: it cannot be read. ScenarioError: it is not UTF-8 text.
+    """
+    name = os.fspath(name_or_path)
+    content = (LIBRARY / f"{name}.toml").read_bytes() if name in list_scenarios() else Path(name).read_bytes()
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ScenarioError(f"{name}: must be UTF-8 text") from None
+
+
+def with_changes_text(text: str, changes: Iterable[Change], **replaced: Any) -> str:
+    """The text of a scenario file that flies with these changes in place of those that it had.
+
+    Comments and order of the text stay, unless something is replaced beside the changes, or the text has changes that
+    are not written as ``[[changes]]``: then all of it is written anew. A path of a vehicle's file stays as it is, from
+    the folder of the file.
+
+    Args:
+        text: of a scenario file (:func:`scenario_text`).
+        changes: all of the flight (``session.plan.changes``), in the order in which they take hold.
+        replaced: "name", "title", "plant", "controller" (a preset, a law or LAW_tuned), "seed", "episode", "duration":
+            what :func:`skyarm.load_scenario` was told beside the file, and a name of its own. None leaves the file's.
+
+    Raises:
+        ScenarioError: one line.
+    """
+    try:
+        document = read_toml(text.encode())
+    except ValueError as error:
+        raise ScenarioError(str(error)) from None
+    given = {field: value for field, value in replaced.items() if value is not None}
+    odd = next((field for field in given if field not in REPLACED), None)
+    if odd is not None:
+        raise ScenarioError(f"{odd} = {shown(given[odd])}: must be left out; {', '.join(REPLACED)} may be replaced")
+    end = given.get("duration", math.inf)
+    tables = [{"at": each.at, "path": each.path, "value": each.table} for each in changes if each.at < end]
+    wanted: dict[str, Any] = {name: value for name, value in document.items() if name != "changes"}
+    wanted = _with(wanted, given)
+    if tables:
+        wanted["changes"] = tables
+    kept = _without_changes(text)
+    made = "\n\n".join([kept.rstrip("\n"), *map(_table, tables)]) + "\n"
+    return made if not given and _reads_as(made, wanted) else toml_text(wanted)
+
+
+def _with(document: dict[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """The document with what is replaced in it."""
+    changed = dict(document)
+    for field, value in given.items():
+        if field == "plant":
+            changed["plant"] = {**_table_of(document, "plant"), "kind": value}
+        elif field == "controller":
+            changed["controller"] = _controller(value, _table_of(document, "controller"))
+        else:
+            changed[field] = value
+    if "duration" in given and "windows" in changed:
+        windows = {
+            name: each for name, each in _table_of(document, "windows").items() if _ends(each) <= given["duration"]
+        }
+        changed["windows"] = windows
+    return changed
+
+
+def _ends(window: Any) -> float:
+    """When a window, or the last of a list of them, ends; 0 for what is no window."""
+    if not isinstance(window, list) or not window:
+        return 0.0
+    return max(map(_ends, window)) if isinstance(window[-1], list) else float(window[-1])
+
+
+def _controller(name: str, before: Mapping[str, Any]) -> dict[str, Any]:
+    """The table of a controller by one name, under the safety layer of the file's."""
+    safety = {"safety": before["safety"]} if "safety" in before else {}
+    full = full_name(name)
+    if full in PRESETS:
+        return {"preset": full, **safety}
+    if full.endswith(TUNED):
+        return {"law": full.removesuffix(TUNED), "tuned": True, **safety}
+    return {"law": full, **safety}
+
+
+def _table_of(document: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    found = document.get(name, {})
+    if not isinstance(found, Mapping):
+        raise ScenarioError(f"{name} = {shown(found)}: must be a table")
+    return found
+
+
+def _table(change: Mapping[str, Any]) -> str:
+    return "\n".join(["[[changes]]", *(f"{name} = {toml_value(value)}" for name, value in change.items())])
+
+
+def _without_changes(text: str) -> str:
+    """The text without its ``[[changes]]``, as far as its lines tell; what is made of it is read back and compared."""
+    kept, skipping = [], False
+    for line in text.splitlines():
+        if HEAD.fullmatch(line):
+            skipping = True
+        elif line.lstrip().startswith("["):
+            skipping = False
+        if not skipping:
+            kept.append(line)
+    return "\n".join(kept)
+
+
+def _reads_as(text: str, document: Mapping[str, Any]) -> bool:
+    try:
+        return read_toml(text.encode()) == document
+    except ValueError:
+        return False

@@ -1,0 +1,235 @@
+"""The closed loop of a batch between two changes of its scenario, in machine code."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.compile import leaves, rebuild, trace
+from skyarm.compile.llvm.kernel import Kernel
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.tracing.array_evaluation import evaluate
+from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.log.batch_log import Logged
+from skyarm.metrics.accumulate import Total, first_totals
+from skyarm.plant.compiled import RigidBodyPlant
+from skyarm.plant.largest_step import largest_step
+from skyarm.scenario.in_flight import Overrides, overrides_at, sources
+from skyarm.scenario.numbers import number_at, with_numbers
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.batch_rows import Feed
+from skyarm.simulate.check_endings import statuses
+from skyarm.simulate.counting_period import make_counting_period
+from skyarm.simulate.draws import draw_plan, draws_needed, start_draws
+from skyarm.simulate.first_state import component_groups, first_loop_state, first_surroundings
+from skyarm.simulate.inputs import episode_inputs
+from skyarm.simulate.loop_state import LoopState, carried, structure_of
+from skyarm.simulate.short_steps import require_short_steps
+
+Array = npt.NDArray[Any]
+
+OF_CHANGES = "changes."
+"""Beginning of the paths of values that changes set."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LegOptions:
+    """What all legs of a batch have in common.
+
+    Attributes:
+        paths: varied numbers. stiffest: in place of the scenario, for the integration steps; or None.
+        wanted: totals that are counted. masks: window -> (steps,) which instants lie in it.
+        lanes: vector shape. every: keep each so many periods' state, command and reference; 0 keeps none.
+        changing: whether there are several legs. effort: of the compiler.
+    """
+
+    paths: tuple[str, ...]
+    stiffest: Scenario | None
+    wanted: Sequence[Total]
+    masks: Mapping[str, Array]
+    lanes: Lanes
+    every: int
+    changing: bool
+    effort: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class LegCode:
+    """Machine code of a leg, and what it was made for.
+
+    Attributes:
+        kernel: the code. logged: record that it logs.
+        key: of legs that may share it. substeps: seconds -> integration steps, as they were asked for.
+    """
+
+    kernel: Kernel
+    logged: Any
+    key: tuple[Any, ...]
+    substeps: Mapping[float, int]
+
+    def fits(self, plant: RigidBodyPlant) -> bool:
+        """Whether a plant is stepped as often."""
+        return all(plant.substeps(seconds) == count for seconds, count in self.substeps.items())
+
+
+class Leg:
+    """A leg is what all lanes fly from one change of the scenario to the next.
+
+    Numbers that changes set are parameters of the code, as varied ones are: legs that differ in these values alone
+    share it. A number that a change sets wins over the lanes' own.
+
+    Args:
+        begun: the scenario as it began, with its changes.
+        overrides: what holds in this leg.
+        periods: control periods that it flies.
+        options: of the batch.
+        before: legs before it.
+
+    Attributes:
+        scenario: as it is in this leg. first: loop state and totals, as an example.
+        code: machine code; None in a leg of no periods. largest: step that it bears, s.
+    """
+
+    def __init__(
+        self, begun: Scenario, overrides: Overrides, periods: range, options: LegOptions, before: Sequence[Leg] = ()
+    ) -> None:
+        self.periods, self._options = periods, options
+        self._shape, self.scenario = overrides.parts_of(begun), overrides.of(begun)
+        self._free = tuple(p for p in options.paths if not overrides.hides(p) and not p.startswith(OF_CHANGES))
+        self._set: dict[str, float] = dict(overrides.numbers)
+        named = {path: f"{OF_CHANGES}{i}.value" for path, i in sources(begun, periods.start).items()}
+        self._swept = {path: named[path] for path in self._set if named[path] in options.paths}
+        self.first: tuple[LoopState, tuple[Any, ...]] = (first_loop_state(self.scenario), first_totals(options.wanted))
+        used = dict.fromkeys(window for _, window, _ in options.wanted)
+        masks = {name: options.masks[name] for name in used}
+        self._feed = Feed(self.scenario, (*self._free, *self._swept), episode_inputs(self.scenario), masks)
+        self.rows: Array = self._feed.rows[periods.start : periods.stop]
+        self.base = tuple(number_at(begun, path) for path in options.paths)
+        stiff, first = self.scenario, self.first[0]
+        if options.stiffest is not None:
+            own = overrides_at(options.stiffest, periods.start) if options.stiffest.changes else overrides
+            stiff = own.of(options.stiffest)
+            first = first_loop_state(stiff)
+        around = first_surroundings(stiff, first)
+        plant = RigidBodyPlant(stiff.world, around, stiff.integrator, 1.0 / stiff.rates.physics)
+        self.largest = largest_step(around)
+        key = (overrides.parts, self._free, tuple(self._set), tuple(self._swept))
+        numbers = (*self.base, *self._set.values())
+        counts = [2 * count for _, count in draw_plan(self.scenario).components]
+        self._first_states = trace(self._start, numbers, *((0.5,) * count for count in counts))
+        made = (leg.code for leg in before if leg.code is not None and leg.code.key == key)
+        self.code: LegCode | None = next((code for code in made if code.fits(plant)), None)
+        if self.code is None and periods:
+            self.code = self._compiled(plant, key)
+
+    def _varied(self, values: Sequence[Any]) -> Scenario:
+        """The scenario of a lane: its numbers, then those that changes set."""
+        named = dict(zip((*self._options.paths, *self._set), values, strict=True))
+        own = {path: value for path, value in zip(self._options.paths, values, strict=False) if path in self._free}
+        return with_numbers(self._shape, own | {path: named[path] for path in self._set})
+
+    def _compiled(self, plant: RigidBodyPlant, key: tuple[Any, ...]) -> LegCode:
+        asked: dict[float, int] = {}
+
+        def substeps(seconds: float) -> int:
+            asked[seconds] = plant.substeps(seconds)
+            return asked[seconds]
+
+        options, shape = self._options, structure_of(self.first)
+
+        def step(both: Any, values: tuple[Any, ...], fed: Any, uniforms: Any) -> tuple[Any, Any]:
+            varied = self._varied(values)
+            row, goals, inside = self._feed.read(varied, fed)
+            period = make_counting_period(varied, substeps, options.wanted)
+            following, sample = period(both, row, goals, inside, uniforms)
+            wanted = row.reference.dense() if options.changing else row.reference
+            kept = Logged(alive=sample.alive, state=sample.state, command=sample.command, reference=wanted)
+            return following, kept if options.every else ()
+
+        numbers = (*self.base, *self._set.values())
+        loop = trace_loop(step, shape, numbers, self._feed.example, draws_needed(self.scenario), loops=True)
+        kernel = Kernel(loop, options.lanes, logging=options.every > 0, effort=options.effort)
+        return LegCode(kernel=kernel, logged=loop.result[1], key=key, substeps=asked)
+
+    @property
+    def kernel(self) -> Kernel:
+        """Machine code of a leg that has periods."""
+        return cast("LegCode", self.code).kernel
+
+    @property
+    def logged(self) -> Any:
+        """Record that such a leg logs."""
+        return cast("LegCode", self.code).logged
+
+    def close(self) -> None:
+        """End the threads."""
+        if self.code is not None:
+            self.code.kernel.pools.close()
+
+    def _start(self, values: tuple[Any, ...], *draws: tuple[Any, ...]) -> LoopState:
+        """First state of a lane's loop; ``draws`` start the components' memories."""
+        return first_loop_state(self._varied(values), draws)
+
+    def named(self, columns: Sequence[Array]) -> dict[str, Array]:
+        """Path -> (lanes,) numbers that count in this leg: the lanes' own, and those that changes set."""
+        given = dict(zip(self._options.paths, columns, strict=True))
+        own = {path: given[path] for path in self._free}
+        return own | {path: given[source] for path, source in self._swept.items()}
+
+    def parameters(self, columns: Sequence[Array], lanes: int) -> Array:
+        """(numbers, lanes) as the code takes them."""
+        given = dict(zip(self._options.paths, columns, strict=True))
+        rows = [given[self._swept[p]] if p in self._swept else np.full(lanes, v) for p, v in self._set.items()]
+        every = [*columns, *rows]
+        return np.stack(every) if every else np.zeros((0, lanes))
+
+    def begin(self, parameters: Array, seed: int, episodes: Array, last: tuple[Leg, Array] | None) -> Array:
+        """(carry, lanes) of the first period: first states, or what the leg before this one left."""
+        columns = [*parameters]
+        for draws in start_draws(self.scenario, seed, episodes):
+            columns += [*draws.T]
+        fresh = evaluate(self._first_states, columns, len(episodes))
+        if last is None:
+            totals = np.array(leaves(self.first[1]))[:, None]
+            return np.vstack([fresh, np.repeat(totals, len(episodes), axis=1)])
+        leg, carry = last
+        loop, totals_now = rebuild(leg.first, iter(list(carry)))
+        begun: LoopState = rebuild(self.first[0], iter(list(fresh)))
+        now = carried(begun, loop, component_groups(self.scenario, leg.scenario))
+        rows = [*leaves(now), *leaves(totals_now)]
+        return np.stack([np.broadcast_to(row, (len(episodes),)) for row in rows])
+
+    def fly(self, carry: Array, parameters: Array, keys: Mapping[str, Any], threads: int) -> tuple[Array, list[Array]]:
+        """Carry after the leg, and what it logs: (samples, leaves, lanes) each."""
+        if not self.periods:
+            return carry, []
+        kernel, every = self.kernel, max(1, self._options.every)
+        limit = np.finfo(kernel.dtype).max
+        log: list[Array] = []
+        # samples are kept at multiples of ``every`` from the beginning of the flight
+        aligned = min(-(-self.periods.start // every) * every, self.periods.stop)
+        for start, stop in ((self.periods.start, aligned), (aligned, self.periods.stop)):
+            if start < stop:
+                rows = self.rows[start - self.periods.start : stop - self.periods.start]
+                held = np.clip(carry, -limit, limit)
+                carry, kept = kernel.run(held, parameters, rows, start=start, threads=threads, every=every, **keys)
+                log += [kept] if start % every == 0 else []
+        return carry, log
+
+    def statuses(self, columns: Sequence[Array], state: Any, ticks: Array, ended: Array) -> Array:
+        """Status of lanes that this leg left, from the states they were left in."""
+        named = self.named(columns)
+        goals = self._feed.goals(named, np.minimum(ticks, self.scenario.steps - 1))
+        return statuses(self.scenario, named, state, goals, ended)
+
+    def require(self, columns: Sequence[Array]) -> None:
+        """Refuse numbers of lanes that the code's steps do not bear.
+
+        Raises:
+            ScenarioError: one line.
+        """
+        require_short_steps(self.scenario, self.named(columns), self.largest)

@@ -1,0 +1,301 @@
+"""Changes in flight as a scenario file says them: what is read, what is refused, what is written back."""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+import json
+import math
+import tomllib
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from added_components import Fix
+from simulate_flights import FULL, document
+from skyarm import Scenario, ScenarioError, load_scenario, scenario_from
+from skyarm.files.write_toml import toml_text
+from skyarm.metrics.windows import Windows
+from skyarm.records.identity import identity
+from skyarm.records.plain import digest, plain
+from skyarm.records.restore import restore
+from skyarm.scenario.change_checks import require_changes
+from skyarm.scenario.changes import Change
+from skyarm.scenario.in_flight import overrides_at, stretches
+from skyarm.scenario.numbers import number_at, with_numbers
+from skyarm.scenario.scenario_record import NamedSensor
+from skyarm.scenario.scenario_text import scenario_text, with_changes_text
+
+BASE = document("case3_wind", duration=1.0)
+GAIN = "controller.gains.position.x"
+BREEZE = {
+    "mode": "moving_air",
+    "velocity": [1.0, 0.0, 0.0],
+    "gust": {"velocity": [1, 0, 0], "start": 0.3, "duration": 1},
+}
+
+
+def changing(*changes: Any, **more: Any) -> Scenario:
+    return scenario_from({**BASE, **more, "changes": list(changes)})
+
+
+def mass_of(scenario: Scenario) -> float:
+    vehicle = scenario.world.vehicle
+    return float(vehicle.base.mass + sum(link.body.mass for link in vehicle.links))
+
+
+def at(time: float, path: str, value: Any) -> dict[str, Any]:
+    return {"at": time, "path": path, "value": value}
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (3, r"changes\[0\] = 3: must be a table"),
+        ({"at": 0.1, "path": GAIN}, r"changes\[0\].value: is missing; there are \['at', 'path'\]"),
+        ({**at(0.1, GAIN, 1), "unit": "m"}, r"changes\[0\].unit = 'm': unknown field"),
+        (at(-0.1, GAIN, 1), r"changes\[0\].at = -0.1: must be at least 0"),
+        (at(math.nan, GAIN, 1), r"changes\[0\].at = nan: must be a finite number"),
+        (at(1e300, GAIN, 1), r"changes\[0\].at = 1e\+300: must be at most 1e\+07 s"),
+        (at("now", GAIN, 1), r"changes\[0\].at = 'now': must be a finite number"),  # type: ignore[arg-type]
+        (at(1.0, GAIN, 1), r"changes\[0\].at = 1.0: must be at most 0.995 s, the last control period"),
+        (at(0.9951, GAIN, 1), r"changes\[0\].at = 0.9951: must be at most 0.995 s"),
+        (at(0.1, GAIN, math.inf), r"changes\[0\].value = inf: must be a finite number"),
+        (at(0.1, GAIN, "1"), rf"changes\[0\].value = '1': must be a number, as {GAIN} is one"),
+        (at(0.1, GAIN, True), r"changes\[0\].value = True: must be a number"),
+        (at(0.1, GAIN, [1.0]), r"changes\[0\].value = \[1.0\]: must be a number"),
+        (at(0.1, GAIN, datetime.date(2026, 1, 1)), r"changes\[0\].value = .*: must be a number, text, true, false, a"),
+        (at(0.1, "", 1), r"changes\[0\].path = '': must be text that is not empty"),
+        (at(0.1, 7, 1), r"changes\[0\].path = 7: must be text"),  # type: ignore[arg-type]
+        (at(0.1, "controller.gains.positon.x", 1), r"changes\[0\].path = .*: no 'positon' here; did you mean 'positi"),
+        (at(0.1, "controler.law", "indi"), r"changes\[0\].path = 'controler.law': did you mean 'controller.law'\? "),
+        (at(0.1, "controller.lw", "indi"), r"changes\[0\].path = 'controller.lw': no 'lw' here; .*mean 'controller.l"),
+        (at(0.1, "plant", 1), r"changes\[0\].path = 'plant': .*nothing of this name changes in flight; what may is a"),
+        (at(0.1, "rates.control", 100), r"changes\[0\].path = 'rates.control': rates must be as the flight began; wh"),
+        (at(0.1, "initial.roll", 1), r"changes\[0\].path = 'initial.roll': initial must be as the flight began"),
+        (at(0.1, "seed", 1), r"changes\[0\].path = 'seed': seed must be as the flight began"),
+        (at(0.1, "delays.command", 0.01), r"changes\[0\].path = 'delays.command': delays must be as the flight began"),
+        (at(0.1, "changes.0.value", 1), r"changes\[0\].path = 'changes.0.value': changes must be as the flight began"),
+        (at(0.1, "plant.gravity", -1), r"changes\[0\]: world.gravity = -1.0: must be at least 0"),
+        (at(0.1, "controller.law", "ind"), r"changes\[0\]: controller.law = 'ind': did you mean 'indi'\? must be a pr"),
+        (at(0.1, "controller.law", 3), r"changes\[0\]: controller.law = 3.0: must be the name of a preset, a law or"),
+        (at(0.1, "controller.law", "mine.py:make"), r"changes\[0\]: controller.law = 'mine.py:make': must not be a f"),
+        (at(0.1, "controller", {"law": "indi", "gain": 1}), r"changes\[0\]: controller.gain = 1: law 'indi' has no s"),
+        (at(0.1, "environment.wind", {"mode": "moving_ar"}), r"changes\[0\]: environment.wind.mode = 'moving_ar': di"),
+        (at(0.1, "environment.faults", [{"rotor": "nose", "effectiveness": 0.5}]), r"changes\[0\]: environment.fault"),
+        (at(0.1, "environment.ground", 1), r"changes\[0\]: environment.ground = 1.0: must be true or false"),
+        (at(0.1, "reference.joints", [0.1]), r"changes\[0\]: reference.joints = 1 signals: must be a list of 2"),
+        (at(0.1, "reference.base", {"kind": "circel"}), r"changes\[0\]: reference.base.kind = 'circel': did you mean"),
+    ],
+)  # fmt: skip
+def test_a_wrong_change_is_one_line(change: Any, words: str) -> None:
+    with pytest.raises(ScenarioError, match=f"^{words}") as caught:
+        changing(change)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_list_of_changes_is_a_list_and_the_wrong_one_is_named() -> None:
+    with pytest.raises(ScenarioError, match=r"^changes = 3: must be a list of tables$"):
+        scenario_from({**BASE, "changes": 3})
+    # wrong only because of an earlier one: by then another law flies, which has no such gain
+    fine = at(0.5, GAIN, 3.0)
+    changing(fine)
+    with pytest.raises(ScenarioError, match=r"^changes\[0\].path = 'controller.gains.position.x': no 'gains' here"):
+        changing(fine, at(0.4, "controller.law", "centroidal_joint"))
+
+
+def test_sensors_whose_readings_are_on_their_way_keep_their_clocks() -> None:
+
+    fix = NamedSensor(name="fix", sensor=Fix(rate=20.0, delay=0.01, sigma=0.01))
+    scenario = dataclasses.replace(scenario_from(BASE), instruments=(fix,))
+    louder = dataclasses.replace(scenario, changes=(Change(at=0.1, path="sensors.fix.sigma", value=0.1),))
+    require_changes(louder)
+    for path, value in (("sensors.fix.rate", 50.0), ("sensors.fix.delay", 0.02)):
+        with pytest.raises(ScenarioError, match=r"^changes\[0\]: sensors.fix.(frequency|latency) = .*readings are on"):
+            require_changes(dataclasses.replace(scenario, changes=(Change(at=0.1, path=path, value=value),)))
+
+
+@given(st.sampled_from([1, 7, 50, 100, 200, 333, 1000, 8000]), st.integers(0, 40_000))
+def test_a_change_takes_hold_in_the_first_period_that_does_not_begin_before_it(rate: int, k: int) -> None:
+    assert Change(at=k / rate, path="x", value=1).tick(rate) == k
+    later = math.nextafter(k / rate, math.inf)
+    assert Change(at=later, path="x", value=1).tick(rate) == k + 1
+    if k:
+        assert Change(at=math.nextafter(k / rate, 0.0), path="x", value=1).tick(rate) == k
+
+
+def test_without_changes_a_scenario_is_written_as_before() -> None:
+    scenario = scenario_from(BASE)
+    written = plain(scenario)
+    assert "changes" not in written
+    assert digest(plain(dataclasses.replace(scenario, changes=()))) == digest(written)
+    changed = changing(at(0.1, GAIN, 3))
+    assert identity(changed) != identity(scenario)
+    assert {name: value for name, value in plain(changed).items() if name != "changes"} == written
+
+
+def test_changes_are_written_into_plain_data_and_read_back() -> None:
+    scenario = changing(
+        at(0.1, GAIN, 3),
+        at(0.2, "controller", {"law": "ct_extrapolation", "delay_periods": 2, "safety": {"calm": math.inf}}),
+        at(0.3, "environment.faults", [{"rotor": "front", "effectiveness": 0.5}]),
+        at(0.4, "environment.ground", False),
+        at(0.5, "reference.yaw", 0.1),
+    )
+    again = restore(json.loads(json.dumps(plain(scenario))))
+    assert again == scenario
+    assert [type(each.value) for each in again.changes] == [float, dict, tuple, bool, float]
+
+
+def test_numbers_replace_each_other_and_do_not_add_up() -> None:
+    scenario = changing(
+        at(0.1, "plant.payload.mass", 0.1), at(0.2, "plant.payload.mass", 0.3), at(0.3, "plant.payload.mass", 0.0)
+    )
+    masses = [mass_of(stretch.overrides.of(scenario)) for stretch in stretches(scenario)]
+    own = mass_of(scenario_from(BASE))
+    assert masses == pytest.approx([own, own + 0.1, own + 0.3, own], abs=1e-12)
+
+
+def test_a_part_that_is_replaced_takes_its_numbers_along() -> None:
+    scenario = changing(
+        at(0.1, "environment.wind.force.0", 5.0),
+        at(0.2, GAIN, 7.0),
+        at(0.2, "model.gravity", 9.0),
+        at(0.3, "environment.wind", BREEZE),
+        at(0.3, "environment.wind.velocity.0", 2.0),
+        at(0.4, "controller.law", "paper_ct"),
+    )
+    began, *_, last = (stretch.overrides.of(scenario) for stretch in stretches(scenario))
+    assert overrides_at(scenario, 59).of(scenario).wind.force_W.x == 5.0  # type: ignore[attr-defined]
+    assert last.wind.velocity_W.x == 2.0  # type: ignore[attr-defined]
+    assert last.controller.par.gains.position.x == began.controller.par.gains.position.x != 7.0
+    assert last.controller.par.model.gravity == 9.0
+
+
+def test_at_one_instant_the_order_is_the_files() -> None:
+    """A change of 0.096 s and one of 0.1 s take hold in the same period of 5 ms."""
+    for first, second, wanted in ((3.0, 4.0, 4.0), (4.0, 3.0, 3.0)):
+        scenario = changing(at(0.1, GAIN, first), at(0.096, GAIN, second), at(0.02, GAIN, 9.0))
+        assert [stretch.start for stretch in stretches(scenario)] == [0, 4, 20]
+        assert overrides_at(scenario, 20).of(scenario).controller.par.gains.position.x == wanted
+
+
+def test_another_law_keeps_the_safety_layer_and_its_limits() -> None:
+    table = {**BASE["controller"], "safety": {"tilt": 0.5, "stow": [0.1, 0.0]}}
+    scenario = changing(at(0.1, "controller.law", "indi"), controller=table)
+    par = overrides_at(scenario, 50).of(scenario).controller.par
+    assert overrides_at(scenario, 50).of(scenario).controller.name == "guarded_indi"
+    assert (par.limits.tilt, par.recovery.stow) == (0.5, (0.1, 0.0))
+
+
+def test_a_controller_in_place_of_the_files_is_not_changed_by_the_file(tmp_path: Any) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(
+        with_changes_text(scenario_text("case1"), changing(at(0.1, GAIN, 3), at(0.2, "plant.gravity", 9.7)).changes)
+    )
+    assert [each.path for each in load_scenario(file).changes] == [GAIN, "plant.gravity"]
+    assert [each.path for each in load_scenario(file, controller="centroidal_tip").changes] == ["plant.gravity"]
+
+
+def test_a_shortened_flight_keeps_changes_that_do_not_come(tmp_path: Any) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(with_changes_text(scenario_text("case1"), changing(at(0.7, GAIN, 3)).changes))
+    short = load_scenario(file, duration=0.5)
+    assert [stretch.start for stretch in stretches(short)] == [0]
+    assert len(short.changes) == 1
+
+
+def test_what_a_change_sets_is_a_number_of_the_scenario() -> None:
+    scenario = changing(at(0.1, GAIN, 3), at(0.2, "controller.law", "indi"))
+    assert number_at(scenario, "changes.0.value") == 3.0
+    assert with_numbers(scenario, {"changes.0.value": 5.0}).changes[0].value == 5.0
+    with pytest.raises(ScenarioError, match=r"^path = 'changes.0.at': must be changes.NUMBER.value; when a change"):
+        number_at(scenario, "changes.0.at")
+    with pytest.raises(ScenarioError, match=r"^path = 'changes.1.value': must lead to a number, not to str"):
+        number_at(scenario, "changes.1.value")
+    with pytest.raises(ScenarioError, match=r"no '2' here"):
+        number_at(scenario, "changes.2.value")
+
+
+def test_numpy_numbers_and_tuples_are_held_as_plain_ones() -> None:
+    assert Change(at=np.float64(1), path="a", value=np.int64(3)) == Change(at=1.0, path="a", value=3.0)
+    assert Change(at=1, path="a", value=[1, (2.5, "x")]).value == (1, (2.5, "x"))
+    for wrong in (None, b"x", {1: 2}, {1}, object(), [None]):
+        with pytest.raises(ScenarioError, match=r"^value"):
+            Change(at=1.0, path="a", value=wrong)
+
+
+# saved text
+
+
+TEXT = scenario_text("case3_wind")
+CHANGES = (
+    Change(at=0.005, path=GAIN, value=1 / 3),
+    Change(at=2.0, path="controller", value={"law": "indi", "cutoff": 10.0, "safety": {"calm": math.inf}}),
+    Change(at=2.5, path="environment.faults", value=[{"rotor": "front", "effectiveness": 0.9}]),
+    Change(at=3.0, path="environment.ground", value=False),
+)
+
+
+def test_saved_text_loads_as_the_scenario_with_its_changes() -> None:
+    saved = with_changes_text(TEXT, CHANGES)
+    wanted = dataclasses.replace(load_scenario("case3_wind"), changes=CHANGES)
+    assert scenario_from(tomllib.loads(saved)) == wanted
+    assert saved.startswith(TEXT.rstrip("\n")), "comments and order stay"
+    # other changes take the place of those that the text has; none leave the file that it was
+    assert with_changes_text(saved, CHANGES) == saved
+    assert tomllib.loads(with_changes_text(saved, ())) == tomllib.loads(TEXT)
+    fewer = with_changes_text(saved, CHANGES[:1])
+    assert scenario_from(tomllib.loads(fewer)).changes == CHANGES[:1]
+
+
+@pytest.mark.parametrize("own", ['changes = [{ at = 1.0, path = "plant.gravity", value = 9.0 }]\n', ""])
+def test_changes_that_a_text_has_in_other_words_are_replaced_too(own: str) -> None:
+    text = own + TEXT
+    if not own:
+        text += '\n[[changes]]\nat = 1.0\npath = "environment.faults"\nvalue = [\n  [1, 2],\n]\n# [[changes]]\n'
+    saved = with_changes_text(text, CHANGES)
+    assert tomllib.loads(saved) == tomllib.loads(with_changes_text(TEXT, CHANGES))
+
+
+def test_what_was_said_beside_the_file_is_saved_too() -> None:
+    saved = with_changes_text(
+        TEXT, CHANGES[:1], name="saved", seed=7, duration=5.0, plant="mujoco", controller="paper_pd"
+    )
+    assert scenario_from(tomllib.loads(saved)).name == "saved"
+    wanted = load_scenario("case3_wind", seed=7, duration=5.0, plant="mujoco", controller="paper_pd")
+    found = scenario_from({**tomllib.loads(saved), "name": wanted.name, "changes": []})
+    assert found.windows == Windows(last=5.0), "windows of a flight of 30 s are general in one of 5 s"
+    assert dataclasses.replace(found, windows=wanted.windows) == wanted
+    for controller in ("indi_tuned", "centroidal", "exact_joint"):
+        text = with_changes_text(TEXT, (), controller=controller)
+        assert (
+            scenario_from(tomllib.loads(text)).controller
+            == load_scenario("case3_wind", controller=controller).controller
+        )
+    with pytest.raises(ScenarioError, match=r"^gravity = 3: must be left out; name, title, plant, controller, seed"):
+        with_changes_text(TEXT, (), gravity=3)
+    with pytest.raises(ScenarioError, match=r"^TOML = .*must be valid TOML"):
+        with_changes_text("a = = 3", ())
+
+
+plain_values = st.recursive(
+    st.booleans()
+    | st.integers(-(2**70), 2**70)
+    | st.floats(allow_nan=False)
+    | st.text(st.characters(exclude_categories=["Cs"])),
+    lambda inner: st.lists(inner) | st.dictionaries(st.text(st.characters(exclude_categories=["Cs"])), inner),
+    max_leaves=6,
+)
+
+
+@given(st.dictionaries(st.text(st.characters(exclude_categories=["Cs"])), plain_values))
+def test_any_tables_are_written_as_toml_and_read_back(document: dict[str, Any]) -> None:
+    assert tomllib.loads(toml_text(document)) == document
+
+
+def test_every_table_of_a_scenario_is_written_as_toml_and_read_back() -> None:
+    assert tomllib.loads(toml_text(FULL)) == FULL

@@ -1,0 +1,302 @@
+"""A scenario that changes in flight flies alike in a run, in a session led by hand, in Python floats and in a batch."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from added_components import RandomPush, same_logs
+from simulate_flights import document
+from skyarm import BatchSession, Scenario, ScenarioError, Session, run, scenario_from
+from skyarm.compile import leaves
+from skyarm.log.flight_log import Log
+from skyarm.scenario.changes import Change
+from skyarm.scenario.numbers import with_numbers
+from skyarm.sensors.noise import SensorNoise
+from skyarm.simulate.batch import Batch
+from skyarm.simulate.loop import run_in_python
+
+GAIN = "controller.gains.position.x"
+PAYLOAD = "plant.payload.mass"
+BASE = scenario_from(
+    document("case3_wind", duration=0.3, sensors={"position": 0.001}, delays={"measurement": 0.005, "command": 0.002})
+)
+WIND = {"mode": "moving_air", "velocity": [3.0, 0.0, 0.0], "turbulence": {"altitude": 6.0, "wind_20ft": 7.7}}
+CHANGES = (
+    Change(at=0.05, path=GAIN, value=3.0),
+    Change(at=0.101, path="controller.law", value="centroidal_tip"),
+    Change(at=0.15, path=PAYLOAD, value=0.05),
+    Change(at=0.2, path=PAYLOAD, value=0.02),
+    Change(at=0.15, path="reference.base", value={"kind": "hover", "position": [0.0, 0.0, 1.2]}),
+    Change(at=0.2, path="environment.wind", value=WIND),
+)
+
+
+def changing(*changes: Change, base: Scenario = BASE) -> Scenario:
+    return dataclasses.replace(base, changes=changes)
+
+
+def by_hand(scenario: Scenario) -> Session:
+    """A session of the scenario without its changes, which a hand makes at their instants."""
+    session = Session(dataclasses.replace(scenario, changes=()))
+    coming = sorted(scenario.changes, key=lambda change: change.at)
+    while True:
+        while coming and coming[0].at <= session.time:
+            session.change({coming[0].path: coming[0].value})
+            coming = coming[1:]
+        if not session.step():
+            return session
+
+
+def equal(a: Log, b: Log, rows: slice) -> bool:
+    ours, theirs = a.arrays(), b.arrays()
+    return all(ours[name][rows].tobytes() == theirs[name][rows].tobytes() for name in ours)
+
+
+@pytest.fixture(scope="module")
+def flown() -> Log:
+    return run(changing(*CHANGES))
+
+
+@pytest.fixture(scope="module")
+def still() -> Log:
+    return run(BASE)
+
+
+def test_a_run_is_a_session_led_by_hand_and_the_session_says_how_to_fly_it_again(flown: Log) -> None:
+    session = by_hand(changing(*CHANGES))
+    assert same_logs(session.log, flown)
+    plan = session.plan
+    assert [(c.path, c.value) for c in plan.changes] == [
+        (c.path, c.value) for c in sorted(CHANGES, key=lambda change: change.at)
+    ]
+    assert [c.at for c in plan.changes] == [0.05, 0.105, 0.15, 0.15, 0.2, 0.2]
+    # what a log keeps is flown again from the log alone
+    again = session.log.scenario
+    assert again == plan
+    assert same_logs(run(again), flown)
+
+
+def test_a_run_in_python_floats_has_the_same_bits(flown: Log) -> None:
+    assert same_logs(run_in_python(changing(*CHANGES)), flown)
+
+
+def test_mujocos_plant_flies_changes_as_a_session_of_it_does() -> None:
+    pytest.importorskip("mujoco")
+    scenario = dataclasses.replace(changing(*CHANGES), plant="mujoco")
+    log = run(scenario)
+    assert same_logs(by_hand(scenario).log, log)
+    assert log.status == "completed"
+    assert not np.array_equal(log.position, run(dataclasses.replace(scenario, changes=())).position)
+
+
+def test_a_log_has_the_references_and_the_wind_that_held_in_each_period(flown: Log, still: Log) -> None:
+    assert flown.position_held[[29, 30], 2].tolist() == [1.0, 1.2]
+    assert flown.position_reference[[29, 30], 2].tolist() == [1.0, 1.2]
+    assert flown.tool_held[30, 2] - flown.tool_held[29, 2] == pytest.approx(0.2)
+    assert flown.wind_force[[0, 39, 40], 0].tolist() == [still.wind_force[0, 0]] * 2 + [0.0]
+    assert flown.air_velocity[39].tolist() == still.air_velocity[39].tolist()
+    assert flown.air_velocity[40, 0] > 1.5
+
+
+@pytest.mark.parametrize("k", [0, 1, 7, 59])
+def test_until_a_change_takes_hold_nothing_is_other(k: int, still: Log) -> None:
+    """The state at the beginning of its period still is the old one; the command of that period is the new law's."""
+    log = run(changing(Change(at=k / 200, path=GAIN, value=30.0)))
+    assert equal(log, still, slice(k))
+    assert log.position[k].tobytes() == still.position[k].tobytes()
+    assert not np.array_equal(log.rotor_commands[k], still.rotor_commands[k])
+
+
+def test_a_change_at_the_beginning_is_a_scenario_with_that_number() -> None:
+    """But for the start, which is that of the scenario as it began: hover trim does not depend on a gain."""
+    assert same_logs(run(changing(Change(at=0.0, path=GAIN, value=3.0))), run(with_numbers(BASE, {GAIN: 3.0})))
+    heavy = run(changing(Change(at=0.0, path=PAYLOAD, value=0.1)))
+    assert heavy.rotor_speeds[0].tobytes() == run(BASE).rotor_speeds[0].tobytes()
+
+
+def test_a_change_to_what_it_was_changes_nothing(still: Log) -> None:
+    own = float(BASE.controller.par.gains.position.x)
+    changes = (Change(at=0.1, path=GAIN, value=own), Change(at=0.2, path=PAYLOAD, value=0.0))
+    assert same_logs(run(changing(*changes)), still)
+
+
+def test_a_fault_that_a_change_brings_is_a_fault_with_that_start() -> None:
+    """Another mechanism for the same flight: what a fault leaves is counted from its own start."""
+    fault = {"rotor": "front", "effectiveness": 0.8}
+    wanted = scenario_from(document("case3_wind", duration=0.3, environment__faults=[{**fault, "start": 0.1}]))
+    bare = dataclasses.replace(wanted, faults=())
+    found = run(changing(Change(at=0.1, path="environment.faults", value=[fault]), base=bare))
+    assert found.position == pytest.approx(run(wanted).position, abs=1e-12)
+    assert not np.allclose(found.position[40:], run(bare).position[40:], atol=1e-6)
+
+
+def test_a_force_that_a_change_sets_is_a_gust_with_that_start() -> None:
+    wind = {"mode": "force_wind", "force": [2.0, 0.0, 0.0]}
+    gust = {"force": [1.0, 0.0, 0.0], "start": 0.1, "duration": 5.0}
+    wanted = run(scenario_from(document("case3_wind", duration=0.3, environment__wind={**wind, "gust": gust})))
+    bare = scenario_from(document("case3_wind", duration=0.3, environment__wind=wind))
+    found = run(changing(Change(at=0.1, path="environment.wind.force.0", value=3.0), base=bare))
+    assert found.position == pytest.approx(wanted.position, abs=1e-12)
+    assert found.wind_force.tolist() == wanted.wind_force.tolist()
+
+
+def test_a_payload_that_is_dropped_leaves_the_vehicle_as_it_was() -> None:
+    session = Session(changing(Change(at=0.05, path=PAYLOAD, value=0.1), Change(at=0.1, path=PAYLOAD, value=0.0)))
+    masses = []
+    while session.step():
+        masses.append(session.scenario.world.vehicle.links[-1].body.mass)
+    own = BASE.world.vehicle.links[-1].body.mass
+    assert set(masses[:9]) == {own} == set(masses[19:])
+    assert masses[9:19] == pytest.approx([own + 0.1] * 10)
+    # by hand too: a slider sets the payload, and does not pile it up
+    session = Session(BASE)
+    for mass in (0.1, 0.2, 0.05):
+        session.change({PAYLOAD: mass})
+    assert session.scenario.world.vehicle.links[-1].body.mass == pytest.approx(own + 0.05)
+
+
+def test_what_is_added_begins_anew_and_what_was_there_goes_on() -> None:
+    """A push on top: turbulence blows on, though other components stand behind it now."""
+    windy = dataclasses.replace(scenario_from(document("case3_wind", duration=0.3, environment__wind=WIND)))
+    session = Session(windy)
+    for _ in range(20):
+        session.step()
+    wind = session._engine.now.components[0]
+    session.replace(dataclasses.replace(windy, forces=(RandomPush(sigma=0.1),)))
+    assert session._engine.now.components[0] == wind
+    push = session._engine.now.components[1]
+    session.step()
+    session.replace(dataclasses.replace(windy, air=windy.air, forces=(RandomPush(sigma=0.1), RandomPush(sigma=0.2))))
+    assert leaves(session._engine.now.components[1]) != leaves(push) or not leaves(push)
+    assert len(session._engine.now.components) == 3
+
+
+def test_changes_of_a_hand_join_those_of_the_scenario_and_a_snapshot_goes_behind_both() -> None:
+    session = Session(changing(Change(at=0.2, path=GAIN, value=9.0)))
+    for _ in range(10):
+        session.step()
+    held = session.snapshot()
+    session.change({GAIN: 5.0, "controller.law": "paper_pd"})
+    with pytest.raises(ScenarioError, match=r"^path = 'controller.gain': no 'gain' here"):
+        session.change({"plant.gravity": 9.0, "controller.gain": 1.0})
+    log = session.run()
+    assert [(c.at, c.path) for c in session.plan.changes] == [(0.05, GAIN), (0.05, "controller.law"), (0.2, GAIN)]
+    assert same_logs(run(session.plan), log)
+    session.restore(held)
+    assert session.scenario.changes == (Change(at=0.2, path=GAIN, value=9.0),)
+    assert same_logs(session.run(), run(changing(Change(at=0.2, path=GAIN, value=9.0))))
+
+
+def test_progress_is_told_of_a_flight_that_changes() -> None:
+    told: list[tuple[int, int]] = []
+    run(changing(CHANGES[0]), lambda done, total: told.append((done, total)))
+    assert told[0] == (0, 60)
+    assert told[-1] == (60, 60)
+    assert sorted(told) == told
+
+
+def test_an_ending_after_a_change_says_when_and_under_which_number() -> None:
+    log = run(changing(Change(at=0.1, path="plant.vehicle.links.0.joint.upper", value=-0.5)))
+    assert (log.status, log.info["end_time"], log.time.size) == ("joint_limit", 0.1, 20)
+    assert "0.5" in log.info["cause"]
+
+
+# batches
+
+
+PATHS = (GAIN, "plant.vehicle.base.mass", "changes.3.value", "environment.wind.force.0")
+
+
+@pytest.fixture(scope="module")
+def batch() -> Batch:
+    return Batch(changing(*CHANGES), PATHS, metrics=("standard",), bit_exact=True, log_every=7, effort=0)
+
+
+VALUES = {
+    GAIN: np.array([4.0, 5.0, 6.0]),
+    "plant.vehicle.base.mass": np.array([0.55, 0.6, 0.65]),
+    "changes.3.value": np.array([0.02, 0.06, 0.01]),
+    "environment.wind.force.0": np.array([2.0, 1.0, 3e4]),
+}
+
+
+def test_a_batch_is_a_loop_of_runs(batch: Batch) -> None:
+    """Lane 2 is blown away, and ends by itself while the others fly on under other laws."""
+    outcome = batch.fly(VALUES, seed=3)
+    assert outcome.log is not None
+    for k in range(3):
+        numbers = {path: float(column[k]) for path, column in VALUES.items()}
+        log = run(dataclasses.replace(with_numbers(changing(*CHANGES), numbers), seed=3, episode=k))
+        assert (outcome.status[k], outcome.end_time[k]) == (log.status, log.info["end_time"])
+        rows = slice(0, log.time.size, 7)
+        for ours, theirs in (
+            (outcome.log.state.position.z, log.position[rows, 2]),
+            (outcome.log.state.joints[1], log.joints[rows, 1]),
+            (outcome.log.command.rotor_speeds[0], log.rotor_commands[rows, 0]),
+            (outcome.log.reference.position.z, log.position_held[rows, 2]),
+        ):
+            assert np.array(ours)[k, : theirs.size].tobytes() == np.ascontiguousarray(theirs).tobytes()
+        if log.status == "completed":
+            error = np.linalg.norm(log.position - log.position_held, axis=1)[20:]  # after the first third
+            assert outcome.metrics["position_error_mean"][k] == pytest.approx(error.mean(), rel=1e-12)
+    assert list(outcome.status[:2]) == ["completed"] * 2
+    assert outcome.status[2] != "completed"
+
+
+def test_what_a_change_sets_wins_over_the_lanes_own_number_and_may_vary_itself(batch: Batch) -> None:
+    same = {path: np.full(2, column[0]) for path, column in VALUES.items()}
+    wanted = np.array(batch.fly(same, episodes=np.zeros(2, int)).state.position.x)
+    # another gain of the start: the flight is another; from the new law on it is not asked any more
+    assert wanted[0] == wanted[1]
+    for path, value in ((GAIN, 9.0), ("changes.3.value", 0.2)):
+        column = same[path].copy()
+        column[1] = value
+        found = np.array(batch.fly(same | {path: column}, episodes=np.zeros(2, int)).state.position.x)
+        assert found[0] == wanted[0]
+        assert found[1] != wanted[1]
+
+
+def test_changes_that_differ_in_numbers_alone_share_their_code() -> None:
+    many = [Change(at=0.01 * k, path=GAIN, value=4.0 + 0.1 * k) for k in range(1, 25)]
+    found = Batch(changing(*many), metrics=("standard",), bit_exact=True, effort=0)
+    assert len({id(leg.code) for leg in found._legs}) == 2
+    outcome = found.fly({}, episodes=np.array([0]), seed=BASE.seed)
+    assert np.array(outcome.state.position.x)[0] != run(BASE).position[-1, 0]
+
+
+@pytest.mark.parametrize(
+    ("path", "change", "words"),
+    [
+        (PAYLOAD, Change(at=0.1, path=PAYLOAD, value=0.1), r"adds to changes\[0\].path = 'plant.payload.mass'; vary"),
+        (
+            "model.vehicle.base.mass",
+            CHANGES[1],
+            r"must not vary, since the law of changes\[0\].path = 'controller.law'",
+        ),
+    ],
+)
+def test_what_code_for_all_lanes_cannot_do_is_refused(path: str, change: Change, words: str) -> None:
+    with pytest.raises(ScenarioError, match=rf"^path = '{path}': {words}"):
+        Batch(changing(change), (path,))
+
+
+def test_lanes_whose_change_cannot_be_are_refused(batch: Batch) -> None:
+    wrong = VALUES | {"changes.3.value": np.array([0.02, -9.0, 0.01])}
+    with pytest.raises(ScenarioError, match=r"^values\['changes.3.value'\] = -9 \(lane 1\): "):
+        batch.fly(wrong)
+
+
+def test_lanes_that_are_stepped_have_no_changes() -> None:
+    with pytest.raises(ScenarioError, match=r"^changes: must be left out for lanes that are stepped; set\(\) gives"):
+        BatchSession(changing(CHANGES[0]), 2)
+
+
+def test_noise_that_a_change_turns_up_is_drawn_from_then_on() -> None:
+    quiet = dataclasses.replace(BASE, sensors=SensorNoise())
+    log = run(changing(Change(at=0.1, path="sensors.position", value=0.01), base=quiet))
+    noise = np.abs(log.measured_position - log.position).max(axis=1)
+    assert not noise[:20].any()
+    assert noise[20:].min() > 0.0
