@@ -62,13 +62,13 @@ test-lowest: $(LOWEST)/.installed
 docs: $(VENV)/.test
 	$(BIN)/pytest tests/test_readme.py tests/test_docs*.py tests/openness
 
-WIND = case3_wind --controller paper_pd,paper_ct,centroidal_tip_stiff --title "A circle in 2 N of wind: the paper's Case 3" \
-	--label "PD, the baseline" --label "CT, the paper's law" --label "centroidal, tip mode"
+WIND := case3_wind --controller paper_pd,paper_ct,centroidal_tip_stiff --label PD --label CT --label "centroidal law" \
+	--title "A circle in 2 N of wind: the paper's Case 3"
 
 films: $(VENV)/.test
 	$(BIN)/python -m skyarm film $(WIND) docs/images/laws_in_wind.webp --layout over --camera fixed --fine \
 		--stop 15 --speed 1.5 --size 800x450 --fps 15
-	$(BIN)/python -m skyarm film $(WIND) docs/images/laws_in_wind.mp4
+	$(BIN)/python -m skyarm film $(WIND) docs/images/laws_in_wind.mp4 --size 960x540
 
 fresh:
 	$(PYTHON) tests/release.py build
