@@ -72,31 +72,46 @@ def perform(
     Raises:
         ValueError, OSError: one line.
     """
-    from skyarm.files import output_file, require_writable
-    from skyarm.film.make_film import make_film
+    from skyarm.files import output_file, require_writable, taken_back
     from skyarm.film.recording import SUFFIXES, import_viser, record, save_recording
     from skyarm.film.video_files import require_film_format
 
     path = Path(file)
     folder = bool(file) and (not path.suffix or path.is_dir() or file.endswith("/"))
-    films = not folder and require_film_format(path, SUFFIXES) is not None
-    if not films:
+    with taken_back(path if folder else path.parent):
+        if not folder:
+            films = require_film_format(path, SUFFIXES) is not None if file else False
+            output_file(file, "FILE")
+        else:
+            films = False
+            require_writable(file)
+        if films:
+            made = _filmed(flights, path, settings, controllers, labels)
+            return [f"film: {_sized(made)}"]
         import_viser()
-    logs = list(_logs(flights, controllers, settings))
-    if not folder:
-        output_file(file, "FILE")
-    if films:
-        with bar("filming", console) as advance:
-            made = make_film(
-                logs, path, settings, labels=labels, progress=lambda done, total: advance(done, total, "frames")
+        logs = _logs(flights, controllers, settings)
+        with bar("recording", console) as advance:
+            recording = record(
+                logs, settings, labels=labels, progress=lambda done, total: advance(done, total, "frames")
             )
-        return [f"film: {_sized(made)}"]
-    with bar("recording", console) as advance:
-        recording = record(logs, settings, labels=labels, progress=lambda done, total: advance(done, total, "frames"))
-    if folder:
-        require_writable(file)
-    lines = [f"recording: {_sized(each)}" for each in save_recording(recording, path)]
+        lines = [f"recording: {_sized(each)}" for each in save_recording(recording, path)]
     return [*lines, f"to see it: python -m http.server --bind 127.0.0.1 --directory {file} 8000"] if folder else lines
+
+
+def _filmed(
+    flights: Sequence[str], path: Path, settings: Any, controllers: Sequence[str] | None, labels: Sequence[str] | None
+) -> Path:
+    """Film into one file; that nothing can be drawn here is said before anything is flown."""
+    from skyarm.film.make_film import make_film
+    from skyarm.film.offscreen import offscreen
+
+    with offscreen():
+        pass
+    logs = _logs(flights, controllers, settings)
+    with bar("filming", console) as advance:
+        return make_film(
+            logs, path, settings, labels=labels, progress=lambda done, total: advance(done, total, "frames")
+        )
 
 
 def _logs(flights: Sequence[str], controllers: Sequence[str] | None, settings: Any) -> list[Any]:

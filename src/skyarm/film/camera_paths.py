@@ -37,6 +37,9 @@ def _axes_of_view() -> Array:
 
 _VIEW = _axes_of_view()
 
+FLAT = 0.4
+"""Height of a flying vehicle over its width, at its usual tilts."""
+
 LEAVES = 6.0
 """Reaches of a vehicle: farther from its desired position a following camera lets it go."""
 
@@ -135,9 +138,10 @@ def _to_see(places: Array, margin: float, aspect: float) -> float:
     """Distance from which balls about places (N, 3), told from the middle of the picture, are inside it."""
     across, upwards, away = (places @ _VIEW).T
     slope = math.tan(math.radians(0.5 * FIELD_OF_VIEW))
+    # upwards a vehicle is flat, and its discs do not stand on their edges
     needed = [
-        (np.abs(off) + margin * math.hypot(1.0, edge)) / edge - away
-        for off, edge in ((across, slope * aspect), (upwards, slope))
+        (np.abs(off) + margin * share * math.hypot(1.0, edge)) / edge - away
+        for off, edge, share in ((across, slope * aspect, 1.0), (upwards, slope, FLAT))
     ]
     return float(np.max(needed))
 

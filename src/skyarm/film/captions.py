@@ -48,7 +48,7 @@ class Captions:
             if self._times[k] >= flight.end:
                 self._write(found, box, flight.lost, LOST, NUMBER_SIZE)
             else:
-                self._write(found, box, f"tip {error_words(float(flight.error[k]))}", INK, NUMBER_SIZE)
+                self._write(found, box, f"tip error {error_words(float(flight.error[k]))}", INK, NUMBER_SIZE)
         if self._strip is not None and self._layout.plot is not None:
             self._put_cursor(found, self._strip, self._layout.plot, k)
         return found
@@ -71,7 +71,7 @@ class Captions:
         bar = max(2, round(6.0 * self._layout.scale))
         color = np.round(255.0 * np.array(flight.color)).astype(np.uint8)
         self._blank[box.top : box.top + box.height, box.left : box.left + bar] = color
-        number = round(min(172.0 * self._layout.scale, 0.45 * box.width))
+        number = round(min(225.0 * self._layout.scale, 0.52 * box.width))
         name = Box(box.left + bar, box.top, box.width - bar - number, box.height)
         self._write(self._blank, name, flight.label, tuple(int(c) for c in color), NAME_SIZE, align="left", bold=True)
         return Box(box.left + box.width - number, box.top, number, box.height)

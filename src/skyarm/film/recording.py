@@ -34,11 +34,11 @@ SUFFIXES = ("viser", "html")
 
 RECORDING_NAME, PLAYER_NAME = "flight.viser", "index.html"
 
-WORDS_PER_SECOND = 5.0
+WORDS_PER_SECOND = 2.0
 """How often the numbers beside a vehicle change."""
 
-ASPECT = 16.0 / 9.0
-"""Of the window for which the camera is placed."""
+ASPECT = 1.0
+"""Of the window for which the camera is placed: a phone's is narrower, a screen's wider."""
 
 GRID = (208, 212, 218)
 
@@ -264,7 +264,7 @@ def _surroundings(
     seconds = (times - times[0]) / settings.speed
     path = CAMERAS["fixed" if settings.camera == "follow" else settings.camera](flights, seconds, ASPECT)
     wide = float(np.linalg.norm(shifts[-1] - shifts[0]))
-    eye, target = _eye(path, centre, 0.5 * wide)
+    eye, target = _eye(path, 0.5 * wide)
     server.initial_camera.position, server.initial_camera.look_at = tuple(eye), tuple(target)
     server.initial_camera.fov = np.radians(FIELD_OF_VIEW)
     server.initial_camera.up = (0.0, 0.0, 1.0)
@@ -283,11 +283,11 @@ def _shifts(flights: Sequence[FilmedFlight], settings: FilmSettings) -> list[Arr
     return [apart * (i - middle) * right for i in range(len(flights))]
 
 
-def _eye(path: CameraPath, centre: Array, wider: float) -> tuple[Array, Array]:
+def _eye(path: CameraPath, wider: float) -> tuple[Array, Array]:
     """Place of the camera and what it looks at, at the first frame."""
     azimuth, elevation = np.radians(path.azimuth[0]), np.radians(path.elevation[0])
     along = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
-    target = np.array([centre[0], centre[1], path.look_at[0][2]])
+    target = path.look_at[0]
     return target - (path.distance[0] + wider) * along, target
 
 
