@@ -37,8 +37,10 @@ OWN_FILES = {
 }
 """Page -> its own file of tests, which has its name."""
 ELSEWHERE |= OWN_FILES
-if "command_line.md" in PAGES:
-    ELSEWHERE["command_line.md"] = ("tests/cli/test_machine_output.py",)
+OTHERS = {"command_line.md": ("tests/cli/test_machine_output.py",), "films.md": ("tests/film/test_films_page.py",)}
+ELSEWHERE |= {name: tests for name, tests in OTHERS.items() if name in PAGES}
+TABLES = {("scenario_files.md", "toml"): "tests/test_docs.py", ("sweeps.md", "toml"): "tests/test_docs_pictures.py"}
+"""Page and language of tables without a name -> the file of tests that reads them."""
 
 SECONDS = 0.5
 """Length of a flight whose numbers the page does not show."""
@@ -95,7 +97,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-SLOW = {"first_flight.md", "reading_margins.md", "sweeps.md", "troubleshooting.md", "your_law.md"}
+SLOW = {"first_flight.md", "reading_margins.md", "scenario_files.md", "sweeps.md", "troubleshooting.md", "your_law.md"}
 SLOW |= {name for name in WITH_CODE if name.startswith("laws/")} - {"laws/indi.md"}
 """Seconds each: `make docs` runs them."""
 
@@ -128,12 +130,19 @@ def test_no_block_of_code_is_left_out() -> None:
         for name in PAGES
         if name not in ELSEWHERE
         for block in own_blocks(name)
-        if block.language not in ways and not block.title and (name, block.language) != ("scenario_files.md", "toml")
+        if block.language not in ways and not block.title and (name, block.language) not in TABLES
     ]
     assert unrun == []
     assert {name for name, text in PAGES.items() if name not in ELSEWHERE and indented(text)} == set()
     shown = sum(len(blocks(text)) for text in PAGES.values())
     assert shown > 110
+
+
+@pytest.mark.parametrize(("page", "language"), TABLES)
+def test_tables_without_a_name_have_tests_that_read_them(page: str, language: str) -> None:
+    text = (ROOT / TABLES[page, language]).read_text("utf-8")
+    assert page in text
+    assert f"```{language}" in text or f'"{language}"' in text
 
 
 @pytest.mark.parametrize(("name", "tests"), ELSEWHERE.items(), ids=list(ELSEWHERE))
