@@ -110,8 +110,8 @@ def player_page(recording: str | None = None) -> str:
     if recording is None:
         return page
     script = (
-        "<script>if(!new URLSearchParams(location.search).has('playbackPath'))"
-        f"history.replaceState(null,'','?playbackPath='+{json.dumps(recording)});</script>"
+        "<script>{const words=new URLSearchParams(location.search);if(!words.has('playbackPath')){"
+        f"words.set('playbackPath',{json.dumps(recording)});history.replaceState(null,'','?'+words)}}}}</script>"
     )
     return page.replace("</head>", f"{script}</head>", 1)
 
