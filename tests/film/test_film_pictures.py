@@ -80,6 +80,17 @@ def test_hull_and_tip_of_vehicle_and_ghost_are_drawn_where_a_pinhole_sees_them(c
                     np.testing.assert_allclose(centre_of_change(drawn, nothing), wanted, atol=1.0)
 
 
+def test_a_panel_is_drawn_where_it_stands_in_the_frame() -> None:
+    (one,) = filmed("paper_pd")
+    path = CAMERAS["fixed"]([one], TIMES, WIDTH / HEIGHT)
+    drawn = []
+    for solids in (only(vehicle_solids(one), "hull"), []):
+        panels = [Panel(30, 50, WIDTH, HEIGHT, path, solids, lambda _k: [])]
+        with open_stage(panels, WIDTH + 70, HEIGHT + 60) as stage:
+            drawn.append(stage.draw(9).astype(int))
+    np.testing.assert_allclose(centre_of_change(*drawn), pixel(path, 9, one.position[9]) + np.array([30, 50]), atol=1.0)
+
+
 def test_the_vehicle_moves_in_the_picture() -> None:
     """Without this the test above could pass on a flight that hangs still."""
     (one,) = filmed("paper_pd")
