@@ -86,7 +86,7 @@ mutants: $(VENV)/.test
 	$(BIN)/python tests/mutation/mutants.py score
 
 bench: $(VENV)/.core
-	$(BIN)/python -m skyarm bench --json $(BENCH)
+	$(BIN)/python -m skyarm bench --out $(BENCH)
 
 hooks: $(VENV)/.test
 	$(BIN)/python $(PIP) -c constraints.txt pre-commit

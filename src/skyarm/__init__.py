@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from skyarm.environment import Air, Fault, Force, ForceWind, Gust, MovingAir, Payload, Wrench
     from skyarm.estimate.estimator import Estimator
     from skyarm.figures.flight_plot import plot
+    from skyarm.figures.metric_figure import plot_sweep
+    from skyarm.figures.vehicle_drawing import vehicle_drawing
     from skyarm.log.flight_log import Log
     from skyarm.log.formats import LogFormat, load_log, save_log
     from skyarm.metrics.metric import Metric
@@ -50,6 +52,7 @@ if TYPE_CHECKING:
     from skyarm.simulate.batch import Batch
     from skyarm.simulate.batch_session import BatchSession
     from skyarm.simulate.loop import run
+    from skyarm.simulate.replay import replay
     from skyarm.simulate.session import Session
     from skyarm.sweep.fly_sweep import fly_sweep
     from skyarm.sweep.study import StudyError
@@ -77,6 +80,8 @@ _ROOMS = {
     "skyarm.environment": ("Air", "MovingAir", "Fault", "Force", "Gust", "Payload", "ForceWind", "Wrench"),
     "skyarm.estimate.estimator": ("Estimator",),
     "skyarm.figures.flight_plot": ("plot",),
+    "skyarm.figures.metric_figure": ("plot_sweep",),
+    "skyarm.figures.vehicle_drawing": ("vehicle_drawing",),
     "skyarm.log.flight_log": ("Log",),
     "skyarm.log.formats": ("LogFormat", "load_log", "save_log"),
     "skyarm.metrics.metric": ("Metric",),
@@ -98,6 +103,7 @@ _ROOMS = {
     "skyarm.simulate.batch": ("Batch",),
     "skyarm.simulate.batch_session": ("BatchSession",),
     "skyarm.simulate.loop": ("run",),
+    "skyarm.simulate.replay": ("replay",),
     "skyarm.simulate.session": ("Session",),
     "skyarm.sweep.fly_sweep": ("fly_sweep",),
     "skyarm.sweep.study": ("StudyError",),
@@ -182,13 +188,16 @@ __all__ = [
     "momentum",
     "normals",
     "plot",
+    "plot_sweep",
     "preset",
     "register",
+    "replay",
     "reproduce",
     "run",
     "save_log",
     "scenario_from",
     "score",
+    "vehicle_drawing",
     "with_numbers",
 ]
 

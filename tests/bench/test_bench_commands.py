@@ -23,7 +23,7 @@ def test_show_counts_operations():
 def test_a_file_that_cannot_be_written_is_said_before_anything_is_measured(tmp_path: Path):
     blocked = tmp_path / "file"
     blocked.write_text("in the way")
-    done = shell("bench", "--quick", "--json", str(blocked / "bench.json"))
+    done = shell("bench", "--quick", "--out", str(blocked / "bench.json"))
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "must be writable" in done.stderr
@@ -33,4 +33,4 @@ def test_bench_has_help():
     done = shell("bench", "--help")
     assert done.returncode == 0
     assert "--quick" in done.stdout
-    assert "--json" in done.stdout
+    assert "--out" in done.stdout

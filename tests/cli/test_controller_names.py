@@ -99,7 +99,7 @@ def test_an_unknown_name_is_refused_with_all_there_are(folder: Path, command: tu
 
 
 def test_the_list_is_written_as_data(folder: Path) -> None:
-    ended = skyarm("list", "--json", "l.json")
+    ended = skyarm("list", "--out", "l.json")
     assert ended.code == 0, ended.err
     found = json.loads((folder / "l.json").read_text())
     assert [each["name"] for each in found["presets"]] == list(PRESETS)
@@ -119,18 +119,18 @@ def test_a_device_is_written_into_and_a_link_is_followed(folder: Path) -> None:
     os.mkfifo(folder / "pipe")
     reader = os.open(folder / "pipe", os.O_RDONLY | os.O_NONBLOCK)
     try:
-        assert skyarm("list", "--json", "pipe").code == 0
+        assert skyarm("list", "--out", "pipe").code == 0
         assert (folder / "pipe").is_fifo(), "replaced by a file"
         assert os.read(reader, 10).startswith(b"{")
     finally:
         os.close(reader)
     (folder / "link.json").symlink_to("target.json")
-    assert skyarm("list", "--json", "link.json").code == 0
+    assert skyarm("list", "--out", "link.json").code == 0
     assert (folder / "link.json").is_symlink()
     assert json.loads((folder / "target.json").read_text())["schema"] == 1
     (folder / "loop").symlink_to("loop")
-    refused(skyarm("list", "--json", "loop"), "file = 'loop': must be writable", "symbolic links")
-    refused(skyarm("list", "--json", ""), "--json = '': must be the path of a file")
+    refused(skyarm("list", "--out", "loop"), "file = 'loop': must be writable", "symbolic links")
+    refused(skyarm("list", "--out", ""), "--out = '': must be the path of a file")
 
 
 @pytest.mark.parametrize(
@@ -150,7 +150,7 @@ def test_a_device_is_written_into_and_a_link_is_followed(folder: Path) -> None:
         (("basin", "case1", "--rate", "1e300"), "rate = 1e+300: must be from 0 to 1000"),
         (("basin", "case1", "--speed", "nan"), "speed = nan: must be from 0 to 1000"),
         (("export-c", "case1", "--out", "x.c", "--rate", "1e300"), "--rate = 1e+300: must be from 0.001 to 1000000 Hz"),
-        (("bench", "--json", ""), "--json = ''"),
+        (("bench", "--out", ""), "--out = ''"),
     ],
 )
 def test_numbers_beyond_any_use_are_refused(folder: Path, arguments: tuple[str, ...], words: str) -> None:

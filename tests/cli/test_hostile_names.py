@@ -75,8 +75,8 @@ COMMANDS: list[tuple[str, ...]] = [
     ("run", "flight.toml", "--duration", "0.02", "--out", "out"),
     ("export-c", "paper_ct", "--vehicle", "evil.toml", "--out", "law.c"),
     ("export-c", "flight.toml", "--out", "law.c"),
-    ("margins", "flight.toml", "--instants", "0", "--json", f"{EVIL}.json"),
-    ("list", "--json", f"{EVIL}.json"),
+    ("margins", "flight.toml", "--instants", "0", "--out", f"{EVIL}.json"),
+    ("list", "--out", f"{EVIL}.json"),
 ]
 
 
@@ -111,7 +111,7 @@ REFUSED: list[tuple[str, ...]] = [
     ("reproduce", "--plant", EVIL),
     ("export-c", EVIL, "--out", "x.c"),
     ("export-c", "paper_ct", "--vehicle", "evil.toml", "--name", EVIL, "--out", "x.c"),
-    ("bench", "--json", f"{EVIL}/"),
+    ("bench", "--out", f"{EVIL}/"),
     ("cache", EVIL),
 ]
 

@@ -120,7 +120,7 @@ def test_compare_flies_it_beside_others_and_refuses_another_file(folder, plant):
 
 
 def test_margins_and_basin_take_it(folder):
-    ran("margins", "case3", "--controller", LAW, "--instants", "0", "--json", "margins.json")
+    ran("margins", "case3", "--controller", LAW, "--instants", "0", "--out", "margins.json")
     found = json.loads((folder / "margins.json").read_text())
     assert (found["controller"], found["plugins"]) == ("lqr", {"own_law.py": DIGEST})
     radii = [each["radius"] for each in found["instants"][0]["lag"].values()]

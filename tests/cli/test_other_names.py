@@ -122,7 +122,7 @@ def test_the_command_line_says_the_new_name_in_one_line_and_nothing_of_an_alias(
 
 
 def test_the_list_shows_aliases(folder: Path) -> None:
-    ended = skyarm("list", "--json", "l.json")
+    ended = skyarm("list", "--out", "l.json")
     found = {each["name"]: each for each in json.loads((folder / "l.json").read_text())["presets"]}
     assert found["centroidal_tip_stiff"]["aliases"] == ["exact_ee_stiff"]
     assert found["paper_ct"]["aliases"] == []

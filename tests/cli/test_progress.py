@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
+import time
 
 from rich.console import Console
 
@@ -40,6 +41,56 @@ def test_nothing_stops_when_nobody_reads_any_more(monkeypatch):
     monkeypatch.setattr(sys, "stderr", Gone())
     with progress.bar("flying", Console(file=io.StringIO()), 0.0) as advance:
         advance(1, 2, "")
+
+
+class Screen(io.StringIO):
+    """A terminal."""
+
+    def isatty(self):
+        return True
+
+
+def test_a_bar_moves_on_standard_error_where_only_that_is_a_terminal(monkeypatch):
+    screen, out = Screen(), io.StringIO()
+    monkeypatch.setattr(sys, "stderr", screen)
+    monkeypatch.setenv("TERM", "xterm")
+    with progress.bar("flying", Console(file=out), 0.0) as advance:
+        advance(1, 2, "case")
+    assert "flying" in screen.getvalue()
+    assert not out.getvalue()
+
+
+def test_what_cannot_be_counted_is_a_line_after_a_while_and_none_before(monkeypatch):
+    for pause, wanted in ((0.01, ["skyarm: counting ..."]), (30.0, [])):
+        errors = io.StringIO()
+        monkeypatch.setattr(sys, "stderr", errors)
+        with progress.waiting("counting", Console(file=io.StringIO()), pause):
+            time.sleep(0.1)
+        assert errors.getvalue().splitlines() == wanted
+
+
+def test_steps_of_what_cannot_be_counted_are_said_now_and_then(monkeypatch):
+    errors = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", errors)
+    with progress.waiting("measuring", Console(file=io.StringIO()), 0.0) as at:
+        at("speed")
+    assert errors.getvalue().splitlines()[-1] == "skyarm: measuring: speed"
+    screen = Screen()
+    monkeypatch.setenv("TERM", "xterm")
+    with progress.waiting("measuring", Console(file=screen, force_terminal=True)) as at:
+        at("[s]")
+    assert "measuring" in screen.getvalue()
+
+
+def test_nothing_is_shown_where_nothing_was_wanted(monkeypatch):
+    errors, screen = io.StringIO(), Screen()
+    monkeypatch.setattr(sys, "stderr", errors)
+    monkeypatch.setattr(progress, "is_quiet", lambda: True)
+    with progress.bar("flying", Console(file=screen, force_terminal=True), 0.0) as advance:
+        advance(1, 2, "")
+    with progress.waiting("waiting", Console(file=screen, force_terminal=True), 0.0) as at:
+        at("x")
+    assert (errors.getvalue(), screen.getvalue()) == ("", "")
 
 
 def test_a_terminal_gets_a_bar_and_no_lines(monkeypatch):

@@ -42,7 +42,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_margins_are_printed_and_written(folder: Path) -> None:
-    ended = skyarm("margins", "short.toml", "--controller", "paper_ct", "--instants", "1", "--json", "m.json")
+    ended = skyarm("margins", "short.toml", "--controller", "paper_ct", "--instants", "1", "--out", "m.json")
     assert ended.code == 0, ended.err
     assert "hybrid_computed_torque in short" in ended.out
     assert "hover" in ended.out
@@ -55,7 +55,7 @@ def test_margins_are_printed_and_written(folder: Path) -> None:
 
 
 def test_margins_keep_their_digits_within_78_columns(folder: Path) -> None:
-    ended = skyarm("margins", "short.toml", "--controller", "paper_ct", "--instants", "1", "--json", "m.json")
+    ended = skyarm("margins", "short.toml", "--controller", "paper_ct", "--instants", "1", "--out", "m.json")
     lines = ended.out.splitlines()
     assert max(len(line) for line in lines) <= 78
     head, hover, flying = (line.split() for line in lines[1:4])
@@ -153,7 +153,7 @@ def test_wrong_words_are_one_line(folder: Path) -> None:
 
 
 def test_the_margins_of_the_centroidal_law_hold_its_slow_adaptation(folder: Path) -> None:
-    ended = skyarm("margins", "case3", "--controller", "centroidal_tip", "--instants", "2", "--json", "m.json")
+    ended = skyarm("margins", "case3", "--controller", "centroidal_tip", "--instants", "2", "--out", "m.json")
     assert ended.code == 0, ended.err
     assert "adaptation of load and friction is held" in ended.out
     found = json.loads((folder / "m.json").read_text())
@@ -192,15 +192,15 @@ def test_the_limits_of_the_command_are_those_of_the_flights(folder: Path) -> Non
 
 def test_a_file_without_a_name_is_refused_before_anything_is_done(folder: Path) -> None:
     for words in (
-        ("margins", "short.toml", "--json", ""),
-        ("bench", "--json", ""),
+        ("margins", "short.toml", "--out", ""),
+        ("bench", "--out", ""),
     ):
-        refused(skyarm(*words), "--json = '': must be the path of a file")
+        refused(skyarm(*words), "--out = '': must be the path of a file")
     export = ("export-c", "paper_ct", "--vehicle", "hummingbird_arm2")
     refused(skyarm(*export, "-o", ""), "--out = '': must be the path of a file")
     (folder / "there").mkdir()
     refused(skyarm(*export, "-o", "there"), "there is a folder of this name")
-    refused(skyarm("margins", "short.toml", "--json", "there"), "there is a folder of this name")
+    refused(skyarm("margins", "short.toml", "--out", "there"), "there is a folder of this name")
 
 
 @pytest.mark.parametrize("rate", ["1e300", "1e-300"])

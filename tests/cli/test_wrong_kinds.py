@@ -107,7 +107,7 @@ def test_a_name_of_any_letters_works_wherever_it_becomes_a_file_name(folder: Pat
     for words in (
         ("run", "f.toml", "--duration", "0.1"),
         ("run", "f.toml", "--duration", "0.1"),
-        ("margins", "f.toml", "--instants", "0", "--json", f"{NAME}.json"),
+        ("margins", "f.toml", "--instants", "0", "--out", f"{NAME}.json"),
         ("basin", "f.toml", "--flights", "16", "--workers", "1"),
         ("export-c", "f.toml", "-o", f"{NAME}.c"),
         ("sweep", "y.toml", "--workers", "1"),

@@ -9,6 +9,7 @@ import numpy as np
 from skyarm.compare.ablations import COLUMNS, WHOLE, ablation_head, ablation_rows
 from skyarm.compare.cells import Cell
 from skyarm.compare.comparison_page import GROUPS, comparison_page, main_tables
+from skyarm.compare.comparison_tables import report
 from skyarm.compare.entrants import ENTRANTS
 from skyarm.compare.suite import CASES, conditions
 from skyarm.compare.summary import SUCCESS_METRIC, table
@@ -112,3 +113,19 @@ def test_the_table_of_costs_says_its_case():
 
 def test_the_picture_takes_the_whole_width_of_the_page():
     assert '<figure class="wide"><img alt="words"' in comparison_page(made(), ENTRANTS, EVERY, {"words": b"png"})
+
+
+def test_a_comparison_is_called_by_its_laws():
+    found = made()
+    for laws, title in (
+        (LAWS, "All laws compared"),
+        (["paper_pd", "paper_ct"], "paper_pd against paper_ct"),
+        (["paper_pd", "paper_ct", LAWS[-1]], "3 laws compared"),
+        ([LAWS[-1]], LAWS[-1]),
+    ):
+        chosen = {name: ENTRANTS[name] for name in laws}
+        text = comparison_page(found, chosen, EVERY, {})
+        assert f"<h1>{title}</h1>" in text
+        assert f"<title>{title}</title>" in text
+        assert report(found, chosen, EVERY).startswith(f"# {title}\n\n## perfect")
+        assert (f"{len(laws)} laws" in text) == (len(laws) > 1)

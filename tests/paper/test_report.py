@@ -1,4 +1,4 @@
-"""The report: whole, offline, escaped, and every number in it."""
+"""The report: whole, offline, escaped, folded, linked, and every number in it."""
 
 from __future__ import annotations
 
@@ -15,10 +15,12 @@ import pytest
 
 from logs_synthetic import CASES, WINDOWS, all_logs, synthetic_log
 from skyarm.figures import paper_figures
-from skyarm.figures.embed import plot_script
+from skyarm.paper.published import TITLES
+from skyarm.paper.report.report_frame import MAIN, page_script
 from skyarm.paper.report.report_headlines import CLAIMS, meets, ordered, tally
 from skyarm.paper.report.report_markup import bound_cell, difference_cell, number_cell, shown
-from skyarm.paper.report.report_page import report_html
+from skyarm.paper.report.report_opening import MOST_FILM, Opening
+from skyarm.paper.report.report_page import report_pages
 from skyarm.paper.variations import GROUPS, variations
 
 VOID = {"meta", "link", "img", "br", "hr", "input", "col"}
@@ -106,37 +108,147 @@ def some_sensitivity() -> dict[str, Any]:
 REASONS = {"case1": {"CT": {"position_error_mean": "because <i>x</i> & y"}}}
 
 
+PICTURE = Opening(picture=b"\x89PNG", caption="a path & an error")
+
+
 @pytest.fixture(scope="module")
-def source() -> str:
+def sources() -> dict[str, str]:
     logs = all_logs()
     figures = paper_figures({"case1": logs["rigid_body"]["case1"]}, WINDOWS)
-    return report_html(some_results(), some_sensitivity(), logs, REASONS, figures)
+    further = {"Beyond": '<p><a href="compare/report.html">its page</a></p>'}
+    return report_pages(some_results(), some_sensitivity(), logs, REASONS, figures, further, PICTURE)
 
 
 @pytest.fixture(scope="module")
-def page(source: str) -> Page:
-    return Page(source)
+def source(sources: dict[str, str]) -> str:
+    """All pages in a row."""
+    return "".join(sources.values())
 
 
-def test_page_is_balanced_html_with_the_landmarks(source: str, page: Page) -> None:
-    assert source.startswith("<!DOCTYPE html>")
+@pytest.fixture(scope="module")
+def pages(sources: dict[str, str]) -> dict[str, Page]:
+    return {name: Page(text) for name, text in sources.items()}
+
+
+@pytest.fixture(params=[MAIN, *(f"{case}.html" for case in CASES)])
+def name(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture
+def page(pages: dict[str, Page], name: str) -> Page:
+    """Each page in turn."""
+    return pages[name]
+
+
+@pytest.fixture(scope="module")
+def main(pages: dict[str, Page]) -> Page:
+    return pages[MAIN]
+
+
+def whole(*given: Any) -> Page:
+    """All pages of a report, read as one: the first, then what stands in the others."""
+    read = [Page(text) for text in report_pages(*given).values()]
+    for other in read[1:]:
+        for each in ("tags", "addresses", "values"):
+            getattr(read[0], each).extend(getattr(other, each))
+        read[0].text += other.text
+    return read[0]
+
+
+def test_there_is_a_page_for_each_case_and_one_that_leads_to_them(sources: dict[str, str]) -> None:
+    assert list(sources) == [MAIN, *(f"{case}.html" for case in CASES)]
+
+
+def test_page_is_balanced_html_with_the_landmarks(sources: dict[str, str], name: str, page: Page) -> None:
+    assert sources[name].startswith("<!DOCTYPE html>")
     tags = [tag for tag, _ in page.tags]
-    assert all(tags.count(name) == 1 for name in ("html", "head", "body", "main", "header", "nav", "h1", "title"))
+    assert all(tags.count(each) == 1 for each in ("html", "head", "body", "main", "header", "h1", "title"))
+    assert [held["aria-label"] for tag, held in page.tags if tag == "nav"] == ["Pages", "Contents"]
     assert len(page.ids) == len(set(page.ids))
     assert dict(page.tags[0][1])["lang"] == "en"
 
 
-def test_contents_lead_to_sections_that_exist(page: Page) -> None:
+def test_contents_lead_to_sections_that_exist(name: str, page: Page) -> None:
     targets = [address[1:] for address in page.addresses if address.startswith("#")]
-    assert len(targets) >= 8
+    assert len(targets) >= (5 if name == MAIN else 2)
     assert set(targets) <= set(page.ids)
     labels = [held["aria-labelledby"] for tag, held in page.tags if tag == "section"]
+    assert len(labels) == len(targets) - 1  # and a link that skips to the content
     assert set(labels) <= set(page.ids)
+
+
+def test_every_page_links_every_other_and_no_link_is_dead(pages: dict[str, Page], name: str, page: Page) -> None:
+    linked = {address for address in page.addresses if not address.startswith(("#", "data:"))}
+    beside = {"compare/report.html"} if name == MAIN else set()
+    assert linked == (set(pages) - {name}) | beside
+    assert [held["aria-current"] for _, held in page.tags if "aria-current" in held] == ["page"]
+
+
+def test_details_are_folded_and_what_comes_first_is_not(sources: dict[str, str], name: str, page: Page) -> None:
+    assert not any("open" in held for tag, held in page.tags if tag == "details")
+    assert sum(tag == "details" for tag, _ in page.tags) >= (4 if name == MAIN else 1)
+    unfolded = re.sub(r"<details>.*?</details>", "", re.sub(r"<script.*?</script>", "", sources[name], flags=re.DOTALL),
+                      flags=re.DOTALL)  # fmt: skip
+    while "<details>" in unfolded:
+        unfolded = re.sub(r"<details>(?:(?!<details>).)*?</details>", "", unfolded, flags=re.DOTALL)
+    # a row takes 27 px or two lines of 44: what is open fits into some screens of 800
+    assert unfolded.count("<tr") < 40
+    body = unfolded[unfolded.index("<body") :]
+    first = body.index("<figure") if name == MAIN else body.index("data-plot")
+    assert body.index("<h1") < first < body.index("<table")
+
+
+def test_nothing_is_wider_than_a_telephone_but_in_a_box_of_its_own(sources: dict[str, str], page: Page) -> None:
+    boxes = [held for tag, held in page.tags if tag == "div" and held.get("class") == "table"]
+    assert len(boxes) == sum(tag == "table" for tag, _ in page.tags)
+    assert all(held.get("tabindex") == "0" for held in boxes), "scrolled by keys, too"
+    assert ".table { overflow-x: auto;" in page.styles
+    assert not any(name in held for _, held in page.tags for name in ("width", "style", "nowrap"))
+    widths = re.findall(r"(?<![-\w])(?:min-)?width: ([\d.]+)rem", page.styles)
+    assert [width for width in widths if float(width) > 21.0] == ["40"], "of pictures in a box that scrolls"
+    assert ".single { overflow-x: auto; } .single img { width: 40rem;" in page.styles
+
+
+def test_a_printed_page_has_no_folds_and_clips_nothing(page: Page) -> None:
+    printed = page.styles[page.styles.index("@media print") :]
+    assert "details::details-content { display: block; content-visibility: visible;" in printed
+    assert ".table { overflow: visible;" in printed
+    assert "@page { size: A4;" in printed
+    assert 'addEventListener("beforeprint"' in page.scripts[""]
+
+
+def test_the_report_opens_with_its_verdict_and_a_picture(main: Page, sources: dict[str, str]) -> None:
+    source = sources[MAIN]
+    assert source.index('class="lead"') < source.index('class="single opening"') < source.index('<nav aria-label="Con')
+    assert main.text.count("a path & an error") == 1
+    assert 'alt="a path &amp; an error"' in source
+
+
+def test_a_film_stands_before_the_picture_and_gives_way_to_it_where_nothing_may_move() -> None:
+    film = dataclasses.replace(PICTURE, film=b"RIFF", film_caption="it flies")
+    read = Page(report_pages(some_results(), {}, {}, {}, None, None, film)[MAIN])
+    images = [(held["alt"], str(held["src"])[:16]) for tag, held in read.tags if tag == "img"]
+    assert images == [("it flies", "data:image/webp;"), ("a path & an error", "data:image/png;b")]
+    assert ".moves .single { display: none; }" in read.styles
+    assert "prefers-reduced-motion: reduce) { .moves .film { display: none; } .moves .single { display: block; }" in (
+        read.styles
+    )
+    long = dataclasses.replace(film, film=b"x" * (MOST_FILM + 1))
+    read = Page(report_pages(some_results(), {}, {}, {}, None, None, long)[MAIN])
+    assert [held["alt"] for tag, held in read.tags if tag == "img"] == ["a path & an error"]
+
+
+def test_one_word_stands_for_the_tip(source: str) -> None:
+    text = re.sub(r"<script.*?</script>", "", source, flags=re.DOTALL)
+    assert "Tip error, mean" in text
+    assert not re.search(r"end[- ]effector|\btool\b|\bEE\b", text, re.IGNORECASE)
 
 
 def test_nothing_is_loaded_from_a_network(page: Page) -> None:
     assert page.addresses
-    assert all(address.startswith(("#", "data:image/png;base64,")) for address in page.addresses)
+    local = re.compile(r"#|data:image/png;base64,|(compare/)?[a-z0-9_]+\.html$")
+    assert all(local.match(address) for address in page.addresses)
     assert not re.search(r"@import|url\(", page.styles)
     assert not any(tag in ("link", "iframe", "object", "embed", "base", "form") for tag, _ in page.tags)
 
@@ -150,30 +262,30 @@ def test_the_browser_itself_is_told_to_refuse_the_network(page: Page) -> None:
 
 def test_the_browser_runs_the_page_s_own_script_and_no_other(source: str, page: Page) -> None:
     own = page.scripts[""]
-    assert own == plot_script()
+    assert own == page_script()
     (policy,) = [str(held["content"]) for _, held in page.tags if held.get("http-equiv") == "Content-Security-Policy"]
     digest = base64.b64encode(hashlib.sha256(own.encode()).digest()).decode()
     assert re.findall(r"script-src ([^;]*)", policy) == [f"'sha256-{digest}'"]
     assert "\r" not in source, "a browser reads line ends as \\n before it takes the digest"
 
 
-def test_text_carries_no_address(source: str, page: Page) -> None:
+def test_text_carries_no_address(sources: dict[str, str], name: str, page: Page) -> None:
     """The only one is the name of SVG in the script, which nothing is loaded from."""
-    assert re.findall(r"https?://[^\"'\s<]*", source) == ["http://www.w3.org/2000/svg"]
+    assert re.findall(r"https?://[^\"'\s<]*", sources[name]) == ["http://www.w3.org/2000/svg"]
     assert "http://www.w3.org/2000/svg" in page.scripts[""]
 
 
-def test_every_number_of_the_results_appears(page: Page) -> None:
-    written = set(page.values)
-    for controllers in some_results()["experiments"].values():
+def test_every_number_of_the_results_appears_on_the_page_of_its_case(pages: dict[str, Page]) -> None:
+    for case, controllers in some_results()["experiments"].items():
+        written = set(pages[f"{case}.html"].values)
         for cells in controllers.values():
             for cell in cells.values():
                 for value in cell.values():
                     assert value is None or math.isnan(value) or repr(value) in written
 
 
-def test_every_number_of_the_sensitivity_appears(page: Page) -> None:
-    assert {"0.0111222", "0.0333444", "0.0555666", "0.7", "0.0777888"} <= set(page.values)
+def test_every_number_of_the_sensitivity_appears(main: Page) -> None:
+    assert {"0.0111222", "0.0333444", "0.0555666", "0.7", "0.0777888"} <= set(main.values)
 
 
 def test_missing_and_not_finite_numbers_are_dashes(page: Page) -> None:
@@ -183,10 +295,10 @@ def test_missing_and_not_finite_numbers_are_dashes(page: Page) -> None:
     assert not re.search(r"\b(nan|NaN|None|inf)\b", page.text)
 
 
-def test_text_from_outside_is_escaped(source: str, page: Page) -> None:
-    assert "because <i>x</i> & y" in page.text
+def test_text_from_outside_is_escaped(source: str, pages: dict[str, Page]) -> None:
+    assert "because <i>x</i> & y" in pages["case1.html"].text
     assert "<i>" not in re.sub(r"<script.*?</script>", "", source, flags=re.DOTALL)
-    assert "<b>&\"'" in page.text
+    assert "<b>&\"'" in pages[MAIN].text
 
 
 def test_hostile_names_do_not_become_markup() -> None:
@@ -196,13 +308,13 @@ def test_hostile_names_do_not_become_markup() -> None:
     sensitivity = {evil: {evil: {evil: {evil: {evil: 1.0}}}}}
     reasons = {evil: {evil: {evil: evil}}}
     logs = {evil: {evil: {evil: synthetic_log("case1", evil, evil, seconds=0.5)}}}
-    read = Page(report_html(results, sensitivity, logs, reasons))
+    read = whole(results, sensitivity, logs, reasons)
     assert not any(tag == "img" for tag, _ in read.tags)
-    assert all(address.startswith("#") for address in read.addresses)
+    assert all(re.fullmatch(r"#[\w-]+|report\.html|_img_src_http_x_script_\.html", a) for a in read.addresses)
 
 
 def test_empty_inputs_make_a_whole_page() -> None:
-    read = Page(report_html({"schema": 1, "experiments": {}, "settings": {}}, {}, {}, {}))
+    read = whole({"schema": 1, "experiments": {}, "settings": {}}, {}, {}, {})
     assert "No variation was flown." in read.text
     assert "No static figures were drawn." in read.text
 
@@ -214,13 +326,13 @@ def test_a_plant_that_was_not_flown_is_dashes_not_an_error() -> None:
             for cell in cells.values():
                 del cell["mujoco"]
     logs = {"rigid_body": all_logs()["rigid_body"]}
-    read = Page(report_html(results, {}, logs, {}))
+    read = Page(report_pages(results, {}, logs, {})[MAIN])
     assert "mujoco: " not in read.text.split("Verdict")[0]
 
 
-def test_plots_have_data_and_descriptions(page: Page) -> None:
+def test_plots_have_data_and_descriptions(name: str, page: Page) -> None:
     holders = [held for _, held in page.tags if "data-plot" in held]
-    assert len(holders) == len(CASES) + 2
+    assert len(holders) == (2 if name == "case3.html" else 1)
     for held in holders:
         spec = json.loads(page.scripts[str(held["data-plot"])])
         assert spec["curves"]
@@ -228,17 +340,34 @@ def test_plots_have_data_and_descriptions(page: Page) -> None:
         assert held["aria-label"]
 
 
-def test_the_damping_plot_shows_the_published_level(page: Page) -> None:
-    name = str([held["data-plot"] for _, held in page.tags if "data-plot" in held][-1])
-    curves = {curve["name"]: curve for curve in json.loads(page.scripts[name])["curves"] if curve["panel"] == 1}
+def test_the_damping_plot_shows_the_published_level(main: Page) -> None:
+    name = str([held["data-plot"] for _, held in main.tags if "data-plot" in held][-1])
+    curves = {curve["name"]: curve for curve in json.loads(main.scripts[name])["curves"] if curve["panel"] == 1}
     assert curves["CT, paper"]["y"] == [0.016, 0.016, 0.016]
     assert curves["CT"]["y"] == [0.0111222, 0.0555666, None]
 
 
-def test_static_figures_have_alternative_text(page: Page) -> None:
-    images = [held for tag, held in page.tags if tag == "img"]
-    assert len(images) == 3
-    assert [str(held["alt"]).split(".")[0] for held in images] == ["Figure 3", "Figure 4", "Figure 5"]
+def test_static_figures_stand_with_their_case_and_have_alternative_text(pages: dict[str, Page]) -> None:
+    images = {name: [str(held["alt"]).split(".")[0] for tag, held in page.tags if tag == "img"] for name, page in
+              pages.items()}  # fmt: skip
+    assert images.pop("case1.html") == ["Figure 3", "Figure 4", "Figure 5"]
+    assert images.pop(MAIN) == ["a path & an error"]
+    assert set(map(tuple, images.values())) == {()}
+
+
+def test_every_figure_says_what_it_shows(page: Page) -> None:
+    assert [tag for tag, _ in page.tags].count("figure") == [tag for tag, _ in page.tags].count("figcaption") > 0
+    for tag, held in page.tags:
+        assert tag != "img" or str(held["alt"]) in page.text, "the caption says it, too"
+        assert "data-plot" not in held or str(held["aria-label"]) in page.text
+
+
+def test_the_caption_of_flights_names_their_case_and_what_is_drawn(pages: dict[str, Page]) -> None:
+    for case in CASES:
+        (found, *_) = [str(held["aria-label"]) for _, held in pages[f"{case}.html"].tags if "data-plot" in held]
+        assert found.startswith(
+            f"{TITLES[case]}: errors of base, joints and tip, roll and pitch over time, on rigid_body"
+        )
 
 
 def test_tables_have_captions_and_scoped_headings(page: Page) -> None:
@@ -247,16 +376,16 @@ def test_tables_have_captions_and_scoped_headings(page: Page) -> None:
     assert all(held.get("scope") in ("col", "row", "rowgroup") for tag, held in page.tags if tag == "th")
 
 
-def test_twins_against_the_continuous_reference_are_collapsed(source: str) -> None:
-    collapsed = re.findall(r"<details>.*?</details>", source, flags=re.DOTALL)
-    inside = [block for block in collapsed if "continuous reference</abbr>" in block]
-    assert len(inside) == len(CASES)
-    outside = re.sub(r"<details>.*?</details>", "", source, flags=re.DOTALL)
-    assert "continuous reference</abbr>" not in outside
+def test_twins_against_the_continuous_reference_are_collapsed_twice(sources: dict[str, str]) -> None:
+    for case in CASES:
+        source = sources[f"{case}.html"]
+        at = source.index("continuous reference</abbr>")
+        assert source[:at].count("<details>") - source[:at].count("</details>") == 2
+        assert "continuous reference</abbr>" not in source[: source.index("<details>")]
 
 
-def test_page_stays_small(source: str) -> None:
-    assert len(source.encode()) < 3_000_000
+def test_page_stays_small(sources: dict[str, str]) -> None:
+    assert all(len(source.encode()) < 1_000_000 for source in sources.values())
 
 
 def test_difference_is_relative_signed_and_graded_without_colour() -> None:
@@ -287,7 +416,8 @@ def test_numbers_have_three_significant_digits_and_a_typographic_minus() -> None
 def test_published_numbers_keep_their_printed_digits() -> None:
     cells = {"position_error_mean": {"paper": 0.04, "rigid_body": 0.0349, "mujoco": 0.0349}}
     cells["pitch_rms"] = {"paper": 0.5, "rigid_body": 0.4, "mujoco": 0.4}
-    page = report_html({"schema": 1, "experiments": {"case1": {"CT": cells}}, "settings": {}}, {}, {}, {})
+    results = {"schema": 1, "experiments": {"case1": {"CT": cells}}, "settings": {}}
+    page = report_pages(results, {}, {}, {})["case1.html"]
     assert '<data value="0.04">0.040</data>' in page
     assert '<data value="0.5">0.500</data>' in page, "a number that is not the printed one is not shown as if it were"
 
@@ -306,8 +436,9 @@ def test_captions_name_the_plant_that_flew() -> None:
                 cell["rigid_body"] = None
     logs = {"mujoco": all_logs()["mujoco"]}
     figures = paper_figures({"case1": logs["mujoco"]["case1"]}, WINDOWS)
-    read = Page(report_html(results, some_sensitivity(), logs, {}, figures))
+    read = whole(results, some_sensitivity(), logs, {}, figures)
     assert "Layout of the paper, mujoco plant" in read.text
+    assert "main numbers, mujoco, as stated" in read.text
     assert "assumed joint damping, mujoco; dotted" in read.text
     assert "Joint damping [N m s/rad], mujoco; bold" in read.text
     # what is left are the headings of its empty columns and the lead, which says what the plants are
@@ -319,7 +450,7 @@ def test_captions_name_the_plant_that_flew() -> None:
 def test_the_order_of_the_plants_decides_which_is_first() -> None:
     results = some_results()
     results["settings"]["plants"] = ["mujoco", "rigid_body"]
-    assert "assumed joint damping, mujoco" in report_html(results, some_sensitivity(), {}, {})
+    assert "assumed joint damping, mujoco" in report_pages(results, some_sensitivity(), {}, {})[MAIN]
 
 
 def test_every_group_of_variations_has_a_title() -> None:
@@ -330,7 +461,7 @@ def test_an_episode_that_ended_early_is_named() -> None:
     log = synthetic_log("case1", "rigid_body", "PD", seconds=3.0)
     ended = {**log.info, "status": "joint_limit", "cause": "joint 2 < limit", "end_time": 3.0}
     logs = {"rigid_body": {"case1": {"PD": dataclasses.replace(log, info=ended)}}}
-    read = Page(report_html(some_results(), {}, logs, {}))
+    read = Page(report_pages(some_results(), {}, logs, {})[MAIN])
     assert "1 of 1 episodes ended early" in read.text
     assert "joint_limit at 3 s, joint 2 < limit" in read.text
 

@@ -34,13 +34,18 @@ def _few(plants: Any, *, workers: int = 1, progress: Any = None) -> Campaign:
     return campaign
 
 
+def _film(flown: Any) -> tuple[bytes, str]:
+    """In place of a film: what it is drawn from."""
+    return b"RIFF", f"a film of {', '.join(flown)}: {', '.join(flown['case3'])}"
+
+
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any], list[str]]:
     folder = tmp_path_factory.mktemp("paper") / "made" / "here"
     notes: list[str] = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(room, "run_campaign", _few)
-        table = skyarm.reproduce(folder, plants=("rigid_body",), note=notes.append)
+        table = skyarm.reproduce(folder, plants=("rigid_body",), note=notes.append, film=_film)
     return folder, table, notes
 
 
@@ -51,12 +56,21 @@ def _no_constant(name: str) -> float:
 def test_every_promised_file_is_there_and_nothing_else(written: tuple[Path, dict[str, Any], list[str]]) -> None:
     folder, _, notes = written
     wanted = {"results.json", "sensitivity.json", "beyond.json", "table2.md", "inference.md", "report.html"}
+    wanted |= {f"{case}.html" for case in CASES} | {"film.webp"}
     wanted |= {f"figures/figure_{i:02d}.png" for i in range(3, 19)} | {"figures/overview.png"}
     wanted |= {f"logs/rigid_body/{case}_{controller}.npz" for case in CASES for controller in ("CT", "PD")}
     assert {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()} == wanted
     assert all((folder / name).stat().st_size > 0 for name in wanted)
     assert len(notes) == 4
     assert notes[0].startswith("30 flights in ")
+
+
+def test_the_report_opens_with_the_film_of_its_flights(written: tuple[Path, dict[str, Any], list[str]]) -> None:
+    folder, _, _ = written
+    assert (folder / "film.webp").read_bytes() == b"RIFF"
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert '<img src="data:image/webp;base64,UklGRg==" alt="a film of case1, ' in page
+    assert ": CT, PD" in page
 
 
 def test_results_json_is_what_the_call_returns_and_strict(written: tuple[Path, dict[str, Any], list[str]]) -> None:

@@ -15,7 +15,7 @@ from skyarm.figures.robustness import robustness_figure
 from skyarm.sweep import StudyError, run_sweep
 from skyarm.sweep.maps import Axis, RobustnessMap, axis, robustness_maps, success_map
 from skyarm.sweep.stats import Rows, parse_limits, statistics
-from skyarm.sweep.study_page import page
+from skyarm.sweep.study_page import Pictures, page
 from sweeps import MASS, WIND, read, small_study
 
 pytest.importorskip("pyarrow")
@@ -185,7 +185,7 @@ class Tags(HTMLParser):
 def test_the_page_needs_nothing_else_and_escapes_what_a_file_says(folder: Path) -> None:
     rows = Rows(folder)
     images = {each.controller: image_bytes(robustness_figure(each), dpi=40) for each in robustness_maps(rows)}
-    text = page(statistics(rows), rows.manifest, images)
+    text = page(statistics(rows), rows.manifest, Pictures(maps=images))
     assert "http:" not in text
     assert "https:" not in text
     tags = Tags()
@@ -197,7 +197,7 @@ def test_the_page_needs_nothing_else_and_escapes_what_a_file_says(folder: Path) 
     (policy,) = [held["content"] for _, held in tags.found if held.get("http-equiv") == "Content-Security-Policy"]
     assert str(policy).startswith("default-src 'none'")
     assert "&lt;b&gt;&quot;mass&quot;&lt;/b&gt;" in text
-    for word in ("paper_ct", "paper_pd", "position_error_mean", MASS, "ground", "position_error_mean at most 0.25"):
+    for word in ("paper_ct", "paper_pd", "position_error_mean", MASS, "ground", "mean position error at most 0.25 m"):
         assert word in text
 
 
@@ -208,4 +208,4 @@ def test_a_study_of_one_controller_and_no_survivor_still_makes_a_page(tmp_path: 
     assert found["controllers"]["paper_ct"]["metrics"]["roll_rms"] is None
     assert found["paired"] == {}
     assert robustness_maps(rows) == []
-    assert "0.00%" in page(found, rows.manifest, {})
+    assert "0.00%" in page(found, rows.manifest, Pictures())

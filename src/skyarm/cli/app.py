@@ -3,13 +3,31 @@
 from __future__ import annotations
 
 import os
-from typing import Annotated
+from collections.abc import Callable
+from typing import Annotated, Any
 
 import typer
 
+from skyarm.cli.machine_output import with_output_options
 from skyarm.cli.terminal import Terminal
 
-app = typer.Typer(
+
+class Program(typer.Typer):
+    """A program whose every command takes ``--json`` and ``--quiet``, those of plugins too."""
+
+    def command(self, name: str | None = None, **options: Any) -> Callable[[Any], Any]:
+        """Join a function to the program; it is given back as it is."""
+        join = super().command
+
+        def joined(function: Callable[..., Any]) -> Callable[..., Any]:
+            called = name or function.__name__.rstrip("_").replace("_", "-")
+            join(name, **options)(with_output_options(called, function))
+            return function
+
+        return joined
+
+
+app = Program(
     name="skyarm",
     help="Aerial manipulation: multirotors that carry robot arms.",
     add_completion=False,

@@ -6,6 +6,8 @@ import json
 
 from rich.console import Console
 
+from skyarm.cli.machine_output import give
+from skyarm.cli.progress import waiting
 from skyarm.files import output_file, write_atomically
 
 
@@ -17,9 +19,10 @@ def bench(name: str | None, quick: bool, console: Console) -> None:
     """
     from skyarm.bench.bench_report import measure, text
 
-    file = None if name is None else output_file(name, "--json")
-    with console.status("measuring") as status:
-        found = measure(quick=quick, progress=lambda what: status.update(f"measuring: {what}"))
+    file = None if name is None else output_file(name, "--out")
+    with waiting("measuring", console) as at:
+        found = measure(quick=quick, progress=at)
+    give(found)
     console.print(text(found), soft_wrap=True)
     if file is not None:
         write_atomically(file, (json.dumps(found, indent=1) + "\n").encode())

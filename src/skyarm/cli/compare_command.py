@@ -9,9 +9,10 @@ from typing import Any
 from rich.console import Console
 
 from skyarm.cli.lines import say
+from skyarm.cli.machine_output import give
 from skyarm.cli.progress import bar
 from skyarm.compare.comparison import SUITE, Comparison, fly_comparison, prepare
-from skyarm.compare.comparison_tables import report
+from skyarm.compare.comparison_tables import report, title_of
 from skyarm.compare.entrants import ENTRANTS, Entrant, entrant_name, own_entrant
 from skyarm.compare.overwrites import replaced, require_same_plugins
 from skyarm.compare.own_scenario import fly_own, own_flights, own_report
@@ -63,6 +64,7 @@ def compare(
         require_same_plugins(comparison.flights(), folder / "cells")
         with bar(suite, console, pause=0.0) as advance:
             found = fly_comparison(comparison, folder, threads=threads, progress=advance)
+    give(found, folder=folder, title=title_of(list(entrants)))
     console.print(report(found, entrants, flown), soft_wrap=True)
     console.print(f"comparison in {folder}: report.html, tables.md, results.json, laws.png", soft_wrap=True)
 
@@ -88,6 +90,7 @@ def _on_scenario(name: str, out: str, laws: str | None, *, console: Console, thr
         require_same_plugins(flights, folder / "cells")
         with bar(flights[0].case.name, console, pause=0.0) as advance:
             found = fly_own(flights, folder, threads=threads, progress=advance)
+    give(found, folder=folder, title=title_of([each.entrant.name for each in flights]))
     console.print(own_report(found), soft_wrap=True)
     console.print(f"comparison in {folder}: tables.md, results.json", soft_wrap=True)
 

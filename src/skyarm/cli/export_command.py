@@ -8,6 +8,7 @@ from pathlib import Path
 from skyarm import __version__
 from skyarm.actuation import AllocationError
 from skyarm.cli.lines import say_if_many
+from skyarm.cli.machine_output import give
 from skyarm.control.catalogue import choices, is_named, make_named, meant
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model
@@ -77,6 +78,16 @@ def export(
     generator = ", ".join([f"skyarm {__version__}", *(f"{name} {each}" for name, each in identities().items())])
     exported = export_c(chosen, name=name or _identifier(title), period=period, single=single, generator=generator)
     write_atomically(written, exported.text.encode("ascii"))
+    give(
+        file=written,
+        function=f"{exported.name}_step",
+        law=chosen.name,
+        vehicle=chosen.par.model.vehicle.name,
+        number="float" if single else "double",
+        operations=exported.operations,
+        parameters=len(exported.parameters),
+        rate_hz=1.0 / period,
+    )
     return (
         f"{written}: {exported.name}_step, {chosen.name} for {chosen.par.model.vehicle.name}, "
         f"{exported.operations} operations in {'float' if single else 'double'}, {len(exported.parameters)} parameters"

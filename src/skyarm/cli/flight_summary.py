@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from skyarm.cli.terminal_chart import chart
 from skyarm.cli.terminal_tables import add, shown, table_of
 from skyarm.files import printable
 from skyarm.metrics.windows import Windows, windows_of
 from skyarm.simulate import Log
+
+LABELS = {"position": "position, m", "joints": "joints, rad or m", "tip": "tip, m"}
 
 
 def episode(log: Log) -> RenderableType:
@@ -19,19 +24,59 @@ def episode(log: Log) -> RenderableType:
     heads = Text(printable(title), style="bold"), Text(printable(flown(log)))
     if not log.time.size:
         return Group(*heads)
-    steady = Windows().of_flight(float(log.info["duration"]), windows_of(log)).steady
-    inside = steady.of(log)
-    pairs = [("position, m", log.position - log.position_reference)]
-    if log.joints.shape[1]:
-        pairs.append(("joints, rad or m", log.joints - log.joints_reference))
-    if not np.array_equal(log.tool, log.position):
-        pairs.append(("tip, m", log.tool - log.tool_reference))
+    steady = steady_window(log)
     table = table_of("error", f"mean, {steady}", f"max, {steady}", "max, whole flight")
-    for label, error in pairs:
-        norm = np.linalg.norm(error, axis=1)
-        seen = [shown(float(each), 4) for each in (norm[inside].mean(), norm[inside].max())] if inside.any() else "--"
-        add(table, label, *seen, shown(float(norm.max()), 4))
+    for what, found in errors(log).items():
+        add(table, LABELS[what], *("-" if value is None else shown(value, 4) for value in found.values()))
     return Group(*heads, table)
+
+
+def facts(log: Log) -> dict[str, Any]:
+    """The same for a machine."""
+    info = log.info
+    named = ("scenario", "controller", "plant", "integrator", "seed", "duration", "end_time", "status", "cause")
+    found = {name: info[name] for name in named} | {"vehicle": info["plant_vehicle"]}
+    if not log.time.size:
+        return found
+    steady = steady_window(log)
+    return found | {"steady_window_s": [steady.start, steady.stop], "errors": errors(log)}
+
+
+def steady_window(log: Log) -> Any:
+    """The window over which errors are summed up."""
+    return Windows().of_flight(float(log.info["duration"]), windows_of(log)).steady
+
+
+def errors(log: Log) -> dict[str, dict[str, float | None]]:
+    """Position, joints and tip -> mean and largest norm of the error in the window, and largest of the whole flight.
+
+    None where nothing of the window was flown.
+    """
+    inside = steady_window(log).of(log)
+    found: dict[str, dict[str, float | None]] = {}
+    for what, error in error_norms(log).items():
+        mean, most = (float(error[inside].mean()), float(error[inside].max())) if inside.any() else (None, None)
+        found[what] = {"mean": mean, "max": most, "max_whole_flight": float(error.max())}
+    return found
+
+
+def error_norms(log: Log) -> dict[str, Any]:
+    """Position, joints and tip, as far as a vehicle has them -> (N,) norm of the error against the reference."""
+    pairs = {"position": (log.position, log.position_reference)}
+    if log.joints.shape[1]:
+        pairs["joints"] = log.joints, log.joints_reference
+    if not np.array_equal(log.tool, log.position):
+        pairs["tip"] = log.tool, log.tool_reference
+    return {what: np.linalg.norm(flown - wanted, axis=1) for what, (flown, wanted) in pairs.items()}
+
+
+def error_chart(log: Log) -> list[str]:
+    """Lines of a chart of the tip's error over time; of the position's where the vehicle has no arm."""
+    found = error_norms(log) if log.time.size else {}
+    if not found:
+        return []
+    what = "tip" if "tip" in found else "position"
+    return ["", *chart(log.time, 1e3 * found[what], f"{what} error, mm"), ""]
 
 
 def flown(log: Log) -> str:

@@ -1,4 +1,4 @@
-"""Files of a flight's log that the command line names: each in the format of its suffix."""
+"""Files of a flight that the command line names: its logs, each in the format of its suffix, and its picture."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from skyarm.files import output_file, shown
+from skyarm.log.flight_log import Log
 from skyarm.log.formats import require_format
 
 
@@ -28,3 +29,22 @@ def log_files(names: Sequence[str] | None, usual: Sequence[Path]) -> list[Path]:
             raise ValueError(f"--log = {shown(name)}: must be another file than --log = {shown(found[place])}")
         found[place] = name
     return [Path(name) for name in names]
+
+
+def picture_file(name: str) -> Path:
+    """Path of the flight's picture, checked before the flight. Matplotlib loads here: most flights are not drawn.
+
+    Raises:
+        ValueError: another suffix than those of pictures.
+        OSError: it cannot be written.
+    """
+    from skyarm.figures.picture_files import picture_file as checked
+
+    return checked(name, "--plot")
+
+
+def draw(log: Log, file: Path) -> None:
+    """Write a flight's picture in the format of its suffix."""
+    from skyarm.figures.flight_plot import plot
+
+    plot(log, file)

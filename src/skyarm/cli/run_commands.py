@@ -9,7 +9,8 @@ import typer
 
 from skyarm.cli.app import NOT_COMPLETED, Out, app, console, tell, workers
 from skyarm.cli.lines import say_if_many, say_unlikely
-from skyarm.cli.progress import bar
+from skyarm.cli.machine_output import give, is_document_wanted
+from skyarm.cli.progress import bar, waiting
 
 
 @app.command()
@@ -53,6 +54,7 @@ def reproduce(
             progress=advance,
             note=console.print,
         )
+    give(table, folder=out)
     tell(sentence(table))
     console.print(headline(table))
     tell(f"results in {out}: report.html, table2.md, inference.md, results.json, figures/")
@@ -88,19 +90,22 @@ def run(
         list[str] | None,
         typer.Option("--log", metavar="FILE", help="file of the log, its format by its suffix; repeat"),
     ] = None,
+    picture: Annotated[
+        str | None, typer.Option("--plot", metavar="FILE", help="a picture of the flight (.png, .svg or .pdf)")
+    ] = None,
 ) -> None:
     """Fly a scenario; write its log (npz, CSV).
 
     The log is OUT/NAME.npz and .csv, or with --log the files named; that of an earlier flight is kept as NAME_1.npz,
     NAME_2.npz ... unless --force is given. The errors are summed up over the scenario's own steady window, or where it
-    says none over the flight after its first third.
+    says none over the flight after its first third. On a terminal a chart of the tip's error follows.
 
     Exit code: 0 if the flight was completed, 3 if it ended before its time (the log says why), 2 if the input was
     wrong, 130 after Ctrl-C.
     """
     from skyarm.cli.earlier_files import keep_earlier
-    from skyarm.cli.flight_summary import episode
-    from skyarm.cli.log_files import log_files
+    from skyarm.cli.flight_summary import episode, error_chart, facts
+    from skyarm.cli.log_files import draw, log_files, picture_file
     from skyarm.cli.shipped_names import require_not_another
     from skyarm.files import require_replaceable, require_writable, taken_back
     from skyarm.log.formats import save_log
@@ -112,6 +117,7 @@ def run(
     planned = load_scenario(scenario, plant=plant, controller=controller, seed=seed, duration=duration)
     folder = Path(out)
     files = log_files(logs, (folder / f"{planned.name}.npz", folder / f"{planned.name}.csv"))
+    drawn = None if picture is None else picture_file(picture)
     with taken_back(*(() if logs else (folder,))):
         if not logs:
             require_writable(out)
@@ -123,7 +129,13 @@ def run(
     kept = [] if force else keep_earlier(files)
     written = [save_log(log, file) for file in files]
     console.print(episode(log), soft_wrap=True)
+    for line in error_chart(log) if console.is_terminal else ():
+        tell(line)
     tell("log: " + ", ".join(str(path) for path in written))
+    if drawn is not None:
+        draw(log, drawn)
+        tell(f"picture: {drawn}")
+    give(facts(log), logs=written, kept=[str(name) for _, name in kept], picture=drawn)
     if kept:
         tell(f"the flight before it is kept: {', '.join(str(name) for _, name in kept)}")
     if log.status != "completed":
@@ -132,14 +144,17 @@ def run(
 
 @app.command(name="list")
 def list_(
-    file: Annotated[str | None, typer.Option("--json", help="write names, titles and laws' options there")] = None,
+    file: Annotated[
+        str | None, typer.Option("--out", help="write names, titles and laws' options there, as JSON")
+    ] = None,
 ) -> None:
     """List vehicles, scenarios, studies, controllers."""
     from skyarm.cli.library_commands import contents, library, write
     from skyarm.files import output_file
 
-    written = None if file is None else output_file(file, "--json")
+    written = None if file is None else output_file(file, "--out")
     found = contents()
+    give(found)
     console.print(library(found), soft_wrap=True)
     if written is not None:
         tell(f"written: {write(found, written)}")
@@ -150,32 +165,51 @@ def show(
     vehicle: Annotated[str, typer.Argument(help="a vehicle file (.toml, .urdf) or the name of a shipped one")],
     gravity: Annotated[float, typer.Option(help="m/s^2")] = 9.81,
     ops: Annotated[bool, typer.Option("--ops", help="count the operations of its equations instead")] = False,
+    drawing: Annotated[
+        str | None, typer.Option(metavar="FILE", help="draw it there (.png, .svg, .pdf) instead, all labelled")
+    ] = None,
+    style: Annotated[str, typer.Option(help="of the drawing: paper or talk")] = "paper",
+    dark: Annotated[bool, typer.Option("--dark", help="of a talk's drawing")] = False,
 ) -> None:
     """Show a vehicle: mass, hover, arm, rotors.
 
     Mass, centre of mass, hover speed and thrust margin, arm reach, static joint torques of a level base; limits of the
-    joints, inertias, motor constants, all with units; sources of the numbers.
+    joints, inertias, motor constants, all with units; sources of the numbers. With --drawing its frames, joints with
+    their positive directions, rotors with the sense in which they turn, and lengths, as a picture.
     """
     from skyarm.actuation import AllocationError
     from skyarm.cli.shipped_names import require_not_another
     from skyarm.cli.show import operations_sheet, vehicle_sheet
+    from skyarm.cli.vehicle_facts import operations, vehicle_facts
     from skyarm.files import number
     from skyarm.scenario.unlikely_vehicle import unlikely_in_vehicle
     from skyarm.vehicle.vehicle_files import load_vehicle
 
     number(gravity, "--gravity", low=0.0, strict=True)
     require_not_another(vehicle, "vehicle")
+    if drawing is not None:
+        from skyarm.cli.plot_command import draw_vehicle
+
+        picture = draw_vehicle(vehicle, drawing, style, dark=dark)
+        give(picture=picture)
+        return tell(f"drawing: {picture}")
     loaded = load_vehicle(vehicle)
     if ops:
         say_if_many(loaded.name, loaded.n)
-        console.print(operations_sheet(loaded))
+        with waiting(f"{loaded.name}: counting operations", console):
+            found = operations(loaded)
+        give(vehicle=loaded.name, operations=found)
+        console.print(operations_sheet(loaded, found))
         return
     try:
-        sheet = vehicle_sheet(loaded, gravity)
+        with waiting(f"{loaded.name}: reach and static efforts", console):
+            sheet = None if is_document_wanted() else vehicle_sheet(loaded, gravity)
+            give(vehicle_facts(loaded, gravity) if sheet is None else {})
     except AllocationError as error:
         raise ValueError(f"{vehicle}: rotors = {error}") from None
     say_unlikely(loaded.name, unlikely_in_vehicle(loaded))
-    console.print(sheet)
+    if sheet is not None:
+        console.print(sheet)
 
 
 @app.command(name="export-c")
@@ -193,7 +227,8 @@ def export_c(
     """Write a controller as one C99 file."""
     from skyarm.cli.export_command import export
 
-    line = export(controller, file, vehicle=vehicle, gravity=gravity, rate=rate, name=name, single=single)
+    with waiting(f"{controller}: writing C", console):
+        line = export(controller, file, vehicle=vehicle, gravity=gravity, rate=rate, name=name, single=single)
     tell(line)
 
 

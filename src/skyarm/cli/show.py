@@ -79,12 +79,10 @@ def vehicle_sheet(vehicle: Vehicle, gravity: float) -> RenderableType:
     return Group(*(line for part in parts for line in (part, Text(""))))
 
 
-def operations_sheet(vehicle: Vehicle) -> RenderableType:
+def operations_sheet(vehicle: Vehicle, found: Mapping[str, int]) -> RenderableType:
     """Operations of a vehicle's equations and of a step of its plant."""
-    from skyarm.bench.counts import counts
-
     table = table_of("", "operations")
-    for what, count in counts(vehicle).items():
+    for what, count in found.items():
         add(table, what, str(count))
     return titled(f"{vehicle.name}: additions, products, comparisons ... of one evaluation in calm air", table)
 

@@ -12,7 +12,8 @@ from rich.console import Console
 from rich.text import Text
 
 from skyarm.cli.lines import say, say_if_many, say_unlikely
-from skyarm.cli.progress import bar
+from skyarm.cli.machine_output import give
+from skyarm.cli.progress import bar, waiting
 from skyarm.cli.shipped_names import require_not_another
 from skyarm.cli.terminal_tables import aligned
 from skyarm.control.catalogue import choices, full_name, is_named, meant
@@ -100,7 +101,7 @@ def margins(scenario: Scenario, instants: int, name: str | None, console: Consol
 
     if not 0 <= instants <= MOST_INSTANTS:
         raise ValueError(f"--instants = {instants}: must be from 0 to {MOST_INSTANTS}")
-    file = None if name is None else output_file(name, "--json")
+    file = None if name is None else output_file(name, "--out")
     held = _without_adaptation(scenario)
     with bar(scenario.name, console) as advance:
         found = evidence(held, instants, lambda done, total: advance(done, total, "instants"))
@@ -128,6 +129,7 @@ def margins(scenario: Scenario, instants: int, name: str | None, console: Consol
         )
     if not found.completed:
         console.print("the flight ended before its time: no instants beyond")
+    give(_plain(found) | _plugins())
     if file is not None:
         write_atomically(file, (json.dumps(_plain(found) | _plugins(), indent=1, allow_nan=False) + "\n").encode())
         console.print(f"written: {file}", soft_wrap=True)
@@ -222,12 +224,14 @@ def basin(
     seed = int(limits.pop("seed"))
     with taken_back(out):
         folder = require_writable(out)
-        found = fly(scenario, flights, seed=seed, threads=threads, **limits)
+        with waiting(f"{scenario.name}: {flights} flights", console):
+            found = fly(scenario, flights, seed=seed, threads=threads, **limits)
     flown = law_of_file_name(full_name(label)) if label and label != OWN else found.controller
     # a map with the safety layer is another map
     if isinstance(scenario.controller.par, SafetyParameters) and not flown.startswith("guarded_"):
         flown = f"guarded_{flown}"
     name = f"basin_{flown}_{scenario.name}"
+    give(found.plain() | _plugins(), files=[folder / f"{name}.png", folder / f"{name}.json"])
     text = json.dumps(found.plain() | _plugins(), indent=1, allow_nan=False) + "\n"
     write_atomically(folder / f"{name}.json", text.encode())
     write_atomically(folder / f"{name}.png", image_bytes(basin_figure(found), dpi=DPI))

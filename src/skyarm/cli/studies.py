@@ -50,8 +50,8 @@ def stats(
     map_: Annotated[tuple[str, str] | None, typer.Option("--map", help="two varied numbers, across and upward")] = None,
     seed: Annotated[int, typer.Option(help="of the bootstrap")] = 0,
 ) -> None:
-    """Success, quantiles, robustness maps of a sweep."""
-    from skyarm.cli.sweep_command import stats as perform
+    """Success, quantiles, curves, maps of a sweep."""
+    from skyarm.cli.stats_command import stats as perform
 
     if seed < 0:
         raise ValueError(f"--seed = {seed}: must be at least 0")
@@ -65,7 +65,7 @@ def margins(
     controller: Controller = None,
     instants: Annotated[int, typer.Option(help="looked at along the scenario, beside hover")] = 4,
     safety: Annotated[bool, typer.Option("--safety", help="with the safety layer")] = False,
-    file: Annotated[str | None, typer.Option("--json", help="write eigenvalues and margins there")] = None,
+    file: Annotated[str | None, typer.Option("--out", help="write eigenvalues and margins there, as JSON")] = None,
 ) -> None:
     """Linearise the closed loop: eigenvalues, margins.
 
@@ -112,7 +112,7 @@ def basin(
 @app.command()
 def bench(
     quick: Annotated[bool, typer.Option("--quick", help="fewer rounds, shorter flights: about a minute")] = False,
-    file: Annotated[str | None, typer.Option("--json", help="write the numbers there too")] = None,
+    file: Annotated[str | None, typer.Option("--out", help="write the numbers there too, as JSON")] = None,
 ) -> None:
     """Measure every engine beside MuJoCo and others.
 

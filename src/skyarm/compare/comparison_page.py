@@ -8,7 +8,7 @@ from typing import Any
 
 from skyarm.compare.ablations import TITLES, WHOLE, ablation_head, ablation_rows
 from skyarm.compare.columns import COST, COST_CASE, TRACKING, WHICH, WRONG, Column
-from skyarm.compare.comparison_tables import plants_rows, step_rows, truth_rows
+from skyarm.compare.comparison_tables import plants_rows, step_rows, title_of, truth_rows
 from skyarm.compare.entrants import Entrant
 from skyarm.compare.suite import CASES, Condition
 from skyarm.files import versions
@@ -58,8 +58,9 @@ def comparison_page(
         body.append(section("One control step", table(("law", ">median, us", ">99 %, us"), times)))
     body.append(section("Laws", table(("law", "kind", "what"), _laws(entrants))))
     body.append(section("Cases", table(("case", "what"), [(case.name, case.title) for case in CASES.values()])))
-    facts = f"{len(entrants)} laws, seed {found['seed']}, plant {found['plant']}; skyarm {versions()['skyarm']}"
-    return page("All laws compared", facts, "\n".join(body))
+    laws = "1 law" if len(entrants) == 1 else f"{len(entrants)} laws"
+    facts = f"{laws}, seed {found['seed']}, plant {found['plant']}; skyarm {versions()['skyarm']}"
+    return page(title_of(list(entrants)), facts, "\n".join(body))
 
 
 def main_tables(

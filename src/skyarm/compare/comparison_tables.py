@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from skyarm.compare.columns import COST, COST_CASE, TOOL, TRACKING, WHICH, WRONG, Column, value
-from skyarm.compare.entrants import Entrant
+from skyarm.compare.entrants import ENTRANTS, Entrant
 from skyarm.compare.suite import CASES, Condition
 
 DASH = "-"
@@ -77,15 +77,24 @@ def _times(found: Mapping[str, float] | None) -> list[str]:
     return [DASH, DASH] if found is None else [f"{found[which]:.2f}" for which in ("p50_us", "p99_us")]
 
 
+def title_of(laws: Sequence[str]) -> str:
+    """What a comparison of these laws is called: of two "A against B"."""
+    if len(laws) == 2:
+        return f"{laws[0]} against {laws[1]}"
+    if set(ENTRANTS) <= set(laws):
+        return "All laws compared"
+    return laws[0] if len(laws) == 1 else f"{len(laws)} laws compared"
+
+
 def report(found: Mapping[str, Any], entrants: Mapping[str, Entrant], conditions: Mapping[str, Condition]) -> str:
-    """Every table, one section per condition.
+    """Every table under the comparison's title, one section per condition.
 
     Args:
         found: ``summaries`` by condition, case, entrant and ``step_times`` by entrant.
         entrants: in order.
         conditions: in order.
     """
-    parts = []
+    parts = [f"# {title_of(list(entrants))}"]
     for name, condition in conditions.items():
         summaries = found["summaries"].get(name)
         if not summaries:

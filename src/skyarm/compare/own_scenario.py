@@ -12,7 +12,7 @@ from typing import Any
 
 from skyarm.compare.cells import Cell, Flights
 from skyarm.compare.columns import BASE, JOINT, TOOL
-from skyarm.compare.comparison_tables import DASH, markdown, number
+from skyarm.compare.comparison_tables import DASH, markdown, number, title_of
 from skyarm.compare.entrants import Entrant
 from skyarm.compare.fly_comparison import Progress, fly_all
 from skyarm.compare.suite import Case, Condition
@@ -127,7 +127,7 @@ def own_report(found: dict[str, Any]) -> str:
         cells = [_mean(each["metrics"].get(metric), factor) for _, metric, factor in columns]
         rows.append([law, f"{each['completed']} of {each['episodes']}", *cells])
     head = ["law", "completed", *(title for title, _, _ in columns)]
-    return f"## {case} on {found['plant']}\n\n{markdown(head, rows)}\n"
+    return f"# {title_of(list(laws))}, {case} on {found['plant']}\n\n{markdown(head, rows)}\n"
 
 
 def _mean(spread: dict[str, Any] | None, factor: float) -> str:

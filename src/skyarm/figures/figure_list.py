@@ -128,20 +128,20 @@ PAPER_CATALOGUE: Mapping[int, PaperFigure] = MappingProxyType(
         ),
         13: PaperFigure(
             case="case3",
-            title="End-effector position, Case 3",
-            caption="End-effector position in the world, desired and actual.",
+            title="Tip position, Case 3",
+            caption="Tip position in the world, desired and actual.",
             panels=_stack(*map(tool_position, _THREE)),
         ),
         14: PaperFigure(
             case="case3",
-            title="Joint and end-effector errors, Case 3",
-            caption="(a) Absolute joint tracking errors. (b) Norm of the end-effector error in the world.",
+            title="Joint and tip errors, Case 3",
+            caption="(a) Absolute joint tracking errors. (b) Norm of the tip error in the world.",
             panels=_stack(*map(joint_error_size, _BOTH), letter="a") + _stack(TOOL_ERROR, letter="b"),
         ),
         15: PaperFigure(
             case="case3",
-            title="End-effector error, Case 3",
-            caption="End-effector error by world axis.",
+            title="Tip error, Case 3",
+            caption="Tip error by world axis.",
             panels=_stack(*map(tool_error, _THREE)),
         ),
         16: PaperFigure(
@@ -158,8 +158,8 @@ PAPER_CATALOGUE: Mapping[int, PaperFigure] = MappingProxyType(
         ),
         18: PaperFigure(
             case="case3_wind",
-            title="End-effector error, Case 3 in constant wind",
-            caption="Norm of the end-effector error in a constant wind along x.",
+            title="Tip error, Case 3 in constant wind",
+            caption="Norm of the tip error in a constant wind along x.",
             panels=_stack(TOOL_ERROR),
         ),
     }

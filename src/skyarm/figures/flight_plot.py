@@ -1,70 +1,257 @@
-"""One flight at a look: position, joints, attitude and rotors over time."""
+"""Flights over time: one or several logs in one picture, with references, limits and events."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from skyarm.figures import style
-from skyarm.figures.embed import image_bytes
-from skyarm.files import write_atomically
+from skyarm.figures import picture_styles
+from skyarm.figures.flight_events import Event
+from skyarm.figures.flight_facts import FlightFacts, flight_facts
+from skyarm.figures.flight_labels import ending_of, flights_by_label
+from skyarm.figures.flight_panels import ALL, FlightPanel, panels_of
+from skyarm.figures.picture_files import require_suffix, save_picture
+from skyarm.figures.picture_styles import Picture, PictureStyle, picture_style
+from skyarm.figures.quantities import end_time
+from skyarm.figures.style import limits
+from skyarm.files import number
 from skyarm.log.flight_log import Log
 
 Array = npt.NDArray[np.float64]
 
-COLORS = ("#08306b", "#e6762b", "#1b7837", "#762a83", "#6b6b6b", "#b2182b")
-"""Of the components of a panel, in order; further ones begin again."""
+Flights = Log | Sequence[Log] | Mapping[str, Log]
 
-DPI = 160
+MOST = 12
+"""Flights of one picture: more cannot be told apart."""
+
+NEAR = 0.35
+"""A limit is drawn if a curve comes to this share of it; else the panel says where it is."""
+
+OF_A_PAGE = {"paper": 9, "talk": 6}
+"""Panels one above the other where every kind is drawn."""
 
 
-def plot(log: Log, file: str | os.PathLike[str] | None = None) -> Figure:
-    """Draw a flight: position and joints with their references, attitude, commanded rotor speeds.
+def plot(
+    flights: Flights,
+    file: str | os.PathLike[str] | None = None,
+    *,
+    kind: str = ALL,
+    style: str = "paper",
+    dark: bool = False,
+    window: tuple[float, float] | None = None,
+) -> Picture:
+    """Draw flights over time.
 
     Args:
-        log: of the flight.
-        file: written there too, as PNG.
+        flights: one log, several, or several by the words that the legend has for them.
+        file: written there too, as PNG, SVG or PDF by its suffix.
+        kind: "tracking" (base and joints with their references), "attitude", "tip" (with its error), "efforts" and
+            "rotors" with their limits, or "all".
+        style: "paper" (a column, or two; readable in grey) or "talk" (a slide).
+        dark: of a talk, light on dark.
+        window: (start, stop), s; the whole of the longest flight if left out.
 
     Returns:
         a Matplotlib figure, which a notebook shows; ``figure.savefig`` writes other formats.
 
     Raises:
+        ValueError: one line: an unknown kind, style or suffix, a window without a flight, too many flights.
         OSError: the file cannot be written.
     """
-    panels = 4 if log.joints.size else 3
-    info = log.info
-    title = f"{info.get('scenario', '')}: {info.get('controller', '')} on {info.get('plant', '')}, {log.status}"
-    figure, axes = style.stacked(title, panels)
-    left = iter(axes)
-    ax = next(left)
-    _lines(ax, log, log.position, ("x", "y", "z"), "position", "m")
-    _lines(ax, log, log.position_reference)
-    if log.joints.size:
-        ax = next(left)
-        _lines(ax, log, log.joints, [f"joint {i + 1}" for i in range(log.joints.shape[1])], "joints", "rad")
-        _lines(ax, log, log.joints_reference)
-    _lines(next(left), log, log.euler, ("roll", "pitch", "yaw"), "attitude", "rad")
-    rotors = [f"rotor {i + 1}" for i in range(log.rotor_commands.shape[1])]
-    _lines(next(left), log, log.rotor_commands, rotors, "rotors", "rad/s")
+    chosen = picture_style(style, dark=dark)
     if file is not None:
-        write_atomically(Path(file), image_bytes(figure, dpi=DPI))
+        require_suffix(Path(file))
+    named = flights_by_label(flights)
+    if not 1 <= len(named) <= MOST:
+        raise ValueError(f"flights = {len(named)}: must be 1 to {MOST} in one picture")
+    facts = {label: flight_facts(log) for label, log in named.items()}
+    panels = panels_of(kind, list(facts.values()))
+    span = _window(window, named)
+    columns = OF_A_PAGE[style] if kind == ALL else None
+    figure, axes = picture_styles.panels(chosen, len(panels), columns)
+    handles: dict[str, Any] = {}
+    for ax, panel in zip(axes, panels, strict=True):
+        handles |= _draw(ax, panel, named, chosen, span) | _limits(ax, panel, facts, chosen)
+    shading: dict[str, Any] = {}
+    for ax in axes:
+        shading |= _shade(ax, facts, chosen, span)
+    axes[0].set_xlim(*span)
+    title = _title(named)
+    if style == "talk" and title:
+        figure.suptitle(title, **chosen.words)
+    order = [label for label in (*_legend_names(named), "desired", "limit") if label in handles]
+    handles = {label: handles[label] for label in order} | shading
+    picture_styles.legend(figure, chosen, list(handles.values()), list(handles))
+    if file is not None:
+        save_picture(figure, Path(file), style)
     return figure
 
 
-def _lines(ax: Axes, log: Log, table: Array, names: Sequence[str] = (), label: str = "", unit: str = "") -> None:
-    """A table's columns over time; without names dotted, as the reference of the lines before."""
-    for i, column in enumerate(table.T):
-        named: dict[str, Any] = {"label": names[i]} if names else {"linestyle": ":"}
-        ax.plot(log.time, column, color=COLORS[i % len(COLORS)], linewidth=0.9 if names else 0.7, **named)
-    if names:
-        style.name_panel(ax, label, unit, "")
-        prop = {"size": style.SMALL_SIZE, "family": style.FONT}
-        box = {"framealpha": 0.8, "edgecolor": "none", "borderpad": 0.1}
-        ax.legend(loc="upper left", ncols=len(names), prop=prop, handlelength=1.2, columnspacing=1.0, **box)
+def _legend_names(named: Mapping[str, Log]) -> list[str]:
+    return [label + ending_of(log) for label, log in named.items()]
+
+
+def _title(named: Mapping[str, Log]) -> str:
+    """What was flown, where all flights flew the same."""
+    titles = {str(log.info.get("title") or log.info.get("scenario", "")) for log in named.values()}
+    return titles.pop() if len(titles) == 1 else ""
+
+
+def _window(window: tuple[float, float] | None, named: Mapping[str, Log]) -> tuple[float, float]:
+    """The stretch of time that is drawn, s."""
+    end = max(map(end_time, named.values()))
+    if window is None:
+        return 0.0, end or 1.0
+    start, stop = (number(value, f"window[{i}]") for i, value in enumerate(window))
+    if not start < stop:
+        raise ValueError(f"window = [{start:g}, {stop:g}]: must start before it stops")
+    if stop <= 0.0 or start >= end:
+        raise ValueError(f"window = [{start:g}, {stop:g}]: must overlap the flights, which last {end:g} s")
+    return start, stop
+
+
+def _draw(
+    ax: Axes, panel: FlightPanel, named: Mapping[str, Log], style: PictureStyle, span: tuple[float, float]
+) -> dict[str, Any]:
+    """Curves and references of one panel; words of the legend -> line."""
+    handles: dict[str, Any] = {}
+    picture_styles.name_axis(ax, style, panel.label, panel.unit)
+    for i, (label, log) in enumerate(named.items()):
+        values = panel.of(log)
+        if values is None:
+            continue
+        name = label + ending_of(log)
+        look = style.look(i)
+        (handles[name],) = ax.plot(log.time, values, label=name, **look.line)
+        if log.status != "completed" and log.time.size:
+            at: dict[str, Any] = {"marker": "X", "markersize": 0.8 * style.small, "markeredgecolor": style.face}
+            ax.plot(log.time[-1:], values[-1:], color=look.color, zorder=4.0, label="_end", **at)
+    for log in _of_different_references(panel, named):
+        desired = panel.desired(log) if panel.desired else None
+        if desired is not None:
+            (handles["desired"],) = ax.plot(log.time, desired, label="desired", **style.desired.line)
+    ax.set_ylim(*_ends(panel, named, span))
+    return handles
+
+
+def _of_different_references(panel: FlightPanel, named: Mapping[str, Log]) -> list[Log]:
+    """Flights whose references differ: one line for each, drawn once, the longest flight's first."""
+    if panel.desired is None:
+        return []
+    found: list[Log] = []
+    seen: list[Array] = []
+    for log in sorted(named.values(), key=lambda log: -log.time.size):
+        desired = panel.desired(log)
+        if desired is None:
+            continue
+        if not any(np.array_equal(desired, other[: desired.size]) for other in seen):
+            found.append(log)
+            seen.append(desired)
+    return found
+
+
+def _ends(panel: FlightPanel, named: Mapping[str, Log], span: tuple[float, float]) -> tuple[float, float]:
+    """Ends of the value axis: of the flights that were completed, if there are any, and of their references.
+
+    A flight that was lost adds at most as much again on each side, so that it does not flatten the others.
+    """
+    kept: list[Array] = []
+    lost: list[Array] = []
+    for log in named.values():
+        inside = (log.time >= span[0]) & (log.time <= span[1])
+        for read in (panel.of, panel.desired):
+            values = read(log) if read else None
+            if values is not None:
+                (kept if log.status == "completed" else lost).append(values[inside])
+    ends = _range(panel, kept) if any(each.size for each in kept) else None
+    both = _range(panel, kept + lost)
+    if ends is None:
+        return both
+    more = ends[1] - ends[0]
+    return max(both[0], ends[0] - more), min(both[1], ends[1] + more)
+
+
+def _range(panel: FlightPanel, curves: Sequence[Array]) -> tuple[float, float]:
+    return limits(curves, floor=panel.magnitude, span=panel.span, cap=np.inf)
+
+
+def _limits(ax: Axes, panel: FlightPanel, facts: Mapping[str, FlightFacts], style: PictureStyle) -> dict[str, Any]:
+    """Lines of the limits that a curve comes near to; words about the others."""
+    values = sorted({limit for each in facts.values() for limit in panel.limits(each)})
+    low, high = ax.get_ylim()
+    near = [each for each in values if _is_near(each, low, high)]
+    handles: dict[str, Any] = {}
+    for limit in near:
+        handles["limit"] = ax.axhline(limit, label="limit", **style.limit.line)
+    if near:
+        low, high = min(low, *near), max(high, *near)
+        room = 0.07 * (high - low)
+        ax.set_ylim(low - room, high + room)
+    # of a limit to both sides the one that is drawn says the other
+    far = [each for each in values if each not in near and -each not in near]
+    if far:
+        low, high = ax.get_ylim()
+        ax.set_ylim(low, high + 0.2 * (high - low))
+        ax.text(0.99, 0.95, _words(far, panel.unit), transform=ax.transAxes, ha="right", va="top", **_note(style))
+    return handles
+
+
+def _is_near(limit: float, low: float, high: float) -> bool:
+    """Whether the curves between these ends come near a limit, seen from zero."""
+    reached = high if limit > 0.0 else -low
+    return low <= limit <= high or (limit != 0.0 and reached >= NEAR * abs(limit))
+
+
+def _words(limits_: Sequence[float], unit: str) -> str:
+    """Limits that lie outside the panel, in words."""
+    if len(limits_) == 2 and limits_[0] == -limits_[1]:
+        return f"limits \N{PLUS-MINUS SIGN}{limits_[1]:.3g} {unit}"
+    word = "limit" if len(limits_) == 1 else "limits"
+    return f"{word} {', '.join(f'{each:.3g}' for each in limits_)} {unit}".replace("-", "\N{MINUS SIGN}")
+
+
+def _note(style: PictureStyle) -> dict[str, Any]:
+    box = {"boxstyle": "square,pad=0.15", "facecolor": style.face, "edgecolor": "none", "alpha": 0.8}
+    return {**style.small_words, "fontsize": 0.9 * style.small, "color": style.frame, "bbox": box, "zorder": 5}
+
+
+def _shade(
+    ax: Axes, facts: Mapping[str, FlightFacts], style: PictureStyle, span: tuple[float, float]
+) -> dict[str, Any]:
+    """Events of the flights: an interval as a shade, an instant as a line; words of the legend -> artist."""
+    handles: dict[str, Any] = {}
+    instants: dict[str, str] = {}
+    for i, (event, label) in enumerate(events_of(facts).items()):
+        if event.start > span[1] or event.stop < span[0]:
+            continue
+        if event.start == event.stop:
+            instants.setdefault(label, ("-", "--", "-.", ":")[len(instants) % 4])
+            line: dict[str, Any] = {"color": style.frame, "linewidth": 0.08 * style.text, "linestyle": instants[label]}
+            handles[label] = ax.axvline(event.start, zorder=0.3, label=f"_{label}", **line)
+            continue
+        fill: dict[str, Any] = {
+            "facecolor": style.shades[i % len(style.shades)],
+            "edgecolor": style.grid,
+            "linewidth": 0.0,
+        }
+        hatch = ("////", "", "\\\\\\\\", "....")[i % 4]
+        handles[label] = ax.axvspan(event.start, event.stop, hatch=hatch or None, zorder=0.2, **fill)
+    return handles
+
+
+def events_of(facts: Mapping[str, FlightFacts]) -> dict[Event, str]:
+    """Every event once with its words; one that only some flights have says whose it is."""
+    found: dict[Event, list[str]] = {}
+    for label, each in facts.items():
+        for event in each.events:
+            found.setdefault(event, []).append(label)
+    return {
+        event: event.label if len(whose) == len(facts) else f"{event.label} ({', '.join(whose)})"
+        for event, whose in found.items()
+    }

@@ -51,7 +51,7 @@ POSITION_ERROR = Quantity(
     magnitude=True,
 )
 TOOL_ERROR = Quantity(
-    label="End-effector error",
+    label="Tip error",
     unit="m",
     of=lambda log: _norm(log.tool - log.tool_held),
     magnitude=True,
@@ -64,14 +64,14 @@ def position_error(i: int) -> Quantity:
 
 
 def tool_error(i: int) -> Quantity:
-    """Error of the end effector along world axis i, m."""
-    return Quantity(label=f"EE error {AXES[i]}", unit="m", of=lambda log: (log.tool - log.tool_held)[:, i])
+    """Error of the tip along world axis i, m."""
+    return Quantity(label=f"Tip error {AXES[i]}", unit="m", of=lambda log: (log.tool - log.tool_held)[:, i])
 
 
 def tool_position(i: int) -> Quantity:
-    """End effector along world axis i, m, with where a level base on reference would put it."""
+    """Tip along world axis i, m, with where a level base on reference would put it."""
     return Quantity(
-        label=f"End effector {AXES[i]}",
+        label=f"Tip {AXES[i]}",
         unit="m",
         of=lambda log: log.tool[:, i],
         desired=lambda log: log.tool_held[:, i],

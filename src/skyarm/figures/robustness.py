@@ -33,13 +33,17 @@ def robustness_figure(found: RobustnessMap) -> Figure:
         found.across.edges, found.upward.edges, np.ma.masked_invalid(found.rate), cmap=COLORS, vmin=0.0, vmax=1.0
     )
     if found.across.logarithmic:
-        ax.set_xscale("log")
+        style.logarithmic(ax.xaxis)
     if found.upward.logarithmic:
-        ax.set_yscale("log")
+        style.logarithmic(ax.yaxis)
     _boundary(ax, found)
     ax.set_title(found.controller, fontsize=style.TEXT_SIZE, family=style.FONT, parse_math=False)
-    ax.set_xlabel(found.across.path, fontsize=style.SMALL_SIZE, family=style.FONT, parse_math=False)
-    ax.set_ylabel(found.upward.path, fontsize=style.SMALL_SIZE, family=style.FONT, parse_math=False)
+    ax.set_xlabel(
+        found.across.label or found.across.path, fontsize=style.SMALL_SIZE, family=style.FONT, parse_math=False
+    )
+    ax.set_ylabel(
+        found.upward.label or found.upward.path, fontsize=style.SMALL_SIZE, family=style.FONT, parse_math=False
+    )
     bar = figure.colorbar(shade, ax=ax)
     bar.ax.tick_params(labelsize=style.SMALL_SIZE, labelfontfamily=style.FONT[0], width=0.5)
     bar.set_label("share of successes", fontsize=style.SMALL_SIZE, family=style.FONT)

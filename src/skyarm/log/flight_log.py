@@ -7,6 +7,7 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -30,6 +31,9 @@ Array = npt.NDArray[np.float64]
 SCENARIO = "skyarm.scenario.scenario_record:Scenario"
 """Class of what a log keeps as ``scenario_record``."""
 
+
+PICTURES = "skyarm.figures.flight_plot"
+"""Where a log's pictures are drawn: a room above this one, imported when a picture is asked for and by name only."""
 
 HELD = "reference as published and held"
 
@@ -144,6 +148,17 @@ class Log:
     def euler(self) -> Array:
         """Roll, pitch, yaw (N, 3), ZYX, rad."""
         return np.stack(euler_angles(Quaternion(*self.quaternion.T).rotation()), axis=1)
+
+    def plot(self, file: str | os.PathLike[str] | None = None, **options: Any) -> Any:
+        """Draw the flight; ``options`` are those of :func:`skyarm.plot`: kind, style, dark, window.
+
+        Returns:
+            a Matplotlib figure, which a notebook shows.
+
+        Raises:
+            ValueError: one line. OSError: the file cannot be written.
+        """
+        return import_module(PICTURES).plot(self, file, **options)
 
     def arrays(self) -> dict[str, Array]:
         """Every array by name."""

@@ -1,5 +1,5 @@
 """Pages that are one file and need nothing else: a plain look for tables and pictures, light and dark."""
 
-from skyarm.pages.html_page import grouped, image, page, section, table
+from skyarm.pages.html_page import details, grouped, image, page, section, table
 
-__all__ = ["grouped", "image", "page", "section", "table"]
+__all__ = ["details", "grouped", "image", "page", "section", "table"]

@@ -20,6 +20,11 @@ def section(title: str, content: str) -> str:
     return f"<section><h2>{escape(title)}</h2>{content}</section>"
 
 
+def details(summary: str, content: str) -> str:
+    """What is folded until one asks for it, and open on paper; ``content`` is HTML."""
+    return f"<details><summary>{escape(summary)}</summary>{content}</details>"
+
+
 Rows = Iterable[Iterable[str]]
 
 MANY = 9
@@ -54,7 +59,9 @@ def grouped(head: Iterable[str], groups: Iterable[tuple[str, Rows]], caption: st
         bodies.append(f"<tbody>{''.join(lines)}</tbody>")
     above = f"<caption>{escape(caption)}</caption>" if caption else ""
     size = ' class="many"' if len(names) > MANY else ""
-    return f'<div class="table"><table{size}>{above}<thead><tr>{top}</tr></thead>{"".join(bodies)}</table></div>'
+    inside = f"<table{size}>{above}<thead><tr>{top}</tr></thead>{''.join(bodies)}</table>"
+    # the box scrolls sideways, the page does not: who has no pointer scrolls it with the keys
+    return f'<div class="table" tabindex="0">{inside}</div>'
 
 
 def image(alternative: str, caption: str, png: bytes, *, wide: bool = False) -> str:

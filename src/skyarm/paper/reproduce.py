@@ -20,15 +20,23 @@ from skyarm.paper.campaign import Campaign, Progress, run_campaign
 from skyarm.paper.flights import STEADY, WINDOWS, flights, results, settings
 from skyarm.paper.inference_tables import evidence_tables, inferred_facts, markdown_of, prediction_table
 from skyarm.paper.inferred_settings import INFERRED, PREDICTED, shipped_evidence
+from skyarm.paper.published import CASES
 from skyarm.paper.reasons import Reasons, reasons
 from skyarm.paper.report.report_beyond import NAMES, beyond_section, comparison_section
+from skyarm.paper.report.report_frame import MAIN
 from skyarm.paper.report.report_inferred import inferred_section
-from skyarm.paper.report.report_page import report_html
+from skyarm.paper.report.report_opening import FILM, Opening
+from skyarm.paper.report.report_page import case_files, report_pages
+from skyarm.paper.report.report_text import LOOK, OVERVIEW
 from skyarm.paper.short_table import markdown
 from skyarm.paper.variations import variations
 from skyarm.scenario.scenario_record import PLANTS
+from skyarm.simulate import Log
 
 Note = Callable[[str], None]
+
+Film = Callable[[Mapping[str, Mapping[str, Log]]], tuple[bytes, str]]
+"""From case -> law -> log to a small animated WebP, and the sentence that says what it shows."""
 
 COMPARED = "compare"
 """Folder of the whole comparison, beside the report."""
@@ -48,11 +56,13 @@ def reproduce(
     evidence: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
     note: Note | None = None,
+    film: Film | None = None,
     bench: Comparison | None = None,
 ) -> dict[str, Any]:
     """Fly the paper's five experiments with both controllers and write everything that comes of it.
 
-    Writes ``results.json``, ``sensitivity.json``, ``beyond.json``, ``table2.md``, ``inference.md``, ``report.html``,
+    Writes ``results.json``, ``sensitivity.json``, ``beyond.json``, ``table2.md``, ``inference.md``, ``report.html`` and
+    a page for each case beside it (``case1.html`` ...), ``film.webp`` where a film is drawn,
     ``figures/figure_03.png`` ... ``figure_18.png``, ``overview.png`` and ``tip.png`` (first plant),
     ``logs/PLANT/CASE_CONTROLLER.npz``; each file appears whole or not at all.
 
@@ -65,6 +75,8 @@ def reproduce(
             of the package if left out.
         progress: called after every episode.
         note: called with one line on the flights and one before each further stage.
+        film: draws a film of the flights on the first plant, with which the report opens; without it the report opens
+            with ``overview.png``.
         bench: old name of comparison.
 
     Returns:
@@ -97,10 +109,8 @@ def reproduce(
     say("drawing Figures 3-18")
     first = campaign.logs[plants[0]]
     figures = paper_figures(first, WINDOWS)
-    for name, figure in {
-        **{f"figure_{n:02d}": f for n, f in figures.items()},
-        "overview": overview_figure(first, STEADY),
-    }.items():
+    overview = overview_figure(first, STEADY)
+    for name, figure in {**{f"figure_{n:02d}": f for n, f in figures.items()}, "overview": overview}.items():
         write_atomically(folder / "figures" / f"{name}.png", image_bytes(figure, dpi=DPI))
     further = _further(folder, campaign, summaries)
     if comparison is not None:
@@ -109,8 +119,10 @@ def reproduce(
         further["All laws compared"] = comparison_section(found, comparison, f"{COMPARED}/{PAGE}")
     say("writing report.html")
     shown = {"Inferred settings": inferred_section(table, predicted, evidence, plants[0])} if campaign.found else {}
-    page = report_html(table, campaign.sensitivity, campaign.logs, why, figures, shown | further)
-    write_atomically(folder / "report.html", page.encode())
+    opening = _opening(folder, first, image_bytes(overview), plants[0], film)
+    pages = report_pages(table, campaign.sensitivity, campaign.logs, why, figures, shown | further, opening)
+    for name, page in pages.items():
+        write_atomically(folder / name, page.encode())
     return table
 
 
@@ -133,6 +145,18 @@ def prepare_folder(out: str | os.PathLike[str], plants: Sequence[str]) -> Path:
     return folder
 
 
+def _opening(
+    folder: Path, flown: Mapping[str, Mapping[str, Log]], overview: bytes, plant: str, film: Film | None
+) -> Opening:
+    """What the report opens with; a film is written beside it, too."""
+    caption = f"{OVERVIEW} {LOOK.rsplit(', ', 1)[0]}; {plant}."
+    if film is None:
+        return Opening(picture=overview, caption=caption)
+    content, words = film(flown)
+    write_atomically(folder / FILM, content)
+    return Opening(picture=overview, caption=caption, film=content, film_caption=words)
+
+
 def _further(folder: Path, campaign: Campaign, summaries: dict[str, Any]) -> dict[str, str]:
     """Sections beyond the paper: title -> HTML; their picture is written too. Empty where nothing of it flew."""
     if not campaign.beyond.cells:
@@ -151,7 +175,10 @@ def _files(folder: Path, plants: Sequence[str]) -> list[Path]:
     """Every file that will be written."""
     pages = [
         folder / name
-        for name in ("results.json", "sensitivity.json", "beyond.json", "table2.md", "inference.md", "report.html")
+        for name in (
+            *("results.json", "sensitivity.json", "beyond.json", "table2.md", "inference.md"),
+            *(MAIN, *case_files(CASES).values(), FILM),
+        )
     ]
     drawn = [folder / "figures" / f"{name}.png" for name in NAMED]
     return (

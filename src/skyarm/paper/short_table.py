@@ -90,12 +90,12 @@ SHORT = (
     ("case2", "pitch_rms", "Case 2, pitch RMS"),
     ("case2", "joint_error_mean", "Case 2, joint error mean (as stated: order reversed)"),
     ("case3", "position_error_mean", "Case 3, position mean"),
-    ("case3", "ee_error_mean", "Case 3, end-effector mean"),
+    ("case3", "ee_error_mean", "Case 3, tip mean"),
     ("case3", "joint_error_mean", "Case 3, joint error mean (as stated: order reversed)"),
     ("case2_gust", "peak_x", "Case 2 gust, peak along x"),
     ("case3_wind", "position_error_mean", "Case 3 wind, position mean"),
-    ("case3_wind", "ee_error_mean", "Case 3 wind, end-effector mean"),
-    ("case3_wind", "ee_error_max", "Case 3 wind, end-effector max"),
+    ("case3_wind", "ee_error_mean", "Case 3 wind, tip mean"),
+    ("case3_wind", "ee_error_max", "Case 3 wind, tip max"),
 )
 """Rows of the README's table: case, metric, words."""
 

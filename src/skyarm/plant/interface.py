@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Annotated, Any, Protocol
 
 from skyarm.compile import leaves
 from skyarm.dynamics.state import State
 from skyarm.records import coerce
+from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
 from skyarm.vehicle import check
 from skyarm.vehicle.check import accept
@@ -23,7 +24,7 @@ class Truth:
     """What is simulated: the true vehicle and gravity (m/s^2)."""
 
     vehicle: Vehicle
-    gravity: Scalar = 9.81
+    gravity: Annotated[Scalar, Unit("m/s^2")] = 9.81
 
     def __post_init__(self) -> None:
         accept(self, "world", vehicle=coerce.one(Vehicle), gravity=coerce.number)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from skyarm.files import did_you_mean, shown
 from skyarm.scenario.changes import Change
-from skyarm.scenario.in_flight import Overrides, is_part
+from skyarm.scenario.in_flight import NONE, Overrides, is_part
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.places import LATER, STRUCTURE, roots
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -27,39 +29,63 @@ MAY = f"what may is a number of {', '.join(NUMBERS)}, or as a whole {', '.join(W
 
 
 def require_changes(scenario: Scenario) -> None:
-    """Refuse changes that could not be made; they are tried one after the other, as they take hold.
+    """Refuse changes that could not be made; they are tried one after the other, those of one instant together.
 
     Raises:
         ScenarioError: one line with the change, its path or its value, and what is allowed.
     """
-    rate, held = scenario.rates.control, Overrides()
-    for i in sorted(range(len(scenario.changes)), key=lambda i: scenario.changes[i].tick(rate)):
-        held = try_change(scenario, held, scenario.changes[i], f"changes[{i}]")
+    rate, held, now = scenario.rates.control, NONE, NONE.parts_of(scenario)
+    order = sorted(range(len(scenario.changes)), key=lambda i: scenario.changes[i].tick(rate))
+    for _, group in itertools.groupby(order, key=lambda i: scenario.changes[i].tick(rate)):
+        held, now = try_changes(scenario, now, held, [(f"changes[{i}]", scenario.changes[i]) for i in group])
 
 
-def try_change(scenario: Scenario, held: Overrides, change: Change, where: str) -> Overrides:
-    """What holds after one more change, which is tried.
+def try_changes(
+    begun: Scenario, now: Scenario, held: Overrides, changes: Sequence[tuple[str, Change]]
+) -> tuple[Overrides, Scenario]:
+    """What holds after some more changes of one instant, and the scenario then.
 
     Args:
-        scenario: as the flight began.
-        held: what holds before.
-        change: to try.
-        where: begins messages.
+        begun: as the flight began.
+        now: as it is before them.
+        held: what holds before them.
+        changes: (what messages call it, change), in order.
 
     Raises:
         ScenarioError: one line.
     """
-    following = held.then(change)
+    following = held
+    for where, change in changes:
+        with _said_of(where):
+            _require_changeable(begun, change.path)
+            if not is_part(change.path, change.value):
+                _require_number(now, change)
+            following = following.then(change)
+            if is_part(change.path, change.value):
+                now = following.of(begun)
+    alone = len(changes) == 1
     try:
-        _require_changeable(scenario, change.path)
-        if not is_part(change.path, change.value):
-            _require_number(held.of(scenario), change)
-        require_continuous(scenario, following.of(scenario))
+        with _said_of(changes[0][0] if alone else ""):
+            now = following.of(begun)
+            require_continuous(begun, now)
+    except ScenarioError:
+        # of several the one is named that alone would be refused
+        for where, change in () if alone else changes:
+            with _said_of(where):
+                require_continuous(begun, held.then(change).of(begun))
+        raise
+    return following, now
+
+
+@contextmanager
+def _said_of(where: str) -> Iterator[None]:
+    """Errors of a change begin with what it is called."""
+    try:
+        yield
     except ValueError as error:
         words = str(error)
         joint = "." if words.startswith(("path = ", "value = ")) else ": "
         raise ScenarioError(f"{where}{joint}{words}" if where else words) from None
-    return following
 
 
 def _require_changeable(scenario: Scenario, path: str) -> None:

@@ -9,13 +9,14 @@ is changed begins with gains of its own. Parts are replaced first, then numbers.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 from skyarm.scenario.changes import Change, in_order
-from skyarm.scenario.numbers import with_numbers
-from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.numbers import number_at, with_numbers
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.scenario.whole_parts import WHOLE_PARTS, below, with_part
 
 
@@ -40,6 +41,15 @@ class Overrides:
         parts = tuple(pair for pair in self.parts if not _within(pair[0], path, hidden))
         numbers = tuple(pair for pair in self.numbers if not _within(pair[0], path, hidden))
         return Overrides((*parts, (path, value)), numbers)
+
+    def with_data(self, scenario: Scenario, paths: Sequence[str]) -> Overrides:
+        """These and, of some paths, the numbers that the scenario has there itself, where it has any."""
+        parts, own = self.parts_of(scenario), []
+        for path in paths:
+            if not any(path == name for name, _ in self.numbers):
+                with suppress(ScenarioError):
+                    own.append((path, number_at(parts, path)))
+        return Overrides(self.parts, (*own, *self.numbers)) if own else self
 
     def hides(self, path: str) -> bool:
         """Whether a number of the scenario's own no longer counts: another holds in its place, or its part is gone."""

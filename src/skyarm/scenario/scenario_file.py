@@ -53,7 +53,8 @@ from skyarm.scenario import registered_tables as added
 from skyarm.scenario import scenario_tables as tables
 from skyarm.scenario.change_checks import require_changes
 from skyarm.scenario.changes import Change, changes_from, require_within, without_law
-from skyarm.scenario.scenario_of_log import loop_facts, scenario_of_log
+from skyarm.scenario.law_by_name import loop_facts
+from skyarm.scenario.scenario_of_log import scenario_of_log
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 LIBRARY = resources.files("skyarm.scenario") / "library"

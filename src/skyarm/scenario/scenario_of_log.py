@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.actuation import AllocationError
-from skyarm.control.catalogue import make_named
 from skyarm.files import unreadable
 from skyarm.log.formats import load_log
-from skyarm.scenario.changes import without_law
-from skyarm.scenario.scenario_record import Delays, Rates, Scenario, ScenarioError
+from skyarm.scenario.law_by_name import under_law
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 
 def scenario_of_log(path: str | os.PathLike[str], replaced: Mapping[str, Any] | None = None) -> Scenario:
@@ -34,19 +33,7 @@ def scenario_of_log(path: str | os.PathLike[str], replaced: Mapping[str, Any] | 
         scenario: Scenario = load_log(path).scenario
         law = changes.pop("controller", None)
         if law is not None:
-            model, known = scenario.controller.par.model, loop_facts(scenario.rates, scenario.delays)
-            changes["controller"] = make_named(law, model, known)
-            changes["changes"] = without_law(scenario.changes)
+            scenario = under_law(scenario, law)
         return dataclasses.replace(scenario, **changes)
     except (ValueError, OSError, AllocationError) as error:
         raise ScenarioError(f"{os.fspath(path)}: {error}") from None
-
-
-def loop_facts(rates: Rates, delays: Delays) -> dict[str, float]:
-    """What a law may know of its loop: its clocks and the age of its measurements, s."""
-    return {
-        "control_period": 1.0 / rates.control,
-        "reference_period": 1.0 / rates.reference,
-        "delay": delays.measurement,
-        "delay_periods": round(delays.measurement * rates.control),
-    }

@@ -7,22 +7,15 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from skyarm.actuation import AllocationError
-from skyarm.control.catalogue import make_named
 from skyarm.control.controller import Controller, ControllerError
-from skyarm.control.safety import with_safety_layer
-from skyarm.control.safety.memory import SafetyParameters
 from skyarm.environment import faults_from, wind_from
 from skyarm.files import Fields, shown
-from skyarm.records.leaves import parts
 from skyarm.reference import Trajectory, trajectory_from
 from skyarm.registry.plugins import is_law_of_file
 from skyarm.scenario import registered_tables as added
 from skyarm.scenario import scenario_tables as tables
-from skyarm.scenario.scenario_of_log import loop_facts
+from skyarm.scenario.law_by_name import controller_by_name, loop_facts
 from skyarm.scenario.scenario_record import Scenario
-
-MEASURED = ("stiffness", "damping")
-"""Limits of the safety layer that are measured on the law it is around."""
 
 
 def with_part(scenario: Scenario, path: str, value: Any) -> Scenario:
@@ -53,16 +46,10 @@ def _law(scenario: Scenario, name: Any) -> dict[str, Any]:
         raise ValueError(f"{LAW} = {shown(name)}: must be the name of a preset, a law or LAW_tuned")
     if is_law_of_file(name):
         raise ValueError(f"{LAW} = {shown(name)}: must not be a file's; only --controller takes FILE.py:make")
-    before = scenario.controller.par
     try:
-        made = make_named(name, before.model, loop_facts(scenario.rates, scenario.delays))
-        if isinstance(before, SafetyParameters):
-            limits = {field: value for field, value in parts(before.limits).items() if field not in MEASURED}
-            stow: Any = before.recovery.stow
-            made = with_safety_layer(made, limits, stow=stow)
+        return {"controller": controller_by_name(scenario, name)}
     except ControllerError as error:
         raise ValueError(str(error).replace("controller = ", f"{LAW} = ", 1)) from None
-    return {"controller": made}
 
 
 def _controller(scenario: Scenario, table: Any) -> dict[str, Any]:

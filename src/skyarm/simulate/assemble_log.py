@@ -77,33 +77,33 @@ def _tables(piece: Piece) -> dict[str, Array]:
     n, rotors, count = vehicle.n, len(vehicle.rotors), len(flown.states)
     x, u, m = flown.states, flown.commands, flown.readings
     held, wind = inputs.held_reference, flown.wind
-    periods = slice(piece.start, piece.start + count)
+    start, stop = piece.start, piece.start + count
 
-    def table(record: Any, rows: slice = periods) -> Array:
+    def table(record: Any, start: int = 0) -> Array:
         columns = [np.asarray(c, dtype=float) for c in record]
-        columns = [c[rows] if c.ndim else np.broadcast_to(c, (count,)) for c in columns]
+        columns = [c[start : start + count] if c.ndim else np.broadcast_to(c, (count,)) for c in columns]
         return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
     position, quaternion, joints = x[:, 0:3], x[:, 3:7], x[:, 13 : 13 + n]
-    free = inputs.reference
+    free = inputs.reference_between(start, stop)
     tables = {
-        "position_held": table(held.position),
-        "velocity_held": table(held.velocity),
-        "joints_held": table(held.joints),
-        "joint_rates_held": table(held.joint_rates),
-        "yaw_held": table((held.yaw,))[:, 0],
+        "position_held": table(held.position, start),
+        "velocity_held": table(held.velocity, start),
+        "joints_held": table(held.joints, start),
+        "joint_rates_held": table(held.joint_rates, start),
+        "yaw_held": table((held.yaw,), start)[:, 0],
         "position_reference": table(free.position),
         "joints_reference": table(free.joints),
         "yaw_reference": table((free.yaw,))[:, 0],
-        "wind_force": table(wind.force_W, slice(count)),
-        "air_velocity": table(wind.air_velocity_W, slice(count)),
+        "wind_force": table(wind.force_W),
+        "air_velocity": table(wind.air_velocity_W),
     }
     del free  # its derivatives take more memory than the log of it
     for kind in ("held", "reference"):
         goals = (tables[f"{name}_{kind}"] for name in ("position", "yaw", "joints"))
         tables[f"tool_{kind}"] = level_tip(vehicle, *goals)
     return {
-        "time": inputs.times[periods],
+        "time": inputs.times[start:stop],
         "position": position,
         "quaternion": quaternion,
         "velocity": x[:, 7:10],

@@ -33,8 +33,9 @@ class CompiledSteps:
     """A scenario on the rigid-body plant, period by period.
 
     Args:
-        scenario: as it began.
-        overrides: what holds in the place of its own.
+        begun: the scenario as it began.
+        now: as it is.
+        overrides: what holds in the place of its own numbers.
         codes: of engines of the same scenario, one of which may do; what is made here joins them.
         effort: of the compiler.
 
@@ -48,30 +49,52 @@ class CompiledSteps:
     """
 
     def __init__(
-        self, scenario: Scenario, overrides: Overrides = NONE, codes: list[SessionCode] | None = None, effort: int = 2
+        self,
+        begun: Scenario,
+        now: Scenario | None = None,
+        overrides: Overrides = NONE,
+        codes: list[SessionCode] | None = None,
+        effort: int = 2,
     ) -> None:
+        self.scenario = scenario = begun if now is None else now
         try_own_code(scenario)
-        self.scenario = overrides.of(scenario)
-        self._inputs: EpisodeInputs = episode_inputs(self.scenario)
-        self.first: LoopState = first_loop_state(self.scenario)
+        self._inputs: EpisodeInputs = episode_inputs(scenario)
+        self.first: LoopState = first_loop_state(scenario)
         made = codes if codes is not None else []
-        code = next((code for code in made if code.fits(overrides, self.scenario, self.first)), None)
+        code = next((code for code in made if code.fits(overrides, scenario, self.first)), None)
         if code is None:
-            reference = self._inputs.reference_example
-            code = SessionCode(scenario, overrides, self.scenario, self.first, reference, effort)
+            code = SessionCode(begun, overrides, scenario, self.first, self._inputs.reference_example, effort)
             made.append(code)
         self._code, self._sample = code, code.sample
         start = np.array(leaves(self.first), dtype=float)
-        self._numbers = [value for _, value in overrides.numbers]
-        self._stepper = Stepper(
-            code.kernel, start, np.array(self._numbers, dtype=float), seed=scenario.seed, episode=scenario.episode
-        )
+        numbers = np.array([value for _, value in overrides.numbers], dtype=float)
+        self._stepper = Stepper(code.kernel, start, numbers, seed=scenario.seed, episode=scenario.episode)
         self._rows = self._inputs.rows(0, scenario.steps)
         self._width, self._steps = self._rows.shape[1], scenario.steps
         self._log = np.empty((scenario.steps, code.kernel.loop.logged))
         self.tick = self.begun = 0
         self.ended: Ended | None = None
         self._last: Array | None = None
+
+    def give(self, scenario: Scenario, overrides: Overrides, changed: Sequence[str]) -> bool:
+        """Fly on with other numbers, from the next period on, if the same code can.
+
+        Args:
+            scenario: as it is now.
+            overrides: what holds in it.
+            changed: paths of the numbers that are other than before.
+
+        Returns:
+            False where it cannot, and nothing has happened.
+        """
+        if not self._code.fits(overrides, scenario, self.first, changed):
+            return False
+        if any(path.startswith("reference.") for path in changed):
+            self._inputs = episode_inputs(scenario)
+            self._rows = self._inputs.rows(0, scenario.steps)
+        self.scenario, self.begun = scenario, self.tick
+        self._stepper.parameters[:] = [value for _, value in overrides.numbers]
+        return True
 
     def step(self, command: Sequence[float] | None = None) -> bool:
         """Fly one control period; False once the episode has ended or flown its time."""
@@ -121,20 +144,21 @@ class CompiledSteps:
         peek, needed = self._code.measurement, self._code.draws
         keys = (self.scenario.seed, self.scenario.episode)
         drawn = [float(u) for channel, n in needed for u in uniforms(*keys, channel, self.tick, n)]
-        peek.inputs[:] = [*self._stepper.carry, *self._numbers, *self._rows[self.tick], *drawn]
+        peek.inputs[:] = [*self._stepper.carry, *self._stepper.parameters, *self._rows[self.tick], *drawn]
         peek.step()
         told: Measurement = peek.shaped()
         return told
 
     def snapshot(self) -> Any:
         """What :meth:`restore` takes."""
-        flown = self._log[self.begun : self.tick].copy()
-        return self.begun, self.tick, self.ended, self._stepper.carry.copy(), flown, self._last
+        stepper, flown = self._stepper, self._log[self.begun : self.tick].copy()
+        numbers = stepper.carry.copy(), stepper.parameters.copy(), flown
+        return self.scenario, self._inputs, self._rows, self.begun, self.tick, self.ended, self._last, numbers
 
     def restore(self, held: Any) -> None:
         """Go to a snapshot."""
-        self.begun, self.tick, self.ended, carry, log, self._last = held
-        self._stepper.carry[:], self._log[self.begun : self.tick] = carry, log
+        self.scenario, self._inputs, self._rows, self.begun, self.tick, self.ended, self._last, numbers = held
+        self._stepper.carry[:], self._stepper.parameters[:], self._log[self.begun : self.tick] = numbers
 
     @property
     def now(self) -> LoopState:

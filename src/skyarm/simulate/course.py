@@ -6,13 +6,14 @@ the one before it stopped (:func:`skyarm.simulate.loop_state.carried`).
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from skyarm.files import shown
-from skyarm.scenario.change_checks import try_change
+from skyarm.scenario.change_checks import try_changes
 from skyarm.scenario.changes import Change, in_order
 from skyarm.scenario.in_flight import NONE, Overrides
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -24,14 +25,15 @@ class Course:
     """What holds at an instant of a flight, and how it came to be.
 
     Attributes:
-        begun: the scenario with which the flight began, or by which it was replaced; its changes are in ``made`` and
-            ``coming``.
+        begun: the scenario with which the flight began, or by which it was replaced.
+        now: as it is, with the changes to come.
         made: changes that have taken hold, in order. coming: those that have not.
         overrides: what they made of ``begun``.
-        flown: what engines before the present one flew.
+        flown: what was flown before the last of them.
     """
 
     begun: Scenario
+    now: Scenario
     made: tuple[Change, ...] = ()
     coming: tuple[Change, ...] = ()
     overrides: Overrides = NONE
@@ -40,14 +42,7 @@ class Course:
     @staticmethod
     def of(scenario: Scenario) -> Course:
         """The course of a flight that is about to begin."""
-        return Course(begun=scenario, coming=in_order(scenario.changes, scenario.rates.control))
-
-    @property
-    def now(self) -> Scenario:
-        """The scenario as it holds now, with the changes to come."""
-        if not (self.made or self.coming):
-            return self.begun
-        return dataclasses.replace(self.overrides.of(self.begun), changes=self.coming)
+        return Course(scenario, scenario, coming=in_order(scenario.changes, scenario.rates.control))
 
     @property
     def plan(self) -> Scenario:
@@ -67,13 +62,8 @@ class Course:
         due = [change for change in self.coming if change.tick(rate) <= tick]
         for change in due:
             overrides = overrides.then(change)
-        return Course(
-            begun=self.begun,
-            made=(*self.made, *due),
-            coming=self.coming[len(due) :],
-            overrides=overrides,
-            flown=_and(self.flown, piece),
-        )
+        now = overrides.of(self.begun)
+        return self._after(due, self.coming[len(due) :], overrides, now, piece)
 
     def with_values(self, tick: int, values: Mapping[str, Any], piece: Piece) -> Course:
         """The course after changes made by hand, before this control period.
@@ -83,21 +73,50 @@ class Course:
         """
         if not isinstance(values, Mapping):
             raise ScenarioError(f"values = {shown(values)}: must be a table of paths and values")
-        overrides, made = self.overrides, []
-        bare = dataclasses.replace(self.begun, changes=()) if self.begun.changes else self.begun
-        for path, value in values.items():
-            change = Change(at=tick / self.begun.rates.control, path=path, value=value)
-            overrides = try_change(bare, overrides, change, "")
-            made.append(change)
-        flown = _and(self.flown, piece)
-        return dataclasses.replace(self, made=(*self.made, *made), overrides=overrides, flown=flown)
+        at = tick / self.begun.rates.control
+        made = [Change(at=at, path=path, value=value) for path, value in values.items()]
+        overrides, now = try_changes(self.begun, self.now, self.overrides, [("", change) for change in made])
+        return self._after(made, self.coming, overrides, now, piece)
+
+    def _after(
+        self, made: Sequence[Change], coming: tuple[Change, ...], overrides: Overrides, now: Scenario, piece: Piece
+    ) -> Course:
+        if coming:
+            now = dataclasses.replace(now, changes=coming)
+        flown = (*self.flown, piece) if len(piece.flown.states) else self.flown
+        return Course(self.begun, now, (*self.made, *made), coming, overrides, flown)
 
     def replaced(self, tick: int, scenario: Scenario, piece: Piece) -> Course:
         """The course after the whole scenario is replaced; what it would have changed by now holds."""
-        fresh = Course.of(scenario)
-        late = dataclasses.replace(fresh, flown=self.flown)
-        return late.then(tick, piece)
+        return dataclasses.replace(Course.of(scenario), flown=self.flown).then(tick, piece)
 
 
-def _and(flown: Sequence[Piece], piece: Piece) -> tuple[Piece, ...]:
-    return (*flown, piece) if len(piece.flown.states) else tuple(flown)
+@dataclass(frozen=True, slots=True)
+class Flying:
+    """What flew at a snapshot: copies of the snapshot have it in common, since machine code is not copied.
+
+    Attributes:
+        engine: it. held: what it keeps of that instant.
+    """
+
+    engine: Any
+    held: Any
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Flying:
+        return Flying(self.engine, copy.deepcopy(self.held, memo))
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """A session at an instant, to go back to; it may be restored more than once.
+
+    Attributes:
+        course: scenario and changes as they were then. tick: control periods flown.
+        flying: what flew then.
+        session: number of the session that it is of.
+    """
+
+    course: Course
+    tick: int
+    flying: Flying
+    session: int

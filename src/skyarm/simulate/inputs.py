@@ -34,9 +34,17 @@ class EpisodeInputs:
     @property
     def reference(self) -> Reference:
         """The continuous reference, as a record of arrays."""
-        program = _motion(self.scenario)
-        sampled: Reference = program.record(list(evaluate(program, [self.times], self.scenario.steps)))
+        return self.reference_between(0, self.scenario.steps)
+
+    def reference_between(self, start: int, stop: int) -> Reference:
+        """The continuous reference at some of the instants."""
+        program, times = self._program, self.times[start:stop]
+        sampled: Reference = program.record(list(evaluate(program, [times], len(times))))
         return sampled
+
+    @cached_property
+    def _program(self) -> Program:
+        return _motion(self.scenario)
 
     @cached_property
     def held(self) -> Array:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from skyarm.actuation import Command
@@ -16,7 +15,8 @@ from skyarm.log.flight_log import Log
 from skyarm.records.leaves import mismatch
 from skyarm.reference import Reference
 from skyarm.scenario.change_checks import require_changes, require_continuous
-from skyarm.scenario.in_flight import NONE
+from skyarm.scenario.in_flight import NONE, Overrides
+from skyarm.scenario.numbers import require_apart
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensors.measurement import Measurement
@@ -24,25 +24,11 @@ from skyarm.simulate.assemble_log import joined
 from skyarm.simulate.check_endings import Ended, going_on
 from skyarm.simulate.command_from_outside import numbers_of_command
 from skyarm.simulate.compiled_session import CompiledSteps
-from skyarm.simulate.course import Course
+from skyarm.simulate.course import Course, Flying, Snapshot
+from skyarm.simulate.lane_arguments import require_paths
+from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.session_code import SessionCode
 from skyarm.simulate.staged_flight import StagedFlight
-
-
-@dataclass(frozen=True, slots=True)
-class Snapshot:
-    """A session at an instant, to go back to; it may be restored more than once.
-
-    Attributes:
-        course: scenario and changes as they were then. tick: control periods flown. held: what the engine keeps.
-        session: number of the session that it is of.
-    """
-
-    course: Course
-    tick: int
-    held: Any
-    session: int
-
 
 _NUMBERS = itertools.count()
 
@@ -58,6 +44,8 @@ class Session:
 
     Args:
         scenario: what is flown; its duration is the longest the session can get.
+        paths: numbers that :meth:`change` will give other values often: machine code reads them in every period from
+            the start. Others become such numbers, by code that is made anew, when they are changed first.
         machine_code: False flies stage by stage in Python whatever the law and the plant: slower, the same numbers.
 
     Raises:
@@ -67,9 +55,11 @@ class Session:
         slow: why it flies in Python where machine code was wanted; else empty.
     """
 
-    def __init__(self, scenario: Scenario, *, machine_code: bool = True) -> None:
+    def __init__(self, scenario: Scenario, paths: Sequence[str] = (), *, machine_code: bool = True) -> None:
         require_flight(scenario)
         require_changes(scenario)
+        self._paths = require_paths(paths)
+        require_apart(scenario, self._paths)
         self._course = Course.of(scenario)
         self._scenario = scenario
         self._compiles, self.slow = machine_code, ""
@@ -123,6 +113,12 @@ class Session:
         """The plant's state now: the truth, which no law sees."""
         state: State = self._engine.state()
         return state
+
+    @property
+    def now(self) -> LoopState:
+        """What the next period begins with: state, commands and readings on their way, every memory."""
+        now: LoopState = self._engine.now
+        return now
 
     @property
     def measurement(self) -> Measurement:
@@ -179,7 +175,7 @@ class Session:
 
     def snapshot(self) -> Snapshot:
         """The session now."""
-        return Snapshot(self._course, self.tick, self._engine.snapshot(), self._number)
+        return Snapshot(self._course, self.tick, Flying(self._engine, self._engine.snapshot()), self._number)
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go back, or forward again, to a snapshot of this session.
@@ -191,11 +187,9 @@ class Session:
             raise ScenarioError(f"snapshot = {shown(snapshot)}: must be a Snapshot, which session.snapshot() gives")
         if snapshot.session != self._number:
             raise ScenarioError("snapshot: is of another session, must be of this one, whose snapshot() gives it")
-        course = snapshot.course
-        if course.begun is not self._course.begun or course.overrides is not self._course.overrides:
-            self._engine = self._make_engine(course)
+        course, self._engine = snapshot.course, snapshot.flying.engine
         self._course, self._scenario, self._waits = course, course.now, bool(course.coming)
-        self._engine.restore(snapshot.held)
+        self._engine.restore(snapshot.flying.held)
 
     def change(self, values: Mapping[str, Any]) -> None:
         """Give the scenario other numbers or parts by path, from the next period on, as ``[[changes]]`` of a file do.
@@ -233,9 +227,9 @@ class Session:
             if course.begun is not self._begun:
                 self._begun, self._codes = course.begun, []
             # code that flies on after a change is made in a hurry: the vehicle is in the air
-            effort = 2 if course.overrides is NONE and not self._waits else 0
+            effort = 2 if course.overrides is NONE and not (self._waits or self._paths) else 0
             try:
-                return CompiledSteps(course.begun, course.overrides, self._codes, effort)
+                return CompiledSteps(course.begun, scenario, self._read(course), self._codes, effort)
             except NoMachineCodeError as error:
                 self.slow = str(error)
         return StagedFlight(scenario)
@@ -245,15 +239,24 @@ class Session:
         if self._course.due(self.tick):
             self._go_on(self._course.then(self.tick, self._engine.piece))
 
+    def _read(self, course: Course) -> Overrides:
+        """The numbers that machine code reads in every period."""
+        return course.overrides.with_data(course.begun, self._paths) if self._paths else course.overrides
+
     def _go_on(self, course: Course) -> None:
         """Fly on along another course."""
-        scenario = course.now
-        engine = self._make_engine(course)
-        different = mismatch(self._engine.first.sensors, engine.first.sensors, "sensors")
-        if different:
-            raise ScenarioError(f"{different}: must be as the session began, since readings are on their way")
-        engine.take_over(self._engine)
-        self._course, self._scenario, self._engine, self._waits = course, scenario, engine, bool(course.coming)
+        new, old = dict(course.overrides.numbers), dict(self._course.overrides.numbers)
+        changed = [path for path in {**new, **old} if new.get(path) != old.get(path)]
+        # noise that is turned up from none draws other numbers
+        steady = course.begun is self._course.begun and not any(path.startswith("sensors.") for path in changed)
+        if not (steady and self._engine.give(course.now, self._read(course), changed)):
+            engine = self._make_engine(course)
+            different = mismatch(self._engine.first.sensors, engine.first.sensors, "sensors")
+            if different:
+                raise ScenarioError(f"{different}: must be as the session began, since readings are on their way")
+            engine.take_over(self._engine)
+            self._engine = engine
+        self._course, self._scenario, self._waits = course, course.now, bool(course.coming)
 
     def _require_running(self) -> None:
         if not self.running:

@@ -12,6 +12,7 @@ from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.llvm.quick_function import Quick
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.plant.compiled import RigidBodyPlant
+from skyarm.plant.largest_step import STATED
 from skyarm.reference import Reference
 from skyarm.scenario.in_flight import Overrides
 from skyarm.scenario.numbers import with_numbers
@@ -83,10 +84,21 @@ class SessionCode:
         self.kernel = Kernel(loop, Lanes(1), logging=True, effort=effort)
         self.sample: Sample = loop.result[1]
 
-    def fits(self, overrides: Overrides, scenario: Scenario, first: LoopState) -> bool:
-        """Whether it flies other overrides too, of the same scenario as it began: only their values may differ."""
+    def fits(
+        self, overrides: Overrides, scenario: Scenario, first: LoopState, changed: Sequence[str] | None = None
+    ) -> bool:
+        """Whether it flies other overrides too, of the same scenario as it began: only their values may differ.
+
+        Args:
+            overrides: in question.
+            scenario: with them.
+            first: a loop state of it, as an example.
+            changed: paths whose numbers are other than those that it flies; None for any.
+        """
         if overrides.parts != self._parts or tuple(path for path, _ in overrides.numbers) != self._paths:
             return False
+        if changed is not None and not any(path.startswith(("plant.", *STATED)) for path in changed):
+            return True
         plant = plant_of(scenario, first)
         return all(plant.substeps(seconds) == count for seconds, count in self._asked.items())
 

@@ -173,6 +173,10 @@ class StagedFlight:
         self._flat = dataclasses.replace(flat, memory=copy.deepcopy(memory))
         self._logged = list(logged)
 
+    def give(self, *_: Any) -> bool:
+        """Its numbers are constants: another flight goes on from where it is."""
+        return False
+
     def take_over(self, other: Any) -> None:
         """Go on where another engine stands."""
         called = not self.scenario.controller.compiled

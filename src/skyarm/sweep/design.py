@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.scalars.philox import uniform, uniforms
+from skyarm.sweep.derived_numbers import with_derived
 from skyarm.sweep.sobol import BITS, sobol
 from skyarm.sweep.study import Study
 
@@ -25,7 +26,7 @@ BLOCK = 2**16
 
 
 def values(study: Study, episodes: npt.ArrayLike) -> dict[str, Array]:
-    """Path -> (episodes,): the same for an episode in whatever company it is drawn.
+    """Path -> (episodes,), derived ones last: the same for an episode in whatever company it is drawn.
 
     Args:
         study: with its design.
@@ -43,7 +44,7 @@ def values(study: Study, episodes: npt.ArrayLike) -> dict[str, Array]:
             found[path] = points[numbers % cells // stride % len(points)]
         else:
             found[path] = distribution.quantile(_unit(study, numbers, index))
-    return found
+    return with_derived(found, study.derived)
 
 
 def _unit(study: Study, episodes: npt.NDArray[np.int64], index: int) -> Array:
@@ -63,6 +64,25 @@ def extremes(study: Study) -> dict[str, tuple[float, float]]:
         for path, column in values(study, block).items():
             low, high = found.get(path, (np.inf, -np.inf))
             found[path] = (min(low, float(column.min())), max(high, float(column.max())))
+    return found
+
+
+def derived_extremes(study: Study) -> dict[str, tuple[int, int]]:
+    """Derived path -> the episodes in which it is smallest and largest."""
+    found: dict[str, tuple[int, int]] = {}
+    ends: dict[str, tuple[float, float]] = {}
+    for block in _blocks(study.episodes) if study.derived else ():
+        numbers = values(study, block)
+        for path in study.derived:
+            column = numbers[path]
+            first, last = int(column.argmin()), int(column.argmax())
+            low, high = ends.get(path, (np.inf, -np.inf))
+            at = found.get(path, (0, 0))
+            found[path] = (
+                int(block[first]) if column[first] < low else at[0],
+                int(block[last]) if column[last] > high else at[1],
+            )
+            ends[path] = (min(low, float(column[first])), max(high, float(column[last])))
     return found
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from skyarm.files import Fields, shown
 from skyarm.scenario.scenario_record import check_name, noise_key
+from skyarm.sweep.derived_numbers import derived_from
 from skyarm.sweep.distributions import distribution_from
 from skyarm.sweep.origin import FACTS, MARK, VERSION, Origin, parquet
 from skyarm.sweep.seal import is_whole
@@ -89,6 +90,8 @@ def origin_from(table: Any, version: str, where: str = "") -> Origin:
     vary = study.take("vary")
     for path, distribution in (Fields(vary, study.at("vary")).table if vary is not None else {}).items():
         distribution_from(distribution, f'{study.at("vary")}."{text(study.at("vary"), path)}"')
+    if "derived" in study.table:
+        derived_from(study.take("derived"), tuple(vary or {}), study.at("derived"))
     scenarios = Fields(top.take("scenarios"), top.at("scenarios"))
     _texts(scenarios.where, list(scenarios.table))
     for label, digest in scenarios.table.items():

@@ -35,6 +35,8 @@ class Manifest:
         complete, rows: all rows were there; how many were, when this was written.
         listed: chunk -> SHA-256 of its file, in a manifest of schema 1.
         rebuilt: from the rows, which say neither title nor success.
+        units: path of a varied number -> its SI unit. noise: whether episodes draw random numbers while they fly; None
+            where a folder does not say, as those of older versions.
     """
 
     origin: Origin
@@ -45,6 +47,8 @@ class Manifest:
     rows: int = 0
     listed: Mapping[int, str] = field(default_factory=dict)
     rebuilt: bool = False
+    units: Mapping[str, str] = field(default_factory=dict)
+    noise: bool | None = None
 
     @property
     def name(self) -> str:
@@ -62,6 +66,8 @@ class Manifest:
             "scenarios": self.origin.scenarios,
             "success": self.success,
             "versions": self.versions,
+            "units": self.units,
+            "noise": self.noise,
             "complete": self.complete,
             "rows": self.rows,
             "chunks": {"done": chunks, "of": self.origin.chunks},
@@ -111,6 +117,10 @@ def _manifest(table: Any) -> Manifest:
     if not isinstance(complete, bool):
         raise ValueError(f"complete = {shown(complete)}: must be true or false")
     limits = Fields(top.take("success"), "success")
+    units = Fields(top.take("units", {}), "units")
+    noise = top.take("noise", None)
+    if noise is not None and not isinstance(noise, bool):
+        raise ValueError(f"noise = {shown(noise)}: must be true or false")
     found = Manifest(
         origin=origin,
         title=text("title", top.take("title")),
@@ -118,6 +128,8 @@ def _manifest(table: Any) -> Manifest:
         versions={name: text(versions.at(name), value) for name, value in versions.table.items()},
         complete=complete,
         rows=whole("rows", top.take("rows"), origin.rows, low=0),
+        units={name: text(units.at(name), value) for name, value in units.table.items()},
+        noise=noise,
         listed=_listed(top.take("chunks"), origin) if schema == 1 else _counted(top.take("chunks")),
     )
     top.done()

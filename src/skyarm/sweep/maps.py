@@ -25,11 +25,12 @@ LISTED = 100
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Axis:
-    """One side of a map: the varied path, the edges of its cells, whether they are even in the logarithm."""
+    """One side of a map: the varied path, edges of its cells, whether they are even in the logarithm, its words."""
 
     path: str
     edges: Array
     logarithmic: bool = False
+    label: str = ""
 
     @property
     def centers(self) -> Array:
@@ -55,6 +56,12 @@ class RobustnessMap:
     rate: Array
     count: npt.NDArray[np.int64]
 
+    @property
+    def constant(self) -> float | None:
+        """The share of successes where it is the same in all cells with episodes, which a sentence says better."""
+        low, high = float(np.nanmin(self.rate)), float(np.nanmax(self.rate))
+        return low if low == high else None
+
 
 def robustness_maps(rows: Rows, paths: tuple[str, str] | None = None) -> list[RobustnessMap]:
     """A map for each controller; none where fewer than two numbers vary.
@@ -79,9 +86,9 @@ def robustness_maps(rows: Rows, paths: tuple[str, str] | None = None) -> list[Ro
         raise StudyError(f"--map = {shown(paths[0])}: must be two different numbers")
     first = rows.controllers[0]
     columns = [rows.of(first, path) for path in paths]
-    kinds = [next(iter(rows.manifest.origin.study["vary"][path])) for path in paths]
+    kinds = [next(iter(rows.manifest.origin.study["vary"].get(path, ("derived",)))) for path in paths]
     across, upward = (
-        axis(path, column, logarithmic=kind == "log_uniform")
+        axis(path, column, logarithmic=kind == "log_uniform", label=rows.label(path))
         for path, column, kind in zip(paths, columns, kinds, strict=True)
     )
     return [
@@ -89,20 +96,20 @@ def robustness_maps(rows: Rows, paths: tuple[str, str] | None = None) -> list[Ro
     ]
 
 
-def axis(path: str, values: Array, *, logarithmic: bool = False) -> Axis:
+def axis(path: str, values: Array, *, logarithmic: bool = False, label: str = "") -> Axis:
     """Cells for these values: one around each where they are few, else even ones, as many as the episodes allow."""
     different = np.unique(values)
     if 2 <= different.size <= LISTED and values.size > 2 * different.size:
         middle = 0.5 * (different[:-1] + different[1:])
         edges = np.concatenate([[2.0 * different[0] - middle[0]], middle, [2.0 * different[-1] - middle[-1]]])
-        return Axis(path=path, edges=edges)
+        return Axis(path=path, edges=edges, label=label)
     cells = int(np.clip(np.sqrt(values.size / PER_CELL), FEWEST, MOST))
     low, high = float(different[0]), float(different[-1])
     if low == high:
         low, high = low - 0.5, high + 0.5
     if logarithmic and low > 0.0:
-        return Axis(path=path, edges=np.geomspace(low, high, cells + 1), logarithmic=True)
-    return Axis(path=path, edges=np.linspace(low, high, cells + 1))
+        return Axis(path=path, edges=np.geomspace(low, high, cells + 1), logarithmic=True, label=label)
+    return Axis(path=path, edges=np.linspace(low, high, cells + 1), label=label)
 
 
 def success_map(

@@ -64,8 +64,8 @@ class Origin:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Paths that vary."""
-        return tuple(self.study["vary"] or {})
+        """Paths and names that vary, derived ones last."""
+        return (*(self.study["vary"] or {}), *(self.study.get("derived") or {}))
 
     @property
     def statuses(self) -> tuple[str, ...]:

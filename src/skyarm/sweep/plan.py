@@ -5,8 +5,9 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from skyarm.files import versions
@@ -19,8 +20,11 @@ from skyarm.scenario.endings import STATUSES
 from skyarm.scenario.in_flight import stretches
 from skyarm.scenario.numbers import require_apart, with_numbers
 from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.units_of_numbers import unit_at
 from skyarm.simulate.batch import Batch
-from skyarm.sweep.design import extremes
+from skyarm.simulate.draws import draws_needed
+from skyarm.sweep.design import derived_extremes, extremes, values
+from skyarm.sweep.expressions import ExpressionError
 from skyarm.sweep.origin import Origin
 from skyarm.sweep.study import Study, StudyError
 
@@ -48,6 +52,17 @@ class Plan:
         """Digest of all that the rows depend on."""
         return self.origin.digest
 
+    @cached_property
+    def units(self) -> dict[str, str]:
+        """SI unit of each varied number, where its field declares one."""
+        scenario = next(iter(self.study.scenarios.values()))
+        return {path: unit for path in self.study.paths if (unit := _unit(scenario, path))}
+
+    @cached_property
+    def noise(self) -> bool:
+        """Whether an episode draws random numbers while it flies."""
+        return any(draws_needed(scenario) for scenario in self.study.scenarios.values())
+
     def batches(self) -> dict[str, Batch]:
         """The closed loop of each controller in machine code."""
         study = self.study
@@ -65,6 +80,14 @@ class Plan:
         }
 
 
+def _unit(scenario: Scenario, path: str) -> str:
+    """Unit of a number; empty for one that is no field of a record."""
+    try:
+        return unit_at(scenario, path)
+    except ValueError:
+        return ""
+
+
 def prepare(study: Study) -> Plan:
     """Check the extremes that episodes of the study take.
 
@@ -76,16 +99,22 @@ def prepare(study: Study) -> Plan:
             require_apart(scenario, study.paths)
         except ValueError as error:
             raise StudyError(f"{study.source}: vary: {error}") from None
-    ends = extremes(study)
+    try:
+        ends = {path: pair for path, pair in extremes(study).items() if path in study.paths and path in study.vary}
+        together = _derived_settings(study)
+    except ExpressionError as error:
+        raise StudyError(f"{study.source}: {error}") from None
     for scenario in study.scenarios.values():
         for path, value in ((path, value) for path, pair in ends.items() for value in pair):
             _changed(study, scenario, path, value)
+        for path, numbers in together:
+            _changed_together(study, scenario, path, numbers)
     origin = Origin(
         study=json.loads(json.dumps({**study.document, **_added(study)})),
         scenarios={label: identity(scenario) for label, scenario in study.scenarios.items()},
         version=versions()["skyarm"],
     )
-    return Plan(study, _stiffest(study, next(iter(study.scenarios.values())), ends), origin)
+    return Plan(study, _stiffest(study, next(iter(study.scenarios.values())), ends, together), origin)
 
 
 def _added(study: Study) -> dict[str, Any]:
@@ -105,8 +134,34 @@ def _changed(study: Study, scenario: Scenario, path: str, value: float) -> Scena
         raise StudyError(f'{study.source}: vary."{path}" reaches {value:.6g}: {error}') from None
 
 
-def _stiffest(study: Study, scenario: Scenario, ends: Mapping[str, tuple[float, float]]) -> Scenario:
+def _derived_settings(study: Study) -> list[tuple[str, dict[str, float]]]:
+    """(path, all numbers) of the episodes in which a derived path is smallest and largest: they only fit together."""
+
+    def numbers(episode: int) -> dict[str, float]:
+        drawn = values(study, [episode])
+        return {name: float(drawn[name][0]) for name in study.paths}
+
+    ends = derived_extremes(study)
+    return [(path, numbers(episode)) for path, episodes in ends.items() for episode in dict.fromkeys(episodes)]
+
+
+def _changed_together(study: Study, scenario: Scenario, path: str, numbers: Mapping[str, float]) -> Scenario:
+    try:
+        return with_numbers(scenario, numbers)
+    except ValueError as error:
+        reached = f" reaches {numbers[path]:.6g}" if path in numbers else ""
+        raise StudyError(f'{study.source}: derived."{path}"{reached}: {error}') from None
+
+
+def _stiffest(
+    study: Study,
+    scenario: Scenario,
+    ends: Mapping[str, tuple[float, float]],
+    derived: Sequence[tuple[str, Mapping[str, float]]],
+) -> Scenario:
     """The plant with the fastest joint friction, each number at the end that makes friction faster.
+
+    Derived numbers count as they come together in the episodes of their ends.
 
     One end for each number is exact where friction grows or falls with each of them, as it does with damping and
     masses; FRICTION_STEP leaves a margin of four for those that do neither.
@@ -124,17 +179,27 @@ def _stiffest(study: Study, scenario: Scenario, ends: Mapping[str, tuple[float, 
                 worst[path] = value
             if found > best_rate:
                 best, best_rate = single, found
-    for together in _valid(scenario, worst):
-        if _rate(study, "", 0.0, together) > best_rate:
-            best = together
-    return _with_shortest_step(study, best, ends)
+    for together in (*_valid(scenario, worst), *(_changed_together(study, scenario, *each) for each in derived)):
+        found = _rate(study, "", 0.0, together)
+        if found > best_rate:
+            best, best_rate = together, found
+    return _with_shortest_step(study, best, ends, derived)
 
 
-def _with_shortest_step(study: Study, scenario: Scenario, ends: Mapping[str, tuple[float, float]]) -> Scenario:
+def _with_shortest_step(
+    study: Study,
+    scenario: Scenario,
+    ends: Mapping[str, tuple[float, float]],
+    derived: Sequence[tuple[str, Mapping[str, float]]],
+) -> Scenario:
     """Air, forces and drives with each number at the end with which they bear only the shorter steps."""
     for path, pair in ends.items():
         if path.startswith(STATED):
             changed = [_changed(study, scenario, path, value) for value in pair]
+            scenario = min((scenario, *changed), key=lambda each: stated_step(each) or math.inf)
+    for path, numbers in derived:
+        if path.startswith(STATED):
+            changed = [_changed_together(study, scenario, path, numbers)]
             scenario = min((scenario, *changed), key=lambda each: stated_step(each) or math.inf)
     return scenario
 

@@ -40,7 +40,9 @@ def fly_chunk(plan: Plan, batches: Mapping[str, Batch], index: int, threads: int
     drawn = values(study, episodes)
     tables = []
     for position, batch in enumerate(batches.values()):
-        outcome = batch.fly(drawn, seed=study.seed, episodes=episodes, threads=threads)
+        outcome = batch.fly(
+            {path: drawn[path] for path in study.paths}, seed=study.seed, episodes=episodes, threads=threads
+        )
         columns: dict[str, Any] = {
             "episode": episodes.astype(np.uint32),
             "controller": _words(pa, np.full(len(episodes), position), list(batches)),

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.files import did_you_mean, number, shown
+from skyarm.scenario.units_of_numbers import labelled, words_of
 from skyarm.sweep.intervals import bootstrap_mean, bootstrap_quantiles, quantiles, wilson
 from skyarm.sweep.rows import arrow
 from skyarm.sweep.rows_there import named, rows_of
@@ -66,6 +67,18 @@ class Rows:
         self._chosen = {controller: np.asarray(chosen == controller) for controller in self.controllers}
         self.episodes = sum(len(origin.span(index)) for index in found.chunks)
         self.count, self.planned = self.episodes * len(self.controllers), origin.rows
+
+    @property
+    def deterministic(self) -> bool:
+        """Whether nothing was drawn at random: a grid of given numbers, flown without noise."""
+        study = self.manifest.origin.study
+        kinds = [kind for distribution in (study["vary"] or {}).values() for kind in distribution]
+        given = study["design"] == "grid" and all(kind in ("list", "grid") for kind in kinds)
+        return given and self.manifest.noise is False
+
+    def label(self, path: str) -> str:
+        """Words and unit of a varied number."""
+        return labelled(words_of(path), self.manifest.units.get(path, ""))
 
     @property
     def complete(self) -> bool:
@@ -122,7 +135,8 @@ def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[s
 
     Returns:
         Success and quantiles of each controller, and differences of each pair. Metrics are those of episodes that flew
-        to their end; paired ones, of episodes that did so with both.
+        to their end; paired ones, of episodes that did so with both. Where nothing was drawn at random
+        ("deterministic") intervals are null: the same study gives the same numbers again, and samples no others.
     """
     wins = {controller: rows.succeeded(controller) for controller in rows.controllers}
     flew = {controller: rows.of(controller, "status") == "completed" for controller in rows.controllers}
@@ -135,6 +149,7 @@ def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[s
         "files_not_counted": list(rows.skipped),
         "manifest_rebuilt": rows.manifest.rebuilt,
         "episodes": rows.episodes,
+        "deterministic": rows.deterministic,
         "confidence": confidence,
         "seed": seed,
         "limits": rows.limits,
@@ -163,7 +178,17 @@ def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[s
             difference = columns[one] - columns[other]
             kept = difference[flew[one] & flew[other] & np.isfinite(difference)]
             found["paired"][f"{one} - {other}"]["metrics"][metric] = _paired(kept, seed, confidence)
-    return found
+    return _without_intervals(found) if rows.deterministic else found
+
+
+def _without_intervals(found: Any) -> Any:
+    """The same with null for every interval: of what is not drawn there is none."""
+    if not isinstance(found, dict):
+        return found
+    return {
+        key: None if key == "intervals" or key.endswith("_interval") else _without_intervals(each)
+        for key, each in found.items()
+    }
 
 
 def _spread(values: Array, seed: int, confidence: float) -> dict[str, Any] | None:

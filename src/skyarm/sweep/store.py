@@ -142,6 +142,8 @@ class Store:
             versions=self._versions,
             complete=self.verified,
             rows=self.episodes * len(study.scenarios),
+            units=self.plan.units,
+            noise=self.plan.noise,
         )
         write_inside(self.folder / MANIFEST, manifest.content(int(np.count_nonzero(self._seen))))
 

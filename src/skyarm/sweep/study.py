@@ -9,7 +9,9 @@ from typing import Any
 
 from skyarm.metrics.windows import Windows
 from skyarm.scenario.scenario_record import Scenario
+from skyarm.sweep.derived_numbers import is_own_name
 from skyarm.sweep.distributions import Distribution, Values
+from skyarm.sweep.expressions import Expression
 
 DESIGNS = ("random", "grid", "sobol")
 PRECISIONS = ("double", "single", "bit_exact")
@@ -29,7 +31,8 @@ class Study:
     Attributes:
         name: short name. title: one line for people. source: what messages call it.
         scenarios: label of the controller -> scenario it flies; all of them fly the same draws.
-        vary: dotted path -> its distribution, in the order of the file.
+        vary: dotted path -> its distribution, in the order of the file; or a name that is only derived from.
+        derived: dotted path, or a name that is only written into the rows -> its expression of what stands before it.
         design: "random", "grid" or "sobol".
         episodes: how many, numbered from 0. seed: of draws and noise. chunk: episodes of one file.
         precision: "double", "single", or "bit_exact" (double without fused multiply-add: the same bits on every
@@ -51,13 +54,14 @@ class Study:
     precision: str = "double"
     metrics: tuple[str, ...] = ("standard",)
     windows: Windows = Windows()
+    derived: Mapping[str, Expression] = field(default_factory=lambda: MappingProxyType({}))
     success: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     document: Mapping[str, Any]
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """Dotted paths that vary, in order."""
-        return tuple(self.vary)
+        """Dotted paths that vary, in order, the derived ones last."""
+        return tuple(name for name in (*self.vary, *self.derived) if not is_own_name(name))
 
     @property
     def axes(self) -> dict[str, Values]:

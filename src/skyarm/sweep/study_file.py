@@ -16,6 +16,8 @@ A file has ``schema = 1`` and::
                      end; what is left out is the scenario's, or else the flight after its first third
     [vary]           "dotted.path" = { uniform = [low, high] } | { normal = [mean, std] } |
                      { log_uniform = [low, high] } | { list = [...] } | { grid = [start, stop, count] }
+    [derived]        "dotted.path" = expression of what varies and of what is derived above it: + - * / ( ) sqrt; names
+                     of one's own, words without a dot, vary or are derived beside the paths
     [success]        metric = largest value; an episode that ended early is never a success
 
 Every error is one line: file, field, value, what is allowed.
@@ -25,7 +27,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from importlib import resources
 from math import prod
 from pathlib import Path
@@ -42,6 +44,7 @@ from skyarm.scenario.numbers import DERIVED, number_at, with_numbers
 from skyarm.scenario.registered_tables import require_plugins
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.scenario.scenario_record import Scenario, check_name, noise_key
+from skyarm.sweep.derived_numbers import derived_from, is_own_name, require_used
 from skyarm.sweep.distributions import Distribution, Values, distribution_from
 from skyarm.sweep.facts import LARGEST_CHUNK, MOST_EPISODES
 from skyarm.sweep.sobol import DIMENSIONS
@@ -132,6 +135,8 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
         raise ValueError(f"title = {shown(title)}: must be text")
     design = top.choice("design", DESIGNS, "random")
     vary = _vary(top.take("vary", {}), design)
+    derived = derived_from(top.take("derived", {}), tuple(vary))
+    require_used(vary, derived)
     _say_grid(top)
     seed = top.take("seed", 0)
     noise_key("seed", seed)
@@ -148,7 +153,8 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
     if chosen["episodes"] > MOST_CHUNKS * chosen["chunk"]:
         least = -(-chosen["episodes"] // MOST_CHUNKS)
         raise ValueError(f"chunk = {chosen['chunk']}: must be at least {least} for {chosen['episodes']} episodes")
-    scenarios = _scenarios(top, folder, list(vary))
+    paths = [name for name in (*vary, *derived) if not (derived and is_own_name(name))]
+    scenarios = _scenarios(top, folder, paths, derived)
     first = next(iter(scenarios.values()))
     chosen["metrics"] = _metrics(top, first.world.vehicle.n)
     windows = chosen["windows"].of_flight(first.duration, first.windows)
@@ -158,12 +164,15 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
     if told["controllers"] is not None:
         told["controllers"] = list(scenarios)
     document = {"schema": 1, "name": name, **told, **chosen, "windows": windows.plain()}
+    if derived:
+        document["derived"] = {path: each.text for path, each in derived.items()}
     return Study(
         name=name,
         title=title,
         source=source,
         scenarios=scenarios,
         vary=vary,
+        derived=derived,
         success=success,
         document=document,
         **chosen,
@@ -220,7 +229,7 @@ def _metrics(top: Fields, joints: int) -> tuple[str, ...]:
     return metric_names(wanted, joints)
 
 
-def _scenarios(top: Fields, folder: Path, paths: list[str]) -> dict[str, Scenario]:
+def _scenarios(top: Fields, folder: Path, paths: list[str], derived: Collection[str]) -> dict[str, Scenario]:
     """The scenario as each controller flies it, its varied numbers made data."""
     named = top.take("scenario")
     if not isinstance(named, str):
@@ -236,7 +245,7 @@ def _scenarios(top: Fields, folder: Path, paths: list[str]) -> dict[str, Scenari
         scenario = load_scenario(file, controller=controller, duration=duration)
         if any(path.startswith("changes.") for path in paths) and controller is not None:
             _require_numbered_alike(scenario, load_scenario(file, duration=duration))
-        found[controller or scenario.controller.name] = _ready(scenario, paths)
+        found[controller or scenario.controller.name] = _ready(scenario, paths, derived)
     return found
 
 
@@ -259,14 +268,14 @@ def _controllers(top: Fields) -> list[str] | None:
     return [full_name(each) for each in given]
 
 
-def _ready(scenario: Scenario, paths: list[str]) -> Scenario:
+def _ready(scenario: Scenario, paths: list[str], derived: Collection[str]) -> Scenario:
     """The scenario with every varied number made data, so that it may also be varied from zero."""
     if scenario.plant != "rigid_body":
         raise ValueError(
             f"scenario: plant.kind = {scenario.plant!r}: must be rigid_body, whose episodes fly in batches"
         )
     for path in paths:
-        at = f'vary."{path}"'
+        at = f'{"derived" if path in derived else "vary"}."{path}"'
         try:
             value = number_at(scenario, path)
             if not path.startswith(DERIVED):

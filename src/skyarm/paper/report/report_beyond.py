@@ -61,12 +61,13 @@ def beyond_section(summaries: Mapping[str, Any], logs: Mapping[str, Mapping[str,
         logs: plant -> entrant -> log in the wind with perfect state.
         picture: PNG of the tip's error over time, or nothing.
     """
-    parts = [f"<p>{text(lead())}</p>", bullets(hints(summaries)), harder_table(summaries)]
+    parts = [f"<p>{text(lead())}</p>"]
     if picture:
-        words = f"{PICTURE}. Plant: {next(iter(logs), 'none')}."
+        words = f"{WORDS[WIND]}. {PICTURE}. Plant: {next(iter(logs), 'none')}."
         parts.append(f'<div class="single">{image(f"{WORDS[WIND]}: tip error over time", words, picture)}</div>')
-    parts.append(plants_table(logs))
-    return "".join(parts)
+    parts += [bullets(hints(summaries)), details("Every case, perfect and noisy", harder_table(summaries))]
+    found = plants_table(logs)
+    return "".join(parts) + (details("Plant by plant", found) if found else "")
 
 
 def comparison_section(found: Mapping[str, Any], comparison: Comparison, address: str) -> str:
@@ -88,7 +89,7 @@ def lead() -> str:
         f"{NOISE.rate:g} rad/s, joints {1e3 * NOISE.joints:g} mrad and {NOISE.joint_rates:g} rad/s"
     )
     return (
-        "The centroidal law of this library beside the paper's two controllers, on the paper's cases and with the wind "
+        "The centroidal law of this library beside the paper's two laws, on the paper's cases and with the wind "
         "from two more sides; the plant is rigid_body. Perfect state: one flight. Noisy: white noise of "
         f"{noise}, measurements {1e3 * DELAY:g} ms old, mean of {columns()['noisy'].episodes} seeds; the centroidal "
         "law is told of the delay. The other laws, and plants that nobody believes in: skyarm compare."
@@ -118,14 +119,14 @@ def hints(summaries: Mapping[str, Any]) -> list[str]:
 
 
 def _noise_hint(summaries: Mapping[str, Any]) -> str:
-    """Why the paper's controllers seem to gain by noise."""
+    """Why the paper's laws seem to gain by noise."""
 
     def shown(entrant: str, metric: str) -> str:
         perfect, noisy = (value(summaries.get(name, {}), Column("", "case1", metric), entrant) for name in COLUMNS)
         return f"{number(perfect)} and {number(noisy)}"
 
     return (
-        "The paper's controllers do not fly better with noise where their base errors are smaller (Case 1, perfect "
+        "The paper's laws do not fly better with noise where their base errors are smaller (Case 1, perfect "
         f"and noisy: CT {shown('paper_ct', BASE)} mm, PD {shown('paper_pd', BASE)} mm). They hang below their height, "
         "and rotors that speed up faster than they slow down turn noisy commands into more mean thrust, which lifts "
         "CT by some 3 mm (rotors with equal time constants: by nothing). What PD gains comes with the delay and not "

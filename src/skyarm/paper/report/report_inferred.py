@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from skyarm.identify.records import Cell
-from skyarm.paper.counted_cells import RULE, counts, inferred, sentence, stated
+from skyarm.paper.counted_cells import RULE, counts, inferred, stated
 from skyarm.paper.impossible import impossible
 from skyarm.paper.inference_tables import (
     PlainTable,
@@ -31,8 +31,8 @@ LEAD = (
 OTHER = "This search was made with another version of the study: skyarm reproduce --infer makes it anew."
 
 
-def counts_section(results: Mapping[str, Any]) -> str:
-    """The counts in a sentence, then in a table by law."""
+def counts_table(results: Mapping[str, Any]) -> str:
+    """The counts by law and plant, and the rule by which they were counted."""
     experiments, facts = results.get("experiments", {}), results.get("settings", {}).get("inferred", {})
     rows = []
     for title, column_of, free in (
@@ -47,20 +47,21 @@ def counts_section(results: Mapping[str, Any]) -> str:
                     rows.append((*row, str(found["cells"])))
     head = ("column", "plant", "law", "free", ">within 5 %", ">within 10 %", ">within 25 %", ">of")
     counted = PlainTable("How many of the paper's numeric cells each column comes near", head, rows)
-    return f'<p class="lead">{text(sentence(results))}</p><p class="note">{text(RULE)}</p>{html_of(counted)}'
+    return f'<p class="note">{text(RULE)}</p>{html_of(counted)}'
 
 
 def inferred_section(
     results: Mapping[str, Any], predicted: Mapping[str, Any], evidence: Mapping[str, Any], plant: str
 ) -> str:
-    """Settings, ladder, out of sample, what stays open; profiles and rivals collapsed."""
+    """Settings and what they say of flights that were not seen; ladder, choices, profiles, rivals, open ends folded."""
     note = "" if is_of_this_study(evidence) else f'<p class="note">{text(OTHER)}</p>'
-    opened = (settings_table(evidence), prediction_table(results, predicted, plant), ladder_table(evidence))
-    collapsed = details("Choices taken otherwise", html_of(choices_table(evidence)))
+    opened = (settings_table(evidence), prediction_table(results, predicted, plant))
+    collapsed = details("Ladder: one setting after the other", html_of(ladder_table(evidence)))
+    collapsed += details("Choices taken otherwise", html_of(choices_table(evidence)))
     collapsed += details("Loss over each number", "".join(map(html_of, profile_tables(evidence))))
     collapsed += details("Rivals", html_of(rivals_table(evidence)))
-    open_points = f"<h3>What stays open</h3>{bullets(impossible(results, plant))}"
-    return f"<p>{text(LEAD)}</p>{note}{''.join(map(html_of, opened))}{collapsed}{open_points}"
+    collapsed += details("What stays open", bullets(impossible(results, plant)))
+    return f"<p>{text(LEAD)}</p>{note}{''.join(map(html_of, opened))}{collapsed}"
 
 
 def _of_law(law: str, cell: Cell) -> bool:
@@ -74,6 +75,7 @@ def html_of(plain: PlainTable) -> str:
         cells = [f'<th scope="row">{text(row[0])}</th>']
         for name, cell in zip(plain.head[1:], row[1:], strict=True):
             right = name.startswith(">")
-            cells.append(f'<td class="num">{typographic(text(cell))}</td>' if right else f"<td>{text(cell)}</td>")
+            kind = ' class="num"' if right else ' class="unit"' if name == "unit" else ""
+            cells.append(f"<td{kind}>{typographic(text(cell)) if right else text(cell)}</td>")
         rows.append("".join(cells))
     return table(text(plain.title), list(plain.head), [("", rows)], "text")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import html
 from collections.abc import Iterable, Sequence
 
@@ -99,12 +100,19 @@ def table(caption: str, head: Sequence[str], groups: Iterable[tuple[str, Sequenc
         )
         bodies.append(f"<tbody>{heading}{''.join(f'<tr>{row}</tr>' for row in rows)}</tbody>")
     inner = f"<caption>{caption}</caption>{header_row(head)}{''.join(bodies)}"
-    return f'<div class="table"><table class="{text(kind)}">{inner}</table></div>'
+    # the box scrolls sideways, the page does not: who has no pointer scrolls it with the keys
+    return f'<div class="table" tabindex="0"><table class="{text(kind)}">{inner}</table></div>'
 
 
 def details(summary: str, content: str) -> str:
     """Collapsed block."""
     return f"<details><summary>{text(summary)}</summary>{content}</details>"
+
+
+def image(png: bytes, caption: str) -> str:
+    """A picture inside the page and the caption below it, for a figure."""
+    data = base64.b64encode(png).decode("ascii")
+    return f'<img src="data:image/png;base64,{data}" alt="{text(caption)}"><figcaption>{text(caption)}</figcaption>'
 
 
 def section(name: str, title: str, content: str) -> str:

@@ -30,11 +30,11 @@ METRICS = {
     "position_ripple": Metric("Position error, ripple", "m", "Half of peak to peak of |e_p| in the window."),
     "peak_x": Metric("Peak along x", "m", "Largest magnitude of the x component of e_p in the window."),
     "ee_error_mean": Metric(
-        "End-effector error, mean",
+        "Tip error, mean",
         "m",
         "Mean of |p_ee - p_ee,d| over the window; p_ee,d = p_d + R_z(yaw_d) p_e(theta_d), the level pose.",
     ),
-    "ee_error_max": Metric("End-effector error, largest", "m", "Largest |p_ee - p_ee,d| in the window."),
+    "ee_error_max": Metric("Tip error, largest", "m", "Largest |p_ee - p_ee,d| in the window."),
     "joint_error_mean": Metric("Joint error, mean", "rad", "Mean over the window of the norm of both joint errors."),
     "joint_error_max": Metric("Joint error, largest", "rad", "Largest norm of both joint errors in the window."),
     "pitch_rms": Metric("Pitch, RMS", "rad", "Root mean square of pitch over the window."),

@@ -1,30 +1,27 @@
-"""The report: one HTML page that needs no network, from the results of the paper's experiments."""
+"""The report: a page that says what came out, and a page for each case; HTML that needs no network."""
 
 from __future__ import annotations
 
-import base64
-import hashlib
 from collections.abc import Iterable, Mapping
-from importlib import resources
-from string import Template
 from typing import TYPE_CHECKING, Any
 
-from skyarm.figures.embed import image_bytes, plot_script, plot_style
+from skyarm.figures.embed import image_bytes
 from skyarm.figures.figure_list import PAPER_CATALOGUE
-from skyarm.figures.interactive import damping_figure, experiment_figure, tool_path_figure
-from skyarm.figures.interactive_spec import PanelsFigure, PathFigure, figure_json
-from skyarm.log.flight_log import Log
+from skyarm.figures.interactive import damping_figure
+from skyarm.files import file_names
 from skyarm.paper.agreement import known
 from skyarm.paper.counted_cells import sentence
-from skyarm.paper.flights import WINDOWS, first_plant
+from skyarm.paper.flights import first_plant
 from skyarm.paper.published import TITLES
 from skyarm.paper.report import report_text as prose
+from skyarm.paper.report.report_case import Logs, case_page, paper_figures_html
+from skyarm.paper.report.report_frame import MAIN, Page, Plots, page_html
 from skyarm.paper.report.report_headlines import tally
-from skyarm.paper.report.report_inferred import counts_section
-from skyarm.paper.report.report_markup import bullets, details, section, table, text
+from skyarm.paper.report.report_inferred import counts_table
+from skyarm.paper.report.report_markup import bullets, details, table, text
+from skyarm.paper.report.report_opening import Opening, opening_html
 from skyarm.paper.report.report_tables import (
     definitions_table,
-    experiment_table,
     headline_table,
     reversed_table,
     sensitivity_tables,
@@ -37,100 +34,85 @@ if TYPE_CHECKING:
 
 TITLE = "Computed torque for a flying arm: the paper and two simulations"
 
-Logs = Mapping[str, Mapping[str, Mapping[str, Log]]]
-"""plant -> experiment -> controller -> log."""
-
 DAMPING_PANELS = (
     ("case2", "position_error_mean", "Case 2: position error, mean [m]"),
     ("case2", "pitch_rms", "Case 2: pitch RMS [rad]"),
     ("case2", "joint_error_mean", "Case 2: joint error, mean [rad]"),
-    ("case3", "ee_error_mean", "Case 3: end-effector error, mean [m]"),
+    ("case3", "ee_error_mean", "Case 3: tip error, mean [m]"),
     ("case3", "pitch_rms", "Case 3: pitch RMS [rad]"),
     ("case3", "tau1_rms", "Case 3: torque of joint 1, RMS [N m]"),
 )
 
 
-def report_html(
+def report_pages(
     results: Mapping[str, Any],
     sensitivity: Mapping[str, Any],
     logs: Logs,
     reasons: Mapping[str, Mapping[str, Mapping[str, str]]],
     figures: Mapping[int, Figure] | None = None,
     further: Mapping[str, str] | None = None,
-) -> str:
+    opening: Opening | None = None,
+) -> dict[str, str]:
     """Write the report.
 
     Args:
         results: as in ``results.json``: "experiments" and "settings".
-        sensitivity: assumption -> its value -> experiment -> controller -> metric -> number or None.
-        logs: plant -> experiment -> controller -> log, for the interactive plots.
-        reasons: experiment -> controller -> metric -> why it differs from the paper, one line.
-        figures: the paper's number -> static figure, put into the page as images.
+        sensitivity: assumption -> its value -> case -> law -> metric -> number or None.
+        logs: plant -> case -> law -> log, for the interactive plots.
+        reasons: case -> law -> metric -> why it differs from the paper, one line.
+        figures: the paper's number -> static figure, put into the pages as images.
         further: title -> HTML of a section of its own, on what goes beyond the paper.
+        opening: what the first page opens with.
 
     Returns:
-        A whole HTML document: scripts, styles and images inside, no address outside.
+        File -> a whole HTML document, all in one folder: ``report.html``, then a page for each case. Scripts, styles
+        and images are inside; no address is outside the folder.
     """
-    experiments, plant = results.get("experiments", {}), first_plant(results)
-    plots, script = _Plots(), plot_script()
+    experiments, plant, plots = results.get("experiments", {}), first_plant(results), Plots()
+    drawn = {number: image_bytes(figure) for number, figure in (figures or {}).items()}
+    files = case_files(experiments)
+    by_case = {case: {n: png for n, png in drawn.items() if _case_of(n) == case} for case in files}
+    left = {n: png for n, png in drawn.items() if _case_of(n) not in files}
     verdict = (
-        counts_section(results)
-        + headline_table(experiments)
+        summary_table(experiments, files)
         + reversed_table(experiments, plant)
-        + summary_table(experiments)
+        + details("Headline numbers against accepted ranges", headline_table(experiments))
+        + details("Counts by law and plant", counts_table(results))
     )
     sections = [
         ("verdict", "Verdict", verdict),
-        ("experiments", "Experiments", _experiments(experiments, reasons, logs, plots)),
-        ("sensitivity", "Sensitivity to assumptions", _sensitivity(sensitivity, experiments, plant, plots)),
-        ("figures", "Figures 3-18", _paper_figures(figures or {}, plant)),
         *((f"further-{i}", title, content) for i, (title, content) in enumerate((further or {}).items(), 1)),
-        ("assumptions", "Assumptions", bullets(prose.ASSUMPTIONS)),
-        ("not-modelled", "What is not modelled", bullets(prose.NOT_MODELLED)),
-        ("definitions", "Definitions", f"<p>{text(prose.READING)}</p>{definitions_table()}"),
+        ("sensitivity", "Sensitivity to assumptions", _sensitivity(sensitivity, experiments, plant, plots)),
+        *([("figures", "Figures", paper_figures_html(left, plant))] if left else []),
+        ("assumptions", "Assumptions", _assumptions()),
         ("settings", "Settings and versions", _episodes(logs) + _settings(results.get("settings", {}))),
     ]
-    return _template("report_page.html").substitute(
-        title=text(TITLE),
-        style=_resource("report.css"),
-        lead=text(prose.LEAD),
-        facts=text(f"{sentence(results)} {_facts(experiments)}"),
-        contents="".join(f'<li><a href="#{name}">{text(title)}</a></li>' for name, title, _ in sections),
-        body="\n".join(section(name, title, content) for name, title, content in sections),
-        footer=f"Format of the results: schema {text(results.get('schema', 1))}. This page needs no network.",
-        data=plots.data(),
-        plot_style=plot_style(),
-        script=script,
-        # the browser runs this script and no other, whatever stands in the page
-        script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii"),
-    )
+    facts = f"{sentence(results)} {_facts(experiments)}{'' if drawn else ' No static figures were drawn.'}"
+    pages = {
+        MAIN: Page(
+            title=TITLE,
+            lead=prose.LEAD,
+            facts=facts,
+            opening=opening_html(opening),
+            sections=sections,
+            plots=plots,
+        )
+    }
+    for case, file in files.items():
+        pages[file] = case_page(case, experiments[case], reasons.get(case, {}), logs, by_case[case], plant)
+    titles = {MAIN: "Overview", **{file: TITLES.get(case, case).split(":")[0] for case, file in files.items()}}
+    return {file: page_html(page, file, titles, results.get("schema", 1)) for file, page in pages.items()}
 
 
-class _Plots:
-    """Interactive plots of one page: holders in the text, data at its end."""
-
-    def __init__(self) -> None:
-        self._specs: list[str] = []
-
-    def add(self, figure: PanelsFigure | PathFigure, caption: str) -> str:
-        """Place for a plot; its data are kept for the end of the page."""
-        name = f"plot-{len(self._specs)}"
-        self._specs.append(f'<script type="application/json" id="{name}">{figure_json(figure)}</script>')
-        hint = "<noscript><p>The interactive plots need JavaScript; the static figures do not.</p></noscript>"
-        body = f'<div class="plot" data-plot="{name}" role="group" aria-label="{text(caption)}">{hint}</div>'
-        return f'<figure class="interactive">{body}<figcaption>{text(caption)}</figcaption></figure>'
-
-    def data(self) -> str:
-        """All specifications."""
-        return "\n".join(self._specs)
+def case_files(cases: Iterable[str]) -> dict[str, str]:
+    """Case -> the file of its page, beside :data:`skyarm.paper.report.report_frame.MAIN`."""
+    return {case: file for case, file in file_names([MAIN.removesuffix(".html"), *cases], "", ".html").items()
+            if file != MAIN}  # fmt: skip
 
 
-def _resource(name: str) -> str:
-    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
-
-
-def _template(name: str) -> Template:
-    return Template(_resource(name))
+def _case_of(number: int) -> str:
+    spec = PAPER_CATALOGUE.get(number)
+    return spec.case if spec else ""
 
 
 def _facts(experiments: Mapping[str, Any]) -> str:
@@ -144,63 +126,31 @@ def _facts(experiments: Mapping[str, Any]) -> str:
     return " ".join(parts) or "No headline number was measured."
 
 
-def _experiments(experiments: Mapping[str, Any], reasons: Mapping[str, Any], logs: Logs, plots: _Plots) -> str:
-    parts = [f'<p class="note">{text(prose.READING)} {text(prose.LEGEND)}</p>']
-    for case, controllers in experiments.items():
-        title = TITLES.get(case, case)
-        parts.append(f'<h3 id="{text(case)}">{text(title)}</h3>')
-        parts.append(experiment_table(case, controllers, reasons.get(case, {})))
-        flown = {plant: cases[case] for plant, cases in logs.items() if cases.get(case)}
-        if flown:
-            figure = experiment_figure(flown, WINDOWS.get(case))
-            parts.append(plots.add(figure, f"{title}: choose curves in the legend. {prose.HOLDS}"))
-        if flown and case == "case3":
-            parts.append(
-                plots.add(
-                    tool_path_figure(flown),
-                    f"{title}: path of the end effector, desired and flown; the vertical axis is stretched.",
-                )
-            )
-    return "".join(parts)
-
-
-def _sensitivity(sensitivity: Mapping[str, Any], experiments: Mapping[str, Any], plant: str, plots: _Plots) -> str:
+def _sensitivity(sensitivity: Mapping[str, Any], experiments: Mapping[str, Any], plant: str, plots: Plots) -> str:
     damping = sensitivity.get("joint_damping") or {}
     if not damping:
         return sensitivity_tables(sensitivity, experiments, plant)
     paper = {
-        case: {
-            controller: {name: known(cell.get("paper")) for name, cell in cells.items()}
-            for controller, cells in controllers.items()
-        }
-        for case, controllers in experiments.items()
+        case: {law: {name: known(cell.get("paper")) for name, cell in cells.items()} for law, cells in laws.items()}
+        for case, laws in experiments.items()
     }
     figure = damping_figure(damping, paper, DAMPING_PANELS)
     caption = f"{len(DAMPING_PANELS)} numbers over the assumed joint damping, {plant}; dotted: the paper."
     return plots.add(figure, caption) + sensitivity_tables(sensitivity, experiments, plant)
 
 
-def _paper_figures(figures: Mapping[int, Figure], plant: str) -> str:
-    if not figures:
-        return "<p>No static figures were drawn.</p>"
-    parts = []
-    for number, figure in sorted(figures.items()):
-        spec = PAPER_CATALOGUE.get(number)
-        caption = f"Figure {number}. {spec.caption}" if spec else f"Figure {number}."
-        image = base64.b64encode(image_bytes(figure)).decode("ascii")
-        shown = f'<img src="data:image/png;base64,{image}" alt="{text(caption)}">'
-        parts.append(f'<figure id="figure-{number}">{shown}<figcaption>{text(caption)}</figcaption></figure>')
-    look = "CT solid and dark, PD dashed and lighter, grey: window of the metrics."
-    note = f"Layout of the paper, {text(plant)} plant. {look}"
-    return f'<p class="note">{note} {text(prose.HOLDS)}</p><div class="paper">{"".join(parts)}</div>'
+def _assumptions() -> str:
+    folded = details("Everything that is assumed", bullets(prose.ASSUMPTIONS))
+    folded += details("What is not modelled", bullets(prose.NOT_MODELLED))
+    return f"<p>{text(prose.READING)}</p>{folded}{details('Definitions of the metrics', definitions_table())}"
 
 
 def _episodes(logs: Logs) -> str:
     flown = [
-        (f"{plant}, {TITLES.get(case, case)}, {controller}", log)
+        (f"{plant}, {TITLES.get(case, case)}, {law}", log)
         for plant, cases in logs.items()
-        for case, controllers in cases.items()
-        for controller, log in controllers.items()
+        for case, laws in cases.items()
+        for law, log in laws.items()
     ]
     ended = [(name, log) for name, log in flown if log.status != "completed"]
     if not ended:

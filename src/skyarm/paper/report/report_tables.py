@@ -37,6 +37,13 @@ VERDICT_CAPTION = (
     "Headline numbers against accepted ranges, which are this project's own: an earlier, independent prototype reached "
     "them with the same assumptions"
 )
+MAIN_METRICS = (
+    *("position_error_mean", "position_error_max", "held_position_error", "ee_error_mean", "ee_error_max"),
+    *("joint_error_mean", "joint_error_max", "peak_x", "pitch_rms", "pitch_mean", "peak_pitch", "tau1_rms"),
+    *("iae_position", "hover_offset"),
+)
+"""In the first table of a case's page, as far as the case has them; all others are folded below it."""
+
 KEY_METRICS = ("position_error_mean", "ee_error_mean", "pitch_rms", "joint_error_mean", "tau1_rms")
 
 
@@ -48,7 +55,7 @@ def headline_table(experiments: Experiments) -> str:
 
 
 def reversed_table(experiments: Experiments, plant: str) -> str:
-    """Where the controller that is better in the paper is the worse one here."""
+    """Where the law that is better in the paper is the worse one here, folded; a sentence where there is none."""
     rows = []
     for case, name in reversed_orders(experiments, plant):
         ct, pd = (experiments[case][controller][name] for controller in ("CT", "PD"))
@@ -56,29 +63,53 @@ def reversed_table(experiments: Experiments, plant: str) -> str:
         values = [number_cell(each.get(column)) for column in ("paper", plant) for each in (ct, pd)]
         rows.append("".join([f'<th scope="row">{text(title)}</th>', f"<td>{text(metric(name).unit)}</td>", *values]))
     head = ["Metric", "Unit", ">Paper CT", ">Paper PD", f">{plant} CT", f">{plant} PD"]
-    return table(
-        "Not reproduced: the better controller of the paper is the worse one here", head, [("", rows)], "reversed"
+    if not rows:
+        return f"<p>In no metric is the better law of the paper the worse one here ({text(plant)}).</p>"
+    summary = (
+        f"Not reproduced: {len(rows)} metrics in which the better law of the paper is the worse one here ({plant})"
     )
+    return details(summary, table(f"The paper and {text(plant)}, both laws", head, [("", rows)], "reversed"))
 
 
-def summary_table(experiments: Experiments) -> str:
-    """How many of the paper's numbers each plant comes near."""
+def near_counts(laws: Mapping[str, Cells], plant: str) -> tuple[int, int, int]:
+    """Published numbers of a case that a plant comes near: (within 5 %, within 20 %, compared)."""
+    found = [difference(cell.get(plant), cell.get("paper")) for cells in laws.values() for cell in cells.values()]
+    sizes = [abs(value) for value in found if value is not None]
+    near, fair = (sum(size <= limit for size in sizes) for limit in (NEAR, FAIR))
+    return near, fair, len(sizes)
+
+
+def summary_table(experiments: Experiments, files: Mapping[str, str]) -> str:
+    """How many of the paper's numbers each plant comes near; each case leads to its page, which ``files`` names."""
     rows = []
-    for case, controllers in experiments.items():
-        cells = [f'<th scope="row">{text(TITLES.get(case, case))}</th>']
+    for case, laws in experiments.items():
+        cells = [f'<th scope="row"><a href="{text(files[case])}">{text(TITLES.get(case, case))}</a></th>']
         for plant in PLANTS:
-            found = [
-                difference(cell.get(plant), cell.get("paper")) for c in controllers.values() for cell in c.values()
-            ]
-            sizes = [abs(value) for value in found if value is not None]
-            counts = [sum(size <= limit for size in sizes) for limit in (NEAR, FAIR)]
-            cells += [f'<td class="num">{count if sizes else DASH}</td>' for count in (*counts, len(sizes))]
+            counts = near_counts(laws, plant)
+            cells += [f'<td class="num">{count if counts[-1] else DASH}</td>' for count in counts]
         rows.append("".join(cells))
     head = [
-        "Experiment",
+        "Case",
         *(f">{plant}: {label}" for plant in PLANTS for label in ("within 5 %", "within 20 %", "compared")),
     ]
-    return table("How many published numbers lie near", head, [("", rows)], "summary")
+    return table("How many published numbers lie near ours; each case has a page", head, [("", rows)], "summary")
+
+
+def main_numbers_table(case: str, laws: Mapping[str, Cells], plant: str) -> str:
+    """The numbers of a case that one asks for first, both laws side by side, as stated."""
+    names = [name for name in MAIN_METRICS if any(name in cells for cells in laws.values())]
+    head = ["Metric", "Unit", *(f">{law} {what}" for law in laws for what in ("paper", "ours", "- paper"))]
+    rows = []
+    for name in names:
+        meant = metric(name)
+        cells = [f'<th scope="row">{text(meant.label)}</th><td class="unit">{text(meant.unit)}</td>']
+        for law, found in laws.items():
+            cell = found.get(name, {})
+            paper, ours = cell.get("paper"), cell.get(plant)
+            cells += [_paper_cell(case, law, name, paper), number_cell(ours), difference_cell(ours, paper)]
+        rows.append("".join(cells))
+    caption = f"{text(TITLES.get(case, case))}: main numbers, {text(plant)}, as stated"
+    return table(caption, head, [("", rows)], "main") if rows else ""
 
 
 def experiment_table(case: str, controllers: Mapping[str, Cells], reasons: Mapping[str, Mapping[str, str]]) -> str:
@@ -133,7 +164,7 @@ def _paper_cell(case: str, controller: str, name: str, paper: Any) -> str:
 
 
 def sensitivity_tables(sensitivity: Mapping[str, Variants], experiments: Experiments, plant: str) -> str:
-    """One table per assumption varied on a plant: the key metrics open, everything else collapsed."""
+    """Two folded tables per assumption varied on a plant: the key metrics, and everything else."""
     parts = []
     assumed = {each.group: each.value for each in variations() if each.assumed}
     for group, variants in sensitivity.items():
@@ -143,9 +174,7 @@ def sensitivity_tables(sensitivity: Mapping[str, Variants], experiments: Experim
         caption = f"{text(title)}, {text(plant)}; <strong>bold</strong>: nearest to the paper; dash: not measurable"
         own = assumed.get(group, "")
         key, rest = (_variant_table(caption, own, variants, experiments, key=key) for key in (True, False))
-        parts.append(f"<h3>{text(title)}</h3>")
-        parts.append(key if own else details("Main metrics", key))
-        parts.append(details("Other metrics", rest))
+        parts.append(details(title, key + details("Other metrics", rest)))
     return "".join(parts) or "<p>No variation was flown.</p>"
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 LEAD = (
-    "A quadrotor that carries a two-joint arm, flown with two controllers through the five experiments of "
-    "Barakou, Tzafestas and Valavanis (Drones 2026, 10, 274). Every number of the paper stands beside ours; the two "
-    "plants, rigid_body (this library's own multibody dynamics) and mujoco, share no rigid-body code. Two readings "
+    "A quadrotor that carries a two-joint arm, flown under two laws through the five cases of Barakou, Tzafestas and "
+    "Valavanis (Drones 2026, 10, 274): CT, their coupled computed torque, and PD, its decoupled baseline. Every number "
+    "of the paper stands beside ours on the page of its case; the two plants, rigid_body (this library's own multibody "
+    "dynamics) and mujoco, share no rigid-body code. Two readings "
     'were chosen because they reproduce the paper: its "2 m/s" is a force of 2 N without air speed in the gust of Case '
     "2, and 2 N together with 2 m/s of air speed in the constant wind of Case 3. Everything else that the paper leaves "
     "open is set once for all cases. Every cell is shown, also where it disagrees."
@@ -29,8 +30,8 @@ NOT_MODELLED = (
 )
 
 ASSUMPTIONS = (
-    "The plant is the vehicle RotorS simulates: four 9 g rotors at the hubs and a 15 g IMU that the controller does "
-    "not know, g = 9.8 m/s^2 against the controller's 9.81. (0.82103 kg x 9.8 - 0.806 kg x 9.81) / 4 N/m = 0.0348 m: "
+    "The plant is the vehicle RotorS simulates: four 9 g rotors at the hubs and a 15 g IMU that the law does "
+    "not know, g = 9.8 m/s^2 against the law's 9.81. (0.82103 kg x 9.8 - 0.806 kg x 9.81) / 4 N/m = 0.0348 m: "
     "the constant altitude error of every experiment without constant wind.",
     "Joint damping is not published; 0.001 N m s/rad on both joints is assumed. No single value fits all of the "
     "paper's numbers; the sensitivity above shows 0, 0.001, 0.005, 0.02 and 0.05.",
@@ -38,7 +39,7 @@ ASSUMPTIONS = (
     "that acts through rotor drag. The gust is a force of 2 N for 3 s without an air speed. Both readings were chosen "
     "because they reproduce the paper. An air speed of 2 m/s alone tilts the vehicle by 0.04 rad, not 0.28 rad.",
     "The links of the plant are rods, with inertia about both transverse axes; the paper lists I_yy only, which the "
-    "controller's model keeps.",
+    "law's model keeps.",
     "The ramp of Case 1 is linear; the quintic blend is shown above.",
     "Commands reach the rotors and joints at once: RotorS has a latency of about three physics steps, zero is assumed.",
     "Physics at 1 kHz or one Runge-Kutta step per control period, control at 200 Hz, references at 50 Hz.",
@@ -47,4 +48,24 @@ ASSUMPTIONS = (
 
 LEGEND = "Symbols: a full disc is within 5 % of the paper, a half disc within 20 %, an open circle beyond."
 
-HOLDS = "Each point is the mean over one hold of the reference; in the static figures a light band is its range."
+HOLDS = "CT solid, PD dashed; each point is the mean over one hold of the reference."
+
+BANDS = "A line is the mean over each hold of the reference, a light band its range."
+
+LOOK = "CT solid and dark, PD dashed and lighter, grey: window of the metrics."
+
+OVERVIEW = (
+    "Left: path of the tip in Case 3 from above, 10 to 20 s. Middle: its error. Right: error of the base along a gust "
+    "of 2 N in Case 2."
+)
+
+CASES = {
+    "case1": "The base hovers. From 6 s on joint 1 ramps within 1 s to 0.3 rad, holds it for 5 s, ramps back, and does "
+    "the same to -0.3 rad; joint 2 stays at zero.",
+    "case2": "The base hovers. From 6 to 21 s both joints swing at 0.5 Hz, by 0.3 and 0.2 rad.",
+    "case3": "From 6 to 21 s the base flies a circle of 0.3 m, one turn in 12.5 s, and both joints swing at 0.5 Hz, by "
+    "0.2 and 0.15 rad.",
+    "case2_gust": "As Case 2, and a force of 2 N pushes along x from 7.5 to 10.5 s.",
+    "case3_wind": "As Case 3, in a constant wind along x: a force of 2 N together with 2 m/s of air speed.",
+}
+"""Case -> what happens in it."""

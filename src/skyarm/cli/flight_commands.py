@@ -1,0 +1,124 @@
+"""The commands on flights that were flown: replay, diff."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from skyarm.cli.app import NOT_COMPLETED, app, console, tell
+from skyarm.cli.machine_output import give, is_document_wanted
+from skyarm.cli.progress import bar
+
+DIFFERENT = 1
+"""Exit code of a comparison that found a difference."""
+
+
+@app.command()
+def replay(
+    flight: Annotated[str, typer.Argument(help="the log of a flight (.npz)")],
+    controller: Annotated[
+        str | None, typer.Option(help="a preset, a law, LAW_tuned or FILE.py:make, in place of the log's")
+    ] = None,
+    out: Annotated[
+        str | None, typer.Option("--out", "-o", metavar="FILE", help="log of the new flight, its format by its suffix")
+    ] = None,
+) -> None:
+    """Fly a log's flight again, also under another law.
+
+    The same scenario with the same noise, wind, pushes and changes. Without --controller the new flight is compared
+    with the log to the bit; exit code 1 if it differs. With it both stand side by side, and the exit code is 3 if the
+    new flight ended before its time. The new log is out/replay/NAME.npz, or FILE; an earlier one there is kept as
+    NAME_1.npz.
+    """
+    from skyarm.cli.earlier_files import keep_earlier
+    from skyarm.cli.flight_differences import (
+        difference_lines,
+        metric_lines,
+        replay_document,
+        same_bits,
+        say_versions,
+    )
+    from skyarm.cli.log_files import log_files
+    from skyarm.files import require_replaceable, require_writable, taken_back
+    from skyarm.log.formats import save_log
+    from skyarm.log.log_differences import log_differences
+    from skyarm.simulate.loop import run as fly
+    from skyarm.simulate.replay import read, scenario_to_replay
+
+    before = read(flight)
+    planned = scenario_to_replay(before, controller)
+    usual = Path("out/replay") / f"{planned.name}.npz"
+    (file,) = log_files([out] if out is not None else None, (usual,))
+    with taken_back(*(() if out is not None else (usual.parent,))):
+        if out is None:
+            require_writable(usual.parent)
+        require_replaceable(file)
+        with bar(planned.name, console) as advance:
+            log = fly(planned, lambda done, total: advance(done, total, ""))
+    kept = keep_earlier([file])
+    save_log(log, file)
+    again = controller is None
+    equal = same_bits(before, log)
+    give(replay_document(before, log, file) if is_document_wanted() else None)
+    if not is_document_wanted():
+        labels = ("log", "again") if again else (str(before.info["controller"]), str(log.info["controller"]))
+        tell(f"{planned.name}: law {log.info['controller']} on {log.info['plant_vehicle']}, plant {log.info['plant']}")
+        if again and equal:
+            tell(f"equal to the bit: {min(before.time.size, log.time.size)} control periods")
+        elif again:
+            for line in difference_lines(log_differences(before, log), labels):
+                tell(line)
+        if not (again and equal):
+            for line in metric_lines(before, log, labels):
+                tell(line)
+        tell(f"log: {file}")
+        for _, name in kept:
+            tell(f"the flight before it is kept: {name}")
+    say_versions(before, log)
+    if again and not equal:
+        raise typer.Exit(DIFFERENT)
+    if not again and log.status != "completed":
+        raise typer.Exit(NOT_COMPLETED)
+
+
+@app.command()
+def diff(
+    first: Annotated[str, typer.Argument(help="the log of a flight (.npz)")],
+    second: Annotated[str, typer.Argument(help="the log of another")],
+    tolerance: Annotated[
+        float, typer.Option(help="differences up to this, in the SI unit of each quantity, count as none")
+    ] = 0.0,
+) -> None:
+    """Compare two logs: where they come apart.
+
+    The first divergence in time, the largest difference of each quantity, metrics side by side, and what differs
+    between the scenarios. Exit code: 0 if they are equal, 1 if they differ, 2 if the input was wrong.
+    """
+    from skyarm.cli.flight_differences import (
+        are_equal,
+        difference_lines,
+        document,
+        metric_lines,
+        say_versions,
+        scenario_lines,
+    )
+    from skyarm.files import number
+    from skyarm.log.log_differences import log_differences
+    from skyarm.simulate.replay import read
+
+    number(tolerance, "--tolerance", low=0.0)
+    a, b = read(first), read(second)
+    found = log_differences(a, b, tolerance)
+    give(document(a, b, found) if is_document_wanted() else None)
+    if not is_document_wanted():
+        for line in (
+            *difference_lines(found, ("the first", "the second"), tolerance),
+            *metric_lines(a, b, ("first", "second")),
+            *scenario_lines(a, b),
+        ):
+            tell(line)
+    say_versions(a, b)
+    if not are_equal(a, b, found):
+        raise typer.Exit(DIFFERENT)

@@ -1,0 +1,205 @@
+"""Marks on one view of a vehicle: axes, arrows, angles, lengths, and the labels that belong to them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.patches import FancyArrowPatch
+
+from skyarm.drawing.shapes import Shape
+from skyarm.figures.drawing_pose import DrawnFrame, DrawnJoint, Rod
+from skyarm.figures.label_places import Labels
+from skyarm.figures.picture_styles import PictureStyle
+from skyarm.figures.projection import View, across, arc
+from skyarm.vehicle.vehicle_records import Rotor
+
+Array = npt.NDArray[np.float64]
+
+AXIS_COLORS = {False: ("#c0262d", "#1a7f37", "#1f5fbf"), True: ("#ff7d8b", "#6fce8f", "#79b0ee")}
+"""x, y, z, as in every robot viewer; letters say it without colour."""
+
+LETTERS = "xyz"
+
+TRIAD = 0.34
+"""Length of the axes of a frame, as a share of the vehicle's reach; those without letters are shorter."""
+
+SEEN = 0.25
+"""Least share of an axis' length on paper at which it is drawn and has its letter; less is a dot."""
+
+FLAT = 0.97
+"""Share of its length that a rod shows on paper from which its length is written there."""
+
+MERGED = 0.02
+"""Share of the reach within which names stand together at one point."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """A label still to be placed: its words, its point (2,) on paper, its colour."""
+
+    text: str
+    at: Array
+    color: str | None = None
+
+
+class Marks:
+    """What is drawn over the shapes of one view.
+
+    Args:
+        ax: with its limits set. view: of it. style: of the picture. reach: of the vehicle, m.
+    """
+
+    def __init__(self, ax: Axes, view: View, style: PictureStyle, reach: float) -> None:
+        self.ax, self.view, self.style, self.reach = ax, view, style, reach
+        self.colors = AXIS_COLORS[style.face != "#ffffff"]
+        self._wanted: list[Wanted] = []
+        self._names: list[tuple[Array, list[str]]] = []
+        self._points: list[Array] = []
+
+    def avoid(self, shape: Shape, corners: Array) -> None:
+        """Keep labels off a solid, where there is room."""
+        if shape.role in ("link", "boom", "joint", "tip"):
+            closed = np.concatenate([corners, corners[:1]])
+            middle = corners.mean(axis=0)
+            self._points.append(np.concatenate([middle + share * (closed - middle) for share in (0.5, 1.0)]))
+
+    def triad(self, frame: DrawnFrame, *, letters: bool) -> None:
+        """Axes of a frame, with the letters of those that are not seen end on."""
+        size = (TRIAD if letters else 0.6 * TRIAD) * self.reach
+        for i, color in enumerate(self.colors):
+            ends = self.view.flat(np.array([frame.at, frame.at + size * frame.R[:, i]]))
+            if np.linalg.norm(ends[1] - ends[0]) < SEEN * size:
+                continue
+            self._arrow(ends, color, 0.13)
+            if letters:
+                self._wanted.append(Wanted(LETTERS[i], ends[1], color))
+        self._name(frame.at, frame.name)
+
+    def positive(self, joint: DrawnJoint, others: Sequence[DrawnJoint]) -> None:
+        """An arrow about, or along, the axis of a joint in its positive direction; smaller where others are near."""
+        apart = [float(np.linalg.norm(joint.at - other.at)) for other in others]
+        size = min([0.13 * self.reach, *(0.8 * each for each in apart if each > MERGED * self.reach)])
+        if joint.revolute:
+            start = size * across(joint.axis)
+            self._arrow(self.view.flat(arc(joint.at, joint.axis, start, 1.5 * math.pi)), self.style.ink, 0.1)
+        else:
+            ends = np.array([joint.at - size * joint.axis, joint.at + 2.0 * size * joint.axis])
+            self._arrow(self.view.flat(ends), self.style.ink, 0.1)
+        reached = np.array([joint.at - 1.4 * size * joint.axis, joint.at + 1.4 * size * joint.axis])
+        self._line(self.view.flat(reached), dash=(6.0, 2.0, 1.0, 2.0))
+        self._name(joint.at, joint.name)
+
+    def angle(self, joint: DrawnJoint) -> None:
+        """The angle of a joint whose axis is seen end on: from where its rod points at zero, in the positive sense."""
+        rod = float(np.linalg.norm(joint.zero))
+        if not joint.revolute or abs(joint.axis @ self.view.toward) < FLAT or rod < MERGED * self.reach:
+            return
+        if abs(joint.value) < 0.05:
+            return
+        self._line(self.view.flat(np.array([joint.at, joint.at + 0.85 * joint.zero])), dash=(3.0, 2.0))
+        along = joint.zero - joint.axis * (joint.axis @ joint.zero)
+        bow = arc(joint.at, joint.axis, 0.6 * along, joint.value)
+        flat = self.view.flat(bow)
+        self._arrow(flat, self.style.ink, 0.1)
+        sign = ">" if joint.value > 0.0 else "<"
+        # beside the beginning of the arrow, away from the link
+        begin, centre = flat[len(flat) // 5], self.view.flat(joint.at)
+        self._wanted.append(Wanted(f"{joint.name} {sign} 0", centre + 1.1 * (begin - centre)))
+
+    def length(self, rod: Rod) -> None:
+        """The length of a rod that lies in the paper."""
+        flat = self.view.flat(np.array([rod.start, rod.end]))
+        whole = float(np.linalg.norm(rod.end - rod.start))
+        if np.linalg.norm(flat[1] - flat[0]) < FLAT * whole or whole < 0.05 * self.reach:
+            return
+        words, at = _millimetres(whole), flat.mean(axis=0)
+        # of two arms one behind the other the length is said once
+        if not any(each.text == words and math.dist(each.at, at) < MERGED * self.reach for each in self._wanted):
+            self._wanted.append(Wanted(words, at, self.style.frame))
+
+    def rotor(self, rotor: Rotor, radius: float, words: str, *, outside: bool = False) -> None:
+        """A bow with a head in the sense in which a rotor turns, and its words at the hub or beyond the disc."""
+        hub = np.array([float(c) for c in rotor.position])
+        axis = np.array([float(c) for c in rotor.axis])
+        axis = axis / np.linalg.norm(axis)
+        start = 0.72 * radius * across(axis)
+        self._arrow(self.view.flat(arc(hub, axis, start, rotor.direction * 1.35 * math.pi)), self.style.ink, 0.11)
+        at = self.view.flat(hub)
+        away = float(np.linalg.norm(at))
+        if outside and away > 0.0:
+            at = at * (1.0 + 0.95 * radius / away)
+        self._wanted.append(Wanted(words, at))
+
+    def boom(self, hub: Array) -> None:
+        """The distance of a rotor's hub from the base, on paper."""
+        flat = self.view.flat(hub)
+        size = float(np.linalg.norm(flat))
+        if size > 0.05 * self.reach:
+            self._wanted.append(Wanted(_millimetres(size), 0.5 * flat, self.style.frame))
+
+    def way(self, start: Array, end: Array, words: str) -> None:
+        """A dashed vector from one origin to another, with its symbol."""
+        flat = self.view.flat(np.array([start, end]))
+        self._arrow(flat, self.style.frame, 0.07, dashed=True)
+        self._wanted.append(Wanted(words, flat.mean(axis=0), self.style.frame))
+
+    def write(self) -> None:
+        """Place every label; names of what stands at one point are one label."""
+        labels = Labels(self.ax, self.style, np.concatenate(self._points) if self._points else np.zeros((0, 2)))
+        letters = [each for each in self._wanted if each.text in LETTERS]
+        others = [each for each in self._wanted if each.text not in LETTERS]
+        for each in letters:
+            labels.put(each.text, each.at, color=each.color)
+        for at, names in self._names:
+            labels.put(", ".join(names), at)
+        for each in others:
+            labels.put(each.text, each.at, color=each.color)
+
+    def _name(self, at: Array, name: str) -> None:
+        flat = self.view.flat(at)
+        for place, names in self._names:
+            if math.dist(place, flat) < MERGED * self.reach:
+                names.append(name)
+                return
+        self._names.append((flat, [name]))
+
+    def _arrow(self, flat: Array, color: str, width: float, *, dashed: bool = False) -> None:
+        """A line through points (N, 2) with a head at its end."""
+        width *= self.style.small
+        before = flat[-2]
+        dash = (0, (3.0, 2.0)) if dashed else "-"
+        self.ax.plot(
+            *flat.T, color=color, linewidth=width, linestyle=dash, zorder=5.0, solid_capstyle="butt", label="_mark"
+        )
+        # the head alone: its shaft would end before the point
+        head = FancyArrowPatch(
+            tuple(before),
+            tuple(flat[-1]),
+            arrowstyle="-|>",
+            mutation_scale=0.9 * self.style.small,
+            color=color,
+            shrinkA=0.0,
+            shrinkB=0.0,
+        )
+        head.set(linewidth=0.0, zorder=5.1)
+        self.ax.add_patch(head)
+        self._points.append(flat if len(flat) > 2 else np.linspace(flat[0], flat[1], 24))
+
+    def _line(self, flat: Array, dash: tuple[float, ...]) -> None:
+        self.ax.plot(
+            *flat.T,
+            color=self.style.frame,
+            linewidth=0.08 * self.style.small,
+            linestyle=(0, dash),
+            zorder=4.5,
+            label="_mark",
+        )
+
+
+def _millimetres(length: float) -> str:
+    return f"{round(1e3 * length, 1):g} mm"

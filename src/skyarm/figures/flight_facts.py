@@ -1,0 +1,68 @@
+"""What a picture says about a flight beside its curves: names, limits, and when something happened to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skyarm.figures.flight_events import Event, events_in
+from skyarm.figures.quantities import end_time, gust_interval
+from skyarm.log.flight_log import Log
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightFacts:
+    """Names and limits of what flew.
+
+    Attributes:
+        joints: names. revolute: joint by joint, whether it turns; else it slides.
+        rotors: names. tip: the vehicle has one.
+        joint_limits: (lower, upper), rad or m. effort_limits: (-limit, limit), N m or N.
+        rotor_limits: (largest speed,), rad/s.
+        events: gusts, faults, changes.
+    """
+
+    joints: tuple[str, ...] = ()
+    revolute: tuple[bool, ...] = ()
+    rotors: tuple[str, ...] = ()
+    tip: bool = False
+    joint_limits: tuple[tuple[float, float], ...] = ()
+    effort_limits: tuple[tuple[float, float], ...] = ()
+    rotor_limits: tuple[tuple[float], ...] = ()
+    events: tuple[Event, ...] = ()
+
+
+def flight_facts(log: Log) -> FlightFacts:
+    """Facts of a flight from the scenario that its log keeps; of a log without one, from its arrays alone."""
+    try:
+        scenario = log.scenario
+    except ValueError:  # of a version that kept none, or of a plugin that is not loaded: the curves are there
+        return _from_arrays(log)
+    vehicle = scenario.world.vehicle
+    joints = [link.joint for link in vehicle.links]
+    return FlightFacts(
+        joints=tuple(_capital(joint.name) for joint in joints),
+        revolute=tuple(joint.kind == "revolute" for joint in joints),
+        rotors=tuple(rotor.name for rotor in vehicle.rotors),
+        tip=bool(vehicle.end_effector),
+        joint_limits=tuple((float(joint.lower), float(joint.upper)) for joint in joints),
+        effort_limits=tuple((-float(joint.effort_limit), float(joint.effort_limit)) for joint in joints),
+        rotor_limits=tuple((float(rotor.max_speed),) for rotor in vehicle.rotors),
+        events=events_in(scenario, end_time(log)),
+    )
+
+
+def _from_arrays(log: Log) -> FlightFacts:
+    gust = gust_interval(log)
+    return FlightFacts(
+        joints=tuple(f"Joint {i + 1}" for i in range(log.joints.shape[1])),
+        revolute=(True,) * log.joints.shape[1],
+        rotors=tuple(str(i + 1) for i in range(log.rotor_speeds.shape[1])),
+        tip=not np.array_equal(log.tip, log.position),
+        events=() if gust is None else (Event("gust", *gust),),
+    )
+
+
+def _capital(name: str) -> str:
+    return name[:1].upper() + name[1:]

@@ -1,0 +1,164 @@
+"""What a picture of flights can show: panels by kind, each with its unit, reference and limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.figures.flight_facts import FlightFacts
+from skyarm.files import must_be_one_of, shown
+from skyarm.log.flight_log import Log
+
+Array = npt.NDArray[np.float64]
+
+AXES = "xyz"
+
+MILLIMETRES = 1e3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightPanel:
+    """One panel.
+
+    Attributes:
+        label: words for the axis. unit: of all that it shows.
+        of: log -> (N,); a log that has none of it is left out.
+        desired: log -> (N,), the continuous reference, drawn dotted.
+        limits: flight -> values that it must not pass, in the unit of the panel.
+        magnitude: never negative, so the axis begins at zero.
+        span: least extent of the axis, so that rounding noise does not fill a panel.
+    """
+
+    label: str
+    unit: str
+    of: Callable[[Log], Array | None]
+    desired: Callable[[Log], Array | None] | None = None
+    limits: Callable[[FlightFacts], tuple[float, ...]] = lambda _facts: ()
+    magnitude: bool = False
+    span: float = 0.02
+
+
+def _column(name: str, i: int, scale: float = 1.0) -> Callable[[Log], Array | None]:
+    """Column ``i`` of an array of the log; None of a log that has fewer."""
+
+    def read(log: Log) -> Array | None:
+        table: Array = getattr(log, name)
+        return scale * table[:, i] if i < table.shape[1] else None
+
+    return read
+
+
+def _tracking(flight: FlightFacts) -> list[FlightPanel]:
+    base = [
+        FlightPanel(label=f"Base {axis}", unit="m", of=_column("position", i), desired=_column("position_reference", i))
+        for i, axis in enumerate(AXES)
+    ]
+    return base + [
+        FlightPanel(
+            label=name,
+            unit="rad" if turns else "m",
+            of=_column("joints", i),
+            desired=_column("joints_reference", i),
+            limits=_finite("joint_limits", i),
+        )
+        for i, (name, turns) in enumerate(zip(flight.joints, flight.revolute, strict=True))
+    ]
+
+
+def _tip(_flight: FlightFacts) -> list[FlightPanel]:
+    at = [
+        FlightPanel(label=f"Tip {axis}", unit="m", of=_column("tip", i), desired=_column("tip_reference", i))
+        for i, axis in enumerate(AXES)
+    ]
+    error = FlightPanel(
+        label="Tip error",
+        unit="mm",
+        of=lambda log: MILLIMETRES * np.asarray(np.linalg.norm(log.tip - log.tip_reference, axis=1)),
+        magnitude=True,
+        span=1.0,
+    )
+    return [*at, error]
+
+
+def _attitude(_flight: FlightFacts) -> list[FlightPanel]:
+    def angle(i: int) -> Callable[[Log], Array]:
+        return lambda log: np.degrees(log.euler[:, i])
+
+    return [
+        FlightPanel(label="Roll", unit="deg", of=angle(0), span=1.0),
+        FlightPanel(label="Pitch", unit="deg", of=angle(1), span=1.0),
+        FlightPanel(label="Yaw", unit="deg", of=angle(2), desired=lambda log: np.degrees(log.yaw_reference), span=1.0),
+    ]
+
+
+def _efforts(flight: FlightFacts) -> list[FlightPanel]:
+    return [
+        FlightPanel(
+            label=f"{name} {'torque' if turns else 'force'}",
+            unit="N m" if turns else "N",
+            of=_column("efforts", i),
+            limits=_finite("effort_limits", i),
+        )
+        for i, (name, turns) in enumerate(zip(flight.joints, flight.revolute, strict=True))
+    ]
+
+
+def _rotors(flight: FlightFacts) -> list[FlightPanel]:
+    return [
+        FlightPanel(
+            label=f"Rotor {name}",
+            unit="rad/s",
+            of=_column("rotor_speeds", i),
+            limits=_finite("rotor_limits", i),
+            span=5.0,
+        )
+        for i, name in enumerate(flight.rotors)
+    ]
+
+
+def _finite(field: str, i: int) -> Callable[[FlightFacts], tuple[float, ...]]:
+    """Limits of joint or rotor ``i`` that are numbers."""
+
+    def read(flight: FlightFacts) -> tuple[float, ...]:
+        table: Sequence[tuple[float, ...]] = getattr(flight, field)
+        return tuple(limit for limit in table[i] if math.isfinite(limit)) if i < len(table) else ()
+
+    return read
+
+
+KINDS: Mapping[str, Callable[[FlightFacts], list[FlightPanel]]] = {
+    "tracking": _tracking,
+    "attitude": _attitude,
+    "tip": _tip,
+    "efforts": _efforts,
+    "rotors": _rotors,
+}
+
+ALL = "all"
+
+
+def panels_of(kind: str, flights: Sequence[FlightFacts]) -> list[FlightPanel]:
+    """The panels of a kind, named after the flight with most joints and the one with most rotors.
+
+    Raises:
+        ValueError: one line: no such kind, or flights that have nothing of it.
+    """
+    if kind not in (*KINDS, ALL):
+        raise ValueError(f"kind = {shown(kind)}: {must_be_one_of((*KINDS, ALL), kind)}")
+    arm = max(flights, key=lambda flight: len(flight.joints))
+    most = FlightFacts(
+        joints=arm.joints,
+        revolute=arm.revolute,
+        rotors=max((flight.rotors for flight in flights), key=len),
+        tip=any(flight.tip for flight in flights),
+    )
+    kinds = [name for name in KINDS if name != "tip" or most.tip] if kind == ALL else [kind]
+    found = [panel for each in kinds for panel in KINDS[each](most)]
+    if not found:
+        missing = "joints" if kind == "efforts" else "rotors"
+        raise ValueError(f"kind = {shown(kind)}: must be another one, for the flights have no {missing}")
+    return found

@@ -1,0 +1,60 @@
+"""A metric over each varied number of a study: a line for each law, its spread as a band."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.ticker import MaxNLocator
+
+from skyarm.figures import style
+from skyarm.sweep.curves import MetricCurve
+
+COLUMNS = 3
+WIDTH, HEIGHT, FURNITURE = 3.1, 2.3, 0.5
+"""in: of one panel, and of legend and margins."""
+
+COLORS = ("#08306b", "#e6762b", "#1b7837", "#762a83", "#6b6b6b", "#b2182b")
+DASHES: Sequence[Any] = ("-", (0, (3.2, 1.3)), (0, (6.0, 1.5, 1.0, 1.5)), (0, (6.0, 2.5)), (0, (2.0, 2.0)), ":")
+"""Of the laws, in order; further ones begin again."""
+
+
+def curves_figure(curves: Mapping[str, Sequence[MetricCurve]], label: str) -> Figure:
+    """Draw a panel for each varied number, all on one value axis.
+
+    Args:
+        curves: from :func:`skyarm.sweep.curves.metric_curves`; one at least.
+        label: of the metric, with its unit.
+    """
+    columns = min(COLUMNS, len(curves))
+    rows = -(-len(curves) // columns)
+    layout = ConstrainedLayoutEngine(w_pad=0.04, h_pad=0.04)
+    figure = Figure(figsize=(WIDTH * columns, HEIGHT * rows + FURNITURE), layout=layout, facecolor="white")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(rows, columns, sharey=True, squeeze=False).ravel()
+    for ax in panels[len(curves) :]:
+        ax.set_axis_off()
+    for i, (ax, lines) in enumerate(zip(panels, curves.values(), strict=False)):
+        _panel(style.dress(ax), lines)
+        if i % columns == 0:
+            ax.set_ylabel(label, fontsize=style.SMALL_SIZE, family=style.FONT, parse_math=False)
+    handles, labels = panels[0].get_legend_handles_labels()
+    style.legend(figure, handles, labels)
+    return figure
+
+
+def _panel(ax: Axes, lines: Sequence[MetricCurve]) -> None:
+    across = lines[0].axis
+    for i, each in enumerate(lines):
+        color, dash = COLORS[i % len(COLORS)], DASHES[i % len(DASHES)]
+        ax.fill_between(across.centers, each.low, each.high, color=color, alpha=0.16, linewidth=0.0)
+        ax.plot(across.centers, each.middle, label=each.controller, color=color, linestyle=dash, linewidth=1.1)
+    if across.logarithmic:
+        style.logarithmic(ax.xaxis)
+    else:
+        ax.xaxis.set_major_locator(MaxNLocator(nbins=5))
+    ax.set_xlabel(across.label or across.path, fontsize=style.SMALL_SIZE, family=style.FONT, parse_math=False)

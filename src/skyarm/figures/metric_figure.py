@@ -1,0 +1,169 @@
+"""Curves of a sweep's metrics with their bands, over a varied number; lost episodes below them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator, PercentFormatter
+
+from skyarm.figures import picture_styles
+from skyarm.figures.metric_words import metric_words, path_words
+from skyarm.figures.picture_files import require_suffix, save_picture
+from skyarm.figures.picture_styles import Picture, PictureStyle, picture_style
+from skyarm.figures.style import Look, limits
+from skyarm.sweep.metric_curves import BAND, MetricCurve, MetricCurves, metric_curves
+from skyarm.sweep.stats import Rows
+from skyarm.sweep.study import StudyError
+
+MOST_PANELS = 6
+"""Metrics of one picture."""
+
+SHORT = 22
+"""Characters of a path above a panel."""
+
+
+def plot_sweep(
+    folder: str | os.PathLike[str] | Rows,
+    metrics: str | Sequence[str],
+    over: str,
+    file: str | os.PathLike[str] | None = None,
+    *,
+    by: str | None = None,
+    center: str = "median",
+    band: tuple[float, float] = BAND,
+    style: str = "paper",
+    dark: bool = False,
+) -> Picture:
+    """Draw metrics of a sweep over a varied number, or over an expression of some.
+
+    Args:
+        folder: that ``skyarm sweep`` wrote, or its rows.
+        metrics: one, or several above each other.
+        over: a varied path, ``"sqrt(a * a + b * b)"`` or ``"length = sqrt(a * a + b * b)"``.
+        file: written there too, as PNG, SVG or PDF by its suffix.
+        by: the same; curves for each of its values, or for its thirds.
+        center: "median" or "mean".
+        band: quantiles over the other dimensions and the noise, as shares.
+        style: "paper" or "talk".
+        dark: of a talk.
+
+    Raises:
+        ValueError: one line. OSError: a file cannot be read or written.
+    """
+    chosen = picture_style(style, dark=dark)
+    if file is not None:
+        require_suffix(Path(file))
+    rows = folder if isinstance(folder, Rows) else Rows(folder)
+    names = [metrics] if isinstance(metrics, str) else list(dict.fromkeys(metrics))
+    if not 1 <= len(names) <= MOST_PANELS:
+        raise StudyError(f"metrics = {len(names)}: must be 1 to {MOST_PANELS} in one picture")
+    found = [metric_curves(rows, name, over, by=by, center=center, band=band) for name in names]
+    figure = metric_figure(found, chosen)
+    if file is not None:
+        save_picture(figure, Path(file), style)
+    return figure
+
+
+def metric_figure(found: Sequence[MetricCurves], style: PictureStyle) -> Picture:
+    """Draw curves of metrics over one variable: a row for each metric, a column for each class if laws are several."""
+    first = found[0]
+    laws = list(dict.fromkeys(curve.controller for curve in first.curves))
+    classes = list(dict.fromkeys(curve.by for curve in first.curves))
+    # several laws are told apart by their looks: classes then stand side by side
+    columns = classes if len(laws) > 1 else [None]
+    lost = any(curve.lost.any() for curve in first.curves)
+    figure, grid = _grid(style, len(found), len(columns), lost)
+    handles: dict[str, Any] = {}
+    for j, column in enumerate(columns):
+        for ax, each in zip(grid[:, j], found, strict=False):
+            curves = [curve for curve in each.curves if column is None or curve.by == column]
+            handles |= _draw(ax, curves, each, style, one_law=len(laws) == 1)
+        if lost:
+            curves = [curve for curve in first.curves if column is None or curve.by == column]
+            _draw_lost(grid[-1, j], curves, style)
+        if column:
+            words, unit = path_words(first.by, SHORT)
+            grid[0, j].set_title(f"{words}\n{column} {unit}".rstrip(), linespacing=1.0, **style.small_words)
+        words, unit = path_words(first.over)
+        grid[-1, j].set_xlabel(f"{words} [{unit}]" if unit else words, **style.words)
+        if first.logarithmic:
+            grid[-1, j].set_xscale("log")
+    for i, each in enumerate(found):
+        words, unit = metric_words(each.metric)
+        picture_styles.name_axis(grid[i, 0], style, words, unit)
+        grid[i, 0].set_ylim(*_ends(each))
+    if lost:
+        grid[-1, 0].set_ylabel("Lost", **style.small_words)
+    figure.align_ylabels(list(grid[:, 0]))
+    shares = " to ".join(f"{100.0 * share:g}" for share in first.band)
+    of = " of completed" if lost else ""
+    handles[f"{first.center}{of}, band {shares} %"] = _key(style)
+    picture_styles.legend(figure, style, list(handles.values()), list(handles))
+    return figure
+
+
+def _grid(style: PictureStyle, metrics: int, columns: int, lost: bool) -> tuple[Picture, Any]:
+    heights = [2.0] * metrics + [0.7] * lost
+    scale = 1.0 if style.name == "paper" else 6.4 / sum(heights)
+    width = style.width if columns == 1 else style.wide
+    figure = picture_styles.blank(style, width, scale * sum(heights) + 6.0 * style.text / 72.0)
+    options = {"height_ratios": heights}
+    grid = figure.subplots(len(heights), columns, sharex=True, sharey="row", squeeze=False, gridspec_kw=options)
+    for ax in grid.flat:
+        picture_styles.dress(ax, style).xaxis.set_major_locator(MaxNLocator(nbins=7 if columns == 1 else 4))
+    return figure, grid
+
+
+def _draw(
+    ax: Axes, curves: Sequence[MetricCurve], each: MetricCurves, style: PictureStyle, *, one_law: bool
+) -> dict[str, Any]:
+    handles: dict[str, Any] = {}
+    for i, curve in enumerate(curves):
+        look = style.look(i)
+        label = curve.controller
+        if one_law and curve.by:
+            words, unit = path_words(each.by, SHORT)
+            label = f"{words} = {curve.by} {unit}".rstrip()
+        band: dict[str, Any] = {"color": look.color, "alpha": 0.16, "linewidth": 0.0, "zorder": look.layer - 1.0}
+        ax.fill_between(curve.x, curve.low, curve.high, **band)
+        for end in (curve.low, curve.high):
+            ax.plot(curve.x, end, color=look.color, linewidth=0.4 * look.width, alpha=0.6, label="_band")
+        marks = _marks(curve, look, style)
+        (handles[label],) = ax.plot(curve.x, curve.middle, label=label, **look.line, **marks)
+    return handles
+
+
+def _ends(each: MetricCurves) -> tuple[float, float]:
+    """Ends of the value axis, which begins at zero where no curve is below."""
+    found = [line for curve in each.curves for line in (curve.middle, curve.low, curve.high)]
+    seen = np.concatenate(found)
+    return limits([seen], floor=not (seen < 0.0).any(), span=1e-9, cap=np.inf)
+
+
+def _marks(curve: MetricCurve, look: Look, style: PictureStyle) -> dict[str, Any]:
+    """Points where a curve has few."""
+    few = curve.x.size <= 15
+    return {"marker": "o", "markersize": 0.4 * style.small, "markeredgewidth": 0.0} if few else {}
+
+
+def _draw_lost(ax: Axes, curves: Sequence[MetricCurve], style: PictureStyle) -> None:
+    """Share of episodes that ended before their time."""
+    for i, curve in enumerate(curves):
+        look = style.look(i)
+        share = curve.lost / np.maximum(curve.episodes, 1)
+        ax.plot(curve.x, share, label=curve.controller, **look.line, **_marks(curve, look, style))
+    ax.set_ylim(-0.05, 1.05)
+    ax.set_yticks([0.0, 0.5, 1.0])
+    ax.yaxis.set_major_formatter(PercentFormatter(1.0))
+
+
+def _key(style: PictureStyle) -> Any:
+    """What the legend shows for the band: its shade with a line in it."""
+    from matplotlib.patches import Patch
+
+    return Patch(facecolor=style.frame, alpha=0.25, edgecolor="none")

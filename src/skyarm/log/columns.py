@@ -1,0 +1,156 @@
+"""Names and units of a log's numbers, one column each: the same in CSV, Parquet, MCAP and ROS 1 bags.
+
+``position_x``, ``quaternion_w``, ``joint_shoulder``, ``joint_rate_shoulder``, ``rotor_speed_front``: the array's name
+in the singular, then the axis, or the joint's or rotor's own name. Names are lower case letters, digits and single
+underscores, as ROS 2 asks of the fields of a message.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.log.flight_log import Log
+from skyarm.records.units import Unit, units
+
+Array = npt.NDArray[np.float64]
+
+JOINT_ARRAYS = {
+    "joints": "joint",
+    "joint_rates": "joint_rate",
+    "efforts": "joint_effort",
+    "joints_held": "joint_held",
+    "joint_rates_held": "joint_rate_held",
+    "joints_reference": "joint_reference",
+    "measured_joints": "measured_joint",
+}
+"""Array of a number for each joint -> beginning of its columns."""
+
+ROTOR_ARRAYS = {"rotor_speeds": "rotor_speed", "rotor_commands": "rotor_command"}
+"""Array of a number for each rotor -> beginning of its columns."""
+
+RENAMED = {"tool": "tip", "tool_held": "tip_held", "tool_reference": "tip_reference"}
+"""Array that a log's file of arrays keeps under its first name -> the word for it."""
+
+AXES = {3: ("x", "y", "z"), 4: ("w", "x", "y", "z")}
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One column of a log.
+
+    Attributes:
+        name: of the column. unit: SI; empty for pure numbers. meaning: in words, with axes.
+        array: name of the log's array. index: place in its rows; None for an array without any.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    array: str
+    index: int | None
+
+    def of(self, log: Log) -> Array:
+        """Its numbers (N,)."""
+        array: Array = getattr(log, self.array)
+        return array if self.index is None else array[:, self.index]
+
+
+@dataclass(frozen=True, slots=True)
+class Names:
+    """Names of the plant's joints and rotors as its file has them, and the joints' kinds."""
+
+    joints: tuple[str, ...]
+    kinds: tuple[str, ...]
+    rotors: tuple[str, ...]
+
+
+def names_of(log: Log) -> Names:
+    """Names of joints and rotors; their numbers where a log of an earlier version keeps none."""
+    joints, rotors = log.joints.shape[1], log.rotor_speeds.shape[1]
+    vehicle = _below(log.info, "scenario_record", "world", "vehicle")
+    links, turning = (each if isinstance(each := vehicle.get(part), list) else [] for part in ("links", "rotors"))
+    found = [_below(link, "joint") for link in links]
+    named = len(found) == joints and len(turning) == rotors
+    if not named or not all(isinstance(each.get("name"), str) for each in (*found, *map(_table, turning))):
+        return Names(tuple(map(str, range(joints))), ("",) * joints, tuple(map(str, range(rotors))))
+    return Names(
+        tuple(each["name"] for each in found),
+        tuple(str(each.get("kind", "")) for each in found),
+        tuple(_table(each)["name"] for each in turning),
+    )
+
+
+def _below(data: Any, *path: str) -> Mapping[str, Any]:
+    for name in path:
+        data = _table(data).get(name)
+    return _table(data)
+
+
+def _table(data: Any) -> Mapping[str, Any]:
+    return data if isinstance(data, dict) else {}
+
+
+def columns(log: Log) -> tuple[Column, ...]:
+    """Columns of a log, in the order of its arrays."""
+    names, found = names_of(log), []
+    for array, unit in units(Log).items():
+        width = getattr(log, array).shape[1:]
+        for index, ending in enumerate(_endings(array, width[0] if width else None, names)):
+            kind = names.kinds[index] if array in JOINT_ARRAYS else ""
+            place = index if width else None
+            found.append(Column(ending, unit_of_kind(unit, kind), unit.meaning, array, place))
+    unique = distinct([each.name for each in found])
+    return tuple(
+        Column(name, each.unit, each.meaning, each.array, each.index) for name, each in zip(unique, found, strict=True)
+    )
+
+
+def _endings(array: str, width: int | None, names: Names) -> list[str]:
+    """Names of an array's columns; of arrays with other columns, their numbers."""
+    begin = RENAMED.get(array, array)
+    if width is None:
+        return [begin]
+    if array in JOINT_ARRAYS:
+        return [f"{JOINT_ARRAYS[array]}_{word(each, 'joint')}" for each in names.joints]
+    if array in ROTOR_ARRAYS:
+        return [f"{ROTOR_ARRAYS[array]}_{word(each, 'rotor')}" for each in names.rotors]
+    return [f"{begin}_{axis}" for axis in AXES.get(width, map(str, range(width)))]
+
+
+def word(name: str, kind: str = "") -> str:
+    """A joint's or rotor's name as part of a column's: ``Wrist-Roll`` is wrist_roll, joint ``joint1`` is 1."""
+    text = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
+    return text.removeprefix(kind).strip("_") or text or "unnamed"
+
+
+def distinct(names: Sequence[str]) -> list[str]:
+    """The names, a number behind those that another one before them has."""
+    found: list[str] = []
+    for name in names:
+        unique, k = name, 2
+        while unique in found or (unique != name and unique in names):
+            unique, k = f"{name}_{k}", k + 1
+        found.append(unique)
+    return found
+
+
+def unit_of_kind(unit: Unit, kind: str) -> str:
+    """A unit such as ``rad or m`` for one joint: the first of a revolute one, the second of a prismatic one."""
+    options = unit.unit.split(" or ")
+    return options[kind == "prismatic"] if kind and len(options) == 2 else unit.unit
+
+
+def layout(log: Log) -> dict[str, dict[str, Any]]:
+    """Names and unit of each array's columns as plain data, for files that keep arrays: array -> names, units."""
+    found: dict[str, dict[str, Any]] = {}
+    for each in columns(log):
+        entry = found.setdefault(each.array, {"columns": [], "units": []})
+        entry["columns"].append(each.name)
+        entry["units"].append(each.unit)
+    return found

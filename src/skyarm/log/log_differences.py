@@ -1,0 +1,116 @@
+"""Where two logs come apart: when first, in which quantity, by how much, and whether the difference grows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.log.columns import columns
+from skyarm.log.flight_log import Log
+
+Array = npt.NDArray[np.float64]
+
+GROWS = 2.0
+"""A difference grows where its RMS in the later half of what follows its beginning is this many times the earlier."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Difference:
+    """A quantity in which two logs differ.
+
+    Attributes:
+        name, unit: of the column. time: of the first instant at which they differ, s. first, second: numbers there.
+        largest: size of the largest difference. at: its time, s.
+        course: "grows", "shrinks" or "stays", from the first instant on.
+    """
+
+    name: str
+    unit: str
+    time: float
+    first: float
+    second: float
+    largest: float
+    at: float
+    course: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LogDifferences:
+    """All in which two logs differ over the instants that both have.
+
+    Attributes:
+        instants: how many both have, and how many each has.
+        columns: those that differ, the earliest first, of one time the order of the columns.
+        unmatched: columns that only one of them has.
+    """
+
+    instants: tuple[int, int, int]
+    columns: tuple[Difference, ...]
+    unmatched: tuple[str, ...]
+
+    @property
+    def equal(self) -> bool:
+        """Whether they are of the same instants and the same numbers."""
+        both, first, second = self.instants
+        return both == first == second and not self.columns and not self.unmatched
+
+
+def log_differences(a: Log, b: Log, tolerance: float = 0.0) -> LogDifferences:
+    """Compare two logs number by number.
+
+    Args:
+        a: one log.
+        b: the other.
+        tolerance: differences up to this size count as none, in the SI unit of each column. 0 asks for equal numbers;
+            NaN equals NaN, and a zero one of the other sign.
+    """
+    times, ours, theirs = np.intersect1d(a.time, b.time, return_indices=True)
+    found, others = {each.name: each for each in columns(a)}, {each.name: each for each in columns(b)}
+    differing = []
+    for name, column in found.items():
+        if name in others and name != "time":
+            pair = column.of(a)[ours], others[name].of(b)[theirs]
+            differing += list(_difference(name, column.unit, times, pair, tolerance))
+    differing.sort(key=lambda each: each.time)
+    unmatched = tuple(name for name in {**found, **others} if (name in found) != (name in others))
+    return LogDifferences(
+        instants=(len(times), len(a.time), len(b.time)), columns=tuple(differing), unmatched=unmatched
+    )
+
+
+def _difference(
+    name: str, unit: str, times: Array, pair: tuple[Array, Array], tolerance: float
+) -> Iterator[Difference]:
+    first, second = pair
+    with np.errstate(invalid="ignore"):
+        size = np.abs(first - second)
+        same = (first == second) | (np.isnan(first) & np.isnan(second)) | (size <= tolerance)
+    apart = np.flatnonzero(~same)
+    if not apart.size:
+        return
+    k = int(apart[0])
+    size = np.where(same, 0.0, np.where(np.isnan(size), np.inf, size))
+    most = int(size.argmax())
+    yield Difference(
+        name=name,
+        unit=unit,
+        time=float(times[k]),
+        first=float(first[k]),
+        second=float(second[k]),
+        largest=float(size[most]),
+        at=float(times[most]),
+        course=_course(size[k:]),
+    )
+
+
+def _course(size: Array) -> str:
+    """Whether a difference grows from its beginning on: the RMS of its later half against that of its earlier."""
+    half = len(size) // 2
+    if not half:
+        return "stays"
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        early, late = (float(np.sqrt(np.mean(part**2))) for part in (size[:half], size[half:]))
+    return "grows" if late > GROWS * early else "shrinks" if early > GROWS * late else "stays"

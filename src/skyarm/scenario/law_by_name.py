@@ -1,0 +1,54 @@
+"""A scenario under another law by name: the controller for its belief and its clocks, under the safety layer it had."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from skyarm.control.catalogue import make_named
+from skyarm.control.controller import Controller
+from skyarm.control.safety.memory import SafetyParameters
+from skyarm.records.leaves import parts
+from skyarm.scenario.changes import without_law
+from skyarm.scenario.scenario_record import Delays, Rates, Scenario
+
+MEASURED = ("stiffness", "damping")
+"""Limits of the safety layer that are measured on the law it is around."""
+
+
+def loop_facts(rates: Rates, delays: Delays) -> dict[str, float]:
+    """What a law may know of its loop: its clocks and the age of its measurements, s."""
+    return {
+        "control_period": 1.0 / rates.control,
+        "reference_period": 1.0 / rates.reference,
+        "delay": delays.measurement,
+        "delay_periods": round(delays.measurement * rates.control),
+    }
+
+
+def controller_by_name(scenario: Scenario, name: str) -> Controller:
+    """A preset, a law or LAW_tuned for the scenario's belief and clocks, under the safety layer of the law before it.
+
+    Raises:
+        ControllerError: unknown name, or a controller that does not fit the model.
+        AllocationError: the model's rotors do not span torque and thrust.
+    """
+    before = scenario.controller.par
+    made = make_named(name, before.model, loop_facts(scenario.rates, scenario.delays))
+    if not isinstance(before, SafetyParameters):
+        return made
+    from skyarm.control.safety import with_safety_layer
+
+    limits = {field: value for field, value in parts(before.limits).items() if field not in MEASURED}
+    stow: Any = before.recovery.stow
+    return with_safety_layer(made, limits, stow=stow)
+
+
+def under_law(scenario: Scenario, name: str) -> Scenario:
+    """The scenario as another law flies it, without what it changes of its own controller in flight.
+
+    Raises:
+        ControllerError, AllocationError: as :func:`controller_by_name`.
+    """
+    changes = without_law(scenario.changes)
+    return dataclasses.replace(scenario, controller=controller_by_name(scenario, name), changes=changes)

@@ -1,0 +1,216 @@
+"""Curves of a metric over a varied number or an expression of several: middle, and a band over all else that varies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.files import did_you_mean, number, shown
+from skyarm.sweep.expressions import read_expression
+from skyarm.sweep.maps import LISTED
+from skyarm.sweep.stats import Rows
+from skyarm.sweep.study import StudyError
+
+Array = npt.NDArray[np.float64]
+
+BAND = (0.05, 0.95)
+
+CENTERS = ("median", "mean")
+
+PER_CELL = 25
+"""Episodes that a cell of drawn numbers should hold: its median is then good to a fifth of the spread."""
+
+FEWEST_CELLS, MOST_CELLS = 4, 30
+
+FEWEST_OF_BAND = 5
+"""Episodes that must have flown to their end for a cell to have a band."""
+
+MOST_CLASSES = 6
+"""Values of ``by`` up to which each has curves of its own; more are put into THIRDS."""
+
+THIRDS = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variable:
+    """A number of each episode: its name, and its values (episodes,)."""
+
+    name: str
+    values: Array
+    logarithmic: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MetricCurve:
+    """One metric of one controller over a variable.
+
+    Attributes:
+        controller: that flew. by: class of the other variable in words, "" without one.
+        x: (K,) value of the variable, of each cell the median.
+        middle, low, high: (K,) median or mean, and the ends of the band, of episodes that flew to their end; NaN where
+            none did, or too few for a band.
+        episodes, lost: (K,) how many there are, and how many of them ended before their time.
+    """
+
+    controller: str
+    by: str
+    x: Array
+    middle: Array
+    low: Array
+    high: Array
+    episodes: npt.NDArray[np.int64]
+    lost: npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MetricCurves:
+    """Curves of one metric.
+
+    Attributes:
+        metric: its name. over: name of the variable, or the expression. by: that of the other one, "" without.
+        center: "median" or "mean". band: shares of the band's ends. logarithmic: the variable was drawn so.
+        curves: one for each controller and class.
+    """
+
+    metric: str
+    over: str
+    by: str
+    center: str
+    band: tuple[float, float]
+    logarithmic: bool
+    curves: tuple[MetricCurve, ...]
+
+
+def metric_curves(
+    rows: Rows,
+    metric: str,
+    over: str,
+    *,
+    by: str | None = None,
+    center: str = "median",
+    band: tuple[float, float] = BAND,
+) -> MetricCurves:
+    """Curves of a metric over a varied number, over all that varies beside it and the noise.
+
+    Args:
+        rows: of a study.
+        metric: one of its metrics.
+        over: a varied number, an expression of some, or ``name = expression``.
+        by: the same; a curve for each of its values, or for its thirds where there are many.
+        center: "median" or "mean", of each cell.
+        band: shares of episodes that the band's ends leave below them.
+
+    Raises:
+        StudyError: one line: a metric or number that is not there.
+        ExpressionError: an expression that cannot be read or has no value.
+    """
+    if metric not in rows.metrics:
+        there = f"{did_you_mean(metric, rows.metrics)}there are {', '.join(rows.metrics)}"
+        raise StudyError(f"metric = {shown(metric)}: must be one of these rows; {there}")
+    if center not in CENTERS:
+        raise StudyError(f"center = {shown(center)}: must be one of {', '.join(CENTERS)}")
+    low, high = (number(share, f"band[{i}]", low=0.0) for i, share in enumerate(band))
+    if not low < high <= 1.0:
+        raise StudyError(f"band = [{low:g}, {high:g}]: must be two shares from 0 to 1, the first below the second")
+    across = variable(rows, over, "over")
+    classes = {"": np.ones(rows.episodes, dtype=bool)} if by is None else _classes(variable(rows, by, "by"))
+    curves = tuple(
+        _curve(rows, metric, controller, name, inside, across.values, center, (low, high))
+        for controller in rows.controllers
+        for name, inside in classes.items()
+    )
+    name = "" if by is None else variable(rows, by, "by").name
+    return MetricCurves(
+        metric=metric,
+        over=across.name,
+        by=name,
+        center=center,
+        band=(low, high),
+        logarithmic=across.logarithmic,
+        curves=curves,
+    )
+
+
+def variable(rows: Rows, text: str, field: str) -> Variable:
+    """A varied number by its name, or an expression of some; ``name = expression`` names it.
+
+    Raises:
+        StudyError, ExpressionError: one line.
+    """
+    name, equals, after = text.partition("=")
+    if text in rows.parameters:
+        kind = next(iter((rows.manifest.origin.study["vary"] or {}).get(text, ())), "")
+        return Variable(name=text, values=_column(rows, text), logarithmic=kind == "log_uniform")
+    if not rows.parameters:
+        raise StudyError(f"{field} = {shown(text)}: must be a varied number, and none varies in these rows")
+    read = read_expression(after if equals else text, rows.parameters, field)
+    values = read.value({each: _column(rows, each) for each in read.names})
+    spread = np.broadcast_to(values, (rows.episodes,))
+    return Variable(name=name.strip() if equals and name.strip() else " ".join(text.split()), values=spread)
+
+
+def _column(rows: Rows, path: str) -> Array:
+    """A varied number of each episode: the same for every controller."""
+    return np.asarray(rows.of(rows.controllers[0], path), dtype=float)
+
+
+def _cells(values: Array) -> npt.NDArray[np.int64]:
+    """The cell of each value: one for each where they are few, else cells of equally many, in their order."""
+    different, place = np.unique(values, return_inverse=True)
+    if different.size <= LISTED and values.size >= 2 * different.size:
+        return np.asarray(place, dtype=np.int64)
+    cells = int(np.clip(values.size / PER_CELL, FEWEST_CELLS, MOST_CELLS))
+    rank = np.empty(values.size, dtype=np.int64)
+    rank[np.argsort(values, kind="stable")] = np.arange(values.size)
+    return rank * cells // values.size
+
+
+def _classes(by: Variable) -> dict[str, npt.NDArray[np.bool_]]:
+    """Words -> episodes: each value where they are few, else thirds of the episodes."""
+    different = np.unique(by.values)
+    if different.size <= MOST_CLASSES:
+        return {f"{value:.4g}": by.values == value for value in different}
+    ends = np.quantile(by.values, (1 / 3, 2 / 3))
+    third = np.searchsorted(ends, by.values, side="right")
+    edges = [float(different[0]), *map(float, ends), float(different[-1])]
+    return {f"{edges[i]:.3g} to {edges[i + 1]:.3g}": third == i for i in range(THIRDS)}
+
+
+def _curve(
+    rows: Rows,
+    metric: str,
+    controller: str,
+    name: str,
+    inside: npt.NDArray[np.bool_],
+    over: Array,
+    center: str,
+    band: tuple[float, float],
+) -> MetricCurve:
+    over = over[inside]
+    column = np.asarray(rows.of(controller, metric), dtype=float)[inside]
+    flew = np.asarray(rows.of(controller, "status") == "completed")[inside]
+    cells = _cells(over)
+    table: list[Sequence[float]] = []
+    for cell in np.unique(cells):
+        here = cells == cell
+        kept = column[here & flew & np.isfinite(column)]
+        found: tuple[float, ...] = (np.nan,) * 3
+        if kept.size:
+            middle = np.median(kept) if center == "median" else kept.mean()
+            ends = np.quantile(kept, band) if kept.size >= FEWEST_OF_BAND else (np.nan, np.nan)
+            found = (float(middle), *map(float, ends))
+        table.append((float(np.median(over[here])), *found, int(here.sum()), int((here & ~flew).sum())))
+    x, middle, low, high, episodes, lost = np.array(table, dtype=float).reshape(-1, 6).T
+    return MetricCurve(
+        controller=controller,
+        by=name,
+        x=x,
+        middle=middle,
+        low=low,
+        high=high,
+        episodes=episodes.astype(np.int64),
+        lost=lost.astype(np.int64),
+    )

@@ -1,0 +1,34 @@
+"""Words with which every command runs in some seconds.
+
+A new command is entered here and in docs/command_line.md: ``test_machine_output.py`` is red for one that is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+COMMANDS: Mapping[str, tuple[str, ...]] = {
+    "list": (),
+    "show": ("hummingbird_arm2_rotors",),
+    "cache": (),
+    "run": ("case3", "--duration", "0.5"),
+    "replay": ("flight.npz",),
+    "diff": ("flight.npz", "flight.npz"),
+    "plot": ("flight.npz", "-o", "flight.png"),
+    "film": ("flight.npz", "flight.viser", "--fps", "5"),
+    "export-c": ("paper_ct", "--vehicle", "hummingbird_arm2", "-o", "x.c"),
+    "margins": ("short.toml", "--instants", "0"),
+    "basin": ("short.toml", "--flights", "16"),
+    "sweep": ("study.toml", "--out", "rows"),
+    "stats": ("rows",),
+    "compare": ("short.toml", "--laws", "paper_pd"),
+    "bench": ("--quick",),
+    "reproduce": (),
+}
+"""Command -> words after its name; in this order, the rows of the sweep are there for the statistics."""
+
+NEEDS = {"sweep": "pyarrow", "stats": "pyarrow", "film": "viser"}
+"""Command -> the library without which it is not tried."""
+
+SERVES: Mapping[str, str] = {}
+"""Command that runs until it is ended -> why it has no result to print."""

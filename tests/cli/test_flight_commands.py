@@ -1,0 +1,123 @@
+"""skyarm replay and skyarm diff from the shell: what they say, what they write, how they end."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import skyarm
+from skyarm.records.identity import log_digest
+from skyarm.records.plain import plain
+
+SCENARIO = dataclasses.replace(
+    skyarm.load_scenario("case3_wind", duration=0.3),
+    changes=(skyarm.Change(at=0.1, path="controller.gains.position.x", value=9.0),),
+)
+
+
+def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "skyarm", *words], cwd=folder, capture_output=True, text=True, timeout=120, check=False
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: Any) -> Path:
+    made: Path = tmp_path_factory.mktemp("flights")
+    log = skyarm.run(SCENARIO)
+    log.save_npz(made / "flight.npz")
+    position = log.position.copy()
+    position[30:, 0] += 1e-3
+    moved = dataclasses.replace(log, position=position, info={**log.info, "versions": {"skyarm": "0.1.9"}})
+    moved.save_npz(made / "moved.npz")
+    # a log that says it flew something else than it did
+    other = plain(dataclasses.replace(SCENARIO, seed=0, changes=()))
+    info = {**log.info, "scenario_record": other, "digest": log_digest(other, {})}
+    dataclasses.replace(log, info=info).save_npz(made / "other.npz")
+    return made
+
+
+def test_a_flight_is_flown_again_to_the_bit(folder: Path) -> None:
+    done = run(folder, "replay", "flight.npz")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "equal to the bit: 60 control periods\nlog: out/replay/case3_wind.npz\n" in done.stdout
+    assert skyarm.load_log(folder / "out/replay/case3_wind.npz").info == skyarm.load_log(folder / "flight.npz").info
+
+
+def test_a_flight_that_is_not_what_its_log_says_is_said_with_the_first_difference(folder: Path) -> None:
+    done = run(folder, "replay", "other.npz", "-o", "again.npz")
+    assert done.returncode == 1
+    first = next(line for line in done.stdout.splitlines() if line.startswith("first difference"))
+    # the change at 0.1 s is in the numbers of the log, and not in what it says
+    assert first.startswith("first difference: at 0.1 s, joint_effort_1 = ")
+    assert (folder / "again.npz").exists()
+
+
+def test_another_law_stands_beside_the_log(folder: Path) -> None:
+    done = run(folder, "replay", "flight.npz", "--controller", "paper_pd", "-o", "pd.npz")
+    assert (done.returncode, done.stderr) == (0, "")
+    lines = done.stdout.splitlines()
+    own = skyarm.load_log(folder / "flight.npz")
+    new = skyarm.load_log(folder / "pd.npz")
+    assert lines[1].split() == [own.info["controller"], new.info["controller"]]
+    (row,) = (line.split() for line in lines if line.startswith("ee_error_mean"))
+    assert [float(each) for each in row[1:]] == pytest.approx(
+        [skyarm.score(log)["ee_error_mean"] for log in (own, new)], rel=1e-3
+    )
+    told = json.loads(run(folder, "replay", "flight.npz", "--controller", "paper_pd", "-o", "pd.npz", "--json").stdout)
+    assert (told["command"], told["bit_equal"], told["log"]) == ("replay", False, "pd.npz")
+    assert told["metrics"][1]["ee_error_mean"] == skyarm.score(new)["ee_error_mean"]
+    assert (folder / "pd_1.npz").exists(), "the flight before it is kept"
+
+
+def test_a_difference_is_named_and_what_does_not_differ_is_not(folder: Path) -> None:
+    done = run(folder, "diff", "flight.npz", "moved.npz")
+    assert done.returncode == 1
+    assert "first difference: at 0.15 s, position_x = " in done.stdout
+    assert " m, 0.001 apart; it keeps its size\n" in done.stdout
+    assert "velocity_x" not in done.stdout
+    assert "the scenarios differ" not in done.stdout
+    assert done.stderr.startswith("skyarm: note: the logs are of other versions: ")
+    assert f"skyarm {skyarm.__version__} and 0.1.9" in done.stderr
+    assert run(folder, "diff", "flight.npz", "moved.npz", "--tolerance", "0.002").returncode == 0
+    told = json.loads(run(folder, "diff", "flight.npz", "moved.npz", "--json").stdout)
+    (one,) = told["differences"]
+    assert (one["name"], one["unit"], one["time"], one["course"]) == ("position_x", "m", 0.15, "stays")
+    assert one["largest"] == pytest.approx(1e-3)
+    assert (told["equal"], told["instants"]) == (False, {"both": 60, "first": 60, "second": 60})
+
+
+def test_equal_flights_of_other_scenarios_are_equal_and_say_what_differs(folder: Path) -> None:
+    done = run(folder, "diff", "flight.npz", "other.npz")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "every number is the same in 60 control periods" in done.stdout
+    assert "  changes.0.path: 'controller.gains.position.x' and '(none)'" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("replay", "absent.npz"), "log = 'absent.npz': no such file"),
+        (("replay", "flight.npz", "--controller", "ind"), "controller = 'ind': did you mean 'indi'?"),
+        (("replay", "flight.npz", "-o", "x.npy"), "--log = 'x.npy': suffix 'npy': did you mean 'npz'?"),
+        (("replay", "no.npz"), "log = 'no.npz': must be a log that save_npz wrote"),
+        (("diff", "flight.npz", "no.npz"), "log = 'no.npz': must be a log that save_npz wrote"),
+        (("diff", "flight.npz", "flight.toml"), "log = 'flight.toml': no such file"),
+        (("diff", "flight.npz", "moved.npz", "--tolerance", "-1"), "--tolerance = -1.0: must be at least 0"),
+        (("diff", "flight.npz", "moved.npz", "--tolerance", "nan"), "--tolerance = nan: must be a finite number"),
+    ],
+)
+def test_wrong_input_is_one_line_and_exit_code_2(folder: Path, words: tuple[str, ...], line: str) -> None:
+    (folder / "no.npz").write_bytes(b"\x00" * 100)
+    before = sorted(folder.rglob("*"))
+    done = run(folder, *words)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"skyarm: {line}")
+    assert len(done.stderr.splitlines()) == 1
+    assert sorted(folder.rglob("*")) == before

@@ -1,0 +1,260 @@
+"""``--json`` and ``--quiet``: every command has them, and gives the keys that the documentation names."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import typer
+from every_command import COMMANDS, NEEDS, SERVES
+from test_cli_errors import refused, skyarm
+
+import skyarm as package
+from added_components import registry_kept
+from skyarm.cli import commands, machine_output
+from skyarm.cli.app import Program, app
+from skyarm.cli.old_options import with_new_options
+from skyarm.files.old_names import OldNameWarning
+from skyarm.paper.published import PAPER
+
+assert commands.JOINED
+
+DOCS = Path(__file__).resolve().parents[2] / "docs" / "command_line.md"
+HEAD = {"schema", "command", "skyarm"}
+SHORT = """
+schema = 1
+name = "short"
+duration = 0.5
+[plant]
+vehicle = "hummingbird_arm2_rotors"
+gravity = 9.81
+[model]
+vehicle = "hummingbird_arm2"
+[controller]
+preset = "paper_pd"
+[reference]
+base = { kind = "hover", position = [0.0, 0.0, 1.0] }
+"""
+FALLS = SHORT.replace("duration = 0.5", "duration = 5.0") + "[initial]\nposition = [0, 0, 1]\nvelocity = [0, 0, -20]\n"
+STUDY = """
+schema = 1
+name = "tiny"
+scenario = "case3_wind"
+controllers = ["paper_ct"]
+duration = 0.2
+episodes = 8
+[windows]
+steady = [0.1, 0.2]
+[vary]
+"plant.vehicle.base.mass" = { uniform = [0.7, 0.9] }
+"""
+
+
+def there() -> set[str]:
+    """Names of all commands of the program."""
+    return set(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
+
+
+def documented() -> dict[str, set[str]]:
+    """Command -> keys that the page's table names; a key in brackets is not always there."""
+    rows = re.findall(r"^\| `skyarm ([\w-]+)` \| (.*) \|$", DOCS.read_text("utf-8"), re.MULTILINE)
+    return {command: set(re.findall(r"\(?`\w+`\)?", keys)) for command, keys in rows}
+
+
+def measured(**_options: Any) -> dict[str, Any]:
+    """In place of a benchmark of a minute."""
+    names = ("schema", "machine", "scenario", "speed", "long_arm", "bare", "not_installed", "accuracy_m", "latency")
+    return dict.fromkeys((*names, "start_s", "operations", "growth"), 1)
+
+
+def reproduced(out: str, **_options: Any) -> dict[str, Any]:
+    """In place of a reproduction of a minute: every cell the paper's."""
+    plants = {"rigid_body": 1.0, "mujoco": 1.0}
+    beside = {"held_position_error": None}
+    experiments = {
+        case: {
+            law: {name: {"paper": value, **plants} for name, value in (cells | beside).items()}
+            for law, cells in laws.items()
+        }
+        for case, laws in PAPER.items()
+    }
+    return {"schema": 1, "experiments": experiments, "settings": {}}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("commands")
+    (path / "short.toml").write_text(SHORT)
+    (path / "study.toml").write_text(STUDY)
+    package.save_log(package.run(package.load_scenario("case3", duration=0.5)), path / "flight.npz")
+    return path
+
+
+@pytest.fixture(autouse=True)
+def _in_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr("skyarm.bench.bench_report.measure", measured)
+    monkeypatch.setattr("skyarm.bench.bench_report.text", lambda _found: "measured")
+    monkeypatch.setattr("skyarm.paper.reproduce.reproduce", reproduced)
+
+
+def test_every_command_is_tried_here_and_documented() -> None:
+    assert there() == set(COMMANDS) | set(SERVES), "enter it in tests/cli/every_command.py"
+    assert there() == set(documented()) | set(SERVES), "enter its keys in docs/command_line.md"
+
+
+@pytest.mark.parametrize("command", sorted(there()))
+def test_every_command_takes_both_options_and_says_so(command: str) -> None:
+    text = skyarm(command, "--help").out
+    assert re.search(r"^  --json  +the result as one JSON document", text, re.MULTILINE)
+    assert re.search(r"^  --quiet  +no output and no progress", text, re.MULTILINE)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_command_gives_one_document_with_the_keys_that_are_documented(command: str) -> None:
+    if command in NEEDS and importlib.util.find_spec(NEEDS[command]) is None:
+        pytest.skip(f"{NEEDS[command]} is not installed")
+    ended = skyarm(command, *COMMANDS[command], "--json")
+    assert ended.code == 0, ended.err
+    found = json.loads(ended.out, parse_constant=pytest.fail)
+    assert list(found)[:3] == ["schema", "command", "skyarm"]
+    assert (found["schema"], found["command"]) == (machine_output.SCHEMA, command)
+    assert found["skyarm"] == package.__version__
+    named = documented()[command]
+    always = {key.strip("`") for key in named if key[0] == "`"}
+    sometimes = {key.strip("()`") for key in named if key[0] == "("}
+    assert always <= set(found) - HEAD <= always | sometimes
+    assert ended.out.isascii()
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_quiet_command_says_nothing(command: str) -> None:
+    if command in NEEDS and importlib.util.find_spec(NEEDS[command]) is None:
+        pytest.skip(f"{NEEDS[command]} is not installed")
+    ended = skyarm(command, *COMMANDS[command], "--quiet")
+    assert (ended.code, ended.out, ended.err) == (0, "", "")
+
+
+def test_wrong_input_is_a_line_and_no_document() -> None:
+    for option in ("--json", "--quiet"):
+        ended = skyarm("run", "nowhere", option)
+        refused(ended, "nowhere")
+        assert ended.out == ""
+
+
+def test_a_flight_that_ended_early_is_a_document_and_keeps_its_exit_code(folder: Path) -> None:
+    (folder / "falls.toml").write_text(FALLS)
+    ended = skyarm("run", "falls.toml", "--json")
+    assert ended.code == 3, ended
+    found = json.loads(ended.out)
+    assert found["status"] != "completed"
+    assert found["cause"]
+    assert found["end_time"] < 5.0
+
+
+def test_the_numbers_of_a_document_are_those_of_the_flight() -> None:
+    found = json.loads(skyarm("run", "case3", "--duration", "1", "--json").out)
+    log = package.load_log(found["logs"][0])
+    error = np.linalg.norm(log.tool - log.tool_reference, axis=1)
+    inside = (log.time >= found["steady_window_s"][0]) & (log.time < found["steady_window_s"][1])
+    wanted = {"mean": error[inside].mean(), "max": error[inside].max(), "max_whole_flight": error.max()}
+    assert found["errors"]["tip"] == pytest.approx(wanted, rel=1e-12)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the shell's pipe and quotes")
+def test_the_pipe_that_the_documentation_shows_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (line,) = re.findall(r"^    (skyarm run case3 --json \|.*)$", DOCS.read_text("utf-8"), re.MULTILINE)
+    words = line.replace("skyarm run case3", f"{sys.executable} -m skyarm run case3 --duration 1")
+    words = words.replace("| python ", f"| {sys.executable} ")
+    done = subprocess.run(words, shell=True, capture_output=True, text=True, cwd=tmp_path, check=True)
+    assert 0.0 < float(done.stdout) < 0.1
+    assert not done.stderr
+
+
+def test_what_json_lacks_becomes_null_list_and_text() -> None:
+    given = {"a": np.array([1.0, np.inf]), "b": (1, float("nan")), "c": Path("x"), "d": np.int64(3), 5: {"e": True}}
+    assert machine_output.plain(given) == {"a": [1.0, None], "b": [1, None], "c": "x", "d": 3, "5": {"e": True}}
+
+
+def run_own(function: Any, *words: str) -> Any:
+    """A command that a plugin might bring, through the whole program."""
+    with registry_kept():
+        package.register.command("own-words")(function)
+        return skyarm("own-words", *words)
+
+
+def test_a_command_of_one_s_own_has_the_options_and_its_lines_are_the_document() -> None:
+    def own(number: int = 3) -> None:
+        """Say a number."""
+        print(f"number {number}")
+
+    ended = run_own(own, "--number", "4", "--json")
+    assert json.loads(ended.out)["lines"] == ["number 4"]
+    assert run_own(own, "--quiet").out == ""
+    assert run_own(own).out == "number 3\n"
+
+
+def test_an_option_of_one_s_own_that_is_called_so_stays_one_s_own() -> None:
+    program, seen = Program(), []
+
+    @program.command()
+    def first(file: str = typer.Option("", "--json")) -> None:
+        seen.append(file)
+
+    @program.command()
+    def second() -> None:
+        pass
+
+    program(["first", "--json", "x"], standalone_mode=False)
+    assert seen == ["x"]
+
+
+def test_an_option_that_took_a_file_still_does_for_a_version(folder: Path) -> None:
+    ended = skyarm("list", "--json", "l.json")
+    assert ended.code == 0
+    assert "--out FILE" in ended.err
+    assert json.loads((folder / "l.json").read_text())["schema"] == 1
+    for words, wanted in (
+        (["bench", "--quick", "--json=b.json"], ["bench", "--quick", "--out=b.json"]),
+        (["margins", "case3", "--json", "m.json"], ["margins", "case3", "--out", "m.json"]),
+    ):
+        with pytest.warns(OldNameWarning):
+            assert with_new_options(words) == wanted
+    for words in (
+        ["margins", "--json", "case3"],
+        ["list", "--json"],
+        ["list", "--json", "--quiet"],
+        ["run", "--json", "x"],
+    ):
+        assert with_new_options(words) == words
+
+
+def test_no_colour_goes_where_nobody_wants_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A terminal in colours; none with NO_COLOR, and none where it is dumb or no terminal."""
+    import io
+
+    from skyarm.cli.terminal import Terminal
+
+    class Screen(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    def shown(file: io.StringIO) -> str:
+        Terminal(file=file, color_system="auto").print("x", style="red")
+        return file.getvalue()
+
+    for name in ("NO_COLOR", "FORCE_COLOR", "TTY_COMPATIBLE"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("TERM", "xterm-256color")
+    assert "\x1b[31m" in shown(Screen())
+    assert shown(io.StringIO()) == "x\n"
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert "\x1b[31m" not in shown(Screen())
+    assert sys.stdout is not None

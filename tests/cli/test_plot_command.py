@@ -1,0 +1,101 @@
+"""``skyarm plot`` and ``skyarm show --drawing`` as a user types them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from test_cli_errors import refused, skyarm
+
+import skyarm as library
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two logs of one scenario, in folders of their own."""
+    folder: Path = tmp_path_factory.mktemp("logs")
+    for law in ("paper_ct", "paper_pd"):
+        log = library.run(library.load_scenario("case2", controller=law, duration=0.3))
+        (folder / law).mkdir()
+        log.save_npz(folder / law / "case2.npz")
+        log.save_csv(folder / law / "case2.csv")
+    return folder
+
+
+@pytest.fixture
+def folder(flown: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "logs").symlink_to(flown)
+    return tmp_path
+
+
+CT, PD = "logs/paper_ct/case2.npz", "logs/paper_pd/case2.npz"
+
+
+def test_flights_are_drawn_into_the_file_named(folder: Path) -> None:
+    done = skyarm("plot", CT, PD, "-o", "both.svg", "--kind", "tip", "--window", "0", "0.2")
+    assert done.code == 0, done.err
+    assert done.out == "picture: both.svg\n"
+    text = (folder / "both.svg").read_text("utf-8")
+    assert text.startswith("<?xml")
+    again = skyarm("plot", f"one = {CT}".replace(" = ", "="), f"other={PD}", "--out", "talk.png", "--style", "talk")
+    assert again.code == 0, again.err
+    assert {path.name for path in folder.iterdir()} == {"logs", "both.svg", "talk.png"}
+
+
+def test_a_vehicle_is_drawn_into_the_file_named(folder: Path) -> None:
+    done = skyarm("show", "hummingbird_arm2", "--drawing", "bird.pdf")
+    assert done.code == 0, done.err
+    assert done.out == "drawing: bird.pdf\n"
+    assert (folder / "bird.pdf").read_bytes().startswith(b"%PDF")
+    refused(skyarm("show", "hummingbird_arm2", "--drawing", "bird.bmp"), "--drawing = 'bird.bmp'", "png, svg, pdf")
+    refused(skyarm("show", "hummingbird_arm3", "--drawing", "bird.png"), "hummingbird_arm3", "did you mean")
+    refused(skyarm("show", "case1", "--drawing", "bird.png"), "must be a vehicle")
+    refused(skyarm("show", "hummingbird", "--drawing", "bird.png", "--dark"), "dark: must come with style = 'talk'")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("plot", CT), ("--out",)),
+        (("plot", "-o", "a.png"), ("Missing argument",)),
+        (("plot", CT, "-o", "a.gif"), ("--out = 'a.gif': suffix 'gif'", "must be one of png, svg, pdf")),
+        (("plot", CT, "-o", "a"), ("--out = 'a': suffix ''",)),
+        (("plot", CT, "-o", ""), ("--out = '': must be the path of a file",)),
+        (("plot", CT, "-o", "a.png", "--kind", "speed"), ("kind = 'speed': must be one of tracking, attitude",)),
+        (("plot", CT, "-o", "a.png", "--style", "slide"), ("style = 'slide': must be one of paper, talk",)),
+        (("plot", CT, "-o", "a.png", "--dark"), ("dark: must come with style = 'talk'",)),
+        (("plot", CT, "-o", "a.png", "--window", "3", "4"), ("window = [3, 4]: must overlap the flights", "0.3 s")),
+        (("plot", CT, "-o", "a.png", "--metric", "x"), ("--metric = ['x']: must come with a folder",)),
+        (("plot", CT, "-o", "a.png", "--over", "x"), ("--over = 'x': must come with a folder",)),
+        (("plot", "gone.npz", "-o", "a.png"), ("gone.npz",)),
+        (("plot", "case3", "-o", "a.png"), ("flight = 'case3': must be a log that 'skyarm run' wrote",)),
+        (("plot", "logs/paper_ct/case2.csv", "-o", "a.png"), ("cannot be read back",)),
+        (("plot", f"a={CT}", f"a={PD}", "-o", "a.png"), ("flight = 'a=", "must have another name")),
+        (("plot", CT, "logs", "-o", "a.png"), ("folder = 'logs': must stand alone",)),
+        (("plot", "logs", "-o", "a.png"), ("--metric: is missing",)),
+        (("plot", "logs", "-o", "a.png", "--metric", "a"), ("--over: is missing",)),
+        (("plot", "logs", "-o", "a.png", "--kind", "tip"), ("--kind = 'tip': must come with logs",)),
+        (
+            ("plot", "logs", "-o", "a.png", "--metric", "a", "--over", "b"),
+            ("folder = 'logs': must be one that 'skyarm sweep' wrote",),
+        ),
+    ],
+    ids=lambda words: " ".join(words[1:4])[-40:] if isinstance(words, tuple) else "",
+)
+def test_wrong_input_is_one_line_and_draws_nothing(folder: Path, words: tuple[str, ...], said: tuple[str, ...]) -> None:
+    refused(skyarm(*words), *said)
+    assert {path.name for path in folder.iterdir()} == {"logs"}
+
+
+def test_a_sweep_is_drawn_over_an_expression(folder: Path) -> None:
+    pytest.importorskip("pyarrow")
+    from sweeps import MASS, WIND
+    from sweeps import flown as fly
+
+    fly(folder / "rows", episodes=12, duration=0.3, windows={"steady": [0.1, 0.3]})
+    drawn = ("plot", "rows", "-o", "a.png", "--metric", "ee_error_mean", "--over")
+    done = skyarm(*drawn, f"push = {WIND} / {MASS}", "--by", "sensors.position", "--center", "mean", "--band", "0", "1")
+    assert done.code == 0, done.err
+    assert (folder / "a.png").read_bytes().startswith(b"\x89PNG")
+    refused(skyarm(*drawn, f"{WIND}("), "over = ", "must not be called")

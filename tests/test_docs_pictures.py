@@ -1,0 +1,82 @@
+"""What the page on pictures shows is true: its commands draw, its code draws, its study derives an arm's length."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+PAGE = (DOCS / "pictures.md").read_text("utf-8")
+COMMANDS = re.findall(r"^    (skyarm .*)$", PAGE, re.MULTILINE)
+(STUDY,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """With the page's study, shortened."""
+    pytest.importorskip("pyarrow")
+    made: Path = tmp_path_factory.mktemp("pictures")
+    short = re.sub(r"episodes = \d+", "episodes = 40", STUDY).replace("duration = 12", "duration = 0.3")
+    short = re.sub(
+        r"controllers = .*", 'controllers = ["paper_ct", "paper_pd"]', short
+    )  # a law of its own takes seconds
+    text = re.sub(r"windows = .*", "windows = { steady = [0.1, 0.3], transient = [0.0, 0.1] }", short)
+    (made / "arm_length.toml").write_text(text)
+    return made
+
+
+def test_the_commands_shown_draw_in_their_order(folder: Path) -> None:
+    made = []
+    script = ["import sys", "from skyarm.cli.main import main"]
+    for command in COMMANDS:
+        words = shlex.split(command)[1:]
+        words += ["--duration", "6.5"] if words[0] == "run" else []
+        script.append(f"sys.argv = ['skyarm', *{words!r}]")
+        script += ["try: main()", "except SystemExit as stop:", f"    assert not stop.code, {words!r}"]
+        made += [words[words.index(option) + 1] for option in ("-o", "--drawing") if option in words]
+    done = subprocess.run(
+        [sys.executable, "-c", "\n".join(script)], cwd=folder, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert len(made) == len(set(made)) == 8
+    for name in made:
+        assert (folder / name).stat().st_size > 5_000, name
+
+
+def test_the_code_shown_draws(folder: Path) -> None:
+    blocks = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    assert len(blocks) == 3
+    code = "\n".join(blocks)
+    done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == ["Tip error [mm]", "load [g]"]
+    assert {"flight.pdf", "loads.png", "bent.pdf"} <= {path.name for path in folder.iterdir()}
+
+
+def test_every_kind_and_style_stands_on_the_page() -> None:
+    from skyarm.figures.flight_panels import ALL, KINDS
+    from skyarm.figures.picture_files import SUFFIXES
+    from skyarm.figures.picture_styles import STYLES
+
+    assert re.findall(r"^\| `(\w+)` \|", PAGE, re.MULTILINE) == [*KINDS, ALL]
+    for style in STYLES:
+        assert f"`--style {style}`" in PAGE
+    assert all(suffix.upper() in PAGE for suffix in SUFFIXES)
+
+
+def test_the_derived_numbers_of_the_page_on_sweeps_are_a_study() -> None:
+    import tomllib
+
+    from skyarm.sweep import study_from
+
+    text = (DOCS / "sweeps.md").read_text("utf-8")
+    tables = [block for block in re.findall(r"```toml\n(.*?)```", text, re.DOTALL) if "[derived]" in block]
+    for table in tables:
+        study = study_from({"schema": 1, "name": "a", "scenario": "case3", "episodes": 4, **tomllib.loads(table)})
+        assert "moment" in study.derived
+    assert len(tables) == 1
