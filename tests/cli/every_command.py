@@ -16,6 +16,7 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "diff": ("flight.npz", "flight.npz"),
     "plot": ("flight.npz", "-o", "flight.png"),
     "film": ("flight.npz", "flight.viser", "--fps", "5"),
+    "export": ("flight.npz", "--to", "csv"),
     "export-c": ("paper_ct", "--vehicle", "hummingbird_arm2", "-o", "x.c"),
     "margins": ("short.toml", "--instants", "0"),
     "basin": ("short.toml", "--flights", "16"),

@@ -1,4 +1,4 @@
-"""The commands on flights that were flown: replay, diff."""
+"""The commands on flights that were flown: replay, diff, export."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import typer
 
 from skyarm.cli.app import NOT_COMPLETED, app, console, tell
 from skyarm.cli.machine_output import give, is_document_wanted
-from skyarm.cli.progress import bar
+from skyarm.cli.progress import bar, waiting
 
 DIFFERENT = 1
 """Exit code of a comparison that found a difference."""
@@ -122,3 +122,28 @@ def diff(
     say_versions(a, b)
     if not are_equal(a, b, found):
         raise typer.Exit(DIFFERENT)
+
+
+@app.command()
+def export(
+    flight: Annotated[str, typer.Argument(help="the log of a flight: .npz, .mcap or .parquet")],
+    to: Annotated[str | None, typer.Option(metavar="FORMAT", help="mcap, npz, csv, parquet or ros1")] = None,
+    file: Annotated[str | None, typer.Option("--out", "-o", help="file to write; beside FLIGHT if left out")] = None,
+    layouts: Annotated[
+        str | None, typer.Option(metavar="FOLDER", help="write layouts for Foxglove and PlotJuggler there")
+    ] = None,
+) -> None:
+    """Write a flight's log in another format.
+
+    A log that was cut off, as that of a run that was killed, is written as far as it goes. 'skyarm export-c' writes a
+    controller.
+    """
+    from skyarm.cli.export_logs import export as perform
+
+    with waiting(f"{flight}: writing", console):
+        written, shown = perform(flight, to, file, layouts)
+    give(file=written, layouts=shown)
+    if written is not None:
+        tell(f"log: {written}")
+    if shown:
+        tell(f"layouts: {', '.join(map(str, shown))}")
