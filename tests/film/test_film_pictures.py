@@ -62,11 +62,11 @@ def only(solids: list[Solid], role: str) -> list[Solid]:
     ]
 
 
-@pytest.mark.parametrize("camera", sorted(CAMERAS))
+@pytest.mark.parametrize("camera", ["follow", "orbit"])
 def test_hull_and_tip_of_vehicle_and_ghost_are_drawn_where_a_pinhole_sees_them(camera: str) -> None:
     (one,) = filmed("paper_pd")
     path = CAMERAS[camera]([one], TIMES, WIDTH / HEIGHT)
-    frames = [0, 4, 9]
+    frames = [0, 9]
     empty = pictures(path, [], frames)
     for solids, base, tip in (
         (vehicle_solids(one), one.position, one.tip),

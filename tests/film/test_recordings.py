@@ -18,7 +18,15 @@ import zstandard
 
 import skyarm
 from skyarm.film.film_settings import FilmSettings
-from skyarm.film.recording import RECORDING_NAME, Recording, page_with, player_page, record, save_recording
+from skyarm.film.recording import (
+    RECORDING_NAME,
+    Recording,
+    page_with,
+    player_page,
+    record,
+    recording_frame,
+    save_recording,
+)
 
 FPS = 20
 
@@ -125,3 +133,7 @@ def test_the_player_of_a_site_plays_what_its_address_names() -> None:
         "words.set('playbackPath',\"flight.viser\");history.replaceState(null,'','?'+words)}}</script>"
     )
     assert "__VISER_EMBED_DATA__=" in page_with(b"x")
+    assert recording_frame("../player.html", "a b/c.viser", 'a "film"', height=300) == (
+        '<iframe src="../player.html?playbackPath=a%20b/c.viser" title="a &quot;film&quot;" loading="lazy" '
+        'style="width:100%;height:300px;border:1px solid #d0d4da"></iframe>'
+    )
