@@ -31,20 +31,9 @@ def log_files(names: Sequence[str] | None, usual: Sequence[Path]) -> list[Path]:
     return [Path(name) for name in names]
 
 
-def picture_file(name: str) -> Path:
-    """Path of the flight's picture, checked before the flight. Matplotlib loads here: most flights are not drawn.
-
-    Raises:
-        ValueError: another suffix than those of pictures.
-        OSError: it cannot be written.
-    """
-    from skyarm.figures.picture_files import picture_file as checked
-
-    return checked(name, "--plot")
-
-
-def draw(log: Log, file: Path) -> None:
-    """Write a flight's picture in the format of its suffix."""
+def draw(log: Log, file: Path) -> Path:
+    """Write a flight's picture in the format of its suffix. Matplotlib loads here: most flights are not drawn."""
     from skyarm.figures.flight_plot import plot
 
     plot(log, file)
+    return file

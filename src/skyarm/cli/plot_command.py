@@ -43,8 +43,8 @@ def draw_flights(
     from skyarm.figures.flight_labels import flight_labels
     from skyarm.figures.flight_panels import ALL
     from skyarm.figures.flight_plot import plot
-    from skyarm.figures.picture_files import picture_file
     from skyarm.figures.picture_styles import picture_style
+    from skyarm.files.picture_names import picture_file
 
     target = picture_file(file, "--out")
     picture_style(style, dark=dark)
@@ -94,8 +94,8 @@ def draw_sweep(
         if not asked[option]:
             raise ValueError(f"{option}: is missing; a picture of a sweep needs --metric NAME and --over NUMBER")
     from skyarm.figures.metric_figure import plot_sweep
-    from skyarm.figures.picture_files import picture_file
-    from skyarm.sweep.metric_curves import BAND
+    from skyarm.files.picture_names import picture_file
+    from skyarm.sweep.banded_curves import BAND
 
     target = picture_file(file, "--out")
     plot_sweep(
@@ -118,8 +118,9 @@ def draw_vehicle(name: str, file: str, style: str, *, dark: bool) -> Path:
     Raises:
         ValueError, OSError: one line.
     """
-    from skyarm.figures.picture_files import picture_file, save_picture
+    from skyarm.figures.picture_files import save_picture
     from skyarm.figures.vehicle_drawing import vehicle_drawing
+    from skyarm.files.picture_names import picture_file
     from skyarm.vehicle.vehicle_files import load_vehicle
 
     target = picture_file(file, "--drawing")
