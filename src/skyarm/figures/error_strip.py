@@ -68,8 +68,9 @@ def error_strip(curves: Sequence[Curve], span: tuple[float, float], width: int, 
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor="white")
     canvas: Any = FigureCanvasAgg(figure)
     size = TEXT * scale
-    edge = 86.0 * scale
-    bottom, top = 48.0 * scale / height, 1.0 - 10.0 * scale / height
+    # ticks and pads do not shrink with the texts
+    edge = 78.0 * scale + 10.0
+    bottom, top = (40.0 * scale + 9.0) / height, 1.0 - 10.0 * scale / height
     ax = figure.add_axes((edge / width, bottom, 1.0 - (edge + 26.0 * scale) / width, top - bottom))
     style.dress(ax, size=size, family=style.PAGE_FONT[0])
     logarithmic = _far_apart(curves)

@@ -12,8 +12,10 @@ import json
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 import numpy.typing as npt
@@ -110,10 +112,24 @@ def player_page(recording: str | None = None) -> str:
     if recording is None:
         return page
     script = (
-        "<script>if(!new URLSearchParams(location.search).has('playbackPath'))"
-        f"history.replaceState(null,'','?playbackPath='+{json.dumps(recording)});</script>"
+        "<script>{const words=new URLSearchParams(location.search);if(!words.has('playbackPath')){"
+        f"words.set('playbackPath',{json.dumps(recording)});history.replaceState(null,'','?'+words)}}}}</script>"
     )
     return page.replace("</head>", f"{script}</head>", 1)
+
+
+def recording_frame(player: str, recording: str, title: str, *, height: int = 420) -> str:
+    """The HTML of a frame in which a page shows a recording.
+
+    Args:
+        player: address of the player's page, from the page that shows it.
+        recording: address of the ``.viser`` file, from the player's page.
+        title: what is shown, for those who do not see it.
+        height: pixels.
+    """
+    address = f"{player}?playbackPath={quote(recording)}"
+    look = f"width:100%;height:{height}px;border:1px solid #d0d4da"
+    return f'<iframe src="{escape(address)}" title="{escape(title)}" loading="lazy" style="{look}"></iframe>'
 
 
 def page_with(content: bytes) -> str:
