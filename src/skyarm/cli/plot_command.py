@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from skyarm.cli.machine_output import give
 from skyarm.files import shown
 from skyarm.log.flight_log import Log
 
@@ -32,8 +31,8 @@ def draw_flights(
     style: str,
     *,
     dark: bool,
-) -> str:
-    """Draw flights over each other; returns the line to print.
+) -> Path:
+    """Draw flights over each other; returns the picture's path.
 
     Raises:
         ValueError, OSError: one line.
@@ -57,8 +56,7 @@ def draw_flights(
         if label in labels[:i]:
             raise ValueError(f"flight = {shown(names[i])}: must have another name than a flight before it")
     plot(dict(zip(labels, logs, strict=True)), target, kind=kind or ALL, style=style, dark=dark, window=window)
-    give(picture=target)
-    return f"picture: {target}"
+    return target
 
 
 def _label_and_file(name: str) -> tuple[str, str]:
@@ -83,8 +81,8 @@ def _log(path: str) -> Log:
 
 def draw_sweep(
     folder: str, file: str, asked: Mapping[str, Any], of_flights: Mapping[str, Any], style: str, *, dark: bool
-) -> str:
-    """Draw curves of a sweep's metrics; returns the line to print.
+) -> Path:
+    """Draw curves of a sweep's metrics; returns the picture's path.
 
     Raises:
         ValueError, OSError: one line.
@@ -111,12 +109,11 @@ def draw_sweep(
         style=style,
         dark=dark,
     )
-    give(picture=target)
-    return f"picture: {target}"
+    return target
 
 
-def draw_vehicle(name: str, file: str, style: str, *, dark: bool) -> str:
-    """Draw a vehicle, all labelled; returns the line to print.
+def draw_vehicle(name: str, file: str, style: str, *, dark: bool) -> Path:
+    """Draw a vehicle, all labelled; returns the picture's path.
 
     Raises:
         ValueError, OSError: one line.
@@ -127,6 +124,4 @@ def draw_vehicle(name: str, file: str, style: str, *, dark: bool) -> str:
     from skyarm.vehicle.vehicle_files import load_vehicle
 
     target = picture_file(file, "--drawing")
-    save_picture(vehicle_drawing(load_vehicle(name), style=style, dark=dark), target, style)
-    give(vehicle=name, drawing=target)
-    return f"drawing: {target}"
+    return save_picture(vehicle_drawing(load_vehicle(name), style=style, dark=dark), target, style)
