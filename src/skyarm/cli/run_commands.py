@@ -196,7 +196,7 @@ def show(
         from skyarm.cli.plot_command import draw_vehicle
 
         picture = draw_vehicle(vehicle, drawing, style, dark=dark)
-        give(picture=picture)
+        give(drawing=picture)
         return tell(f"drawing: {picture}")
     loaded = load_vehicle(vehicle)
     if ops:
