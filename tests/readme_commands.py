@@ -12,8 +12,8 @@ LINES = [line.split("#")[0].strip() for line in README.splitlines() if line.star
 SHOWN = [line for line in LINES if line.startswith("skyarm ")]
 
 LONG = (
-    *("replay", "diff", "plot", "reproduce", "sweep", "stats", "bench", "compare", "margins", "basin", "export"),
-    "studio",
+    *("replay", "diff", "plot", "reproduce", "sweep", "stats", "bench", "compare", "margins", "basin"),
+    *("film", "export", "studio"),
 )
 """These take a minute, need the one before or wait for Ctrl-C, and have tests of their own; here their options must be
 understood."""
