@@ -8,13 +8,11 @@ from typing import Annotated
 import typer
 
 from skyarm.cli.app import NOT_COMPLETED, app, console, tell
-from skyarm.cli.machine_output import give
+from skyarm.cli.machine_output import give, is_document_wanted
 from skyarm.cli.progress import bar, waiting
 
 DIFFERENT = 1
 """Exit code of a comparison that found a difference."""
-
-AsJson = Annotated[bool, typer.Option("--json", help="print what was found as one JSON document, and nothing else")]
 
 
 @app.command()
@@ -26,7 +24,6 @@ def replay(
     out: Annotated[
         str | None, typer.Option("--out", "-o", metavar="FILE", help="log of the new flight, its format by its suffix")
     ] = None,
-    as_json: AsJson = False,
 ) -> None:
     """Fly a log's flight again, also under another law.
 
@@ -36,9 +33,6 @@ def replay(
     NAME_1.npz.
     """
     from skyarm.cli.earlier_files import keep_earlier
-    from skyarm.cli.flight_differences import (
-        as_json as written,
-    )
     from skyarm.cli.flight_differences import (
         difference_lines,
         metric_lines,
@@ -67,9 +61,8 @@ def replay(
     save_log(log, file)
     again = controller is None
     equal = same_bits(before, log)
-    if as_json:
-        tell(written(replay_document(before, log, file)))
-    else:
+    give(replay_document(before, log, file) if is_document_wanted() else None)
+    if not is_document_wanted():
         labels = ("log", "again") if again else (str(before.info["controller"]), str(log.info["controller"]))
         tell(f"{planned.name}: law {log.info['controller']} on {log.info['plant_vehicle']}, plant {log.info['plant']}")
         if again and equal:
@@ -97,7 +90,6 @@ def diff(
     tolerance: Annotated[
         float, typer.Option(help="differences up to this, in the SI unit of each quantity, count as none")
     ] = 0.0,
-    as_json: AsJson = False,
 ) -> None:
     """Compare two logs: where they come apart.
 
@@ -105,9 +97,7 @@ def diff(
     between the scenarios. Exit code: 0 if they are equal, 1 if they differ, 2 if the input was wrong.
     """
     from skyarm.cli.flight_differences import (
-        as_json as written,
-    )
-    from skyarm.cli.flight_differences import (
+        are_equal,
         difference_lines,
         document,
         metric_lines,
@@ -121,10 +111,8 @@ def diff(
     number(tolerance, "--tolerance", low=0.0)
     a, b = read(first), read(second)
     found = log_differences(a, b, tolerance)
-    told = document("diff", a, b, found)
-    if as_json:
-        tell(written(told))
-    else:
+    give(document(a, b, found) if is_document_wanted() else None)
+    if not is_document_wanted():
         for line in (
             *difference_lines(found, ("the first", "the second"), tolerance),
             *metric_lines(a, b, ("first", "second")),
@@ -132,7 +120,7 @@ def diff(
         ):
             tell(line)
     say_versions(a, b)
-    if not told["equal"]:
+    if not are_equal(a, b, found):
         raise typer.Exit(DIFFERENT)
 
 

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from skyarm import __version__
 from skyarm.cli.lines import say
 from skyarm.cli.terminal_tables import aligned
 from skyarm.files import shown
@@ -48,13 +44,15 @@ def same_bits(a: Log, b: Log) -> bool:
     return all(ours[name][:count].tobytes() == np.asarray(theirs[name])[:count].tobytes() for name in ours)
 
 
-def document(command: str, a: Log, b: Log, found: LogDifferences) -> dict[str, Any]:
+def are_equal(a: Log, b: Log, found: LogDifferences) -> bool:
+    """Whether two logs are of the same numbers and ended in the same way."""
+    return found.equal and a.status == b.status
+
+
+def document(a: Log, b: Log, found: LogDifferences) -> dict[str, Any]:
     """Everything that was found, as plain data."""
     return {
-        "schema": 1,
-        "command": command,
-        "skyarm": __version__,
-        "equal": found.equal and a.status == b.status,
+        "equal": are_equal(a, b, found),
         "instants": dict(zip(("both", "first", "second"), found.instants, strict=True)),
         "status": [a.status, b.status],
         "versions": [a.info.get("versions"), b.info.get("versions")],
@@ -63,19 +61,6 @@ def document(command: str, a: Log, b: Log, found: LogDifferences) -> dict[str, A
         "metrics": [metrics_of(a), metrics_of(b)],
         "scenario": {path: list(pair) for path, pair in _scenarios(a, b).items()},
     }
-
-
-def as_json(found: Mapping[str, Any]) -> str:
-    """A document as strict JSON: what is not finite becomes null."""
-    return json.dumps(_finite(found), indent=1, allow_nan=False)
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _finite(each) for key, each in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(each) for each in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _scenarios(a: Log, b: Log) -> dict[str, tuple[Any, Any]]:
@@ -146,7 +131,7 @@ def scenario_lines(a: Log, b: Log) -> list[str]:
 
 def replay_document(a: Log, b: Log, file: Path) -> dict[str, Any]:
     """What a replay found, as plain data."""
-    found = document("replay", a, b, log_differences(a, b))
+    found = document(a, b, log_differences(a, b))
     return {**found, "bit_equal": same_bits(a, b), "controllers": [_law(a), _law(b)], "log": str(file)}
 
 

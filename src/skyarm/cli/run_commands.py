@@ -107,9 +107,10 @@ def run(
     """
     from skyarm.cli.earlier_files import earlier_kept
     from skyarm.cli.flight_summary import episode, error_chart, facts
-    from skyarm.cli.log_files import draw, log_files, picture_file
+    from skyarm.cli.log_files import draw, log_files
     from skyarm.cli.shipped_names import require_not_another
     from skyarm.files import require_replaceable, require_writable, taken_back
+    from skyarm.files.picture_names import picture_file
     from skyarm.log.formats import save_log
     from skyarm.log.mcap.journal import journal_beside, partial_file
     from skyarm.scenario.scenario_file import load_scenario
@@ -120,7 +121,7 @@ def run(
     planned = load_scenario(scenario, plant=plant, controller=controller, seed=seed, duration=duration)
     folder = Path(out)
     files = log_files(logs, (folder / f"{planned.name}.npz", folder / f"{planned.name}.csv"))
-    drawn = None if picture is None else picture_file(picture)
+    drawn = None if picture is None else picture_file(picture, "--plot")
     with taken_back(*(() if logs else (folder,))):
         if not logs:
             require_writable(out)
@@ -194,7 +195,9 @@ def show(
     if drawing is not None:
         from skyarm.cli.plot_command import draw_vehicle
 
-        return tell(draw_vehicle(vehicle, drawing, style, dark=dark))
+        picture = draw_vehicle(vehicle, drawing, style, dark=dark)
+        give(drawing=picture)
+        return tell(f"drawing: {picture}")
     loaded = load_vehicle(vehicle)
     if ops:
         say_if_many(loaded.name, loaded.n)

@@ -65,8 +65,8 @@ def _map(each: Any) -> bytes:
 def _curves(rows: Any, at: Any) -> dict[str, bytes]:
     """Metric -> PNG of its curves over each varied number."""
     from skyarm.figures.embed import image_bytes
-    from skyarm.figures.metric_curves import curves_figure
-    from skyarm.metrics.metric_words import metric_words
+    from skyarm.figures.study_curves import curves_figure
+    from skyarm.metrics.words_of_metrics import metric_words
     from skyarm.scenario.units_of_numbers import labelled
     from skyarm.sweep.curves import drawn_metrics, metric_curves, varying
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import Any
 
-from skyarm.metrics.metric_words import metric_words
+from skyarm.metrics.words_of_metrics import metric_words
 from skyarm.pages import details, image, section, table
 from skyarm.pages import page as plain_page
 from skyarm.scenario.units_of_numbers import labelled, words_of
@@ -189,7 +189,8 @@ def _varied(study: Mapping[str, Any], labels: Mapping[str, str]) -> str:
         for path, distribution in (study.get("vary") or {}).items()
         for kind, value in distribution.items()
     ]
-    rows += [(name, "derived", str(text)) for name, text in (study.get("derived") or {}).items()]
+    derived = (study.get("derived") or {}).items()
+    rows += [(labels.get(name, words_of(name)), "derived", str(text), name) for name, text in derived]
     line = f"Design {study['design']}, seed {study['seed']}, precision {study['precision']}."
     return f"<p>{escape(line)}</p>" + table(("number", "distribution", "of", "path"), rows)
 
