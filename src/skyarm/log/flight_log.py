@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Annotated, Any
 
 import numpy as np
@@ -19,7 +21,7 @@ from skyarm.files import shown
 from skyarm.records.identity import log_digest
 from skyarm.records.leaves import parts
 from skyarm.records.own_files import own_files
-from skyarm.records.restore import restore
+from skyarm.records.restore import restore, restore_fields
 from skyarm.records.units import Unit, units
 from skyarm.registry import RegistryError
 from skyarm.registry.plugins import identities
@@ -112,8 +114,22 @@ class Log:
         """The :class:`skyarm.Scenario` that was flown: flown again by the same version, it gives the same bits.
 
         Raises:
-            ValueError: one line: a log of a version that did not keep it, a plugin that is not loaded, or a damaged
+            ValueError: one line: a log of a version that did not keep it, plugins that are not loaded, or a damaged
                 log.
+        """
+        return self.scenario_with({})
+
+    def scenario_with(
+        self, replaced: Mapping[str, Any], controller: Callable[[Any, Mapping[str, Any]], dict[str, Any]] | None = None
+    ) -> Any:
+        """The scenario that was flown with some of it replaced; code of what is replaced need not be there.
+
+        Args:
+            replaced: field -> value.
+            controller: (believed model, the other fields) -> fields with another controller in place of the log's.
+
+        Raises:
+            ValueError: as :attr:`scenario`, or of ``controller``.
         """
         written, plugins, code = (self.info.get(name) or {} for name in ("scenario_record", "plugins", "code"))
         of = (self.info.get("versions") or {}).get("skyarm", "unknown")
@@ -121,15 +137,16 @@ class Log:
             raise ValueError(f"scenario_record: must hold the scenario as this version writes it; skyarm {of} wrote it")
         if not self._fits(written, code):
             raise ValueError(f"scenario_record: must be of the log's digest; it was changed after skyarm {of} wrote it")
-        try:
-            found = restore(written, {**code, **plugins})
-        except RegistryError as error:
-            raise ValueError(f"scenario_record: {error}") from None
-        except ValueError as error:
-            absent = [name for name in plugins if name not in identities()]
-            needs = f"; it was flown with the plugins {', '.join(absent)}" if absent else ""
-            raise ValueError(f"scenario_record: {error}{needs}") from None
-        now = own_files(found)
+        known, without = {**code, **plugins}, {*replaced, *(() if controller is None else ("controller",))}
+        with _in_words_of_the_log(plugins):
+            kind, fields = restore_fields(written, known, without)
+            model = None if controller is None else _believed(written, known)
+        changed = dict(replaced)
+        if controller is not None:
+            changed |= controller(model, fields)
+        with _in_words_of_the_log(plugins):
+            found = kind(**{**fields, **changed})
+        now = own_files(SimpleNamespace(**fields))
         for name in sorted(code):
             if now.get(name, code[name]) != code[name]:
                 raise ValueError(f"code {name!r} = {shown(now[name])}: must be {shown(code[name])} as it was flown")
@@ -200,3 +217,27 @@ class Log:
 def rows_of(log: Log, chosen: slice) -> Log:
     """Some control instants of a log, as a log that says the same of itself."""
     return Log(**{name: array[chosen] for name, array in log.arrays().items()}, info=log.info)
+
+
+def _believed(written: Mapping[str, Any], known: Mapping[str, str]) -> Any:
+    """The model of a written scenario's controller; the law's own code is not needed if it stands beside it."""
+    held = written["controller"]
+    par = held.get("par") if isinstance(held, dict) else None
+    if isinstance(par, dict) and "model" in par:
+        return restore(par["model"], known)
+    return getattr(getattr(restore(held, known), "par", None), "model", None)
+
+
+@contextmanager
+def _in_words_of_the_log(plugins: Mapping[str, str]) -> Iterator[None]:
+    """Errors of reading a record say that it is the log's, and which plugins it may lack."""
+    try:
+        yield
+    except RegistryError as error:
+        raise ValueError(f"scenario_record: {error}") from None
+    except (KeyError, TypeError, AttributeError, OverflowError) as error:
+        raise ValueError(f"scenario_record: must be a record that was written ({error})") from None
+    except ValueError as error:
+        absent = [name for name in plugins if name not in identities()]
+        needs = f"; it was flown with the plugins {', '.join(absent)}" if absent else ""
+        raise ValueError(f"scenario_record: {error}{needs}") from None

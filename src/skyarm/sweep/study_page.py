@@ -12,7 +12,7 @@ from skyarm.pages import details, image, section, table
 from skyarm.pages import page as plain_page
 from skyarm.scenario.units_of_numbers import labelled, words_of
 from skyarm.sweep.manifest import Manifest
-from skyarm.sweep.rows_there import named
+from skyarm.sweep.rows_there import not_counted
 from skyarm.sweep.stats import SHARES
 
 
@@ -65,9 +65,10 @@ def _rows(found: Mapping[str, Any]) -> str:
 
 def _notes(found: Mapping[str, Any]) -> str:
     """What a reader must know of the folder before the numbers."""
-    notes = []
-    if found["files_not_counted"]:
-        notes.append(f"Not counted, since they are damaged: {named(found['files_not_counted'])}.")
+    notes = [
+        f"{each[0].upper()}{each[1:]}."
+        for each in not_counted(found["files_not_counted"], found.get("files_beyond_the_last", ()))
+    ]
     if found["manifest_rebuilt"]:
         notes.append(NO_MANIFEST)
     return "".join(f'<p class="note">{escape(each)}</p>' for each in notes)
