@@ -101,6 +101,18 @@ def test_a_log_has_the_references_and_the_wind_that_held_in_each_period(flown: L
     assert flown.air_velocity[40, 0] > 1.5
 
 
+def test_a_motion_that_a_change_brings_is_logged_at_its_own_instants() -> None:
+    """Times count from the beginning of the flight; the held reference is that of the last 20 ms."""
+    circle = {"kind": "circle", "radius": 0.5, "frequency_hz": 1.0, "center": [0.0, 0.0, 1.0]}
+    log = run(changing(Change(at=0.1, path="reference.base", value=circle)))
+    for k in (20, 33, 59):
+        turned, held = 2.0 * np.pi * k / 200, 2.0 * np.pi * (k - k % 4) / 200
+        assert log.position_reference[k, :2] == pytest.approx(0.5 * np.array([np.cos(turned), np.sin(turned)]))
+        assert log.position_held[k, :2] == pytest.approx(0.5 * np.array([np.cos(held), np.sin(held)]))
+        assert log.velocity_held[k, :2] == pytest.approx(np.pi * np.array([-np.sin(held), np.cos(held)]))
+    assert log.time.tolist() == [k / 200 for k in range(60)]
+
+
 @pytest.mark.parametrize("k", [0, 1, 7, 59])
 def test_until_a_change_takes_hold_nothing_is_other(k: int, still: Log) -> None:
     """The state at the beginning of its period still is the old one; the command of that period is the new law's."""
@@ -300,3 +312,37 @@ def test_noise_that_a_change_turns_up_is_drawn_from_then_on() -> None:
     noise = np.abs(log.measured_position - log.position).max(axis=1)
     assert not noise[:20].any()
     assert noise[20:].min() > 0.0
+
+
+def test_friction_that_asks_for_shorter_steps_gets_them_though_only_a_number_changed() -> None:
+    """The same paths, other values: code is shared only where it is integrated in the same steps."""
+    path = "plant.joints.damping"
+    changes = [Change(at=0.02 * k, path=path, value=value) for k, value in ((1, 0.002), (2, 0.2), (3, 0.004))]
+    scenario = changing(*changes, base=dataclasses.replace(BASE, duration=0.1))
+    session = Session(scenario)
+    while session.step():
+        pass
+    assert len(session._codes) == 3, "as it began, in usual steps, in short ones"
+    assert same_logs(session.log, run_in_python(scenario))
+
+
+def test_numbers_that_are_named_before_compile_nothing_when_they_change() -> None:
+    named, plain = Session(BASE, [GAIN, PAYLOAD, "sensors.position"]), Session(BASE)
+    for tick, values in ((10, {GAIN: 5.0}), (20, {PAYLOAD: 0.1, "sensors.position": 0.01}), (25, {GAIN: 4.5})):
+        for session in (named, plain):
+            while session.tick < tick:
+                session.step()
+            session.change(values)
+    assert same_logs(named.run(), plain.run())
+    assert (len(named._codes), len(plain._codes)) == (1, 3)
+    with pytest.raises(ScenarioError, match=r"is the same number as"):
+        Session(BASE, [GAIN, "controller.gains.position.0"])
+
+
+def test_a_batch_begins_as_its_scenario_did_before_a_change_in_the_first_period() -> None:
+    scenario = changing(Change(at=0.0, path=PAYLOAD, value=0.1), base=dataclasses.replace(BASE, duration=0.1))
+    outcome = Batch(scenario, bit_exact=True, log_every=1, effort=0).fly({}, episodes=np.array([0]))
+    log = run(scenario)
+    assert outcome.log is not None
+    assert np.array(outcome.log.state.position.z)[0].tobytes() == np.ascontiguousarray(log.position[:, 2]).tobytes()
+    assert log.rotor_speeds[0, 0] == run(BASE).rotor_speeds[0, 0]
