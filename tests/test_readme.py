@@ -28,6 +28,7 @@ def test_the_readme_shows_commands():
         "reproduce",
         "sweep",
         "stats",
+        "export",
         "export-c",
         "bench",
         "compare",

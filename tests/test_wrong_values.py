@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import skyarm
+from skyarm.scenario.scenario_record import first_state
 
 STILL = ([0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0])
 RATES = np.zeros(8)
@@ -158,6 +159,23 @@ def test_replacing_a_field_by_what_it_cannot_hold_is_refused(field: str) -> None
         call = functools.partial(dataclasses.replace, scenario(), **{field: value})
         refused(said, value, "must be", call, skyarm.ScenarioError)
     refused("initial", 3, "must be a State or None", lambda: dataclasses.replace(scenario(), initial=3))
+
+
+def turning(*speeds: float) -> skyarm.Scenario:
+    start = first_state(scenario())
+    return dataclasses.replace(scenario(), initial=dataclasses.replace(start, rotor_speeds=speeds))
+
+
+def test_rotors_start_at_speeds_that_they_can_turn_at() -> None:
+    """Speeds are unsigned, the turn is the rotor's; 838 rad/s is the Hummingbird's highest."""
+    allowed = "must be from 0 to 838 rad/s, the highest speed of rotor 2"
+    for speed in (-400.0, -1e-9, 838.1, 1e9):
+        call = functools.partial(turning, 480.0, 480.0, speed, 480.0)
+        refused("initial.rotor_speeds[2]", speed, allowed, call, skyarm.ScenarioError)
+        with pytest.raises(skyarm.ScenarioError, match=r"initial\.rotor_speeds\[2\]"):
+            skyarm.with_numbers(scenario(), {"initial.rotor_speeds.2": speed})
+    for speed in (0.0, 838.0):
+        assert turning(*(speed,) * 4).initial.rotor_speeds == (speed,) * 4
 
 
 def test_whole_numbers_of_numpy_are_whole_numbers() -> None:

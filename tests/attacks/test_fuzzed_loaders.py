@@ -7,6 +7,7 @@ import signal
 import tempfile
 import time
 import traceback
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -18,6 +19,8 @@ from file_mutations import Mutation, at_bytes, at_words, in_archive, in_elements
 
 from skyarm.files.one_line import LONGEST_LINE, one_line, shown
 from skyarm.log.flight_log import Log
+from skyarm.log.formats import load_log, save_log
+from skyarm.log.mcap.flight_file import CutLogWarning
 from skyarm.scenario.scenario_file import LIBRARY as SCENARIOS
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import ScenarioError
@@ -155,16 +158,24 @@ def _example(document: str) -> bytes:
     return next(block for block in blocks if block.startswith("schema")).split("```")[0].encode()
 
 
-def _log() -> bytes:
+def _log(kind: str) -> bytes:
     """The log of a short flight."""
     with tempfile.TemporaryDirectory() as folder:
-        return run(load_scenario("case1", duration=0.02)).save_npz(Path(folder) / "log.npz").read_bytes()
+        return save_log(run(load_scenario("case1", duration=0.02)), Path(folder) / f"log.{kind}").read_bytes()
+
+
+def _cut_off_or_whole(path: Path) -> Log:
+    """A log, of which it may be said that it was cut off."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CutLogWarning)
+        return load_log(path)
 
 
 LOADERS = {
     "vehicle": Loader(load_vehicle, VehicleError, ".toml", (*_shipped(VEHICLES), _example("vehicle_files.md"))),
     "urdf": Loader(load_vehicle, VehicleError, ".urdf", (URDF,), (at_bytes, at_words, in_elements, in_elements)),
-    "log": Loader(Log.load_npz, ValueError, ".npz", (_log(),), (at_bytes, in_archive, in_archive)),
+    "log": Loader(Log.load_npz, ValueError, ".npz", (_log("npz"),), (at_bytes, in_archive, in_archive)),
+    "messages": Loader(_cut_off_or_whole, ValueError, ".mcap", (_log("mcap"),), (at_bytes,)),
     "scenario": Loader(load_scenario, ScenarioError, ".toml", (*_shipped(SCENARIOS), SCENARIO, SCENARIO, SCENARIO)),
     "study": Loader(load_study, StudyError, ".toml", (*_shipped(STUDIES), STUDY, STUDY, STUDY)),
 }
@@ -243,7 +254,7 @@ def attack(name: str, count: int, folder: Path, seed: int) -> Attack:
 def test_healthy_files_load_with_and_without_a_byte_order_mark(name: str, tmp_path: Path) -> None:
     loader = LOADERS[name]
     for healthy in loader.seeds:
-        for mark in (b"", b"\xef\xbb\xbf") if loader.suffix != ".npz" else (b"",):
+        for mark in (b"", b"\xef\xbb\xbf") if loader.suffix not in (".npz", ".mcap") else (b"",):
             file = tmp_path / f"healthy{loader.suffix}"
             file.write_bytes(mark + healthy)
             loader.load(file)
@@ -288,7 +299,7 @@ def test_a_value_that_python_refuses_to_write_out_is_shown_by_its_type() -> None
     assert shown(nested) == "(list too large to show)"
 
 
-QUICK = {"vehicle": 300, "urdf": 250, "scenario": 200, "study": 150, "log": 100}
+QUICK = {"vehicle": 300, "urdf": 250, "scenario": 200, "study": 150, "log": 100, "messages": 100}
 
 
 @pytest.mark.parametrize("name", LOADERS)

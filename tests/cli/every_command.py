@@ -12,8 +12,10 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "show": ("hummingbird_arm2_rotors",),
     "cache": (),
     "run": ("case3", "--duration", "0.5"),
-    "replay": ("out/run/case3.npz",),
-    "diff": ("out/run/case3.npz", "out/run/case3.npz"),
+    "replay": ("flight.npz",),
+    "diff": ("flight.npz", "flight.npz"),
+    "plot": ("flight.npz", "-o", "flight.png"),
+    "export": ("flight.npz", "--to", "csv"),
     "export-c": ("paper_ct", "--vehicle", "hummingbird_arm2", "-o", "x.c"),
     "margins": ("short.toml", "--instants", "0"),
     "basin": ("short.toml", "--flights", "16"),
@@ -23,8 +25,7 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "bench": ("--quick",),
     "reproduce": (),
 }
-"""Command -> words after its name; in this order, the rows of the sweep are there for the statistics, a
-flight for what is done with one."""
+"""Command -> words after its name; in this order, the rows of the sweep are there for the statistics."""
 
 NEEDS = {"sweep": "pyarrow", "stats": "pyarrow"}
 """Command -> the library without which it is not tried."""

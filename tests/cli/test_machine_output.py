@@ -93,6 +93,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("commands")
     (path / "short.toml").write_text(SHORT)
     (path / "study.toml").write_text(STUDY)
+    package.save_log(package.run(package.load_scenario("case3", duration=0.25)), path / "flight.npz")
     return path
 
 

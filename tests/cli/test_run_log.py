@@ -29,7 +29,7 @@ def test_a_log_is_written_in_the_format_of_each_suffix(tmp_path: Path) -> None:
     log = skyarm.load_log(tmp_path / "deep" / "flight.npz")
     assert log.time.size == 100
     assert np.array_equal(np.loadtxt(tmp_path / "flight.tsv")[:, 1:4], log.position)
-    assert (tmp_path / "flight.csv").read_text().splitlines()[0].startswith("time,position_0")
+    assert (tmp_path / "flight.csv").read_text().splitlines()[0].startswith("time [s],position_x [m]")
     assert not (tmp_path / "out").exists()
     assert "flight.tsv" in done.stdout
 
@@ -37,9 +37,15 @@ def test_a_log_is_written_in_the_format_of_each_suffix(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("flight.tsv", "--log = 'flight.tsv': suffix 'tsv': did you mean 'csv'? must be one of npz, csv"),
-        ("flight.npy", "--log = 'flight.npy': suffix 'npy': did you mean 'npz'? must be one of npz, csv"),
-        ("flight", "--log = 'flight': suffix '': must be one of npz, csv"),
+        (
+            "flight.tsv",
+            "--log = 'flight.tsv': suffix 'tsv': did you mean 'csv'? must be one of npz, csv, mcap, parquet, bag",
+        ),
+        (
+            "flight.npy",
+            "--log = 'flight.npy': suffix 'npy': did you mean 'npz'? must be one of npz, csv, mcap, parquet, bag",
+        ),
+        ("flight", "--log = 'flight': suffix '': must be one of npz, csv, mcap, parquet, bag"),
     ],
 )
 def test_a_suffix_that_nobody_writes_is_one_line_before_the_flight(tmp_path: Path, name: str, words: str) -> None:

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from skyarm.figures.metric_figure import metric_figure, plot_sweep
-from skyarm.figures.metric_words import metric_words, path_words
 from skyarm.figures.picture_styles import PAPER
-from skyarm.sweep.metric_curves import FEWEST_OF_BAND, PER_CELL, MetricCurve, MetricCurves, metric_curves, variable
+from skyarm.sweep.banded_curves import FEWEST_OF_BAND, PER_CELL, BandedCurve, BandedCurves, banded_curves, variable
 from skyarm.sweep.stats import Rows
 from sweeps import MASS, WIND, flown, read
 
@@ -38,7 +37,7 @@ def of_episodes(columns: dict[str, np.ndarray], chosen: np.ndarray) -> tuple[np.
 @pytest.mark.parametrize(("center", "band"), [("median", (0.05, 0.95)), ("mean", (0.25, 0.75))])
 def test_a_curve_over_values_is_that_of_the_rows(folder: Path, center: str, band: tuple[float, float]) -> None:
     columns = read(folder)
-    found = metric_curves(Rows(folder), METRIC, LOADS, center=center, band=band)
+    found = banded_curves(Rows(folder), METRIC, LOADS, center=center, band=band)
     assert [curve.controller for curve in found.curves] == list(columns)
     lost_in_all = 0
     for curve in found.curves:
@@ -55,7 +54,7 @@ def test_a_curve_over_values_is_that_of_the_rows(folder: Path, center: str, band
 
 def test_drawn_numbers_are_put_into_cells_of_equally_many(folder: Path) -> None:
     rows = read(folder)["paper_ct"]
-    curve = metric_curves(Rows(folder), METRIC, MASS).curves[0]
+    curve = banded_curves(Rows(folder), METRIC, MASS).curves[0]
     order = np.argsort(rows[MASS])
     cells = np.array_split(order, 120 // PER_CELL)
     assert curve.x.size == len(cells)
@@ -72,22 +71,22 @@ def test_drawn_numbers_are_put_into_cells_of_equally_many(folder: Path) -> None:
 def test_an_expression_is_a_variable(folder: Path) -> None:
     there, rows = Rows(folder), read(folder)["paper_pd"]
     whole = variable(there, f"all mass [kg] = {MASS} + {LOADS}", "over")
-    assert whole.name == "all mass [kg]"
+    assert whole.words == "all mass [kg]"
     np.testing.assert_array_equal(whole.values, rows[MASS] + rows[LOADS])
     plain = variable(there, f"sqrt({MASS} * {MASS})", "over")
     np.testing.assert_allclose(plain.values, rows[MASS], rtol=1e-15)
-    assert plain.name == f"sqrt({MASS} * {MASS})"
-    assert variable(there, MASS, "over").name == MASS
+    assert plain.words == f"sqrt({MASS} * {MASS})"
+    assert (variable(there, MASS, "over").words, variable(there, MASS, "over").unit) == ("base mass (plant)", "kg")
 
 
 def test_classes_are_values_or_thirds(folder: Path) -> None:
     there, rows = Rows(folder), read(folder)["paper_ct"]
-    by_value = metric_curves(there, METRIC, MASS, by=LOADS)
+    by_value = banded_curves(there, METRIC, MASS, by=LOADS)
     assert [curve.by for curve in by_value.curves[:3]] == ["0", "0.05", "0.1"]
     assert [int(curve.episodes.sum()) for curve in by_value.curves[:3]] == [
         int((rows[LOADS] == value).sum()) for value in (0.0, 0.05, 0.1)
     ]
-    thirds = metric_curves(there, METRIC, LOADS, by=WIND).curves[:3]
+    thirds = banded_curves(there, METRIC, LOADS, by=WIND).curves[:3]
     assert [int(curve.episodes.sum()) for curve in thirds] == [40, 40, 40]
     low, high = np.quantile(rows[WIND], (1 / 3, 2 / 3))
     assert thirds[1].by == f"{low:.3g} to {high:.3g}"
@@ -98,14 +97,14 @@ def lines(ax: Any) -> dict[str, Any]:
 
 
 def test_the_picture_shows_the_curves_and_the_lost_ones(folder: Path, tmp_path: Path) -> None:
-    found = metric_curves(Rows(folder), METRIC, LOADS)
+    found = banded_curves(Rows(folder), METRIC, LOADS)
     figure = plot_sweep(folder, [METRIC, "ee_error_max"], LOADS, tmp_path / "curves.pdf")
     assert (tmp_path / "curves.pdf").read_bytes().startswith(b"%PDF")
     metric, other, lost = figure.axes
-    assert metric.get_ylabel() == "Position error mean [m]"
-    assert other.get_ylabel() == "Tip error maximum [m]"
+    assert metric.get_ylabel() == "mean position error [m]"
+    assert other.get_ylabel() == "largest tip error [m]"
     assert lost.get_ylabel() == "Lost"
-    assert lost.get_xlabel() == "plant.payload.mass [kg]"
+    assert lost.get_xlabel() == "payload mass (plant) [kg]"
     for curve, band in zip(found.curves, metric.collections, strict=True):
         np.testing.assert_array_equal(lines(metric)[curve.controller].get_ydata(), curve.middle)
         shares = np.asarray(lines(lost)[curve.controller].get_ydata(), dtype=float)
@@ -123,30 +122,29 @@ def test_the_picture_shows_the_curves_and_the_lost_ones(folder: Path, tmp_path: 
 def test_several_laws_by_a_number_stand_side_by_side_and_one_law_in_one_panel(folder: Path) -> None:
     figure = plot_sweep(folder, METRIC, MASS, by=LOADS, style="talk", dark=True)
     titles = [ax.get_title() for ax in figure.axes[:3]]
-    assert titles == [f"plant.payload.mass\n{value} kg" for value in ("0", "0.05", "0.1")]
-    found = metric_curves(Rows(folder), METRIC, MASS, by=LOADS)
+    assert titles == [f"payload mass (plant)\n{value} kg" for value in ("0", "0.05", "0.1")]
+    found = banded_curves(Rows(folder), METRIC, MASS, by=LOADS)
     kept = [curve for curve in found.curves if curve.controller == "paper_ct"]
     one = metric_figure([_with(found, kept)], PAPER)
     assert len(one.axes) == 2
-    assert list(lines(one.axes[0])) == [f"plant.payload.mass = {value} kg" for value in ("0", "0.05", "0.1")]
+    assert list(lines(one.axes[0])) == [f"payload mass (plant) = {value} kg" for value in ("0", "0.05", "0.1")]
 
 
-def _with(found: MetricCurves, curves: list[MetricCurve]) -> MetricCurves:
-    return MetricCurves(
+def _with(found: BandedCurves, curves: list[BandedCurve]) -> BandedCurves:
+    return BandedCurves(
         metric=found.metric,
         over=found.over,
         by=found.by,
         center=found.center,
         band=found.band,
-        logarithmic=found.logarithmic,
         curves=tuple(curves),
     )
 
 
 def test_where_nothing_was_lost_no_panel_says_so(folder: Path) -> None:
-    found = metric_curves(Rows(folder), METRIC, LOADS)
+    found = banded_curves(Rows(folder), METRIC, LOADS)
     whole = [
-        MetricCurve(
+        BandedCurve(
             controller=c.controller,
             by="",
             x=c.x,
@@ -185,37 +183,3 @@ def test_wrong_options_are_one_line(folder: Path, options: dict[str, Any], words
     with pytest.raises(ValueError, match=re.escape(words)) as caught:
         plot_sweep(folder, **{"metrics": METRIC, "over": LOADS, **options})
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("ee_error_mean", ("Tip error mean", "m")),
-        ("gust_ee_peak_x", ("Gust tip peak x", "m")),
-        ("joint_error_max_continuous", ("Joint error maximum", "rad")),
-        ("iae_joint", ("Integral of absolute error, joint", "rad s")),
-        ("tau2_rms", ("Tau2 RMS", "N m")),
-        ("tilt_max", ("Tilt maximum", "rad")),
-        ("peak_position", ("Peak position", "m")),
-        ("rate_rms", ("Rate RMS", "rad/s")),
-        ("my_own", ("My own", "")),
-    ],
-)
-def test_metrics_have_words_and_units(name: str, words: tuple[str, str]) -> None:
-    assert metric_words(name) == words
-
-
-@pytest.mark.parametrize(
-    ("path", "words"),
-    [
-        ("plant.payload.mass", ("plant.payload.mass", "kg")),
-        ("environment.wind.force_W.x", ("environment.wind.force_W.x", "N")),
-        ("plant.vehicle.links.0.body.com.z", ("plant.vehicle.links.0.body.com.z", "m")),
-        ("delays.command", ("delays.command", "s")),
-        ("controller.gains.position.x", ("controller.gains.position.x", "")),
-        ("arm length [m]", ("arm length [m]", "")),
-        ("sqrt(a.b * 2)", ("sqrt(a.b * 2)", "")),
-    ],
-)
-def test_paths_have_words_and_units(path: str, words: tuple[str, str]) -> None:
-    assert path_words(path) == words

@@ -16,6 +16,7 @@ from skyarm.identify.identification import identify, result_digest, study_digest
 from skyarm.identify.records import IdentificationStudy, laid_over
 from skyarm.identify.study_reader import IdentificationError, read_identification
 from skyarm.metrics.score import score
+from skyarm.plant.friction_rate import friction_rate
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 
@@ -285,3 +286,53 @@ def test_tables_laid_over_others() -> None:
     below = {"a": {"b": 1, "c": [1, 2]}, "d": 4}
     assert laid_over(below, {"a": {"c": [3]}, "d": {}}) == {"a": {"b": 1, "c": [3]}}
     assert below == {"a": {"b": 1, "c": [1, 2]}, "d": 4}
+
+
+def test_machine_code_does_not_depend_on_who_asks_for_it_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A study that goes on after a stop asks in another order, and must find the same bits.
+
+    Of two settings with the same paths one has the stiffer joints, which choose the integration step.
+    """
+    text = STUDY.replace("CELLS", "\n".join(f'{name} = "1.0"' for name in METRICS)).replace("[fit]", f"{THICK}[fit]")
+    study = read_identification(text.encode(), Path(), "small.toml")
+
+    class Asked:
+        def __init__(self, scenario: Any, paths: Any, metrics: Any, stiffest: Any, effort: int) -> None:
+            self.base = dict.fromkeys(paths, 0.0)
+            self.made = (tuple(paths), friction_rate(stiffest.world.vehicle), effort)
+
+        def values(self, columns: Any, threads: int) -> Any:
+            told.append(self.made)
+            return np.ones((len(columns), len(METRICS)))
+
+    monkeypatch.setattr("skyarm.identify.candidates.Flown", Asked)
+    settings: list[dict[str, Any]] = [
+        {},
+        {"friction": 0.02},
+        {"oil": "thick"},
+        {"oil": "thick", "friction": 0.1},
+        {"stiffness": 300.0},
+        {"stiffness": 300.0, "oil": "thick"},
+        {"measured": "late"},
+    ]
+    found = []
+    for order in (settings, settings[::-1]):
+        told: list[Any] = []
+        candidates = Candidates(study)
+        for each in order:
+            candidates.cells(study.cells, each)
+        found.append(told if order is settings else told[::-1])
+    assert found[0] == found[1]
+    rates = [rate for _, rate, _ in found[0]]
+    assert rates[2] == rates[3] == rates[5] > rates[0] == rates[1] == rates[4]
+
+
+THICK = """
+[[choices]]
+name = "oil"
+[[choices.options]]
+name = "thin"
+[[choices.options]]
+name = "thick"
+sets = [{ flights = ["*"], path = "plant.vehicle.links.1.joint.damping", value = 0.05 }]
+"""

@@ -128,6 +128,99 @@ def test_a_plant_that_only_a_plugin_has_names_the_plugin(tmp_path: Path) -> None
     refused(path, "it was flown with the plugins breath.py")
 
 
+SECOND = """
+from dataclasses import dataclass
+import skyarm
+
+@skyarm.register.ending("soon")
+@dataclass(frozen=True, kw_only=True)
+class Soon(skyarm.Ending):
+    status = "soon"
+
+    def fine(self, scenario, state, goal, slack):
+        return state.position.z <= 100.0
+
+    def cause(self, scenario, state, goal):
+        return "late"
+"""
+
+
+def of_two_plugins(folder: Path, **fields: Any) -> tuple[skyarm.Log, Path]:
+    (folder / "breath.py").write_text(PLUGIN)
+    (folder / "soon.py").write_text(SECOND)
+    force, ending = load_file(folder / "breath.py").Breath(), load_file(folder / "soon.py").Soon()
+    scenario = skyarm.load_scenario("case1", duration=0.05)
+    return logged(dataclasses.replace(scenario, forces=(force,), endings=(ending,), **fields), folder)
+
+
+def test_all_plugins_that_are_missing_are_named_at_once(tmp_path: Path) -> None:
+    with registry_kept():
+        _, path = of_two_plugins(tmp_path)
+    refused(path, "give it as --plugin breath.py; plugin soon.py (sha256:")
+    refused(path, "is not loaded: give it as --plugin soon.py")
+    load_file(tmp_path / "soon.py")
+    refused(path, "scenario_record: plugin breath.py (sha256:")
+    load_file(tmp_path / "breath.py")
+    assert skyarm.load_scenario(path).duration == 0.05
+
+
+OWN_LAW = """
+from dataclasses import dataclass
+import skyarm
+
+@dataclass(frozen=True)
+class Constants:
+    model: skyarm.Model
+
+def push(memory, measurement, reference, dt, *, par):
+    return memory, skyarm.Command(rotor_speeds=(470.0,) * 4, efforts=(0.0, 0.0))
+
+def make(model):
+    return skyarm.Controller(name="push", law=push, memory=(), par=Constants(model))
+"""
+
+
+def test_the_law_that_is_replaced_is_not_asked_for(tmp_path: Path) -> None:
+    """Nor is a plant; its belief stays. Another file of the same name is no hindrance."""
+    file = tmp_path / "push.py"
+    file.write_text(OWN_LAW)
+    planned = skyarm.load_scenario("case1", duration=0.05)
+    believed = dataclasses.replace(planned.controller.par.model, gravity=9.7)
+    with registry_kept():
+        law = load_file(file).make(believed)
+        _, path = logged(dataclasses.replace(planned, controller=law), tmp_path)
+    refused(path, "plugin push.py (sha256:")
+    for named in ("paper_pd", "indi"):
+        again = skyarm.load_scenario(path, controller=named)
+        assert again.controller.par.model == believed
+        assert again.world == planned.world
+    file.write_text(OWN_LAW.replace("470.0", "480.0"))
+    load_file(file)
+    assert skyarm.load_scenario(path, controller="paper_pd").controller.name == "decoupled_pd"
+    with registry_kept():
+        (tmp_path / "breath.py").write_text(PLUGIN)
+        load_file(tmp_path / "breath.py")
+        _, path = logged(dataclasses.replace(planned, plant="tank", name="of_a_tank"), tmp_path)
+    refused(path, "plant.kind = 'tank'")
+    assert skyarm.load_scenario(path, plant="mujoco").plant == "mujoco"
+    with pytest.raises(ScenarioError, match=r"plant\.kind = 'tank'.*it was flown with the plugins breath\.py"):
+        skyarm.load_scenario(path, controller="paper_pd")
+
+
+@pytest.mark.parametrize("change", [{"controller": 3}, {"controller": {"type": "x"}}, {"rates": {}}, {"delays": []}])
+def test_a_forged_log_whose_law_is_replaced_is_refused_in_one_line(change: dict[str, Any], tmp_path: Path) -> None:
+    _, path = logged(skyarm.load_scenario("case1", duration=0.05), tmp_path)
+
+    def forged(info: dict[str, Any]) -> None:
+        info["scenario_record"].update(change)
+        info["digest"] = digest(info["scenario_record"])
+
+    changed(path, forged)
+    with pytest.raises(ScenarioError, match=rf"^{path}: scenario_record: .*") as error:
+        skyarm.load_scenario(path, controller="paper_pd")
+    assert "\n" not in str(error.value)
+
+
 def test_a_law_of_a_file_is_flown_again_on_the_command_line(tmp_path: Path) -> None:
     def run(*words: str) -> subprocess.CompletedProcess[str]:
         command = [sys.executable, "-m", "skyarm", "run", *words, "--out", "again"]
@@ -140,7 +233,8 @@ def test_a_law_of_a_file_is_flown_again_on_the_command_line(tmp_path: Path) -> N
     assert ended.returncode == 2
     assert "plugin own_law.py" in ended.stderr
     assert "Traceback" not in ended.stderr
-    assert run("lqr.npz", "--plugin", str(law)).returncode == 0
+    assert run("lqr.npz", "--controller", "paper_pd", "--force").returncode == 0
+    assert run("lqr.npz", "--plugin", str(law), "--force").returncode == 0
     assert same_logs(*(skyarm.load_log(tmp_path / name) for name in ("lqr.npz", "again/case1.npz")))
 
 

@@ -305,7 +305,7 @@ def test_the_second_file_of_a_name_gets_a_number(tmp_path: Path) -> None:
         (tmp_path / str(k)).mkdir()
         (tmp_path / str(k) / "push_same.py").write_text(f"x = {k % 2}\n")
         load_file(tmp_path / str(k) / "push_same.py")
-    ours = [sha(tmp_path / str(k) / "push_same.py") for k in range(2)]
+    ours = sorted(sha(tmp_path / str(k) / "push_same.py") for k in range(2))  # not in the order of loading
     assert identities() == {"push_same.py": ours[0], "push_same.py (2)": ours[1]}
 
 
@@ -362,3 +362,21 @@ def test_a_study_knows_the_files_of_the_metrics_that_it_counts(tmp_path: Path) -
     assert "plugins" not in prepare(small_study()).origin.study
     counted = prepare(small_study(metrics=["push_count"])).origin.study
     assert counted["plugins"] == {"push_metric.py": sha(metric)}
+
+
+@pytest.mark.parametrize("names", [("first.py", "second.py"), ("a/same.py", "b/same.py")])
+def test_the_order_in_which_plugins_are_loaded_changes_no_digest(names: tuple[str, str], tmp_path: Path) -> None:
+    """Neither of a study, nor of a comparison's cells; two files of one name are told apart by what they hold."""
+    found = []
+    for order in (names, names[::-1]):
+        with registry_kept():
+            for name in order:
+                file = tmp_path / name
+                file.parent.mkdir(exist_ok=True)
+                file.write_text(METRIC.replace("push_count", f"push_{names.index(name)}"))
+                load_file(file)
+            origin = prepare(small_study()).origin
+            cell = own_flights("case1", ["paper_pd"], plant="rigid_body", seeds=1, seed=0)[0]
+            found.append((origin.text, key(cell), list(identities().items()), list(origin.study["plugins"])))
+    assert found[0] == found[1]
+    assert len(found[0][2]) == len(found[0][3]) == 2

@@ -174,6 +174,39 @@ def test_an_ended_lane_stays_where_nobody_wants_another_episode():
     assert np.array_equal(numbers(batch.state), held)
 
 
+def test_without_autoreset_a_lane_that_has_flown_its_time_stays_while_the_others_go_on():
+    """One lane begins 0.02 s later: it flies on to its own end, to the bit, beside two that stay; then nobody flies."""
+    planned = blowing(duration=0.1)
+    batch = skyarm.BatchSession(planned, 3, [MASS], bit_exact=True, seed=4, law=True, autoreset=False)
+    others = np.array([True, False, True])
+    for _ in range(4):
+        batch.step()
+    batch.reset(~others)
+    for _ in range(16):
+        batch.step()
+    assert (batch.truncated.tolist(), batch.ended.any()) == ([True, False, True], False)
+    stays = numbers(batch.state)[:, others].copy()
+    one = skyarm.Session(dataclasses.replace(planned, seed=4, episode=3))
+    for _ in range(16):
+        one.step()
+    batch.set({MASS: 0.2}, others)  # of an episode to come
+    for period in range(17, 21):
+        batch.step()
+        one.step()
+        assert np.array_equal(numbers(batch.state)[:, others], stays)
+        assert np.array_equal(numbers(batch.state)[:, 1], numbers(one.state))
+        assert batch.truncated.tolist() == [True, period == 20, True]
+    everything = numbers(batch.state).copy()
+    batch.step()
+    assert np.array_equal(numbers(batch.state), everything)
+    assert (batch.truncated.all(), batch.ended.any(), batch.episodes.tolist()) == (True, False, [0, 3, 2])
+    batch.reset(others)
+    assert (batch.truncated.tolist(), batch.episodes.tolist()) == ([False, True, False], [4, 3, 5])
+    batch.step()
+    assert np.array_equal(numbers(batch.state)[:, 1], everything[:, 1])
+    assert not np.array_equal(numbers(batch.state)[:, 0], everything[:, 0])
+
+
 def test_the_end_of_the_duration_is_told_apart_from_an_ending():
     batch = skyarm.BatchSession(scenario(duration=0.1), 3)
     actions = np.array([[480.0]] * 4 + [[0.0]] * 2)

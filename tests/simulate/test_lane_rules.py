@@ -50,7 +50,16 @@ def test_a_lane_of_nan_never_flies_and_hides_no_other(loaded):
         loaded.fly({LOAD: column(0.01, np.nan, -5.0)})
 
 
-@pytest.mark.parametrize(("path", "value"), [(MASS, 0.0), (GRAVITY, -1.0), ("environment.wind.gust.duration", -0.1)])
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (MASS, 0.0),
+        (GRAVITY, -1.0),
+        ("environment.wind.gust.duration", -0.1),
+        ("initial.rotor_speeds.0", -400.0),
+        ("initial.rotor_speeds.0", 900.0),
+    ],
+)
 def test_what_the_scenario_says_is_said(path, value):
     with pytest.raises(ValueError, match="must be") as caught:
         with_numbers(GUSTY, {path: value})

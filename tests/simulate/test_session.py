@@ -471,7 +471,36 @@ def test_a_number_that_cannot_be_is_refused_and_nothing_has_changed() -> None:
     for path, words in (("plant.gravty", "no 'gravty' here"), ("delays.command", "delays must be as the flight began")):
         with pytest.raises(ScenarioError, match=words):
             session.change({path: 1.0})
+    for values, words, of_numbers in (
+        (3, r"^values = 3: must be a table", r"^values = 3: must be a mapping of paths to numbers$"),
+        (None, r"^values = None: must be a table", r"^values = None: must be a mapping"),
+        ([("plant.gravity", 9.0)], r"^values = \[.*\]: must be a table", r"^values = \[.*\]: must be a mapping"),
+        ({3: 4}, r"^path = 3: must be text", r"^path = 3: must be text, as 'plant\.gravity'$"),
+        ({"x": object()}, r"^value = <object object at .*>: must be a", r"^values\['x'\] = <.*>: must be a number$"),
+        (
+            {"plant.gravity": "9"},
+            r"^value = '9': must be a number",
+            r"^values\['plant\.gravity'\] = '9': must be a num",
+        ),
+        (
+            {"plant.payload.mass": object()},
+            r"^value = <.*>: must be",
+            r"^values\['plant\.payload\.mass'\] = .*: must be",
+        ),
+        (
+            {"initial.joints.0": None},
+            r"^value = None: must be",
+            r"^values\['initial\.joints\.0'\] = None: must be a num",
+        ),
+    ):
+        with pytest.raises(ScenarioError, match=words):
+            session.change(values)
+        with pytest.raises(ScenarioError, match=of_numbers):
+            with_numbers(NOISY, values)
+    with pytest.raises(ScenarioError, match=r"= nan: must be a finite number$"):
+        session.change({"plant.gravity": float("nan")})
     assert session.scenario is NOISY
+    assert session.tick == 1
     with pytest.raises(ScenarioError, match=r"^scenario = 'case1': must be a Scenario"):
         Session("case1")
 

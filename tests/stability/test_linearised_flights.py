@@ -118,10 +118,12 @@ def arm_hover():
     return even(dataclasses.replace(hovering(skyarm.load_scenario("case1")), ground=False))
 
 
-def growth(scenario, delay):
+def growth(scenario, delay, **parts):
     """How much a small tilt grows in a real flight with a further command delay: late over early motion."""
     state = first_loop_state(scenario).state
-    begun = dataclasses.replace(scenario, initial=moved(state, 4, 1e-4), duration=8.0, delays=Delays(command=delay))
+    begun = dataclasses.replace(
+        scenario, initial=moved(state, 4, 1e-4), duration=8.0, delays=Delays(command=delay, **parts)
+    )
     still = dataclasses.replace(begun, initial=state)
     rows = [fly(each, episode_inputs(each)).rows[:, 1:] for each in (begun, still)]
     size = np.linalg.norm((rows[0] - rows[1])[:, 10:13], axis=1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +10,13 @@ import numpy as np
 import pytest
 
 from skyarm.sweep import StudyError, design, study_from
+from skyarm.sweep.curves import metric_curves, varying
 from skyarm.sweep.design import values
 from skyarm.sweep.facts import origin_from
 from skyarm.sweep.maps import robustness_maps
 from skyarm.sweep.plan import at_episode, prepare
-from skyarm.sweep.stats import Rows
-from skyarm.sweep.study_page import page
+from skyarm.sweep.stats import Rows, statistics
+from skyarm.sweep.study_page import Pictures, page
 from sweeps import document, flown, same, small_study
 
 UPPER = "plant.vehicle.links.1.joint.position.z"
@@ -98,9 +100,10 @@ def test_maps_and_the_page_take_derived_numbers(rows: Path) -> None:
     there = Rows(rows)
     found = robustness_maps(there, ("moment", UPPER))
     assert [each.across.path for each in found] == ["moment"] * 2
-    said = {"complete": True, "rows": 0, "episodes": 0, "files_not_counted": [], "manifest_rebuilt": False}
-    text = page({**said, "limits": {}, "confidence": 0.95, "controllers": {}, "paired": {}}, there.manifest, {})
+    text = page(statistics(there), there.manifest, Pictures())
     assert "moment / 100" in text
+    assert varying(there) == ["arm", WIND, "moment"], "what only follows is not drawn again"
+    assert list(metric_curves(there, "position_error_mean")) == ["arm", WIND, "moment"]
 
 
 ERRORS: list[tuple[dict[str, Any], str]] = [
@@ -174,7 +177,8 @@ def test_extremes_are_those_of_all_blocks(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_a_folder_of_anyone_s_is_read_by_the_same_parser() -> None:
-    study = {**small_study(**ARM).document, "derived": {UPPER: "__import__('os')"}}
+    written = json.loads(json.dumps(small_study(**ARM).document))
+    study = {**written, "derived": {UPPER: "__import__('os')"}}
     with pytest.raises(ValueError, match=r'study.derived\."plant.vehicle.links.1.joint.position.z" = '):
         origin_from({"study": study, "scenarios": {"paper_ct": "0"}}, "0", "")
     study["derived"] = dict(ARM["derived"])

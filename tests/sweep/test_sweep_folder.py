@@ -14,9 +14,11 @@ import pytest
 from skyarm.sweep import StudyError, run_sweep
 from skyarm.sweep.manifest import MANIFEST
 from skyarm.sweep.plan import prepare
+from skyarm.sweep.rows_there import not_counted
 from skyarm.sweep.seal import PLACE, is_whole, sealed
 from skyarm.sweep.stats import Rows, statistics
 from skyarm.sweep.store import Store
+from skyarm.sweep.study_page import page
 from sweeps import files_of, small_study
 
 pytest.importorskip("pyarrow")
@@ -118,6 +120,27 @@ def test_statistics_count_the_rows_that_are_there(whole: Path, tmp_path: Path) -
     assert found["controllers"]["paper_ct"]["status"].keys() <= {"completed", "ground", "diverged"}
     whole_one = statistics(Rows(whole))
     assert (whole_one["complete"], whole_one["rows"], whole_one["files_not_counted"]) == (True, 100, [])
+
+
+def test_a_whole_file_beyond_the_last_is_told_from_a_damaged_one(whole: Path, tmp_path: Path) -> None:
+    folder = copied(whole, tmp_path / "out")
+    (folder / "rows" / "chunk_0000004.parquet").write_bytes(chunks(folder)[0].read_bytes())
+    (folder / "rows" / "chunk_0000005.parquet").write_bytes(chunks(folder)[0].read_bytes()[:-1])
+    found = statistics(Rows(folder))
+    assert (found["complete"], found["rows"]) == (True, 100)
+    assert found["files_not_counted"] == ["chunk_0000004.parquet", "chunk_0000005.parquet"]
+    assert found["files_beyond_the_last"] == ["chunk_0000004.parquet"]
+    assert not_counted(found["files_not_counted"], found["files_beyond_the_last"]) == [
+        "not counted, since they are damaged: chunk_0000005.parquet",
+        "not counted, since the study ends before them: chunk_0000004.parquet",
+    ]
+    said = page(found, Rows(folder).manifest, {})
+    assert "Not counted, since the study ends before them: chunk_0000004.parquet." in said
+    assert not_counted([], []) == []
+    for path in chunks(folder)[:4]:
+        path.unlink()
+    with pytest.raises(StudyError, match=r"has not finished a chunk \(not counted, since they are damaged: .*; not"):
+        Rows(folder)
 
 
 def test_statistics_need_no_manifest_and_say_so(whole: Path, tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from skyarm.files.one_writer import LOCK, TakenError
 from skyarm.sweep import StudyError, run_sweep
 from skyarm.sweep.manifest import MANIFEST
 from sweeps import MASS, document, files_of, read, small_study
@@ -69,6 +70,30 @@ def test_a_sweep_killed_again_and_again_ends_with_the_files_of_an_uninterrupted_
     assert files_of(tmp_path / "killed") == files_of(tmp_path / "whole")
     for rows in read(tmp_path / "killed").values():
         assert rows["episode"].tolist() == list(range(480)), "no row is lost, none is there twice"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGKILL")
+def test_a_second_sweep_at_the_same_time_is_refused_and_a_killed_one_holds_nobody_up(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    process = started(folder)
+    try:
+        assert process.stdout is not None
+        process.stdout.readline()
+        before = sorted(path.name for path in folder.rglob("*.parquet"))
+        words = (
+            rf"^folder = '{folder}': must be written by one process at a time; another one \(process {process.pid}\)"
+        )
+        with pytest.raises(TakenError, match=words) as error:
+            run_sweep(small_study(**LONG), folder)
+        assert "\n" not in str(error.value)
+        assert f"(process {process.pid})" in str(error.value)
+        assert sorted(path.name for path in folder.rglob("*.parquet"))[: len(before)] == before
+    finally:
+        process.kill()
+        process.communicate()
+    assert (folder / LOCK).is_file(), "what a killed process leaves"
+    assert run_sweep(small_study(**LONG), folder).rows == 960
+    assert not (folder / LOCK).exists()
 
 
 @pytest.fixture

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
 
@@ -28,6 +29,22 @@ def keep_earlier(files: Sequence[Path]) -> list[tuple[Path, Path]]:
     for file, name in renamed:
         file.rename(name)
     return renamed
+
+
+@contextmanager
+def earlier_kept(files: Sequence[Path]) -> Iterator[list[tuple[Path, Path]]]:
+    """Rename files that are there for the time that new ones are written; where that fails, those get their names back.
+
+    Yields what :func:`keep_earlier` returns.
+    """
+    renamed = keep_earlier(files)
+    try:
+        yield renamed
+    except BaseException:
+        for file, name in renamed:
+            if not os.path.lexists(file):
+                name.rename(file)
+        raise
 
 
 def _numbered(file: Path, number: int) -> Path:

@@ -1,4 +1,4 @@
-"""The commands on flights that were flown: replay, diff."""
+"""The commands on flights that were flown: replay, diff, export."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from skyarm.cli.app import NOT_COMPLETED, app, console, tell
-from skyarm.cli.machine_output import give
-from skyarm.cli.progress import bar
+from skyarm.cli.machine_output import give, is_document_wanted
+from skyarm.cli.progress import bar, waiting
 
 DIFFERENT = 1
 """Exit code of a comparison that found a difference."""
@@ -61,20 +61,21 @@ def replay(
     save_log(log, file)
     again = controller is None
     equal = same_bits(before, log)
-    give(replay_document(before, log), log=file, kept=[str(name) for _, name in kept])
-    labels = ("log", "again") if again else (str(before.info["controller"]), str(log.info["controller"]))
-    tell(f"{planned.name}: law {log.info['controller']} on {log.info['plant_vehicle']}, plant {log.info['plant']}")
-    if again and equal:
-        tell(f"equal to the bit: {min(before.time.size, log.time.size)} control periods")
-    elif again:
-        for line in difference_lines(log_differences(before, log), labels):
-            tell(line)
-    if not (again and equal):
-        for line in metric_lines(before, log, labels):
-            tell(line)
-    tell(f"log: {file}")
-    for _, name in kept:
-        tell(f"the flight before it is kept: {name}")
+    give(replay_document(before, log, file) if is_document_wanted() else None)
+    if not is_document_wanted():
+        labels = ("log", "again") if again else (str(before.info["controller"]), str(log.info["controller"]))
+        tell(f"{planned.name}: law {log.info['controller']} on {log.info['plant_vehicle']}, plant {log.info['plant']}")
+        if again and equal:
+            tell(f"equal to the bit: {min(before.time.size, log.time.size)} control periods")
+        elif again:
+            for line in difference_lines(log_differences(before, log), labels):
+                tell(line)
+        if not (again and equal):
+            for line in metric_lines(before, log, labels):
+                tell(line)
+        tell(f"log: {file}")
+        for _, name in kept:
+            tell(f"the flight before it is kept: {name}")
     say_versions(before, log)
     if again and not equal:
         raise typer.Exit(DIFFERENT)
@@ -96,6 +97,7 @@ def diff(
     between the scenarios. Exit code: 0 if they are equal, 1 if they differ, 2 if the input was wrong.
     """
     from skyarm.cli.flight_differences import (
+        are_equal,
         difference_lines,
         document,
         metric_lines,
@@ -109,14 +111,39 @@ def diff(
     number(tolerance, "--tolerance", low=0.0)
     a, b = read(first), read(second)
     found = log_differences(a, b, tolerance)
-    told = document(a, b, found)
-    give(told)
-    for line in (
-        *difference_lines(found, ("the first", "the second"), tolerance),
-        *metric_lines(a, b, ("first", "second")),
-        *scenario_lines(a, b),
-    ):
-        tell(line)
+    give(document(a, b, found) if is_document_wanted() else None)
+    if not is_document_wanted():
+        for line in (
+            *difference_lines(found, ("the first", "the second"), tolerance),
+            *metric_lines(a, b, ("first", "second")),
+            *scenario_lines(a, b),
+        ):
+            tell(line)
     say_versions(a, b)
-    if not told["equal"]:
+    if not are_equal(a, b, found):
         raise typer.Exit(DIFFERENT)
+
+
+@app.command()
+def export(
+    flight: Annotated[str, typer.Argument(help="the log of a flight: .npz, .mcap or .parquet")],
+    to: Annotated[str | None, typer.Option(metavar="FORMAT", help="mcap, npz, csv, parquet or ros1")] = None,
+    file: Annotated[str | None, typer.Option("--out", "-o", help="file to write; beside FLIGHT if left out")] = None,
+    layouts: Annotated[
+        str | None, typer.Option(metavar="FOLDER", help="write layouts for Foxglove and PlotJuggler there")
+    ] = None,
+) -> None:
+    """Write a flight's log in another format.
+
+    A log that was cut off, as that of a run that was killed, is written as far as it goes. 'skyarm export-c' writes a
+    controller.
+    """
+    from skyarm.cli.export_logs import export as perform
+
+    with waiting(f"{flight}: writing", console):
+        written, shown = perform(flight, to, file, layouts)
+    give(file=written, layouts=shown)
+    if written is not None:
+        tell(f"log: {written}")
+    if shown:
+        tell(f"layouts: {', '.join(map(str, shown))}")

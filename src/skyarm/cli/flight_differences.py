@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -43,10 +44,15 @@ def same_bits(a: Log, b: Log) -> bool:
     return all(ours[name][:count].tobytes() == np.asarray(theirs[name])[:count].tobytes() for name in ours)
 
 
+def are_equal(a: Log, b: Log, found: LogDifferences) -> bool:
+    """Whether two logs are of the same numbers and ended in the same way."""
+    return found.equal and a.status == b.status
+
+
 def document(a: Log, b: Log, found: LogDifferences) -> dict[str, Any]:
     """Everything that was found, as plain data."""
     return {
-        "equal": found.equal and a.status == b.status,
+        "equal": are_equal(a, b, found),
         "instants": dict(zip(("both", "first", "second"), found.instants, strict=True)),
         "status": [a.status, b.status],
         "versions": [a.info.get("versions"), b.info.get("versions")],
@@ -123,10 +129,10 @@ def scenario_lines(a: Log, b: Log) -> list[str]:
     return lines
 
 
-def replay_document(a: Log, b: Log) -> dict[str, Any]:
+def replay_document(a: Log, b: Log, file: Path) -> dict[str, Any]:
     """What a replay found, as plain data."""
     found = document(a, b, log_differences(a, b))
-    return {**found, "bit_equal": same_bits(a, b), "controllers": [_law(a), _law(b)]}
+    return {**found, "bit_equal": same_bits(a, b), "controllers": [_law(a), _law(b)], "log": str(file)}
 
 
 def _law(log: Log) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from skyarm.files import output_file, shown, write_atomically
+from skyarm.files import output_file, shown
 from skyarm.log.flight_log import Log
 from skyarm.log.formats import require_format
 
@@ -31,24 +31,9 @@ def log_files(names: Sequence[str] | None, usual: Sequence[Path]) -> list[Path]:
     return [Path(name) for name in names]
 
 
-PICTURES = (".png", ".svg", ".pdf")
-
-
-def picture_file(name: str) -> Path:
-    """Path of the flight's picture, checked before the flight.
-
-    Raises:
-        ValueError: another suffix than those of pictures.
-        OSError: it cannot be written.
-    """
-    if Path(name).suffix.lower() not in PICTURES:
-        raise ValueError(f"--plot = {shown(name)}: must end in one of {', '.join(PICTURES)}")
-    return output_file(name, "--plot")
-
-
 def draw(log: Log, file: Path) -> Path:
     """Write a flight's picture in the format of its suffix. Matplotlib loads here: most flights are not drawn."""
-    from skyarm.figures.embed import image_bytes
-    from skyarm.figures.flight_plot import DPI, plot
+    from skyarm.figures.flight_plot import plot
 
-    return write_atomically(file, image_bytes(plot(log), file.suffix.lower().removeprefix("."), dpi=DPI))
+    plot(log, file)
+    return file

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from skyarm.cli.app import app, tell
+from skyarm.cli.machine_output import give
 
 
 @app.command()
@@ -44,7 +45,8 @@ def plot(
     asked = {"--metric": metric, "--over": over, "--by": by, "--center": center, "--band": band}
     if is_sweep(flights):
         given = {"--kind": kind, "--window": window}
-        line = draw_sweep(flights[0], file, asked, given, style, dark=dark)
+        picture = draw_sweep(flights[0], file, asked, given, style, dark=dark)
     else:
-        line = draw_flights(flights, file, kind, window, asked, style, dark=dark)
-    tell(line)
+        picture = draw_flights(flights, file, kind, window, asked, style, dark=dark)
+    give(picture=picture)
+    tell(f"picture: {picture}")

@@ -31,8 +31,8 @@ def draw_flights(
     style: str,
     *,
     dark: bool,
-) -> str:
-    """Draw flights over each other; returns the line to print.
+) -> Path:
+    """Draw flights over each other; returns the picture's path.
 
     Raises:
         ValueError, OSError: one line.
@@ -43,8 +43,8 @@ def draw_flights(
     from skyarm.figures.flight_labels import flight_labels
     from skyarm.figures.flight_panels import ALL
     from skyarm.figures.flight_plot import plot
-    from skyarm.figures.picture_files import picture_file
     from skyarm.figures.picture_styles import picture_style
+    from skyarm.files.picture_names import picture_file
 
     target = picture_file(file, "--out")
     picture_style(style, dark=dark)
@@ -56,7 +56,7 @@ def draw_flights(
         if label in labels[:i]:
             raise ValueError(f"flight = {shown(names[i])}: must have another name than a flight before it")
     plot(dict(zip(labels, logs, strict=True)), target, kind=kind or ALL, style=style, dark=dark, window=window)
-    return f"picture: {target}"
+    return target
 
 
 def _label_and_file(name: str) -> tuple[str, str]:
@@ -81,8 +81,8 @@ def _log(path: str) -> Log:
 
 def draw_sweep(
     folder: str, file: str, asked: Mapping[str, Any], of_flights: Mapping[str, Any], style: str, *, dark: bool
-) -> str:
-    """Draw curves of a sweep's metrics; returns the line to print.
+) -> Path:
+    """Draw curves of a sweep's metrics; returns the picture's path.
 
     Raises:
         ValueError, OSError: one line.
@@ -94,8 +94,8 @@ def draw_sweep(
         if not asked[option]:
             raise ValueError(f"{option}: is missing; a picture of a sweep needs --metric NAME and --over NUMBER")
     from skyarm.figures.metric_figure import plot_sweep
-    from skyarm.figures.picture_files import picture_file
-    from skyarm.sweep.metric_curves import BAND
+    from skyarm.files.picture_names import picture_file
+    from skyarm.sweep.banded_curves import BAND
 
     target = picture_file(file, "--out")
     plot_sweep(
@@ -109,19 +109,19 @@ def draw_sweep(
         style=style,
         dark=dark,
     )
-    return f"picture: {target}"
+    return target
 
 
-def draw_vehicle(name: str, file: str, style: str, *, dark: bool) -> str:
-    """Draw a vehicle, all labelled; returns the line to print.
+def draw_vehicle(name: str, file: str, style: str, *, dark: bool) -> Path:
+    """Draw a vehicle, all labelled; returns the picture's path.
 
     Raises:
         ValueError, OSError: one line.
     """
-    from skyarm.figures.picture_files import picture_file, save_picture
+    from skyarm.figures.picture_files import save_picture
     from skyarm.figures.vehicle_drawing import vehicle_drawing
+    from skyarm.files.picture_names import picture_file
     from skyarm.vehicle.vehicle_files import load_vehicle
 
     target = picture_file(file, "--drawing")
-    save_picture(vehicle_drawing(load_vehicle(name), style=style, dark=dark), target, style)
-    return f"drawing: {target}"
+    return save_picture(vehicle_drawing(load_vehicle(name), style=style, dark=dark), target, style)

@@ -1,4 +1,4 @@
-"""The commands on one flight or one vehicle: reproduce, run, list, show, export-c; and on the cache of their code."""
+"""The commands on one flight or vehicle: reproduce, run, list, show, export-c; and on the cache of code."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from skyarm.cli.app import NOT_COMPLETED, Out, app, console, tell, workers
-from skyarm.cli.lines import say_if_many, say_unlikely
+from skyarm.cli.lines import say, say_if_many, say_unlikely
 from skyarm.cli.machine_output import give, is_document_wanted
 from skyarm.cli.progress import bar, waiting
 
@@ -77,7 +77,7 @@ def _evidence(out: str, threads: int) -> dict[str, Any]:
 
 @app.command()
 def run(
-    scenario: Annotated[str, typer.Argument(help="a scenario file (.toml), a log (.npz) or the name of a shipped one")],
+    scenario: Annotated[str, typer.Argument(help="a scenario file (.toml), a log, or the name of a shipped one")],
     out: Out = "out/run",
     plant: Annotated[str | None, typer.Option(help="rigid_body or mujoco, in place of the file's")] = None,
     controller: Annotated[
@@ -94,21 +94,25 @@ def run(
         str | None, typer.Option("--plot", metavar="FILE", help="a picture of the flight (.png, .svg or .pdf)")
     ] = None,
 ) -> None:
-    """Fly a scenario; write its log (npz, CSV).
+    """Fly a scenario; write its log (npz, CSV, MCAP).
 
-    The log is OUT/NAME.npz and .csv, or with --log the files named; that of an earlier flight is kept as NAME_1.npz,
-    NAME_2.npz ... unless --force is given. The errors are summed up over the scenario's own steady window, or where it
-    says none over the flight after its first third. On a terminal a chart of the tip's error follows.
+    The log is OUT/NAME.npz and .csv, or with --log the files named (.npz, .csv, .mcap, .parquet, .bag); that of an
+    earlier flight is kept as NAME_1.npz, NAME_2.npz ... unless --force is given. While a flight goes on, what has been
+    flown stands in NAME.partial.mcap, which stays if the run is killed. The errors are summed up over the scenario's
+    own steady window, or where it says none over the flight after its first third. On a terminal a chart of the tip's
+    error follows.
 
     Exit code: 0 if the flight was completed, 3 if it ended before its time (the log says why), 2 if the input was
     wrong, 130 after Ctrl-C.
     """
-    from skyarm.cli.earlier_files import keep_earlier
+    from skyarm.cli.earlier_files import earlier_kept
     from skyarm.cli.flight_summary import episode, error_chart, facts
-    from skyarm.cli.log_files import draw, log_files, picture_file
+    from skyarm.cli.log_files import draw, log_files
     from skyarm.cli.shipped_names import require_not_another
     from skyarm.files import require_replaceable, require_writable, taken_back
+    from skyarm.files.picture_names import picture_file
     from skyarm.log.formats import save_log
+    from skyarm.log.mcap.journal import journal_beside, partial_file
     from skyarm.scenario.scenario_file import load_scenario
     from skyarm.scenario.unlikely_numbers import unlikely_numbers
     from skyarm.simulate import run as fly
@@ -117,17 +121,18 @@ def run(
     planned = load_scenario(scenario, plant=plant, controller=controller, seed=seed, duration=duration)
     folder = Path(out)
     files = log_files(logs, (folder / f"{planned.name}.npz", folder / f"{planned.name}.csv"))
-    drawn = None if picture is None else picture_file(picture)
+    drawn = None if picture is None else picture_file(picture, "--plot")
     with taken_back(*(() if logs else (folder,))):
         if not logs:
             require_writable(out)
-        require_replaceable(*files)
+        require_replaceable(*files, partial_file(files[0]))
         say_if_many(planned.name, planned.world.vehicle.n)
         say_unlikely(planned.name, unlikely_numbers(planned))
-        with bar(planned.name, console) as advance:
-            log = fly(planned, lambda done, total: advance(done, total, ""))
-    kept = [] if force else keep_earlier(files)
-    written = [save_log(log, file) for file in files]
+        with journal_beside(files[0], say) as journal:
+            with bar(planned.name, console) as advance:
+                log = fly(planned, lambda done, total: advance(done, total, ""), keep=journal)
+            with earlier_kept([] if force else files) as kept:
+                written = [save_log(log, file) for file in files]
     console.print(episode(log), soft_wrap=True)
     for line in error_chart(log) if console.is_terminal else ():
         tell(line)
@@ -190,7 +195,9 @@ def show(
     if drawing is not None:
         from skyarm.cli.plot_command import draw_vehicle
 
-        return tell(draw_vehicle(vehicle, drawing, style, dark=dark))
+        picture = draw_vehicle(vehicle, drawing, style, dark=dark)
+        give(drawing=picture)
+        return tell(f"drawing: {picture}")
     loaded = load_vehicle(vehicle)
     if ops:
         say_if_many(loaded.name, loaded.n)

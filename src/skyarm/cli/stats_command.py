@@ -65,8 +65,8 @@ def _map(each: Any) -> bytes:
 def _curves(rows: Any, at: Any) -> dict[str, bytes]:
     """Metric -> PNG of its curves over each varied number."""
     from skyarm.figures.embed import image_bytes
-    from skyarm.figures.metric_curves import curves_figure
-    from skyarm.metrics.metric_words import metric_words
+    from skyarm.figures.study_curves import curves_figure
+    from skyarm.metrics.words_of_metrics import metric_words
     from skyarm.scenario.units_of_numbers import labelled
     from skyarm.sweep.curves import drawn_metrics, metric_curves, varying
 
@@ -88,7 +88,7 @@ def _written(target: Path, images: dict[str, bytes], before: str) -> list[str]:
 
 
 def _lines(found: dict[str, Any]) -> str:
-    from skyarm.sweep.rows_there import named
+    from skyarm.sweep.rows_there import not_counted
 
     lines = []
     for name, each in found["controllers"].items():
@@ -104,8 +104,7 @@ def _lines(found: dict[str, Any]) -> str:
         lines.append(
             f"incomplete: {found['rows']} of {found['rows_planned']} rows, {found['episodes']} episodes so far"
         )
-    if found["files_not_counted"]:
-        lines.append(f"not counted, since they are damaged: {named(found['files_not_counted'])}")
+    lines += not_counted(found["files_not_counted"], found["files_beyond_the_last"])
     if found["manifest_rebuilt"]:
         lines.append("no manifest, so the study's limits of success are not known: --success gives them")
     return "\n".join(lines)

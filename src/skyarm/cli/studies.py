@@ -42,7 +42,7 @@ def sweep(
 
 @app.command()
 def stats(
-    folder: Annotated[Path, typer.Argument(help="folder that 'skyarm sweep' wrote")],
+    folder: Annotated[str, typer.Argument(help="folder that 'skyarm sweep' wrote")],
     out: Annotated[str | None, typer.Option("--out", help="folder of the results; FOLDER/stats if left out")] = None,
     success: Annotated[
         list[str] | None, typer.Option(metavar="METRIC=LARGEST", help="of a success, in place of the study's; repeat")
@@ -55,7 +55,9 @@ def stats(
 
     if seed < 0:
         raise ValueError(f"--seed = {seed}: must be at least 0")
-    perform(folder, out, success, map_, seed, console)
+    if not folder:
+        raise ValueError("folder = '': must be one that 'skyarm sweep' wrote")
+    perform(Path(folder), out, success, map_, seed, console)
 
 
 @app.command(context_settings=OLD_ORDER)

@@ -192,7 +192,7 @@ def key(flights: Flights) -> str:
     facts = {
         "versions": versions("numpy", "llvmlite"),
         "source": source(),
-        "metrics": (*METRICS, *registered("metric")),
+        "metrics": (*METRICS, *sorted(registered("metric"))),
         "scenario": identity(scenario),
         "episodes": flights.episodes(scenario),
         "spread": dataclasses.asdict(condition.spread) if condition.spread else None,

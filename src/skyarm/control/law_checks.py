@@ -23,7 +23,7 @@ from skyarm.control.model import Model
 from skyarm.files import shown
 from skyarm.files.code_place import own_code, place_of, place_of_error
 from skyarm.records.coerce import RecordError
-from skyarm.records.leaves import is_record, pairs, parts
+from skyarm.records.leaves import is_record, named_parts, pairs
 from skyarm.scalars import data
 
 CALLED_AS = "law(memory, measurement, reference, dt, *, par)"
@@ -94,18 +94,18 @@ def _check_memory(controller: Controller, memory: Any, path: str) -> None:
 
 def memory_mistake(memory: Any, path: str) -> str | None:
     """Why a program cannot keep a first memory, in words; None where it can."""
-    if isinstance(memory, tuple):
-        found = (memory_mistake(each, f"{path}[{i}]") for i, each in enumerate(memory))
-        return next((words for words in found if words), None)
-    if is_record(memory):
-        found = (memory_mistake(each, f"{path}.{name}") for name, each in parts(memory).items())
-        return next((words for words in found if words), None)
-    if isinstance(memory, (bool, int)) and not isinstance(memory, Enum):
-        number = "1.0 or 0.0" if isinstance(memory, bool) else f"{memory}.0"
-        return f"has {path} = {memory!r}: an int never changes in a program; must be {number}"
-    if memory is None or isinstance(memory, (str, Enum)) or _is_number(memory):
+    found = (_kept_mistake(value, at) for at, value in named_parts(memory, path))
+    return next((words for words in found if words), None)
+
+
+def _kept_mistake(value: Any, path: str) -> str | None:
+    """The same of a value without parts."""
+    if isinstance(value, (bool, int)) and not isinstance(value, Enum):
+        number = "1.0 or 0.0" if isinstance(value, bool) else f"{value}.0"
+        return f"has {path} = {value!r}: an int never changes in a program; must be {number}"
+    if value is None or isinstance(value, (str, Enum)) or _is_number(value):
         return None
-    return f"has {path} = {shown(memory)}: must be a tuple or a frozen dataclass of numbers"
+    return f"has {path} = {shown(value)}: must be a tuple or a frozen dataclass of numbers"
 
 
 def checked_law(controller: Controller) -> Law:

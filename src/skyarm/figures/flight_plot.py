@@ -16,11 +16,12 @@ from skyarm.figures.flight_events import Event
 from skyarm.figures.flight_facts import FlightFacts, flight_facts
 from skyarm.figures.flight_labels import ending_of, flights_by_label
 from skyarm.figures.flight_panels import ALL, FlightPanel, panels_of
-from skyarm.figures.picture_files import require_suffix, save_picture
+from skyarm.figures.picture_files import save_picture
 from skyarm.figures.picture_styles import Picture, PictureStyle, picture_style
 from skyarm.figures.quantities import end_time
 from skyarm.figures.style import limits
 from skyarm.files import number
+from skyarm.files.picture_names import require_suffix
 from skyarm.log.flight_log import Log
 
 Array = npt.NDArray[np.float64]

@@ -12,19 +12,21 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from skyarm.figures import picture_styles
-from skyarm.figures.metric_words import metric_words, path_words
-from skyarm.figures.picture_files import require_suffix, save_picture
+from skyarm.figures.picture_files import save_picture
 from skyarm.figures.picture_styles import Picture, PictureStyle, picture_style
 from skyarm.figures.style import Look, limits
-from skyarm.sweep.metric_curves import BAND, MetricCurve, MetricCurves, metric_curves
+from skyarm.files.picture_names import require_suffix
+from skyarm.metrics.words_of_metrics import metric_words
+from skyarm.scenario.units_of_numbers import labelled
+from skyarm.sweep.banded_curves import BAND, BandedCurve, BandedCurves, Variable, banded_curves
 from skyarm.sweep.stats import Rows
 from skyarm.sweep.study import StudyError
 
 MOST_PANELS = 6
 """Metrics of one picture."""
 
-SHORT = 22
-"""Characters of a path above a panel."""
+LONGEST = 44
+"""Characters of a variable's words on an axis or above a panel."""
 
 
 def plot_sweep(
@@ -62,14 +64,14 @@ def plot_sweep(
     names = [metrics] if isinstance(metrics, str) else list(dict.fromkeys(metrics))
     if not 1 <= len(names) <= MOST_PANELS:
         raise StudyError(f"metrics = {len(names)}: must be 1 to {MOST_PANELS} in one picture")
-    found = [metric_curves(rows, name, over, by=by, center=center, band=band) for name in names]
+    found = [banded_curves(rows, name, over, by=by, center=center, band=band) for name in names]
     figure = metric_figure(found, chosen)
     if file is not None:
         save_picture(figure, Path(file), style)
     return figure
 
 
-def metric_figure(found: Sequence[MetricCurves], style: PictureStyle) -> Picture:
+def metric_figure(found: Sequence[BandedCurves], style: PictureStyle) -> Picture:
     """Draw curves of metrics over one variable: a row for each metric, a column for each class if laws are several."""
     first = found[0]
     laws = list(dict.fromkeys(curve.controller for curve in first.curves))
@@ -87,11 +89,10 @@ def metric_figure(found: Sequence[MetricCurves], style: PictureStyle) -> Picture
             curves = [curve for curve in first.curves if column is None or curve.by == column]
             _draw_lost(grid[-1, j], curves, style)
         if column:
-            words, unit = path_words(first.by, SHORT)
-            grid[0, j].set_title(f"{words}\n{column} {unit}".rstrip(), linespacing=1.0, **style.small_words)
-        words, unit = path_words(first.over)
-        grid[-1, j].set_xlabel(f"{words} [{unit}]" if unit else words, **style.words)
-        if first.logarithmic:
+            title = _class_words(first.by, column, "\n")
+            grid[0, j].set_title(title, linespacing=1.0, **style.small_words)
+        grid[-1, j].set_xlabel(labelled(_short(first.over.words), first.over.unit), **style.words)
+        if first.over.logarithmic:
             grid[-1, j].set_xscale("log")
     for i, each in enumerate(found):
         words, unit = metric_words(each.metric)
@@ -120,15 +121,14 @@ def _grid(style: PictureStyle, metrics: int, columns: int, lost: bool) -> tuple[
 
 
 def _draw(
-    ax: Axes, curves: Sequence[MetricCurve], each: MetricCurves, style: PictureStyle, *, one_law: bool
+    ax: Axes, curves: Sequence[BandedCurve], each: BandedCurves, style: PictureStyle, *, one_law: bool
 ) -> dict[str, Any]:
     handles: dict[str, Any] = {}
     for i, curve in enumerate(curves):
         look = style.look(i)
         label = curve.controller
         if one_law and curve.by:
-            words, unit = path_words(each.by, SHORT)
-            label = f"{words} = {curve.by} {unit}".rstrip()
+            label = _class_words(each.by, curve.by, " = ")
         band: dict[str, Any] = {"color": look.color, "alpha": 0.16, "linewidth": 0.0, "zorder": look.layer - 1.0}
         ax.fill_between(curve.x, curve.low, curve.high, **band)
         for end in (curve.low, curve.high):
@@ -138,20 +138,29 @@ def _draw(
     return handles
 
 
-def _ends(each: MetricCurves) -> tuple[float, float]:
+def _class_words(by: Variable | None, values: str, between: str) -> str:
+    """A class in words: the other variable, and its value or values with their unit."""
+    return f"{_short(by.words)}{between}{values} {by.unit}".rstrip() if by is not None else values
+
+
+def _short(words: str) -> str:
+    return words if len(words) <= LONGEST else f"{words[: LONGEST - 1]}\N{HORIZONTAL ELLIPSIS}"
+
+
+def _ends(each: BandedCurves) -> tuple[float, float]:
     """Ends of the value axis, which begins at zero where no curve is below."""
     found = [line for curve in each.curves for line in (curve.middle, curve.low, curve.high)]
     seen = np.concatenate(found)
     return limits([seen], floor=not (seen < 0.0).any(), span=1e-9, cap=np.inf)
 
 
-def _marks(curve: MetricCurve, look: Look, style: PictureStyle) -> dict[str, Any]:
+def _marks(curve: BandedCurve, look: Look, style: PictureStyle) -> dict[str, Any]:
     """Points where a curve has few."""
     few = curve.x.size <= 15
     return {"marker": "o", "markersize": 0.4 * style.small, "markeredgewidth": 0.0} if few else {}
 
 
-def _draw_lost(ax: Axes, curves: Sequence[MetricCurve], style: PictureStyle) -> None:
+def _draw_lost(ax: Axes, curves: Sequence[BandedCurve], style: PictureStyle) -> None:
     """Share of episodes that ended before their time."""
     for i, curve in enumerate(curves):
         look = style.look(i)

@@ -7,7 +7,10 @@ import errno
 import os
 import secrets
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 from skyarm.files.one_line import shown
 
@@ -18,13 +21,30 @@ CANNOT_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP)
 def write_atomically(path: str | os.PathLike[str], content: bytes, *, entry: bool = True) -> Path:
     """Write to a temporary file beside the target, then rename; a cut-off run leaves no half file.
 
-    The content is on disk before the file has its name, so that no power failure leaves an empty file under it.
-    A link is followed. A device or a pipe, such as /dev/stdout, is written into, never replaced.
-
     Args:
         path: of the file.
         content: all of it.
         entry: whether the name is forced to disk as well; who writes many files calls :func:`sync_folder` once instead.
+
+    Raises:
+        OSError: with one line that names the file.
+    """
+    with writing_atomically(path, entry=entry) as stream:
+        stream.write(content)
+    return Path(path)
+
+
+@contextmanager
+def writing_atomically(path: str | os.PathLike[str], *, entry: bool = True) -> Iterator[IO[bytes]]:
+    """Open a temporary file beside the target, to be written piece by piece, and rename it at the end.
+
+    The content is on disk before the file has its name, so that no power failure leaves an empty file under it.
+    A link is followed. A device or a pipe, such as /dev/stdout, is written into, never replaced. If what is done
+    inside fails, no file appears.
+
+    Args:
+        path: of the file.
+        entry: whether the name is forced to disk as well.
 
     Raises:
         OSError: with one line that names the file.
@@ -37,11 +57,12 @@ def write_atomically(path: str | os.PathLike[str], content: bytes, *, entry: boo
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.part")
     try:
         if target.exists() and not target.is_file():
-            target.write_bytes(content)
-            return Path(path)
+            with target.open("wb") as stream:
+                yield stream
+            return
         target.parent.mkdir(parents=True, exist_ok=True)
         with temporary.open("xb") as stream:
-            stream.write(content)
+            yield stream
             stream.flush()
             _sync(stream.fileno())
         temporary.replace(target)
@@ -53,7 +74,6 @@ def write_atomically(path: str | os.PathLike[str], content: bytes, *, entry: boo
     except BaseException:
         _forget(temporary)
         raise
-    return Path(path)
 
 
 def sync_folder(folder: Path) -> None:

@@ -77,7 +77,8 @@ class Candidates:
 
     def __init__(self, study: IdentificationStudy, threads: int = 1) -> None:
         self.study, self._threads = study, threads
-        self._flights: dict[tuple[str, ...], Flown] = {}
+        self._flights: dict[tuple[Any, ...], Flown] = {}
+        self._bounds: dict[tuple[Any, ...], tuple[Scenario, Scenario, float]] = {}
         self._family = tuple(dict.fromkeys([*study.free, *(name for each in study.predictions for name in each.free)]))
         self._rivals = tuple(dict.fromkeys(name for rival in study.rivals for name in rival.adds))
 
@@ -115,12 +116,12 @@ class Candidates:
         table = self.study.tables(flight, fixed)
         names = self._served(flight, table, [*fixed, *columns], numbers)
         paths = tuple(sorted({*self._paths(flight, names), *numbers}))
-        key = (flight, json.dumps(table, sort_keys=True), *paths)
+        effort = 2 if names == self._family else 1 if len(names) > len(self._family) + 1 else 0
+        effort = 0 if self._restructured(fixed) else effort
+        planned, stiffest, fastest = self._bounded(flight, table, fixed, [*names, *fixed, *columns])
+        # all that the machine code is made of: who asks first, as after a stop, makes no other one
+        key = (flight, json.dumps(table, sort_keys=True), fastest, effort, *paths)
         if key not in self._flights:
-            planned = scenario_from(table)
-            stiffest, _ = _stiffest(planned, self._ends(flight, fixed, names))
-            effort = 2 if names == self._family else 1 if len(names) > len(self._family) + 1 else 0
-            effort = 0 if self._restructured(fixed) else effort
             self._flights[key] = Flown(planned, paths, self._metrics(flight), stiffest, effort)
         flown = self._flights[key]
         rows = np.empty((count, len(paths)))
@@ -135,13 +136,29 @@ class Candidates:
         """
         if set(numbers) <= self._paths(flight, self._family):
             return self._family
-        planned = scenario_from(table)
+        planned = scenario_from(table, self.study.flight(flight).folder)
         _, fastest = _stiffest(planned, self._ends(flight, {}, self._family))
         mild = [
             name for name in self._rivals if _stiffest(planned, self._ends(flight, {}, [name]))[1] <= MILD * fastest
         ]
         own = [name for name in names if name in self._rivals and name not in self._family]
         return (*self._family, *(mild if set(own) <= set(mild) else own))
+
+    def _bounded(
+        self, flight: str, table: Any, fixed: Settings, names: Sequence[str]
+    ) -> tuple[Scenario, Scenario, float]:
+        """The scenario of a flight, the stiffest that some parameters can make of it, and how fast that is, 1/s.
+
+        Whatever numbers the settings have, they are within the parameters' ranges; their options count.
+        """
+        options = {name: value for name, value in fixed.items() if isinstance(value, str)}
+        own = tuple(dict.fromkeys(name for name in names if name not in options))
+        key = (flight, *sorted(options.items()), *own)
+        if key not in self._bounds:
+            planned = scenario_from(table, self.study.flight(flight).folder)
+            ends = [*self._ends(flight, {}, own), *self._ends(flight, options, own)]
+            self._bounds[key] = (planned, *_stiffest(planned, ends))
+        return self._bounds[key]
 
     def _restructured(self, fixed: Settings) -> bool:
         """Whether an option lays tables over the scenarios."""

@@ -13,6 +13,7 @@ from skyarm.files import versions, write_atomically
 from skyarm.identify.candidates import Candidates
 from skyarm.identify.evidence import Evidence
 from skyarm.identify.records import IdentificationStudy
+from skyarm.identify.study_checks import require_searchable
 from skyarm.records.identity import identity
 from skyarm.scenario.scenario_file import scenario_from
 
@@ -27,7 +28,7 @@ def study_digest(study: IdentificationStudy) -> str:
 
 def result_digest(study: IdentificationStudy) -> str:
     """Digest of all that results depend on: what is asked, the records that fly, and who flies them."""
-    scenarios = {flight.name: identity(scenario_from(flight.document)) for flight in study.flights}
+    scenarios = {flight.name: identity(scenario_from(flight.document, flight.folder)) for flight in study.flights}
     return _digest({"study": study_digest(study), "scenarios": scenarios, "version": versions()["skyarm"]})
 
 
@@ -55,9 +56,15 @@ def identify(
 
     Returns:
         The content of the file: digests, and by stage what it found.
+
+    Raises:
+        ValueError: one line: a range whose ends a flight cannot have.
+        OSError: the file cannot be written.
     """
     path, digest = Path(file), result_digest(study)
     done: dict[str, Any] = _stages_there(path, digest)
+    if not done:
+        require_searchable(study)
     evidence = Evidence(study, Candidates(study, threads))
     stages = evidence.stages()
     for number, (name, work) in enumerate(stages.items()):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
+from pathlib import Path
 from typing import Any
 
 Settings = Mapping[str, Any]
@@ -29,10 +30,15 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Flight:
-    """One flight: a scenario as plain tables, whose windows say when its metrics look."""
+    """One flight: a scenario as plain tables, whose windows say when its metrics look.
+
+    Attributes:
+        name: of the flight. document: the tables. folder: where the vehicles' files lie that they name.
+    """
 
     name: str
     document: Mapping[str, Any]
+    folder: Path = Path()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

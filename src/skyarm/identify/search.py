@@ -6,6 +6,7 @@ Both take a function of many points at once, (points, dimensions) of the unit cu
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from decimal import Decimal
 
 import numpy as np
 import numpy.typing as npt
@@ -34,9 +35,14 @@ def decoded(parameters: Sequence[Parameter], points: Array) -> dict[str, Array]:
             value = low + column * (high - low)
         steps = np.round((value - low) / parameter.step)
         # as a decimal, so that 0.06 is 0.06
-        places = max(0, int(np.ceil(-np.log10(parameter.step) + 1e-9))) + 2
+        places = max(_decimals(each) for each in (low, high, parameter.step))
         found[parameter.name] = np.round(np.minimum(low + steps * parameter.step, high), places)
     return found
+
+
+def _decimals(value: float) -> int:
+    """Digits behind the point of a number's shortest text."""
+    return max(0, -int(Decimal(repr(value)).as_tuple().exponent))
 
 
 def encoded(parameters: Sequence[Parameter], values: Sequence[float]) -> Array:

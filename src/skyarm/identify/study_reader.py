@@ -30,6 +30,7 @@ from typing import Any
 
 from skyarm.files import Fields, one_line, read_toml, shown
 from skyarm.identify.records import IdentificationStudy, Prediction, Rival, Rung
+from skyarm.identify.study_checks import require_consistent, require_flyable
 from skyarm.identify.study_tables import (
     cells_of_group,
     choice_of,
@@ -39,9 +40,9 @@ from skyarm.identify.study_tables import (
     parameter_of,
     table_of,
     tables_of,
+    text_of,
+    whole,
 )
-from skyarm.metrics.metric_catalogue import metric_names
-from skyarm.scenario.scenario_file import scenario_from
 
 
 class IdentificationError(ValueError):
@@ -67,9 +68,10 @@ def read_identification(content: bytes, folder: Path, source: str) -> Identifica
 
 def _study(top: Fields, folder: Path) -> IdentificationStudy:
     document = dict(top.table)
-    if top.take("schema", 1) != 1:
-        raise ValueError(f"schema = {shown(top.table['schema'])}: must be 1")
-    tables = {name: dict(table) for name, table in table_of(top, "tables").items()}
+    schema = top.take("schema", 1)
+    if schema != 1 or isinstance(schema, bool):
+        raise ValueError(f"schema = {shown(schema)}: must be 1")
+    tables = {name: Fields(each, f"tables.{name}").table for name, each in table_of(top, "tables").items()}
     flights, cells = [], []
     for fields in tables_of(top, "flights"):
         flight, own = flight_and_cells(fields, tables, folder)
@@ -83,13 +85,13 @@ def _study(top: Fields, folder: Path) -> IdentificationStudy:
     groups = {name: cells_of_group(f"groups.{name}", each, cells) for name, each in patterns.items()}
     loss, search, fit = (Fields(table_of(top, name), name) for name in ("loss", "search", "fit"))
     study = IdentificationStudy(
-        name=str(top.take("name")),
-        title=str(top.take("title", "")),
-        seed=int(top.number("seed", 0, low=0.0)),
+        name=text_of(top, "name"),
+        title=text_of(top, "title", ""),
+        seed=whole(top, "seed", 0, LARGEST_SEED, 0),
         width=loss.number("width", low=0.0, strict=True),
         knee=loss.number("knee", low=0.0, strict=True),
-        population=int(search.number("population", low=4.0)),
-        generations=int(search.number("generations", low=0.0)),
+        population=whole(search, "population", 4, LARGEST_SEARCH),
+        generations=whole(search, "generations", 0, LARGEST_SEARCH),
         flights=tuple(flights),
         cells=tuple(cells),
         groups=groups,
@@ -97,7 +99,7 @@ def _study(top: Fields, folder: Path) -> IdentificationStudy:
         choices=tuple(choices),
         free=known.parameters_of(fit, "free"),
         family=known.choices_of(fit),
-        ladder=tuple(Rung(name=str(f.take("name")), adds=known.any_of(f, "adds")) for f in tables_of(top, "ladder")),
+        ladder=tuple(_rung(fields, known) for fields in tables_of(top, "ladder")),
         rivals=tuple(_rival(fields, known) for fields in tables_of(top, "rivals")),
         rival_cells=groups_of(top, "rival_cells", groups),
         predictions=tuple(_prediction(fields, known, groups) for fields in tables_of(top, "predictions")),
@@ -105,7 +107,8 @@ def _study(top: Fields, folder: Path) -> IdentificationStudy:
     )
     for fields in (loss, search, fit, top):
         fields.done()
-    _require_flyable(study)
+    require_consistent(study)
+    require_flyable(study)
     return study
 
 
@@ -125,16 +128,28 @@ class _Known:
         """choices = { CHOICE = OPTION }."""
         table = fields.take("choices", {})
         for name, option in Fields(table, fields.at("choices")).table.items():
-            if option not in self.choices.get(name, []):
+            if not isinstance(option, str) or option not in self.choices.get(name, []):
                 there = ", ".join(self.choices.get(name, self.choices))
                 raise ValueError(f"{fields.at('choices')}.{name} = {shown(option)}: must be one of {there}")
         return dict(table)
 
 
+LARGEST_SEED = 2**32 - 1
+
+LARGEST_SEARCH = 100_000
+"""Candidates of a generation, and generations."""
+
+
+def _rung(fields: Fields, known: _Known) -> Rung:
+    found = Rung(name=text_of(fields, "name"), adds=known.any_of(fields, "adds"))
+    fields.done()
+    return found
+
+
 def _rival(fields: Fields, known: _Known) -> Rival:
     found = Rival(
-        name=str(fields.take("name")),
-        words=str(fields.take("words", "")),
+        name=text_of(fields, "name"),
+        words=text_of(fields, "words", ""),
         adds=known.parameters_of(fields, "adds"),
         choices=known.choices_of(fields),
         without=known.any_of(fields, "without"),
@@ -145,8 +160,8 @@ def _rival(fields: Fields, known: _Known) -> Rival:
 
 def _prediction(fields: Fields, known: _Known, groups: Mapping[str, Any]) -> Prediction:
     found = Prediction(
-        name=str(fields.take("name")),
-        words=str(fields.take("words", "")),
+        name=text_of(fields, "name"),
+        words=text_of(fields, "words", ""),
         free=known.parameters_of(fields, "free"),
         choices=known.choices_of(fields),
         seen=fields.choice("seen", tuple(groups)),
@@ -154,12 +169,3 @@ def _prediction(fields: Fields, known: _Known, groups: Mapping[str, Any]) -> Pre
     )
     fields.done()
     return found
-
-
-def _require_flyable(study: IdentificationStudy) -> None:
-    """Every flight reads, and every metric is one, before anything is compiled."""
-    for flight in study.flights:
-        scenario = scenario_from(flight.document)
-        for cell in study.cells:
-            if cell.flight == flight.name:
-                metric_names([cell.metric], scenario.world.vehicle.n)

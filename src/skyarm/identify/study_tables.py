@@ -3,23 +3,56 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from decimal import Decimal
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
-from skyarm.files import Fields, read_toml, shown
+from skyarm.files import Fields, read_toml, shown, unreadable
 from skyarm.identify.records import Cell, Choice, Flight, Option, Parameter, Target, laid_over
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
 
 
 def names_among(fields: Fields, name: str, allowed: list[str], what: str) -> tuple[str, ...]:
-    """Names of a list, each one of those that are allowed."""
-    values = fields.take(name, [])
-    for value in values if isinstance(values, list) else [values]:
+    """Names of a list, each one of those that are allowed, and none twice."""
+    values = listed(fields, name, [])
+    for value in values:
         if value not in allowed:
-            raise ValueError(f"{fields.at(name)} = {shown(value)}: must be {what}: {', '.join(allowed)}")
+            raise ValueError(f"{fields.at(name)} = {shown(value)}: must be {what}: {', '.join(allowed) or 'none'}")
+    require_once(fields.at(name), values)
     return tuple(values)
+
+
+def listed(fields: Fields, name: str, *default: Any) -> list[Any]:
+    """A list; a text alone would be taken letter by letter."""
+    values = fields.take(name, *default)
+    if not isinstance(values, list):
+        raise ValueError(f"{fields.at(name)} = {shown(values)}: must be a list")
+    return values
+
+
+def require_once(at: str, names: Sequence[Any]) -> None:
+    """Refuse a name that is there twice."""
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            raise ValueError(f"{at} = {shown(name)}: must be there once")
+
+
+def text_of(fields: Fields, name: str, *default: Any) -> str:
+    """A text; a name, which has no default, is not empty."""
+    value = fields.take(name, *default)
+    if not isinstance(value, str) or not (value or default):
+        raise ValueError(f"{fields.at(name)} = {shown(value)}: must be text")
+    return value
+
+
+def whole(fields: Fields, name: str, low: int, high: int, *default: int) -> int:
+    """A whole number."""
+    value = fields.number(name, *default, low=float(low))
+    if value != int(value) or value > high:
+        raise ValueError(f"{fields.at(name)} = {shown(value)}: must be a whole number from {low} to {high}")
+    return int(value)
 
 
 def table_of(top: Fields, name: str) -> dict[str, Any]:
@@ -37,8 +70,8 @@ def tables_of(top: Fields, name: str) -> list[Fields]:
 
 def flight_and_cells(fields: Fields, tables: Mapping[str, Any], folder: Path) -> tuple[Flight, list[Cell]]:
     """A flight and what was measured of it."""
-    name, scenario = str(fields.take("name")), fields.take("scenario")
-    document = _document(fields.at("scenario"), scenario, folder)
+    name, scenario = text_of(fields, "name"), fields.take("scenario")
+    document, beside = _document(fields.at("scenario"), scenario, folder)
     for over in names_among(fields, "over", list(tables), "one of the tables"):
         document = laid_over(document, tables[over])
     cells = []
@@ -46,17 +79,21 @@ def flight_and_cells(fields: Fields, tables: Mapping[str, Any], folder: Path) ->
         given = Fields(value if isinstance(value, dict) else {"measured": value}, f"{fields.where}.cells.{cell}")
         cells.append(_cell(name, cell, given))
     fields.done()
-    return Flight(name, document), cells
+    return Flight(name, document, beside), cells
 
 
-def _document(at: str, name: Any, folder: Path) -> dict[str, Any]:
+def _document(at: str, name: Any, folder: Path) -> tuple[dict[str, Any], Path]:
+    """A scenario's tables, and the folder in which its vehicles' files lie."""
     if name in list_scenarios():
-        return dict(read_toml((LIBRARY / f"{name}.toml").read_bytes()))
-    if not isinstance(name, str) or not (folder / name).is_file():
-        raise ValueError(
-            f"{at} = {shown(name)}: must be a file beside this one, or one of {', '.join(list_scenarios())}"
-        )
-    return dict(read_toml((folder / name).read_bytes()))
+        return dict(read_toml((LIBRARY / f"{name}.toml").read_bytes())), Path()
+    reason = unreadable(folder / name) if isinstance(name, str) else "no text"
+    if reason:
+        known = ", ".join(list_scenarios())
+        raise ValueError(f"{at} = {shown(name)}: must be a file beside this one ({reason}), or one of {known}")
+    try:
+        return dict(read_toml((folder / name).read_bytes())), (folder / name).parent
+    except ValueError as error:
+        raise ValueError(f"{at} = {shown(name)}: {error}") from None
 
 
 def _cell(flight: str, name: str, fields: Fields) -> Cell:
@@ -68,8 +105,9 @@ def _cell(flight: str, name: str, fields: Fields) -> Cell:
         value = math.nan
     if not math.isfinite(value) or value == 0.0:
         raise ValueError(f"{fields.at('measured')} = {shown(text)}: must be a number other than 0, as text")
-    decimals = len(text.partition(".")[2])
-    return Cell(flight, name, str(metric), value, 0.5 * 10.0**-decimals)
+    # of the last digit that is written, whatever the notation: 0.0305, 3.05e-2
+    last = Decimal(text).as_tuple().exponent
+    return Cell(flight, name, str(metric), value, 0.5 * 10.0 ** int(last))
 
 
 def cells_of_group(at: str, patterns: Any, cells: list[Cell]) -> tuple[int, ...]:
@@ -90,15 +128,16 @@ def groups_of(fields: Fields, name: str, groups: Mapping[str, Any]) -> tuple[str
 
 
 def _when(fields: Fields) -> tuple[str, str] | tuple[()]:
+    """The choice and option under which a target acts; that they are there is looked at once all choices are read."""
     table = fields.take("when", {})
-    if not isinstance(table, dict) or len(table) > 1:
+    if not isinstance(table, dict) or len(table) > 1 or not all(isinstance(each, str) for each in table.values()):
         raise ValueError(f"{fields.at('when')} = {shown(table)}: must be {{ CHOICE = OPTION }}")
     return next(iter(table.items())) if table else ()
 
 
 def _flights_of(fields: Fields, names: list[str]) -> tuple[str, ...]:
-    patterns = fields.take("flights")
-    for pattern in patterns if isinstance(patterns, list) else [patterns]:
+    patterns = listed(fields, "flights")
+    for pattern in patterns:
         if not isinstance(pattern, str) or not any(fnmatchcase(name, pattern) for name in names):
             raise ValueError(f"{fields.at('flights')} = {shown(pattern)}: must fit one of {', '.join(names)}")
     return tuple(patterns)
@@ -112,23 +151,28 @@ def parameter_of(fields: Fields, names: list[str]) -> Parameter:
         raise ValueError(
             f"{fields.at('high')} = {high!r}: must be above low = {low!r}, which is above 0 on a log scale"
         )
+    step = fields.number("step", low=0.0, strict=True)
+    if not (high - low) * FINEST <= step <= high - low:
+        raise ValueError(
+            f"{fields.at('step')} = {step!r}: must be from a millionth of high - low to all of it, {high - low:g}"
+        )
     targets = tuple(
         Target(
             flights=_flights_of(each, names),
-            path=str(each.take("path")),
+            path=text_of(each, "path"),
             factor=each.number("factor", 1.0),
             offset=each.number("offset", 0.0),
             when=_when(each),
         )
-        for each in _checked(tables_of(fields, "targets"))
+        for each in _checked(tables_of(fields, "targets"), OF_A_PARAMETER)
     )
     found = Parameter(
-        name=str(fields.take("name")),
-        words=str(fields.take("words", "")),
-        unit=str(fields.take("unit", "")),
+        name=text_of(fields, "name"),
+        words=text_of(fields, "words", ""),
+        unit=text_of(fields, "unit", ""),
         low=low,
         high=high,
-        step=fields.number("step", low=0.0, strict=True),
+        step=step,
         scale=scale,
         targets=targets,
     )
@@ -136,12 +180,20 @@ def parameter_of(fields: Fields, names: list[str]) -> Parameter:
     return found
 
 
-def _checked(rows: list[Fields]) -> list[Fields]:
+FINEST = 1e-6
+"""Least resolution of a parameter, of its range: single precision tells no more values apart."""
+
+OF_A_PARAMETER, OF_AN_OPTION = ("flights", "path", "factor", "offset", "when"), ("flights", "path", "value", "when")
+"""Fields of a target."""
+
+
+def _checked(rows: list[Fields], words: Sequence[str]) -> list[Fields]:
     """Rows of targets: only fields that a target has."""
     for row in rows:
         for word in row.table:
-            if word not in ("flights", "path", "factor", "offset", "value", "when"):
-                raise ValueError(f"{row.at(word)} = {shown(row.table[word])}: unknown field")
+            if word not in words:
+                allowed = ", ".join(words)
+                raise ValueError(f"{row.at(word)} = {shown(row.table[word])}: unknown field; allowed: {allowed}")
     return rows
 
 
@@ -152,22 +204,25 @@ def choice_of(fields: Fields, tables: Mapping[str, Any], names: list[str]) -> Ch
         sets = tuple(
             Target(
                 flights=_flights_of(row, names),
-                path=str(row.take("path")),
+                path=text_of(row, "path"),
                 factor=0.0,
                 offset=row.number("value"),
                 when=_when(row),
             )
-            for row in _checked(tables_of(each, "sets"))
+            for row in _checked(tables_of(each, "sets"), OF_AN_OPTION)
         )
         over = []
-        for row in tables_of(each, "tables"):
+        for row in _checked(tables_of(each, "tables"), ("flights", "table")):
             (table,) = names_among(
                 Fields({"table": [row.take("table")]}, row.where), "table", list(tables), "one of the tables"
             )
             over.append((_flights_of(row, names), tables[table]))
-        words = str(each.take("words", ""))
-        options.append(Option(name=str(each.take("name")), words=words, sets=sets, tables=tuple(over)))
+        words = text_of(each, "words", "")
+        options.append(Option(name=text_of(each, "name"), words=words, sets=sets, tables=tuple(over)))
         each.done()
-    found = Choice(name=str(fields.take("name")), words=str(fields.take("words", "")), options=tuple(options))
+    found = Choice(name=text_of(fields, "name"), words=text_of(fields, "words", ""), options=tuple(options))
+    if not options:
+        raise ValueError(f"{fields.at('options')}: must have at least one, the first of which leaves all as it is")
+    require_once(f"{fields.at('options')}.name", [option.name for option in options])
     fields.done()
     return found

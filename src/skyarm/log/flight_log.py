@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import io
-import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Annotated, Any
 
 import numpy as np
@@ -17,11 +17,11 @@ import numpy.typing as npt
 from skyarm.algebra import Quaternion
 from skyarm.algebra.euler import euler_angles
 from skyarm.dynamics.state import State
-from skyarm.files import shown, write_atomically
+from skyarm.files import shown
 from skyarm.records.identity import log_digest
-from skyarm.records.leaves import field_names, parts
+from skyarm.records.leaves import parts
 from skyarm.records.own_files import own_files
-from skyarm.records.restore import restore
+from skyarm.records.restore import restore, restore_fields
 from skyarm.records.units import Unit, units
 from skyarm.registry import RegistryError
 from skyarm.registry.plugins import identities
@@ -114,8 +114,22 @@ class Log:
         """The :class:`skyarm.Scenario` that was flown: flown again by the same version, it gives the same bits.
 
         Raises:
-            ValueError: one line: a log of a version that did not keep it, a plugin that is not loaded, or a damaged
+            ValueError: one line: a log of a version that did not keep it, plugins that are not loaded, or a damaged
                 log.
+        """
+        return self.scenario_with({})
+
+    def scenario_with(
+        self, replaced: Mapping[str, Any], controller: Callable[[Any, Mapping[str, Any]], dict[str, Any]] | None = None
+    ) -> Any:
+        """The scenario that was flown with some of it replaced; code of what is replaced need not be there.
+
+        Args:
+            replaced: field -> value.
+            controller: (believed model, the other fields) -> fields with another controller in place of the log's.
+
+        Raises:
+            ValueError: as :attr:`scenario`, or of ``controller``.
         """
         written, plugins, code = (self.info.get(name) or {} for name in ("scenario_record", "plugins", "code"))
         of = (self.info.get("versions") or {}).get("skyarm", "unknown")
@@ -123,15 +137,16 @@ class Log:
             raise ValueError(f"scenario_record: must hold the scenario as this version writes it; skyarm {of} wrote it")
         if not self._fits(written, code):
             raise ValueError(f"scenario_record: must be of the log's digest; it was changed after skyarm {of} wrote it")
-        try:
-            found = restore(written, {**code, **plugins})
-        except RegistryError as error:
-            raise ValueError(f"scenario_record: {error}") from None
-        except ValueError as error:
-            absent = [name for name in plugins if name not in identities()]
-            needs = f"; it was flown with the plugins {', '.join(absent)}" if absent else ""
-            raise ValueError(f"scenario_record: {error}{needs}") from None
-        now = own_files(found)
+        known, without = {**code, **plugins}, {*replaced, *(() if controller is None else ("controller",))}
+        with _in_words_of_the_log(plugins):
+            kind, fields = restore_fields(written, known, without)
+            model = None if controller is None else _believed(written, known)
+        changed = dict(replaced)
+        if controller is not None:
+            changed |= controller(model, fields)
+        with _in_words_of_the_log(plugins):
+            found = kind(**{**fields, **changed})
+        now = own_files(SimpleNamespace(**fields))
         for name in sorted(code):
             if now.get(name, code[name]) != code[name]:
                 raise ValueError(f"code {name!r} = {shown(now[name])}: must be {shown(code[name])} as it was flown")
@@ -166,34 +181,25 @@ class Log:
 
     def save_npz(self, path: str | os.PathLike[str]) -> Path:
         """Write one compressed npz (arrays and ``info`` as JSON); the file appears whole or not at all."""
-        buffer = io.BytesIO()
-        arrays: dict[str, Any] = {**self.arrays(), "info": np.array(json.dumps(self.info))}
-        np.savez_compressed(buffer, **arrays)
-        return write_atomically(path, buffer.getvalue())
+        from skyarm.log.array_file import write_npz
+
+        return write_npz(self, path)
 
     @property
     def units(self) -> Mapping[str, Unit]:
         """Unit, frame and meaning of every array by name: ``log.units["rate"].words``."""
         return units(Log)
 
-    def save_csv(self, path: str | os.PathLike[str], *, with_units: bool = False) -> Path:
+    def save_csv(self, path: str | os.PathLike[str], *, with_units: bool = True) -> Path:
         """Write one CSV: a column per component, a row per control instant; numbers round-trip.
 
         Args:
             path: of the file.
-            with_units: heads name the unit, ``velocity_0 [m/s]``; else they are names alone.
+            with_units: heads name the unit, ``velocity_x [m/s]``; else they are names alone.
         """
-        columns: dict[str, Array] = {}
-        for name, array in self.arrays().items():
-            unit = f" [{self.units[name].unit}]" if with_units and self.units[name].unit else ""
-            if array.ndim == 1:
-                columns[name + unit] = array
-            else:
-                columns |= {f"{name}_{i}{unit}": array[:, i] for i in range(array.shape[1])}
-        known: dict[bytes, list[str]] = {}
-        rows = zip(*(_texts(column, known) for column in columns.values()), strict=True)
-        lines = "".join(f"{','.join(row)}\n" for row in rows)
-        return write_atomically(path, f"{','.join(columns)}\n{lines}".encode())
+        from skyarm.log.csv_file import write_csv
+
+        return write_csv(self, path, with_units=with_units)
 
     @classmethod
     def load_npz(cls, path: str | os.PathLike[str]) -> Log:
@@ -203,25 +209,35 @@ class Log:
             OSError: the file cannot be read.
             ValueError: it is not such a log.
         """
-        wanted = field_names(cls) or ()
-        content_of_file = Path(path).read_bytes()
-        try:
-            with np.load(io.BytesIO(content_of_file), allow_pickle=False) as data:
-                content = {name: data[name] for name in data.files}
-            info = json.loads(str(content["info"]))
-            schema = info.get("schema")
-        except Exception:  # archive, header, numbers and JSON have readers of their own, each with its own errors
-            raise ValueError(f"log = {os.fspath(path)!r}: must be a log that save_npz wrote") from None
-        if sorted(content) != sorted(wanted) or schema != 1:
-            raise ValueError(f"log = {os.fspath(path)!r}: must be a log of schema 1") from None
-        return cls(**{**content, "info": info})
+        from skyarm.log.array_file import read_npz
+
+        return read_npz(path)
 
 
-def _texts(column: Array, known: dict[bytes, list[str]]) -> list[str]:
-    """Shortest texts that round-trip, made once for equal columns and once for a number that stays."""
-    bits = column.tobytes()
-    if bits not in known:
-        same = bits == bits[:8] * column.size
-        texts = list(map(repr, (column[:1] if same else column).tolist()))
-        known[bits] = texts * column.size if same else texts
-    return known[bits]
+def rows_of(log: Log, chosen: slice) -> Log:
+    """Some control instants of a log, as a log that says the same of itself."""
+    return Log(**{name: array[chosen] for name, array in log.arrays().items()}, info=log.info)
+
+
+def _believed(written: Mapping[str, Any], known: Mapping[str, str]) -> Any:
+    """The model of a written scenario's controller; the law's own code is not needed if it stands beside it."""
+    held = written["controller"]
+    par = held.get("par") if isinstance(held, dict) else None
+    if isinstance(par, dict) and "model" in par:
+        return restore(par["model"], known)
+    return getattr(getattr(restore(held, known), "par", None), "model", None)
+
+
+@contextmanager
+def _in_words_of_the_log(plugins: Mapping[str, str]) -> Iterator[None]:
+    """Errors of reading a record say that it is the log's, and which plugins it may lack."""
+    try:
+        yield
+    except RegistryError as error:
+        raise ValueError(f"scenario_record: {error}") from None
+    except (KeyError, TypeError, AttributeError, OverflowError) as error:
+        raise ValueError(f"scenario_record: must be a record that was written ({error})") from None
+    except ValueError as error:
+        absent = [name for name in plugins if name not in identities()]
+        needs = f"; it was flown with the plugins {', '.join(absent)}" if absent else ""
+        raise ValueError(f"scenario_record: {error}{needs}") from None

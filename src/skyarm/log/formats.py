@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import os
+import shutil
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from skyarm.files import must_be_one_of, shown
 from skyarm.files.code_place import own_code
+from skyarm.log.array_file import read_npz, write_npz
+from skyarm.log.csv_file import write_csv
 from skyarm.log.flight_log import Log
 from skyarm.registry import RegistryError, find, names
 from skyarm.registry.class_signatures import format_mistake
@@ -29,8 +33,41 @@ class LogFormat:
     read: Callable[[Path], Log] | None = None
 
 
-NPZ = LogFormat(Log.save_npz, Log.load_npz)
-CSV = LogFormat(Log.save_csv)
+def _write_mcap(log: Log, path: Path) -> Path:
+    from skyarm.log.mcap.flight_file import write_mcap
+
+    return write_mcap(log, path)
+
+
+def _read_mcap(path: Path) -> Log:
+    from skyarm.log.mcap.flight_file import read_mcap
+
+    return read_mcap(path)
+
+
+def _write_parquet(log: Log, path: Path) -> Path:
+    from skyarm.log.parquet_file import write_parquet
+
+    return write_parquet(log, path)
+
+
+def _read_parquet(path: Path) -> Log:
+    from skyarm.log.parquet_file import read_parquet
+
+    return read_parquet(path)
+
+
+def _write_bag(log: Log, path: Path) -> Path:
+    from skyarm.log.ros.bag_file import write_bag
+
+    return write_bag(log, path)
+
+
+NPZ = LogFormat(write_npz, read_npz)
+CSV = LogFormat(write_csv)
+MCAP = LogFormat(_write_mcap, _read_mcap)
+PARQUET = LogFormat(_write_parquet, _read_parquet)
+BAG = LogFormat(_write_bag)
 
 
 def require_format(path: PathLike, field: str = "log") -> LogFormat:
@@ -52,12 +89,31 @@ def require_format(path: PathLike, field: str = "log") -> LogFormat:
 
 
 def save_log(log: Log, path: PathLike) -> Path:
-    """Write a log in the format of the path's suffix.
+    """Write a log in the format of the path's suffix; where that fails, no file of it is left.
 
     Raises:
         RegistryError: no such format. OSError: it cannot be written.
     """
-    return require_format(path).write(log, Path(path))
+    chosen, target = require_format(path), Path(path)
+    if own_code(chosen.write) is None or (target.exists() and not target.is_file()):
+        return chosen.write(log, target)
+    return _written_aside(chosen.write, log, target)
+
+
+def _written_aside(write: Callable[[Log, Path], Path], log: Log, path: Path) -> Path:
+    """Let someone's own code write into a folder beside the target; what it wrote gets its place once it is whole."""
+    target = Path(os.path.realpath(path))
+    target.parent.mkdir(parents=True, exist_ok=True)
+    folder = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent))
+    try:
+        write(log, folder / target.name)
+        if not (folder / target.name).is_file():
+            raise ValueError(f"log = {shown(str(path))}: must be written by its format, which wrote no such file")
+        for file in sorted(folder.iterdir()):
+            file.replace(target.parent / file.name)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+    return path
 
 
 def load_log(path: PathLike) -> Log:

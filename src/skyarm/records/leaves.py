@@ -111,9 +111,13 @@ def mismatch(example: Any, record: Any, path: str) -> str | None:
 
 def named_leaves(record: Any, where: str = "") -> Iterator[tuple[str, Any]]:
     """Path and scalar of every leaf of a record, in the order of :func:`leaves`."""
+    return ((path, value) for path, value in named_parts(record, where) if is_leaf(value))
+
+
+def named_parts(record: Any, where: str = "") -> Iterator[tuple[str, Any]]:
+    """Path and value of everything below a record that has no parts itself, structure too, in field order."""
     for place, value in walk(record):
-        if is_leaf(value):
-            yield f"{where}{''.join(f'[{i}]' if i.isdigit() else f'.{i}' for i in place)}".removeprefix("."), value
+        yield f"{where}{''.join(f'[{i}]' if i.isdigit() else f'.{i}' for i in place)}".removeprefix("."), value
 
 
 def rebuild(template: Record, values: Iterator[Any]) -> Record:

@@ -37,9 +37,8 @@ def own_files(*things: Any) -> dict[str, str]:
 
 
 def all_files(*things: Any) -> dict[str, str]:
-    """As :func:`own_files`, behind every plugin that is loaded."""
-    plugins = [pair for plugin in loaded() for pair in plugin.identities()]
-    return numbered([*plugins, *sorted(_pairs(things) - set(plugins))])
+    """As :func:`own_files`, with every plugin that is loaded, in whatever order they were."""
+    return numbered(sorted(_pairs(things) | {pair for plugin in loaded() for pair in plugin.identities()}))
 
 
 def _pairs(things: Iterable[Any]) -> set[Pair]:

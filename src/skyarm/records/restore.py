@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from enum import Enum
 from typing import Any
 
 from skyarm.files import shown
 from skyarm.records.leaves import field_names
 from skyarm.records.plain import NOT_FINITE, dotted, plain, written_if_any
-from skyarm.registry.code_of_names import code_of
+from skyarm.registry.code_of_names import code_of, require_plugins
 
 FUNCTIONS = ("skyarm.control.",)
 """Beginnings of this package's modules whose functions a record may hold: laws and what bounds them."""
@@ -40,6 +40,40 @@ def restore(data: Any, plugins: Mapping[str, str] | None = None) -> Any:
         return _restored(data, plugins or {}, "")
     except RecursionError:
         raise RestoreError(f"record = {shown(data)}: must not be nested so deep") from None
+
+
+def restore_fields(
+    data: Any, plugins: Mapping[str, str], without: Collection[str] = ()
+) -> tuple[type[Any], dict[str, Any]]:
+    """Class and fields of a record that was written, without some: their code need not be there.
+
+    Raises:
+        ValueError: as :func:`restore`; of several plugins that are not loaded all are named.
+    """
+    kept = {name: value for name, value in data.items() if name not in without}
+    require_plugins(_names_of_code(kept), plugins)
+    try:
+        kind, table = _kind_and_table(data, plugins, "")
+        return kind, _each({name: value for name, value in table.items() if name not in without}, plugins, "")
+    except RecursionError:
+        raise RestoreError(f"record = {shown(data)}: must not be nested so deep") from None
+
+
+def _names_of_code(data: Any) -> list[str]:
+    """Names of classes and functions in plain data, however deep it is nested."""
+    found, waiting = [], [data]
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, dict):
+            found += [each for word in _NAMING if isinstance(each := value.get(word), str)]
+            waiting += value.values()
+        elif isinstance(value, list):
+            waiting += value
+    return found
+
+
+_NAMING = ("type", "class", "name")
+"""Words of a table of plain data that may name code."""
 
 
 def _restored(data: Any, plugins: Mapping[str, str], where: str) -> Any:
@@ -69,6 +103,12 @@ def _each(table: dict[str, Any], plugins: Mapping[str, str], where: str) -> dict
 
 def _record(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any:
     """A frozen dataclass with these fields, and no other."""
+    kind, table = _kind_and_table(data, plugins, where)
+    return kind(**_each(table, plugins, where))
+
+
+def _kind_and_table(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> tuple[type[Any], dict[str, Any]]:
+    """Class of a frozen dataclass, and plain data of the fields that it is made with."""
     kind = code_of(data["type"], plugins)
     names = field_names(kind) if isinstance(kind, type) and dotted(kind) == data["type"] else None
     if names is None or not kind.__dataclass_params__.frozen:
@@ -77,9 +117,8 @@ def _record(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any
     odd = sorted((set(table) ^ set(names)) - set(written_if_any(kind)))
     if odd:
         raise RestoreError(f"{where or 'record'}: {data['type']} was written by another version ({', '.join(odd)})")
-    values = _each(table, plugins, where)
-    made = {field.name: values[field.name] for field in dataclasses.fields(kind) if field.init and field.name in values}
-    return kind(**made)
+    fields = [field.name for field in dataclasses.fields(kind) if field.init and field.name in table]
+    return kind, {name: table[name] for name in fields}
 
 
 def _function(data: dict[str, Any], plugins: Mapping[str, str], where: str) -> Any:

@@ -7,7 +7,7 @@ and in modules whose classes or functions have been registered in this process; 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -45,18 +45,36 @@ def _module(module: str, name: str, plugins: Mapping[str, str]) -> ModuleType:
             raise RegistryError(f"{shown(name)}: is not there any more; it was written by another version") from None
     if module in file_modules():
         return file_modules()[module]
-    for file, identity in plugins.items():
-        if module == f"{FILE_MODULE}{Path(file).stem}_{identity.removeprefix('sha256:')[:8]}":
-            here = identities().get(file)
-            why, which = "is not loaded", "it"
-            if here is not None:
-                why, which = f"has changed, it is {here[:15]}... now", "the file of then"
-            raise RegistryError(f"plugin {file} ({identity[:15]}...) {why}: give {which} as --plugin {file}")
+    require_plugins([name], plugins)
     if module in sys.modules and module.split(".", maxsplit=1)[0] in _registered():
         return sys.modules[module]
     absent = [file for file in plugins if file not in identities()]
     needed = f"; plugins of then that are not loaded: {', '.join(absent)}" if absent else ""
     raise RegistryError(f"{shown(name)}: nothing of this module is registered here, give --plugin FILE.py{needed}")
+
+
+def require_plugins(names: Iterable[str], plugins: Mapping[str, str]) -> None:
+    """Every plugin's file that names stand in is loaded.
+
+    Args:
+        names: as :func:`code_of` takes them; those of other modules are passed over.
+        plugins: identities of the plugins that were loaded when the names were written.
+
+    Raises:
+        RegistryError: one line: all that are not loaded, or have changed.
+    """
+    modules = {name.partition(":")[0] for name in names} - set(file_modules())
+    missing = []
+    for file, identity in plugins.items():
+        if f"{FILE_MODULE}{Path(file).stem}_{identity.removeprefix('sha256:')[:8]}" not in modules:
+            continue
+        here = identities().get(file)
+        why, which = "is not loaded", "it"
+        if here is not None:
+            why, which = f"has changed, it is {here[:15]}... now", "the file of then"
+        missing.append(f"plugin {file} ({identity[:15]}...) {why}: give {which} as --plugin {file}")
+    if missing:
+        raise RegistryError("; ".join(missing))
 
 
 def _registered() -> set[str]:

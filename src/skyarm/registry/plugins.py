@@ -76,8 +76,11 @@ def plugin_of(module: str) -> Plugin | None:
 
 
 def identities() -> dict[str, str]:
-    """File or distribution name -> identity, for what results are made of; a second file of a name gets a number."""
-    return numbered(pair for plugin in loaded() for pair in plugin.identities())
+    """File or distribution name -> identity, for what results are made of; a second file of a name gets a number.
+
+    The order in which they were loaded does not count.
+    """
+    return numbered(sorted({pair for plugin in loaded() for pair in plugin.identities()}))
 
 
 def load_file(path: str | Path, expected: str | None = None) -> ModuleType:

@@ -44,7 +44,10 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
     },
     "log_format": {
         "npz": ("skyarm.log.formats:NPZ", "arrays and all that was flown; read back by skyarm"),
-        "csv": ("skyarm.log.formats:CSV", "a column per component, a row per control instant"),
+        "csv": ("skyarm.log.formats:CSV", "a column a number with its name and unit, a row a control instant"),
+        "mcap": ("skyarm.log.formats:MCAP", "messages of ROS 2 for Foxglove, PlotJuggler, RViz; read back by skyarm"),
+        "parquet": ("skyarm.log.formats:PARQUET", "columns with units in their metadata; read back by skyarm"),
+        "bag": ("skyarm.log.formats:BAG", "messages of ROS 1, as in an MCAP file"),
     },
     "plant": {
         "rigid_body": ("skyarm.plant.compiled:RigidBodyPlant", "our own multibody dynamics"),

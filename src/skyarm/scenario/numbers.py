@@ -30,6 +30,8 @@ from typing import Any
 from skyarm.actuation import make_mixer
 from skyarm.algebra.euler import euler_angles
 from skyarm.control.controller import Controller
+from skyarm.files import shown
+from skyarm.records import coerce
 from skyarm.records.leaves import Place
 from skyarm.records.replace_parts import part, replaced
 from skyarm.scenario.derived import (
@@ -99,9 +101,15 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
     stays as it was made: gains, limits, first memory. A study of beliefs therefore asks what a law does whose model is
     wrong in these numbers, not how it would be tuned for them.
 
+    Args:
+        scenario: as it is.
+        values: path -> number.
+
     Raises:
-        ScenarioError: as :func:`number_at`.
+        ScenarioError: as :func:`number_at`; or no mapping of paths to numbers.
+        ValueError: a number that the scenario cannot have.
     """
+    _require_numbers(values)
     loads: list[tuple[Any, ...]] = []
     start: dict[str, Any] = {}
     air: dict[str, Any] = {}
@@ -133,6 +141,24 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
         changed = dataclasses.replace(changed, initial=start_with(changed, start))
     result: Scenario = changed
     return result
+
+
+def _require_numbers(values: Any) -> None:
+    """Paths are texts and what stands there are scalars of any kind.
+
+    Raises:
+        ScenarioError: one line that names what is none.
+    """
+    if not isinstance(values, Mapping):
+        raise ScenarioError(f"values = {shown(values)}: must be a mapping of paths to numbers")
+    for path, value in values.items():
+        if not isinstance(path, str):
+            raise ScenarioError(f"path = {shown(path)}: must be text, as 'plant.gravity'")
+        if type(value) is not float:
+            try:
+                coerce.number(f"values[{path!r}]", value)
+            except coerce.RecordError as error:
+                raise ScenarioError(str(error)) from None
 
 
 def _fields(scenario: Scenario, leaves: Mapping[Place, Any]) -> dict[str, Any]:

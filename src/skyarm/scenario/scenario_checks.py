@@ -21,6 +21,7 @@ from skyarm.records.leaves import named_leaves
 from skyarm.scalars import data
 from skyarm.scenario.scenario_parts import ScenarioError
 from skyarm.vehicle.check import require_plant
+from skyarm.vehicle.vehicle_records import Vehicle
 
 if TYPE_CHECKING:
     from skyarm.scenario.scenario_record import Scenario
@@ -157,12 +158,19 @@ def check_vehicles(scenario: Scenario) -> None:
         raise ValueError(f"reference.joints = {found} signals: must be {truth.n}, one for each joint")
 
 
-def check_initial(state: State, joints: int, rotors: int) -> None:
-    """An initial state has a number for each joint and rotor, and a quaternion."""
-    counts = (("joints", joints), ("joint_rates", joints), ("rotor_speeds", rotors))
+def check_initial(state: State, vehicle: Vehicle) -> None:
+    """An initial state has a number for each joint and rotor, speeds that the rotors can turn at, and a quaternion."""
+    counts = (("joints", vehicle.n), ("joint_rates", vehicle.n), ("rotor_speeds", len(vehicle.rotors)))
     for name, count in counts:
         if len(getattr(state, name)) != count:
             raise ValueError(f"initial.{name}: {len(getattr(state, name))} values, must be {count}")
+    for i, (speed, rotor) in enumerate(zip(state.rotor_speeds, vehicle.rotors, strict=True)):
+        # unsigned: the rotor's own turn says the way round; its thrust and its lag hold up to its highest speed
+        if concrete(speed, rotor.max_speed) and not 0.0 <= speed <= rotor.max_speed:
+            raise ValueError(
+                f"initial.rotor_speeds[{i}] = {speed!r}: must be from 0 to {rotor.max_speed:g} rad/s, the highest "
+                f"speed of rotor {i}"
+            )
     check_quaternion(tuple(state.quaternion))
 
 

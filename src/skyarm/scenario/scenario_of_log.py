@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from skyarm.actuation import AllocationError
-from skyarm.files import unreadable
+from skyarm.control.catalogue import make_named
+from skyarm.control.model import Model
+from skyarm.control.safety.memory import SafetyParameters
+from skyarm.files import shown, unreadable
 from skyarm.log.formats import load_log
-from skyarm.scenario.law_by_name import under_law
-from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.records.plain import dotted
+from skyarm.scenario.changes import Change, without_law
+from skyarm.scenario.law_by_name import loop_facts, under_law
+from skyarm.scenario.scenario_record import Delays, Rates, Scenario, ScenarioError
 
 
 def scenario_of_log(path: str | os.PathLike[str], replaced: Mapping[str, Any] | None = None) -> Scenario:
@@ -30,10 +35,32 @@ def scenario_of_log(path: str | os.PathLike[str], replaced: Mapping[str, Any] | 
     try:
         if reason:
             raise ValueError(reason)
-        scenario: Scenario = load_log(path).scenario
-        law = changes.pop("controller", None)
-        if law is not None:
-            scenario = under_law(scenario, law)
-        return dataclasses.replace(scenario, **changes)
+        law, log = changes.pop("controller", None), load_log(path)
+        if law is not None and not _is_guarded(log):
+            unguarded: Scenario = log.scenario_with(changes, partial(_named_law, law))
+            return unguarded
+        scenario: Scenario = log.scenario_with(changes)
+        return scenario if law is None else under_law(scenario, law)
     except (ValueError, OSError, AllocationError) as error:
         raise ScenarioError(f"{os.fspath(path)}: {error}") from None
+
+
+def _is_guarded(log: Any) -> bool:
+    """Whether a log's law flew under the safety layer, which the law that replaces it keeps."""
+    held: Any = log.info.get("scenario_record")
+    for name in ("controller", "par", "type"):
+        held = held.get(name) if isinstance(held, dict) else None
+    return bool(held == dotted(SafetyParameters))
+
+
+def _named_law(name: str, model: Model, fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields of a scenario with a preset or a law, with the belief and the clocks of a log."""
+    rates, delays = fields["rates"], fields["delays"]
+    pairs = (("controller.par.model", model, Model), ("rates", rates, Rates), ("delays", delays, Delays))
+    for field, held, kind in pairs:
+        if not isinstance(held, kind):
+            raise ValueError(f"scenario_record: {field} = {shown(held)}: must be a {kind.__name__}")
+    found: dict[str, Any] = {"controller": make_named(name, model, loop_facts(rates, delays))}
+    changes = fields.get("changes", ())
+    kept = isinstance(changes, tuple) and all(isinstance(each, Change) for each in changes)
+    return found | ({"changes": without_law(changes)} if kept and changes else {})

@@ -191,7 +191,7 @@ def _check(scenario: Scenario) -> None:
     check_vehicles(scenario)
     check_clocks(scenario)
     if scenario.initial is not None:
-        check_initial(scenario.initial, scenario.world.vehicle.n, len(scenario.world.vehicle.rotors))
+        check_initial(scenario.initial, scenario.world.vehicle)
         object.__setattr__(scenario, "initial", as_data(scenario.initial))
 
 

@@ -56,18 +56,21 @@ def assemble(scenario: Scenario, inputs: EpisodeInputs, flown: Samples, ending: 
     return joined(scenario, [Piece(scenario, inputs, 0, flown)], ending)
 
 
-def joined(scenario: Scenario, pieces: Sequence[Piece], ending: Ended | None) -> Log:
+def joined(
+    scenario: Scenario, pieces: Sequence[Piece], ending: Ended | None, *, info: dict[str, Any] | None = None
+) -> Log:
     """The log of a flight in pieces, one after the other.
 
     Args:
         scenario: that the log says was flown.
         pieces: at least one.
         ending: None for a flight that was completed.
+        info: what the log says of itself, where that is known already.
     """
     tables = [_tables(piece) for piece in pieces]
     if len(tables) > 1:
         tables = [{name: np.concatenate([table[name] for table in tables]) for name in tables[0]}]
-    return Log(**tables[0], info=describe(scenario, ending))
+    return Log(**tables[0], info=describe(scenario, ending) if info is None else info)
 
 
 def _tables(piece: Piece) -> dict[str, Array]:

@@ -53,8 +53,10 @@ class BatchSession:
     """A batch session steps many episodes of a scenario by actions: rotor speeds and joint setpoints of every lane.
 
     A lane that ends, or has flown the scenario's duration, keeps its last state until the next step, which begins its
-    next episode from the first state (unless ``autoreset`` is off: then it stays). Time counts anew in each episode,
-    and so does noise: it depends on ``seed`` and the number of the episode alone, not on when the lane began it.
+    next episode from the first state. With ``autoreset`` off it stays until :meth:`reset` begins its next episode:
+    state, number of the episode, ``ended`` and ``truncated`` are those of its last period, whatever steps come. Time
+    counts anew in each episode, and so does noise: it depends on ``seed`` and the number of the episode alone, not on
+    when the lane began it.
 
     Args:
         scenario: on the rigid-body plant; its law is not asked.
@@ -69,8 +71,9 @@ class BatchSession:
 
     Attributes:
         state: the plant's state, a record of (lanes,) views that each step writes anew.
-        ended: (lanes,) True where the episode ended in the last step before its time.
-        truncated: (lanes,) True where the last step was the last of the scenario's duration and no ending has come.
+        ended: (lanes,) True where the last step flown ended the episode before its time.
+        truncated: (lanes,) True where the last step flown was the last of the scenario's duration and no ending has
+            come.
         episodes: (lanes,) number of the episode that each lane flies.
     """
 
@@ -229,15 +232,31 @@ class BatchSession:
         """
         if actions is not None:
             self._take(actions)
-        if self._autoreset and self._over:
+        if not self._over:
+            self._fly()
+        elif self._autoreset:
             self.reset(self.ended | self.truncated)
+            self._fly()
+        else:
+            self._fly_those_that_go_on()
+        return self.state
+
+    def _fly(self) -> None:
+        """One control period in every lane, and how the episodes stand after it."""
         self._stepper.step()
         np.less(self._alive, 0.5, out=self.ended)
         np.greater_equal(self._ticks, self.scenario.steps, out=self.truncated)
         self._over = bool((self.ended | self.truncated).any())
         if self._over:
             self._tell_apart()
-        return self.state
+
+    def _fly_those_that_go_on(self) -> None:
+        """One control period; lanes whose episode is over are put back as they were."""
+        over = np.flatnonzero(self.ended | self.truncated)
+        held = self._carry[:, over].copy(), self.ended[over], self.truncated[over]
+        if over.size < self.lanes:
+            self._fly()
+        self._carry[:, over], self.ended[over], self.truncated[over] = held
 
     def _take(self, actions: Array) -> None:
         """Actions of the next step."""

@@ -33,9 +33,13 @@ class Ended:
     time: float
 
 
+RUNNING = "running"
+"""Status of a log of an episode that is not over."""
+
+
 def going_on(scenario: Scenario, tick: int) -> Ended | None:
     """What a log says of an episode that is not over: status "running"; None once it has flown its time."""
-    return Ended("running", "", tick / scenario.rates.control) if tick < scenario.steps else None
+    return Ended(RUNNING, "", tick / scenario.rates.control) if tick < scenario.steps else None
 
 
 def endings_of(scenario: Scenario) -> tuple[Ending, ...]:

@@ -31,6 +31,9 @@ from skyarm.simulate.stages import RigidBodySteps, Stages
 Array = npt.NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
+Keep = Callable[[int, Callable[[int, int], Samples]], None]
+"""(periods flown, function that gives what some of them left), called while an episode flies."""
+
 ALIVE = 0
 """Place of ``LoopState.alive`` among a carry's leaves."""
 
@@ -99,6 +102,7 @@ def fly(
     *,
     reference: bool = False,
     progress: Progress | None = None,
+    keep: Keep | None = None,
     longest: int | None = None,
 ) -> Flown:
     """Fly one episode.
@@ -108,6 +112,7 @@ def fly(
         inputs: its tables.
         reference: step in Python floats in place of machine code; the numbers are the same to the last bit.
         progress: called with (periods done, periods in all) about a hundred times.
+        keep: called after each stretch that the episode outlives.
         longest: control periods at a stretch; results do not depend on it.
 
     Raises:
@@ -115,14 +120,19 @@ def fly(
     """
     traced = trace_scenario(scenario, inputs)
     advance = _in_python(traced.loop, scenario) if reference else _in_machine_code(traced.loop, scenario)
-    carry, log, done = _advanced(traced, advance, inputs, progress, longest or scenario.steps)
+    carry, log, done = _advanced(traced, advance, inputs, progress, keep, longest or scenario.steps)
     final: LoopState = rebuild(traced.carry, iter(carry.tolist()))
     ticks = round(float(final.ticks))
     return Flown(log[:ticks], final, traced.sample, log[ticks] if ticks < done else None)
 
 
 def _advanced(
-    traced: Traced, advance: Advance, inputs: EpisodeInputs, progress: Progress | None, longest: int
+    traced: Traced,
+    advance: Advance,
+    inputs: EpisodeInputs,
+    progress: Progress | None,
+    keep: Keep | None,
+    longest: int,
 ) -> tuple[Array, Array, int]:
     """Carry, log and how many periods were stepped, piece by piece until the end of the episode."""
     total = inputs.scenario.steps
@@ -130,6 +140,10 @@ def _advanced(
     carry = np.array(leaves(traced.carry), dtype=float)
     log = np.empty((total, traced.loop.logged))
     done, size, due = 0, 1, 0
+
+    def left(start: int, stop: int) -> Samples:
+        return samples(Flown(log[start:stop], traced.carry, traced.sample, None))
+
     while done < total and carry[ALIVE] > 0.5:
         if progress is not None and done >= due:
             progress(done, total)
@@ -139,6 +153,8 @@ def _advanced(
         carry, log[done:stop] = advance(carry, inputs.rows(done, stop), done)
         seconds = max(perf_counter() - begun, 1e-6)
         done, size = stop, int(size * min(8.0, PIECE / seconds))
+        if keep is not None and carry[ALIVE] > 0.5:
+            keep(done, left)
     if progress is not None:
         progress(total, total)
     return carry, log, done

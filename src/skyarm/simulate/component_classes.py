@@ -8,7 +8,7 @@ from typing import Any
 from skyarm.control.law_checks import kind_of
 from skyarm.files import shown
 from skyarm.files.code_place import own_code, place_of
-from skyarm.records.leaves import is_record, parts
+from skyarm.records.leaves import named_parts
 from skyarm.registry.class_signatures import class_mistake
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
@@ -50,12 +50,7 @@ def own_records(scenario: Scenario) -> Iterator[tuple[str, Any]]:
 
 def reading_mistake(value: Any, path: str) -> str | None:
     """What of a reading is no number, in words; None where all of it is."""
-    if isinstance(value, tuple):
-        found = (reading_mistake(each, f"{path}[{i}]") for i, each in enumerate(value))
-        return next((words for words in found if words), None)
-    if is_record(value):
-        found = (reading_mistake(each, f"{path}.{name}") for name, each in parts(value).items())
-        return next((words for words in found if words), None)
-    if kind_of(value) == "a number" or type(value) in (int, bool):
-        return None
-    return f"{path} as {kind_of(value)}"
+    for at, each in named_parts(value, path):
+        if kind_of(each) != "a number" and type(each) not in (int, bool):
+            return f"{at} as {kind_of(each)}"
+    return None

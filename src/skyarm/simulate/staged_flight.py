@@ -123,17 +123,21 @@ class StagedFlight:
     @property
     def piece(self) -> Piece:
         """What this engine flew so far."""
+        return Piece(self.scenario, self.inputs, self.begun, self.samples(self.begun, self.tick))
+
+    def samples(self, start: int, stop: int) -> Samples:
+        """What some of the periods left that this engine flew."""
         n, rotors = self.scenario.world.vehicle.n, len(self.scenario.world.vehicle.rotors)
         ends = np.cumsum([13 + 2 * n + rotors, rotors + n, len(leaves(self._stages.reading))])
-        states, commands, readings, wind = np.split(self._rows(), ends.tolist(), axis=1)
-        felt = rebuild(self._stages.wind, iter(wind.T))
-        return Piece(self.scenario, self.inputs, self.begun, Samples(states, commands, readings, felt))
+        rows = self._rows(start - self.begun, stop - self.begun)
+        states, commands, readings, wind = np.split(rows, ends.tolist(), axis=1)
+        return Samples(states, commands, readings, rebuild(self._stages.wind, iter(wind.T)))
 
-    def _rows(self) -> Any:
+    def _rows(self, start: int, stop: int) -> Any:
         """What was logged: a row a period, the leaves of a sample but for ``alive``."""
         width = len(leaves((self.first.state, self.first.queue[0], self._stages.reading, self._stages.wind)))
-        numbers = chain.from_iterable(chain.from_iterable(self._logged))
-        return np.fromiter(numbers, dtype=float, count=width * len(self._logged)).reshape(-1, width)
+        numbers = chain.from_iterable(chain.from_iterable(self._logged[start:stop]))
+        return np.fromiter(numbers, dtype=float, count=width * (stop - start)).reshape(-1, width)
 
     @property
     def now(self) -> LoopState:

@@ -73,9 +73,12 @@ class Closed:
 def closed(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
     """One period: [state, memory, measurements on their way, commands on their way] to the next.
 
-    ``extra_delay`` (s, with the loop's own a multiple of its ``lates``) joins the commands' own.
+    ``extra_delay`` (s, with the loop's own a multiple of its ``lates``) joins the commands' own, the rotors' and the
+    joints' alike.
     """
-    whole, late = _split(loop, loop.command_delay + extra_delay)
+    age_of_rotors, late = _split(loop, loop.command_delay + loop.rotors_delay + extra_delay)
+    age_of_joints, _ = _split(loop, loop.command_delay + loop.joints_delay + extra_delay)
+    whole = max(age_of_rotors, age_of_joints)
     nx, nm, nu, ny = loop.x_x.shape[1], len(loop.m_m), loop.u_m.shape[0], len(loop.y_x)
     r = loop.measurement_delay
     ends = np.cumsum([0, nx, nm, *[ny] * r, *[nu] * (whole + 1)])
@@ -84,18 +87,26 @@ def closed(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
     size = int(ends[-1])
     one = np.eye(size)
     now = np.zeros((ny, size))
-    now[:, x], now[:, queue[0]] = loop.y_x, loop.y_old
+    now[:, x] = loop.y_x
+    # columns of the commands that act, in what each part of the vehicle has heard of so far
+    parts = [
+        (np.arange(loop.rotors), whole - age_of_rotors),
+        (np.arange(loop.rotors, nu), whole - age_of_joints),
+    ]
+    for columns, heard in parts:
+        now[:, queue[heard].start + columns] = loop.y_old[:, columns]
     seen = one[readings[0]] if r else now
     sent = loop.u_y @ seen
     sent[:, m] += loop.u_m
     A, enters = np.zeros((size, size)), np.zeros((size, nu))
-    # the command that follows is the queue's second, or where there is no queue what is sent now
-    if whole:
-        A[x] = loop.x_new[late] @ one[queue[1]]
-    else:
-        enters[x] = loop.x_new[late]
-    A[x, x] += loop.x_x[late]
-    A[x, queue[0]] += loop.x_old[late]
+    A[x, x] = loop.x_x[late]
+    for columns, heard in parts:
+        A[x, queue[heard].start + columns] = loop.x_old[late][:, columns]
+        # the command that follows is the next on its way, or where none is what is sent now
+        if heard < whole:
+            A[x, queue[heard + 1].start + columns] = loop.x_new[late][:, columns]
+        else:
+            enters[x, columns] = loop.x_new[late][:, columns]
     A[m] = loop.m_y @ seen
     A[m, m] += loop.m_m
     for i, place in enumerate(readings):

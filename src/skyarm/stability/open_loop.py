@@ -33,6 +33,7 @@ from skyarm.scalars import data
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, Scenario, ScenarioError
 from skyarm.sensors.measurement import Measurement, measurement_of
 from skyarm.sensors.noise import measure, noise_count
+from skyarm.simulate.command_line import switches
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
@@ -52,10 +53,12 @@ class OpenLoop:
 
     Attributes:
         period: s. rotors: how many entries of u are rotor speeds; they come first.
-        lates: s within a period after which a new command acts, ascending from 0.
+        lates: s within a period after which the rotors hear of a new command, ascending from 0; the joints hear of it
+            so much later, or earlier in the period, as their delay differs.
         x_x, x_old, x_new: (lates, ...) of the next state by state, acting and new command.
         y_x, y_old: of the measurement now. m_m, m_y, u_m, u_y: of the law, by its memory and the measurement it sees.
-        measurement_delay: control periods. command_delay: s.
+        measurement_delay: control periods. command_delay: s, of all commands. rotors_delay, joints_delay: s on top of
+            it, of the rotors' and of the joints' part.
     """
 
     period: float
@@ -72,6 +75,8 @@ class OpenLoop:
     u_y: Array
     measurement_delay: int = 0
     command_delay: float = 0.0
+    rotors_delay: float = 0.0
+    joints_delay: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -118,8 +123,6 @@ class Differentiator:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        if scenario.delays.apart:
-            raise ScenarioError("delays.rotors, delays.joints: margins know one delay of all commands, delays.command")
         self.scenario = nominal(scenario)
         inputs = episode_inputs(self.scenario)
         first = first_loop_state(self.scenario)
@@ -130,19 +133,28 @@ class Differentiator:
         self._period, self._substeps = 1.0 / scenario.rates.control, plant.substeps
         ratio = scenario.rates.physics // scenario.rates.control
         self.lates = np.arange(ratio) / scenario.rates.physics
-        self._point = _point(first)
+        self._ages: tuple[int, int] | None = None
+        """Whole periods that rotors and joints are late; None where they hear of a command together."""
+        self._joints_lates = self.lates
+        """s within a period after which the joints hear of a command, beside :attr:`lates` of the rotors."""
+        if scenario.delays.apart:
+            steps = [round(delay * scenario.rates.physics) for delay in _delays(scenario)]
+            self._ages = steps[0] // ratio, steps[1] // ratio
+            self._joints_lates = (np.arange(ratio) + steps[1] - steps[0]) % ratio / scenario.rates.physics
+        self._point = _point(first, self._ages)
         row = Row(time=0.0, reference=inputs.reference_example)
 
         def step(point: _Point, given: tuple[Any, ...], fed: Row, _uniforms: Any) -> tuple[_Point, Any]:
             return point, self._outputs(point, given, fed)
 
-        loop = trace_loop(step, structure_of(self._point), (0.0, 0.0), row, loops=True)
+        given = (0.0, 0.0) if self._ages is None else (0.0, 0.0, 0.0)
+        loop = trace_loop(step, structure_of(self._point), given, row, loops=True)
         self._kernel = Kernel(loop, Lanes(host_width(), contract=False), logging=True)
         self._row = len(leaves(row))
 
     def _outputs(self, point: _Point, given: tuple[Any, ...], row: Row) -> tuple[Any, ...]:
-        """Next state, measurement now, next memory, command."""
-        late, lag = given
+        """Next state, measurement now, next memory, command; given when rotors (and joints) hear, and the lag."""
+        *lates, lag = given
         scenario = with_lag(self.scenario, lag)
         stages = Stages(scenario)
         air = stages.surroundings(self._components, (), row.time)
@@ -152,8 +164,11 @@ class Differentiator:
         memory, command = checked_law(scenario.controller)(
             point.memory, point.seen, stages.joined(row.reference, row.time), self._period, par=scenario.controller.par
         )
-        between = self._advanced(scenario, point.state, point.old, air, late)
-        after = self._advanced(scenario, between, point.new, air, self._period - late)
+        after, left = point.state, self._period
+        pieces = [(lates[0], point.old)] if self._ages is None else switches(point.old, point.new, lates[0], lates[1])
+        for seconds, acting in pieces:
+            after, left = self._advanced(scenario, after, acting, air, seconds), left - seconds
+        after = self._advanced(scenario, after, point.new, air, left)
         return tuple(data(leaf) for leaf in leaves((after, now, memory, command)))
 
     def _advanced(self, scenario: Scenario, state: State, command: Command, air: Surroundings, seconds: Any) -> State:
@@ -170,13 +185,14 @@ class Differentiator:
             row: leaves of what the instant is fed.
             lag: one of ``LAGS``.
         """
-        point = _point(carry)
+        point = _point(carry, self._ages)
         sizes = [len(leaves(part)) for part in (point.state, point.old, point.new, point.memory, point.seen)]
         share = float(LAGS.index(lag))
         base = self._completed(carry, point, sizes, row, share)
         moved, widths = stencil_points(base, point.state.quaternion)
-        results = [self._outputs_of(moved, row, late, share) for late in self.lates]
-        still = [self._outputs_of(base[:, None], row, late, share)[:, 0] for late in self.lates]
+        lates = range(len(self.lates))
+        results = [self._outputs_of(moved, row, late, share) for late in lates]
+        still = [self._outputs_of(base[:, None], row, late, share)[:, 0] for late in lates]
         outs = [sizes[0], sizes[4], sizes[3], sizes[1]]
         parts = [derivatives(result, at, widths, outs) for result, at in zip(results, still, strict=True)]
         columns = np.cumsum([0, sizes[0] - 1, *sizes[1:]])
@@ -197,6 +213,8 @@ class Differentiator:
             u_y=first[3][:, y],
             measurement_delay=round(self.scenario.delays.measurement * self.scenario.rates.control),
             command_delay=float(self.scenario.delays.command),
+            rotors_delay=float(self.scenario.delays.rotors),
+            joints_delay=float(self.scenario.delays.joints),
         )
 
     def _completed(
@@ -206,16 +224,21 @@ class Differentiator:
         base = np.array([float(leaf) for leaf in leaves(point)])
         ends = np.cumsum([sizes[0], sizes[4], sizes[3], sizes[1]])
         if not carry.sensors[0].waiting:
-            made = self._outputs_of(base[:, None], row, 0.0, share)[:, 0]
+            made = self._outputs_of(base[:, None], row, 0, share)[:, 0]
             base[sum(sizes[:4]) :] = made[ends[0] : ends[1]]
-        if len(carry.queue) == 1:
-            made = self._outputs_of(base[:, None], row, 0.0, share)[:, 0]
-            base[sizes[0] + sizes[1] : sum(sizes[:3])] = made[ends[2] : ends[3]]
+        ages = self._ages or (len(carry.queue) - 1,) * 2
+        at_once = np.repeat(np.array(ages) == 0, [len(point.new.rotor_speeds), len(point.new.efforts)])
+        if at_once.any():
+            made = self._outputs_of(base[:, None], row, 0, share)[:, 0]
+            following = base[sizes[0] + sizes[1] : sum(sizes[:3])]
+            following[at_once] = made[ends[2] : ends[3]][at_once]
         return base
 
-    def _outputs_of(self, points: Array, row: Sequence[float], late: float, share: float) -> Array:
+    def _outputs_of(self, points: Array, row: Sequence[float], late: int, share: float) -> Array:
+        """Outputs of points, (numbers, lanes), where the command arrives at one of ``lates``, by its number."""
         lanes = points.shape[1]
-        given = np.repeat(np.array([[late], [share]]), lanes, axis=1)
+        when = [self.lates[late]] if self._ages is None else [self.lates[late], self._joints_lates[late]]
+        given = np.repeat(np.array([*when, share])[:, None], lanes, axis=1)
         _, log = self._kernel.run(points, given, np.array(row, dtype=float).reshape(1, self._row))
         return np.asarray(log[0], dtype=float)
 
@@ -246,13 +269,33 @@ def _require_none(held: Any, field: str, part: Any) -> None:
         raise ScenarioError(f"{what}: must be left out of margins, whose loop has no memory but the law's")
 
 
-def _point(carry: LoopState) -> _Point:
-    """Where the open period is differentiated, as far as the carry tells."""
-    following = carry.queue[1] if len(carry.queue) > 1 else carry.queue[0]
+def _delays(scenario: Scenario) -> tuple[float, float]:
+    """Delays of the rotors' and of the joints' part of a command, s."""
+    delays = scenario.delays
+    return float(delays.command) + float(delays.rotors), float(delays.command) + float(delays.joints)
+
+
+def _point(carry: LoopState, ages: tuple[int, int] | None = None) -> _Point:
+    """Where the open period is differentiated, as far as the carry tells.
+
+    Args:
+        carry: of the flight.
+        ages: whole periods that rotors and joints are late; left out: the queue is as long as both.
+    """
+    last = len(carry.queue) - 1
+    old, following = carry.queue[0], carry.queue[min(1, last)]
+    if ages is not None:
+        old, following = (
+            Command(
+                rotor_speeds=carry.queue[min(last - ages[0] + k, last)].rotor_speeds,
+                efforts=carry.queue[min(last - ages[1] + k, last)].efforts,
+            )
+            for k in (0, 1)
+        )
     # an open period asks for no time and no specific force
     waiting = carry.sensors[0].waiting
     seen = waiting[0] if waiting else measurement_of(carry.state, carry.state.velocity * 0.0)
-    return _Point(state=carry.state, old=carry.queue[0], new=following, memory=carry.memory, seen=seen)
+    return _Point(state=carry.state, old=old, new=following, memory=carry.memory, seen=seen)
 
 
 def open_loop(scenario: Scenario, carry: LoopState, row: Sequence[float], lag: str = "up") -> OpenLoop:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.sweep.derived_numbers import is_own_name
 from skyarm.sweep.intervals import quantiles
 from skyarm.sweep.maps import Axis, axis
 from skyarm.sweep.stats import Rows
@@ -47,8 +48,10 @@ def drawn_metrics(rows: Rows) -> list[str]:
 
 
 def varying(rows: Rows) -> list[str]:
-    """Paths whose numbers differ among the episodes."""
-    return [path for path in rows.parameters if np.ptp(rows.of(rows.controllers[0], path)) > 0.0]
+    """Numbers that differ among the episodes; paths that follow from those by expressions are left out."""
+    drawn = rows.manifest.origin.study["vary"] or {}
+    wanted = [path for path in rows.parameters if path in drawn or is_own_name(path)]
+    return [path for path in wanted if np.ptp(rows.of(rows.controllers[0], path)) > 0.0]
 
 
 def metric_curves(rows: Rows, metric: str) -> dict[str, list[MetricCurve]]:
@@ -57,7 +60,7 @@ def metric_curves(rows: Rows, metric: str) -> dict[str, list[MetricCurve]]:
 
 
 def _over(rows: Rows, metric: str, path: str) -> list[MetricCurve]:
-    kind = next(iter(rows.manifest.origin.study["vary"][path]))
+    kind = next(iter(rows.manifest.origin.study["vary"].get(path, ("derived",))))
     across = axis(path, rows.of(rows.controllers[0], path), logarithmic=kind == "log_uniform", label=rows.label(path))
     cells = len(across.edges) - 1
     found = []

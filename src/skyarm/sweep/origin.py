@@ -22,10 +22,15 @@ BEFORE_METRICS, AFTER_METRICS = ("episode", "controller"), ("status", "end_time"
 
 
 class Verdict(Enum):
-    """What a file is to a study: rows of it, whole; rows of another one; no rows that anyone could rely on."""
+    """What a file is to a study.
+
+    Rows of it, whole; rows of another one; whole rows, with a number that the study has no chunk of; no rows that
+    anyone could rely on.
+    """
 
     WHOLE = "whole"
     FOREIGN = "of another study"
+    BEYOND = "beyond the study's last"
     DAMAGED = "damaged"
 
 

@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from skyarm.files import taken_back
+from skyarm.files import require_writable, taken_back
+from skyarm.files.one_writer import one_writer
 from skyarm.sweep.manifest import MANIFEST
 from skyarm.sweep.plan import Plan, prepare
 from skyarm.sweep.rows import arrow, fly_chunk
@@ -58,12 +59,13 @@ def run_sweep(
 
     Raises:
         StudyError: a number that cannot be flown, or a folder that holds another study.
+        TakenError: another sweep writes into the folder.
         OSError: the folder cannot be written, which is seen before any flight; or files of rows vanish again and again.
     """
     arrow()
     plan = prepare(study)
     begin = time.perf_counter()
-    with taken_back(out, Path(out) / MANIFEST, Path(out) / ROWS):
+    with taken_back(out, Path(out) / MANIFEST, Path(out) / ROWS), one_writer(require_writable(out)):
         store = Store(out, plan, _now_and_then(progress, study.episodes))
         found = store.episodes
         if progress is not None:

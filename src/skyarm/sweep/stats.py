@@ -16,7 +16,7 @@ from skyarm.files import did_you_mean, number, shown
 from skyarm.scenario.units_of_numbers import labelled, words_of
 from skyarm.sweep.intervals import bootstrap_mean, bootstrap_quantiles, quantiles, wilson
 from skyarm.sweep.rows import arrow
-from skyarm.sweep.rows_there import named, rows_of
+from skyarm.sweep.rows_there import not_counted, rows_of
 from skyarm.sweep.store import chunk_path
 from skyarm.sweep.study import StudyError
 
@@ -36,7 +36,7 @@ class Rows:
 
     Attributes:
         manifest: of the folder. count: rows that are there. planned: rows of the whole study.
-        skipped: names of files that are damaged or belong nowhere.
+        skipped: names of files that are damaged, or beyond the study's last. beyond: the latter.
 
     Raises:
         StudyError: no such folder, no rows, rows of another study, or an unknown metric.
@@ -48,12 +48,13 @@ class Rows:
 
         self.folder = Path(folder)
         found = rows_of(folder)
-        self.manifest, self.skipped = found.manifest, found.skipped
+        self.manifest, self.skipped, self.beyond = found.manifest, found.skipped, found.beyond
         origin = self.manifest.origin
         if not found.chunks:
-            damaged = f" (damaged: {named(self.skipped)})" if self.skipped else ""
+            others = not_counted(self.skipped, self.beyond)
+            why = f" ({'; '.join(others)})" if others else ""
             raise StudyError(
-                f"folder = {os.fspath(folder)!r}: must hold rows; 'skyarm sweep' has not finished a chunk{damaged}"
+                f"folder = {os.fspath(folder)!r}: must hold rows; 'skyarm sweep' has not finished a chunk{why}"
             )
         self._data = ds.dataset([str(chunk_path(folder, index)) for index in found.chunks])
         self.parameters, self.metrics = origin.parameters, tuple(origin.study["metrics"])
@@ -147,6 +148,7 @@ def statistics(rows: Rows, *, seed: int = 0, confidence: float = 0.95) -> dict[s
         "rows": rows.count,
         "rows_planned": rows.planned,
         "files_not_counted": list(rows.skipped),
+        "files_beyond_the_last": list(rows.beyond),
         "manifest_rebuilt": rows.manifest.rebuilt,
         "episodes": rows.episodes,
         "deterministic": rows.deterministic,

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import Any
 
-from skyarm.metrics.metric_words import metric_words
+from skyarm.metrics.words_of_metrics import metric_words
 from skyarm.pages import details, image, section, table
 from skyarm.pages import page as plain_page
 from skyarm.scenario.units_of_numbers import labelled, words_of
 from skyarm.sweep.manifest import Manifest
-from skyarm.sweep.rows_there import named
+from skyarm.sweep.rows_there import not_counted
 from skyarm.sweep.stats import SHARES
 
 
@@ -65,9 +65,10 @@ def _rows(found: Mapping[str, Any]) -> str:
 
 def _notes(found: Mapping[str, Any]) -> str:
     """What a reader must know of the folder before the numbers."""
-    notes = []
-    if found["files_not_counted"]:
-        notes.append(f"Not counted, since they are damaged: {named(found['files_not_counted'])}.")
+    notes = [
+        f"{each[0].upper()}{each[1:]}."
+        for each in not_counted(found["files_not_counted"], found.get("files_beyond_the_last", ()))
+    ]
     if found["manifest_rebuilt"]:
         notes.append(NO_MANIFEST)
     return "".join(f'<p class="note">{escape(each)}</p>' for each in notes)
@@ -189,7 +190,8 @@ def _varied(study: Mapping[str, Any], labels: Mapping[str, str]) -> str:
         for path, distribution in (study.get("vary") or {}).items()
         for kind, value in distribution.items()
     ]
-    rows += [(name, "derived", str(text)) for name, text in (study.get("derived") or {}).items()]
+    derived = (study.get("derived") or {}).items()
+    rows += [(labels.get(name, words_of(name)), "derived", str(text), name) for name, text in derived]
     line = f"Design {study['design']}, seed {study['seed']}, precision {study['precision']}."
     return f"<p>{escape(line)}</p>" + table(("number", "distribution", "of", "path"), rows)
 

@@ -22,10 +22,11 @@ from skyarm.actuation import Command, friction, mix
 from skyarm.algebra import E_Z, ZERO3, Mat3, Motion, Vec3
 from skyarm.control.blocks.attitude import attitude, reachable
 from skyarm.control.blocks.center_of_mass import arm_reaction
+from skyarm.control.blocks.common import turn_towards, wanted_specific_force
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance, observe
 from skyarm.control.blocks.extrapolation import extrapolate, samples
-from skyarm.control.blocks.geometric import angular_acceleration, attitude_error, attitude_loop, downward_acceleration
+from skyarm.control.blocks.geometric import angular_acceleration, attitude_error
 from skyarm.control.blocks.motor_lag import command_for
 from skyarm.control.blocks.prediction import with_side
 from skyarm.control.blocks.saturation import joints_follow, limit_efforts, rotors_follow
@@ -49,14 +50,7 @@ def stepped_computed_torque(
     goal, channels, age = _present(memory, reference, dt, par)
     observed, unknown = _unknown(memory, measurement, dt, par)
     qdd = joint_accelerations(par, measurement, goal)
-    wanted = -downward_acceleration(
-        par.gains,
-        par.model.vehicle.mass,
-        par.model.gravity,
-        position_error=measurement.position - goal.position,
-        velocity_error=measurement.velocity - goal.velocity,
-        acceleration=goal.acceleration,
-    )
+    wanted = wanted_specific_force(par, measurement, goal)
     force = _force(wanted, measurement, R, qdd, unknown, par)
     alpha = _turn(force, measurement, goal, R, unknown, par)
     torque, thrust, efforts = _forces(wanted, force, alpha, measurement, goal, R, qdd, unknown, par)
@@ -145,16 +139,7 @@ def _turn(
 ) -> Vec3:
     """Angular acceleration towards the force, base axes, rad/s^2."""
     if not par.steps.feedforward:
-        return attitude_loop(
-            par.gains,
-            par.model.vehicle.base.inertia,
-            a_d=-force,
-            yaw=goal.yaw,
-            yaw_rate=goal.yaw_rate,
-            R_WB=R,
-            w_B=measurement.rate,
-            rate_form=par.rate_error,
-        )
+        return turn_towards(par, measurement, goal, R, force)
     model = par.model
     moving = _force_series(force, measurement, goal, R, unknown, par)
     # near no force its direction turns without bound

@@ -22,8 +22,8 @@ from typing import Annotated, Any
 from skyarm import dynamics
 from skyarm.actuation import Command, Mixer, mix
 from skyarm.algebra import Motion, Vec3
+from skyarm.control.blocks.common import turn_towards, wanted_specific_force
 from skyarm.control.blocks.default_gains import fitting_gains, fitting_mixer
-from skyarm.control.blocks.geometric import attitude_loop, downward_acceleration
 from skyarm.control.blocks.saturation import limit_efforts
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.laws.learned.features import History, feature_names, features, no_history, with_command, with_motion
@@ -144,26 +144,11 @@ def compensated(
     """Commands of the paper's law under an unknown force and torque (base axes) and unknown joint torques."""
     vehicle, R = par.model.vehicle, measurement.quaternion.rotation()
     force_B, torque_B = Vec3(*unknown[:3]), Vec3(*unknown[3:6])
-    a_d = downward_acceleration(
-        par.gains,
-        vehicle.mass,
-        par.model.gravity,
-        position_error=measurement.position - reference.position,
-        velocity_error=measurement.velocity - reference.velocity,
-        acceleration=reference.acceleration,
-    )
-    alpha = attitude_loop(
-        par.gains,
-        vehicle.base.inertia,
-        # what pushes already need not be thrust
-        a_d=a_d + R.apply(force_B) * divide(1.0, vehicle.mass),
-        yaw=reference.yaw,
-        yaw_rate=reference.yaw_rate,
-        R_WB=R,
-        w_B=measurement.rate,
-        rate_form=par.rate_error,
-    )
-    base = Motion(alpha, R.apply_T(-a_d))
+    specific = wanted_specific_force(par, measurement, reference)  # type: ignore[arg-type]
+    # what pushes already need not be thrust
+    thrust = specific - R.apply(force_B) * divide(1.0, vehicle.mass)
+    alpha = turn_towards(par, measurement, reference, R, thrust)  # type: ignore[arg-type]
+    base = Motion(alpha, R.apply_T(specific))
     wanted = joint_accelerations(par, measurement, reference)  # type: ignore[arg-type]
     force, torques = dynamics.inverse_dynamics(
         vehicle, measurement.joints, measurement.rate, measurement.joint_rates, base, wanted

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.files import did_you_mean, number, shown
+from skyarm.scenario.units_of_numbers import words_of
 from skyarm.sweep.expressions import read_expression
 from skyarm.sweep.maps import LISTED
 from skyarm.sweep.stats import Rows
@@ -36,15 +37,21 @@ THIRDS = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variable:
-    """A number of each episode: its name, and its values (episodes,)."""
+    """A number of each episode.
 
-    name: str
+    Attributes:
+        words: what it is called. unit: SI, "" where that is not known.
+        values: (episodes,). logarithmic: it was drawn so.
+    """
+
+    words: str
     values: Array
+    unit: str = ""
     logarithmic: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MetricCurve:
+class BandedCurve:
     """One metric of one controller over a variable.
 
     Attributes:
@@ -66,25 +73,24 @@ class MetricCurve:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MetricCurves:
+class BandedCurves:
     """Curves of one metric.
 
     Attributes:
-        metric: its name. over: name of the variable, or the expression. by: that of the other one, "" without.
-        center: "median" or "mean". band: shares of the band's ends. logarithmic: the variable was drawn so.
+        metric: its name. over: the variable. by: the other one, None without.
+        center: "median" or "mean". band: shares of the band's ends.
         curves: one for each controller and class.
     """
 
     metric: str
-    over: str
-    by: str
+    over: Variable
+    by: Variable | None
     center: str
     band: tuple[float, float]
-    logarithmic: bool
-    curves: tuple[MetricCurve, ...]
+    curves: tuple[BandedCurve, ...]
 
 
-def metric_curves(
+def banded_curves(
     rows: Rows,
     metric: str,
     over: str,
@@ -92,7 +98,7 @@ def metric_curves(
     by: str | None = None,
     center: str = "median",
     band: tuple[float, float] = BAND,
-) -> MetricCurves:
+) -> BandedCurves:
     """Curves of a metric over a varied number, over all that varies beside it and the noise.
 
     Args:
@@ -116,20 +122,19 @@ def metric_curves(
     if not low < high <= 1.0:
         raise StudyError(f"band = [{low:g}, {high:g}]: must be two shares from 0 to 1, the first below the second")
     across = variable(rows, over, "over")
-    classes = {"": np.ones(rows.episodes, dtype=bool)} if by is None else _classes(variable(rows, by, "by"))
+    other = None if by is None else variable(rows, by, "by")
+    classes = {"": np.ones(rows.episodes, dtype=bool)} if other is None else _classes(other)
     curves = tuple(
         _curve(rows, metric, controller, name, inside, across.values, center, (low, high))
         for controller in rows.controllers
         for name, inside in classes.items()
     )
-    name = "" if by is None else variable(rows, by, "by").name
-    return MetricCurves(
+    return BandedCurves(
         metric=metric,
-        over=across.name,
-        by=name,
+        over=across,
+        by=other,
         center=center,
         band=(low, high),
-        logarithmic=across.logarithmic,
         curves=curves,
     )
 
@@ -143,13 +148,14 @@ def variable(rows: Rows, text: str, field: str) -> Variable:
     name, equals, after = text.partition("=")
     if text in rows.parameters:
         kind = next(iter((rows.manifest.origin.study["vary"] or {}).get(text, ())), "")
-        return Variable(name=text, values=_column(rows, text), logarithmic=kind == "log_uniform")
+        unit = rows.manifest.units.get(text, "")
+        return Variable(words=words_of(text), unit=unit, values=_column(rows, text), logarithmic=kind == "log_uniform")
     if not rows.parameters:
         raise StudyError(f"{field} = {shown(text)}: must be a varied number, and none varies in these rows")
     read = read_expression(after if equals else text, rows.parameters, field)
     values = read.value({each: _column(rows, each) for each in read.names})
     spread = np.broadcast_to(values, (rows.episodes,))
-    return Variable(name=name.strip() if equals and name.strip() else " ".join(text.split()), values=spread)
+    return Variable(words=name.strip() if equals and name.strip() else " ".join(text.split()), values=spread)
 
 
 def _column(rows: Rows, path: str) -> Array:
@@ -188,7 +194,7 @@ def _curve(
     over: Array,
     center: str,
     band: tuple[float, float],
-) -> MetricCurve:
+) -> BandedCurve:
     over = over[inside]
     column = np.asarray(rows.of(controller, metric), dtype=float)[inside]
     flew = np.asarray(rows.of(controller, "status") == "completed")[inside]
@@ -204,7 +210,7 @@ def _curve(
             found = (float(middle), *map(float, ends))
         table.append((float(np.median(over[here])), *found, int(here.sum()), int((here & ~flew).sum())))
     x, middle, low, high, episodes, lost = np.array(table, dtype=float).reshape(-1, 6).T
-    return MetricCurve(
+    return BandedCurve(
         controller=controller,
         by=name,
         x=x,

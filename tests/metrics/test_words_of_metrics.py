@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from skyarm.metrics.metric_catalogue import measures
-from skyarm.metrics.metric_words import metric_words
+from skyarm.metrics.words_of_metrics import metric_words
 
 
 @pytest.mark.parametrize("name", sorted(measures(2)))

@@ -1,0 +1,44 @@
+"""A log as npz: its arrays, and what it says of itself as JSON."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skyarm.files import shown, write_atomically
+from skyarm.log.columns import layout
+from skyarm.log.contents import LAYOUT, log_of
+from skyarm.log.flight_log import Log
+
+
+def write_npz(log: Log, path: str | os.PathLike[str]) -> Path:
+    """Write one compressed npz; the file appears whole or not at all.
+
+    The description says the names and units of the arrays' columns under ``columns``.
+    """
+    buffer = io.BytesIO()
+    info = np.array(json.dumps(log.info | {LAYOUT: layout(log)}))
+    arrays: dict[str, Any] = {**log.arrays(), "info": info}
+    np.savez_compressed(buffer, **arrays)
+    return write_atomically(path, buffer.getvalue())
+
+
+def read_npz(path: str | os.PathLike[str]) -> Log:
+    """Read a log that :func:`write_npz` wrote, or a version before it.
+
+    Raises:
+        OSError: the file cannot be read. ValueError: it is not such a log.
+    """
+    name, content_of_file = f"log = {shown(os.fspath(path))}", Path(path).read_bytes()
+    try:
+        with np.load(io.BytesIO(content_of_file), allow_pickle=False) as data:
+            content = {name: data[name] for name in data.files}
+        info = json.loads(str(content.pop("info")))
+    except Exception:  # archive, header, numbers and JSON have readers of their own, each with its own errors
+        raise ValueError(f"{name}: must be a log that save_npz wrote") from None
+    return log_of(content, info, f"{name}: must be a log of schema 1")

@@ -1,0 +1,73 @@
+"""A log as Parquet: columns with names and units, all that was flown in the metadata; read back to the bit."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skyarm.files import needs_extra, shown
+from skyarm.files.atomic import writing_atomically
+from skyarm.log.columns import columns, layout
+from skyarm.log.contents import LAYOUT, arrays_of, log_of
+from skyarm.log.flight_log import Log
+
+KEY = b"skyarm"
+"""Key of the file's metadata under which the log's description stands, as JSON."""
+
+
+def _parquet() -> tuple[Any, Any]:
+    """The libraries that write and read Parquet.
+
+    Raises:
+        ValueError: one line that names the extra.
+    """
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    except ImportError:
+        raise ValueError(f"pyarrow: is missing; a log as Parquet {needs_extra('logs')}") from None
+    return pa, pq
+
+
+def write_parquet(log: Log, path: Path) -> Path:
+    """Write a log as Parquet, which appears whole or not at all; every field's metadata says its unit and meaning.
+
+    Raises:
+        ValueError: pyarrow is missing. OSError: it cannot be written.
+    """
+    pa, pq = _parquet()
+    every = columns(log)
+    said = [{"unit": each.unit, "meaning": each.meaning} for each in every]
+    names = [each.name for each in every]
+    fields = [pa.field(name, pa.float64(), nullable=False, metadata=m) for name, m in zip(names, said, strict=True)]
+    arrays = [pa.array(np.ascontiguousarray(each.of(log))) for each in every]
+    info = json.dumps(log.info | {LAYOUT: layout(log)}).encode()
+    table = pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata={KEY: info}))
+    with writing_atomically(path) as stream:
+        pq.write_table(table, stream, compression="zstd", write_page_checksum=True)
+    return path
+
+
+def read_parquet(path: Path) -> Log:
+    """Read a log that :func:`write_parquet` wrote.
+
+    Raises:
+        OSError: the file cannot be read. ValueError: one line: it is no such file, or pyarrow is missing.
+    """
+    pa, pq = _parquet()
+    name, content = f"log = {shown(os.fspath(path))}", path.read_bytes()
+    try:
+        table = pq.read_table(pa.BufferReader(content), page_checksum_verification=True)
+        info = json.loads((table.schema.metadata or {})[KEY])
+        rows = np.stack([np.asarray(each, dtype=float) for each in table.columns], axis=1)
+    except Exception:  # file, pages, compression, columns and JSON have readers of their own, each with its own errors
+        raise ValueError(f"{name}: must be a log that skyarm wrote as Parquet") from None
+    words = "must be a log of schema 1"
+    try:
+        return log_of(arrays_of(rows, table.column_names, info.get(LAYOUT)), info, words)
+    except (ValueError, AttributeError):
+        raise ValueError(f"{name}: {words}") from None

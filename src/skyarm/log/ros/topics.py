@@ -1,0 +1,299 @@
+"""Topics of a flight: which messages there are, how often, and what they hold.
+
+What moves is written at 200 Hz: the state, the joints, the commands. Every number of the log stands at each control
+instant in ``/skyarm/flight``, from which a log is read back to the bit. The rest is written at 50 Hz.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.actuation import rotor_forces
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.log.columns import columns, names_of
+from skyarm.log.flight_log import Log
+from skyarm.log.ros.cdr import NANO, Bytes, encode
+from skyarm.log.ros.markers import markers
+from skyarm.log.ros.message_types import DEFINITIONS, FLIGHT, ROS1, flight_definition
+from skyarm.log.ros.transforms import (
+    BASE_LINK,
+    BASE_REFERENCE,
+    WORLD,
+    Frames,
+    quaternion,
+    transform,
+    xyz,
+    yaw_quaternion,
+)
+from skyarm.records.restore import restore
+from skyarm.vehicle.vehicle_records import Vehicle
+
+Array = npt.NDArray[np.float64]
+
+FAST, SLOW = 200.0, 50.0
+"""Hz: of the state, joints and commands; of the rest. Slower controls are written at each of their instants."""
+
+HIGHEST = 1e6
+"""Hz: no control is faster, and a log that says so is taken for one at FAST."""
+
+FLIGHT_TOPIC = "/skyarm/flight"
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """A topic.
+
+    Attributes:
+        name, kind: of the topic and of its messages.
+        every: control instants from one message to the next; 0 for one message at the beginning.
+        values: part of a log -> fields of its messages.
+    """
+
+    name: str
+    kind: str
+    every: int
+    values: Callable[[Part], Mapping[str, Any]]
+
+
+class Part:
+    """Some instants of a log, and what messages need of them."""
+
+    def __init__(self, log: Log, chosen: slice) -> None:
+        self.log, self._chosen = log, chosen
+        self.stamps = nanoseconds(log.time[chosen])
+
+    def __getitem__(self, array: str) -> Array:
+        """The instants' rows of one of the log's arrays."""
+        found: Array = getattr(self.log, array)[self._chosen]
+        return found
+
+    def header(self, frame: str) -> dict[str, Any]:
+        """A std_msgs/Header."""
+        return {"stamp": self.stamps, "frame_id": frame}
+
+    def unit(self) -> Array:
+        """Attitudes wxyz of length 1."""
+        found: Array = self["quaternion"] / np.linalg.norm(self["quaternion"], axis=1, keepdims=True)
+        return found
+
+    def in_base(self, vectors: Array) -> Array:
+        """World vectors (N, 3) in base axes."""
+        R = Quaternion(*self.unit().T).rotation()
+        return np.stack(list(R.apply_T(Vec3(*vectors.T))), axis=1)
+
+
+def nanoseconds(time: Array) -> npt.NDArray[np.int64]:
+    """Times in s as the clock of messages, ns."""
+    return np.rint(np.asarray(time) * NANO).astype(np.int64)
+
+
+class FlightTopics:
+    """The topics of a flight.
+
+    Args:
+        log: of the flight, or its first part.
+
+    Attributes:
+        topics: in the order in which they are written at an instant.
+        definitions: of all message types.
+        period: instants after which the pattern of messages begins again.
+    """
+
+    def __init__(self, log: Log) -> None:
+        self._columns = columns(log)
+        self._names = names_of(log)
+        self.definitions: dict[str, str] = {**DEFINITIONS, FLIGHT: flight_definition(self._columns)}
+        fast, self.period = every_of(log)
+        self.topics = tuple(self._flight() + self._state(fast) + self._rest(self.period, vehicle_of(log)))
+
+    def encoded(self, topic: Topic, log: Log, ros1: bool = False) -> tuple[npt.NDArray[np.int64], Bytes]:
+        """Times (ns) and messages of a topic in a part of the flight.
+
+        Args:
+            topic: one of :attr:`topics`; one without a rate is written at the part's first instant.
+            log: the part, which begins at a multiple of :attr:`period`.
+            ros1: as ROS 1 has them, by the definitions of :data:`ROS1`.
+        """
+        chosen = slice(0, None, topic.every) if topic.every else slice(0, 1)
+        part = Part(log, chosen)
+        with np.errstate(all="ignore"):
+            values = topic.values(part)
+        known = {**self.definitions, **ROS1} if ros1 else self.definitions
+        return part.stamps, encode(topic.kind, known, values, len(part.stamps), ros1)
+
+    def _flight(self) -> list[Topic]:
+        def row(part: Part) -> dict[str, Any]:
+            found = {}
+            for column in self._columns:
+                array = part[column.array]
+                found[column.name] = array if column.index is None else array[:, column.index]
+            return found
+
+        return [Topic(FLIGHT_TOPIC, FLIGHT, 1, row)]
+
+    def _state(self, every: int) -> list[Topic]:
+        def odometry(part: Part) -> dict[str, Any]:
+            velocity = part.in_base(part["velocity"])
+            return {
+                "header": part.header(WORLD),
+                "child_frame_id": BASE_LINK,
+                "pose": {"pose": _pose(part["position"], part.unit())},
+                "twist": {"twist": {"linear": xyz(velocity), "angular": xyz(part["rate"])}},
+            }
+
+        names = self._names
+        return [
+            Topic("/odom", "nav_msgs/Odometry", every, odometry),
+            *_joints("/joint_states", every, names.joints, position="joints", velocity="joint_rates", effort="efforts"),
+            *_joints("/commands/joints", every, names.joints, effort="efforts"),
+            *_joints("/commands/rotors", every, names.rotors, velocity="rotor_commands"),
+            *_joints("/rotors", every, names.rotors, velocity="rotor_speeds"),
+        ]
+
+    def _rest(self, every: int, vehicle: Vehicle | None) -> list[Topic]:
+        names = self._names
+        held = {"position": "joints_held", "velocity": "joint_rates_held"}
+        level = _level("position_reference", "yaw_reference")
+        return [
+            *_transforms(every, vehicle),
+            Topic("/reference/base", "geometry_msgs/PoseStamped", every, level),
+            *_joints("/reference/joints", every, names.joints, position="joints_reference"),
+            _point("/reference/tip", every, "tool_reference"),
+            Topic("/held/base", "nav_msgs/Odometry", every, _held),
+            *_joints("/held/joints", every, names.joints, **held),
+            _point("/held/tip", every, "tool_held"),
+            _point("/tip", every, "tool"),
+            _point("/measured/base", every, "measured_position"),
+            *_joints("/measured/joints", every, names.joints, position="measured_joints"),
+            Topic("/wind", "geometry_msgs/WrenchStamped", every, _wind),
+            Topic("/air_velocity", "geometry_msgs/Vector3Stamped", every, _air),
+            *_thrust(every, vehicle),
+            *(Topic(f"/metrics/{name}", "std_msgs/Float64", every, metric) for name, metric in METRICS.items()),
+        ]
+
+
+def vehicle_of(log: Log) -> Vehicle | None:
+    """The plant's vehicle; None of a log that keeps none, or that needs code of someone's own that is not loaded."""
+    try:
+        found = restore(log.info["scenario_record"]["world"]["vehicle"], log.info.get("plugins"))
+    except (KeyError, TypeError, ValueError, AttributeError):
+        return None
+    shape = log.joints.shape[1], log.rotor_speeds.shape[1]
+    return found if isinstance(found, Vehicle) and (found.n, len(found.rotors)) == shape else None
+
+
+def every_of(log: Log) -> tuple[int, int]:
+    """Control instants from one message to the next: of the state, and of the rest, a multiple of it."""
+    rate = control_rate(log)
+    fast = max(1, round(rate / FAST))
+    return fast, fast * max(1, round(rate / fast / SLOW))
+
+
+def control_rate(log: Log) -> float:
+    """Control instants in a second."""
+    rates = log.info.get("rates_hz")
+    rate = rates.get("control") if isinstance(rates, dict) else None
+    return float(rate) if isinstance(rate, (int, float)) and 0 < rate <= HIGHEST else FAST
+
+
+def _joints(name: str, every: int, names: Sequence[str], **arrays: str) -> list[Topic]:
+    """A sensor_msgs/JointState of numbers by name; nothing of a vehicle without any."""
+
+    def values(part: Part) -> dict[str, Any]:
+        return {"header": part.header(""), "name": names} | {field: part[array] for field, array in arrays.items()}
+
+    return [Topic(name, "sensor_msgs/JointState", every, values)] if names else []
+
+
+def _transforms(every: int, vehicle: Vehicle | None) -> list[Topic]:
+    frames = None if vehicle is None else Frames(vehicle)
+
+    def moving(part: Part) -> dict[str, Any]:
+        goal = yaw_quaternion(part["yaw_reference"])
+        base = transform(part.stamps, WORLD, BASE_LINK, part["position"], part.unit())
+        reference = transform(part.stamps, WORLD, BASE_REFERENCE, part["position_reference"], goal)
+        links = [] if frames is None else frames.moving(part.stamps, part["joints"])
+        return {"transforms": [base, reference, *links]}
+
+    topics = [Topic("/tf", "tf2_msgs/TFMessage", every, moving)]
+    if frames is None or vehicle is None:
+        return topics
+    fixed, drawn = {"transforms": frames.fixed()}, {"markers": markers(vehicle, frames)}
+    return [
+        Topic("/tf_static", "tf2_msgs/TFMessage", 0, lambda _: fixed),
+        Topic("/vehicle", "visualization_msgs/MarkerArray", 0, lambda _: drawn),
+        *topics,
+    ]
+
+
+def _pose(position: Array, wxyz: Array) -> dict[str, Any]:
+    return {"position": xyz(position), "orientation": quaternion(wxyz)}
+
+
+def _level(position: str, yaw: str) -> Callable[[Part], dict[str, Any]]:
+    return lambda part: {"header": part.header(WORLD), "pose": _pose(part[position], yaw_quaternion(part[yaw]))}
+
+
+def _held(part: Part) -> dict[str, Any]:
+    """The reference as published; its velocity in the axes of the level base, as Odometry has it."""
+    yaw, (x, y, z) = part["yaw_held"], part["velocity_held"].T
+    c, s = np.cos(yaw), np.sin(yaw)
+    return {
+        "header": part.header(WORLD),
+        "child_frame_id": BASE_REFERENCE,
+        "pose": {"pose": _pose(part["position_held"], yaw_quaternion(yaw))},
+        "twist": {"twist": {"linear": {"x": c * x + s * y, "y": c * y - s * x, "z": z}}},
+    }
+
+
+def _point(name: str, every: int, array: str) -> Topic:
+    def values(part: Part) -> dict[str, Any]:
+        return {"header": part.header(WORLD), "point": xyz(part[array])}
+
+    return Topic(name, "geometry_msgs/PointStamped", every, values)
+
+
+def _wind(part: Part) -> dict[str, Any]:
+    return {"header": part.header(WORLD), "wrench": {"force": xyz(part["wind_force"])}}
+
+
+def _air(part: Part) -> dict[str, Any]:
+    return {"header": part.header(WORLD), "vector": xyz(part["air_velocity"])}
+
+
+def _thrust(every: int, vehicle: Vehicle | None) -> list[Topic]:
+    """Force and torque of the rotors, none of them faulty, about and at the base's origin, base axes."""
+    if vehicle is None:
+        return []
+
+    def values(part: Part) -> dict[str, Any]:
+        slip = Vec3(*part.in_base(part["velocity"] - part["air_velocity"]).T)
+        total = rotor_forces(vehicle.rotors, tuple(part["rotor_speeds"].T), slip, Vec3(*part["rate"].T))
+        wrench = {"force": xyz(total.force), "torque": xyz(total.torque)}
+        return {"header": part.header(BASE_LINK), "wrench": wrench}
+
+    return [Topic("/rotor_wrench", "geometry_msgs/WrenchStamped", every, values)]
+
+
+def _distance(array: str) -> Callable[[Part], dict[str, Any]]:
+    return lambda part: {"data": np.linalg.norm(part[array] - part[f"{array}_reference"], axis=1)}
+
+
+def _tilt(part: Part) -> dict[str, Any]:
+    """Angle between the body's z and the world's, rad."""
+    _, x, y, _ = part.unit().T
+    return {"data": 2.0 * np.arctan2(np.hypot(x, y), np.sqrt(np.maximum(0.0, 1.0 - x * x - y * y)))}
+
+
+METRICS: Mapping[str, Callable[[Part], dict[str, Any]]] = {
+    "position_error": _distance("position"),
+    "joint_error": _distance("joints"),
+    "tip_error": _distance("tool"),
+    "tilt": _tilt,
+}
+"""Numbers of an instant: distances from the continuous reference, m and rad or m; tilt, rad."""

@@ -1,0 +1,121 @@
+"""``skyarm export``: a log in another format, layouts beside it, one line for what cannot be."""
+
+from __future__ import annotations
+
+import shutil
+
+import numpy as np
+import pytest
+from test_cli_errors import refused, skyarm
+
+import skyarm as library
+from added_components import registry_kept
+from logged_flights import flown, same
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    library.save_log(flown(), "flight.npz")
+    with registry_kept():
+        yield tmp_path
+
+
+def test_a_log_goes_through_every_format_that_is_read_back(folder):
+    pytest.importorskip("pyarrow", reason="needs the extra 'logs'")
+    for words, line in (
+        (("flight.npz", "--to", "mcap"), "log: flight.mcap"),
+        (("flight.mcap", "-o", "deep/other.parquet"), "log: deep/other.parquet"),
+        (("deep/other.parquet", "--to", "npz", "-o", "again.npz"), "log: again.npz"),
+        (("again.npz", "--to", "csv"), "log: again.csv"),
+    ):
+        done = skyarm("export", *words)
+        assert (done.code, done.out.strip(), done.err) == (0, line, "")
+    assert same(library.load_log("again.npz"), flown())
+    heads, rows = (folder / "again.csv").read_text().split("\n", 1)
+    assert heads.startswith("time [s],position_x [m]")
+    assert np.array_equal(np.loadtxt(rows.splitlines(), delimiter=",")[:, 1:4], flown().position)
+
+
+def test_a_bag_of_ros_1(folder):
+    pytest.importorskip("rosbags", reason="needs the extra 'logs'")
+    assert skyarm("export", "flight.npz", "--to", "ros1").out.strip() == "log: flight.bag"
+    assert (folder / "flight.bag").read_bytes().startswith(b"#ROSBAG V2.0\n")
+    refused(
+        skyarm("export", "flight.bag", "--to", "npz"), "'flight.bag'", "cannot be read back; must be one of npz, mcap"
+    )
+
+
+def test_layouts_alone_and_with_a_log(folder):
+    done = skyarm("export", "flight.npz", "--layouts", "shown")
+    assert (done.code, done.out.strip()) == (0, "layouts: shown/foxglove.json, shown/plotjuggler.xml")
+    assert sorted(path.name for path in folder.iterdir()) == ["flight.npz", "shown"]
+    assert skyarm("export", "flight.npz", "--to", "mcap", "--layouts", "shown").code == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("flight.npz",), "--to: is missing; must be one of npz, csv, mcap, parquet, bag, ros1"),
+        (("flight.npz", "--to", "xls"), "--to = 'xls': must be one of"),
+        (("flight.npz", "--to", "mcpa"), "--to = 'mcpa': did you mean 'mcap'?"),
+        (("flight.npz", "--to", "mcap", "-o", "a.npz"), "--out = 'a.npz': must end in .mcap, as --to = 'mcap'"),
+        (("flight.npz", "-o", "a"), "--out = 'a': suffix ''"),
+        (("flight.npz", "--to", "npz"), "--out = 'flight.npz': must be another file than the flight"),
+        (("none.mcap", "--to", "npz"), "flight = 'none.mcap': no such file"),
+        (("case3", "--to", "npz"), "flight = 'case3': suffix ''"),
+        (("cut.npz", "--to", "mcap"), "log = 'cut.npz': must be a log that save_npz wrote"),
+        (("text.mcap", "--to", "npz"), "log = 'text.mcap': must be an MCAP file"),
+    ],
+)
+def test_what_cannot_be_written_is_one_line_and_leaves_nothing(folder, words, line):
+    (folder / "cut.npz").write_bytes((folder / "flight.npz").read_bytes()[:-100])
+    (folder / "text.mcap").write_text("no log")
+    before = sorted(path.name for path in folder.iterdir())
+    refused(skyarm("export", *words), line)
+    assert sorted(path.name for path in folder.iterdir()) == before
+
+
+@pytest.mark.filterwarnings("always")
+def test_a_log_that_was_cut_off_is_written_as_far_as_it_goes_and_said(folder):
+    content = library.save_log(flown(), folder / "flight.mcap").read_bytes()
+    (folder / "cut.mcap").write_bytes(content[: len(content) // 2])
+    done = skyarm("export", "cut.mcap", "--to", "npz")
+    assert (done.code, done.out.strip()) == (0, "log: cut.npz")
+    assert done.err == "skyarm: warning: log = 'cut.mcap': cut at t = 0.995 s; what came before is read\n"
+    assert library.load_log("cut.npz").status == "cut"
+
+
+FORMAT = """import skyarm
+
+def write(log, path):
+    path.write_text("half")
+    path.with_suffix(".more").write_text("half")
+    WHOLE
+
+skyarm.register.log_format("mine")(skyarm.LogFormat(write))
+"""
+
+
+@pytest.mark.parametrize(
+    ("ends", "words"),
+    [
+        ('raise ValueError("no more")', ("own.py:6: ValueError: no more",)),
+        ("path.unlink()", ("must be written by its format, which wrote no such file",)),
+    ],
+)
+def test_a_format_of_ones_own_that_fails_leaves_no_file_and_the_flight_of_before(folder, ends, words):
+    (folder / "own.py").write_text(FORMAT.replace("WHOLE", ends))
+    (folder / "flight.mine").write_text("of before")
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    given = ("--plugin", "own.py", "--log", "flight.mine")
+    refused(skyarm("run", "case1", "--duration", "0.25", *given), *words)
+    assert {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
+    assert [path.name for path in folder.iterdir() if path.is_dir() and path.name != "__pycache__"] == []
+
+
+def test_a_format_of_ones_own_may_write_more_than_one_file(folder):
+    (folder / "own.py").write_text(FORMAT.replace("WHOLE", "return path"))
+    assert skyarm("run", "case1", "--duration", "0.25", "--plugin", "own.py", "--log", "deep/flight.mine").code == 0
+    shutil.rmtree(folder / "__pycache__", ignore_errors=True)
+    assert sorted(path.name for path in (folder / "deep").iterdir()) == ["flight.mine", "flight.more"]

@@ -1,0 +1,77 @@
+"""Messages whose numbers are computed from a log's, against formulas written again with NumPy and SciPy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_flight_messages import Rotation, by_rosbags, composed, table
+
+import skyarm
+from logged_flights import drawn
+from skyarm.drawing.vehicle_shapes import vehicle_shapes
+
+
+@pytest.fixture(scope="module", params=["hummingbird_arm2_rotors", "tilted_hexarotor"])
+def written(request, tmp_path_factory):
+    """A vehicle, a drawn log of it at 40 Hz, of which every instant is written, and its messages."""
+    vehicle = skyarm.load_vehicle(request.param)
+    log = drawn(vehicle, count=12, rate=40)
+    return vehicle, log, by_rosbags(skyarm.save_log(log, tmp_path_factory.mktemp("drawn") / "drawn.mcap"))[0]
+
+
+def test_the_held_velocity_is_in_the_axes_of_the_level_base(written):
+    _, log, found = written
+    turn = Rotation.from_rotvec(log.yaw_held[:, None] * [0, 0, 1])
+    given = table(found["/held/base"][2], "twist.twist.linear.xyz")
+    assert np.abs(given - turn.inv().apply(log.velocity_held)).max() < 1e-14
+    assert np.array_equal(table(found["/held/base"][2], "pose.pose.position.xyz"), log.position_held)
+    pose = table(found["/held/base"][2], "pose.pose.orientation.wxyz")
+    assert (Rotation.from_quat(pose[:, [1, 2, 3, 0]]) * turn.inv()).magnitude().max() < 1e-14
+
+
+def test_the_reference_has_a_frame_of_its_own(written):
+    _, log, found = written
+    for k, message in enumerate(found["/tf"][2]):
+        R, p = composed({t.child_frame_id: t for t in message.transforms}, "base_reference")
+        assert np.array_equal(p, log.position_reference[k])
+        assert np.abs(R - Rotation.from_euler("z", log.yaw_reference[k]).as_matrix()).max() < 1e-14
+
+
+def test_the_rotors_wrench_is_the_sum_of_theirs(written):
+    vehicle, log, found = written
+    given = [table(found["/rotor_wrench"][2], f"wrench.{part}.xyz") for part in ("force", "torque")]
+    R_WB = Rotation.from_quat(log.quaternion[:, [1, 2, 3, 0]])
+    air = R_WB.inv().apply(log.velocity - log.air_velocity)
+    force, torque = np.zeros((2, log.time.size, 3))
+    for rotor, speed in zip(vehicle.rotors, log.rotor_speeds.T, strict=True):
+        r, n, W = np.array(rotor.position), np.array(rotor.axis), speed[:, None]
+        v = air + np.cross(log.rate, r)
+        across = v - (v @ n)[:, None] * n
+        thrust = rotor.thrust_coefficient * W**2
+        push = thrust * n - rotor.drag_coefficient * W * across
+        force += push
+        torque += np.cross(r, push) - rotor.direction * rotor.moment_coefficient * thrust * n
+        torque -= rotor.rolling_moment_coefficient * W * across
+    for one, other in zip(given, (force, torque), strict=True):
+        assert np.abs(one - other).max() < 1e-14 * max(1.0, np.abs(other).max())
+
+
+def test_markers_have_the_shapes_sizes_and_places(written):
+    vehicle, _, found = written
+    kinds = {"ellipsoid": 2, "sphere": 2, "capsule": 3, "cylinder": 3}  # Marker.SPHERE, Marker.CYLINDER
+    shapes, markers = vehicle_shapes(vehicle), found["/vehicle"][2][0].markers
+    assert len({(marker.ns, marker.id) for marker in markers}) == len(markers) == len(shapes)
+    for shape, marker in zip(shapes, markers, strict=True):
+        assert (marker.ns, marker.type, marker.frame_locked) == (shape.name, kinds[shape.kind], True)
+        assert marker.color.a > 0
+        scale = np.array([marker.scale.x, marker.scale.y, marker.scale.z])
+        across = 2 * shape.size[0]
+        wanted = {
+            "ellipsoid": [2 * half for half in shape.size],
+            "sphere": [across] * 3,
+        }.get(shape.kind, [across, across, shape.size[-1]])
+        assert np.allclose(scale, wanted, rtol=1e-15)
+        q = marker.pose.orientation
+        R = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix()
+        assert np.abs(R - shape.rotation).max() < 1e-14
+        assert np.array_equal([marker.pose.position.x, marker.pose.position.y, marker.pose.position.z], shape.position)

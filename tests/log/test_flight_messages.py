@@ -1,0 +1,276 @@
+"""A flight as messages: two readers that share no code with us read all of them, and find the log's numbers."""
+
+from __future__ import annotations
+
+import struct
+import warnings
+from collections import defaultdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skyarm
+from logged_flights import drawn, flown
+from skyarm.drawing.poses import body_poses
+from skyarm.log.ros.topics import FlightTopics, vehicle_of
+
+rosbags = pytest.importorskip("rosbags.highlevel", reason="needs the extra 'logs'")
+mcap_reader = pytest.importorskip("mcap.reader", reason="needs the extra 'test'")
+mcap_ros2 = pytest.importorskip("mcap_ros2.decoder", reason="needs the extra 'test'")
+Rotation = pytest.importorskip("scipy.spatial.transform").Rotation
+
+FAST = {"/odom", "/joint_states", "/commands/joints", "/commands/rotors", "/rotors", "/skyarm/flight"}
+ONCE = {"/tf_static", "/vehicle"}
+
+
+def by_rosbags(path: Path):
+    """Topic -> (type, times in ns, messages), and how many were the same bytes once written again."""
+    found, same = {}, 0
+    with rosbags.AnyReader([path]) as reader:
+        for connection, time, raw in reader.messages():
+            message = reader.deserialize(raw, connection.msgtype)
+            store = reader.typestore
+            write = store.serialize_cdr if path.suffix == ".mcap" else store.serialize_ros1
+            same += bytes(write(message, connection.msgtype)) == bytes(raw)
+            _, times, messages = found.setdefault(connection.topic, (connection.msgtype, [], []))
+            times.append(time)
+            messages.append(message)
+    return found, same
+
+
+@pytest.fixture(scope="module", params=["mcap", "bag"])
+def read(request, tmp_path_factory):
+    path = skyarm.save_log(flown(), tmp_path_factory.mktemp("read") / f"flight.{request.param}")
+    return by_rosbags(path)
+
+
+def table(messages, path: str) -> np.ndarray:
+    """A field of every message, (N, ...): ``pose.position.xyz``."""
+    *names, last = path.split(".")
+
+    def of(message):
+        for name in names:
+            message = getattr(message, name)
+        if last in ("xyz", "wxyz"):
+            return [getattr(message, axis) for axis in last]
+        return getattr(message, last)
+
+    return np.array([of(message) for message in messages])
+
+
+def test_every_topic_has_its_rate_and_no_message_is_missing(read):
+    log, (found, same) = flown(), read
+    count = log.time.size
+    for topic, (_, times, messages) in found.items():
+        every = 1 if topic in FAST else 4
+        wanted = 1 if topic in ONCE else -(-count // every)
+        assert len(messages) == wanted, topic
+        if topic not in ONCE:
+            stamps = np.rint(log.time[::every] * 1e9)
+            stamps[0] = times[0]  # a bag of ROS 1 has no time zero
+            assert times[0] in (0, 1)
+            assert (np.array(times) == stamps).all(), topic
+    total = sum(len(messages) for _, _, messages in found.values())
+    assert same == total
+    assert total / log.time[-1] * 30 > 25_000
+
+
+def test_the_state_is_the_logs(read):
+    log, (found, _) = flown(), read
+    odometry = found["/odom"][2]
+    pose, twist = "pose.pose", "twist.twist"
+    assert np.array_equal(table(odometry, f"{pose}.position.xyz"), log.position)
+    R = Rotation.from_quat(log.quaternion[:, [1, 2, 3, 0]])
+    turned = Rotation.from_quat(table(odometry, f"{pose}.orientation.wxyz")[:, [1, 2, 3, 0]])
+    assert (R * turned.inv()).magnitude().max() < 1e-15
+    # of the frame child_frame_id, as nav_msgs/Odometry has it
+    assert {(m.header.frame_id, m.child_frame_id) for m in odometry} == {("world", "base_link")}
+    assert np.abs(table(odometry, f"{twist}.linear.xyz") - R.inv().apply(log.velocity)).max() < 1e-14
+    assert np.array_equal(table(odometry, f"{twist}.angular.xyz"), log.rate)
+
+
+def test_joints_and_rotors_are_the_logs_by_name(read):
+    log, (found, _) = flown(), read
+    for topic, names, fields in (
+        ("/joint_states", ["joint1", "joint2"], {"position": "joints", "velocity": "joint_rates", "effort": "efforts"}),
+        ("/commands/joints", ["joint1", "joint2"], {"position": None, "velocity": None, "effort": "efforts"}),
+        ("/commands/rotors", ["front", "left", "back", "right"], {"velocity": "rotor_commands", "effort": None}),
+        ("/rotors", ["front", "left", "back", "right"], {"velocity": "rotor_speeds", "position": None}),
+    ):
+        kind, _, messages = found[topic]
+        assert kind == "sensor_msgs/msg/JointState"
+        assert all(message.name == names for message in messages)
+        for field, array in fields.items():
+            given = table(messages, field)
+            assert np.array_equal(given, getattr(log, array)) if array else given.size == 0, (topic, field)
+
+
+def test_references_readings_wind_and_errors_are_the_logs(read):
+    log, (found, _) = flown(), read
+    slow = slice(None, None, 4)
+    for topic, path, wanted in (
+        ("/reference/base", "pose.position.xyz", log.position_reference),
+        ("/reference/joints", "position", log.joints_reference),
+        ("/reference/tip", "point.xyz", log.tip_reference),
+        ("/held/base", "pose.pose.position.xyz", log.position_held),
+        ("/held/joints", "position", log.joints_held),
+        ("/held/joints", "velocity", log.joint_rates_held),
+        ("/held/tip", "point.xyz", log.tip_held),
+        ("/tip", "point.xyz", log.tip),
+        ("/measured/base", "point.xyz", log.measured_position),
+        ("/measured/joints", "position", log.measured_joints),
+        ("/wind", "wrench.force.xyz", log.wind_force),
+        ("/air_velocity", "vector.xyz", log.air_velocity),
+    ):
+        assert np.array_equal(table(found[topic][2], path), wanted[slow]), (topic, path)
+    yaw = np.stack([np.cos(log.yaw_reference / 2), *np.zeros((2, log.time.size)), np.sin(log.yaw_reference / 2)], 1)
+    assert np.abs(table(found["/reference/base"][2], "pose.orientation.wxyz") - yaw[slow]).max() < 1e-15
+    for name, array in (("position", "position"), ("joint", "joints"), ("tip", "tip")):
+        error = np.linalg.norm(getattr(log, array) - getattr(log, f"{array}_reference"), axis=1)
+        assert np.array_equal(table(found[f"/metrics/{name}_error"][2], "data"), error[slow])
+    up = Rotation.from_quat(log.quaternion[:, [1, 2, 3, 0]]).apply([0, 0, 1])[:, 2]
+    assert np.abs(np.cos(table(found["/metrics/tilt"][2], "data")) - up[slow]).max() < 1e-14
+
+
+def test_every_number_of_the_log_stands_in_the_flights_own_messages(read):
+    log, (found, _) = flown(), read
+    messages = found["/skyarm/flight"][2]
+    for column in skyarm.log.columns.columns(log):
+        assert np.array_equal(table(messages, column.name), column.of(log)), column.name
+
+
+@pytest.mark.parametrize("name", [*skyarm.list_vehicles()])
+def test_frames_lead_to_where_the_bodies_and_the_tip_are(name, tmp_path):
+    vehicle = skyarm.load_vehicle(name)
+    log = drawn(vehicle, count=9)
+    found, same = by_rosbags(skyarm.save_log(log, tmp_path / "drawn.mcap"))
+    assert same == sum(len(messages) for _, _, messages in found.values())
+    links = [link.name for link in vehicle.links]
+    for k, message in enumerate(found["/tf"][2]):
+        tree = {t.child_frame_id: t for t in [*message.transforms, *found["/tf_static"][2][0].transforms]}
+        poses = body_poses(vehicle, log.position[4 * k], log.quaternion[4 * k], log.joints[4 * k])
+        for i, link in enumerate(["base_link", *links], start=-1):
+            R, p = composed(tree, link)
+            assert np.abs(R - poses[i][0]).max() < 1e-14
+            assert np.abs(p - poses[i][1]).max() < 1e-14
+        for frame in vehicle.frames:
+            R, p = composed(tree, frame.name)
+            R_WB, p_WB = poses[frame.link]
+            assert np.abs(p - p_WB - R_WB @ np.array(frame.position)).max() < 1e-14
+            assert np.abs(R - R_WB @ np.array(frame.rotation)).max() < 1e-14
+        for rotor in vehicle.rotors:
+            child = next(n for n in tree if n == f"rotor_{rotor.name.removeprefix('rotor')}")
+            R, p = composed(tree, child)
+            R_WB, p_WB = poses[-1]
+            assert np.abs(p - p_WB - R_WB @ np.array(rotor.position)).max() < 1e-14
+            assert np.abs(R[:, 2] - R_WB @ np.array(rotor.axis)).max() < 1e-14
+    drawn_in = {marker.header.frame_id for marker in found["/vehicle"][2][0].markers}
+    assert drawn_in == {"base_link", *links}
+
+
+def composed(tree, name):
+    """Rotation and position of a frame in the world."""
+    R, p = np.eye(3), np.zeros(3)
+    while name != "world":
+        moved = tree[name]
+        q, t = moved.transform.rotation, moved.transform.translation
+        turn = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix()
+        R, p, name = turn @ R, turn @ p + [t.x, t.y, t.z], moved.header.frame_id
+    return R, p
+
+
+def test_in_hover_the_rotors_carry_the_weight():
+    log = skyarm.run(skyarm.load_scenario("case1", duration=0.25))
+    topics = FlightTopics(log)
+    (topic,) = [each for each in topics.topics if each.name == "/rotor_wrench"]
+    _, data = topics.encoded(topic, log)
+    force = np.ascontiguousarray(data[:, -48:]).view("<f8")[0]
+    # the first state is hover trim; six doubles end a WrenchStamped
+    weight = log.info["plant_gravity"] * float(vehicle_of(log).mass)
+    assert force[2] == pytest.approx(weight, rel=1e-12)
+    assert np.abs(force[[0, 1]]).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("rate", "fast", "slow"),
+    [(200, 1, 4), (500, 2, 10), (1000, 5, 20), (250, 1, 5), (100, 1, 2), (40, 1, 1), (33.3, 1, 1)],
+)
+@pytest.mark.parametrize("count", [0, 1, 3, 1203])
+def test_other_control_rates_keep_their_order_and_lose_nothing(rate, fast, slow, count, tmp_path):
+    log = drawn(skyarm.load_vehicle("hummingbird_arm2"), count=count, rate=rate)
+    path = skyarm.save_log(log, tmp_path / "drawn.mcap")
+    with path.open("rb") as stream:
+        reader = mcap_reader.make_reader(stream, validate_crcs=True)
+        counts = defaultdict(int)
+        last = 0
+        for _, channel, message in reader.iter_messages(log_time_order=False):
+            assert message.sequence == counts[channel.topic]
+            counts[channel.topic] += 1
+            assert message.log_time >= last
+            last = message.log_time
+        statistics = reader.get_summary().statistics
+    for topic in FAST | {"/tf"}:
+        every = 1 if topic == "/skyarm/flight" else fast if topic in FAST else slow
+        assert counts[topic] == -(-count // every), topic
+    assert statistics.message_count == sum(counts.values())
+    if count:
+        assert (statistics.message_start_time, statistics.message_end_time) == (0, round(log.time[-1] * 1e9))
+
+
+@pytest.mark.filterwarnings("ignore:(start|end)_time is deprecated:DeprecationWarning")  # its new names are newer
+def test_the_index_leads_to_the_messages_of_some_time_and_topic(tmp_path):
+    log = flown()
+    path = skyarm.save_log(log, tmp_path / "flight.mcap")
+    with path.open("rb") as stream:
+        reader = mcap_reader.make_reader(stream, validate_crcs=True, decoder_factories=[mcap_ros2.DecoderFactory()])
+        assert isinstance(reader, mcap_reader.SeekingReader)
+        chosen = reader.iter_decoded_messages(topics=["/odom"], start_time=int(1.2e9), end_time=int(2.1e9))
+        found = [(each.message.log_time, each.decoded_message.pose.pose.position.x) for each in chosen]
+        rows = (log.time >= 1.2) & (log.time < 2.1)
+        assert found == list(zip(np.rint(log.time[rows] * 1e9), log.position[rows, 0], strict=True))
+        attached = {each.name: each.data for each in reader.iter_attachments()}
+        told = {each.name: each.metadata for each in reader.iter_metadata()}
+        assert reader.get_header().profile == "ros2"
+        chunks = reader.get_summary().chunk_indexes
+    assert sorted(attached) == ["info.json", "scenario.json"]
+    assert told["skyarm"]["scenario"] == "case3_wind"
+    assert told["skyarm"]["digest"] == log.info["digest"]
+    assert len(chunks) == 4
+
+
+def test_definitions_are_those_of_ros(tmp_path):
+    from rosbags.typesys import Stores, get_typestore
+
+    path = skyarm.save_log(flown(), tmp_path / "flight.mcap")
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with path.open("rb") as stream, rosbags.AnyReader([path]) as reader, warnings.catch_warnings():
+        schemas = mcap_reader.make_reader(stream).get_summary().schemas.values()
+        names = {schema.name for schema in schemas}
+        assert {schema.encoding for schema in schemas} == {"ros2msg"}
+        own = names - {"skyarm_msgs/msg/Flight"}
+        assert len(own) == len(names) - 1 == 9
+        for name in own:
+            # the identity by which ROS 2 tells types apart
+            assert reader.typestore.hash_rihs01(name) == store.hash_rihs01(name), name
+
+
+@pytest.mark.parametrize("count", [0, 3, 603])
+def test_the_index_of_a_chunk_says_where_its_messages_begin(count, tmp_path):
+    from mcap.records import Chunk, MessageIndex
+    from mcap.stream_reader import StreamReader
+
+    chunk, seen = b"", 0
+    path = skyarm.save_log(drawn(skyarm.load_vehicle("hummingbird_arm2"), count=count), tmp_path / "drawn.mcap")
+    with path.open("rb") as stream:
+        for record in StreamReader(stream, emit_chunks=True, validate_crcs=True).records:
+            if isinstance(record, Chunk):
+                chunk = record.data
+            elif isinstance(record, MessageIndex):
+                for time, at in record.records:
+                    # opcode, length; channel, sequence, time of the log
+                    opcode, _, channel, _, stamp = struct.unpack_from("<BQHIQ", chunk, at)
+                    assert (opcode, channel, stamp) == (5, record.channel_id, time)
+                    seen += 1
+    with path.open("rb") as stream:
+        assert seen == mcap_reader.make_reader(stream).get_summary().statistics.message_count

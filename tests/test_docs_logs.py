@@ -1,0 +1,78 @@
+"""The page on logs: its commands and its Python run, its topics are those that are written."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import skyarm
+from logged_flights import flown
+from skyarm.log.ros.message_types import full_name
+from skyarm.log.ros.topics import FlightTopics
+
+PAGE = (Path(__file__).resolve().parents[1] / "docs" / "logs.md").read_text("utf-8")
+COMMANDS = [line.split("#")[0].strip() for line in PAGE.splitlines() if line.startswith("    skyarm ")]
+
+
+def test_every_command_shown_runs_one_after_the_other(tmp_path):
+    pytest.importorskip("rosbags", reason="needs the extra 'logs'")
+    content = skyarm.save_log(flown(), tmp_path / "whole.mcap").read_bytes()
+    (tmp_path / "flight.partial.mcap").write_bytes(content[:-300_000])
+    assert len(COMMANDS) == 6
+    for line in COMMANDS:
+        done = subprocess.run(
+            [sys.executable, "-m", "skyarm", *shlex.split(line)[1:]],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, (line, done.stderr)
+        assert ("cut at t = " in done.stderr) == ("partial" in line)
+    assert {"flight.mcap", "flight.csv", "flight.bag", "layouts", "saved.mcap"} <= {p.name for p in tmp_path.iterdir()}
+    with pytest.warns(UserWarning, match="cut at t"):
+        before = skyarm.load_log(tmp_path / "flight.partial.mcap")
+    assert skyarm.load_log(tmp_path / "saved.mcap").info == before.info
+
+
+def test_the_python_shown_runs(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("pyarrow", reason="needs the extra 'logs'")
+    monkeypatch.chdir(tmp_path)
+    codes = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    assert len(codes) == 2
+    for code in codes:
+        exec(compile(code, "logs.md", "exec"), {})
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split()[:2] == ["time", "s"]
+    assert lines[1].startswith("position_x m ")
+    assert re.fullmatch(r"-?\d\.\d\d m", lines[5])
+
+
+def test_the_topics_shown_are_those_that_are_written():
+    (table,) = re.findall(r"<!-- topics; .*?-->\n(.*?)<!-- /topics -->", PAGE, re.DOTALL)
+    rows = [[cell.strip().strip("`") for cell in line.strip("|").split("|")] for line in table.strip().splitlines()[2:]]
+    words = {0: "once", 1: "200", 4: "50"}
+    written = {
+        each.name: (full_name(each.kind), "control" if each.name == "/skyarm/flight" else words[each.every])
+        for each in FlightTopics(flown()).topics
+    }
+    assert {name: (kind, rate) for name, kind, rate, _ in rows} == written
+
+
+def test_the_formats_shown_are_those_there_are():
+    from skyarm.registry import names
+
+    shown = re.findall(r"^\| `\.(\w+)` \|.*\| (yes|no) \|", PAGE, re.MULTILINE)
+    read = {kind for kind, back in shown if back == "yes"}
+    from skyarm.log.formats import require_format
+
+    assert {kind for kind, _ in shown} == {kind for kind in names("log_format") if require_format(f"a.{kind}").read} | {
+        "csv",
+        "bag",
+    }
+    assert read == {kind for kind, _ in shown if require_format(f"a.{kind}").read is not None}
