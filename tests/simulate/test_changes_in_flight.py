@@ -7,10 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from added_components import RandomPush, same_logs
+from added_components import RandomPush, Turbulence, same_logs
 from simulate_flights import document
 from skyarm import BatchSession, Scenario, ScenarioError, Session, run, scenario_from
-from skyarm.compile import leaves
 from skyarm.log.flight_log import Log
 from skyarm.scenario.changes import Change
 from skyarm.scenario.numbers import with_numbers
@@ -171,19 +170,23 @@ def test_a_payload_that_is_dropped_leaves_the_vehicle_as_it_was() -> None:
 
 
 def test_what_is_added_begins_anew_and_what_was_there_goes_on() -> None:
-    """A push on top: turbulence blows on, though other components stand behind it now."""
-    windy = dataclasses.replace(scenario_from(document("case3_wind", duration=0.3, environment__wind=WIND)))
+    """A push more, and air before it: the wind's turbulence and the push that was there have their memories still."""
+    push = RandomPush(sigma=0.1)
+    windy = dataclasses.replace(
+        scenario_from(document("case3_wind", duration=0.3, environment__wind=WIND)), forces=(push,)
+    )
     session = Session(windy)
     for _ in range(20):
         session.step()
-    wind = session._engine.now.components[0]
-    session.replace(dataclasses.replace(windy, forces=(RandomPush(sigma=0.1),)))
-    assert session._engine.now.components[0] == wind
-    push = session._engine.now.components[1]
-    session.step()
-    session.replace(dataclasses.replace(windy, air=windy.air, forces=(RandomPush(sigma=0.1), RandomPush(sigma=0.2))))
-    assert leaves(session._engine.now.components[1]) != leaves(push) or not leaves(push)
-    assert len(session._engine.now.components) == 3
+    wind, pushed = session.now.components
+    session.replace(dataclasses.replace(windy, forces=(push, RandomPush(sigma=0.2))))
+    assert session.now.components == (wind, pushed, (0.0,))
+    session.replace(dataclasses.replace(windy, air=(Turbulence(),)))
+    first, air, last = session.now.components
+    assert (first, last) == (wind, pushed)
+    assert air == session._engine.first.components[1], "a memory of its own from its first draws"
+    session.replace(windy)
+    assert session.now.components == (wind, pushed)
 
 
 def test_changes_of_a_hand_join_those_of_the_scenario_and_a_snapshot_goes_behind_both() -> None:
