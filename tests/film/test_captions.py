@@ -14,7 +14,10 @@ from skyarm.film.filmed_flight import FilmedFlight, film_flights
 from skyarm.film.frame_layout import Box, FrameLayout, frame_layout
 
 TIMES = np.arange(10) * 0.1
-DRAWN = np.full((360, 640, 3), 7, np.uint8)
+MAGENTA = (255, 0, 255)
+"""No colour of any text or curve."""
+
+DRAWN = np.full((360, 640, 3), MAGENTA, np.uint8)
 
 
 def made(**changed: object) -> tuple[Captions, FrameLayout]:
@@ -51,8 +54,8 @@ def test_panels_are_taken_as_they_were_drawn_and_nothing_else_is() -> None:
     captions, layout = made()
     picture = captions.frame(DRAWN, 3)
     for panel in layout.panels:
-        assert np.all(inside(picture, panel) == 7)
-    assert np.all(picture == 7, axis=2).sum() == sum(panel.width * panel.height for panel in layout.panels)
+        assert np.all(inside(picture, panel) == MAGENTA)
+    assert np.all(picture == MAGENTA, axis=2).sum() == sum(panel.width * panel.height for panel in layout.panels)
 
 
 def test_names_are_in_the_flights_colours_and_numbers_change() -> None:

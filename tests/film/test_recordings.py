@@ -18,15 +18,8 @@ import zstandard
 
 import skyarm
 from skyarm.film.film_settings import FilmSettings
-from skyarm.film.recording import (
-    RECORDING_NAME,
-    Recording,
-    page_with,
-    player_page,
-    record,
-    recording_frame,
-    save_recording,
-)
+from skyarm.film.recording import RECORDING_NAME, Recording, record, save_recording
+from skyarm.film.recording_page import page_with, player_page, recording_frame
 
 FPS = 20
 

@@ -35,8 +35,8 @@ from skyarm.simulate import Log
 
 Note = Callable[[str], None]
 
-Film = Callable[[Mapping[str, Mapping[str, Log]]], tuple[bytes, str]]
-"""From case -> law -> log to a small animated WebP, and the sentence that says what it shows."""
+Film = Callable[[Mapping[str, Mapping[str, Log]]], tuple[bytes, str] | None]
+"""From case -> law -> log to a small animated WebP and the sentence that says what it shows; None where none can be."""
 
 COMPARED = "compare"
 """Folder of the whole comparison, beside the report."""
@@ -150,9 +150,10 @@ def _opening(
 ) -> Opening:
     """What the report opens with; a film is written beside it, too."""
     caption = f"{OVERVIEW} {LOOK.rsplit(', ', 1)[0]}; {plant}."
-    if film is None:
+    drawn = None if film is None else film(flown)
+    if drawn is None:
         return Opening(picture=overview, caption=caption)
-    content, words = film(flown)
+    content, words = drawn
     write_atomically(folder / FILM, content)
     return Opening(picture=overview, caption=caption, film=content, film_caption=words)
 
