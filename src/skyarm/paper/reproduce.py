@@ -28,6 +28,7 @@ from skyarm.paper.report.report_inferred import inferred_section
 from skyarm.paper.report.report_opening import FILM, Opening
 from skyarm.paper.report.report_page import case_files, report_pages
 from skyarm.paper.report.report_text import LOOK, OVERVIEW
+from skyarm.paper.report.report_vehicle import vehicle_section
 from skyarm.paper.short_table import markdown
 from skyarm.paper.variations import variations
 from skyarm.scenario.scenario_record import PLANTS
@@ -119,6 +120,7 @@ def reproduce(
         further["All laws compared"] = comparison_section(found, comparison, f"{COMPARED}/{PAGE}")
     say("writing report.html")
     shown = {"Inferred settings": inferred_section(table, predicted, evidence, plants[0])} if campaign.found else {}
+    further["The vehicle"] = vehicle_section()
     opening = _opening(folder, first, image_bytes(overview), plants[0], film)
     pages = report_pages(table, campaign.sensitivity, campaign.logs, why, figures, shown | further, opening)
     for name, page in pages.items():

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Any
 from skyarm.figures.embed import image_bytes
 from skyarm.figures.figure_list import PAPER_CATALOGUE
 from skyarm.figures.interactive import damping_figure
-from skyarm.figures.vehicle_drawing import vehicle_drawing
 from skyarm.files import file_names
-from skyarm.pages import image
 from skyarm.paper.agreement import known
 from skyarm.paper.counted_cells import sentence
 from skyarm.paper.flights import first_plant
@@ -30,15 +28,9 @@ from skyarm.paper.report.report_tables import (
     summary_table,
 )
 from skyarm.scenario.scenario_record import PLANTS
-from skyarm.vehicle.vehicle_files import load_vehicle
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-VEHICLE = "hummingbird_arm2_rotors"
-"""What flies in every case."""
-
-DRAWING_DPI = 150.0
 
 TITLE = "Computed torque for a flying arm: the paper and two simulations"
 
@@ -92,7 +84,6 @@ def report_pages(
         *((f"further-{i}", title, content) for i, (title, content) in enumerate((further or {}).items(), 1)),
         ("sensitivity", "Sensitivity to assumptions", _sensitivity(sensitivity, experiments, plant, plots)),
         *([("figures", "Figures", paper_figures_html(left, plant))] if left else []),
-        ("vehicle", "The vehicle", _vehicle()),
         ("assumptions", "Assumptions", _assumptions()),
         ("settings", "Settings and versions", _episodes(logs) + _settings(results.get("settings", {}))),
     ]
@@ -146,13 +137,6 @@ def _sensitivity(sensitivity: Mapping[str, Any], experiments: Mapping[str, Any],
     figure = damping_figure(damping, paper, DAMPING_PANELS)
     caption = f"{len(DAMPING_PANELS)} numbers over the assumed joint damping, {plant}; dotted: the paper."
     return plots.add(figure, caption) + sensitivity_tables(sensitivity, experiments, plant)
-
-
-def _vehicle() -> str:
-    """The paper's vehicle as it flies here, drawn and labelled."""
-    drawing = image_bytes(vehicle_drawing(load_vehicle(VEHICLE)), dpi=DRAWING_DPI)
-    words = f"Frames, joints with their positive senses, and rotors of {VEHICLE}. Sizes of bodies are guesses."
-    return image("The vehicle from three sides, labelled", words, drawing, wide=True)
 
 
 def _assumptions() -> str:
