@@ -13,7 +13,7 @@ import pytest
 
 import skyarm
 from skyarm.studio.guard import Guard, is_loopback
-from skyarm.studio.page import require_laws
+from skyarm.studio.page_words import require_laws
 
 STUDIO = [sys.executable, "-m", "skyarm", "studio", "--no-browser"]
 

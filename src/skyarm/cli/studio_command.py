@@ -49,7 +49,8 @@ def studio(
     require_viser()
     listening = bound(host, port)
     try:
-        from skyarm.studio.page import Page, require_laws
+        from skyarm.studio.page import Page
+        from skyarm.studio.page_words import require_laws
 
         require_laws(scenario, controller or [])
         guard = Guard(host, int(listening.getsockname()[1]), token or secrets.token_hex(16))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -11,12 +10,11 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from skyarm.files import must_be_one_of, shown
-from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.studio.charts import HERTZ, Chart, charts
-from skyarm.studio.controls import Controls, law_names
-from skyarm.studio.fleet import MOST, Fleet, law_knobs, load_fleet, make_flight, shared_knobs
+from skyarm.studio.controls import Controls
+from skyarm.studio.fleet import Fleet, law_knobs, load_fleet, make_flight, shared_knobs
 from skyarm.studio.flight import Flight
+from skyarm.studio.page_words import literal
 from skyarm.studio.panels import KnobPanel
 from skyarm.studio.picture import Picture, View
 from skyarm.studio.saved import save_flights
@@ -28,21 +26,6 @@ IDLE = 0.1
 """s between two looks at the clock while no tab watches; the flight waits for one."""
 
 Work = Callable[[], None]
-
-
-def require_laws(source: str, laws: Sequence[str]) -> None:
-    """Refuse a scenario or laws that cannot be flown, before a page is opened.
-
-    Raises:
-        ScenarioError: one line.
-    """
-    if len(laws) > MOST:
-        raise ScenarioError(f"--controller = {shown(list(laws))}: must be at most {MOST} laws at once")
-    prepared = load_fleet(source).prepared
-    for law in laws:
-        if law not in law_names():
-            raise ScenarioError(f"--controller = {shown(law)}: {must_be_one_of(law_names(), law)}")
-        prepared.under(law)
 
 
 class Page:
@@ -65,7 +48,7 @@ class Page:
         self.fleet = load_fleet(source)
         self._words = ""
         self._making = 0
-        self._turn = False
+        self._turn = 0
         self._picture = Picture(server, plain=plain)
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         own = self.fleet.prepared.scenario.controller.name
@@ -238,9 +221,9 @@ class Page:
     def _draw_slowly(self) -> None:
         """Plots, words and the clock."""
         fleet = self.fleet
-        # each plot at half the rate: they are most of what is sent
-        self._turn = not self._turn
-        for chart in self._charts[self._turn :: 2]:
+        # each plot at a third of the rate: they are most of what is sent
+        self._turn = (self._turn + 1) % 3
+        for chart in self._charts[self._turn :: 3]:
             chart.draw()
         slider = self._controls.time
         longest = max(30.0, 30.0 * -(-fleet.furthest // (30 * fleet.rate)))
@@ -264,8 +247,3 @@ class Page:
         if self._making:
             lines.append("Machine code is being made ...")
         return "\n\n".join([*lines, *([literal(self._words)] if self._words else [])])
-
-
-def literal(text: str) -> str:
-    """Text from files and messages as a page's markdown shows it as it is: nothing in it is a link or code."""
-    return re.sub(r"([\\`*\[\]<>{}!#|~$&])", r"\\\1", text)

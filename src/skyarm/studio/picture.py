@@ -17,7 +17,7 @@ from skyarm.studio.sights import goal_of
 APART = 1.2
 """m between vehicles that are drawn beside each other."""
 
-SLOW = 4
+SLOW = 6
 """Frames between two drawings of what moves slowly: the ghost, trails, labels, payloads."""
 
 

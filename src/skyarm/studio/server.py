@@ -11,6 +11,7 @@ import http
 import io
 import logging
 import math
+import os
 import socket
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -45,7 +46,8 @@ def bound(host: str, port: int) -> socket.socket:
     """
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     found = socket.socket(family, socket.SOCK_STREAM)
-    found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    if os.name == "posix":  # elsewhere it lets two servers take one port
+        found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         found.bind((host, port))
         # who asks while libraries still load waits instead of being refused
