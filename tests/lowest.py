@@ -22,6 +22,9 @@ FLOOR = re.compile(r"([A-Za-z0-9-]+)>=([0-9.]+)(?:; *(.+))?")
 LINTERS = ("import-linter", "mypy", "ruff")
 """Of ``make lint``, which runs on the versions of constraints.txt only: what they find changes with every version."""
 
+BUILDERS = ("latex2mathml", "mkdocstrings-python", "zensical")
+"""Of ``make docs``, which runs on the versions of constraints.txt only: no test of the library needs them."""
+
 HELD = ("click==8.1.8", "pyparsing==3.1.4")
 """What direct dependencies depend on, where its newest version came after them and a warning is an error in the tests:
 typer 0.20 calls what click 8.5 deprecates, matplotlib 3.8 what pyparsing 3.3 does."""

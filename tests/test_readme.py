@@ -5,6 +5,7 @@ import shlex
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from readme_commands import LINES, README, ROOT, SHOWN, code_shown, words_to_run
@@ -35,6 +36,8 @@ def test_the_readme_shows_commands():
         "margins",
         "basin",
         "cache",
+        "studio",
+        "film",
     }
 
 
@@ -61,6 +64,31 @@ def test_the_code_shown_runs(capsys):
 def test_links_lead_to_files():
     for target in re.findall(r"\]\(([^)#]+)\)", README):
         assert (ROOT / target).exists(), target
+
+
+def test_the_moving_picture_at_its_head_moves_and_is_light():
+    from PIL import Image
+
+    first = re.search(r"!\[[^]]+\]\(([^)]+)\)", README)[1]
+    assert README.index(first) < README.index("make reproduce")
+    assert (ROOT / first).stat().st_size <= 3e6
+    with Image.open(ROOT / first) as picture:
+        assert picture.is_animated
+        assert picture.info["loop"] == 0, "it repeats"
+        assert picture.width == 800, "its labels are meant for a page"
+        frames = []
+        for k in (0, picture.n_frames // 2):
+            picture.seek(k)
+            frames.append(np.asarray(picture.convert("L"), dtype=float))
+    assert (np.abs(frames[1] - frames[0]) > 40.0).sum() > 500, "vehicles and cursor"
+    # what draws it anew
+    assert f"{first} " in (ROOT / "Makefile").read_text(encoding="utf-8")
+
+
+def test_the_film_behind_it_is_light():
+    (film,) = re.findall(r"\]\(([^)]+\.mp4)\)", README)
+    assert (ROOT / film).stat().st_size <= 2e6
+    assert f"{film} " in (ROOT / "Makefile").read_text(encoding="utf-8")
 
 
 def test_the_table_of_laws_is_what_flights_give():

@@ -9,7 +9,7 @@ import skyarm
 
 SOURCE = Path(skyarm.__file__).parent
 TESTS = Path(__file__).resolve().parents[1]
-BESIDE = {"attacks", "data", "mutation", "openness", "project"}
+BESIDE = {"attacks", "data", "mutation", "openness", "project", "website"}
 """Folders that are no room's own: of many rooms at once, or of the repository."""
 
 

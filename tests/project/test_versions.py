@@ -9,7 +9,7 @@ import pytest
 
 import release
 import skyarm
-from lowest import LEFT_OUT, LINTERS, direct, pins, project
+from lowest import BUILDERS, LEFT_OUT, LINTERS, direct, pins, project
 from skyarm.files.floors import FLOORS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -25,7 +25,8 @@ def test_the_guard_knows_the_floors_of_the_project_file() -> None:
 
 
 def test_every_extra_is_tested_at_its_floor() -> None:
-    extras = project()["optional-dependencies"]
+    extras = dict(project()["optional-dependencies"])
+    assert [pin.split("==")[0] for pin in pins(extras.pop("docs"))] == list(BUILDERS)
     for name, requirements in extras.items():
         for pin in pins(requirements):
             package, version = pin.split(";")[0].split("==")
@@ -36,6 +37,9 @@ def test_the_constraints_hold_every_direct_dependency_at_or_above_its_floor() ->
     held = dict(line.lower().split("==") for line in (ROOT / "constraints.txt").read_text().split())
     for package, version in LOWEST.items():
         assert numbers(held[package]) >= numbers(version)
+    for pin in pins(project()["optional-dependencies"]["docs"]):
+        name, floor = pin.split("==")
+        assert held[name] == floor, "the site is built by the versions that it was looked at with"
     for name in LINTERS:
         floor = next(r for r in direct() if r.startswith(name)).split(">=")[1]
         assert held[name].startswith(f"{floor}.") or held[name] == floor, "linters: the version that make lint runs"

@@ -23,7 +23,7 @@ def vehicle_shapes(vehicle: Vehicle) -> tuple[Shape, ...]:
     Args:
         vehicle: with concrete numbers.
     """
-    reach = _reach(vehicle)
+    reach = longest_boom(vehicle)
     shapes = [Shape("hull", "hull", "ellipsoid", BASE, (0.35 * reach, 0.35 * reach, 0.15 * reach))]
     shapes += _rotor_shapes(vehicle, reach)
     for i, link in enumerate(vehicle.links):
@@ -50,14 +50,14 @@ def rotor_radius(vehicle: Vehicle) -> float:
     """Radius of the discs, m: neighbours leave each other a tenth of their distance, or half the longest boom."""
     hubs = [_floats(rotor.position) for rotor in vehicle.rotors]
     apart = [math.dist(a, b) for i, a in enumerate(hubs) for b in hubs[:i] if math.dist(a, b) > 1e-6]
-    longest = 0.5 * _reach(vehicle)
+    longest = 0.5 * longest_boom(vehicle)
     # coaxial pairs are closer than their discs are wide
     sideways = [d for d in apart if d > 0.3 * longest]
     return min([longest, *(0.45 * d for d in sideways)])
 
 
-def _reach(vehicle: Vehicle) -> float:
-    """Longest boom, m."""
+def longest_boom(vehicle: Vehicle) -> float:
+    """Distance of the farthest rotor from the base, m; LEAST_REACH without rotors: the scale of every shape."""
     return max((math.hypot(*_floats(rotor.position)) for rotor in vehicle.rotors), default=0.0) or LEAST_REACH
 
 

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from skyarm.algebra import Mat3, Vec3
+from skyarm.drawing.vehicle_shapes import vehicle_shapes
 from skyarm.vehicle.vehicle_records import BASE, Body, Joint, Vehicle
 
 INTEGRATORS = {
@@ -23,7 +24,26 @@ BASE_NAME = "base"
 LEAST = 2e-15
 """kg and kg m^2: MuJoCo refuses a moving body below 1e-15, so a massless link or a point mass gets this much."""
 
+KINDS = {
+    "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+    "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
+    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+}
+"""MuJoCo's own of each kind of shape; it measures lengths by their halves."""
+
 _GREY, _DARK, _BLUE = (0.6, 0.6, 0.62, 1.0), (0.2, 0.2, 0.22, 1.0), (0.25, 0.45, 0.75, 1.0)
+
+COLORS = {
+    "hull": _GREY,
+    "boom": _DARK,
+    "rotor": (*_BLUE[:3], 0.4),
+    "link": _BLUE,
+    "joint": _DARK,
+    "tip": (0.85, 0.35, 0.15, 1.0),
+    "payload": _GREY,
+}
+"""RGBA by what a shape stands for."""
 
 
 def build_spec(vehicle: Vehicle, gravity: float, *, timestep: float = 0.001, integrator: str = "rk4") -> Any:
@@ -123,32 +143,21 @@ def _add_sites(vehicle: Vehicle, bodies: dict[int, Any]) -> None:
 
 
 def _add_shapes(vehicle: Vehicle, bodies: dict[int, Any]) -> None:
-    """Shapes without mass and contact: a hull, a boom and a disc a rotor, a rod to everything a link carries."""
-    hubs = [_array(rotor.position) for rotor in vehicle.rotors]
-    reach = max([float(np.linalg.norm(hub)) for hub in hubs], default=0.1) or 0.1
-    size = [0.35 * reach, 0.35 * reach, 0.15 * reach]
-    _add_shape(bodies[BASE], type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=size, rgba=_GREY)
-    for rotor, hub in zip(vehicle.rotors, hubs, strict=True):
-        _add_rod(bodies[BASE], hub, 0.03 * reach, _DARK)
-        disc = [0.5 * reach, 0.01 * reach, 0.0]
-        kind = mujoco.mjtGeom.mjGEOM_CYLINDER
-        _add_shape(bodies[BASE], type=kind, size=disc, pos=hub, quat=_along(rotor.axis), rgba=(*_BLUE[:3], 0.4))
-    for i, link in enumerate(vehicle.links):
-        ends = [_array(other.joint.position) for other in vehicle.links if other.parent == i]
-        ends += [_array(frame.position) for frame in vehicle.frames if frame.link == i]
-        for end in ends or [_array(link.body.com)]:
-            _add_rod(bodies[i], end, 0.04 * reach, _BLUE)
-
-
-def _add_rod(body: Any, end: Any, radius: float, rgba: tuple[float, ...]) -> None:
-    """A capsule from the body's origin; none to a point at the origin."""
-    if float(np.linalg.norm(end)) > 1e-6:
-        kind = mujoco.mjtGeom.mjGEOM_CAPSULE
-        _add_shape(body, type=kind, fromto=[0.0, 0.0, 0.0, *end], size=[radius, 0.0, 0.0], rgba=rgba)
-
-
-def _add_shape(body: Any, **fields: Any) -> None:
-    body.add_geom(contype=0, conaffinity=0, mass=0.0, group=1, **fields)
+    """The shapes of every picture of a vehicle, without mass and contact."""
+    for shape in vehicle_shapes(vehicle):
+        kind, half_length = KINDS[shape.kind], shape.kind in ("capsule", "cylinder")
+        size = (shape.size[0], 0.5 * shape.size[1]) if half_length else shape.size
+        bodies[shape.body].add_geom(
+            type=kind,
+            size=[*size, 0.0, 0.0][:3],
+            pos=shape.position,
+            quat=_mat2quat(np.array(shape.rotation)),
+            rgba=COLORS[shape.role],
+            contype=0,
+            conaffinity=0,
+            mass=0.0,
+            group=1,
+        )
 
 
 def _array(v: Vec3) -> Any:

@@ -1,0 +1,141 @@
+"""Texts of a film: its title, clock and wind, the flights' names and errors; and the cursor in the plot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image, ImageDraw, ImageFont
+
+from skyarm.figures.error_strip import Curve, Strip, error_strip
+from skyarm.figures.typeface import typeface
+from skyarm.film.filmed_flight import FilmedFlight
+from skyarm.film.frame_layout import Box, FrameLayout
+from skyarm.film.marks import wind_words
+
+Pixels = npt.NDArray[np.uint8]
+Array = npt.NDArray[np.float64]
+
+INK, PALE, PAPER = (28, 32, 40), (96, 104, 118), (255, 255, 255)
+LOST = (190, 20, 30)
+TITLE_SIZE, NAME_SIZE, NUMBER_SIZE = 24.0, 22.0, 22.0
+"""Pixels at 720 lines."""
+
+LEAST_TEXT = 6
+"""Pixels."""
+
+
+class Captions:
+    """Everything flat in the frames of one film."""
+
+    def __init__(self, flights: Sequence[FilmedFlight], times: Array, layout: FrameLayout, title: str) -> None:
+        self._flights, self._times, self._layout = flights, times, layout
+        self._blank = np.full((layout.height, layout.width, 3), 255, np.uint8)
+        self._numbers = [self._head(box, flight) for box, flight in zip(layout.heads, flights, strict=True)]
+        self._clock = self._title(title)
+        self._strip = self._plot()
+
+    def frame(self, drawn: Pixels, k: int) -> Pixels:
+        """Frame k: the panels from ``drawn``, texts and plot around them."""
+        found = self._blank.copy()
+        for box in self._layout.panels:
+            found[_inside(box)] = drawn[_inside(box)]
+        self._write(found, self._clock, self._now(k), INK, TITLE_SIZE)
+        for box, flight in zip(self._numbers, self._flights, strict=True):
+            if self._times[k] >= flight.end:
+                self._write(found, box, flight.lost, LOST, NUMBER_SIZE)
+            else:
+                self._write(found, box, f"tip error {error_words(float(flight.error[k]))}", INK, NUMBER_SIZE)
+        if self._strip is not None and self._layout.plot is not None:
+            self._put_cursor(found, self._strip, self._layout.plot, k)
+        return found
+
+    def _now(self, k: int) -> str:
+        words = [f"{self._times[k]:.1f} s"]
+        wind = wind_words(self._flights[0], k)
+        return "    ".join([wind, *words] if wind else words)
+
+    def _title(self, title: str) -> Box:
+        """Write the title; returns the box of clock and wind."""
+        band = self._layout.title
+        right = round(min(300.0 * self._layout.scale, 0.5 * band.width))
+        at = Box(band.left, band.top, band.width - right, band.height)
+        self._write(self._blank, at, title, INK, TITLE_SIZE, align="left", bold=True)
+        return Box(band.width - right, band.top, right, band.height)
+
+    def _head(self, box: Box, flight: FilmedFlight) -> Box:
+        """Write a flight's name beside a bar of its colour; returns the box of its error."""
+        bar = max(2, round(6.0 * self._layout.scale))
+        color = np.round(255.0 * np.array(flight.color)).astype(np.uint8)
+        self._blank[box.top : box.top + box.height, box.left : box.left + bar] = color
+        number = round(min(225.0 * self._layout.scale, 0.52 * box.width))
+        name = Box(box.left + bar, box.top, box.width - bar - number, box.height)
+        self._write(self._blank, name, flight.label, tuple(int(c) for c in color), NAME_SIZE, align="left", bold=True)
+        return Box(box.left + box.width - number, box.top, number, box.height)
+
+    def _plot(self) -> Strip | None:
+        box = self._layout.plot
+        if box is None:
+            return None
+        curves = [Curve(each.error_time, each.error_curve, each.color) for each in self._flights]
+        span = float(self._times[0]), _end(self._times)
+        strip = error_strip(curves, span, box.width, box.height, self._layout.scale)
+        self._blank[_inside(box)] = strip.pixels
+        return strip
+
+    def _put_cursor(self, pixels: Pixels, strip: Strip, box: Box, k: int) -> None:
+        share = (self._times[k] - self._times[0]) / (_end(self._times) - self._times[0])
+        at = round(box.left + strip.left + share * (strip.right - strip.left))
+        half = max(1, round(self._layout.scale))
+        pixels[box.top + strip.top : box.top + strip.bottom, max(at - half, 0) : at + half] = INK
+
+    def _write(
+        self,
+        pixels: Pixels,
+        box: Box,
+        text: str,
+        ink: tuple[int, ...],
+        size: float,
+        *,
+        align: str = "right",
+        bold: bool = False,
+    ) -> None:
+        """Put a line of text into a box, smaller where it would not fit."""
+        margin = max(1, round(10.0 * self._layout.scale))
+        room = max(box.width - 2 * margin, 1)
+        height = max(LEAST_TEXT, round(size * self._layout.scale))
+        font = _font(height, bold=bold)
+        while font.getlength(text) > room and height > LEAST_TEXT:
+            height -= 1
+            font = _font(height, bold=bold)
+        picture = Image.new("RGB", (box.width, box.height), PAPER)
+        at = (margin, box.height // 2) if align == "left" else (box.width - margin, box.height // 2)
+        ImageDraw.Draw(picture).text(at, text, fill=ink, font=font, anchor="lm" if align == "left" else "rm")
+        pixels[_inside(box)] = np.asarray(picture)
+
+
+def error_words(error: float) -> str:
+    """A distance in m as millimetres of two or three digits."""
+    millimetres = 1e3 * error
+    if millimetres < 0.995:
+        return f"{millimetres:.2f} mm"
+    if millimetres < 9.95:
+        return f"{millimetres:.1f} mm"
+    return f"{millimetres:.0f} mm" if millimetres < 9999.5 else f"{error:.0f} m"
+
+
+def _end(times: Array) -> float:
+    """End of the last frame, s."""
+    return float(times[-1] + (times[-1] - times[0]) / max(len(times) - 1, 1)) if len(times) > 1 else times[0] + 1.0
+
+
+def _inside(box: Box) -> tuple[slice, slice]:
+    return slice(box.top, box.top + box.height), slice(box.left, box.left + box.width)
+
+
+@lru_cache(maxsize=64)
+def _font(height: int, *, bold: bool) -> Any:
+    return ImageFont.truetype(str(typeface(bold=bold)), height)

@@ -1,0 +1,163 @@
+"""A flight as it is filmed: its log read at the instants of the frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.files import shown
+from skyarm.film.film_settings import FilmSettings
+from skyarm.log.flight_log import Log
+from skyarm.vehicle.vehicle_records import Vehicle
+
+Array = npt.NDArray[np.float64]
+Color = tuple[float, float, float]
+
+COLORS: tuple[Color, ...] = (
+    (0.835, 0.369, 0.0),
+    (0.0, 0.447, 0.698),
+    (0.0, 0.620, 0.451),
+    (0.8, 0.475, 0.655),
+    (0.45, 0.35, 0.75),
+    (0.35, 0.35, 0.35),
+)
+"""Red, green, blue from 0 to 1 by the flight's place; the first four are Okabe and Ito's, told apart by colour-blind
+eyes."""
+
+MOST_FLIGHTS = len(COLORS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilmedFlight:
+    """What a film shows of one flight at F instants; world axes, SI units, radians.
+
+    Attributes:
+        label: name in the picture. color: of the vehicle, its trail and its curve.
+        vehicle: the plant's.
+        position (F, 3), quaternion (F, 4) wxyz, joints (F, n): of the plant.
+        desired_position (F, 3), desired_quaternion (F, 4), desired_joints (F, n): the continuous reference, level.
+        tip, desired_tip: (F, 3) m. force: (F, 3) N of the wind. air: (F, 3) m/s, velocity of the air.
+        error: (F,) m, distance of the tip from its reference.
+        error_time, error_curve: (N,) s and m, the same at every control instant.
+        end: s; from then on the vehicle stays where it was. lost: why, in words; empty for a whole flight.
+    """
+
+    label: str
+    color: Color
+    vehicle: Vehicle
+    position: Array
+    quaternion: Array
+    joints: Array
+    desired_position: Array
+    desired_quaternion: Array
+    desired_joints: Array
+    tip: Array
+    desired_tip: Array
+    force: Array
+    air: Array
+    error: Array
+    error_time: Array
+    error_curve: Array
+    end: float
+    lost: str
+
+
+def frame_times(logs: Sequence[Log], settings: FilmSettings) -> Array:
+    """Instants of the frames, s of flight, up to the end of the longest flight.
+
+    Raises:
+        ValueError: a log has no instants, or none is left of them all.
+    """
+    for log in logs:
+        if not log.time.size:
+            raise ValueError(f"log = {log.info.get('scenario')!r}: must hold at least one control instant to be filmed")
+    longest = max(float(log.time[-1] + (log.time[1] - log.time[0] if log.time.size > 1 else 0.0)) for log in logs)
+    stop = longest if settings.stop is None else min(settings.stop, longest)
+    count = round((stop - settings.start) * settings.fps / settings.speed)
+    if count < 1:
+        raise ValueError(f"start = {settings.start:g}: must leave at least one frame before the end, {stop:g} s")
+    return np.asarray(settings.start + np.arange(count) * (settings.speed / settings.fps), dtype=float)
+
+
+def film_flights(logs: Sequence[Log], times: Array, labels: Sequence[str] | None = None) -> list[FilmedFlight]:
+    """Flights as they are filmed, each with its name and colour.
+
+    Raises:
+        ValueError: too many flights or labels, or a log that does not tell its vehicle.
+    """
+    if not 1 <= len(logs) <= MOST_FLIGHTS:
+        raise ValueError(f"flights = {len(logs)}: must be from 1 to {MOST_FLIGHTS} in one film")
+    names = flight_labels(logs) if labels is None else list(labels)
+    if len(names) != len(logs):
+        raise ValueError(f"labels = {shown(names)}: must be as many as the flights, {len(logs)}")
+    return [film_flight(log, name, color, times) for log, name, color in zip(logs, names, COLORS, strict=False)]
+
+
+def flight_labels(logs: Sequence[Log]) -> list[str]:
+    """What tells the flights apart: their laws, or their scenarios, or the plants that they were flown on."""
+    for field in ("controller", "scenario", "plant"):
+        names = [str(log.info.get(field, "")) for log in logs]
+        if len(set(names)) == len(names):
+            return names
+    return [f"flight {i + 1}" for i in range(len(logs))]
+
+
+def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFlight:
+    """Read a log at the instants of the frames, linearly between its own; after its end it stays as it was.
+
+    Raises:
+        ValueError: the log does not tell its vehicle.
+    """
+    vehicle = log.scenario.world.vehicle
+    now = {name: _read(log.time, getattr(log, name), times) for name in READ}
+    yaw = _read(log.time, np.unwrap(log.yaw_reference)[:, None], times)[:, 0]
+    whole = log.status == "completed"
+    return FilmedFlight(
+        label=label,
+        color=color,
+        vehicle=vehicle,
+        position=now["position"],
+        quaternion=_read(log.time, _continuous(log.quaternion), times),
+        joints=now["joints"],
+        desired_position=now["position_reference"],
+        desired_quaternion=np.stack([np.cos(yaw / 2), 0 * yaw, 0 * yaw, np.sin(yaw / 2)], axis=1),
+        desired_joints=now["joints_reference"],
+        tip=now["tip"],
+        desired_tip=now["tip_reference"],
+        force=now["wind_force"],
+        air=now["air_velocity"],
+        error=_read(log.time, np.linalg.norm(log.tip - log.tip_reference, axis=1)[:, None], times)[:, 0],
+        error_time=log.time,
+        error_curve=np.linalg.norm(log.tip - log.tip_reference, axis=1),
+        end=float(log.time[-1]) if not whole else np.inf,
+        lost="" if whole else log.status.replace("_", " "),
+    )
+
+
+READ = (
+    "position",
+    "joints",
+    "position_reference",
+    "joints_reference",
+    "tip",
+    "tip_reference",
+    "wind_force",
+    "air_velocity",
+)
+"""Arrays of a log that a film reads as they are."""
+
+
+def _read(time: Array, values: Array, times: Array) -> Array:
+    """Columns (N, k) at other instants, (F, k)."""
+    columns = [np.interp(times, time, column) for column in values.T]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(times), 0))
+
+
+def _continuous(quaternion: Array) -> Array:
+    """The same attitudes with signs that do not jump, so that they can be read between two instants."""
+    same = np.einsum("ni,ni->n", quaternion[1:], quaternion[:-1]) >= 0.0
+    sign = np.concatenate([[1.0], np.cumprod(np.where(same, 1.0, -1.0))])
+    return np.asarray(quaternion * sign[:, None], dtype=float)

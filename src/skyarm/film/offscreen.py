@@ -1,0 +1,116 @@
+"""An OpenGL context without a window or a screen, made by EGL's own functions, so that no library is needed for it."""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+LIBRARY = "libEGL.so.1"
+
+NEEDS = "on Debian and Ubuntu: apt-get install libegl1 libgl1-mesa-dri"
+"""What to do where EGL or a driver for it is missing; the driver draws on the processor where there is no GPU."""
+
+MOST_DEVICES = 16
+
+PLATFORM_DEVICE = 0x313F
+OPENGL_API = 0x30A2
+CONFIG = (0x3024, 8, 0x3023, 8, 0x3022, 8, 0x3021, 8, 0x3025, 24, 0x3026, 8, 0x3033, 0x0001, 0x3040, 0x0008, 0x3038)
+"""Red, green, blue, alpha 8 bits, depth 24, stencil 8, for a pixel buffer (0x3033) and OpenGL (0x3040); 0x3038 ends."""
+
+_Pointer = ctypes.c_void_p
+
+
+class NoDisplayError(ValueError):
+    """Nothing can be drawn on this machine; one line says what is missing and how to get it."""
+
+
+@contextmanager
+def offscreen() -> Iterator[None]:
+    """Make an OpenGL context current in this thread, and give it back at the end.
+
+    Raises:
+        NoDisplayError: one line: no EGL, or no driver that draws with it.
+    """
+    if not sys.platform.startswith("linux"):
+        with _of_mujoco():
+            yield
+        return
+    egl = _library()
+    display, config = _display(egl)
+    context = egl.eglCreateContext(display, config, None, None)
+    if not context or not egl.eglMakeCurrent(display, None, None, context):
+        raise NoDisplayError(f"EGL: has no OpenGL context (error {egl.eglGetError():#x}); {NEEDS}")
+    try:
+        yield
+    finally:
+        egl.eglMakeCurrent(display, None, None, None)
+        egl.eglDestroyContext(display, context)
+
+
+@contextmanager
+def _of_mujoco() -> Iterator[None]:
+    """MuJoCo's own context, of CGL on macOS and of glfw on Windows."""
+    import mujoco
+
+    try:
+        context = mujoco.gl_context.GLContext(64, 64)
+        context.make_current()
+    except Exception as error:  # each system has errors of its own
+        raise NoDisplayError(f"OpenGL: {error}; python -m pip install glfw pyopengl") from None
+    try:
+        yield
+    finally:
+        context.free()
+
+
+def _library() -> Any:
+    """EGL with the types of its functions."""
+    try:
+        egl = ctypes.CDLL(LIBRARY)
+    except OSError:
+        raise NoDisplayError(f"{LIBRARY}: is missing, which draws without a screen; {NEEDS}") from None
+    egl.eglGetProcAddress.restype, egl.eglGetProcAddress.argtypes = _Pointer, [ctypes.c_char_p]
+    egl.eglInitialize.argtypes = [_Pointer] * 3
+    egl.eglChooseConfig.argtypes = [_Pointer, _Pointer, _Pointer, ctypes.c_int, _Pointer]
+    egl.eglCreateContext.restype, egl.eglCreateContext.argtypes = _Pointer, [_Pointer] * 4
+    egl.eglMakeCurrent.argtypes = [_Pointer] * 4
+    egl.eglDestroyContext.argtypes = [_Pointer] * 2
+    return egl
+
+
+def _display(egl: Any) -> tuple[int, int]:
+    """The first device that initialises and has a configuration for OpenGL."""
+    for device in _devices(egl):
+        display = _extension(egl, b"eglGetPlatformDisplayEXT", _Pointer, ctypes.c_uint, _Pointer, _Pointer)(
+            PLATFORM_DEVICE, device, None
+        )
+        if not display or not egl.eglInitialize(display, None, None):
+            continue
+        config, count = (_Pointer * 1)(), ctypes.c_int()
+        wanted = (ctypes.c_int * len(CONFIG))(*CONFIG)
+        found = egl.eglChooseConfig(display, wanted, config, 1, ctypes.byref(count))
+        if found and count.value and egl.eglBindAPI(OPENGL_API):
+            return display, config[0] or 0
+    raise NoDisplayError(f"EGL: finds no device that draws with OpenGL; {NEEDS}")
+
+
+def _devices(egl: Any) -> list[int]:
+    devices, count = (_Pointer * MOST_DEVICES)(), ctypes.c_int()
+    query = _extension(egl, b"eglQueryDevicesEXT", ctypes.c_uint, ctypes.c_int, _Pointer, _Pointer)
+    query(MOST_DEVICES, devices, ctypes.byref(count))
+    return [device for device in devices[: count.value] if device]
+
+
+def _extension(egl: Any, name: bytes, result: Any, *arguments: Any) -> Any:
+    """A function that EGL names on demand.
+
+    Raises:
+        NoDisplayError: it has no such function.
+    """
+    address = egl.eglGetProcAddress(name)
+    if not address:
+        raise NoDisplayError(f"EGL: has no {name.decode()}; {NEEDS}")
+    return ctypes.CFUNCTYPE(result, *arguments)(address)

@@ -1,0 +1,140 @@
+"""Files of moving pictures, by suffix: MP4 (H.264), animated WebP and GIF. Each appears whole or not at all."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+
+from skyarm.files import must_be_one_of, needs_extra, shown, write_atomically
+
+Pixels = npt.NDArray[np.uint8]
+Frames = Iterator[Pixels]
+
+QUALITY = "20"
+"""Of H.264, its constant rate factor: below 18 nothing is seen any more, at 23 the grid begins to swim."""
+
+WEBP_QUALITY = 80
+"""From 0 to 100; below 75 what moves leaves specks behind it."""
+
+MOST_IN_MEMORY = 1.5e9
+"""Bytes of pictures that an animated WebP or GIF may take: their frames are held until the last is drawn."""
+
+COLORS_OF_GIF = 128
+
+
+def write_mp4(path: Path, frames: Frames, size: tuple[int, int], fps: int, count: int) -> Path:
+    """H.264 in MP4, as browsers and slides play it.
+
+    Raises:
+        ValueError: the library for it is missing.
+    """
+    del count
+    av = import_av()
+    # a file, not memory: the table of frames is moved to the front at the end, so that a browser plays at once
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder) / "film.mp4"
+        with av.open(str(made), "w", format="mp4", options={"movflags": "faststart"}) as container:
+            stream = container.add_stream("libx264", rate=fps, options={"crf": QUALITY, "preset": "veryfast"})
+            stream.width, stream.height = size
+            stream.pix_fmt = "yuv420p"
+            for pixels in frames:
+                container.mux(stream.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(pixels), format="rgb24")))
+            container.mux(stream.encode(None))
+        return write_atomically(path, made.read_bytes())
+
+
+def write_webp(path: Path, frames: Frames, size: tuple[int, int], fps: int, count: int) -> Path:
+    """Animated WebP that repeats for ever."""
+    first, rest = _held(frames, size, count, path)
+    options: dict[str, Any] = {"quality": WEBP_QUALITY, "method": 4, "allow_mixed": True, "kmax": 60}
+    return _animated(path, "WEBP", first, rest, fps, options)
+
+
+def write_gif(path: Path, frames: Frames, size: tuple[int, int], fps: int, count: int) -> Path:
+    """Animated GIF that repeats for ever; of one palette, so that what stands still costs nothing."""
+    first, rest = _held(frames, size, count, path)
+    palette = _palette([first, *rest])
+    first, *rest = (each.quantize(palette=palette, dither=Image.Dither.NONE) for each in (first, *rest))
+    return _animated(path, "GIF", first, rest, fps, {"optimize": False})
+
+
+Writer = Callable[[Path, Frames, tuple[int, int], int, int], Path]
+
+FILM_FORMATS: dict[str, Writer] = {"mp4": write_mp4, "webp": write_webp, "gif": write_gif}
+"""Suffix -> (path, frames of (height, width, 3) bytes, (width, height), frames a second, their number) -> path."""
+
+
+def require_film_format(path: Path, others: tuple[str, ...] = ()) -> Writer | None:
+    """The writer of a film's file; None for one of the other suffixes.
+
+    Raises:
+        ValueError: no such format, or its library is missing.
+    """
+    suffix = path.suffix.removeprefix(".").lower()
+    if suffix in others:
+        return None
+    if suffix not in FILM_FORMATS:
+        raise ValueError(
+            f"film = {shown(str(path))}: suffix {shown(suffix)}: {must_be_one_of((*FILM_FORMATS, *others), suffix)}"
+        )
+    if suffix == "mp4":
+        import_av()
+    return FILM_FORMATS[suffix]
+
+
+def import_av() -> Any:
+    """PyAV, which holds the encoder.
+
+    Raises:
+        ValueError: it is missing.
+    """
+    try:
+        import av
+    except ImportError:
+        raise ValueError(f"av: is missing; a film in MP4 {needs_extra('film')}; .webp and .gif need no more") from None
+    return av
+
+
+def _held(frames: Frames, size: tuple[int, int], count: int, path: Path) -> tuple[Image.Image, list[Image.Image]]:
+    """All frames as pictures.
+
+    Raises:
+        ValueError: they would not fit into memory.
+    """
+    if 3 * size[0] * size[1] * count > MOST_IN_MEMORY:
+        most = f"{MOST_IN_MEMORY / 1e9:g} GB"
+        raise ValueError(
+            f"film = {shown(str(path))}: {count} frames of {size[0]}x{size[1]} are more than {most}; take .mp4, or a "
+            "lower fps, a smaller size, a shorter span"
+        )
+    first, *rest = (Image.fromarray(pixels) for pixels in frames)
+    return first, rest
+
+
+def _animated(
+    path: Path, kind: str, first: Image.Image, rest: list[Image.Image], fps: int, options: dict[str, Any]
+) -> Path:
+    buffer = io.BytesIO()
+    # whole milliseconds (GIF: hundredths) that add up to the film's length
+    unit = 10 if kind == "GIF" else 1
+    edges = [unit * round(1e3 * k / fps / unit) for k in range(len(rest) + 2)]
+    durations = [after - before for before, after in itertools.pairwise(edges)]
+    first.save(buffer, kind, save_all=True, append_images=rest, duration=durations, loop=0, **options)
+    return write_atomically(path, buffer.getvalue())
+
+
+def _palette(pictures: list[Image.Image]) -> Image.Image:
+    """Colours of some of the pictures together."""
+    some = pictures[:: max(1, len(pictures) // 8)]
+    wide = Image.new("RGB", (some[0].width, some[0].height * len(some)))
+    for i, each in enumerate(some):
+        wide.paste(each, (0, i * each.height))
+    return wide.quantize(COLORS_OF_GIF, method=Image.Quantize.MEDIANCUT)

@@ -1,0 +1,132 @@
+"""Recordings, unpacked again: where the bodies are at each instant, how large it is, and the page that plays it."""
+
+from __future__ import annotations
+
+import base64
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from film_flights import flight
+
+pytest.importorskip("viser", reason="no extra 'studio'")
+import msgspec
+import zstandard
+
+import skyarm
+from skyarm.film.film_settings import FilmSettings
+from skyarm.film.recording import RECORDING_NAME, Recording, record, save_recording
+from skyarm.film.recording_page import page_with, player_page, recording_frame
+
+FPS = 20
+
+
+def unpacked(content: bytes) -> dict[str, Any]:
+    """The messages of a recording: the length of what is packed, then zstd of a length and msgpack."""
+    inner = zstandard.ZstdDecompressor().decompress(content[8:])
+    length = int.from_bytes(inner[:8], "little")
+    found: dict[str, Any] = msgspec.msgpack.decode(inner[8 : 8 + length])
+    return found
+
+
+@pytest.fixture(scope="module")
+def two() -> Recording:
+    return record([flight(), flight("centroidal_tip")], FilmSettings(fps=FPS))
+
+
+def place_at(messages: list[Any], name: str, kind: str, field: str, seconds: float) -> np.ndarray:
+    """What the last message up to an instant says of a node."""
+    said = [
+        message[field]
+        for at, message in messages
+        if message["type"] == kind and message["name"] == name and at <= seconds + 1e-9
+    ]
+    # viser leaves out what is as a node begins
+    return np.array(said[-1] if said else {"position": (0.0, 0.0, 0.0), "wxyz": (1.0, 0.0, 0.0, 0.0)}[field])
+
+
+def test_every_body_is_where_the_log_has_it(two: Recording) -> None:
+    found = unpacked(two.content)
+    assert found["durationSeconds"] == pytest.approx(1.0)
+    assert two.seconds == pytest.approx(1.0)
+    for i, law in enumerate(("paper_pd", "centroidal_tip")):
+        log = flight(law)
+        shift = None
+        for k in (0, 7, 19):
+            at = int(np.searchsorted(log.time, k / FPS))
+            for root, position in (("vehicle", log.position[at]), ("desired", log.position_reference[at])):
+                name = f"/flight{i + 1}/{root}/body0"
+                place = place_at(found["messages"], name, "SetPositionMessage", "position", k / FPS)
+                shift = place - position if shift is None else shift
+                # 0.1 mm are recorded, of place and shift
+                np.testing.assert_allclose(place - position, shift, atol=2e-4)
+            name = f"/flight{i + 1}/vehicle/body2"
+            placed = place_at(found["messages"], name, "SetPositionMessage", "position", k / FPS) - shift
+            turned = place_at(found["messages"], name, "SetOrientationMessage", "wxyz", k / FPS)
+            frame = flight(law).scenario.world.vehicle.frame()
+            w, v = turned[0], turned[1:]
+            offset = np.array([float(c) for c in frame.position])
+            tip = placed + offset + 2.0 * np.cross(v, np.cross(v, offset) + w * offset)
+            np.testing.assert_allclose(tip, log.tip[at], atol=5e-4)
+
+
+def test_flights_stand_apart_or_in_one_place() -> None:
+    apart = {}
+    for layout in ("side", "over"):
+        content = record([flight(), flight()], FilmSettings(fps=5, layout=layout, ghost=False)).content
+        messages = unpacked(content)["messages"]
+        first, second = (
+            place_at(messages, f"/flight{i}/vehicle/body0", "SetPositionMessage", "position", 0.0) for i in (1, 2)
+        )
+        apart[layout] = float(np.linalg.norm(second - first))
+        assert not any("desired/" in str(message.get("name")) for _, message in messages)
+    assert apart["over"] == 0.0
+    assert 0.5 < apart["side"] < 5.0
+
+
+def test_what_does_not_move_is_recorded_once() -> None:
+    still = skyarm.run(skyarm.load_scenario("case2", duration=1.0))
+    messages = unpacked(record(still, FilmSettings(fps=FPS)).content)["messages"]
+    ghost = [m for _, m in messages if m.get("name") == "/flight1/desired/body0" and m["type"] == "SetPositionMessage"]
+    reference = len(np.unique(np.round(still.position_reference[:: 200 // FPS], 4), axis=0))
+    assert len(ghost) <= reference + 2
+
+
+def test_a_recording_is_small(two: Recording) -> None:
+    # 30 s of one flight take about 70 kB; what does not grow with time takes some
+    assert len(two.content) / 2 < 70e3 / 30 + 8e3
+
+
+def test_the_same_flights_give_the_same_recording(two: Recording) -> None:
+    again = record([flight(), flight("centroidal_tip")], FilmSettings(fps=FPS))
+    assert unpacked(again.content) == unpacked(two.content)
+
+
+def test_a_page_holds_all_that_it_needs(two: Recording, tmp_path: Path) -> None:
+    page, recording = save_recording(two, tmp_path / "page")[::-1]
+    assert (page.name, recording.name) == ("index.html", RECORDING_NAME)
+    assert recording.read_bytes() == two.content
+    alone = save_recording(two, tmp_path / "alone.html")
+    assert [path.name for path in alone] == ["alone.html"]
+    (held,) = re.findall(r'__VISER_EMBED_DATA__="([^"]+)"', alone[0].read_text("utf-8")[:2_000_000])
+    assert base64.b64decode(held) == two.content
+    for text in (page.read_text("utf-8"), alone[0].read_text("utf-8")):
+        assert not re.findall(r"""<(?:script|link|img)[^>]*(?:src|href)=["']?(?:https?:)?//""", text)
+    assert save_recording(two, tmp_path / "a.viser")[0].read_bytes() == two.content
+
+
+def test_the_player_of_a_site_plays_what_its_address_names() -> None:
+    head, _, rest = player_page().partition("</head>")
+    ours = player_page(RECORDING_NAME).removeprefix(head).removesuffix(f"</head>{rest}")
+    assert ours == (
+        "<script>{const words=new URLSearchParams(location.search);if(!words.has('playbackPath')){"
+        "words.set('playbackPath',\"flight.viser\");history.replaceState(null,'','?'+words)}}</script>"
+    )
+    assert "__VISER_EMBED_DATA__=" in page_with(b"x")
+    assert recording_frame("../player.html", "a b/c.viser", 'a "film"', height=300) == (
+        '<iframe src="../player.html?playbackPath=a%20b/c.viser" title="a &quot;film&quot;" loading="lazy" '
+        'style="width:100%;height:300px;border:1px solid #d0d4da"></iframe>'
+    )

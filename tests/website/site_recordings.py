@@ -1,0 +1,85 @@
+"""Recordings of flights for the pages of the site: which there are, and how they are made.
+
+They are made with the site and not kept. Each is one page that holds player and flight, so that it plays from a file.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A recording: a scenario, the laws that fly it beside each other, and which seconds of it are shown."""
+
+    scenario: str
+    laws: Sequence[str]
+    start: float
+    stop: float
+
+
+RECORDINGS = {
+    "case3": Planned("case3", ("paper_ct",), 5.0, 20.0),
+    "case3_wind": Planned("case3_wind", ("paper_pd", "paper_ct", "centroidal_tip"), 5.0, 17.0),
+    "gust": Planned("case2_gust", ("paper_ct", "centroidal_joint"), 6.0, 14.0),
+    "centroidal_modes": Planned("case3_wind", ("centroidal_joint", "centroidal_tip"), 5.0, 17.0),
+}
+"""Name, as pages ask for it -> what is recorded."""
+
+OF_LAWS = {
+    "hybrid_computed_torque_euler": "paper_ct_euler",
+    "decoupled_pd": "paper_pd",
+    "rotors_sim_position": "rotors_sim_hummingbird",
+    "nmpc": "nmpc",
+    **{name: name for name in ("ct_level_gravity", "ct_coupled_thrust", "ct_consistent", "ct_observer")},
+    **{name: name for name in ("ct_feedforward", "ct_extrapolation", "ct_lag_inversion")},
+    **{name: f"{name}_tuned" for name in ("bulut2019", "guo2023", "li2024", "kim2013", "indi")},
+    **{name: f"{name}_tuned" for name in ("l1_adaptive", "l1_adaptive_lateral", "learned_compensator")},
+}
+"""Law -> the controller that is recorded on its page, in the wind."""
+
+RECORDINGS |= {law: Planned("case3_wind", (controller,), 5.0, 13.0) for law, controller in OF_LAWS.items()}
+
+FRAMES = 20
+"""A second."""
+
+
+def make_recordings(folder: Path, names: Sequence[str]) -> list[Path]:
+    """Write ``NAME.html`` of each; none where the extra studio is not installed."""
+    import skyarm
+
+    try:
+        from skyarm.film.film_settings import FilmSettings
+        from skyarm.film.recording import record, save_recording
+        from skyarm.film.recording_page import import_viser
+
+        import_viser()
+    except ValueError:  # one line that names the extra
+        return []
+    written = []
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        planned = RECORDINGS[name]
+        logs = [
+            skyarm.run(skyarm.load_scenario(planned.scenario, controller=law, duration=planned.stop))
+            for law in planned.laws
+        ]
+        settings = FilmSettings(start=planned.start, stop=planned.stop, fps=FRAMES)
+        written += save_recording(record(logs, settings), folder / f"{name}.html")
+    return written
+
+
+ASKED = re.compile(r"^<!-- recording: ([\w-]+) \| (.+?) -->$", re.M)
+"""A place for a recording on a page: its name, and the words below it."""
+
+
+def asked_for(texts: Sequence[str]) -> list[str]:
+    """Names that pages ask for; ValueError for one that is not planned."""
+    names = sorted({name for text in texts for name, _ in ASKED.findall(text)})
+    for name in names:
+        if name not in RECORDINGS:
+            raise ValueError(f"recording {name!r}: must be one of {', '.join(RECORDINGS)}")
+    return names

@@ -1,0 +1,68 @@
+"""The pages of the API, one for each room that has public names, written by the site's builder from docstrings."""
+
+from __future__ import annotations
+
+import inspect
+
+import skyarm
+
+ROOMS = {
+    "vehicle": "Vehicles",
+    "dynamics": "Dynamics",
+    "algebra": "Vectors and rotations",
+    "scenario": "Scenarios",
+    "reference": "References",
+    "environment": "Air, forces and faults",
+    "actuation": "Actuators",
+    "sensors": "Sensors",
+    "estimate": "Estimators",
+    "control": "Control laws",
+    "plant": "Plants",
+    "simulate": "Flying",
+    "log": "Logs",
+    "metrics": "Metrics",
+    "figures": "Pictures",
+    "sweep": "Sweeps",
+    "paper": "The paper",
+    "registry": "Adding to the library",
+    "scalars": "Random numbers",
+}
+"""Room -> heading of its page."""
+
+
+def homes() -> dict[str, tuple[str, ...]]:
+    """Public names of each room by their full path."""
+    found: dict[str, list[str]] = {}
+    for name in skyarm.__all__:
+        if name == "__version__":
+            continue
+        thing = getattr(skyarm, name)
+        if inspect.ismodule(thing):
+            # a form of the dynamics of its own, with the functions that it names
+            found.setdefault("dynamics", []).extend(f"{thing.__name__}.{each}" for each in thing.__all__)
+            continue
+        module, called = thing.__module__, getattr(thing, "__qualname__", name)
+        if name == "register":
+            module, called = "skyarm.registry.registrations", "register"
+        found.setdefault(module.split(".")[1], []).append(f"{module}.{called}")
+    return {room: tuple(sorted(set(paths), key=str.lower)) for room, paths in found.items()}
+
+
+def reference_pages() -> dict[str, str]:
+    """Markdown of each page by its name on the site."""
+    rooms = homes()
+    strangers = set(rooms) - set(ROOMS)
+    if strangers:
+        raise ValueError(f"rooms without a heading in site_reference.ROOMS: {', '.join(sorted(strangers))}")
+    pages = {}
+    listed = ["# API", "", "Every public name of `skyarm`, by room. Arrays in, arrays out; SI units and radians;", ""]
+    listed[2] += " quaternions wxyz, body to world."
+    for room, title in ROOMS.items():
+        if room not in rooms:
+            continue
+        names = ", ".join(f"[`{path.rpartition('.')[2]}`]({room}.md#{path})" for path in rooms[room])
+        listed.append(f"* [{title}]({room}.md): {names}")
+        parts = [f"# {title}", *(f"::: {path}" for path in rooms[room])]
+        pages[f"api/{room}.md"] = "\n\n".join(parts) + "\n"
+    pages["api/index.md"] = "\n".join(listed) + "\n"
+    return pages

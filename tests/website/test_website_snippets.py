@@ -1,0 +1,214 @@
+"""Every snippet and command of the pages under docs runs: here, or in a test that is named here. None is left."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import re
+import sys
+from pathlib import Path
+
+import pytest
+from page_snippets import DOCS, ROOT, Block, Ran, blocks, commands, indented, run_page, words_of
+from percent_scripts import cells, run_script
+
+import skyarm
+from added_components import registry_kept
+
+PAGES = {path.relative_to(DOCS).as_posix(): path.read_text("utf-8") for path in sorted(DOCS.rglob("*.md"))}
+
+ELSEWHERE: dict[str, tuple[str, ...]] = {
+    "python_api.md": (
+        "tests/test_docs_six_tasks.py::test_there_are_six_of_ten_lines_at_most",
+        "tests/test_docs.py::test_the_python_shown_runs",
+        "tests/test_docs_extending.py::test_the_sessions_shown_run",
+        "tests/test_docs_extending.py::test_the_law_shown_by_itself_is_compiled_and_a_thousand_times_faster",
+    ),
+    "identification.md": ("tests/test_docs.py::test_the_study_of_identification_runs",),
+    "centroidal_law.md": ("tests/test_docs_options.py::test_the_centroidal_law_shown_is_made",),
+    "vehicle_files.md": ("tests/vehicle/test_vehicle_bodies.py",),
+}
+"""Page whose blocks have tests of their own -> these; its commands in fences, if any, run here."""
+
+OWN_FILES = {
+    name: (f"tests/test_docs_{Path(name).stem}.py",)
+    for name in PAGES
+    if (ROOT / f"tests/test_docs_{Path(name).stem}.py").is_file()
+}
+"""Page -> its own file of tests, which has its name."""
+ELSEWHERE |= OWN_FILES
+OTHERS = {
+    "command_line.md": ("tests/cli/test_machine_output.py",),
+    "films.md": ("tests/film/test_films_page.py",),
+    "studio.md": ("tests/studio/test_studio_page.py",),
+}
+ELSEWHERE |= {name: tests for name, tests in OTHERS.items() if name in PAGES}
+TABLES = {("scenario_files.md", "toml"): "tests/test_docs.py", ("sweeps.md", "toml"): "tests/test_docs_pictures.py"}
+"""Page and language of tables without a name -> the file of tests that reads them."""
+
+SECONDS = 0.5
+"""Length of a flight whose numbers the page does not show."""
+
+
+def prepared(name: str) -> dict[str, str]:
+    """Files that a page takes for granted."""
+    library = Path(skyarm.__file__).parent / "scenario" / "library"
+    vehicle, flight = blocks(PAGES["vehicle_files.md"])[1].text, blocks(PAGES["scenario_files.md"])[1].text
+    case = (library / "case3.toml").read_text("utf-8")
+    files = {"my/vehicle.toml": vehicle, "my/flight.toml": flight, "flight.toml": flight}
+    if name == "extending.md":
+        plugin, table, *_ = blocks(PAGES[name])
+        files |= {"wandering.py": plugin.text, "mine.toml": f"{case}\n{table.text}"}
+    return files
+
+
+def own_blocks(name: str) -> list[Block]:
+    """Blocks of a page that run here."""
+    found = blocks(PAGES[name])
+    if name in ELSEWHERE:
+        return [block for block in found if block.language == "sh"]
+    if name == "export_c.md":  # its C is compiled by tests/onboard/test_export_c.py
+        return [block for block in found if block.language != "c"]
+    if name == "sweeps.md":
+        return swept(found)
+    return found
+
+
+def swept(found: list[Block]) -> list[Block]:
+    """The page on sweeps with a study of few, short flights in place of a hundred thousand."""
+    (study,) = [block.text for block in found if block.title]
+    for old, new in (("episodes = 100000", "episodes = 16\nduration = 12.0"), ("[success]", WINDOWS + "[success]")):
+        assert old in study
+        study = study.replace(old, new)
+    flown = Block("python", "", 'import skyarm\nskyarm.fly_sweep(skyarm.load_study("my_study.toml"), "out/my_study")\n')
+    others = [Block(b.language, b.title, b.text.replace("4711", "11").replace("0.4, 100", "0.4, 4")) for b in found[1:]]
+    return [others[0], Block("toml", "my_study.toml", study), flown, *others[1:]]
+
+
+WINDOWS = "[windows]\nsteady = [8.0, 12.0]\ntransient = [0.0, 8.0]\ngust = [8.0, 12.0]\nhover = [4.0, 5.0]\n"
+WINDOWS += "last = 2.0\nholds = []\n"
+
+WITH_CODE = [name for name in PAGES if own_blocks(name) and any(b.language != "text" for b in own_blocks(name))]
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder in which a page runs, from which it can import."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    monkeypatch.delitem(sys.modules, "climber", raising=False)
+    return tmp_path
+
+
+SLOW = {"first_flight.md", "reading_margins.md", "scenario_files.md", "sweeps.md", "troubleshooting.md", "your_law.md"}
+SLOW |= {name for name in WITH_CODE if name.startswith("laws/")} - {"laws/indi.md"}
+"""Seconds each: `make docs` runs them."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.site] if name in SLOW else []) for name in WITH_CODE]
+)
+def test_a_page_runs_from_its_first_block_to_its_last(name: str, here: Path) -> None:
+    for module in ("pinocchio", "pyarrow", "scipy"):
+        if module in PAGES[name]:
+            pytest.importorskip(module)
+    for file, text in prepared(name).items():
+        (here / file).parent.mkdir(exist_ok=True)
+        (here / file).write_text(text, "utf-8")
+    ran = Ran()
+    with registry_kept():
+        run_page(own_blocks(name), ran, seconds=SECONDS)
+    if name == "sweeps.md":
+        # the lane of an episode in the batch keeps its instants
+        assert ran.names["x"].shape[0] == 4
+        assert ran.names["log"].status == "completed"
+    assert ran.blocks > 0
+
+
+def test_no_block_of_code_is_left_out() -> None:
+    """Counted: a language that no rule knows, a page whose tests do not name it, code that is indented."""
+    ways = {"python", "sh", "bash", "text"}
+    unrun = [
+        f"{name}: {block.language}"
+        for name in PAGES
+        if name not in ELSEWHERE
+        for block in own_blocks(name)
+        if block.language not in ways and not block.title and (name, block.language) not in TABLES
+    ]
+    assert unrun == []
+    assert {name for name, text in PAGES.items() if name not in ELSEWHERE and indented(text)} == set()
+    shown = sum(len(blocks(text)) for text in PAGES.values())
+    assert shown > 110
+
+
+@pytest.mark.parametrize(("page", "language"), TABLES)
+def test_tables_without_a_name_have_tests_that_read_them(page: str, language: str) -> None:
+    text = (ROOT / TABLES[page, language]).read_text("utf-8")
+    assert page in text
+    assert f"```{language}" in text or f'"{language}"' in text
+
+
+@pytest.mark.parametrize(("name", "tests"), ELSEWHERE.items(), ids=list(ELSEWHERE))
+def test_blocks_that_run_elsewhere_have_tests_that_read_their_page(name: str, tests: tuple[str, ...]) -> None:
+    for test in tests:
+        file, _, function = test.partition("::")
+        text = (ROOT / file).read_text("utf-8")
+        assert name in text or name in OWN_FILES, f"{file} does not read {name}"
+        if function:
+            assert function in {node.name for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef)}
+
+
+def test_a_page_that_shows_what_is_not_printed_fails(here: Path) -> None:
+    page = [Block("python", "", "print(1 + 1)\n"), Block("text", "", "3\n")]
+    with pytest.raises(AssertionError, match="'3' was not printed"):
+        run_page(page, Ran(), seconds=None)
+    run_page([page[0], Block("text", "", "2\n")], Ran(), seconds=None)
+    with pytest.raises(AssertionError, match="nobody runs this"):
+        run_page([Block("sh", "", "rm -r old\n")], Ran(), seconds=None)
+    with pytest.raises(AssertionError, match="nothing uses this file"):
+        run_page([Block("toml", "lonely.toml", "a = 1\n")], Ran(), seconds=None)
+    with pytest.raises(AssertionError, match="skyarm show nothing_of_this_name"):
+        run_page([Block("sh", "", "skyarm show nothing_of_this_name\n")], Ran(), seconds=None)
+
+
+def test_comments_are_no_part_of_a_command() -> None:
+    assert commands(Block("sh", "", "skyarm list   # all\n# nothing\nskyarm show a#b\n")) == [
+        "skyarm list",
+        "skyarm show a#b",
+    ]
+    assert words_of("skyarm run case1", seconds=0.5) == ["run", "case1", "--duration", "0.5"]
+    assert words_of("skyarm reproduce --infer", seconds=None) == ["reproduce", "--help"]
+
+
+NOTEBOOKS = sorted((DOCS / "notebooks").glob("*.py"))
+
+
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(path, marks=[] if path.stem == "sweep_notebook" else [pytest.mark.site]) for path in NOTEBOOKS],
+    ids=lambda path: path.stem,
+)
+def test_a_notebook_runs_cell_by_cell(path: Path, here: Path) -> None:
+    pytest.importorskip("pyarrow")
+    ran = run_script(path)
+    assert ran[0][0].words, "the first cell says what it is about"
+    assert re.match(r"# \S", ran[0][0].text)
+    printed = "".join(shown.text for _, shown in ran)
+    assert printed
+    if path.stem != "own_law_notebook":
+        assert sum(len(shown.figures) for _, shown in ran) == 1
+
+
+def test_a_cell_keeps_the_lines_of_its_file(here: Path) -> None:
+    """An error in a cell names the line that an editor shows."""
+    found = cells("# %% [markdown]\n# # Title\n\n# %%\nx = 1\n\n# %%\n1 / 0\n")
+    assert [(cell.words, cell.line) for cell in found] == [(True, 0), (False, 5), (False, 8)]
+    assert found[0].text == "# Title"
+    with pytest.raises(ValueError, match="must begin with a cell"):
+        cells("x = 1\n# %%\n")
+
+
+def test_there_are_three_notebooks() -> None:
+    assert len(NOTEBOOKS) >= 3
+    assert importlib.util.find_spec("matplotlib") is not None
