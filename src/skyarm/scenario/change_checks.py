@@ -10,6 +10,7 @@ from typing import Any
 
 from skyarm.files import did_you_mean, shown
 from skyarm.scenario.changes import Change
+from skyarm.scenario.derived import is_payload
 from skyarm.scenario.in_flight import NONE, Overrides, is_part
 from skyarm.scenario.numbers import means_the_same, number_at
 from skyarm.scenario.places import LATER, STRUCTURE, roots
@@ -87,7 +88,7 @@ def try_changes(
             _require_changeable(begun, change.path)
             if not is_part(change.path, change.value):
                 _require_number(now, change)
-                _require_one_name(now, change.path, [path for path, _ in following.numbers])
+                _require_one_load(now, change.path, [path for path, _ in following.numbers])
             following = following.then(change)
             if is_part(change.path, change.value):
                 now = following.of(begun)
@@ -142,12 +143,11 @@ def _require_number(scenario: Scenario, change: Change) -> None:
         raise ScenarioError(f"value = {shown(change.table)}: must be a number, as {change.path} is one")
 
 
-def _require_one_name(scenario: Scenario, path: str, changed: Sequence[str]) -> None:
-    """A number that is changed again keeps its name: one of two would not take the other along."""
-    if path not in changed:
-        for other in changed:
-            if means_the_same(scenario, path, other):
-                raise ScenarioError(f"path = {path!r}: is the same number as {other!r}, must be changed by that name")
+def _require_one_load(scenario: Scenario, path: str, changed: Sequence[str]) -> None:
+    """Loads add up: one that is changed again keeps its name, or it would hang there twice."""
+    for other in changed if is_payload(path) else ():
+        if other != path and is_payload(other) and means_the_same(scenario, path, other):
+            raise ScenarioError(f"path = {path!r}: is the same load as {other!r}, must be changed by that name")
 
 
 def require_continuous(old: Scenario, new: Scenario) -> None:

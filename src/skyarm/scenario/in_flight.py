@@ -22,11 +22,10 @@ from skyarm.scenario.whole_parts import WHOLE_PARTS, below, with_part
 
 @dataclass(frozen=True, slots=True)
 class Overrides:
-    """What holds in the place of a scenario's own: path -> value.
+    """What holds in the place of a scenario's own: path -> value, the latest last.
 
     Attributes:
-        parts: whole parts, as a file has them, the latest last.
-        numbers: by path, in the order in which each was changed first.
+        parts: whole parts, as a file has them. numbers: by path.
     """
 
     parts: tuple[tuple[str, Any], ...] = ()
@@ -36,8 +35,8 @@ class Overrides:
         """With one more change."""
         path, value = change.path, change.table
         if not is_part(path, value):
-            # one that is changed again keeps its place: code of the same numbers in the same order flies on
-            return Overrides(self.parts, tuple({**dict(self.numbers), path: value}.items()))
+            kept = tuple(pair for pair in self.numbers if pair[0] != path)
+            return Overrides(self.parts, (*kept, (path, value)))
         hidden = below(path)
         parts = tuple(pair for pair in self.parts if not _within(pair[0], path, hidden))
         numbers = tuple(pair for pair in self.numbers if not _within(pair[0], path, hidden))
