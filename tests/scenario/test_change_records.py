@@ -25,6 +25,7 @@ from skyarm.records.restore import restore
 from skyarm.scenario.change_checks import require_changes
 from skyarm.scenario.changes import Change
 from skyarm.scenario.in_flight import overrides_at, stretches
+from skyarm.scenario.law_by_name import under_law
 from skyarm.scenario.numbers import number_at, require_apart, with_numbers
 from skyarm.scenario.scenario_record import NamedSensor
 from skyarm.scenario.scenario_text import scenario_text, with_changes_text
@@ -199,6 +200,22 @@ def test_another_law_keeps_the_safety_layer_and_its_limits() -> None:
     par = overrides_at(scenario, 50).of(scenario).controller.par
     assert overrides_at(scenario, 50).of(scenario).controller.name == "guarded_indi"
     assert (par.limits.tilt, par.recovery.stow) == (0.5, (0.1, 0.0))
+
+
+@pytest.mark.parametrize("law", ["centroidal_tip", "indi"])
+def test_another_law_is_the_one_that_a_file_would_make(law: str) -> None:
+    """It knows the age of its measurements, and limits that are measured on a law are measured on it."""
+    late = {"delays": {"measurement": 0.01}, "duration": 0.5}
+    for safety in ({}, {"safety": {"tilt": 0.4, "stow": [0.1, 0.2]}}):
+        before = scenario_from(document("case3_wind", **late, controller={"law": "hybrid_computed_torque", **safety}))
+        table = {"preset": law} if law == "centroidal_tip" else {"law": law}
+        wanted = scenario_from(document("case3_wind", **late, controller={**table, **safety}))
+        found = under_law(before, law).controller
+        assert (found.name, found.par, found.memory) == (
+            wanted.controller.name,
+            wanted.controller.par,
+            wanted.controller.memory,
+        )
 
 
 def test_a_controller_in_place_of_the_files_is_not_changed_by_the_file(tmp_path: Any) -> None:

@@ -16,7 +16,9 @@ from skyarm.scenario.in_flight import is_traceable
 from skyarm.scenario.numbers import with_numbers
 from skyarm.sensors.noise import SensorNoise
 from skyarm.simulate.batch import Batch
+from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop import run_in_python
+from skyarm.simulate.loop_state import carried
 
 GAIN = "controller.gains.position.x"
 PAYLOAD = "plant.payload.mass"
@@ -210,6 +212,7 @@ def test_changes_of_a_hand_join_those_of_the_scenario_and_a_snapshot_goes_behind
         session.step()
     held = session.snapshot()
     session.change({GAIN: 5.0, "controller.law": "paper_pd"})
+    assert [each.at for each in session.plan.changes] == [0.05, 0.05, 0.2], "as they take hold"
     with pytest.raises(ScenarioError, match=r"^path = 'controller.gain': no 'gain' here"):
         session.change({"plant.gravity": 9.0, "controller.gain": 1.0})
     log = session.run()
@@ -267,6 +270,36 @@ def test_a_number_that_is_changed_again_compiles_nothing() -> None:
         named.change({path: value})
         named.step()
     assert len(named._codes) == 1, "paths that are named from the start are parameters from the start"
+
+
+@pytest.mark.parametrize("machine_code", [True, False])
+def test_a_snapshot_keeps_the_numbers_that_held(machine_code: bool) -> None:
+    """A number that is changed after it, by the same code, is what it was once a session has gone back."""
+    session = Session(BASE, (GAIN,), machine_code=machine_code)
+    for _ in range(5):
+        session.step()
+    held, wanted = session.snapshot(), None
+    for value in (9.0, 2.0):
+        session.change({GAIN: value})
+        session.step()
+        session.step()
+        session.restore(held)
+        session.step()
+        session.step()
+        wanted = wanted or run(BASE).position[6].tolist()
+        assert session.log.position[6].tolist() == wanted
+        session.restore(held)
+
+
+def test_memories_of_components_go_on_group_by_group() -> None:
+    first = first_loop_state(BASE)
+    fresh = dataclasses.replace(first, components=(0.0, 0.1, 0.2, 0.3))
+    before = dataclasses.replace(first, components=(5.0, 6.0, 7.0))
+    # wind, air, forces: a second air is new, and the force behind it is the one of before
+    assert carried(fresh, before, ((1, 1), (2, 1), (1, 1))).components == (5.0, 6.0, 0.2, 7.0)
+    # an air that is gone leaves the force its own
+    fewer = dataclasses.replace(first, components=(0.0, 0.3))
+    assert carried(fewer, before, ((1, 1), (0, 1), (1, 1))).components == (5.0, 7.0)
 
 
 def test_a_law_that_cannot_be_traced_flies_alone_and_in_no_batch() -> None:
