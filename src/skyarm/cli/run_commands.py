@@ -107,7 +107,7 @@ def run(
     """
     from skyarm.cli.earlier_files import earlier_kept
     from skyarm.cli.flight_summary import episode, error_chart, facts
-    from skyarm.cli.log_files import draw, log_files
+    from skyarm.cli.log_files import draw, log_files, require_kept_apart
     from skyarm.cli.shipped_names import require_not_another
     from skyarm.files import require_replaceable, require_writable, taken_back
     from skyarm.files.picture_names import picture_file
@@ -121,6 +121,7 @@ def run(
     planned = load_scenario(scenario, plant=plant, controller=controller, seed=seed, duration=duration)
     folder = Path(out)
     files = log_files(logs, (folder / f"{planned.name}.npz", folder / f"{planned.name}.csv"))
+    require_kept_apart(files, scenario)
     drawn = None if picture is None else picture_file(picture, "--plot")
     with taken_back(*(() if logs else (folder,))):
         if not logs:
