@@ -11,7 +11,16 @@ import pytest
 
 from skyarm.figures.metric_figure import metric_figure, plot_sweep
 from skyarm.figures.picture_styles import PAPER
-from skyarm.sweep.banded_curves import FEWEST_OF_BAND, PER_CELL, BandedCurve, BandedCurves, banded_curves, variable
+from skyarm.sweep.banded_curves import (
+    FEWEST_OF_BAND,
+    PER_CELL,
+    BandedCurve,
+    BandedCurves,
+    Variable,
+    _classes,
+    banded_curves,
+    variable,
+)
 from skyarm.sweep.stats import Rows
 from sweeps import MASS, WIND, flown, read
 
@@ -90,6 +99,26 @@ def test_classes_are_values_or_thirds(folder: Path) -> None:
     assert [int(curve.episodes.sum()) for curve in thirds] == [40, 40, 40]
     low, high = np.quantile(rows[WIND], (1 / 3, 2 / 3))
     assert thirds[1].by == f"{low:.3g} to {high:.3g}"
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-6], ids=["far apart", "alike in four digits"])
+def test_classes_whose_values_are_alike_are_told_apart(folder: Path, scale: float) -> None:
+    there = Rows(folder)
+    few = banded_curves(there, METRIC, MASS, by=f"1 + {scale} * {LOADS}").curves[:3]
+    assert len({curve.by for curve in few}) == 3
+    assert sum(int(curve.episodes.sum()) for curve in few) == there.episodes
+    assert [float(curve.by) for curve in few] == pytest.approx([1.0, 1.0 + 0.05 * scale, 1.0 + 0.1 * scale], rel=1e-9)
+    wind = f"1000 + {scale} * {WIND}"
+    thirds = [curve for curve in banded_curves(there, METRIC, MASS, by=wind).curves if curve.controller == "paper_ct"]
+    assert len({curve.by for curve in thirds}) == 3
+    assert sum(int(curve.episodes.sum()) for curve in thirds) == there.episodes
+
+
+def test_a_third_in_which_nothing_lies_has_no_curve() -> None:
+    values = np.array([0.0] * 60 + [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0])
+    classes = _classes(Variable(words="load", values=values))
+    assert list(classes) == ["0 to 7"]
+    assert all(inside.all() for inside in classes.values())
 
 
 def lines(ax: Any) -> dict[str, Any]:
