@@ -90,6 +90,17 @@ def test_every_line_is_the_log_s(kind: str) -> None:
                 np.testing.assert_allclose(drawn["desired"].get_ydata(), desired, rtol=1e-12)
 
 
+def test_a_yaw_that_turns_on_follows_its_reference_without_a_jump() -> None:
+    """An attitude has its yaw within half a turn, a reference does not."""
+    log = flights()["paper_ct"]
+    turned = np.linspace(0.0, 9.0, log.time.size)
+    zero = np.zeros(turned.size)
+    attitude = np.stack([np.cos(0.5 * turned), zero, zero, np.sin(0.5 * turned)], axis=1)
+    turning = dataclasses.replace(log, quaternion=attitude, yaw_reference=turned + 0.1)
+    drawn = curves(plot(turning, kind="attitude").axes[2])
+    np.testing.assert_allclose(next(iter(drawn.values())).get_ydata(), np.degrees(turned), atol=1e-9)
+
+
 def test_a_log_draws_itself_and_a_notebook_shows_it(tmp_path: Path) -> None:
     log = flights()["paper_ct"]
     figure = log.plot(tmp_path / "tip.png", kind="tip", window=(0.2, 0.9))
