@@ -52,6 +52,9 @@ def test_a_vehicle_is_drawn_into_the_file_named(folder: Path) -> None:
     refused(skyarm("show", "hummingbird_arm3", "--drawing", "bird.png"), "hummingbird_arm3", "did you mean")
     refused(skyarm("show", "case1", "--drawing", "bird.png"), "must be a vehicle")
     refused(skyarm("show", "hummingbird", "--drawing", "bird.png", "--dark"), "dark: must come with style = 'talk'")
+    refused(skyarm("show", "hummingbird", "--drawing", "bird.png", "--style", ""), "style = '': must be one of paper")
+    refused(skyarm("show", "hummingbird", "--style", "talk"), "--style: must come with --drawing FILE")
+    refused(skyarm("show", "hummingbird", "--dark"), "--dark: must come with --drawing FILE")
 
 
 @pytest.mark.parametrize(

@@ -174,7 +174,7 @@ def show(
     drawing: Annotated[
         str | None, typer.Option(metavar="FILE", help="draw it there (.png, .svg, .pdf) instead, all labelled")
     ] = None,
-    style: Annotated[str, typer.Option(help="of the drawing: paper or talk")] = "paper",
+    style: Annotated[str | None, typer.Option(help="of the drawing: paper or talk; paper if left out")] = None,
     dark: Annotated[bool, typer.Option("--dark", help="of a talk's drawing")] = False,
 ) -> None:
     """Show a vehicle: mass, hover, arm, rotors.
@@ -193,10 +193,13 @@ def show(
 
     number(gravity, "--gravity", low=0.0, strict=True)
     require_not_another(vehicle, "vehicle")
+    for option, given in (("--style", style is not None), ("--dark", dark)):
+        if given and drawing is None:
+            raise ValueError(f"{option}: must come with --drawing FILE")
     if drawing is not None:
         from skyarm.cli.plot_command import draw_vehicle
 
-        picture = draw_vehicle(vehicle, drawing, style, dark=dark)
+        picture = draw_vehicle(vehicle, drawing, "paper" if style is None else style, dark=dark)
         give(drawing=picture)
         return tell(f"drawing: {picture}")
     loaded = load_vehicle(vehicle)
