@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shlex
-import subprocess
 import sys
 from pathlib import Path
 
@@ -12,6 +11,7 @@ import pytest
 
 import skyarm
 from logged_flights import flown
+from skyarm.cli.main import main
 from skyarm.log.ros.message_types import full_name
 from skyarm.log.ros.topics import FlightTopics
 
@@ -19,21 +19,20 @@ PAGE = (Path(__file__).resolve().parents[1] / "docs" / "logs.md").read_text("utf
 COMMANDS = [line.split("#")[0].strip() for line in PAGE.splitlines() if line.startswith("    skyarm ")]
 
 
-def test_every_command_shown_runs_one_after_the_other(tmp_path):
+@pytest.mark.filterwarnings("always")
+def test_every_command_shown_runs_one_after_the_other(tmp_path, monkeypatch, capsys):
     pytest.importorskip("rosbags", reason="needs the extra 'logs'")
+    monkeypatch.chdir(tmp_path)
     content = skyarm.save_log(flown(), tmp_path / "whole.mcap").read_bytes()
     (tmp_path / "flight.partial.mcap").write_bytes(content[:-300_000])
     assert len(COMMANDS) == 6
     for line in COMMANDS:
-        done = subprocess.run(
-            [sys.executable, "-m", "skyarm", *shlex.split(line)[1:]],
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, (line, done.stderr)
-        assert ("cut at t = " in done.stderr) == ("partial" in line)
+        monkeypatch.setattr(sys, "argv", shlex.split(line))
+        with pytest.raises(SystemExit) as ended:
+            main()
+        said = capsys.readouterr().err
+        assert not ended.value.code, (line, said)
+        assert ("cut at t = " in said) == ("partial" in line)
     assert {"flight.mcap", "flight.csv", "flight.bag", "layouts", "saved.mcap"} <= {p.name for p in tmp_path.iterdir()}
     with pytest.warns(UserWarning, match="cut at t"):
         before = skyarm.load_log(tmp_path / "flight.partial.mcap")

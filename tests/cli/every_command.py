@@ -15,6 +15,7 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "replay": ("flight.npz",),
     "diff": ("flight.npz", "flight.npz"),
     "plot": ("flight.npz", "-o", "flight.png"),
+    "film": ("flight.npz", "flight.viser", "--fps", "5"),
     "export": ("flight.npz", "--to", "csv"),
     "export-c": ("paper_ct", "--vehicle", "hummingbird_arm2", "-o", "x.c"),
     "margins": ("short.toml", "--instants", "0"),
@@ -27,8 +28,8 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
 }
 """Command -> words after its name; in this order, the rows of the sweep are there for the statistics."""
 
-NEEDS = {"sweep": "pyarrow", "stats": "pyarrow"}
+NEEDS = {"sweep": "pyarrow", "stats": "pyarrow", "film": "viser"}
 """Command -> the library without which it is not tried."""
 
-SERVES: Mapping[str, str] = {}
+SERVES: Mapping[str, str] = {"studio": "it flies on a page until Ctrl-C"}
 """Command that runs until it is ended -> why it has no result to print."""

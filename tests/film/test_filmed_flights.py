@@ -17,6 +17,7 @@ from skyarm.film.filmed_flight import COLORS, film_flight, film_flights, flight_
 from skyarm.film.frame_layout import frame_layout
 from skyarm.film.marks import TRAIL, marks_of, wind_words
 from skyarm.film.solids import ghost_solids, vehicle_solids
+from skyarm.log.tip_positions import level_tip
 from skyarm.vehicle.vehicle_files import list_vehicles
 
 
@@ -72,6 +73,24 @@ def test_the_ghost_s_tip_is_the_tip_s_reference_and_the_vehicle_s_tip_is_the_tip
         # the log computes it by frame_pose_world, the film by the poses of links
         np.testing.assert_allclose(ball.position, tip, atol=1e-12)
     assert all(solid.rgba[3] < 0.5 for solid in ghost_solids(filmed))
+
+
+def test_the_ghost_turns_with_the_desired_yaw() -> None:
+    log = flight()
+    yaw = np.linspace(2.9, 3.4, log.time.size)  # across half a turn
+    wrapped = np.arctan2(np.sin(yaw), np.cos(yaw))
+    vehicle = log.scenario.world.vehicle
+    turned = dataclasses.replace(
+        log,
+        yaw_reference=wrapped,
+        tool_reference=level_tip(vehicle, log.position_reference, yaw, log.joints_reference + 0.4),
+        joints_reference=log.joints_reference + 0.4,
+    )
+    for times in (log.time, 0.5 * (log.time[1:] + log.time[:-1])):
+        filmed = film_flight(turned, "a", COLORS[0], times)
+        (ball,) = (solid for solid in ghost_solids(filmed) if solid.shape.role == "tip")
+        # between two instants an arc is read as its chord
+        np.testing.assert_allclose(ball.position, filmed.desired_tip, atol=1e-5)
 
 
 def test_a_lost_flight_stays_where_it_was_lost() -> None:

@@ -71,6 +71,7 @@ def test_the_report_opens_with_the_film_of_its_flights(written: tuple[Path, dict
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert '<img src="data:image/webp;base64,UklGRg==" alt="a film of case1, ' in page
     assert ": CT, PD" in page
+    assert page.count('alt="The vehicle from three sides"') == 1
 
 
 def test_results_json_is_what_the_call_returns_and_strict(written: tuple[Path, dict[str, Any], list[str]]) -> None:

@@ -13,6 +13,7 @@ import pytest
 import yaml
 
 from lowest import project
+from skyarm.film.offscreen import NEEDS
 
 ROOT = Path(__file__).resolve().parents[2]
 FLOWS: dict[str, dict[str, Any]] = {
@@ -34,7 +35,7 @@ def test_the_tests_run_on_the_pythons_that_are_declared() -> None:
     }
     assert project()["requires-python"] == f">={declared[0]}"
     assert {job["runs-on"] for _, job in JOBS.items()} == {"ubuntu-latest", "${{ matrix.system }}"}
-    assert {"test", "lowest", "docs", "fresh", "smoke"} == set(jobs)
+    assert {"test", "lowest", "docs", "fresh", "browser", "smoke"} == set(jobs)
 
 
 def test_workflows_may_read_and_the_publisher_alone_may_say_who_it_is() -> None:
@@ -67,12 +68,20 @@ def test_a_version_is_published_from_a_tag_after_it_was_built_and_tried() -> Non
     assert [(each["name"], each["path"]) for each in kept] == [("dist", "dist/")] * 2
 
 
+def test_films_are_drawn_where_the_tests_run() -> None:
+    steps = [step.get("run", "") for step in FLOWS["tests"]["jobs"]["test"]["steps"]]
+    (packages,) = (shlex.split(step)[4:] for step in steps if "apt-get install" in step)
+    assert NEEDS.endswith(f"apt-get install {' '.join(packages)}"), "the packages that users are told of"
+
+
 def test_every_command_is_known() -> None:
     targets = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text("utf-8"), re.M))
     for line in RUN:
         words = shlex.split(line)
         if words[0] == "make":
             assert words[1] in targets, line
+        elif words[0] == "sudo":
+            assert words[1:] == ["apt-get", "update"] or words[1:4] == ["apt-get", "install", "--yes"], line
         elif words[1].endswith(".py"):
             assert (ROOT / words[1]).is_file(), line
         else:

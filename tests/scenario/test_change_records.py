@@ -183,6 +183,13 @@ def test_at_one_instant_the_order_is_the_files() -> None:
         assert overrides_at(scenario, 20).of(scenario).controller.par.gains.position.x == wanted
 
 
+def test_of_one_number_under_two_names_the_latest_change_holds() -> None:
+    every, one = "plant.joints.damping", "plant.vehicle.links.0.joint.damping"
+    scenario = changing(at(0.1, every, 0.01), at(0.2, one, 0.02), at(0.3, every, 0.03))
+    found = [overrides_at(scenario, tick).of(scenario).world.vehicle.links for tick in (20, 40, 60)]
+    assert [[link.joint.damping for link in links] for links in found] == [[0.01, 0.01], [0.02, 0.01], [0.03, 0.03]]
+
+
 def test_another_law_keeps_the_safety_layer_and_its_limits() -> None:
     table = {**BASE["controller"], "safety": {"tilt": 0.5, "stow": [0.1, 0.0]}}
     scenario = changing(at(0.1, "controller.law", "indi"), controller=table)

@@ -7,10 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from added_components import RandomPush, same_logs
+from added_components import RandomPush, Turbulence, same_logs
 from simulate_flights import document
 from skyarm import BatchSession, Scenario, ScenarioError, Session, run, scenario_from
-from skyarm.compile import leaves
 from skyarm.log.flight_log import Log
 from skyarm.scenario.changes import Change
 from skyarm.scenario.numbers import with_numbers
@@ -101,6 +100,18 @@ def test_a_log_has_the_references_and_the_wind_that_held_in_each_period(flown: L
     assert flown.air_velocity[40, 0] > 1.5
 
 
+def test_a_motion_that_a_change_brings_is_logged_at_its_own_instants() -> None:
+    """Times count from the beginning of the flight; the held reference is that of the last 20 ms."""
+    circle = {"kind": "circle", "radius": 0.5, "frequency_hz": 1.0, "center": [0.0, 0.0, 1.0]}
+    log = run(changing(Change(at=0.1, path="reference.base", value=circle)))
+    for k in (20, 33, 59):
+        turned, held = 2.0 * np.pi * k / 200, 2.0 * np.pi * (k - k % 4) / 200
+        assert log.position_reference[k, :2] == pytest.approx(0.5 * np.array([np.cos(turned), np.sin(turned)]))
+        assert log.position_held[k, :2] == pytest.approx(0.5 * np.array([np.cos(held), np.sin(held)]))
+        assert log.velocity_held[k, :2] == pytest.approx(np.pi * np.array([-np.sin(held), np.cos(held)]))
+    assert log.time.tolist() == [k / 200 for k in range(60)]
+
+
 @pytest.mark.parametrize("k", [0, 1, 7, 59])
 def test_until_a_change_takes_hold_nothing_is_other(k: int, still: Log) -> None:
     """The state at the beginning of its period still is the old one; the command of that period is the new law's."""
@@ -159,19 +170,23 @@ def test_a_payload_that_is_dropped_leaves_the_vehicle_as_it_was() -> None:
 
 
 def test_what_is_added_begins_anew_and_what_was_there_goes_on() -> None:
-    """A push on top: turbulence blows on, though other components stand behind it now."""
-    windy = dataclasses.replace(scenario_from(document("case3_wind", duration=0.3, environment__wind=WIND)))
+    """A push more, and air before it: the wind's turbulence and the push that was there have their memories still."""
+    push = RandomPush(sigma=0.1)
+    windy = dataclasses.replace(
+        scenario_from(document("case3_wind", duration=0.3, environment__wind=WIND)), forces=(push,)
+    )
     session = Session(windy)
     for _ in range(20):
         session.step()
-    wind = session._engine.now.components[0]
-    session.replace(dataclasses.replace(windy, forces=(RandomPush(sigma=0.1),)))
-    assert session._engine.now.components[0] == wind
-    push = session._engine.now.components[1]
-    session.step()
-    session.replace(dataclasses.replace(windy, air=windy.air, forces=(RandomPush(sigma=0.1), RandomPush(sigma=0.2))))
-    assert leaves(session._engine.now.components[1]) != leaves(push) or not leaves(push)
-    assert len(session._engine.now.components) == 3
+    wind, pushed = session.now.components
+    session.replace(dataclasses.replace(windy, forces=(push, RandomPush(sigma=0.2))))
+    assert session.now.components == (wind, pushed, (0.0,))
+    session.replace(dataclasses.replace(windy, air=(Turbulence(),)))
+    first, air, last = session.now.components
+    assert (first, last) == (wind, pushed)
+    assert air == session._engine.first.components[1], "a memory of its own from its first draws"
+    session.replace(windy)
+    assert session.now.components == (wind, pushed)
 
 
 def test_changes_of_a_hand_join_those_of_the_scenario_and_a_snapshot_goes_behind_both() -> None:
@@ -300,3 +315,37 @@ def test_noise_that_a_change_turns_up_is_drawn_from_then_on() -> None:
     noise = np.abs(log.measured_position - log.position).max(axis=1)
     assert not noise[:20].any()
     assert noise[20:].min() > 0.0
+
+
+def test_friction_that_asks_for_shorter_steps_gets_them_though_only_a_number_changed() -> None:
+    """The same paths, other values: code is shared only where it is integrated in the same steps."""
+    path = "plant.joints.damping"
+    changes = [Change(at=0.02 * k, path=path, value=value) for k, value in ((1, 0.002), (2, 0.2), (3, 0.004))]
+    scenario = changing(*changes, base=dataclasses.replace(BASE, duration=0.1))
+    session = Session(scenario)
+    while session.step():
+        pass
+    assert len(session._codes) == 3, "as it began, in usual steps, in short ones"
+    assert same_logs(session.log, run_in_python(scenario))
+
+
+def test_numbers_that_are_named_before_compile_nothing_when_they_change() -> None:
+    named, plain = Session(BASE, [GAIN, PAYLOAD, "sensors.position"]), Session(BASE)
+    for tick, values in ((10, {GAIN: 5.0}), (20, {PAYLOAD: 0.1, "sensors.position": 0.01}), (25, {GAIN: 4.5})):
+        for session in (named, plain):
+            while session.tick < tick:
+                session.step()
+            session.change(values)
+    assert same_logs(named.run(), plain.run())
+    assert (len(named._codes), len(plain._codes)) == (1, 3)
+    with pytest.raises(ScenarioError, match=r"is the same number as"):
+        Session(BASE, [GAIN, "controller.gains.position.0"])
+
+
+def test_a_batch_begins_as_its_scenario_did_before_a_change_in_the_first_period() -> None:
+    scenario = changing(Change(at=0.0, path=PAYLOAD, value=0.1), base=dataclasses.replace(BASE, duration=0.1))
+    outcome = Batch(scenario, bit_exact=True, log_every=1, effort=0).fly({}, episodes=np.array([0]))
+    log = run(scenario)
+    assert outcome.log is not None
+    assert np.array(outcome.log.state.position.z)[0].tobytes() == np.ascontiguousarray(log.position[:, 2]).tobytes()
+    assert log.rotor_speeds[0, 0] == run(BASE).rotor_speeds[0, 0]

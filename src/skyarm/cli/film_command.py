@@ -10,6 +10,7 @@ import typer
 
 from skyarm.cli.app import app, console, tell
 from skyarm.cli.lines import say_if_many
+from skyarm.cli.machine_output import give
 from skyarm.cli.progress import bar
 
 
@@ -60,20 +61,28 @@ def film(
         fine=fine,
         title=title,
     )
-    for line in perform(flights, file, settings, controller, label):
-        tell(line)
+    written, more = perform(flights, file, settings, controller, label)
+    give(files=written)
+    for path in written:
+        tell(f"{'film' if more is None else 'recording'}: {path} ({path.stat().st_size / 1e6:.2f} MB)")
+    if more:
+        tell(more)
 
 
 def perform(
     flights: Sequence[str], file: str, settings: Any, controllers: Sequence[str] | None, labels: Sequence[str] | None
-) -> list[str]:
-    """Fly what is no log, film all; returns what was written, in words.
+) -> tuple[list[Path], str | None]:
+    """Fly what is no log, film all.
+
+    Returns:
+        What was written, and of a recording what to do with it: None for a film.
 
     Raises:
         ValueError, OSError: one line.
     """
     from skyarm.files import output_file, require_writable, taken_back
-    from skyarm.film.recording import SUFFIXES, import_viser, record, save_recording
+    from skyarm.film.recording import SUFFIXES, record, save_recording
+    from skyarm.film.recording_page import import_viser
     from skyarm.film.video_files import require_film_format
 
     path = Path(file)
@@ -86,16 +95,15 @@ def perform(
             films = False
             require_writable(file)
         if films:
-            made = _filmed(flights, path, settings, controllers, labels)
-            return [f"film: {_sized(made)}"]
+            return [_filmed(flights, path, settings, controllers, labels)], None
         import_viser()
         logs = _logs(flights, controllers, settings)
         with bar("recording", console) as advance:
             recording = record(
                 logs, settings, labels=labels, progress=lambda done, total: advance(done, total, "frames")
             )
-        lines = [f"recording: {_sized(each)}" for each in save_recording(recording, path)]
-    return [*lines, f"to see it: python -m http.server --bind 127.0.0.1 --directory {file} 8000"] if folder else lines
+        written = save_recording(recording, path)
+    return written, f"to see it: python -m http.server --bind 127.0.0.1 --directory {file} 8000" if folder else ""
 
 
 def _filmed(
@@ -147,7 +155,3 @@ def _fly(name: str, law: str | None, stop: float | None) -> Any:
     say_if_many(planned.name, planned.world.vehicle.n)
     with bar(f"{planned.name} {law or ''}".strip(), console) as advance:
         return run(planned, lambda done, total: advance(done, total, ""))
-
-
-def _sized(path: Path) -> str:
-    return f"{path} ({path.stat().st_size / 1e6:.2f} MB)"

@@ -32,6 +32,7 @@ def reproduce(
     from skyarm.cli.show import headline
     from skyarm.files import must_be_one_of
     from skyarm.paper.counted_cells import sentence
+    from skyarm.paper.opening_film import opening_film
     from skyarm.paper.reproduce import prepare_folder
     from skyarm.paper.reproduce import reproduce as perform
     from skyarm.scenario.scenario_record import PLANTS
@@ -53,6 +54,7 @@ def reproduce(
             evidence=evidence,
             progress=advance,
             note=console.print,
+            film=opening_film,
         )
     give(table, folder=out)
     tell(sentence(table))

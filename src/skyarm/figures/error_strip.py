@@ -22,7 +22,7 @@ TEXT = 12.5
 """pt at 720 lines."""
 
 SMALLEST, LARGEST = 1e-5, 1e2
-"""m: errors below and above are drawn there, so that a crossing of zero or a lost vehicle does not stretch the axis."""
+"""m: errors below (on a logarithmic axis) and above are drawn there, so that none stretches the axis."""
 
 RATIO_OF_LOGARITHM = 30.0
 """Where one flight's median error is so many times another's, the axis is logarithmic."""
@@ -68,20 +68,21 @@ def error_strip(curves: Sequence[Curve], span: tuple[float, float], width: int, 
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor="white")
     canvas: Any = FigureCanvasAgg(figure)
     size = TEXT * scale
-    edge = 86.0 * scale
-    bottom, top = 48.0 * scale / height, 1.0 - 10.0 * scale / height
+    # ticks and pads do not shrink with the texts
+    edge = 78.0 * scale + 10.0
+    bottom, top = (40.0 * scale + 9.0) / height, 1.0 - 10.0 * scale / height
     ax = figure.add_axes((edge / width, bottom, 1.0 - (edge + 26.0 * scale) / width, top - bottom))
     style.dress(ax, size=size, family=style.PAGE_FONT[0])
     logarithmic = _far_apart(curves)
     for curve in curves:
-        time, error = _highest(curve.time, 1e3 * np.clip(curve.error, SMALLEST, LARGEST))
+        time, error = _highest(curve.time, 1e3 * np.clip(curve.error, SMALLEST if logarithmic else 0.0, LARGEST))
         ax.plot(time, error, color=curve.color, linewidth=1.7 * scale)
     if logarithmic:
         ax.set_yscale("log")
         ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         ax.yaxis.set_minor_formatter(FuncFormatter(lambda _value, _: ""))
     else:
-        ax.set_ylim(bottom=0.0)
+        ax.set_ylim(0.0, max(ax.get_ylim()[1], 1e3 * SMALLEST))
         ax.yaxis.set_major_locator(MaxNLocator(nbins=3))
     ax.set_xlim(*span)
     text: dict[str, Any] = {"fontsize": size, "family": style.PAGE_FONT}

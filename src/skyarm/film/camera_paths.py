@@ -38,7 +38,7 @@ def _axes_of_view() -> Array:
 _VIEW = _axes_of_view()
 
 FLAT = 0.4
-"""Height of a flying vehicle over its width, at its usual tilts."""
+"""Height of a flying vehicle of upright rotors over its width, at its usual tilts."""
 
 LEAVES = 6.0
 """Reaches of a vehicle: farther from its desired position a following camera lets it go."""
@@ -63,7 +63,7 @@ def fixed(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> Cam
     places = np.concatenate([part for flight in flights for part in _seen(flight)])
     low, high = ((places @ _VIEW).min(axis=0), (places @ _VIEW).max(axis=0))
     middle = _VIEW @ (0.5 * (low + high))
-    return _path(np.tile(middle, (len(seconds), 1)), _to_see(places - middle, _margin(flights), aspect))
+    return _path(np.tile(middle, (len(seconds), 1)), _to_see(places - middle, flights, aspect))
 
 
 def orbit(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
@@ -79,7 +79,7 @@ def follow(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> Ca
     """A camera that goes with the vehicles and their desired positions, so that how far they are apart is seen."""
     places = np.stack([part for flight in flights for part in _seen(flight)])
     middle = _smoothed(0.5 * (places.min(axis=0) + places.max(axis=0)), seconds)
-    return _path(middle, _to_see((places - middle).reshape(-1, 3), _margin(flights), aspect))
+    return _path(middle, _to_see((places - middle).reshape(-1, 3), flights, aspect))
 
 
 def tip(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
@@ -116,6 +116,12 @@ def _seen(flight: FilmedFlight) -> list[Array]:
     return [part for at, wanted in pairs for part in (wanted + _at_most(at - wanted, farthest), wanted)]
 
 
+def _height(flights: Sequence[FilmedFlight]) -> float:
+    """Height of a vehicle over its width: more where rotors are tilted."""
+    tilts = [math.hypot(float(r.axis.x), float(r.axis.y)) for f in flights for r in f.vehicle.rotors]
+    return min(1.0, FLAT + max(tilts, default=0.0))
+
+
 def _margin(flights: Sequence[FilmedFlight]) -> float:
     """How far a vehicle is drawn about its base, m."""
     return 1.6 * max(longest_boom(flight.vehicle) for flight in flights)
@@ -134,14 +140,14 @@ def _to_hold(radius: float, aspect: float) -> float:
     return radius / math.sin(min(half, across))
 
 
-def _to_see(places: Array, margin: float, aspect: float) -> float:
-    """Distance from which balls about places (N, 3), told from the middle of the picture, are inside it."""
+def _to_see(places: Array, flights: Sequence[FilmedFlight], aspect: float) -> float:
+    """Distance from which vehicles at places (N, 3), told from the middle of the picture, are inside it."""
     across, upwards, away = (places @ _VIEW).T
     slope = math.tan(math.radians(0.5 * FIELD_OF_VIEW))
-    # upwards a vehicle is flat, and its discs do not stand on their edges
+    margin, height = _margin(flights), _height(flights)
     needed = [
         (np.abs(off) + margin * share * math.hypot(1.0, edge)) / edge - away
-        for off, edge, share in ((across, slope * aspect, 1.0), (upwards, slope, FLAT))
+        for off, edge, share in ((across, slope * aspect, 1.0), (upwards, slope, height))
     ]
     return float(np.max(needed))
 

@@ -5,10 +5,8 @@ The extra ``studio`` (viser) writes it and brings the player, one page without a
 
 from __future__ import annotations
 
-import base64
 import contextlib
 import io
-import json
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -18,12 +16,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.files import needs_extra, write_atomically
+from skyarm.files import write_atomically
 from skyarm.film.camera_paths import AZIMUTH, CAMERAS, FIELD_OF_VIEW, CameraPath, vehicle_reach
 from skyarm.film.captions import error_words
 from skyarm.film.film_settings import FilmSettings
 from skyarm.film.filmed_flight import FilmedFlight, film_flights, frame_times
 from skyarm.film.marks import LEAST_FORCE, LEAST_SPEED, WIND, wind_words
+from skyarm.film.recording_page import import_viser, page_with, player_page
 from skyarm.film.recording_scene import PATH_COLOR, RecordedBodies, add_path
 from skyarm.log.flight_log import Log
 
@@ -98,47 +97,6 @@ def save_recording(recording: Recording, path: str | os.PathLike[str]) -> list[P
         return [write_atomically(target, recording.html().encode())]
     written = [write_atomically(target / RECORDING_NAME, recording.content)]
     return [*written, write_atomically(target / PLAYER_NAME, player_page(RECORDING_NAME).encode())]
-
-
-def player_page(recording: str | None = None) -> str:
-    """The player as one page: it plays the file that ``?playbackPath=`` names, or else ``recording``.
-
-    For a site that shows several recordings: one player, and a frame ``player.html?playbackPath=FILE.viser`` for each.
-    Both must be served; a page opened as a file may read no other file (:func:`page_with` needs none).
-    """
-    page = _client()
-    if recording is None:
-        return page
-    script = (
-        "<script>if(!new URLSearchParams(location.search).has('playbackPath'))"
-        f"history.replaceState(null,'','?playbackPath='+{json.dumps(recording)});</script>"
-    )
-    return page.replace("</head>", f"{script}</head>", 1)
-
-
-def page_with(content: bytes) -> str:
-    """The player and a recording in one page, which plays when opened as a file, too."""
-    held = base64.b64encode(content).decode("ascii")
-    script = f'<script>window.__VISER_EMBED_DATA__="{held}";window.__VISER_EMBED_CONFIG__={{darkMode:false}};</script>'
-    return _client().replace("</head>", f"{script}</head>", 1)
-
-
-def import_viser() -> Any:
-    """The library of recordings.
-
-    Raises:
-        ValueError: it is missing.
-    """
-    try:
-        import viser
-    except ImportError:
-        raise ValueError(f"viser: is missing; a recording {needs_extra('studio')}") from None
-    return viser
-
-
-def _client() -> str:
-    """The player's page, which comes with viser."""
-    return (Path(import_viser().__file__).parent / "client" / "build" / "index.html").read_text("utf-8")
 
 
 @contextlib.contextmanager

@@ -157,7 +157,7 @@ def _model(width: int, height: int, *, fine: bool) -> Any:
     spec.visual.map.znear, spec.visual.map.zfar = 0.02, 300.0
     quality = spec.visual.quality
     quality.shadowsize, quality.offsamples = (2048, 4) if fine else (0, 0)
-    quality.numslices, quality.numstacks, quality.numquads = (28, 16, 4) if fine else (12, 8, 2)
+    quality.numslices, quality.numstacks, quality.numquads = (28, 16, 4) if fine else (18, 8, 2)
     spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.5] * 3, [0.2] * 3
     spec.visual.headlight.specular = [0.0] * 3
     spec.stat.extent, spec.stat.center = 1.0, [0.0, 0.0, 0.0]

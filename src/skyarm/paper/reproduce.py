@@ -28,6 +28,7 @@ from skyarm.paper.report.report_inferred import inferred_section
 from skyarm.paper.report.report_opening import FILM, Opening
 from skyarm.paper.report.report_page import case_files, report_pages
 from skyarm.paper.report.report_text import LOOK, OVERVIEW
+from skyarm.paper.report.report_vehicle import vehicle_section
 from skyarm.paper.short_table import markdown
 from skyarm.paper.variations import variations
 from skyarm.scenario.scenario_record import PLANTS
@@ -35,8 +36,8 @@ from skyarm.simulate import Log
 
 Note = Callable[[str], None]
 
-Film = Callable[[Mapping[str, Mapping[str, Log]]], tuple[bytes, str]]
-"""From case -> law -> log to a small animated WebP, and the sentence that says what it shows."""
+Film = Callable[[Mapping[str, Mapping[str, Log]]], tuple[bytes, str] | None]
+"""From case -> law -> log to a small animated WebP and the sentence that says what it shows; None where none can be."""
 
 COMPARED = "compare"
 """Folder of the whole comparison, beside the report."""
@@ -119,6 +120,7 @@ def reproduce(
         further["All laws compared"] = comparison_section(found, comparison, f"{COMPARED}/{PAGE}")
     say("writing report.html")
     shown = {"Inferred settings": inferred_section(table, predicted, evidence, plants[0])} if campaign.found else {}
+    further["The vehicle"] = vehicle_section()
     opening = _opening(folder, first, image_bytes(overview), plants[0], film)
     pages = report_pages(table, campaign.sensitivity, campaign.logs, why, figures, shown | further, opening)
     for name, page in pages.items():
@@ -150,9 +152,10 @@ def _opening(
 ) -> Opening:
     """What the report opens with; a film is written beside it, too."""
     caption = f"{OVERVIEW} {LOOK.rsplit(', ', 1)[0]}; {plant}."
-    if film is None:
+    drawn = None if film is None else film(flown)
+    if drawn is None:
         return Opening(picture=overview, caption=caption)
-    content, words = film(flown)
+    content, words = drawn
     write_atomically(folder / FILM, content)
     return Opening(picture=overview, caption=caption, film=content, film_caption=words)
 

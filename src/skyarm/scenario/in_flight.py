@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.scenario.changes import Change, in_order
-from skyarm.scenario.numbers import number_at, with_numbers
+from skyarm.scenario.numbers import number_at, require_apart, with_numbers
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.scenario.whole_parts import WHOLE_PARTS, below, with_part
 
@@ -42,14 +42,23 @@ class Overrides:
         numbers = tuple(pair for pair in self.numbers if not _within(pair[0], path, hidden))
         return Overrides((*parts, (path, value)), numbers)
 
-    def with_data(self, scenario: Scenario, paths: Sequence[str]) -> Overrides:
-        """These and, of some paths, the numbers that the scenario has there itself, where it has any."""
-        parts, own = self.parts_of(scenario), []
+    def data(self, scenario: Scenario, paths: Sequence[str] = ()) -> Overrides:
+        """These as code reads them: the same order whichever was changed last, where order does not matter.
+
+        Args:
+            scenario: as the flight began.
+            paths: whose numbers are read too where nothing holds in their place, as far as there are any.
+        """
+        parts, numbers = self.parts_of(scenario), dict(self.numbers)
         for path in paths:
-            if not any(path == name for name, _ in self.numbers):
+            if path not in numbers:
                 with suppress(ScenarioError):
-                    own.append((path, number_at(parts, path)))
-        return Overrides(self.parts, (*own, *self.numbers)) if own else self
+                    numbers[path] = number_at(parts, path)
+        if sum("payload" in path for path in numbers) <= 1:  # loads add up, and sums depend on their order
+            with suppress(ScenarioError):
+                require_apart(parts, tuple(numbers))
+                numbers = dict(sorted(numbers.items()))
+        return Overrides(self.parts, tuple(numbers.items()))
 
     def hides(self, path: str) -> bool:
         """Whether a number of the scenario's own no longer counts: another holds in its place, or its part is gone."""

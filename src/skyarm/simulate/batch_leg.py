@@ -100,7 +100,7 @@ class Leg:
         self.periods, self._options = periods, options
         self._shape, self.scenario = overrides.parts_of(begun), overrides.of(begun)
         self._free = tuple(p for p in options.paths if not overrides.hides(p) and not p.startswith(OF_CHANGES))
-        self._set: dict[str, float] = dict(overrides.numbers)
+        self._set: dict[str, float] = dict(overrides.data(begun).numbers)
         named = {path: f"{OF_CHANGES}{i}.value" for path, i in sources(begun, periods.start).items()}
         self._swept = {path: named[path] for path in self._set if named[path] in options.paths}
         self.first: tuple[LoopState, tuple[Any, ...]] = (first_loop_state(self.scenario), first_totals(options.wanted))

@@ -14,10 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.actuation import rotor_forces
-from skyarm.algebra import Quaternion, Vec3
+from skyarm.algebra import Vec3
 from skyarm.log.columns import columns, names_of
 from skyarm.log.flight_log import Log
-from skyarm.log.ros.cdr import NANO, Bytes, encode
+from skyarm.log.ros.cdr import Bytes, encode
+from skyarm.log.ros.instants import METRICS, Part
 from skyarm.log.ros.markers import markers
 from skyarm.log.ros.message_types import DEFINITIONS, FLIGHT, ROS1, flight_definition
 from skyarm.log.ros.transforms import (
@@ -58,38 +59,6 @@ class Topic:
     kind: str
     every: int
     values: Callable[[Part], Mapping[str, Any]]
-
-
-class Part:
-    """Some instants of a log, and what messages need of them."""
-
-    def __init__(self, log: Log, chosen: slice) -> None:
-        self.log, self._chosen = log, chosen
-        self.stamps = nanoseconds(log.time[chosen])
-
-    def __getitem__(self, array: str) -> Array:
-        """The instants' rows of one of the log's arrays."""
-        found: Array = getattr(self.log, array)[self._chosen]
-        return found
-
-    def header(self, frame: str) -> dict[str, Any]:
-        """A std_msgs/Header."""
-        return {"stamp": self.stamps, "frame_id": frame}
-
-    def unit(self) -> Array:
-        """Attitudes wxyz of length 1."""
-        found: Array = self["quaternion"] / np.linalg.norm(self["quaternion"], axis=1, keepdims=True)
-        return found
-
-    def in_base(self, vectors: Array) -> Array:
-        """World vectors (N, 3) in base axes."""
-        R = Quaternion(*self.unit().T).rotation()
-        return np.stack(list(R.apply_T(Vec3(*vectors.T))), axis=1)
-
-
-def nanoseconds(time: Array) -> npt.NDArray[np.int64]:
-    """Times in s as the clock of messages, ns."""
-    return np.rint(np.asarray(time) * NANO).astype(np.int64)
 
 
 class FlightTopics:
@@ -278,22 +247,3 @@ def _thrust(every: int, vehicle: Vehicle | None) -> list[Topic]:
         return {"header": part.header(BASE_LINK), "wrench": wrench}
 
     return [Topic("/rotor_wrench", "geometry_msgs/WrenchStamped", every, values)]
-
-
-def _distance(array: str) -> Callable[[Part], dict[str, Any]]:
-    return lambda part: {"data": np.linalg.norm(part[array] - part[f"{array}_reference"], axis=1)}
-
-
-def _tilt(part: Part) -> dict[str, Any]:
-    """Angle between the body's z and the world's, rad."""
-    _, x, y, _ = part.unit().T
-    return {"data": 2.0 * np.arctan2(np.hypot(x, y), np.sqrt(np.maximum(0.0, 1.0 - x * x - y * y)))}
-
-
-METRICS: Mapping[str, Callable[[Part], dict[str, Any]]] = {
-    "position_error": _distance("position"),
-    "joint_error": _distance("joints"),
-    "tip_error": _distance("tool"),
-    "tilt": _tilt,
-}
-"""Numbers of an instant: distances from the continuous reference, m and rad or m; tilt, rad."""
