@@ -141,6 +141,36 @@ def test_an_event_of_one_flight_says_whose_it_is() -> None:
     assert not any(ax.patches for ax in outside.axes)
 
 
+def test_a_gust_in_which_flights_are_lost_at_other_times_is_one() -> None:
+    whole, rows = flights()["paper_ct"], {}
+    for name, ended in (("a", 120), ("b", 160)):
+        info = {**whole.info, "status": "ground", "end_time": ended / 200.0}
+        rows[name] = dataclasses.replace(
+            whole, **{each: array[:ended] for each, array in whole.arrays().items()}, info=info
+        )
+    figure = plot(rows, kind="attitude")
+    words = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert [each for each in words if each.startswith("gust")] == ["gust"]
+    assert all(stop <= 0.8 for ax in figure.axes for _, stop in spans(ax))
+
+
+def test_a_flight_of_one_instant_is_a_point() -> None:
+    whole = flights()["paper_ct"]
+    one = dataclasses.replace(whole, **{each: array[:1] for each, array in whole.arrays().items()})
+    for log, marker in ((one, "o"), (whole, "None")):
+        line, _desired = curves(plot(log, kind="tip").axes[0]).values()
+        assert line.get_marker() == marker
+
+
+def test_of_a_limit_to_both_sides_one_that_is_drawn_says_the_other() -> None:
+    whole = with_efforts(0.4)
+    one_sided = dataclasses.replace(whole, efforts=np.abs(whole.efforts))
+    near, far = plot(one_sided, kind="efforts").axes
+    assert [float(line.get_ydata()[0]) for line in near.get_lines() if line.get_label() == "limit"] == [0.5]
+    assert not near.texts
+    assert far.texts
+
+
 def test_a_log_without_its_scenario_still_shows_its_gust() -> None:
     figure = plot(synthetic_log("case2_gust", "rigid_body", "CT", seconds=12.0), kind="tracking")
     assert [" ".join(ax.get_ylabel().split()) for ax in figure.axes][-2:] == ["Joint 1 [rad]", "Joint 2 [rad]"]
