@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,7 @@ from skyarm.sweep.banded_curves import (
     BandedCurves,
     Variable,
     _classes,
+    _curve,
     banded_curves,
     variable,
 )
@@ -119,6 +122,23 @@ def test_a_third_in_which_nothing_lies_has_no_curve() -> None:
     classes = _classes(Variable(words="load", values=values))
     assert list(classes) == ["0 to 7"]
     assert all(inside.all() for inside in classes.values())
+
+
+@pytest.mark.parametrize(("count", "banded"), [(1, False), (FEWEST_OF_BAND - 1, False), (FEWEST_OF_BAND, True)])
+def test_few_flights_have_a_middle_and_no_band(count: int, banded: bool) -> None:
+    columns = {"m": np.arange(count) + 1.0, "status": np.array(["completed"] * count)}
+    rows: Any = SimpleNamespace(of=lambda _law, name: columns[name])
+    curve = _curve(rows, "m", "law", "", np.ones(count, dtype=bool), np.full(count, 3.0), "median", (0.05, 0.95))
+    cells = np.isfinite(curve.low)
+    assert np.isfinite(curve.middle).all()
+    assert cells.all() if banded else not cells.any()
+
+
+def test_what_was_drawn_by_its_logarithm_has_such_an_axis(folder: Path) -> None:
+    found = banded_curves(Rows(folder), METRIC, MASS)
+    for logarithmic, scale in ((True, "log"), (False, "linear")):
+        over = replace(found.over, logarithmic=logarithmic)
+        assert metric_figure([replace(found, over=over)], PAPER).axes[-1].get_xscale() == scale
 
 
 def lines(ax: Any) -> dict[str, Any]:
