@@ -55,6 +55,16 @@ def test_points_are_the_medians_of_their_cells_and_bands_their_extremes(given: P
                 assert curve.middle[k] == inside[(inside.size - 1) // 2]
 
 
+def test_the_band_of_a_grid_of_many_points_holds_all_of_them(tmp_path: Path) -> None:
+    many = {MASS: {"list": [0.7, 0.8]}, WIND: {"grid": [0.0, 1.0, 25]}}
+    folder = flown(tmp_path, design="grid", episodes=None, duration=0.4, windows={"steady": [0.1, 0.4]}, vary=many)
+    for curve in metric_curves(Rows(folder), "position_error_mean")[MASS]:
+        column = read(folder)[curve.controller]
+        for k, value in enumerate((0.7, 0.8)):
+            inside = column["position_error_mean"][np.isclose(column[MASS], value)]
+            assert (curve.low[k], curve.high[k]) == (inside.min(), inside.max())
+
+
 def test_rounding_does_not_fill_a_panel(given: Path) -> None:
     curves = metric_curves(Rows(given), "ee_error_mean")
     small = {
