@@ -42,6 +42,12 @@ steady = [0.2, 0.5]
 """
 
 
+@pytest.fixture(autouse=True)
+def _one_metric_is_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In place of six, which would take most of the time."""
+    monkeypatch.setattr("skyarm.sweep.curves.MOST", 1)
+
+
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A study flown to its end, beside its file."""
