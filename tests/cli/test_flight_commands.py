@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -48,6 +49,24 @@ def test_a_flight_is_flown_again_to_the_bit(folder: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "")
     assert "equal to the bit: 60 control periods\nlog: out/replay/case3_wind.npz\n" in done.stdout
     assert skyarm.load_log(folder / "out/replay/case3_wind.npz").info == skyarm.load_log(folder / "flight.npz").info
+
+
+def test_a_flight_that_goes_on_where_its_log_has_ended_is_not_equal(folder: Path) -> None:
+    """A command from outside that is no number ends an episode, and no scenario knows of it."""
+    session = skyarm.Session(SCENARIO)
+    for _ in range(30):
+        session.step()
+    whole = session.log
+    whole.save_npz(folder / "cut.npz")
+    rotors, joints = (len(each[0]) for each in (whole.rotor_commands, whole.efforts))
+    session.step(skyarm.Command(rotor_speeds=(math.nan,) * rotors, efforts=(0.0,) * joints))
+    assert session.ended is not None
+    session.log.save_npz(folder / "refused.npz")
+    done = run(folder, "replay", "refused.npz", "-o", "refused_again.npz")
+    assert done.returncode == 1, done.stdout
+    assert "control periods: 30 in log, 60 in again, 30 in both" in done.stdout
+    cut = run(folder, "replay", "cut.npz", "-o", "cut_again.npz")
+    assert (cut.returncode, "equal to the bit: 30 control periods" in cut.stdout) == (0, True)
 
 
 def test_a_flight_that_is_not_what_its_log_says_is_said_with_the_first_difference(folder: Path) -> None:

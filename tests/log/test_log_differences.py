@@ -66,6 +66,34 @@ def test_what_is_within_the_tolerance_is_none() -> None:
     assert [each.name for each in log_differences(LOG, other, 5e-7).columns] == ["position_x"]
 
 
+def test_a_difference_of_the_tolerance_is_within_it() -> None:
+    other = put("position", 12, 0, 1e-6)
+    size = abs(float(LOG.position[12, 0] - other.position[12, 0]))
+    assert log_differences(LOG, other, size).equal
+    assert not log_differences(LOG, other, float(np.nextafter(size, 0.0))).equal
+
+
+def test_a_difference_is_followed_from_its_beginning_on() -> None:
+    """One that is there only in the last quarter, always of one size, does not grow."""
+    position = LOG.position.copy()
+    position[30:, 1] += 1e-3
+    (one,) = log_differences(LOG, dataclasses.replace(LOG, position=position)).columns
+    assert (one.time, one.course) == (30 / 200, "stays")
+
+
+def test_what_is_infinite_in_both_is_no_difference() -> None:
+    both = put("position", 20, 0, np.inf)
+    (one,) = log_differences(both, put("position", 8, 0, 0.5, both)).columns
+    assert (one.at, one.largest) == (8 / 200, pytest.approx(0.5))
+
+
+def test_instants_are_matched_by_their_time() -> None:
+    """A log of every second control period, from the fourth on, has the same numbers at its instants."""
+    half = dataclasses.replace(LOG, **{name: array[4::2] for name, array in LOG.arrays().items()})
+    found = log_differences(LOG, half)
+    assert (found.instants, found.columns) == ((18, 40, 18), ())
+
+
 @pytest.mark.parametrize(
     ("course", "factor"),
     [("grows", lambda k: 1e-9 * 1.5**k), ("shrinks", lambda k: 0.8**k), ("stays", lambda k: 0.0 * k + 1e-3)],

@@ -25,7 +25,8 @@ from skyarm.records.restore import restore
 from skyarm.scenario.change_checks import require_changes
 from skyarm.scenario.changes import Change
 from skyarm.scenario.in_flight import overrides_at, stretches
-from skyarm.scenario.numbers import number_at, with_numbers
+from skyarm.scenario.law_by_name import under_law
+from skyarm.scenario.numbers import number_at, require_apart, with_numbers
 from skyarm.scenario.scenario_record import NamedSensor
 from skyarm.scenario.scenario_text import scenario_text, with_changes_text
 
@@ -73,7 +74,10 @@ def at(time: float, path: str, value: Any) -> dict[str, Any]:
         (at(0.1, "controller.gains.positon.x", 1), r"changes\[0\].path = .*: no 'positon' here; did you mean 'positi"),
         (at(0.1, "controler.law", "indi"), r"changes\[0\].path = 'controler.law': did you mean 'controller.law'\? "),
         (at(0.1, "controller.lw", "indi"), r"changes\[0\].path = 'controller.lw': no 'lw' here; .*mean 'controller.l"),
-        (at(0.1, "plant", 1), r"changes\[0\].path = 'plant': .*nothing of this name changes in flight; what may is a"),
+        (at(0.1, "plant", 1), r"changes\[0\].path = 'plant': must lead to a number below it; what may is a number of"),
+        (at(0.1, "plnt.mass", 1), r"changes\[0\].path = 'plnt.mass': did you mean 'plant'\? nothing of this name"),
+        (at(0.1, GAIN, np.array([1.0, 2.0])), r"changes\[0\].value = array\(\[1., 2.\]\): must be a number, as"),
+        (at(1.1e7, GAIN, 1), r"changes\[0\].at = 11000000.0: must be at most 1e\+07 s, beyond which no flight lasts"),
         (at(0.1, "rates.control", 100), r"changes\[0\].path = 'rates.control': rates must be as the flight began; wh"),
         (at(0.1, "initial.roll", 1), r"changes\[0\].path = 'initial.roll': initial must be as the flight began"),
         (at(0.1, "seed", 1), r"changes\[0\].path = 'seed': seed must be as the flight began"),
@@ -198,6 +202,22 @@ def test_another_law_keeps_the_safety_layer_and_its_limits() -> None:
     assert (par.limits.tilt, par.recovery.stow) == (0.5, (0.1, 0.0))
 
 
+@pytest.mark.parametrize("law", ["centroidal_tip", "indi"])
+def test_another_law_is_the_one_that_a_file_would_make(law: str) -> None:
+    """It knows the age of its measurements, and limits that are measured on a law are measured on it."""
+    late = {"delays": {"measurement": 0.01}, "duration": 0.5}
+    for safety in ({}, {"safety": {"tilt": 0.4, "stow": [0.1, 0.2]}}):
+        before = scenario_from(document("case3_wind", **late, controller={"law": "hybrid_computed_torque", **safety}))
+        table = {"preset": law} if law == "centroidal_tip" else {"law": law}
+        wanted = scenario_from(document("case3_wind", **late, controller={**table, **safety}))
+        found = under_law(before, law).controller
+        assert (found.name, found.par, found.memory) == (
+            wanted.controller.name,
+            wanted.controller.par,
+            wanted.controller.memory,
+        )
+
+
 def test_a_controller_in_place_of_the_files_is_not_changed_by_the_file(tmp_path: Any) -> None:
     file = tmp_path / "mine.toml"
     file.write_text(
@@ -233,6 +253,35 @@ def test_numpy_numbers_and_tuples_are_held_as_plain_ones() -> None:
     for wrong in (None, b"x", {1: 2}, {1}, object(), [None]):
         with pytest.raises(ScenarioError, match=r"^value"):
             Change(at=1.0, path="a", value=wrong)
+
+
+def test_a_load_that_has_two_names_is_changed_by_one_of_them() -> None:
+    """Under the other it would hang there twice."""
+    base, pair = load_scenario("case3_wind"), ("plant.payload.mass", "plant.payload.tip.mass")
+
+    def change(when: float, path: str, value: float) -> Change:
+        return Change(at=when, path=path, value=value)
+
+    for first, second in (pair, pair[::-1]):
+        twice = (change(0.1, first, 0.1), change(0.2, second, 0.2))
+        words = rf"^changes\[1\].path = '{second}': is the same load as '{first}', must be changed by that name"
+        with pytest.raises(ScenarioError, match=words):
+            require_changes(dataclasses.replace(base, changes=twice))
+        with pytest.raises(ScenarioError, match=f"^path = '{second}': is the same number as '{first}'; vary one"):
+            require_apart(base, (first, second))
+    both = (
+        change(0.1, "plant.payload.mass", 0.1),
+        change(0.2, "model.payload.mass", 0.1),
+        change(0.3, "plant.payload.mass", 0.2),
+    )
+    require_changes(dataclasses.replace(base, changes=both))
+
+
+def test_values_without_end_are_one_line() -> None:
+    endless: list[Any] = []
+    endless.append(endless)
+    with pytest.raises(ScenarioError, match=r"^value: has too many lists or tables within each other$"):
+        Change(at=1.0, path="reference.joints", value=endless)
 
 
 # saved text
@@ -287,6 +336,31 @@ def test_what_was_said_beside_the_file_is_saved_too() -> None:
         with_changes_text(TEXT, (), gravity=3)
     with pytest.raises(ScenarioError, match=r"^TOML = .*must be valid TOML"):
         with_changes_text("a = = 3", ())
+
+
+@pytest.mark.parametrize("duration", [3.0, 6.0])
+def test_a_shortened_flight_is_saved_without_what_lies_beyond_its_end(duration: float) -> None:
+    last = duration - 0.005
+    changes = (Change(at=last, path=GAIN, value=1.0), Change(at=last + 0.001, path=GAIN, value=2.0))
+    found = scenario_from(tomllib.loads(with_changes_text(TEXT, changes, duration=duration)))
+    assert found.changes == changes[:1], "the second would take hold at the end"
+    assert found.windows.last == (5.0 if duration > 5.0 else None), "windows.last of 5 s is of longer flights"
+    assert (found.duration, load_scenario("case3_wind").windows.last) == (duration, 5.0)
+
+
+@pytest.mark.parametrize(
+    ("replaced", "words"),
+    [
+        ({"controller": "mine.py:make"}, r"controller = 'mine.py:make': must be a name that a scenario file may have"),
+        ({"controller": 5}, r"controller = 5: must be a name"),
+        ({"plant": 5}, r"plant = 5: must be a name"),
+        ({"duration": "long"}, r"duration = 'long': must be a finite number"),
+        ({"duration": math.nan}, r"duration = nan: must be a finite number"),
+    ],
+)
+def test_what_no_file_may_say_is_not_saved(replaced: dict[str, Any], words: str) -> None:
+    with pytest.raises(ScenarioError, match=f"^{words}"):
+        with_changes_text(TEXT, (), **replaced)
 
 
 plain_values = st.recursive(

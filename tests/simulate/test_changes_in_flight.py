@@ -12,10 +12,13 @@ from simulate_flights import document
 from skyarm import BatchSession, Scenario, ScenarioError, Session, run, scenario_from
 from skyarm.log.flight_log import Log
 from skyarm.scenario.changes import Change
+from skyarm.scenario.in_flight import is_traceable
 from skyarm.scenario.numbers import with_numbers
 from skyarm.sensors.noise import SensorNoise
 from skyarm.simulate.batch import Batch
+from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop import run_in_python
+from skyarm.simulate.loop_state import carried
 
 GAIN = "controller.gains.position.x"
 PAYLOAD = "plant.payload.mass"
@@ -128,6 +131,20 @@ def test_a_change_at_the_beginning_is_a_scenario_with_that_number() -> None:
     assert heavy.rotor_speeds[0].tobytes() == run(BASE).rotor_speeds[0].tobytes()
 
 
+def test_lanes_that_change_at_the_beginning_start_as_the_scenario_began() -> None:
+    """Rotors turn at the hover of the vehicle without the payload, as in a run."""
+    scenario = changing(Change(at=0.0, path=PAYLOAD, value=0.1), Change(at=0.0, path=GAIN, value=5.0))
+    log = run(scenario)
+    assert log.rotor_speeds[0].tobytes() == run(BASE).rotor_speeds[0].tobytes()
+    flown = Batch(scenario, metrics=("standard",), bit_exact=True, effort=0).fly(
+        {}, episodes=np.array([0]), seed=BASE.seed
+    )
+    session = Session(scenario)
+    session.run()
+    assert [float(each[0]) for each in flown.state.position] == list(session.state.position)
+    assert [float(each[0]) for each in flown.state.rotor_speeds] == list(session.state.rotor_speeds)
+
+
 def test_a_change_to_what_it_was_changes_nothing(still: Log) -> None:
     own = float(BASE.controller.par.gains.position.x)
     changes = (Change(at=0.1, path=GAIN, value=own), Change(at=0.2, path=PAYLOAD, value=0.0))
@@ -195,6 +212,7 @@ def test_changes_of_a_hand_join_those_of_the_scenario_and_a_snapshot_goes_behind
         session.step()
     held = session.snapshot()
     session.change({GAIN: 5.0, "controller.law": "paper_pd"})
+    assert [each.at for each in session.plan.changes] == [0.05, 0.05, 0.2], "as they take hold"
     with pytest.raises(ScenarioError, match=r"^path = 'controller.gain': no 'gain' here"):
         session.change({"plant.gravity": 9.0, "controller.gain": 1.0})
     log = session.run()
@@ -203,6 +221,93 @@ def test_changes_of_a_hand_join_those_of_the_scenario_and_a_snapshot_goes_behind
     session.restore(held)
     assert session.scenario.changes == (Change(at=0.2, path=GAIN, value=9.0),)
     assert same_logs(session.run(), run(changing(Change(at=0.2, path=GAIN, value=9.0))))
+
+
+@pytest.mark.parametrize(
+    ("coming", "by_hand", "words"),
+    [
+        (GAIN, {"controller.law": "centroidal_tip"}, rf"path = '{GAIN}': no 'gains' here"),
+        ("environment.wind.force.x", {"environment.wind": WIND}, r"path = 'environment.wind.force.x': no 'force' here"),
+    ],
+)
+def test_a_hand_that_makes_a_change_to_come_impossible_is_refused(coming: str, by_hand: object, words: str) -> None:
+    scenario = changing(Change(at=0.1, path=coming, value=3.0))
+    session = Session(scenario, machine_code=False)
+    for _ in range(10):
+        session.step()
+    with pytest.raises(ScenarioError, match=rf"^after this the change at 0.1 s cannot be made: {words}"):
+        session.change(by_hand)  # type: ignore[arg-type]
+    assert session.plan is scenario
+    # once it has been made nothing stands against it
+    while session.tick < 21:
+        session.step()
+    session.change(by_hand)  # type: ignore[arg-type]
+    assert [change.path for change in session.plan.changes] == [coming, *by_hand]  # type: ignore[has-type]
+
+
+def test_a_session_that_has_ended_cannot_be_changed() -> None:
+    session = Session(changing(Change(at=0.05, path="plant.gravity", value=400.0)), machine_code=False)
+    log = session.run()
+    assert log.status == "ground"
+    # a change at this instant would come before the ending in a flight of the plan
+    for act in (lambda: session.change({"environment.ground": False}), lambda: session.replace(BASE)):
+        with pytest.raises(ScenarioError, match=r"^session: has ended; there is no next period"):
+            act()
+    assert same_logs(run(session.plan), log)
+
+
+def test_a_number_that_is_changed_again_compiles_nothing() -> None:
+    session = Session(BASE)
+    for value in (3.0, 4.0, 3.0, 5.0):
+        session.change({GAIN: value})
+        session.step()
+        session.change({PAYLOAD: 0.01 * value})
+        session.step()
+    # as it began, with the gain, with the gain and the payload
+    assert len(session._codes) == 3
+    named = Session(BASE, (GAIN, PAYLOAD, "reference.yaw.value"))
+    for path, value in ((PAYLOAD, 0.03), (GAIN, 3.0), (PAYLOAD, 0.01), (GAIN, 5.0)):
+        named.change({path: value})
+        named.step()
+    assert len(named._codes) == 1, "paths that are named from the start are parameters from the start"
+
+
+@pytest.mark.parametrize("machine_code", [True, False])
+def test_a_snapshot_keeps_the_numbers_that_held(machine_code: bool) -> None:
+    """A number that is changed after it, by the same code, is what it was once a session has gone back."""
+    session = Session(BASE, (GAIN,), machine_code=machine_code)
+    for _ in range(5):
+        session.step()
+    held, wanted = session.snapshot(), None
+    for value in (9.0, 2.0):
+        session.change({GAIN: value})
+        session.step()
+        session.step()
+        session.restore(held)
+        session.step()
+        session.step()
+        wanted = wanted or run(BASE).position[6].tolist()
+        assert session.log.position[6].tolist() == wanted
+        session.restore(held)
+
+
+def test_memories_of_components_go_on_group_by_group() -> None:
+    first = first_loop_state(BASE)
+    fresh = dataclasses.replace(first, components=(0.0, 0.1, 0.2, 0.3))
+    before = dataclasses.replace(first, components=(5.0, 6.0, 7.0))
+    # wind, air, forces: a second air is new, and the force behind it is the one of before
+    assert carried(fresh, before, ((1, 1), (2, 1), (1, 1))).components == (5.0, 6.0, 0.2, 7.0)
+    # an air that is gone leaves the force its own
+    fewer = dataclasses.replace(first, components=(0.0, 0.3))
+    assert carried(fewer, before, ((1, 1), (0, 1), (1, 1))).components == (5.0, 7.0)
+
+
+def test_a_law_that_cannot_be_traced_flies_alone_and_in_no_batch() -> None:
+    scenario = changing(Change(at=0.1, path="controller.law", value="nmpc"))
+    assert is_traceable(BASE)
+    assert not is_traceable(scenario)
+    with pytest.raises(ValueError, match=r"^controller 'nmpc': its law cannot be traced, a batch needs a traceable"):
+        Batch(scenario)
 
 
 def test_progress_is_told_of_a_flight_that_changes() -> None:
@@ -286,6 +391,7 @@ def test_changes_that_differ_in_numbers_alone_share_their_code() -> None:
     ("path", "change", "words"),
     [
         (PAYLOAD, Change(at=0.1, path=PAYLOAD, value=0.1), r"adds to changes\[0\].path = 'plant.payload.mass'; vary"),
+        ("plant.payload.tip.mass", Change(at=0.1, path=PAYLOAD, value=0.1), r"adds to changes\[0\].path = 'plant.payl"),
         (
             "model.vehicle.base.mass",
             CHANGES[1],

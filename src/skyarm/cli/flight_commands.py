@@ -35,9 +35,9 @@ def replay(
     from skyarm.cli.earlier_files import keep_earlier
     from skyarm.cli.flight_differences import (
         difference_lines,
+        flown_again,
         metric_lines,
         replay_document,
-        same_bits,
         say_versions,
     )
     from skyarm.cli.log_files import log_files
@@ -60,13 +60,13 @@ def replay(
     kept = keep_earlier([file])
     save_log(log, file)
     again = controller is None
-    equal = same_bits(before, log)
+    equal = flown_again(before, log)
     give(replay_document(before, log, file) if is_document_wanted() else None)
     if not is_document_wanted():
         labels = ("log", "again") if again else (str(before.info["controller"]), str(log.info["controller"]))
         tell(f"{planned.name}: law {log.info['controller']} on {log.info['plant_vehicle']}, plant {log.info['plant']}")
         if again and equal:
-            tell(f"equal to the bit: {min(before.time.size, log.time.size)} control periods")
+            tell(f"equal to the bit: {before.time.size} control periods")
         elif again:
             for line in difference_lines(log_differences(before, log), labels):
                 tell(line)

@@ -14,6 +14,7 @@ from skyarm.log.flight_log import Log
 from skyarm.log.log_differences import LogDifferences, log_differences
 from skyarm.metrics.score import score
 from skyarm.scenario.scenario_differences import scenario_differences
+from skyarm.simulate.check_endings import RUNNING
 
 MOST_COLUMNS = 12
 """Quantities that a terminal shows; ``--json`` has all."""
@@ -42,6 +43,13 @@ def same_bits(a: Log, b: Log) -> bool:
     count = min(a.time.size, b.time.size)
     ours, theirs = a.arrays(), b.arrays()
     return all(ours[name][:count].tobytes() == np.asarray(theirs[name])[:count].tobytes() for name in ours)
+
+
+def flown_again(log: Log, again: Log) -> bool:
+    """Whether a flight was flown again to the bit, as far as its log goes if that was cut off."""
+    if log.status == RUNNING:
+        return again.time.size >= log.time.size and same_bits(log, again)
+    return again.time.size == log.time.size and again.status == log.status and same_bits(log, again)
 
 
 def are_equal(a: Log, b: Log, found: LogDifferences) -> bool:
@@ -132,7 +140,7 @@ def scenario_lines(a: Log, b: Log) -> list[str]:
 def replay_document(a: Log, b: Log, file: Path) -> dict[str, Any]:
     """What a replay found, as plain data."""
     found = document(a, b, log_differences(a, b))
-    return {**found, "bit_equal": same_bits(a, b), "controllers": [_law(a), _law(b)], "log": str(file)}
+    return {**found, "bit_equal": flown_again(a, b), "controllers": [_law(a), _law(b)], "log": str(file)}
 
 
 def _law(log: Log) -> str:

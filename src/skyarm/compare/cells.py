@@ -27,6 +27,7 @@ from skyarm.records.own_files import own_files
 from skyarm.registry import find
 from skyarm.registry import names as registered
 from skyarm.registry.plugins import identities
+from skyarm.scenario.in_flight import is_traceable
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.batch import Batch
@@ -100,7 +101,7 @@ class Flights:
 
     def alone(self, scenario: Scenario) -> bool:
         """Whether the episodes fly one by one."""
-        return self.plant != "rigid_body" or not scenario.controller.compiled
+        return self.plant != "rigid_body" or not is_traceable(scenario)
 
     def episodes(self, scenario: Scenario) -> int:
         """How many fly: of wrong plants the first ``one_by_one``, if they fly one by one."""

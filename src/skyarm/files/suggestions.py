@@ -14,7 +14,7 @@ def did_you_mean(word: Any, known: Iterable[str]) -> str:
     """Words that begin a message, such as ``did you mean 'case3'? ``; empty where nothing is alike."""
     if not isinstance(word, str):
         return ""
-    names = list(known)
+    names = [name for name in known if name != word]
     near = difflib.get_close_matches(word, names, n=1, cutoff=LIKE)
     if not near:
         lower = {name.lower(): name for name in names}

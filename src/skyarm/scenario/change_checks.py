@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 from skyarm.files import did_you_mean, shown
 from skyarm.scenario.changes import Change
+from skyarm.scenario.derived import is_payload
 from skyarm.scenario.in_flight import NONE, Overrides, is_part
-from skyarm.scenario.numbers import number_at
+from skyarm.scenario.numbers import means_the_same, number_at
 from skyarm.scenario.places import LATER, STRUCTURE, roots
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.scenario.whole_parts import WHOLE_PARTS
@@ -34,10 +35,37 @@ def require_changes(scenario: Scenario) -> None:
     Raises:
         ScenarioError: one line with the change, its path or its value, and what is allowed.
     """
-    rate, held, now = scenario.rates.control, NONE, NONE.parts_of(scenario)
-    order = sorted(range(len(scenario.changes)), key=lambda i: scenario.changes[i].tick(rate))
-    for _, group in itertools.groupby(order, key=lambda i: scenario.changes[i].tick(rate)):
-        held, now = try_changes(scenario, now, held, [(f"changes[{i}]", scenario.changes[i]) for i in group])
+    _try_in_order(
+        scenario, NONE.parts_of(scenario), NONE, [(f"changes[{i}]", c) for i, c in enumerate(scenario.changes)]
+    )
+
+
+def try_coming(begun: Scenario, now: Scenario, held: Overrides, coming: Sequence[Change]) -> None:
+    """Refuse what has just been changed if changes to come could not be made any more.
+
+    Args:
+        begun: as the flight began.
+        now: as it is.
+        held: what holds now.
+        coming: changes to come.
+
+    Raises:
+        ScenarioError: one line.
+    """
+    _try_in_order(
+        begun, now, held, [(f"after this the change at {each.at:g} s cannot be made", each) for each in coming]
+    )
+
+
+def _try_in_order(begun: Scenario, now: Scenario, held: Overrides, changes: Sequence[tuple[str, Change]]) -> None:
+    """Make changes one after the other as they take hold, those of one control period together."""
+    rate = begun.rates.control
+
+    def tick(named: tuple[str, Change]) -> int:
+        return named[1].tick(rate)
+
+    for _, group in itertools.groupby(sorted(changes, key=tick), key=tick):
+        held, now = try_changes(begun, now, held, list(group))
 
 
 def try_changes(
@@ -60,6 +88,7 @@ def try_changes(
             _require_changeable(begun, change.path)
             if not is_part(change.path, change.value):
                 _require_number(now, change)
+                _require_one_load(now, change.path, [path for path, _ in following.numbers])
             following = following.then(change)
             if is_part(change.path, change.value):
                 now = following.of(begun)
@@ -84,7 +113,7 @@ def _said_of(where: str) -> Iterator[None]:
         yield
     except ValueError as error:
         words = str(error)
-        joint = "." if words.startswith(("path = ", "value = ")) else ": "
+        joint = "." if where.endswith("]") and words.startswith(("path = ", "value = ")) else ": "
         raise ScenarioError(f"{where}{joint}{words}" if where else words) from None
 
 
@@ -97,6 +126,8 @@ def _require_changeable(scenario: Scenario, path: str) -> None:
             raise ScenarioError(f"path = {path!r}: {word} must be as the flight began; {MAY}")
     starts = [*NUMBERS, *roots(scenario)]
     if not any(path.startswith(f"{start}.") for start in starts):
+        if path in starts:
+            raise ScenarioError(f"path = {path!r}: must lead to a number below it; {MAY}")
         near = did_you_mean(path, WHOLE_PARTS) or did_you_mean(path.split(".", maxsplit=1)[0], starts)
         raise ScenarioError(f"path = {shown(path)}: {near}nothing of this name changes in flight; {MAY}")
 
@@ -108,8 +139,15 @@ def _require_number(scenario: Scenario, change: Change) -> None:
     except ScenarioError as error:
         near = did_you_mean(change.path, WHOLE_PARTS).strip() if change.path.count(".") < 2 else ""
         raise ScenarioError(f"{error}; {near}" if near else str(error)) from None
-    if isinstance(change.value, (str, bool, tuple, Mapping)):
+    if type(change.value) is not float:
         raise ScenarioError(f"value = {shown(change.table)}: must be a number, as {change.path} is one")
+
+
+def _require_one_load(scenario: Scenario, path: str, changed: Sequence[str]) -> None:
+    """Loads add up: one that is changed again keeps its name, or it would hang there twice."""
+    for other in changed if is_payload(path) else ():
+        if other != path and is_payload(other) and means_the_same(scenario, path, other):
+            raise ScenarioError(f"path = {path!r}: is the same load as {other!r}, must be changed by that name")
 
 
 def require_continuous(old: Scenario, new: Scenario) -> None:

@@ -50,10 +50,12 @@ class Change:
             object.__setattr__(self, "value", _held("value", self.value))
         except ValueError as error:
             raise ScenarioError(str(error)) from None
+        except RecursionError:
+            raise ScenarioError("value: has too many lists or tables within each other") from None
 
     def tick(self, rate: int) -> int:
         """The control period that it takes hold in, at this control rate (Hz)."""
-        k = max(0, math.floor(self.at * rate) - 1)
+        k = math.floor(self.at * rate)
         # against the instants as the loop has them: k / rate
         while k / rate < self.at:
             k += 1

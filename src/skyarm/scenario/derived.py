@@ -30,6 +30,11 @@ PAYLOADS: Mapping[str, Place] = {
 }
 
 
+def is_payload(path: str) -> bool:
+    """Whether a path is that of a load."""
+    return path.startswith(tuple(f"{root}." for root in PAYLOADS))
+
+
 def payload_of(scenario: Scenario, path: str) -> tuple[Place, str | None] | None:
     """Place of the vehicle and name of the frame that a payload's path means."""
     for root, place in PAYLOADS.items():

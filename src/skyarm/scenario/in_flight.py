@@ -121,6 +121,11 @@ def stretches(scenario: Scenario) -> tuple[Stretch, ...]:
     return tuple(found)
 
 
+def is_traceable(scenario: Scenario) -> bool:
+    """Whether every law of a flight can be traced, so that all of it flies in machine code."""
+    return all(stretch.overrides.parts_of(scenario).controller.compiled for stretch in stretches(scenario))
+
+
 def overrides_at(scenario: Scenario, tick: int) -> Overrides:
     """What holds in a control period."""
     return [stretch for stretch in stretches(scenario) if stretch.start <= tick][-1].overrides

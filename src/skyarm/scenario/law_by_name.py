@@ -38,8 +38,13 @@ def controller_by_name(scenario: Scenario, name: str) -> Controller:
     if not isinstance(before, SafetyParameters):
         return made
     from skyarm.control.safety import with_safety_layer
+    from skyarm.control.safety.limits import ERRORS, TIP_ERRORS
 
     limits = {field: value for field, value in parts(before.limits).items() if field not in MEASURED}
+    errors = TIP_ERRORS if scenario.controller.keeps_tip else ERRORS
+    if limits["trusted_joint_error"] == tuple(errors[link.joint.kind] for link in before.model.vehicle.links):
+        # usual for the law before; one that keeps the tip loses its joints by more, and one that tracks them by less
+        del limits["trusted_joint_error"]
     stow: Any = before.recovery.stow
     return with_safety_layer(made, limits, stow=stow)
 

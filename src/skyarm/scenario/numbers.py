@@ -61,9 +61,7 @@ def require_apart(scenario: Scenario, paths: Sequence[str]) -> None:
     """
     seen: dict[Place, str] = {}
     for path in paths:
-        derived = payload_of(scenario, path) or is_of_turbulence(scenario, path) or path in ATTITUDE
-        at = dataclasses.replace(scenario, initial=first_state(scenario)) if path.startswith("initial.") else scenario
-        for place in ((path,),) if derived else places_of(at, path):
+        for place in _meant(scenario, path):
             if place in seen:
                 raise ScenarioError(f"path = {path!r}: is the same number as {seen[place]!r}; vary one of them")
             seen[place] = path
@@ -71,6 +69,24 @@ def require_apart(scenario: Scenario, paths: Sequence[str]) -> None:
     parts = [path for path in paths if path.startswith("initial.quaternion")]
     if turned and parts:
         raise ScenarioError(f"path = {parts[0]!r}: must not vary together with {turned[0]!r}")
+
+
+def means_the_same(scenario: Scenario, path: str, other: str) -> bool:
+    """Whether two paths lead to the same number."""
+    return not set(_meant(scenario, path)).isdisjoint(_meant(scenario, other))
+
+
+def _meant(scenario: Scenario, path: str) -> tuple[Place, ...]:
+    """Places of the numbers that a path leads to; of one that is computed from others, words that stand for it."""
+    load = payload_of(scenario, path)
+    if load:
+        vehicle, frame = load
+        return ((*vehicle, "payload", frame or part(scenario, vehicle).end_effector),)
+    if is_of_turbulence(scenario, path) or path in ATTITUDE:
+        return ((path,),)
+    if path.startswith("initial."):
+        scenario = dataclasses.replace(scenario, initial=first_state(scenario))
+    return places_of(scenario, path)
 
 
 def number_at(scenario: Scenario, path: str) -> float:

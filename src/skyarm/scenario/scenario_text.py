@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.control.catalogue import PRESETS, TUNED, full_name
-from skyarm.files import read_toml, shown
+from skyarm.files import Fields, number, read_toml, shown
 from skyarm.files.write_toml import toml_text, toml_value
+from skyarm.registry.plugins import is_law_of_file
 from skyarm.scenario.changes import Change
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios
-from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.scenario.scenario_record import Rates, ScenarioError
 
 HEAD = re.compile(r"[ \t]*\[[ \t]*\[[ \t]*changes[ \t]*\][ \t]*\][ \t]*(#.*)?")
 """Line that begins one table of ``[[changes]]``."""
@@ -54,15 +55,26 @@ def with_changes_text(text: str, changes: Iterable[Change], **replaced: Any) -> 
         ScenarioError: one line.
     """
     try:
-        document = read_toml(text.encode())
+        return _with_changes_text(text, read_toml(text.encode()), changes, replaced)
     except ValueError as error:
         raise ScenarioError(str(error)) from None
+
+
+def _with_changes_text(
+    text: str, document: Mapping[str, Any], changes: Iterable[Change], replaced: Mapping[str, Any]
+) -> str:
     given = {field: value for field, value in replaced.items() if value is not None}
     odd = next((field for field in given if field not in REPLACED), None)
     if odd is not None:
         raise ScenarioError(f"{odd} = {shown(given[odd])}: must be left out; {', '.join(REPLACED)} may be replaced")
-    end = given.get("duration", math.inf)
-    tables = [{"at": each.at, "path": each.path, "value": each.table} for each in changes if each.at < end]
+    for field in ("plant", "controller"):
+        if not isinstance(given.get(field, ""), str) or is_law_of_file(given.get(field)):
+            raise ScenarioError(f"{field} = {shown(given[field])}: must be a name that a scenario file may have")
+    if "duration" in given:
+        given["duration"] = number(given["duration"], "duration", low=0.0, strict=True)
+    steps, rate = _periods(document, given)
+    kept_changes = [each for each in changes if each.tick(rate) < steps]
+    tables = [{"at": each.at, "path": each.path, "value": each.table} for each in kept_changes]
     wanted: dict[str, Any] = {name: value for name, value in document.items() if name != "changes"}
     wanted = _with(wanted, given)
     if tables:
@@ -70,6 +82,12 @@ def with_changes_text(text: str, changes: Iterable[Change], **replaced: Any) -> 
     kept = _without_changes(text)
     made = "\n\n".join([kept.rstrip("\n"), *map(_table, tables)]) + "\n"
     return made if not given and _reads_as(made, wanted) else toml_text(wanted)
+
+
+def _periods(document: Mapping[str, Any], given: Mapping[str, Any]) -> tuple[float, int]:
+    """Control periods of the saved flight, without bound where the text's own duration stays; their rate, Hz."""
+    rate = int(Fields(dict(_table_of(document, "rates")), "rates").number("control", Rates().control, low=1.0))
+    return (given["duration"] * rate if "duration" in given else math.inf), rate
 
 
 def _with(document: dict[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
@@ -91,8 +109,10 @@ def _with(document: dict[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _ends(window: Any) -> float:
-    """When a window, or the last of a list of them, ends; 0 for what is no window."""
-    if not isinstance(window, list) or not window:
+    """When a window, or the last of a list of them, ends; of ``last`` its length, as windows are required to end."""
+    if not isinstance(window, list):
+        return float(window)
+    if not window:
         return 0.0
     return max(map(_ends, window)) if isinstance(window[-1], list) else float(window[-1])
 

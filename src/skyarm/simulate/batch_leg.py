@@ -99,6 +99,7 @@ class Leg:
     ) -> None:
         self.periods, self._options = periods, options
         self._shape, self.scenario = overrides.parts_of(begun), overrides.of(begun)
+        self.scenario.controller.require_compiled("a batch")
         self._free = tuple(p for p in options.paths if not overrides.hides(p) and not p.startswith(OF_CHANGES))
         self._set: dict[str, float] = dict(overrides.data(begun).numbers)
         named = {path: f"{OF_CHANGES}{i}.value" for path, i in sources(begun, periods.start).items()}

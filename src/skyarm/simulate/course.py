@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.files import shown
-from skyarm.scenario.change_checks import try_changes
+from skyarm.scenario.change_checks import try_changes, try_coming
 from skyarm.scenario.changes import Change, in_order
 from skyarm.scenario.in_flight import NONE, Overrides
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -69,13 +69,14 @@ class Course:
         """The course after changes made by hand, before this control period.
 
         Raises:
-            ScenarioError: one line: a path, or a value, that cannot be.
+            ScenarioError: one line: a path, or a value, that cannot be, or with which a change to come cannot be.
         """
         if not isinstance(values, Mapping):
             raise ScenarioError(f"values = {shown(values)}: must be a table of paths and values")
         at = tick / self.begun.rates.control
         made = [Change(at=at, path=path, value=value) for path, value in values.items()]
         overrides, now = try_changes(self.begun, self.now, self.overrides, [("", change) for change in made])
+        try_coming(self.begun, now, overrides, self.coming)
         return self._after(made, self.coming, overrides, now, piece)
 
     def _after(

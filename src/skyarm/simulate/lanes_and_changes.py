@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from skyarm.plant.largest_step import STATED
-from skyarm.scenario.derived import PAYLOADS, TURBULENCE
+from skyarm.scenario.derived import TURBULENCE, is_payload
+from skyarm.scenario.numbers import means_the_same
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 LAWS = ("controller", "controller.law")
@@ -32,7 +33,7 @@ def _refusals(scenario: Scenario, path: str) -> Iterator[str]:
         where = f"changes[{i}].path = {change.path!r}"
         if path == f"changes.{i}.value" and change.path.startswith(STATED):
             yield f"must not vary, since a largest integration step may follow from {where}"
-        if path.startswith(tuple(f"{root}." for root in PAYLOADS)) and change.path == path:
+        if is_payload(path) and is_payload(change.path) and means_the_same(scenario, path, change.path):
             yield f"adds to {where}; vary changes.{i}.value, and set the payload of the start by a change at 0"
         if change.path in LAWS and path.startswith("model."):
             yield f"must not vary, since the law of {where} is made for one belief"

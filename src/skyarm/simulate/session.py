@@ -200,8 +200,10 @@ class Session:
                 with which the session began, and do not add up: a payload is one on top of what the vehicle carried.
 
         Raises:
-            ScenarioError: no such number, or one that cannot be; nothing is changed then.
+            ScenarioError: no such number, one that cannot be, one with which a change to come could not be made, or a
+                session that has ended; nothing is changed then.
         """
+        self._require_running()
         self._go_on(self._course.with_values(self.tick, values, self._engine.piece))
 
     def replace(self, scenario: Scenario) -> None:
@@ -211,8 +213,10 @@ class Session:
         first memory.
 
         Raises:
-            ScenarioError: another vehicle's structure, other clocks, delays or sensors, another plant.
+            ScenarioError: another vehicle's structure, other clocks, delays or sensors, another plant; or a session
+                that has ended.
         """
+        self._require_running()
         require_flight(scenario)
         require_changes(scenario)
         old = self._scenario
