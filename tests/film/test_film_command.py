@@ -132,6 +132,22 @@ def test_pictures_that_do_not_fit_into_memory_are_refused(tmp_path: Path) -> Non
             write(tmp_path / f"a.{suffix}", iter(()), (1280, 720), 30, 600)
 
 
+def test_every_flight_of_the_paper_fits_into_an_animated_picture_of_the_usual_size(tmp_path: Path) -> None:
+    for suffix in ("webp", "gif", "WEBP"):
+        width, height, fps = video_files.usual_size_and_rate(tmp_path / f"a.{suffix}")
+        for name in skyarm.list_scenarios():
+            frames = fps * skyarm.load_scenario(name).duration
+            assert 3 * width * height * frames < video_files.MOST_IN_MEMORY, (suffix, name)
+    assert video_files.usual_size_and_rate(tmp_path / "a.mp4") == (1280, 720, 30)
+
+
+@needs_display
+def test_a_size_and_a_rate_that_are_left_out_are_those_of_the_file(film: Film, log: Path, tmp_path: Path) -> None:
+    assert film(log, "--stop", 0.4, "a.webp")[0] == 0
+    with Image.open(tmp_path / "a.webp") as picture:
+        assert (picture.size, picture.n_frames) == ((800, 450), 6)
+
+
 @needs_display
 def test_a_film_that_is_cut_off_leaves_nothing(tmp_path: Path) -> None:
     flown = skyarm.save_log(flight(), tmp_path / "pd.npz")
