@@ -75,6 +75,7 @@ def test_a_folder_holds_page_and_recording_and_says_how_to_see_them(film: Film, 
         (("LOG", "a.webp", "--start", "2"), "skyarm: start = 2: must leave at least one frame before the end, 1 s"),
         (("LOG", "a.webp", "--label", "x", "--label", "y"), "skyarm: labels = ['x', 'y']: must be as many as the"),
         (("LOG", "a.webp", "--controller", "paper_ct"), "skyarm: --controller = 'paper_ct': must be left out"),
+        (("case3", "case3_wind"), "skyarm: FILE = 'case3_wind': must be the film's file or folder, the last word"),
         (("LOG", ""), "skyarm: FILE = '': must be the path of a file"),
     ],
 )

@@ -88,8 +88,11 @@ def perform(
     from skyarm.film.recording import SUFFIXES, record, save_recording
     from skyarm.film.recording_page import import_viser
     from skyarm.film.video_files import require_film_format
+    from skyarm.scenario.scenario_file import list_scenarios
 
     path = Path(file)
+    if file in list_scenarios():
+        raise ValueError(f"FILE = {file!r}: must be the film's file or folder, the last word; this is a scenario")
     folder = bool(file) and (not path.suffix or path.is_dir() or file.endswith("/"))
     with taken_back(path if folder else path.parent):
         if not folder:
