@@ -15,7 +15,7 @@ from skyarm.film.camera_paths import CAMERAS, FIELD_OF_VIEW
 from skyarm.film.film_settings import CAMERA_NAMES, FilmSettings, size_of
 from skyarm.film.filmed_flight import COLORS, film_flight, film_flights, flight_labels, frame_times
 from skyarm.film.frame_layout import frame_layout
-from skyarm.film.marks import TRAIL, marks_of, wind_words
+from skyarm.film.marks import TRAIL, WIND, desired_path, marks_of, one_wind, wind_words
 from skyarm.film.solids import ghost_solids, vehicle_solids
 from skyarm.log.tip_positions import level_tip
 from skyarm.vehicle.vehicle_files import list_vehicles
@@ -103,6 +103,14 @@ def test_a_lost_flight_stays_where_it_was_lost() -> None:
     assert film_flight(log, "a", COLORS[0], times).lost == ""
 
 
+def test_a_whole_flight_ends_after_its_last_period_and_so_after_every_frame_of_its_own() -> None:
+    log = flight()
+    whole = film_flight(log, "a", COLORS[0], log.time)
+    assert whole.end == pytest.approx(SECONDS)
+    for fps in (1, 7, 30, 120):
+        assert frame_times([log], FilmSettings(fps=fps))[-1] < whole.end
+
+
 def test_names_tell_the_flights_apart() -> None:
     pd, tip = flight(), flight("centroidal_tip")
     assert flight_labels([pd, tip]) == ["decoupled_pd", "centroidal_tip"]
@@ -157,6 +165,33 @@ def test_parts_of_a_frame_lie_inside_it_and_apart(layout: str, width: int, heigh
     assert covered.mean() > 0.9
     assert len(found.panels) == (count if layout == "side" else 1)
     assert (found.plot is None) == (height < 240)
+
+
+def test_a_film_that_begins_later_has_no_more_lines_in_its_trail() -> None:
+    (filmed,) = film_flights([flight()], np.zeros(1))
+    moving = np.arange(2000)[:, None] * np.array([0.02, 0.0, 0.0])
+    shown = dataclasses.replace(filmed, tip=moving, desired_tip=moving[:1], force=0 * moving, air=0 * moving)
+    early, late = (marks_of([shown], first + np.arange(2000) / 250.0, 0.2, 1.0)(1990) for first in (0.0, 20.0))
+    assert len(early) == len(late) < 100
+
+
+def test_a_desired_path_has_no_more_lines_than_its_pieces() -> None:
+    (filmed,) = film_flights([flight()], np.zeros(1))
+    for count in (319, 320, 639, 640, 5000):
+        path = np.arange(count)[:, None] * np.array([0.02, 0.0, 0.0])
+        shown = dataclasses.replace(filmed, desired_tip=path)
+        assert min(count - 1, 200) <= len(desired_path(shown, 1.0)) <= 320
+
+
+def test_flights_in_winds_of_their_own_have_arrows_of_their_own() -> None:
+    times = np.arange(10) * 0.1
+    calm, blown = film_flights([flight(scenario="case3"), flight()], times)
+    assert not one_wind([calm, blown])
+    assert one_wind([blown, *film_flights([flight("centroidal_tip")], times)])
+    (arrow,) = (mark for mark in marks_of([calm, blown], times, 0.2, 1.0)(5) if mark.kind == "arrow")
+    assert arrow.rgba[:3] == blown.color
+    (arrow,) = (mark for mark in marks_of([blown, blown], times, 0.2, 1.0)(5) if mark.kind == "arrow")
+    assert arrow.rgba == WIND
 
 
 def test_the_trail_goes_back_some_seconds_and_the_arrow_blows_with_the_wind() -> None:

@@ -118,6 +118,12 @@ def test_a_page_holds_all_that_it_needs(two: Recording, tmp_path: Path) -> None:
     assert save_recording(two, tmp_path / "a.viser")[0].read_bytes() == two.content
 
 
+def test_a_suffix_in_capitals_is_the_same_file_and_no_folder(two: Recording, tmp_path: Path) -> None:
+    for name in ("A.VISER", "B.HTML"):
+        assert save_recording(two, tmp_path / name) == [tmp_path / name]
+        assert (tmp_path / name).is_file()
+
+
 def test_the_player_of_a_site_plays_what_its_address_names() -> None:
     head, _, rest = player_page().partition("</head>")
     ours = player_page(RECORDING_NAME).removeprefix(head).removesuffix(f"</head>{rest}")
