@@ -72,7 +72,8 @@ class Captions:
         bar = max(2, round(6.0 * self._layout.scale))
         color = np.round(255.0 * np.array(flight.color)).astype(np.uint8)
         self._blank[box.top : box.top + box.height, box.left : box.left + bar] = color
-        number = round(min(225.0 * self._layout.scale, 0.52 * box.width))
+        wide, share = (225.0, 0.52) if self._one_wind else (400.0, 0.6)
+        number = round(min(wide * self._layout.scale, share * box.width))
         name = Box(box.left + bar, box.top, box.width - bar - number, box.height)
         self._write(self._blank, name, flight.label, tuple(int(c) for c in color), NAME_SIZE, align="left", bold=True)
         return Box(box.left + box.width - number, box.top, number, box.height)
