@@ -15,7 +15,8 @@ from skyarm.film.camera_paths import CAMERAS, FIELD_OF_VIEW
 from skyarm.film.film_settings import CAMERA_NAMES, FilmSettings, size_of
 from skyarm.film.filmed_flight import COLORS, film_flight, film_flights, flight_labels, frame_times
 from skyarm.film.frame_layout import frame_layout
-from skyarm.film.marks import TRAIL, WIND, desired_path, marks_of, one_wind, wind_words
+from skyarm.film.make_film import film_panels
+from skyarm.film.marks import TRAIL, WIND, desired_path, marks_of, one_wind, wind_arrow, wind_words
 from skyarm.film.solids import ghost_solids, vehicle_solids
 from skyarm.log.tip_positions import level_tip
 from skyarm.vehicle.vehicle_files import list_vehicles
@@ -140,6 +141,57 @@ def test_every_camera_has_the_vehicles_and_their_desired_places_in_view(name: st
             assert np.all(np.abs(np.sum(ray * np.cross(right, away), axis=1)) < 0.95 * slope * depth)
     assert name in CAMERA_NAMES
     assert (np.ptp(path.azimuth) > 0.0) == (name == "orbit")
+
+
+def test_the_orbiting_camera_goes_round_in_seconds_of_film() -> None:
+    times = np.arange(10) * 0.1
+    flights = film_flights([flight()], times)
+    layout = frame_layout(640, 360, 1, "side", plot=False)
+    for speed in (1.0, 0.5):
+        (panel,) = film_panels(flights, times, FilmSettings(camera="orbit", speed=speed), layout)
+        np.testing.assert_allclose(np.diff(panel.camera.azimuth), 12.0 * 0.1 / speed)
+
+
+@pytest.mark.parametrize("name", ["orbit", "tip"])
+def test_a_narrow_picture_is_looked_at_from_as_far_as_a_low_one(name: str) -> None:
+    flights = film_flights([flight()], np.arange(3) * 0.1)
+    narrow, square, wide = (
+        CAMERAS[name](flights, np.arange(3) * 0.1, aspect).distance[0] for aspect in (0.5, 1.0, 2.0)
+    )
+    assert square == wide, "the height decides"
+    # half the width: the ball's radius over the sine of the half angle whose tangent is half as large
+    half = np.radians(0.5 * FIELD_OF_VIEW)
+    assert narrow / square == pytest.approx(np.sin(half) / np.sin(np.arctan(0.5 * np.tan(half))))
+
+
+def test_a_camera_turns_to_what_it_follows_within_its_time_and_without_lag() -> None:
+    times = np.arange(400) * 0.02
+    (filmed,) = film_flights([flight()], times)
+    step = np.where(times < 4.0, 0.0, 1.0)[:, None] * np.array([1.0, 0.0, 0.0])
+    along = CAMERAS["tip"]([dataclasses.replace(filmed, desired_tip=step)], times, 1.0).look_at[:, 0]
+    # a low-pass forwards and backwards: exponentials to both sides of the step
+    expected = np.where(times < 4.0, 0.5 * np.exp((times - 4.0) / 0.6), 1.0 - 0.5 * np.exp((4.0 - times) / 0.6))
+    np.testing.assert_allclose(along, expected, atol=0.02)
+
+
+def test_pictures_side_by_side_are_seen_from_one_distance_which_the_widest_flight_needs() -> None:
+    times = np.arange(10) * 0.1
+    first, second = film_flights([flight(), flight("centroidal_tip")], times)
+    away = np.linspace(0.0, 3.0, 10)[:, None] * np.array([1.0, 1.0, 0.0])
+    far = dataclasses.replace(second, desired_position=second.desired_position + away)
+    layout = frame_layout(640, 360, 2, "side", plot=False)
+    near, wide = film_panels([first, far], times, FilmSettings(camera="fixed"), layout)
+    np.testing.assert_array_equal(near.camera.distance, wide.camera.distance)
+    aspect = layout.panels[0].width / layout.panels[0].height
+    assert wide.camera.distance[0] == CAMERAS["fixed"]([far], times, aspect).distance[0]
+
+
+def test_an_arrow_is_as_long_as_the_wind_is_strong_up_to_a_limit() -> None:
+    (filmed,) = film_flights([flight()], np.zeros(1))
+    for force, air, length in ((2.0, 5.0, 0.4), (50.0, 0.0, 0.6), (0.0, 5.0, 0.4), (0.0, 100.0, 0.6)):
+        blown = dataclasses.replace(filmed, force=np.array([[0.0, force, 0.0]]), air=np.array([[0.0, air, 0.0]]))
+        (arrow,) = wind_arrow(blown, 0, 0.2)
+        np.testing.assert_allclose(arrow.end - arrow.start, [0.0, length, 0.0], atol=1e-12)
 
 
 def test_a_following_camera_lets_a_lost_vehicle_go() -> None:
