@@ -178,9 +178,9 @@ class _Recorded:
     def _put_wind(self, k: int) -> None:
         """Turn the arrow into the wind, hide it without one."""
         force, air = self._flight.force[k], self._flight.air[k]
-        wind = force if np.linalg.norm(force) > LEAST_FORCE else air
+        wind, least = (force, LEAST_FORCE) if np.linalg.norm(force) > LEAST_FORCE else (air, LEAST_SPEED)
         size = float(np.linalg.norm(wind))
-        blows = tuple(np.round(wind / size, 1)) if size > min(LEAST_FORCE, LEAST_SPEED) else None
+        blows = tuple(np.round(wind / size, 1)) if size > least else None
         if blows == self._blows:
             return
         self._blows = blows
