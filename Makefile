@@ -9,7 +9,7 @@ BENCH ?= out/bench.json
 WORKERS ?= 2
 TESTS ?=
 
-.PHONY: reproduce test test-lowest docs films fresh attack digests mutants bench lint hooks clean help
+.PHONY: reproduce test test-lowest docs films fresh browser attack digests mutants bench lint hooks clean help
 
 help:
 	@echo "make reproduce    fly the paper's five experiments on both plants; OUT=$(OUT) is the folder of the results"
@@ -18,6 +18,7 @@ help:
 	@echo "make docs         build the documentation site, out/docs/site/index.html; run all that README, docs and examples show"
 	@echo "make films        the moving pictures of README and docs, drawn anew into docs/images: some minutes"
 	@echo "make fresh        build source and wheel into dist, install the wheel alone, weigh it, run the README's commands"
+	@echo "make browser      the studio's page in Chromium, drawn in software; needs node, npm and Chromium"
 	@echo "make attack       kills at random times, signal races, full disks, forged folders, fuzzed files: some minutes"
 	@echo "make digests      every flight of the paper's cases against the digest it had: some twenty minutes"
 	@echo "make mutants      change 300 drawn lines, one at a time, and name those no test sees: hours; WORKERS=$(WORKERS) processes"
@@ -78,6 +79,10 @@ films: $(VENV)/.test
 fresh:
 	$(PYTHON) tests/release.py build
 	$(PYTHON) tests/release.py install
+
+browser: $(VENV)/.test
+	npm install --silent --no-audit --no-fund --prefix $(VENV)/browser playwright-core
+	NODE_PATH=$(CURDIR)/$(VENV)/browser/node_modules STUDIO_BROWSER=1 $(BIN)/pytest -n 0 tests/studio/test_browser.py
 
 attack: $(VENV)/.test
 	$(BIN)/pytest -m attack tests/attacks

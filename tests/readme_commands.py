@@ -12,20 +12,11 @@ LINES = [line.split("#")[0].strip() for line in README.splitlines() if line.star
 SHOWN = [line for line in LINES if line.startswith("skyarm ")]
 
 LONG = (
-    "replay",
-    "diff",
-    "plot",
-    "reproduce",
-    "sweep",
-    "stats",
-    "bench",
-    "compare",
-    "margins",
-    "basin",
-    "film",
-    "export",
+    *("replay", "diff", "plot", "reproduce", "sweep", "stats", "bench", "compare", "margins", "basin"),
+    *("film", "export", "studio"),
 )
-"""These take a minute or need the one before, and have tests of their own; here their options must be understood."""
+"""These take a minute, need the one before or wait for Ctrl-C, and have tests of their own; here their options must be
+understood."""
 
 
 def words_to_run(line: str, out: Path) -> list[str]:

@@ -36,6 +36,7 @@ def test_the_readme_shows_commands():
         "margins",
         "basin",
         "cache",
+        "studio",
         "film",
     }
 

@@ -31,5 +31,5 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
 NEEDS = {"sweep": "pyarrow", "stats": "pyarrow", "film": "viser"}
 """Command -> the library without which it is not tried."""
 
-SERVES: Mapping[str, str] = {}
+SERVES: Mapping[str, str] = {"studio": "it flies on a page until Ctrl-C"}
 """Command that runs until it is ended -> why it has no result to print."""

@@ -6,8 +6,9 @@ import pytest
 import typer
 
 from added_components import registry_kept
-from skyarm.cli import run_commands, stability_commands, studies
+from skyarm.cli import stability_commands
 from skyarm.cli.app import app
+from skyarm.cli.commands import JOINED
 from skyarm.control.catalogue import presets
 from skyarm.registry import RegistryError, names, register
 from skyarm.registry.plugins import load_file
@@ -22,7 +23,7 @@ def _kept():
 
 def test_the_reserved_names_are_those_that_there_are():
     ours = [info for info in app.registered_commands if (info.callback.__module__ or "").startswith("skyarm.cli.")]
-    assert {run_commands.__name__, studies.__name__} == {info.callback.__module__ for info in ours}
+    assert {module.__name__ for module in JOINED} == {info.callback.__module__ for info in ours}
     commands = [info.name or typer.main.get_command_name(info.callback.__name__) for info in ours]
     assert sorted(RESERVED["command"]["a command"]) == sorted(commands)
     assert sorted(RESERVED["law"]["a preset"]) == sorted((*presets.PRESETS, *presets.ALIASES, *presets.OLD_NAMES))

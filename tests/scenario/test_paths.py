@@ -10,6 +10,7 @@ from added_components import Blend, Ceiling, Fix, Lag, RandomPush, Shear, Steady
 from simulate_flights import document
 from skyarm.algebra import Vec3
 from skyarm.environment import Fault
+from skyarm.scenario.changes import Change
 from skyarm.scenario.numbers import number_at, require_apart, with_numbers
 from skyarm.scenario.places import ROOTS, roots
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
@@ -27,6 +28,7 @@ def scenario():
         drives=(JointDrive(joint="joint2", drive=Lag(lag=0.04)),),
         endings=(Ceiling(height=7.0),),
         faults=(Fault(rotor="front", effectiveness=0.9, start=2.0),),
+        changes=(Change(at=0.02, path="environment.wind.gust.start", value=0.03),),
     )
 
 
@@ -51,6 +53,7 @@ EXAMPLES = {
     "endings.0.height": 7.0,
     "sensors.fix.sigma": 0.01,
     "plant.drives.joint2.lag": 0.04,
+    "changes.0.value": 0.03,
 }
 
 

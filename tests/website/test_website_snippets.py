@@ -37,7 +37,11 @@ OWN_FILES = {
 }
 """Page -> its own file of tests, which has its name."""
 ELSEWHERE |= OWN_FILES
-OTHERS = {"command_line.md": ("tests/cli/test_machine_output.py",), "films.md": ("tests/film/test_films_page.py",)}
+OTHERS = {
+    "command_line.md": ("tests/cli/test_machine_output.py",),
+    "films.md": ("tests/film/test_films_page.py",),
+    "studio.md": ("tests/studio/test_studio_page.py",),
+}
 ELSEWHERE |= {name: tests for name, tests in OTHERS.items() if name in PAGES}
 TABLES = {("scenario_files.md", "toml"): "tests/test_docs.py", ("sweeps.md", "toml"): "tests/test_docs_pictures.py"}
 """Page and language of tables without a name -> the file of tests that reads them."""

@@ -81,8 +81,8 @@ OLD_NAMES: Mapping[str, Mapping[str, str]] = {
 RESERVED: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "command": {
         "a command": (
-            *("reproduce", "run", "list", "show", "export-c", "cache"),
-            *("sweep", "stats", "margins", "basin", "bench", "compare"),
+            *("reproduce", "run", "list", "show", "export-c", "cache", "replay", "diff", "export", "plot", "film"),
+            *("sweep", "stats", "margins", "basin", "bench", "compare", "studio"),
         ),
     },
     "law": {

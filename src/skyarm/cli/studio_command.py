@@ -1,0 +1,90 @@
+"""``skyarm studio``: a page on this machine with a vehicle that flies live."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from skyarm.cli.app import app, tell
+
+
+@app.command()
+def studio(
+    scenario: Annotated[str, typer.Argument(help="a scenario file (.toml) or the name of a shipped one")] = "case2",
+    controller: Annotated[
+        list[str] | None,
+        typer.Option(metavar="LAW", help="a preset, a law or LAW_tuned, in place of the file's; up to three: repeat"),
+    ] = None,
+    port: Annotated[int, typer.Option(help="of the page; 0 takes a free one")] = 8080,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="print the address, open nothing")] = False,
+    host: Annotated[str, typer.Option(help="address to listen at; other than this machine's only with --token")] = (
+        "127.0.0.1"
+    ),
+    token: Annotated[str | None, typer.Option(help="that every tab must bear; a new one if left out")] = None,
+    out: Annotated[str, typer.Option("--out", help="folder of saved scenarios")] = "out/studio",
+    plain: Annotated[bool, typer.Option("--plain", help="no shadows: for browsers that draw in software")] = False,
+) -> None:
+    """Fly live on a page: sliders, gusts, laws side by side.
+
+    The page lies on this machine; the address that is printed bears a token, and a tab without it is refused. What a
+    hand changes in flight is saved as a scenario that 'skyarm run' flies again to the last bit.
+    """
+    import secrets
+
+    from skyarm.studio.guard import Guard, is_loopback
+    from skyarm.studio.server import StudioError, bound, close_server, open_server, require_viser
+
+    if token is None and not is_loopback(host):
+        raise StudioError(f"--host = {host!r}: must be this machine's (127.0.0.1, localhost) without a --token")
+    if token is not None and not (len(token) >= 8 and token.isascii() and token.isalnum()):
+        raise StudioError("--token: must be at least 8 letters and digits")
+    if not 0 <= port <= 65535:
+        raise StudioError(f"--port = {port}: must be from 0 to 65535")
+    require_viser()
+    listening = bound(host, port)
+    try:
+        from skyarm.studio.page import Page
+        from skyarm.studio.page_words import require_laws
+
+        require_laws(scenario, controller or [])
+        guard = Guard(host, int(listening.getsockname()[1]), token or secrets.token_hex(16))
+        server = open_server(listening, guard, f"skyarm studio: {scenario}")
+    except BaseException:
+        listening.close()
+        raise
+    try:
+        page = Page(server, scenario, controller or [None], Path(out), plain=plain)
+        tell(f"studio: {guard.address()}")
+        if not no_browser:
+            _open(guard.address())
+        with _ended_by(page):
+            page.run()
+    finally:
+        close_server(server)
+    tell("studio: closed")
+
+
+def _open(address: str) -> None:
+    """Show the page in the user's browser, if there is one."""
+    import webbrowser
+
+    threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+
+
+@contextmanager
+def _ended_by(page: Any) -> Iterator[None]:
+    """While it lasts, Ctrl-C and TERM end the page's loop, between two pictures."""
+    usual = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    for number in usual:
+        signal.signal(number, lambda *_: page.stop())
+    try:
+        yield
+    finally:
+        for number, handler in usual.items():
+            signal.signal(number, handler)

@@ -1,0 +1,69 @@
+"""Triangles of shapes, for whoever draws no solids but meshes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.drawing.shapes import Shape
+
+Array = npt.NDArray[np.float64]
+Faces = npt.NDArray[np.int64]
+
+AROUND = 24
+"""Corners of a circle."""
+
+BLADE = (0.12, 0.02)
+"""Width and height of a rotor's blade, shares of its radius."""
+
+
+def mesh_of(shape: Shape) -> tuple[Array, Faces]:
+    """Vertices (V, 3) in axes of the body, m, and triangles (F, 3), seen counter-clockwise from outside.
+
+    Args:
+        shape: any of :data:`skyarm.drawing.shapes`.
+
+    Raises:
+        ValueError: a kind of shape that there is not.
+    """
+    if shape.kind in ("sphere", "ellipsoid"):
+        axes = shape.size * 3 if shape.kind == "sphere" else shape.size
+        vertices, faces = _revolved([(math.sin(a), -math.cos(a)) for a in np.linspace(0.0, math.pi, AROUND // 2 + 1)])
+        vertices = vertices * np.array(axes)
+    elif shape.kind == "cylinder":
+        radius, length = shape.size
+        rim = [(0.0, -0.5), (1.0, -0.5), (1.0, 0.5), (0.0, 0.5)]
+        vertices, faces = _revolved([(radius * r, length * z) for r, z in rim])
+    elif shape.kind == "capsule":
+        radius, length = shape.size
+        lower = [(math.sin(a), -math.cos(a)) for a in np.linspace(0.0, 0.5 * math.pi, 5)]
+        profile = [(radius * r, radius * z - 0.5 * length) for r, z in lower]
+        vertices, faces = _revolved([*profile, *((r, -z) for r, z in reversed(profile))])
+    else:
+        raise ValueError(f"shape.kind = {shape.kind!r}: must be ellipsoid, capsule, cylinder or sphere")
+    return vertices @ np.array(shape.rotation).T + np.array(shape.position), faces
+
+
+def blade_mesh(radius: float) -> tuple[Array, Faces]:
+    """A rotor's blade from end to end along x, thin along z, about its hub."""
+    half = np.array([radius, 0.5 * BLADE[0] * radius, 0.5 * BLADE[1] * radius])
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return corners, np.array([corner for a, b, c, d in quads for corner in ((a, b, c), (a, c, d))])
+
+
+def _revolved(profile: list[tuple[float, float]]) -> tuple[Array, Faces]:
+    """A profile of (radius, height), upwards, turned about z."""
+    angles = np.linspace(0.0, 2.0 * math.pi, AROUND, endpoint=False)
+    ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(AROUND)], axis=1)
+    vertices = np.concatenate([ring * [r, r, 0.0] + [0.0, 0.0, z] for r, z in profile])
+    k = np.arange(AROUND)
+    following = (k + 1) % AROUND
+    faces = []
+    for row in range(len(profile) - 1):
+        low, high = row * AROUND, (row + 1) * AROUND
+        faces.append(np.stack([low + k, low + following, high + following], axis=1))
+        faces.append(np.stack([low + k, high + following, high + k], axis=1))
+    return vertices, np.concatenate(faces)

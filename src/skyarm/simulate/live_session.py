@@ -1,0 +1,135 @@
+"""A session for a hand: every number that it may move is a parameter of the machine code from the start.
+
+:class:`skyarm.Session` compiles when a number changes that has not changed before, and keeps what was flown under each
+value; that is right for a flight that is planned, and stalls one that is watched. Here a change writes a number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from skyarm.dynamics import State
+from skyarm.log.flight_log import Log
+from skyarm.scenario.numbers import DERIVED, number_at, require_apart, with_numbers
+from skyarm.scenario.scenario_checks import require_flight
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.simulate.check_endings import Ended
+from skyarm.simulate.lane_arguments import require_paths, require_values, require_within_queue
+from skyarm.simulate.live_steps import LiveSteps
+from skyarm.simulate.loop_state import LoopState
+
+
+@dataclass(frozen=True, slots=True)
+class LiveSnapshot:
+    """A live session at an instant.
+
+    Attributes:
+        scenario, numbers: as they were then. tick: control periods flown. engine, held: what flew it, what it keeps.
+    """
+
+    scenario: Scenario
+    numbers: Mapping[str, float]
+    tick: int
+    engine: LiveSteps
+    held: Any
+
+
+class LiveSession:
+    """A session that flies a traceable law on the rigid-body plant while numbers of its scenario are moved.
+
+    The numbers are those of :func:`skyarm.run` with the same changes, to the last bit.
+
+    Args:
+        scenario: what is flown; its duration is the longest the session can get.
+        paths: numbers that may be moved; a change of these compiles nothing, unless it asks for shorter integration
+            steps.
+
+    Raises:
+        ScenarioError: not a scenario, or a path that leads to no number of it.
+        NoMachineCodeError: machine code cannot be made here.
+    """
+
+    def __init__(self, scenario: Scenario, paths: Sequence[str]) -> None:
+        require_flight(scenario)
+        self._paths = require_paths(paths)
+        require_apart(scenario, self._paths)
+        data = {path: number_at(scenario, path) for path in self._paths if not path.startswith(DERIVED)}
+        self._origin = self.scenario = with_numbers(scenario, data)
+        self._numbers: dict[str, float] = {}
+        self._engine = LiveSteps(self._origin, self._paths, self._origin)
+
+    @property
+    def tick(self) -> int:
+        """Control periods flown."""
+        return self._engine.tick
+
+    @property
+    def time(self) -> float:
+        """Time of the period that comes next, s."""
+        return self.tick / self.scenario.rates.control
+
+    @property
+    def ended(self) -> Ended | None:
+        """Why the episode has ended before its time, or None."""
+        return self._engine.ended
+
+    @property
+    def running(self) -> bool:
+        """Whether another period can be flown."""
+        return self.ended is None and self.tick < self.scenario.steps
+
+    @property
+    def state(self) -> State:
+        """The plant's state now."""
+        return self._engine.state()
+
+    @property
+    def now(self) -> LoopState:
+        """What the next period begins with: state, commands and readings on their way, every memory."""
+        return self._engine.now
+
+    @property
+    def log(self) -> Log:
+        """What was flown so far; references are those of the scenario as it is now."""
+        return self._engine.log
+
+    def step(self) -> bool:
+        """Fly one control period; whether the episode goes on."""
+        return self._engine.step()
+
+    def change(self, values: Mapping[str, float]) -> None:
+        """Give numbers by path other values, from the next period on; they replace, and do not add up.
+
+        Raises:
+            ScenarioError, ValueError: a path that is not one of the session's, or a number that cannot be; nothing is
+                changed then.
+        """
+        for path in require_values(values):
+            if path not in self._paths:
+                raise ScenarioError(f"path = {path!r}: must be one of those that the session was made for")
+        numbers = {**self._numbers, **{path: float(value) for path, value in values.items()}}
+        scenario = with_numbers(self._origin, numbers)
+        require_within_queue(self._origin, {path: np.array([value]) for path, value in numbers.items()})
+        if self._engine.bears(scenario):
+            self._engine.set_numbers(scenario, values)
+        else:
+            engine = LiveSteps(self._origin, self._paths, scenario)
+            engine.set_numbers(scenario, numbers)
+            engine.go_on(self._engine)
+            self._engine = engine
+        self.scenario, self._numbers = scenario, numbers
+
+    def snapshot(self) -> LiveSnapshot:
+        """The session now."""
+        return LiveSnapshot(self.scenario, self._numbers, self.tick, self._engine, self._engine.snapshot())
+
+    def restore(self, snapshot: LiveSnapshot) -> None:
+        """Go back, or forward again, to a snapshot of this session."""
+        self._engine = snapshot.engine
+        self._engine.restore(snapshot.held)
+        self.scenario, self._numbers = snapshot.scenario, dict(snapshot.numbers)
+        self._engine.set_numbers(snapshot.scenario, {})

@@ -1,0 +1,169 @@
+"""Scenario documents of the studio: what a file says, made ready for changes by hand, and cut to what was flown.
+
+A scenario is made ready by parts that do nothing until a hand moves them: a wind of zero newtons, a push of zero
+newtons, a fault of every actuator that leaves all of its force, a queue of commands that is longer than today's delay.
+"""
+
+from __future__ import annotations
+
+import copy
+import os
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from skyarm.control.catalogue import LAWS, PRESETS, TUNED, full_name
+from skyarm.files import read_toml, shown
+from skyarm.scenario.scenario_file import LIBRARY, list_scenarios, load_scenario, scenario_from
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.vehicle.vehicle_files import list_vehicles
+
+LONGEST = 600.0
+"""s that a flight of the studio lasts at most; a scenario that is longer keeps its own duration."""
+
+LONGEST_DELAY = 0.03
+"""s: the longest delay of the commands that a slider gives."""
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """A scenario that is ready for changes by hand.
+
+    Attributes:
+        document: the file's tables with what was added. folder: where its vehicle paths start.
+        scenario: what the tables mean, under the file's own law.
+        push: beginning of the paths of the push.
+    """
+
+    document: Mapping[str, Any]
+    folder: Path
+    scenario: Scenario
+    push: str
+
+    def under(self, law: str | None) -> Scenario:
+        """The scenario under a law by name; None is the file's own.
+
+        Raises:
+            ScenarioError: no such law, or one that does not fit the vehicle.
+        """
+        return scenario_from(under_law(self.document, law), self.folder)
+
+
+def read_document(name: str) -> tuple[dict[str, Any], Path]:
+    """Tables of a scenario file or a shipped scenario, and its folder.
+
+    Raises:
+        ScenarioError: one line.
+    """
+    scenario = load_scenario(name)
+    if name in list_scenarios():
+        return read_toml((LIBRARY / f"{name}.toml").read_bytes()), Path()
+    if Path(name).suffix != ".toml":
+        raise ScenarioError(f"scenario = {shown(name)}: must be a .toml file or a name, since {scenario.name} is a log")
+    return read_toml(Path(name).read_bytes()), Path(name).parent
+
+
+def prepare(document: Mapping[str, Any], folder: str | os.PathLike[str] = "") -> Prepared:
+    """Add what a hand may move, as far as the scenario's plant and law take it.
+
+    Raises:
+        ScenarioError: the document is no scenario.
+    """
+    plain = scenario_from(document, folder)
+    ready = copy.deepcopy(dict(document))
+    ready["duration"] = max(plain.duration, LONGEST)
+    environment = ready.setdefault("environment", {})
+    if environment.get("wind", {}).get("mode", "none") == "none":
+        environment["wind"] = {"mode": "force_wind"}
+    forces = environment.setdefault("forces", [])
+    forces.append({"kind": "force_wind", "gust": {"peak": [0.0, 0.0, 0.0], "start": 0.0, "duration": 0.1}})
+    environment["faults"] = [*environment.get("faults", []), *_faults(plain)]
+    delays = ready.setdefault("delays", {})
+    if plain.plant == "rigid_body" and plain.controller.compiled and "longest_command" not in delays:
+        delays["longest_command"] = max(plain.delays.longest, LONGEST_DELAY)
+    return Prepared(ready, Path(folder), scenario_from(ready, folder), f"environment.forces.{len(forces) - 1}")
+
+
+def _faults(scenario: Scenario) -> list[dict[str, Any]]:
+    """A fault that takes nothing, for every actuator that has none."""
+    known = {fault.name for fault in scenario.faults}
+    vehicle = scenario.world.vehicle
+    actuators = [("rotor", rotor.name) for rotor in vehicle.rotors]
+    actuators += [("joint", link.joint.name) for link in vehicle.links]
+    names = [name for _, name in actuators]
+    return [
+        {kind: name, "effectiveness": 1.0, "start": 0.0}
+        for kind, name in actuators
+        if name not in known and names.count(name) == 1
+    ]
+
+
+def flown_document(
+    prepared: Prepared, law: str | None, duration: float, paths: Collection[str], folder: Path
+) -> dict[str, Any]:
+    """The tables of what was flown: added parts that no change touched are left out.
+
+    Args:
+        prepared: what was flown.
+        law: by name; None is the file's own.
+        duration: s that were flown.
+        paths: numbers that were changed.
+        folder: where the tables are going to be written; paths of vehicles are made to start there.
+    """
+    document = copy.deepcopy(dict(prepared.document))
+    document["duration"] = duration
+    environment = document["environment"]
+    if not any(path.startswith(prepared.push) for path in paths):
+        environment["forces"].pop()
+    touched = [path.split(".")[2] for path in paths if path.startswith("environment.faults.")]
+    whole = [fault for fault in environment["faults"] if fault.get("effectiveness") == 1.0]
+    if not touched:
+        environment["faults"] = [fault for fault in environment["faults"] if fault not in whole]
+    if environment["wind"] == {"mode": "force_wind"} and not any(p.startswith("environment.wind.") for p in paths):
+        del environment["wind"]
+    if not any(path.startswith("delays.") for path in paths):
+        document["delays"].pop("longest_command", None)
+    for word in ("forces", "faults"):
+        if not environment[word]:
+            del environment[word]
+    for word in ("environment", "delays"):
+        if not document[word]:
+            del document[word]
+    if any(stop > duration for stop in _ends(document.get("windows", {}))):
+        del document["windows"]
+    document = under_law(document, law)
+    for table in ("plant", "model"):
+        _move_vehicle(document.get(table, {}), prepared.folder, folder)
+    return document
+
+
+def under_law(document: Mapping[str, Any], law: str | None) -> dict[str, Any]:
+    """The tables with a law by name in place of their own, if one is given; a safety layer stays."""
+    if law is None:
+        return dict(document)
+    safety = {word: value for word, value in document["controller"].items() if word == "safety"}
+    name = full_name(law)
+    if name in PRESETS:
+        chosen = {"preset": name}
+    elif name in LAWS or not name.endswith(TUNED):
+        chosen = {"law": name}
+    else:
+        chosen = {"law": name.removesuffix(TUNED), "tuned": True}
+    return {**document, "controller": {**chosen, **safety}}
+
+
+def _ends(windows: Mapping[str, Any]) -> list[float]:
+    """Ends of the metrics' windows, s."""
+    found: list[float] = []
+    for value in windows.values():
+        for window in value if value and isinstance(value, list) and isinstance(value[0], list) else [value]:
+            found += [window[1]] if isinstance(window, list) else []
+    return found
+
+
+def _move_vehicle(table: dict[str, Any], old: Path, new: Path) -> None:
+    """Let the path of a vehicle's file start at another folder."""
+    named = table.get("vehicle")
+    if isinstance(named, str) and named not in list_vehicles():
+        table["vehicle"] = os.path.relpath((old / named).resolve(), new.resolve())

@@ -1,0 +1,147 @@
+"""The picture of a fleet: a vehicle for every law, one ghost of the desired pose, arrows and trails."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from skyarm.drawing.pose_program import Array, PoseProgram
+from skyarm.scenario.scenario_record import Scenario, first_state
+from skyarm.studio.flight import Flight
+from skyarm.studio.scene import COLORS, GHOST, TRAIL, Arrows, VehicleNodes, trail
+from skyarm.studio.sights import goal_of
+
+APART = 1.2
+"""m between vehicles that are drawn beside each other."""
+
+SLOW = 6
+"""Frames between two drawings of what moves slowly: the ghost, trails, labels, payloads."""
+
+
+@dataclass(slots=True)
+class View:
+    """What of the picture is shown.
+
+    Attributes:
+        beside: vehicles beside each other, not over each other. ghost, arrows, trails: whether they are drawn.
+    """
+
+    beside: bool = False
+    ghost: bool = True
+    arrows: bool = True
+    trails: bool = True
+
+
+class Picture:
+    """Nodes of a viser scene for some flights.
+
+    Args:
+        server: of viser.
+        plain: without shadows and environment map, for browsers that draw in software.
+    """
+
+    def __init__(self, server: Any, *, plain: bool = False) -> None:
+        self._server, self._scene, self._plain, self.view = server, server.scene, plain, View()
+        self._vehicles: list[VehicleNodes] = []
+        self._arrows: list[Arrows] = []
+        self._trails: list[Any] = []
+        self._labels: list[Any] = []
+        self._ghost: VehicleNodes | None = None
+        self._lost: list[bool] = []
+        self._frame = 0
+        self._scene.configure_default_lights(cast_shadow=not plain)
+        if plain:
+            self._scene.configure_environment_map(None)
+            self._scene.add_light_ambient("/light", intensity=1.5)
+        shade = 0.0 if plain else 0.15
+        self._scene.add_grid("/ground", width=12.0, height=12.0, cell_size=0.5, shadow_opacity=shade)
+
+    def build(self, scenario: Scenario, titles: Sequence[str]) -> None:
+        """Draw vehicles at the scenario's first state, one for each title, in place of all that was there."""
+        for node in (*self._vehicles, *self._arrows, *self._trails, *self._labels):
+            node.remove()
+        if self._ghost is not None:
+            self._ghost.remove()
+        vehicle, state = scenario.world.vehicle, first_state(scenario)
+        program = PoseProgram(vehicle)
+        placed = program(tuple(state.position), tuple(state.quaternion), state.joints)
+        self._vehicles, self._arrows, self._trails, self._labels = [], [], [], []
+        for i, title in enumerate(titles):
+            nodes = VehicleNodes(self._scene, f"/law{i + 1}", vehicle, COLORS[i], plain=self._plain)
+            nodes.place(placed, self._beside(i))
+            self._vehicles.append(nodes)
+            self._arrows.append(Arrows(self._scene, f"/arrows{i + 1}", vehicle, placed.positions[0]))
+            still = np.repeat(placed.tip[None, None], 2, axis=1).astype(np.float32)
+            self._trails.append(self._scene.add_line_segments(f"/trail{i + 1}", still, COLORS[i], thickness=0.004))
+            above = placed.positions[0] + self._above(i)
+            self._labels.append(self._scene.add_label(f"/label{i + 1}", title, position=above))
+        self._ghost = VehicleNodes(self._scene, "/ghost", vehicle, GHOST, plain=True, opacity=0.25)
+        self._ghost.place(goal_of(program, scenario.trajectory.at(0.0)), np.zeros(3))
+        self._lost = [False] * len(titles)
+        self._look_at(placed.positions[0])
+
+    def _look_at(self, place: Array) -> None:
+        """The view that a new tab begins with."""
+        camera = self._server.initial_camera
+        camera.look_at = tuple(place + np.array([0.12, 0.08, -0.06]))
+        camera.position = tuple(place + np.array([0.72, -0.85, 0.38]))
+
+    def _beside(self, index: int) -> Array:
+        return np.array([0.0, APART * index if self.view.beside else 0.0, 0.0])
+
+    def _above(self, index: int) -> Array:
+        """Where the label of a vehicle stands over it."""
+        return np.array([0.0, 0.0, 0.16 + 0.08 * index])
+
+    def draw(self, flights: Sequence[Flight], seconds: float) -> None:
+        """Show the flights as they are now.
+
+        Args:
+            flights: as many as were built.
+            seconds: of flight since the last picture, for the blades.
+        """
+        self._frame += 1
+        slow = self._frame % SLOW == 0
+        for i, flight in enumerate(flights):
+            state, beside = flight.session.state, self._beside(i)
+            placed, speeds = flight.placed(state), np.array([float(w) for w in state.rotor_speeds])
+            nodes = self._vehicles[i]
+            nodes.place(placed, beside)
+            if flight.session.running:
+                nodes.spin(speeds, seconds)
+            if self.view.arrows:
+                self._arrows[i].point(flight.last, speeds, placed, beside)
+            if slow:
+                self._slowly(i, flight, placed.positions[0] + beside, beside)
+        if slow and flights and self._ghost is not None and self.view.ghost:
+            self._ghost.place(flights[0].goal(), np.zeros(3))
+
+    def hurry(self) -> None:
+        """Draw all of the next picture: a hand has moved something."""
+        self._frame = -1
+
+    def _slowly(self, i: int, flight: Flight, place: Array, beside: Array) -> None:
+        """What need not move sixty times a second."""
+        self._vehicles[i].carry(flight.payload)
+        if self.view.trails:
+            self._trails[i].points = trail(flight.seen(TRAIL), beside)
+        lost = bool(flight.lost)
+        if lost != self._lost[i]:
+            self._vehicles[i].mark(lost)
+            self._lost[i] = lost
+        self._labels[i].text = f"{flight.title}: lost" if lost else flight.title
+        if np.isfinite(place).all():
+            self._labels[i].position = place + self._above(i)
+
+    def choose(self, view: View) -> None:
+        """Show and hide parts of the picture."""
+        self.view = view
+        for node in self._arrows:
+            node.show(view.arrows)
+        for node in self._trails:
+            node.visible = view.trails
+        if self._ghost is not None:
+            self._ghost.show(view.ghost)

@@ -1,0 +1,245 @@
+"""The vehicles, what pushes on them and where they should be, as nodes of a viser scene."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from skyarm.drawing.meshes import blade_mesh, mesh_of
+from skyarm.drawing.pose_program import Array, Placed, quaternions_of
+from skyarm.drawing.shapes import Shape, turn_onto
+from skyarm.drawing.vehicle_shapes import payload_shape, rotor_radius, vehicle_shapes
+from skyarm.studio.sights import Sight
+from skyarm.vehicle.vehicle_records import BASE, Vehicle
+
+COLORS = ((38, 110, 190), (214, 105, 30), (44, 140, 80))
+"""Of the first, second and third law, here and in the plots: blue, orange, green."""
+
+GREY, GHOST, LOST, THRUST = (90, 96, 105), (130, 130, 140), (200, 40, 40), (240, 190, 40)
+WIND, PUSHED, OBSERVED = (70, 170, 220), (225, 60, 60), (150, 80, 190)
+
+TONES = {"hull": 1.0, "boom": 0.75, "rotor": 0.5, "link": 0.85, "joint": 0.6, "tip": 1.15, "payload": 0.4}
+"""Role of a shape -> how bright its law's colour is."""
+
+NEWTON = 0.08
+"""m of arrow per newton. Air: the same per metre a second."""
+
+SLOWED = 40.0
+"""Times that rotors are drawn slower than they turn."""
+
+STILL = 1e-6
+"""m below which a link stays where it was on its vehicle."""
+
+SHORTEST = 0.01
+"""m of arrow below which none is drawn."""
+
+TRAIL = 4.0
+"""s of tip trail."""
+
+
+class VehicleNodes:
+    """One vehicle in the scene.
+
+    Args:
+        scene: of viser. name: beginning of the nodes' names.
+        vehicle: with concrete numbers. color: of its law.
+        plain: without shadows. opacity: None draws all of it, with rotors; a ghost has none.
+    """
+
+    def __init__(
+        self,
+        scene: Any,
+        name: str,
+        vehicle: Vehicle,
+        color: Sequence[int],
+        *,
+        plain: bool = False,
+        opacity: float | None = None,
+    ) -> None:
+        self._scene, self._name, self._vehicle, self._opacity = scene, name, vehicle, opacity
+        self._look = {"opacity": opacity, "cast_shadow": not plain and opacity is None, "receive_shadow": False}
+        # every body hangs on the base: what stands still against it need not be sent
+        self._base = scene.add_frame(name, show_axes=False)
+        self._links = [scene.add_frame(f"{name}/{body}", show_axes=False) for body in range(vehicle.n)]
+        scene.add_frame(f"{name}/{BASE}", show_axes=False)
+        self._sent = np.zeros((vehicle.n, 3))
+        self._meshes: list[tuple[Any, float]] = []
+        for shape in vehicle_shapes(vehicle):
+            self._add(shape, color)
+        self._blades = None if opacity is not None or not vehicle.rotors else self._add_blades()
+        self._turned = np.zeros(len(vehicle.rotors))
+        self._payload: tuple[float, Any] = (0.0, None)
+        self._color = tuple(color)
+
+    def _add(self, shape: Shape, color: Sequence[int]) -> Any:
+        vertices, faces = mesh_of(shape)
+        tone, look = TONES[shape.role], dict(self._look)
+        if shape.role == "rotor":
+            look["opacity"], look["cast_shadow"] = 0.5 * (self._opacity or 0.7), False
+        node = self._scene.add_mesh_simple(
+            f"{self._name}/{shape.body}/{shape.name}", vertices, faces, color=_toned(color, tone), **look
+        )
+        if shape.role != "payload":
+            self._meshes.append((node, tone))
+        return node
+
+    def _add_blades(self) -> Any:
+        vertices, faces = blade_mesh(0.95 * rotor_radius(self._vehicle))
+        rotors = self._vehicle.rotors
+        self._hubs = np.array([[float(c) for c in rotor.position] for rotor in rotors])
+        turned = np.array([turn_onto((float(r.axis.x), float(r.axis.y), float(r.axis.z))) for r in rotors])
+        self._lifts, self._ups = quaternions_of(turned), turned[:, :, 2]
+        self._senses = np.array([float(rotor.direction) for rotor in rotors])
+        still = np.tile([1.0, 0.0, 0.0, 0.0], (len(self._hubs), 1))
+        return self._scene.add_batched_meshes_simple(
+            f"{self._name}/{BASE}/blades", vertices, faces, still, self._hubs, batched_colors=GREY, lod="off",
+            cast_shadow=False, receive_shadow=False,
+        )  # fmt: skip
+
+    def place(self, placed: Placed, beside: Array) -> None:
+        """Move the bodies.
+
+        Args:
+            placed: where they are.
+            beside: (3,) m, how far beside its own place the vehicle is drawn.
+        """
+        if not np.isfinite(placed.rotations).all() or not np.isfinite(placed.positions).all():
+            return
+        R = placed.rotations[0]
+        local = quaternions_of(np.concatenate([placed.rotations[:1], R.T @ placed.rotations[1:]]))
+        self._base.wxyz, self._base.position = local[0], placed.positions[0] + beside
+        held = (placed.positions[1:] - placed.positions[0]) @ R
+        moved = np.abs(held - self._sent).max(axis=1, initial=0.0) > STILL
+        for link, wxyz, position, other in zip(self._links, local[1:], held, moved, strict=True):
+            link.wxyz = wxyz
+            if other:
+                link.position = position
+        self._sent[moved] = held[moved]
+
+    def spin(self, speeds: Array, seconds: float) -> None:
+        """Turn the blades by so much time; what is too fast to see is slowed down, and keeps its order.
+
+        Args:
+            speeds: of the rotors, rad/s.
+            seconds: since the last picture.
+        """
+        if self._blades is None:
+            return
+        self._turned = (self._turned + self._senses * speeds * seconds / SLOWED) % (2.0 * math.pi)
+        half = 0.5 * self._turned[:, None]
+        # about the axis of the rotor, after the turn of z onto it
+        spun = _times(np.concatenate([np.cos(half), np.sin(half) * self._ups], axis=1), self._lifts)
+        self._blades.batched_wxyzs = spun.astype(np.float32)
+
+    def carry(self, mass: float) -> None:
+        """Show a payload at the tip, kg; none where it weighs nothing."""
+        held, node = self._payload
+        if mass == held or not self._vehicle.end_effector:
+            return
+        if node is not None:
+            node.remove()
+        shown = self._add(payload_shape(self._vehicle, mass), self._color) if mass > 0.0 else None
+        self._payload = (mass, shown)
+
+    def mark(self, lost: bool) -> None:
+        """Colour the vehicle as lost, or as its law."""
+        color = LOST if lost else self._color
+        for node, tone in self._meshes:
+            node.color = _toned(color, tone)
+
+    def show(self, visible: bool) -> None:
+        """Show or hide it."""
+        self._base.visible = visible
+
+    def remove(self) -> None:
+        """Take it out of the scene, with all that hangs on it."""
+        self._base.remove()
+
+
+class Arrows:
+    """Forces on one vehicle, and the air that it meets: an arrow each, in world axes.
+
+    Args:
+        scene: of viser.
+        name: of the node.
+        vehicle: with concrete numbers.
+        place: (3,) m, where it is at first.
+    """
+
+    def __init__(self, scene: Any, name: str, vehicle: Vehicle, place: Array) -> None:
+        rotors, count = vehicle.rotors, len(vehicle.rotors)
+        self._hubs = np.array([[float(c) for c in rotor.position] for rotor in rotors]).reshape(count, 3)
+        axes = np.array([[float(c) for c in rotor.axis] for rotor in rotors]).reshape(count, 3)
+        self._thrusts = axes * np.array([[NEWTON * float(rotor.thrust_coefficient)] for rotor in rotors]).reshape(
+            count, 1
+        )
+        colors = np.array([THRUST] * count + [WIND, PUSHED, OBSERVED], dtype=np.uint8)
+        self._points = np.tile(place, (count + 3, 2, 1)).astype(np.float32)
+        self._node = scene.add_arrows(
+            name, self._points, colors, shaft_radius=0.004, head_radius=0.011, head_length=0.022
+        )
+
+    def point(self, last: Sight, speeds: Array, placed: Placed, beside: Array) -> None:
+        """Draw what acts now.
+
+        Args:
+            last: what was seen last.
+            speeds: of the rotors, rad/s.
+            placed: where the bodies are.
+            beside: (3,) m, how far beside its own place the vehicle is drawn.
+        """
+        seen = np.zeros(3) if last.observed is None else np.array([float(c) for c in last.observed])
+        R, p = placed.rotations[0], placed.positions[0] + beside
+        arrows = np.zeros_like(self._points)
+        arrows[:-3, 0] = p + self._hubs @ R.T
+        arrows[:-3, 1] = arrows[:-3, 0] + (self._thrusts * (speeds**2)[:, None]) @ R.T
+        above = p + np.array([0.0, 0.0, 0.22])
+        arrows[-3] = above - last.air * NEWTON, above
+        arrows[-2] = p - last.pushed * NEWTON, p
+        arrows[-1] = p, p + seen * NEWTON
+        # the head of an arrow is drawn however short it is: inside the hull nobody sees it
+        short = ((arrows[:, 1] - arrows[:, 0]) ** 2).sum(axis=1) < SHORTEST**2
+        arrows[short] = p
+        if np.isfinite(arrows).all():
+            self._node.points = arrows
+
+    def show(self, visible: bool) -> None:
+        """Show or hide them."""
+        self._node.visible = visible
+
+    def remove(self) -> None:
+        """Take them out of the scene."""
+        self._node.remove()
+
+
+def trail(sights: Sequence[Any], beside: Array) -> Array:
+    """(N, 2, 3) segments of the tip's way."""
+    tips = np.array([seen.tip for seen in sights], dtype=np.float32).reshape(-1, 3) + beside
+    if len(tips) < 2:
+        tips = np.zeros((2, 3))
+    segments: Array = np.stack([tips[:-1], tips[1:]], axis=1).astype(np.float32)
+    return segments
+
+
+def _toned(color: Sequence[int], tone: float) -> tuple[int, int, int]:
+    red, green, blue = (min(255, int(tone * c)) for c in color)
+    return red, green, blue
+
+
+def _times(a: Array, b: Array) -> Array:
+    """Products of quaternions wxyz, row by row."""
+    aw, ax, ay, az = a.T
+    bw, bx, by, bz = b.T
+    product: Array = np.stack(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ],
+        axis=1,
+    )
+    return product

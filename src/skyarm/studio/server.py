@@ -1,0 +1,212 @@
+"""viser behind a guard: requests are looked at before it answers, frames before it reads them.
+
+viser listens where it is told, takes every page's websocket and every value, and offers to open a tunnel into the
+internet; it is given a socket that is bound already, and a websocket that hands on what is allowed alone.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import http
+import io
+import logging
+import math
+import os
+import socket
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from skyarm.files.optional_extras import needs_extra
+from skyarm.studio.guard import MOST_BYTES, Guard
+
+QUIET = "websockets.server"
+
+
+class StudioError(ValueError):
+    """The studio cannot be opened: one line."""
+
+
+def require_viser() -> None:
+    """Raise unless the optional library is there.
+
+    Raises:
+        StudioError: names the extra.
+    """
+    try:
+        import viser  # noqa: F401
+    except ImportError as error:
+        raise StudioError(f"studio: {needs_extra('studio')} ({error})") from None
+
+
+def bound(host: str, port: int) -> socket.socket:
+    """A socket at an address; port 0 takes a free one.
+
+    Raises:
+        StudioError: the port is taken, or there is no such address.
+    """
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    found = socket.socket(family, socket.SOCK_STREAM)
+    if os.name == "posix":  # elsewhere it lets two servers take one port
+        found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        found.bind((host, port))
+        # who asks while libraries still load waits instead of being refused
+        found.listen()
+    except (OSError, OverflowError) as error:
+        found.close()
+        words = getattr(error, "strerror", None) or str(error)
+        raise StudioError(f"--host = {host!r}, --port = {port}: must be free ({words.lower()})") from None
+    return found
+
+
+def open_server(listening: socket.socket, guard: Guard, title: str) -> Any:
+    """A viser server at a socket, behind a guard.
+
+    Args:
+        listening: bound.
+        guard: who may speak.
+        title: of the page.
+    """
+    require_viser()
+    import viser
+    import websockets.asyncio.server as module
+
+    logging.getLogger(QUIET).setLevel(logging.CRITICAL)
+    inputs: dict[str, Any] = {}
+    with _serving(module, listening, guard, inputs), _silent():
+        server = viser.ViserServer(host=guard.host, port=guard.port, label=title, verbose=False)
+    inputs["gui"] = server.gui
+    return server
+
+
+def close_server(server: Any) -> None:
+    """Stop a server, without the words that it says to a terminal."""
+    with _silent():
+        server.stop()
+
+
+@contextlib.contextmanager
+def _serving(module: Any, listening: socket.socket, guard: Guard, inputs: dict[str, Any]) -> Iterator[None]:
+    """While it lasts, a websocket server is made at our socket and behind our guard."""
+    plain = module.serve
+
+    def serve(handler: Callable[[Any], Any], _host: str, _port: int, **options: Any) -> Any:
+        page = options.pop("process_request")
+
+        async def sifted(connection: Any) -> None:
+            await handler(Sieve(connection, inputs))
+
+        def answer(connection: Any, request: Any) -> Any:
+            websocket = request.headers.get("Upgrade", "").lower() == "websocket"
+            # of a name that stands twice no one is asked
+            first = {name: request.headers.get_all(name)[0] for name in request.headers}
+            refusal = guard.refusal(request.path, {k.title(): v for k, v in first.items()}, websocket=websocket)
+            if refusal is not None:
+                return connection.respond(http.HTTPStatus.FORBIDDEN, f"403: {refusal}\n")
+            response = page(connection, request)
+            if response is not None:
+                response.headers["Set-Cookie"] = guard.remember()
+                response.headers["Referrer-Policy"] = "no-referrer"
+                response.headers["X-Frame-Options"] = "DENY"
+                response.headers["Connection"] = "close"
+            return response
+
+        options["max_size"] = MOST_BYTES
+        return plain(sifted, sock=listening, process_request=answer, **options)
+
+    module.serve = serve
+    try:
+        yield
+    finally:
+        module.serve = plain
+
+
+@contextlib.contextmanager
+def _silent() -> Iterator[None]:
+    """viser prints a table when it starts and a line when it stops."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        yield
+
+
+class Sieve:
+    """A websocket that hands on the frames that a page of ours sends, and drops all others.
+
+    Args:
+        connection: the websocket. inputs: "gui" -> the sliders and buttons of the page.
+    """
+
+    ALLOWED = ("GuiUpdateMessage", "ViewerCameraMessage")
+
+    def __init__(self, connection: Any, inputs: dict[str, Any]) -> None:
+        self._connection, self._inputs = connection, inputs
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._connection, name)
+
+    async def recv(self) -> bytes:
+        """The next frame that is allowed, its numbers within their sliders."""
+        while True:
+            frame = await self._connection.recv()
+            passed = self.passed(frame)
+            if passed is not None:
+                return passed
+
+    def passed(self, frame: Any) -> bytes | None:
+        """A frame as it is handed on; None where it is dropped."""
+        import msgspec
+
+        try:
+            message = msgspec.msgpack.decode(frame)
+            kind = message["type"]
+            if kind not in self.ALLOWED:
+                return None
+            if kind == "ViewerCameraMessage":
+                return frame if _is_camera(message) else None
+            if set(message) != {"type", "uuid", "updates"} or set(message["updates"]) != {"value"}:
+                return None
+            value = self._value(message["uuid"], message["updates"]["value"])
+        except (msgspec.DecodeError, KeyError, TypeError, ValueError, AttributeError, RecursionError):
+            return None
+        return msgspec.msgpack.encode({**message, "updates": {"value": value}})
+
+    def _value(self, uuid: str, value: Any) -> Any:
+        """A value as the input takes it.
+
+        Raises:
+            ValueError, KeyError: it does not, or there is no such input.
+        """
+        handle = self._inputs["gui"]._gui_input_handle_from_uuid[uuid]
+        held, props = handle._impl.value, handle._impl.props
+        if isinstance(held, bool):
+            if not isinstance(value, bool):
+                raise ValueError(value)
+            return value
+        if isinstance(held, (int, float)):
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+                raise ValueError(value)
+            low, high = getattr(props, "min", None), getattr(props, "max", None)
+            value = value if low is None else max(value, low)
+            value = value if high is None else min(value, high)
+            return int(value) if isinstance(held, int) else float(value)
+        options = getattr(props, "options", None)
+        if not isinstance(value, str) or (options is not None and value not in options) or len(value) > 200:
+            raise ValueError(value)
+        return value
+
+
+CAMERA = {"wxyz": 4, "position": 3, "look_at": 3, "up_direction": 3}
+SCALARS = ("fov", "near", "far", "image_height", "image_width")
+"""Fields of a camera's frame: how many numbers each has."""
+
+
+def _is_camera(message: dict[str, Any]) -> bool:
+    """Whether a camera is one: finite numbers, as many as there must be."""
+    vectors = all(
+        isinstance(message[name], (list, tuple)) and len(message[name]) == count and all(map(_finite, message[name]))
+        for name, count in CAMERA.items()
+    )
+    return vectors and all(_finite(message[name]) for name in SCALARS) and set(message) == {"type", *CAMERA, *SCALARS}
+
+
+def _finite(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)

@@ -1,0 +1,93 @@
+"""What is seen of a session at one instant: poses, errors, efforts and forces, as plain numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from skyarm.algebra import Vec3
+from skyarm.control.blocks.disturbance_observer import Observed
+from skyarm.drawing.pose_program import Array, Placed, PoseProgram
+from skyarm.plant.surroundings import Surroundings, felt
+from skyarm.records.leaves import is_record, parts
+from skyarm.reference import Reference
+from skyarm.simulate.live_session import LiveSession
+from skyarm.simulate.session import Session
+from skyarm.vehicle.vehicle_records import Vehicle
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """What the plots show of one instant.
+
+    Attributes:
+        tick: control periods flown. time: s.
+        tip: its position, world axes, m. error: its distance from where it should be, m.
+        tilt: of the base's z axis against the vertical, rad.
+        efforts: share of each joint's limit that its setpoint takes; N m or N of a joint without a limit.
+        rotors: share of each rotor's highest speed.
+        air: velocity of the air at the base, world axes, m/s. pushed: force on the base of all that surrounds it, N.
+        observed: force on the base that the law's observer has found, N, world axes; None without an observer.
+    """
+
+    tick: int
+    time: float
+    tip: Array
+    error: float
+    tilt: float
+    efforts: tuple[float, ...]
+    rotors: tuple[float, ...]
+    air: Array
+    pushed: Array
+    observed: Vec3 | None
+
+
+def sight(session: LiveSession | Session, program: PoseProgram) -> Sight:
+    """What the plots show of a session now."""
+    scenario, now, time = session.scenario, session.now, session.time
+    vehicle, state = scenario.world.vehicle, now.state
+    placed = program(tuple(state.position), tuple(state.quaternion), state.joints)
+    goal = goal_of(program, scenario.trajectory.at(time))
+    around = Surroundings(components=scenario.components, memories=now.components, time=time)
+    outside = felt(around, vehicle, state)
+    upward = float(placed.rotations[0, 2, 2])
+    return Sight(
+        tick=session.tick,
+        time=time,
+        tip=placed.tip,
+        error=math.dist(placed.tip, goal.tip),
+        tilt=math.acos(min(1.0, max(-1.0, upward))) if math.isfinite(upward) else math.pi,
+        efforts=_efforts(vehicle, now.queue[-1].efforts),
+        rotors=tuple(float(w) / float(r.max_speed) for w, r in zip(state.rotor_speeds, vehicle.rotors, strict=True)),
+        air=np.array([float(c) for c in outside.air_velocity_W]),
+        pushed=np.array([float(c) for c in outside.force_W]),
+        observed=observed_force(now.memory),
+    )
+
+
+def goal_of(program: PoseProgram, reference: Reference) -> Placed:
+    """Where the bodies should be: level, at the desired position, heading and joints."""
+    half = 0.5 * float(reference.yaw)
+    return program(tuple(reference.position), (math.cos(half), 0.0, 0.0, math.sin(half)), reference.joints)
+
+
+def _efforts(vehicle: Vehicle, setpoints: Sequence[Any]) -> tuple[float, ...]:
+    """Shares of the joints' limits that setpoints take; a joint without a limit shows its N m or N."""
+    limits = [float(link.joint.effort_limit) for link in vehicle.links]
+    return tuple(float(u) / m if m and math.isfinite(m) else float(u) for u, m in zip(setpoints, limits, strict=True))
+
+
+def observed_force(memory: Any) -> Vec3 | None:
+    """Force on the base that a law's observer has found, world axes, N; None for a law without one."""
+    if isinstance(memory, Observed):
+        return memory.force
+    if is_record(memory) or isinstance(memory, tuple):
+        for part in parts(memory).values():
+            found = observed_force(part)
+            if found is not None:
+                return found
+    return None

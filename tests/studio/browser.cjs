@@ -1,0 +1,76 @@
+// A browser that looks at the studio's page: says what it saw as one line of JSON.
+// node browser.cjs ADDRESS FOLDER CHROMIUM; playwright-core is found by NODE_PATH.
+const { chromium } = require('playwright-core');
+const [address, folder, executablePath] = process.argv.slice(2);
+
+const shows = (text) => document.body.innerText.includes(text);
+
+const number = (law) => {
+  const found = document.body.innerText.match(new RegExp(`${law}: tip error ([0-9.]+) mm`));
+  return found ? Number(found[1]) : NaN;
+};
+
+async function until(page, law, least, most) {
+  // the page's own words, until its number lies between two
+  const range = [law, least, most, number.toString()];
+  await page.waitForFunction(([name, low, high, source]) => {
+    const value = eval(source)(name);
+    return value >= low && value <= high;
+  }, range, { timeout: 150000, polling: 50 });
+  return page.evaluate(([name, source]) => eval(source)(name), [law, number.toString()]);
+}
+
+async function hostile(browser, port) {
+  // a page of another origin, with the cookie of ours
+  const context = await browser.newContext();
+  const page = await context.newPage();
+  await page.goto(address);
+  await page.goto(`data:text/html,<script>window.found = new Promise(done => {
+    const socket = new WebSocket('ws://127.0.0.1:${port}/', ['viser-v1.1.1']);
+    socket.onopen = () => done('open'); socket.onerror = () => done('refused'); });</script>`);
+  const answer = await page.evaluate(() => window.found);
+  await context.close();
+  return answer;
+}
+
+async function main() {
+  const args = ['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--no-sandbox'];
+  const browser = await chromium.launch({ executablePath, args });
+  const errors = [];
+  const page = await browser.newPage({ viewport: { width: 1280, height: 800 } });
+  page.on('console', (message) => message.type() === 'error' && errors.push(message.text()));
+  page.on('pageerror', (error) => errors.push(error.message));
+  const begun = Date.now();
+  await page.goto(address);
+  await page.waitForFunction(shows, 'paper_ct: tip error', { timeout: 150000 });
+  const seen = { picture: Date.now() - begun };
+  seen.calm = await until(page, 'paper_ct', 0, 60);
+  await page.getByText('gust', { exact: false }).first().click();
+  seen.gust = await until(page, 'paper_ct', 4 * seen.calm, 1e6);
+  seen.after = await until(page, 'paper_ct', 0, 1.5 * seen.calm);
+  await page.screenshot({ path: `${folder}/desktop.png` });
+  // a slider: the wind along x, typed into its field and confirmed
+  await page.getByText('world', { exact: true }).click();
+  const field = page.locator('input').nth(await page.evaluate(() => {
+    const inputs = [...document.querySelectorAll('input')];
+    const label = [...document.querySelectorAll('label, span, div')].filter((e) => e.textContent.trim() === 'force x (N)').pop();
+    const row = label.getBoundingClientRect();
+    const near = (e) => Math.abs(e.getBoundingClientRect().top - row.top) + (e.offsetWidth ? 0 : 1e9);
+    return inputs.indexOf(inputs.filter((e) => e.type !== 'hidden').sort((a, b) => near(a) - near(b))[0]);
+  }));
+  await field.fill('2');
+  const moved = Date.now();
+  await field.press('Enter');
+  seen.slider = await until(page, 'paper_ct', 4 * seen.calm, 1e6);
+  seen.latency = Date.now() - moved;
+  await page.setViewportSize({ width: 390, height: 800 });
+  await page.waitForTimeout(1500);
+  seen.width = await page.evaluate(() => document.documentElement.scrollWidth);
+  await page.screenshot({ path: `${folder}/phone.png` });
+  seen.hostile = await hostile(browser, new URL(address).port);
+  seen.errors = errors;
+  console.log(JSON.stringify(seen));
+  await browser.close();
+}
+
+main().catch((error) => { console.error(error); process.exit(1); });
