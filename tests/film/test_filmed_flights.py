@@ -17,7 +17,7 @@ from skyarm.film.filmed_flight import COLORS, film_flight, film_flights, flight_
 from skyarm.film.frame_layout import frame_layout
 from skyarm.film.make_film import film_panels
 from skyarm.film.marks import TRAIL, WIND, desired_path, marks_of, one_wind, wind_arrow, wind_words
-from skyarm.film.solids import ghost_solids, vehicle_solids
+from skyarm.film.solids import GHOST, GHOST_OPACITY, ghost_solids, vehicle_solids
 from skyarm.log.tip_positions import level_tip
 from skyarm.vehicle.vehicle_files import list_vehicles
 
@@ -73,7 +73,9 @@ def test_the_ghost_s_tip_is_the_tip_s_reference_and_the_vehicle_s_tip_is_the_tip
         (ball,) = (solid for solid in solids if solid.shape.role == "tip")
         # the log computes it by frame_pose_world, the film by the poses of links
         np.testing.assert_allclose(ball.position, tip, atol=1e-12)
-    assert all(solid.rgba[3] < 0.5 for solid in ghost_solids(filmed))
+    # grey and see-through, whatever the flight's colour is
+    assert {solid.rgba for solid in ghost_solids(filmed)} == {(*GHOST, GHOST_OPACITY)}
+    assert GHOST_OPACITY < 0.5
 
 
 def test_the_ghost_turns_with_the_desired_yaw() -> None:
