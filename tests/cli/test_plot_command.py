@@ -52,6 +52,9 @@ def test_a_vehicle_is_drawn_into_the_file_named(folder: Path) -> None:
     refused(skyarm("show", "hummingbird_arm3", "--drawing", "bird.png"), "hummingbird_arm3", "did you mean")
     refused(skyarm("show", "case1", "--drawing", "bird.png"), "must be a vehicle")
     refused(skyarm("show", "hummingbird", "--drawing", "bird.png", "--dark"), "dark: must come with style = 'talk'")
+    refused(skyarm("show", "hummingbird", "--drawing", "bird.png", "--style", ""), "style = '': must be one of paper")
+    refused(skyarm("show", "hummingbird", "--style", "talk"), "--style: must come with --drawing FILE")
+    refused(skyarm("show", "hummingbird", "--dark"), "--dark: must come with --drawing FILE")
 
 
 @pytest.mark.parametrize(
@@ -68,7 +71,9 @@ def test_a_vehicle_is_drawn_into_the_file_named(folder: Path) -> None:
         (("plot", CT, "-o", "a.png", "--window", "3", "4"), ("window = [3, 4]: must overlap the flights", "0.3 s")),
         (("plot", CT, "-o", "a.png", "--metric", "x"), ("--metric = ['x']: must come with a folder",)),
         (("plot", CT, "-o", "a.png", "--over", "x"), ("--over = 'x': must come with a folder",)),
-        (("plot", "gone.npz", "-o", "a.png"), ("gone.npz",)),
+        (("plot", "gone.npz", "-o", "a.png"), ("flight = 'gone.npz': no such file",)),
+        (("plot", "", "-o", "a.png"), ("flight = '': must be a log",)),
+        (("plot", CT, "-o", "a.png", "--kind", ""), ("kind = '': must be one of tracking",)),
         (("plot", "case3", "-o", "a.png"), ("flight = 'case3': must be a log that 'skyarm run' wrote",)),
         (("plot", "logs/paper_ct/case2.csv", "-o", "a.png"), ("cannot be read back",)),
         (("plot", f"a={CT}", f"a={PD}", "-o", "a.png"), ("flight = 'a=", "must have another name")),

@@ -66,6 +66,27 @@ def test_a_file_that_is_named_twice_is_one_line_before_the_flight(tmp_path: Path
     assert {file.name for file in tmp_path.iterdir()} == {"a.npz", "b", "link.npz"}
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["case3", "--log", "a.csv", "--log", "b/../a.partial.mcap"], "--log = 'b/../a.partial.mcap'"),
+        (["a.partial.mcap", "--log", "a.npz"], "scenario = 'a.partial.mcap'"),
+    ],
+)
+def test_what_a_killed_run_left_is_not_removed_by_a_flight_of_it(tmp_path: Path, words: list[str], said: str) -> None:
+    """The file of a flight that goes on is removed behind it: a log of that name would go with it."""
+    (tmp_path / "b").mkdir()
+    left = skyarm.save_log(skyarm.run(skyarm.load_scenario("case1", duration=0.05)), tmp_path / "a.partial.mcap")
+    content = left.read_bytes()
+    done = run(tmp_path, "run", *words)
+    assert done.returncode == 2
+    assert done.stderr.strip() == (
+        f"skyarm: {said}: must be another file than a.partial.mcap, in which the flight stands while it goes on"
+    )
+    assert left.read_bytes() == content
+    assert {file.name for file in tmp_path.iterdir()} == {"a.partial.mcap", "b"}
+
+
 def test_without_a_name_it_is_where_it_was(tmp_path: Path) -> None:
     done = run(tmp_path, "run", "case3", "--duration", "0.1", "--out", "here")
     assert done.returncode == 0, done.stderr

@@ -43,6 +43,17 @@ def test_part_of_a_row_is_part_of_a_block() -> None:
     assert lines[-1] == BLOCKS[-1] + BLOCKS[1] * (WIDTH - 1)
 
 
+@pytest.mark.parametrize("count", [1, 2, 7, 40])
+def test_a_flight_of_few_instants_has_no_empty_columns(count: int) -> None:
+    """Each instant stays until the next, as a control period does."""
+    time = np.arange(count) * 0.005
+    rows = chart(time, np.linspace(0.5, 1.0, count), "x", width=60, blocks=True)[1:-1]
+    drawn = [row.partition("|")[2] for row in rows]
+    assert drawn[-1] == "\N{FULL BLOCK}" * 60
+    counts = [sum(row[k : k + 1] not in ("", " ") for row in drawn) for k in range(60)]
+    assert counts == sorted(counts)
+
+
 def test_axes_say_the_largest_value_zero_and_the_ends() -> None:
     lines = chart(TIME, np.full(TIME.size, 0.8494), "tip error, mm", blocks=True)
     assert lines[0] == "tip error, mm"

@@ -90,6 +90,17 @@ def test_every_line_is_the_log_s(kind: str) -> None:
                 np.testing.assert_allclose(drawn["desired"].get_ydata(), desired, rtol=1e-12)
 
 
+def test_a_yaw_that_turns_on_follows_its_reference_without_a_jump() -> None:
+    """An attitude has its yaw within half a turn, a reference does not."""
+    log = flights()["paper_ct"]
+    turned = np.linspace(0.0, 9.0, log.time.size)
+    zero = np.zeros(turned.size)
+    attitude = np.stack([np.cos(0.5 * turned), zero, zero, np.sin(0.5 * turned)], axis=1)
+    turning = dataclasses.replace(log, quaternion=attitude, yaw_reference=turned + 0.1)
+    drawn = curves(plot(turning, kind="attitude").axes[2])
+    np.testing.assert_allclose(next(iter(drawn.values())).get_ydata(), np.degrees(turned), atol=1e-9)
+
+
 def test_a_log_draws_itself_and_a_notebook_shows_it(tmp_path: Path) -> None:
     log = flights()["paper_ct"]
     figure = log.plot(tmp_path / "tip.png", kind="tip", window=(0.2, 0.9))
@@ -128,6 +139,36 @@ def test_an_event_of_one_flight_says_whose_it_is() -> None:
     assert "gust (paper_ct, paper_pd)" in words
     outside = plot(flights(), window=(0.0, 0.2), kind="tip")
     assert not any(ax.patches for ax in outside.axes)
+
+
+def test_a_gust_in_which_flights_are_lost_at_other_times_is_one() -> None:
+    whole, rows = flights()["paper_ct"], {}
+    for name, ended in (("a", 120), ("b", 160)):
+        info = {**whole.info, "status": "ground", "end_time": ended / 200.0}
+        rows[name] = dataclasses.replace(
+            whole, **{each: array[:ended] for each, array in whole.arrays().items()}, info=info
+        )
+    figure = plot(rows, kind="attitude")
+    words = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert [each for each in words if each.startswith("gust")] == ["gust"]
+    assert all(stop <= 0.8 for ax in figure.axes for _, stop in spans(ax))
+
+
+def test_a_flight_of_one_instant_is_a_point() -> None:
+    whole = flights()["paper_ct"]
+    one = dataclasses.replace(whole, **{each: array[:1] for each, array in whole.arrays().items()})
+    for log, marker in ((one, "o"), (whole, "None")):
+        line, _desired = curves(plot(log, kind="tip").axes[0]).values()
+        assert line.get_marker() == marker
+
+
+def test_of_a_limit_to_both_sides_one_that_is_drawn_says_the_other() -> None:
+    whole = with_efforts(0.4)
+    one_sided = dataclasses.replace(whole, efforts=np.abs(whole.efforts))
+    near, far = plot(one_sided, kind="efforts").axes
+    assert [float(line.get_ydata()[0]) for line in near.get_lines() if line.get_label() == "limit"] == [0.5]
+    assert not near.texts
+    assert far.texts
 
 
 def test_a_log_without_its_scenario_still_shows_its_gust() -> None:

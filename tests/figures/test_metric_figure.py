@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,7 +13,17 @@ import pytest
 
 from skyarm.figures.metric_figure import metric_figure, plot_sweep
 from skyarm.figures.picture_styles import PAPER
-from skyarm.sweep.banded_curves import FEWEST_OF_BAND, PER_CELL, BandedCurve, BandedCurves, banded_curves, variable
+from skyarm.sweep.banded_curves import (
+    FEWEST_OF_BAND,
+    PER_CELL,
+    BandedCurve,
+    BandedCurves,
+    Variable,
+    _classes,
+    _curve,
+    banded_curves,
+    variable,
+)
 from skyarm.sweep.stats import Rows
 from sweeps import MASS, WIND, flown, read
 
@@ -90,6 +102,43 @@ def test_classes_are_values_or_thirds(folder: Path) -> None:
     assert [int(curve.episodes.sum()) for curve in thirds] == [40, 40, 40]
     low, high = np.quantile(rows[WIND], (1 / 3, 2 / 3))
     assert thirds[1].by == f"{low:.3g} to {high:.3g}"
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-6], ids=["far apart", "alike in four digits"])
+def test_classes_whose_values_are_alike_are_told_apart(folder: Path, scale: float) -> None:
+    there = Rows(folder)
+    few = banded_curves(there, METRIC, MASS, by=f"1 + {scale} * {LOADS}").curves[:3]
+    assert len({curve.by for curve in few}) == 3
+    assert sum(int(curve.episodes.sum()) for curve in few) == there.episodes
+    assert [float(curve.by) for curve in few] == pytest.approx([1.0, 1.0 + 0.05 * scale, 1.0 + 0.1 * scale], rel=1e-9)
+    wind = f"1000 + {scale} * {WIND}"
+    thirds = [curve for curve in banded_curves(there, METRIC, MASS, by=wind).curves if curve.controller == "paper_ct"]
+    assert len({curve.by for curve in thirds}) == 3
+    assert sum(int(curve.episodes.sum()) for curve in thirds) == there.episodes
+
+
+def test_a_third_in_which_nothing_lies_has_no_curve() -> None:
+    values = np.array([0.0] * 60 + [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0])
+    classes = _classes(Variable(words="load", values=values))
+    assert list(classes) == ["0 to 7"]
+    assert all(inside.all() for inside in classes.values())
+
+
+@pytest.mark.parametrize(("count", "banded"), [(1, False), (FEWEST_OF_BAND - 1, False), (FEWEST_OF_BAND, True)])
+def test_few_flights_have_a_middle_and_no_band(count: int, banded: bool) -> None:
+    columns = {"m": np.arange(count) + 1.0, "status": np.array(["completed"] * count)}
+    rows: Any = SimpleNamespace(of=lambda _law, name: columns[name])
+    curve = _curve(rows, "m", "law", "", np.ones(count, dtype=bool), np.full(count, 3.0), "median", (0.05, 0.95))
+    cells = np.isfinite(curve.low)
+    assert np.isfinite(curve.middle).all()
+    assert cells.all() if banded else not cells.any()
+
+
+def test_what_was_drawn_by_its_logarithm_has_such_an_axis(folder: Path) -> None:
+    found = banded_curves(Rows(folder), METRIC, MASS)
+    for logarithmic, scale in ((True, "log"), (False, "linear")):
+        over = replace(found.over, logarithmic=logarithmic)
+        assert metric_figure([replace(found, over=over)], PAPER).axes[-1].get_xscale() == scale
 
 
 def lines(ax: Any) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import pytest
 
 from film_flights import flight
 from skyarm.figures.error_strip import Curve, error_strip
-from skyarm.film.captions import INK, LOST, Captions, error_words
+from skyarm.film.captions import INK, LOST, Captions, error_words, state_words
 from skyarm.film.filmed_flight import FilmedFlight, film_flights
 from skyarm.film.frame_layout import Box, FrameLayout, frame_layout
 
@@ -74,6 +74,37 @@ def test_a_lost_flight_is_called_so_from_its_end_on() -> None:
     before, after = (inside(captions.frame(DRAWN, k), layout.heads[0]) for k in (4, 5))
     assert count(before, LOST) == 0
     assert count(after, LOST) > 30
+
+
+def test_a_whole_flight_that_is_shorter_than_the_film_is_said_to_have_ended() -> None:
+    captions, layout = made(end=0.45)
+    before, after, later = (inside(captions.frame(DRAWN, k), layout.heads[0]) for k in (4, 5, 9))
+    assert count(after, LOST) == 0
+    assert np.any(before != after)
+    np.testing.assert_array_equal(after, later)
+    (flown,) = film_flights([flight()], TIMES)
+    assert state_words(flown, 0.99, 9).startswith("tip error ")
+    assert state_words(flown, 1.0, 9) == "ended at 1 s"
+
+
+def test_the_wind_stands_beside_the_clock_or_where_it_differs_at_each_flight() -> None:
+    pictures = []
+    layout = frame_layout(640, 360, 2, "side", plot=False)
+    for scenarios in (("case3_wind", "case3_wind"), ("case3", "case3_wind"), ("case3", "case3")):
+        flights = film_flights([flight(scenario=name) for name in scenarios], TIMES, ["a", "b"])
+        pictures.append(Captions(flights, TIMES, layout, "").frame(DRAWN, 5))
+    ink = [[count(inside(each, box), INK) for box in (layout.title, *layout.heads)] for each in pictures]
+    same, apart, calm = ink
+    assert same[0] > apart[0] == calm[0]
+    assert apart[1] == calm[1]
+    assert np.any(inside(pictures[1], layout.heads[1]) != inside(pictures[0], layout.heads[1]))
+
+
+def test_a_text_of_several_lines_is_written_in_one() -> None:
+    flights = film_flights([flight()], TIMES, ["two\nlines\x1b[31m"])
+    layout = frame_layout(640, 360, 1, "side", plot=False)
+    captions = Captions(flights, TIMES, layout, "a\ntitle\tof\x00three")
+    assert count(inside(captions.frame(DRAWN, 0), layout.title), INK) > 100
 
 
 def test_errors_are_said_in_millimetres_of_two_or_three_digits() -> None:

@@ -75,6 +75,7 @@ def test_a_folder_holds_page_and_recording_and_says_how_to_see_them(film: Film, 
         (("LOG", "a.webp", "--start", "2"), "skyarm: start = 2: must leave at least one frame before the end, 1 s"),
         (("LOG", "a.webp", "--label", "x", "--label", "y"), "skyarm: labels = ['x', 'y']: must be as many as the"),
         (("LOG", "a.webp", "--controller", "paper_ct"), "skyarm: --controller = 'paper_ct': must be left out"),
+        (("case3", "case3_wind"), "skyarm: FILE = 'case3_wind': must be the film's file or folder, the last word"),
         (("LOG", ""), "skyarm: FILE = '': must be the path of a file"),
     ],
 )
@@ -130,6 +131,22 @@ def test_pictures_that_do_not_fit_into_memory_are_refused(tmp_path: Path) -> Non
         assert write is not None
         with pytest.raises(ValueError, match=r"600 frames of 1280x720 are more than 1.5 GB; take .mp4"):
             write(tmp_path / f"a.{suffix}", iter(()), (1280, 720), 30, 600)
+
+
+def test_every_flight_of_the_paper_fits_into_an_animated_picture_of_the_usual_size(tmp_path: Path) -> None:
+    for suffix in ("webp", "gif", "WEBP"):
+        width, height, fps = video_files.usual_size_and_rate(tmp_path / f"a.{suffix}")
+        for name in skyarm.list_scenarios():
+            frames = fps * skyarm.load_scenario(name).duration
+            assert 3 * width * height * frames < video_files.MOST_IN_MEMORY, (suffix, name)
+    assert video_files.usual_size_and_rate(tmp_path / "a.mp4") == (1280, 720, 30)
+
+
+@needs_display
+def test_a_size_and_a_rate_that_are_left_out_are_those_of_the_file(film: Film, log: Path, tmp_path: Path) -> None:
+    assert film(log, "--stop", 0.4, "a.webp")[0] == 0
+    with Image.open(tmp_path / "a.webp") as picture:
+        assert (picture.size, picture.n_frames) == ((800, 450), 6)
 
 
 @needs_display

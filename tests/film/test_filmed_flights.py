@@ -15,8 +15,9 @@ from skyarm.film.camera_paths import CAMERAS, FIELD_OF_VIEW
 from skyarm.film.film_settings import CAMERA_NAMES, FilmSettings, size_of
 from skyarm.film.filmed_flight import COLORS, film_flight, film_flights, flight_labels, frame_times
 from skyarm.film.frame_layout import frame_layout
-from skyarm.film.marks import TRAIL, marks_of, wind_words
-from skyarm.film.solids import ghost_solids, vehicle_solids
+from skyarm.film.make_film import film_panels
+from skyarm.film.marks import TRAIL, WIND, desired_path, marks_of, one_wind, wind_arrow, wind_words
+from skyarm.film.solids import GHOST, GHOST_OPACITY, ghost_solids, vehicle_solids
 from skyarm.log.tip_positions import level_tip
 from skyarm.vehicle.vehicle_files import list_vehicles
 
@@ -72,7 +73,9 @@ def test_the_ghost_s_tip_is_the_tip_s_reference_and_the_vehicle_s_tip_is_the_tip
         (ball,) = (solid for solid in solids if solid.shape.role == "tip")
         # the log computes it by frame_pose_world, the film by the poses of links
         np.testing.assert_allclose(ball.position, tip, atol=1e-12)
-    assert all(solid.rgba[3] < 0.5 for solid in ghost_solids(filmed))
+    # grey and see-through, whatever the flight's colour is
+    assert {solid.rgba for solid in ghost_solids(filmed)} == {(*GHOST, GHOST_OPACITY)}
+    assert GHOST_OPACITY < 0.5
 
 
 def test_the_ghost_turns_with_the_desired_yaw() -> None:
@@ -101,6 +104,14 @@ def test_a_lost_flight_stays_where_it_was_lost() -> None:
     assert (filmed.lost, filmed.end) == ("joint limit", log.time[-1])
     np.testing.assert_array_equal(filmed.position[2], log.position[-1])
     assert film_flight(log, "a", COLORS[0], times).lost == ""
+
+
+def test_a_whole_flight_ends_after_its_last_period_and_so_after_every_frame_of_its_own() -> None:
+    log = flight()
+    whole = film_flight(log, "a", COLORS[0], log.time)
+    assert whole.end == pytest.approx(SECONDS)
+    for fps in (1, 7, 30, 120):
+        assert frame_times([log], FilmSettings(fps=fps))[-1] < whole.end
 
 
 def test_names_tell_the_flights_apart() -> None:
@@ -134,6 +145,57 @@ def test_every_camera_has_the_vehicles_and_their_desired_places_in_view(name: st
     assert (np.ptp(path.azimuth) > 0.0) == (name == "orbit")
 
 
+def test_the_orbiting_camera_goes_round_in_seconds_of_film() -> None:
+    times = np.arange(10) * 0.1
+    flights = film_flights([flight()], times)
+    layout = frame_layout(640, 360, 1, "side", plot=False)
+    for speed in (1.0, 0.5):
+        (panel,) = film_panels(flights, times, FilmSettings(camera="orbit", speed=speed), layout)
+        np.testing.assert_allclose(np.diff(panel.camera.azimuth), 12.0 * 0.1 / speed)
+
+
+@pytest.mark.parametrize("name", ["orbit", "tip"])
+def test_a_narrow_picture_is_looked_at_from_as_far_as_a_low_one(name: str) -> None:
+    flights = film_flights([flight()], np.arange(3) * 0.1)
+    narrow, square, wide = (
+        CAMERAS[name](flights, np.arange(3) * 0.1, aspect).distance[0] for aspect in (0.5, 1.0, 2.0)
+    )
+    assert square == wide, "the height decides"
+    # half the width: the ball's radius over the sine of the half angle whose tangent is half as large
+    half = np.radians(0.5 * FIELD_OF_VIEW)
+    assert narrow / square == pytest.approx(np.sin(half) / np.sin(np.arctan(0.5 * np.tan(half))))
+
+
+def test_a_camera_turns_to_what_it_follows_within_its_time_and_without_lag() -> None:
+    times = np.arange(400) * 0.02
+    (filmed,) = film_flights([flight()], times)
+    step = np.where(times < 4.0, 0.0, 1.0)[:, None] * np.array([1.0, 0.0, 0.0])
+    along = CAMERAS["tip"]([dataclasses.replace(filmed, desired_tip=step)], times, 1.0).look_at[:, 0]
+    # a low-pass forwards and backwards: exponentials to both sides of the step
+    expected = np.where(times < 4.0, 0.5 * np.exp((times - 4.0) / 0.6), 1.0 - 0.5 * np.exp((4.0 - times) / 0.6))
+    np.testing.assert_allclose(along, expected, atol=0.02)
+
+
+def test_pictures_side_by_side_are_seen_from_one_distance_which_the_widest_flight_needs() -> None:
+    times = np.arange(10) * 0.1
+    first, second = film_flights([flight(), flight("centroidal_tip")], times)
+    away = np.linspace(0.0, 3.0, 10)[:, None] * np.array([1.0, 1.0, 0.0])
+    far = dataclasses.replace(second, desired_position=second.desired_position + away)
+    layout = frame_layout(640, 360, 2, "side", plot=False)
+    near, wide = film_panels([first, far], times, FilmSettings(camera="fixed"), layout)
+    np.testing.assert_array_equal(near.camera.distance, wide.camera.distance)
+    aspect = layout.panels[0].width / layout.panels[0].height
+    assert wide.camera.distance[0] == CAMERAS["fixed"]([far], times, aspect).distance[0]
+
+
+def test_an_arrow_is_as_long_as_the_wind_is_strong_up_to_a_limit() -> None:
+    (filmed,) = film_flights([flight()], np.zeros(1))
+    for force, air, length in ((2.0, 5.0, 0.4), (50.0, 0.0, 0.6), (0.0, 5.0, 0.4), (0.0, 100.0, 0.6)):
+        blown = dataclasses.replace(filmed, force=np.array([[0.0, force, 0.0]]), air=np.array([[0.0, air, 0.0]]))
+        (arrow,) = wind_arrow(blown, 0, 0.2)
+        np.testing.assert_allclose(arrow.end - arrow.start, [0.0, length, 0.0], atol=1e-12)
+
+
 def test_a_following_camera_lets_a_lost_vehicle_go() -> None:
     times = np.arange(10) * 0.1
     (filmed,) = film_flights([flight()], times)
@@ -157,6 +219,33 @@ def test_parts_of_a_frame_lie_inside_it_and_apart(layout: str, width: int, heigh
     assert covered.mean() > 0.9
     assert len(found.panels) == (count if layout == "side" else 1)
     assert (found.plot is None) == (height < 240)
+
+
+def test_a_film_that_begins_later_has_no_more_lines_in_its_trail() -> None:
+    (filmed,) = film_flights([flight()], np.zeros(1))
+    moving = np.arange(2000)[:, None] * np.array([0.02, 0.0, 0.0])
+    shown = dataclasses.replace(filmed, tip=moving, desired_tip=moving[:1], force=0 * moving, air=0 * moving)
+    early, late = (marks_of([shown], first + np.arange(2000) / 250.0, 0.2, 1.0)(1990) for first in (0.0, 20.0))
+    assert len(early) == len(late) < 100
+
+
+def test_a_desired_path_has_no_more_lines_than_its_pieces() -> None:
+    (filmed,) = film_flights([flight()], np.zeros(1))
+    for count in (319, 320, 639, 640, 5000):
+        path = np.arange(count)[:, None] * np.array([0.02, 0.0, 0.0])
+        shown = dataclasses.replace(filmed, desired_tip=path)
+        assert min(count - 1, 200) <= len(desired_path(shown, 1.0)) <= 320
+
+
+def test_flights_in_winds_of_their_own_have_arrows_of_their_own() -> None:
+    times = np.arange(10) * 0.1
+    calm, blown = film_flights([flight(scenario="case3"), flight()], times)
+    assert not one_wind([calm, blown])
+    assert one_wind([blown, *film_flights([flight("centroidal_tip")], times)])
+    (arrow,) = (mark for mark in marks_of([calm, blown], times, 0.2, 1.0)(5) if mark.kind == "arrow")
+    assert arrow.rgba[:3] == blown.color
+    (arrow,) = (mark for mark in marks_of([blown, blown], times, 0.2, 1.0)(5) if mark.kind == "arrow")
+    assert arrow.rgba == WIND
 
 
 def test_the_trail_goes_back_some_seconds_and_the_arrow_blows_with_the_wind() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 import re
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ import msgspec
 import zstandard
 
 import skyarm
+from skyarm.drawing.vehicle_shapes import vehicle_shapes
 from skyarm.film.film_settings import FilmSettings
 from skyarm.film.recording import RECORDING_NAME, Recording, record, save_recording
 from skyarm.film.recording_page import page_with, player_page, recording_frame
@@ -87,6 +89,44 @@ def test_flights_stand_apart_or_in_one_place() -> None:
     assert 0.5 < apart["side"] < 5.0
 
 
+def test_the_round_ends_of_a_rod_are_at_its_ends(two: Recording) -> None:
+    messages = unpacked(two.content)["messages"]
+    rods = [shape for shape in vehicle_shapes(flight().scenario.world.vehicle) if shape.kind == "capsule"]
+    assert len(rods) > 4
+    for rod in rods:
+        for end, sign in (("start", -0.5), ("end", 0.5)):
+            name = f"/flight1/vehicle/body{rod.body + 1}/{rod.name}/{end}"
+            place = place_at(messages, name, "SetPositionMessage", "position", 0.0)
+            np.testing.assert_allclose(place, [0.0, 0.0, sign * rod.size[1]], atol=1e-6)
+
+
+def wind_arrow(force: tuple[float, ...], air: tuple[float, ...]) -> tuple[np.ndarray, bool]:
+    """Direction of the arrow of a flight in a constant wind, and whether it is seen."""
+    log = flight()
+    blown = dataclasses.replace(log, wind_force=0 * log.wind_force + force, air_velocity=0 * log.air_velocity + air)
+    messages = unpacked(record(blown, FilmSettings(fps=2)).content)["messages"]
+    w, *v = place_at(messages, "/flight1/wind", "SetOrientationMessage", "wxyz", 1.0)
+    seen = [
+        m["visible"] for _, m in messages if m["type"].endswith("VisibilityMessage") and m["name"] == "/flight1/wind"
+    ]
+    x = np.array([1.0, 0.0, 0.0])
+    return x + 2.0 * np.cross(v, np.cross(v, x) + w * x), all(seen[-1:])
+
+
+@pytest.mark.parametrize("wind", [(0.0, 2.0, 0.0), (-2.0, 0.0, 0.0), (1.2, -0.9, 2.0)])
+def test_the_arrow_lies_along_the_wind(wind: tuple[float, ...]) -> None:
+    for force, air in ((wind, (0.0, 0.0, 9.0)), ((0.0, 0.0, 0.0), wind)):
+        along, seen = wind_arrow(force, air)
+        assert seen
+        np.testing.assert_allclose(along, np.array(wind) / np.linalg.norm(wind), atol=1e-6)
+
+
+def test_next_to_no_wind_has_no_arrow() -> None:
+    assert not wind_arrow((0.0, 0.0, 0.0), (0.03, 0.0, 0.0))[1]
+    assert not wind_arrow((0.01, 0.0, 0.0), (0.0, 0.0, 0.0))[1]
+    assert wind_arrow((0.03, 0.0, 0.0), (0.0, 0.0, 0.0))[1]
+
+
 def test_what_does_not_move_is_recorded_once() -> None:
     still = skyarm.run(skyarm.load_scenario("case2", duration=1.0))
     messages = unpacked(record(still, FilmSettings(fps=FPS)).content)["messages"]
@@ -116,6 +156,12 @@ def test_a_page_holds_all_that_it_needs(two: Recording, tmp_path: Path) -> None:
     for text in (page.read_text("utf-8"), alone[0].read_text("utf-8")):
         assert not re.findall(r"""<(?:script|link|img)[^>]*(?:src|href)=["']?(?:https?:)?//""", text)
     assert save_recording(two, tmp_path / "a.viser")[0].read_bytes() == two.content
+
+
+def test_a_suffix_in_capitals_is_the_same_file_and_no_folder(two: Recording, tmp_path: Path) -> None:
+    for name in ("A.VISER", "B.HTML"):
+        assert save_recording(two, tmp_path / name) == [tmp_path / name]
+        assert (tmp_path / name).is_file()
 
 
 def test_the_player_of_a_site_plays_what_its_address_names() -> None:

@@ -45,6 +45,17 @@ def read(request, tmp_path_factory):
     return by_rosbags(path)
 
 
+def test_a_bag_in_pieces_is_that_in_one_and_keeps_what_comes_once_for_those_who_come_late(tmp_path, monkeypatch):
+    whole = skyarm.save_log(flown(), tmp_path / "whole.bag").read_bytes()
+    monkeypatch.setattr("skyarm.log.ros.bag_file.PIECE", 70)
+    path = skyarm.save_log(flown(), tmp_path / "pieces.bag")
+    assert path.read_bytes() == whole
+    with rosbags.AnyReader([path]) as reader:
+        latched = {connection.topic for connection in reader.connections if connection.ext.latching}
+        assert latched == ONCE
+        assert min(time for _, time, _ in reader.messages()) == 1
+
+
 def table(messages, path: str) -> np.ndarray:
     """A field of every message, (N, ...): ``pose.position.xyz``."""
     *names, last = path.split(".")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import random
+import struct
 import time
 import warnings
 
@@ -13,6 +14,7 @@ import pytest
 
 import skyarm
 from logged_flights import begins, drawn, flown, same
+from skyarm.log.mcap.container import CHUNK, DATA_END
 from skyarm.log.mcap.flight_file import CutLogWarning
 
 FORMATS = ("npz", "mcap", "parquet")
@@ -125,6 +127,41 @@ def test_damaged_bytes_give_one_line_or_are_not_in_what_is_read(kind, files, tmp
                 continue
         assert begins(read, flown()), begin
     assert refused > 10
+
+
+def test_a_chunk_that_became_another_record_is_damage_and_no_gap_in_time(files, tmp_path):
+    """What a record is has no checksum of its own: a reader passes over those that it does not know."""
+    content, at, changed = bytearray(files["mcap"]), 8, 0
+    while content[at] != DATA_END:
+        if content[at] == CHUNK:
+            content[at] ^= 0x40
+            with pytest.raises(ValueError, match=r"^log = '.*': file: must have the checksum .* damaged$"):
+                loaded(tmp_path, "mcap", bytes(content))
+            content[at] ^= 0x40
+            changed += 1
+        at += 9 + struct.unpack_from("<Q", content, at + 1)[0]
+    assert changed > 2
+
+
+def test_what_a_parquet_file_says_of_its_flight_has_a_checksum(files, tmp_path):
+    pq = pytest.importorskip("pyarrow.parquet", reason="needs the extra 'logs'")
+    (tmp_path / "whole.parquet").write_bytes(files["parquet"])
+    table = pq.read_table(tmp_path / "whole.parquet")
+    metadata = dict(table.schema.metadata)
+    metadata[b"skyarm"] = metadata[b"skyarm"].replace(b'"duration": ', b'"durotion": ')
+    assert metadata != table.schema.metadata
+    pq.write_table(table.replace_schema_metadata(metadata), tmp_path / "damaged.parquet")
+    with pytest.raises(ValueError, match=r"^log = '.*damaged\.parquet': must have the checksum .* damaged$"):
+        skyarm.load_log(tmp_path / "damaged.parquet")
+
+
+def test_parquet_files_of_before_are_read(files, tmp_path):
+    pq = pytest.importorskip("pyarrow.parquet", reason="needs the extra 'logs'")
+    (tmp_path / "now.parquet").write_bytes(files["parquet"])
+    table = pq.read_table(tmp_path / "now.parquet")
+    metadata = {key: value for key, value in table.schema.metadata.items() if key == b"skyarm"}
+    pq.write_table(table.replace_schema_metadata(metadata), tmp_path / "before.parquet")
+    assert same(skyarm.load_log(tmp_path / "before.parquet"), flown())
 
 
 @pytest.mark.parametrize("kind", FORMATS)

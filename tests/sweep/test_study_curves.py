@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +53,31 @@ def test_points_are_the_medians_of_their_cells_and_bands_their_extremes(given: P
                 assert curve.low[k] == inside[0]
                 assert curve.high[k] == inside[-1]
                 assert curve.middle[k] == inside[(inside.size - 1) // 2]
+
+
+def test_the_band_of_a_grid_of_many_points_holds_all_of_them(tmp_path: Path) -> None:
+    many = {MASS: {"list": [0.7, 0.8]}, WIND: {"grid": [0.0, 1.0, 25]}}
+    folder = flown(tmp_path, design="grid", episodes=None, duration=0.4, windows={"steady": [0.1, 0.4]}, vary=many)
+    for curve in metric_curves(Rows(folder), "position_error_mean")[MASS]:
+        column = read(folder)[curve.controller]
+        for k, value in enumerate((0.7, 0.8)):
+            inside = column["position_error_mean"][np.isclose(column[MASS], value)]
+            assert (curve.low[k], curve.high[k]) == (inside.min(), inside.max())
+
+
+def test_rounding_does_not_fill_a_panel(given: Path) -> None:
+    curves = metric_curves(Rows(given), "ee_error_mean")
+    small = {
+        path: [
+            replace(each, low=1e-18 * each.low, middle=1e-18 * each.middle, high=1e-18 * each.high) for each in lines
+        ]
+        for path, lines in curves.items()
+    }
+    low, high = curves_figure(small, "tip error [m]").axes[0].get_ylim()
+    assert low == 0.0
+    assert high == pytest.approx(1e-9)
+    whole = max(float(np.nanmax(each.high)) for lines in curves.values() for each in lines)
+    assert curves_figure(curves, "tip error [m]").axes[0].get_ylim()[1] < 1.2 * whole
 
 
 def test_bands_of_drawn_numbers_hold_nine_of_ten(drawn: Path) -> None:

@@ -121,7 +121,7 @@ def build(config: Path) -> list[str]:
     ]
     if done.returncode and not wrong:
         wrong = told or [f"zensical ended with exit code {done.returncode}"]
-    return told if wrong else []
+    return (told or wrong) if wrong else []
 
 
 def main() -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from build_site import PAGES, SITE, build, lay_out, menu_of
 from site_links import broken, is_address, read_page
 from site_maths import formulas, mathml, with_mathml
 from site_recordings import RECORDINGS, asked_for, make_recordings
-from site_reference import homes, reference_pages
+from site_reference import ROOMS, homes, reference_pages
 from staged_pages import DOCS, ROOT, relink, site_name, staged, with_drawings, with_recordings
 
 import skyarm
@@ -169,6 +170,32 @@ def test_a_broken_link_is_found(tmp_path: Path) -> None:
         ('<img src="missing.png">', "leads to no file"),
     ):
         assert any(words in line for line in broken(written(tmp_path, a=wrong, b='<p id="there"></p>'))), wrong
+
+
+def test_a_link_to_a_file_outside_of_the_site_is_broken_although_the_file_is_there(tmp_path: Path) -> None:
+    (tmp_path / "secret.html").write_text("<p></p>", "utf-8")
+    (tmp_path / "site").mkdir()
+    site = written(tmp_path / "site", a='<a href="../secret.html">')
+    assert any("leads to no file" in line for line in broken(site))
+
+
+def test_what_the_builder_says_is_judged(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    for code, out, err, wrong in (
+        (0, "Build finished\nno issues found", "", False),
+        (0, "Warning: page not in menu", "", True),
+        (0, "", "2 warnings", True),
+        (1, "Build finished", "", True),
+        (1, "", "", True),
+    ):
+        done = subprocess.CompletedProcess([], code, out, err)
+        monkeypatch.setattr(subprocess, "run", lambda *_, done=done, **__: done)
+        assert bool(build(tmp_path / "mkdocs.yml")) == wrong, (code, out, err)
+
+
+def test_a_room_without_a_heading_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(ROOMS, "vehicle")
+    with pytest.raises(ValueError, match=r"rooms without a heading in site_reference.ROOMS: vehicle"):
+        reference_pages()
 
 
 @pytest.mark.site

@@ -29,8 +29,10 @@ def film(
     title: Annotated[str | None, typer.Option(help="above the pictures, in place of the scenario's")] = None,
     layout: Annotated[str, typer.Option(help="side (a picture for each flight) or over (all in one)")] = "side",
     camera: Annotated[str, typer.Option(help="follow, fixed, orbit or tip")] = "follow",
-    size: Annotated[str, typer.Option(metavar="WxH", help="pixels")] = "1280x720",
-    fps: Annotated[int, typer.Option(help="frames a second")] = 30,
+    size: Annotated[
+        str | None, typer.Option(metavar="WxH", help="pixels [1280x720; of .webp and .gif 800x450]")
+    ] = None,
+    fps: Annotated[int | None, typer.Option(help="frames a second [30; of .webp and .gif 15]")] = None,
     speed: Annotated[float, typer.Option(help="seconds of flight a second of film")] = 1.0,
     start: Annotated[float, typer.Option(help="s of flight at which it begins")] = 0.0,
     stop: Annotated[float | None, typer.Option(help="s of flight at which it ends")] = None,
@@ -45,14 +47,16 @@ def film(
     to be served.
     """
     from skyarm.film.film_settings import FilmSettings, size_of
+    from skyarm.film.video_files import usual_size_and_rate
 
-    width, height = size_of(size)
+    usual = usual_size_and_rate(Path(file))
+    width, height = usual[:2] if size is None else size_of(size)
     settings = FilmSettings(
         layout=layout,
         camera=camera,
         width=width,
         height=height,
-        fps=fps,
+        fps=usual[2] if fps is None else fps,
         speed=speed,
         start=start,
         stop=stop,
@@ -84,8 +88,11 @@ def perform(
     from skyarm.film.recording import SUFFIXES, record, save_recording
     from skyarm.film.recording_page import import_viser
     from skyarm.film.video_files import require_film_format
+    from skyarm.scenario.scenario_file import list_scenarios
 
     path = Path(file)
+    if file in list_scenarios():
+        raise ValueError(f"FILE = {file!r}: must be the film's file or folder, the last word; this is a scenario")
     folder = bool(file) and (not path.suffix or path.is_dir() or file.endswith("/"))
     with taken_back(path if folder else path.parent):
         if not folder:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from skyarm.files import shown
+from skyarm.files import shown, unreadable
 from skyarm.log.flight_log import Log
 
 
@@ -16,7 +16,7 @@ def is_sweep(names: Sequence[str]) -> bool:
     Raises:
         ValueError: one line: a folder among other things.
     """
-    folders = [name for name in names if Path(name).is_dir()]
+    folders = [name for name in names if name and Path(name).is_dir()]
     if folders and len(names) > 1:
         raise ValueError(f"folder = {shown(folders[0])}: must stand alone; a picture is of one sweep, or of flights")
     return bool(folders)
@@ -55,7 +55,14 @@ def draw_flights(
     for i, label in enumerate(labels):
         if label in labels[:i]:
             raise ValueError(f"flight = {shown(names[i])}: must have another name than a flight before it")
-    plot(dict(zip(labels, logs, strict=True)), target, kind=kind or ALL, style=style, dark=dark, window=window)
+    plot(
+        dict(zip(labels, logs, strict=True)),
+        target,
+        kind=ALL if kind is None else kind,
+        style=style,
+        dark=dark,
+        window=window,
+    )
     return target
 
 
@@ -74,8 +81,11 @@ def _log(path: str) -> Log:
     from skyarm.log.formats import load_log
     from skyarm.registry import names
 
-    if Path(path).suffix.removeprefix(".") not in names("log_format") and not Path(path).exists():
-        raise ValueError(f"flight = {shown(path)}: must be a log that 'skyarm run' wrote, or a sweep's folder")
+    reason = unreadable(Path(path)) if path else "is no file"
+    if reason and Path(path).suffix.removeprefix(".") not in names("log_format"):
+        reason = "must be a log that 'skyarm run' wrote, or a sweep's folder"
+    if reason:
+        raise ValueError(f"flight = {shown(path)}: {reason}")
     return load_log(path)
 
 
@@ -104,7 +114,7 @@ def draw_sweep(
         asked["--over"],
         target,
         by=asked["--by"],
-        center=asked["--center"] or "median",
+        center="median" if asked["--center"] is None else asked["--center"],
         band=asked["--band"] or BAND,
         style=style,
         dark=dark,

@@ -109,7 +109,7 @@ def run(
     """
     from skyarm.cli.earlier_files import earlier_kept
     from skyarm.cli.flight_summary import episode, error_chart, facts
-    from skyarm.cli.log_files import draw, log_files
+    from skyarm.cli.log_files import draw, log_files, require_kept_apart
     from skyarm.cli.shipped_names import require_not_another
     from skyarm.files import require_replaceable, require_writable, taken_back
     from skyarm.files.picture_names import picture_file
@@ -123,6 +123,7 @@ def run(
     planned = load_scenario(scenario, plant=plant, controller=controller, seed=seed, duration=duration)
     folder = Path(out)
     files = log_files(logs, (folder / f"{planned.name}.npz", folder / f"{planned.name}.csv"))
+    require_kept_apart(files, scenario)
     drawn = None if picture is None else picture_file(picture, "--plot")
     with taken_back(*(() if logs else (folder,))):
         if not logs:
@@ -175,7 +176,7 @@ def show(
     drawing: Annotated[
         str | None, typer.Option(metavar="FILE", help="draw it there (.png, .svg, .pdf) instead, all labelled")
     ] = None,
-    style: Annotated[str, typer.Option(help="of the drawing: paper or talk")] = "paper",
+    style: Annotated[str | None, typer.Option(help="of the drawing: paper or talk; paper if left out")] = None,
     dark: Annotated[bool, typer.Option("--dark", help="of a talk's drawing")] = False,
 ) -> None:
     """Show a vehicle: mass, hover, arm, rotors.
@@ -194,10 +195,13 @@ def show(
 
     number(gravity, "--gravity", low=0.0, strict=True)
     require_not_another(vehicle, "vehicle")
+    for option, given in (("--style", style is not None), ("--dark", dark)):
+        if given and drawing is None:
+            raise ValueError(f"{option}: must come with --drawing FILE")
     if drawing is not None:
         from skyarm.cli.plot_command import draw_vehicle
 
-        picture = draw_vehicle(vehicle, drawing, style, dark=dark)
+        picture = draw_vehicle(vehicle, drawing, "paper" if style is None else style, dark=dark)
         give(drawing=picture)
         return tell(f"drawing: {picture}")
     loaded = load_vehicle(vehicle)

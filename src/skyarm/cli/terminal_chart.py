@@ -40,6 +40,8 @@ def chart(time: Array, values: Array, title: str, *, width: int = WIDTH, blocks:
     place = np.minimum(((time - start) / max(stop - start, 1e-12) * width).astype(int), width - 1)
     heights = np.zeros(width)
     np.maximum.at(heights, place, values)
+    # of fewer instants than columns each stays until the next
+    heights = heights[np.maximum.accumulate(np.where(np.isin(np.arange(width), place), np.arange(width), 0))]
     top = float(values.max()) or 1.0
     steps = len(cells) - 1
     filled = np.ceil(heights / top * HEIGHT * steps - 1e-9).astype(int)

@@ -33,12 +33,15 @@ class Event:
 
 
 def events_in(scenario: Scenario, end: float) -> tuple[Event, ...]:
-    """Gusts, faults and changes of a flight that lasted until ``end`` (s), each kind in its order."""
+    """Gusts, faults and changes that a flight met until ``end`` (s), each kind in its order.
+
+    What goes on behind the end of a flight has its own: flights that were lost at other times met the same gust.
+    """
     found: list[Event] = []
     for start, stop, now in _settings(scenario, end):
         for event in (*_gusts(now), *_faults(now)):
             cut = dataclasses.replace(event, start=max(event.start, start), stop=min(event.stop, stop))
-            if cut.start < cut.stop:
+            if cut.start < min(cut.stop, end):
                 found.append(cut)
     return (*_joined(found), *_changes(scenario, end))
 
@@ -53,7 +56,7 @@ def _settings(scenario: Scenario, end: float) -> Iterator[tuple[float, float, Sc
             starts.append((stretch.start / scenario.rates.control, kept))
     stops = [start for start, _ in starts[1:]] + [end]
     for (start, overrides), stop in zip(starts, stops, strict=True):
-        yield start, min(stop, end), overrides.of(scenario)
+        yield start, stop if stop < end else float("inf"), overrides.of(scenario)
 
 
 def _gusts(scenario: Scenario) -> Iterator[Event]:

@@ -91,8 +91,14 @@ def _attitude(_flight: FlightFacts) -> list[FlightPanel]:
     return [
         FlightPanel(label="Roll", unit="deg", of=angle(0), span=1.0),
         FlightPanel(label="Pitch", unit="deg", of=angle(1), span=1.0),
-        FlightPanel(label="Yaw", unit="deg", of=angle(2), desired=lambda log: np.degrees(log.yaw_reference), span=1.0),
+        FlightPanel(label="Yaw", unit="deg", of=_yaw, desired=lambda log: np.degrees(log.yaw_reference), span=1.0),
     ]
+
+
+def _yaw(log: Log) -> Array:
+    """Yaw in degrees, in the turn in which its reference is: a turn that goes on has no jump at 180 degrees."""
+    yaw = log.euler[:, 2]
+    return np.degrees(yaw + math.tau * np.round((log.yaw_reference - yaw) / math.tau))
 
 
 def _efforts(flight: FlightFacts) -> list[FlightPanel]:

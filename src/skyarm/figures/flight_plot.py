@@ -129,7 +129,8 @@ def _draw(
             continue
         name = label + ending_of(log)
         look = style.look(i)
-        (handles[name],) = ax.plot(log.time, values, label=name, **look.line)
+        alone: dict[str, Any] = {"marker": "o", "markersize": 0.6 * style.small} if log.time.size == 1 else {}
+        (handles[name],) = ax.plot(log.time, values, label=name, **look.line, **alone)
         if log.status != "completed" and log.time.size:
             at: dict[str, Any] = {"marker": "X", "markersize": 0.8 * style.small, "markeredgecolor": style.face}
             ax.plot(log.time[-1:], values[-1:], color=look.color, zorder=4.0, label="_end", **at)
@@ -242,7 +243,7 @@ def _shade(
             "linewidth": 0.0,
         }
         hatch = ("////", "", "\\\\\\\\", "....")[i % 4]
-        handles[label] = ax.axvspan(event.start, event.stop, hatch=hatch or None, zorder=0.2, **fill)
+        handles[label] = ax.axvspan(event.start, min(event.stop, span[1]), hatch=hatch or None, zorder=0.2, **fill)
     return handles
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -17,6 +18,9 @@ from skyarm.sweep.curves import MetricCurve
 COLUMNS = 3
 WIDTH, HEIGHT, FURNITURE = 3.1, 2.3, 0.5
 """in: of one panel, and of legend and margins."""
+
+ROUNDING = 1e-9
+"""Extent below which values differ by rounding; it does not fill a panel."""
 
 COLORS = ("#08306b", "#e6762b", "#1b7837", "#762a83", "#6b6b6b", "#b2182b")
 DASHES: Sequence[Any] = ("-", (0, (3.2, 1.3)), (0, (6.0, 1.5, 1.0, 1.5)), (0, (6.0, 2.5)), (0, (2.0, 2.0)), ":")
@@ -42,6 +46,11 @@ def curves_figure(curves: Mapping[str, Sequence[MetricCurve]], label: str) -> Fi
         _panel(style.dress(ax), lines)
         if i % columns == 0:
             ax.set_ylabel(label, fontsize=style.SMALL_SIZE, family=style.FONT, parse_math=False)
+    found = [line for lines in curves.values() for each in lines for line in (each.low, each.middle, each.high)]
+    seen = np.concatenate(found)
+    seen = seen[np.isfinite(seen)]
+    if seen.size and np.ptp(seen) < ROUNDING:
+        panels[0].set_ylim(*style.limits([seen], floor=bool((seen >= 0.0).all()), span=ROUNDING, cap=np.inf))
     handles, labels = panels[0].get_legend_handles_labels()
     style.legend(figure, handles, labels)
     return figure

@@ -14,7 +14,7 @@ from skyarm.figures.error_strip import Curve, Strip, error_strip
 from skyarm.figures.typeface import typeface
 from skyarm.film.filmed_flight import FilmedFlight
 from skyarm.film.frame_layout import Box, FrameLayout
-from skyarm.film.marks import wind_words
+from skyarm.film.marks import one_wind, wind_words
 
 Pixels = npt.NDArray[np.uint8]
 Array = npt.NDArray[np.float64]
@@ -33,6 +33,7 @@ class Captions:
 
     def __init__(self, flights: Sequence[FilmedFlight], times: Array, layout: FrameLayout, title: str) -> None:
         self._flights, self._times, self._layout = flights, times, layout
+        self._one_wind = one_wind(flights)
         self._blank = np.full((layout.height, layout.width, 3), 255, np.uint8)
         self._numbers = [self._head(box, flight) for box, flight in zip(layout.heads, flights, strict=True)]
         self._clock = self._title(title)
@@ -45,17 +46,17 @@ class Captions:
             found[_inside(box)] = drawn[_inside(box)]
         self._write(found, self._clock, self._now(k), INK, TITLE_SIZE)
         for box, flight in zip(self._numbers, self._flights, strict=True):
-            if self._times[k] >= flight.end:
-                self._write(found, box, flight.lost, LOST, NUMBER_SIZE)
-            else:
-                self._write(found, box, f"tip error {error_words(float(flight.error[k]))}", INK, NUMBER_SIZE)
+            ink = LOST if flight.lost and self._times[k] >= flight.end else INK
+            words = state_words(flight, float(self._times[k]), k)
+            wind = "" if self._one_wind else wind_words(flight, k)
+            self._write(found, box, f"{wind}, {words}" if wind else words, ink, NUMBER_SIZE)
         if self._strip is not None and self._layout.plot is not None:
             self._put_cursor(found, self._strip, self._layout.plot, k)
         return found
 
     def _now(self, k: int) -> str:
         words = [f"{self._times[k]:.1f} s"]
-        wind = wind_words(self._flights[0], k)
+        wind = wind_words(self._flights[0], k) if self._one_wind else ""
         return "    ".join([wind, *words] if wind else words)
 
     def _title(self, title: str) -> Box:
@@ -71,7 +72,8 @@ class Captions:
         bar = max(2, round(6.0 * self._layout.scale))
         color = np.round(255.0 * np.array(flight.color)).astype(np.uint8)
         self._blank[box.top : box.top + box.height, box.left : box.left + bar] = color
-        number = round(min(225.0 * self._layout.scale, 0.52 * box.width))
+        wide, share = (225.0, 0.52) if self._one_wind else (400.0, 0.6)
+        number = round(min(wide * self._layout.scale, share * box.width))
         name = Box(box.left + bar, box.top, box.width - bar - number, box.height)
         self._write(self._blank, name, flight.label, tuple(int(c) for c in color), NAME_SIZE, align="left", bold=True)
         return Box(box.left + box.width - number, box.top, number, box.height)
@@ -104,6 +106,8 @@ class Captions:
         bold: bool = False,
     ) -> None:
         """Put a line of text into a box, smaller where it would not fit."""
+        # a picture's line of text: no line breaks, no characters that steer a terminal
+        text = "".join(each if each.isprintable() else " " for each in text)
         margin = max(1, round(10.0 * self._layout.scale))
         room = max(box.width - 2 * margin, 1)
         height = max(LEAST_TEXT, round(size * self._layout.scale))
@@ -115,6 +119,13 @@ class Captions:
         at = (margin, box.height // 2) if align == "left" else (box.width - margin, box.height // 2)
         ImageDraw.Draw(picture).text(at, text, fill=ink, font=font, anchor="lm" if align == "left" else "rm")
         pixels[_inside(box)] = np.asarray(picture)
+
+
+def state_words(flight: FilmedFlight, time: float, k: int) -> str:
+    """What is said of a flight at frame k, ``time`` s: its error, and after its end that, or why it was lost."""
+    if time >= flight.end:
+        return flight.lost or f"ended at {flight.end:g} s"
+    return f"tip error {error_words(float(flight.error[k]))}"
 
 
 def error_words(error: float) -> str:

@@ -42,7 +42,8 @@ class FilmedFlight:
         tip, desired_tip: (F, 3) m. force: (F, 3) N of the wind. air: (F, 3) m/s, velocity of the air.
         error: (F,) m, distance of the tip from its reference.
         error_time, error_curve: (N,) s and m, the same at every control instant.
-        end: s; from then on the vehicle stays where it was. lost: why, in words; empty for a whole flight.
+        end: s; from then on the vehicle stays where it was. lost: why it ended early, in words; empty for a whole
+            flight.
     """
 
     label: str
@@ -74,7 +75,7 @@ def frame_times(logs: Sequence[Log], settings: FilmSettings) -> Array:
     for log in logs:
         if not log.time.size:
             raise ValueError(f"log = {log.info.get('scenario')!r}: must hold at least one control instant to be filmed")
-    longest = max(float(log.time[-1] + (log.time[1] - log.time[0] if log.time.size > 1 else 0.0)) for log in logs)
+    longest = max(map(_end_of, logs))
     stop = longest if settings.stop is None else min(settings.stop, longest)
     count = round((stop - settings.start) * settings.fps / settings.speed)
     if count < 1:
@@ -132,7 +133,7 @@ def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFligh
         error=_read(log.time, np.linalg.norm(log.tip - log.tip_reference, axis=1)[:, None], times)[:, 0],
         error_time=log.time,
         error_curve=np.linalg.norm(log.tip - log.tip_reference, axis=1),
-        end=float(log.time[-1]) if not whole else np.inf,
+        end=_end_of(log) if whole else float(log.time[-1]),
         lost="" if whole else log.status.replace("_", " "),
     )
 
@@ -148,6 +149,11 @@ READ = (
     "air_velocity",
 )
 """Arrays of a log that a film reads as they are."""
+
+
+def _end_of(log: Log) -> float:
+    """When the last control period of a flight is over, s."""
+    return float(log.time[-1] + (log.time[1] - log.time[0] if log.time.size > 1 else 0.0))
 
 
 def _read(time: Array, values: Array, times: Array) -> Array:

@@ -55,7 +55,7 @@ def trail(flight: FilmedFlight, times: Array, k: int, width: float) -> list[Mark
     """Where the tip was in the last seconds, fading."""
     first = int(np.searchsorted(times, times[k] - TRAIL))
     # every so many frames of the film, not of the trail, so that a line stays where it was drawn once
-    every = max(1, int(np.searchsorted(times, TRAIL)) // TRAIL_PIECES)
+    every = max(1, int(np.searchsorted(times, times[0] + TRAIL)) // TRAIL_PIECES)
     at = _apart(flight.tip[[*range(-(-first // every) * every, k, every), k]])
     share = np.linspace(0.15, 0.85, max(len(at) - 1, 1))
     return [
@@ -65,11 +65,21 @@ def trail(flight: FilmedFlight, times: Array, k: int, width: float) -> list[Mark
 
 def desired_path(flight: FilmedFlight, width: float) -> list[Mark]:
     """Where the tip should be all through the film."""
-    at = _apart(flight.desired_tip[:: max(1, len(flight.desired_tip) // (4 * TRAIL_PIECES))])
+    at = _apart(flight.desired_tip[:: -(-len(flight.desired_tip) // (4 * TRAIL_PIECES))])
     return [Mark("line", width, a, b, PATH) for a, b in pairwise(at)]
 
 
-def wind_arrow(flight: FilmedFlight, k: int, reach: float) -> list[Mark]:
+def one_wind(flights: Sequence[FilmedFlight]) -> bool:
+    """Whether the flights fly in the same wind, to what a film's numbers show."""
+    first = flights[0]
+    return all(
+        np.allclose(each.force, first.force, rtol=0.0, atol=LEAST_SPEED)
+        and np.allclose(each.air, first.air, rtol=0.0, atol=LEAST_SPEED)
+        for each in flights[1:]
+    )
+
+
+def wind_arrow(flight: FilmedFlight, k: int, reach: float, rgba: RGBA = WIND) -> list[Mark]:
     """An arrow along the wind that ends beside the vehicle; as long as the force, or else the air's speed, is large."""
     length = np.zeros(3)
     if np.linalg.norm(flight.force[k]) > LEAST_FORCE:
@@ -81,7 +91,7 @@ def wind_arrow(flight: FilmedFlight, k: int, reach: float) -> list[Mark]:
         return []
     along = length / size
     end = flight.desired_position[k] - 1.6 * reach * along + np.array([0.0, 0.0, 0.8 * reach])
-    return [Mark("arrow", 0.06 * reach, end - min(size, LONGEST_ARROW) * along, end, WIND)]
+    return [Mark("arrow", 0.06 * reach, end - min(size, LONGEST_ARROW) * along, end, rgba)]
 
 
 def wind_words(flight: FilmedFlight, k: int) -> str:
@@ -109,8 +119,13 @@ def marks_of(flights: Sequence[FilmedFlight], times: Array, reach: float, scale:
         if not np.allclose(flight.desired_tip, flights[0].desired_tip, atol=1e-6):
             still += desired_path(flight, THIN * scale)
 
+    # flights in winds of their own have arrows of their own colours
+    winds: list[tuple[FilmedFlight, RGBA]] = [(flights[0], WIND)]
+    if not one_wind(flights):
+        winds = [(flight, (*flight.color, WIND[3])) for flight in flights]
+
     def at(k: int) -> list[Mark]:
         moving = [mark for flight in flights for mark in trail(flight, times, k, THICK * scale)]
-        return [*still, *moving, *wind_arrow(flights[0], k, reach)]
+        return [*still, *moving, *(arrow for each, rgba in winds for arrow in wind_arrow(each, k, reach, rgba))]
 
     return at

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from skyarm.files import write_atomically
 from skyarm.film.camera_paths import AZIMUTH, CAMERAS, FIELD_OF_VIEW, CameraPath, vehicle_reach
-from skyarm.film.captions import error_words
+from skyarm.film.captions import state_words
 from skyarm.film.film_settings import FilmSettings
 from skyarm.film.filmed_flight import FilmedFlight, film_flights, frame_times
 from skyarm.film.marks import LEAST_FORCE, LEAST_SPEED, WIND, wind_words
@@ -91,9 +91,9 @@ def save_recording(recording: Recording, path: str | os.PathLike[str]) -> list[P
         What was written.
     """
     target = Path(path)
-    if target.suffix == ".viser":
+    if target.suffix.lower() == ".viser":
         return [write_atomically(target, recording.content)]
-    if target.suffix == ".html":
+    if target.suffix.lower() == ".html":
         return [write_atomically(target, recording.html().encode())]
     written = [write_atomically(target / RECORDING_NAME, recording.content)]
     return [*written, write_atomically(target / PLAYER_NAME, player_page(RECORDING_NAME).encode())]
@@ -178,9 +178,9 @@ class _Recorded:
     def _put_wind(self, k: int) -> None:
         """Turn the arrow into the wind, hide it without one."""
         force, air = self._flight.force[k], self._flight.air[k]
-        wind = force if np.linalg.norm(force) > LEAST_FORCE else air
+        wind, least = (force, LEAST_FORCE) if np.linalg.norm(force) > LEAST_FORCE else (air, LEAST_SPEED)
         size = float(np.linalg.norm(wind))
-        blows = tuple(np.round(wind / size, 1)) if size > min(LEAST_FORCE, LEAST_SPEED) else None
+        blows = tuple(np.round(wind / size, 1)) if size > least else None
         if blows == self._blows:
             return
         self._blows = blows
@@ -192,10 +192,8 @@ class _Recorded:
 
     def _text(self, k: int) -> str:
         flight = self._flight
-        if self._times[k] >= flight.end:
-            return f"{flight.label}: {flight.lost}"
-        wind = wind_words(flight, k)
-        return f"{flight.label}: tip error {error_words(float(flight.error[k]))}" + (f", {wind}" if wind else "")
+        wind = wind_words(flight, k) if self._times[k] < flight.end else ""
+        return f"{flight.label}: {state_words(flight, float(self._times[k]), k)}" + (f", {wind}" if wind else "")
 
 
 def _surroundings(

@@ -29,6 +29,10 @@ MOST_IN_MEMORY = 1.5e9
 
 COLORS_OF_GIF = 128
 
+USUAL, USUAL_IN_MEMORY = (1280, 720, 30), (800, 450, 15)
+"""Width, height and frames a second of a film for which none are named; of animated WebP and GIF, so that a flight of
+30 s fits into what they may take, and on a page."""
+
 
 def write_mp4(path: Path, frames: Frames, size: tuple[int, int], fps: int, count: int) -> Path:
     """H.264 in MP4, as browsers and slides play it.
@@ -88,6 +92,11 @@ def require_film_format(path: Path, others: tuple[str, ...] = ()) -> Writer | No
     if suffix == "mp4":
         import_av()
     return FILM_FORMATS[suffix]
+
+
+def usual_size_and_rate(path: Path) -> tuple[int, int, int]:
+    """Width, height and frames a second where none are named, by the file's suffix."""
+    return USUAL_IN_MEMORY if path.suffix.lower() in (".webp", ".gif") else USUAL
 
 
 def import_av() -> Any:

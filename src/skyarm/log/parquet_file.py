@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,9 @@ from skyarm.log.flight_log import Log
 
 KEY = b"skyarm"
 """Key of the file's metadata under which the log's description stands, as JSON."""
+
+SUM = b"skyarm.crc32"
+"""Key of the description's checksum: Parquet has none for the metadata. Files of before have no such key."""
 
 
 def _parquet() -> tuple[Any, Any]:
@@ -46,7 +50,7 @@ def write_parquet(log: Log, path: Path) -> Path:
     fields = [pa.field(name, pa.float64(), nullable=False, metadata=m) for name, m in zip(names, said, strict=True)]
     arrays = [pa.array(np.ascontiguousarray(each.of(log))) for each in every]
     info = json.dumps(log.info | {LAYOUT: layout(log)}).encode()
-    table = pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata={KEY: info}))
+    table = pa.Table.from_arrays(arrays, schema=pa.schema(fields, metadata={KEY: info, SUM: _sum(info)}))
     with writing_atomically(path) as stream:
         pq.write_table(table, stream, compression="zstd", write_page_checksum=True)
     return path
@@ -62,12 +66,20 @@ def read_parquet(path: Path) -> Log:
     name, content = f"log = {shown(os.fspath(path))}", path.read_bytes()
     try:
         table = pq.read_table(pa.BufferReader(content), page_checksum_verification=True)
-        info = json.loads((table.schema.metadata or {})[KEY])
+        said = table.schema.metadata or {}
+        info = json.loads(said[KEY])
         rows = np.stack([np.asarray(each, dtype=float) for each in table.columns], axis=1)
     except Exception:  # file, pages, compression, columns and JSON have readers of their own, each with its own errors
         raise ValueError(f"{name}: must be a log that skyarm wrote as Parquet") from None
+    if said.get(SUM, _sum(said[KEY])) != _sum(said[KEY]):
+        raise ValueError(f"{name}: must have the checksum that it was written with; the file is damaged")
     words = "must be a log of schema 1"
     try:
         return log_of(arrays_of(rows, table.column_names, info.get(LAYOUT)), info, words)
     except (ValueError, AttributeError):
         raise ValueError(f"{name}: {words}") from None
+
+
+def _sum(info: bytes) -> bytes:
+    """Checksum of a description, as text."""
+    return f"{zlib.crc32(info):08x}".encode()

@@ -23,6 +23,10 @@ def tip(vehicle: Vehicle, position: Array, quaternion: Array, joints: Array) -> 
 
 def level_tip(vehicle: Vehicle, position: Array, yaw: Any, joints: Array) -> Array:
     """Return the desired tip position p_d + R_z(psi_d) p_e(th_d): the level pose (N, 3)."""
+    return tip(vehicle, position, yaw_quaternion(yaw), joints)
+
+
+def yaw_quaternion(yaw: Any) -> Array:
+    """Quaternions wxyz (N, 4) of level poses."""
     zero = np.zeros_like(yaw)
-    quaternion = np.stack([np.cos(0.5 * yaw), zero, zero, np.sin(0.5 * yaw)], axis=1)
-    return tip(vehicle, position, quaternion, joints)
+    return np.stack([np.cos(0.5 * yaw), zero, zero, np.sin(0.5 * yaw)], axis=1)

@@ -178,11 +178,24 @@ def _classes(by: Variable) -> dict[str, npt.NDArray[np.bool_]]:
     """Words -> episodes: each value where they are few, else thirds of the episodes."""
     different = np.unique(by.values)
     if different.size <= MOST_CLASSES:
-        return {f"{value:.4g}": by.values == value for value in different}
+        return {word: by.values == value for word, value in zip(_told_apart(different, 4), different, strict=True)}
     ends = np.quantile(by.values, (1 / 3, 2 / 3))
     third = np.searchsorted(ends, by.values, side="right")
     edges = [float(different[0]), *map(float, ends), float(different[-1])]
-    return {f"{edges[i]:.3g} to {edges[i + 1]:.3g}": third == i for i in range(THIRDS)}
+    distinct = np.unique(edges)
+    words = dict(zip(distinct.tolist(), _told_apart(distinct, 3), strict=True))
+    # of a number that has one value in many episodes a third may be empty
+    filled = [i for i in range(THIRDS) if (third == i).any()]
+    return {f"{words[edges[i]]} to {words[edges[i + 1]]}": third == i for i in filled}
+
+
+def _told_apart(values: Array, digits: int) -> list[str]:
+    """Increasing numbers in words, with as many digits as tell them apart."""
+    for more in range(digits, 17):
+        found = [f"{value:.{more}g}" for value in values]
+        if len(set(found)) == len(found):
+            return found
+    return list(map(repr, values.tolist()))
 
 
 def _curve(

@@ -90,13 +90,14 @@ class McapWriter:
 
     def __init__(self, write: Callable[[bytes], object], library: str) -> None:
         self._write = write
-        self._at = 0
+        self._at, self._sum = 0, 0
         self._kept = _Written()
         self._put(MAGIC + _record(HEADER, _text(PROFILE) + _text(library)))
 
     def _put(self, content: bytes) -> int:
         """Write; returns where it begins."""
         begin, self._at = self._at, self._at + len(content)
+        self._sum = zlib.crc32(content, self._sum)
         self._write(content)
         return begin
 
@@ -160,7 +161,7 @@ class McapWriter:
     def end(self) -> None:
         """Write the index; nothing may be written after it."""
         kept = self._kept
-        self._put(_record(DATA_END, struct.pack("<I", 0)))
+        self._put(_record(DATA_END, struct.pack("<I", self._sum)))
         start, summary, offsets = self._at, b"", b""
         groups = {
             SCHEMA: kept.schemas,

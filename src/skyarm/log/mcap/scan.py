@@ -61,6 +61,7 @@ def scan(content: bytes, topic: str) -> Scanned:
         except (struct.error, UnicodeDecodeError, IndexError):
             raise McapError(f"record at byte {begin - _RECORD.size}: must be as MCAP files have it") from None
         if opcode == DATA_END:
+            _require_data(content, begin, end)
             found.whole = True
             break
     return found
@@ -107,6 +108,12 @@ def _chunk(content: bytes, begin: int, end: int) -> tuple[int, int]:
         raise struct.error
     _require_sum(content[at + 8 : end], crc, f"chunk at byte {begin}")
     return at + 8, end
+
+
+def _require_data(content: bytes, begin: int, end: int) -> None:
+    """Check all that stands before the end of the data: records have no checksum of their own kind and length."""
+    crc = int.from_bytes(content[begin:end][:4], "little")
+    _require_sum(content[: begin - _RECORD.size], crc, "file")
 
 
 def _require_sum(content: bytes, crc: int, what: str) -> None:

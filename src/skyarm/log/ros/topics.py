@@ -29,8 +29,8 @@ from skyarm.log.ros.transforms import (
     quaternion,
     transform,
     xyz,
-    yaw_quaternion,
 )
+from skyarm.log.tip_positions import yaw_quaternion
 from skyarm.records.restore import restore
 from skyarm.vehicle.vehicle_records import Vehicle
 

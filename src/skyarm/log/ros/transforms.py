@@ -80,12 +80,6 @@ def quaternion(wxyz: Array) -> dict[str, Any]:
     return dict(zip("wxyz", wxyz.T, strict=True))
 
 
-def yaw_quaternion(yaw: Array) -> Array:
-    """Quaternions wxyz (N, 4) of level poses."""
-    zero = np.zeros_like(yaw)
-    return np.stack([np.cos(0.5 * yaw), zero, zero, np.sin(0.5 * yaw)], axis=1)
-
-
 def _turns(R: Mat3, count: int) -> Array:
     """Matrices (N, 3, 3) of a rotation whose entries are numbers or arrays."""
     return np.array([[np.broadcast_to(np.asarray(c, dtype=float), (count,)) for c in row] for row in R.rows]).transpose(
