@@ -119,3 +119,8 @@ def test_lanes_of_a_session_obey_the_rules_of_their_fields() -> None:
         session.set({path: -5.0}, mask=np.array([False, True, False]))
     session.set({path: 0.05})
     assert (session.state.position.z == before).all()
+
+
+def test_a_batch_is_of_the_rigid_body_plant_and_says_so() -> None:
+    with pytest.raises(ScenarioError, match=r"^plant\.kind = 'mujoco': must be rigid_body for a batch$"):
+        Batch(load_scenario("case3", plant="mujoco", duration=0.1))

@@ -26,7 +26,14 @@ from skyarm.scenario.scenario_record import Scenario, ScenarioError, noise_key
 from skyarm.simulate.batch_leg import Leg, LegOptions
 from skyarm.simulate.batch_rows import lane_columns
 from skyarm.simulate.batch_session import BatchSession
-from skyarm.simulate.lane_arguments import require_count, require_kind, require_paths, require_values, require_width
+from skyarm.simulate.lane_arguments import (
+    require_count,
+    require_kind,
+    require_paths,
+    require_rigid_body,
+    require_values,
+    require_width,
+)
 from skyarm.simulate.lane_rules import LaneRules
 from skyarm.simulate.lanes_and_changes import require_apart_from_changes
 from skyarm.simulate.outcome import Outcome
@@ -79,6 +86,7 @@ class Batch:
             warn_of_old_name("Batch(exact=...)", "bit_exact")
             bit_exact = exact
         require_flight(scenario)
+        require_rigid_body(scenario)
         self.scenario, self.paths = scenario, require_paths(paths)
         require_width(width)
         require_kind("windows", windows, Windows)

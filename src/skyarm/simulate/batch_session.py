@@ -31,6 +31,7 @@ from skyarm.simulate.lane_arguments import (
     lane_numbers,
     require_count,
     require_paths,
+    require_rigid_body,
     require_values,
     require_within_queue,
 )
@@ -92,8 +93,7 @@ class BatchSession:
         stiffest: Scenario | None = None,
     ) -> None:
         require_flight(scenario)
-        if scenario.plant != "rigid_body":
-            raise ScenarioError(f"plant.kind = {scenario.plant!r}: must be rigid_body for a batch")
+        require_rigid_body(scenario)
         if scenario.changes:
             raise ScenarioError("changes: must be left out for lanes that are stepped; set() gives them other numbers")
         lanes, threads = require_count("lanes", lanes), require_count("threads", threads)

@@ -31,6 +31,16 @@ def require_count(field: str, value: Any, least: int = 1) -> int:
     return held
 
 
+def require_rigid_body(scenario: Scenario) -> None:
+    """Refuse a scenario of another plant: batches are machine code of the rigid-body plant.
+
+    Raises:
+        ScenarioError: one line.
+    """
+    if scenario.plant != "rigid_body":
+        raise ScenarioError(f"plant.kind = {shown(scenario.plant)}: must be rigid_body for a batch")
+
+
 def require_width(width: Any) -> None:
     """Lanes of a vector, or None for the processor's own.
 
