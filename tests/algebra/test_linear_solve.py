@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engines import ENGINES, evaluate
+from flying_engines import ENGINES, evaluate
 from skyarm.algebra import ldl_solve
 
 RNG = np.random.default_rng(9)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from engines import ENGINES, evaluate, jax_doubles
+from flying_engines import ENGINES, evaluate, jax_doubles
 from skyarm.algebra import Quaternion, Vec3
 
 Rotation = pytest.importorskip("scipy.spatial.transform").Rotation

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engines import ENGINES, evaluate
+from flying_engines import ENGINES, evaluate
 from skyarm.algebra import ArticulatedInertia, Force, Mat3, Motion, SpatialInertia, Sym3, Vec3, axis_rotation
 from vehicles_random import array3, inertia33, random_body, random_quaternion, rotation_matrix
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engines import ENGINES, evaluate
+from flying_engines import ENGINES, evaluate
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Sym3, Vec3, axis_rotation
 
 RNG = np.random.default_rng(5)

@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 
-from engines import jax_doubles
+from flying_engines import jax_doubles
 
 jax = pytest.importorskip("jax")
 

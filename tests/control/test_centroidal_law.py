@@ -9,8 +9,8 @@ import pytest
 from centroidal_flights import fly, planned
 
 import skyarm
-from engines import jax_doubles
 from flown import MODEL, G, cases, changed, hovering, stacked
+from flying_engines import jax_doubles
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves, rebuild, trace
 from skyarm.control.catalogue import ControllerError, preset

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from engines import jax_doubles
 from flown import ARM2, LAWS, MODEL, G, cases, changed, controller, hovering, raw_squares, stacked, step, unclipped
+from flying_engines import jax_doubles
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves, rebuild, trace
 from skyarm.control.catalogue import make_controller

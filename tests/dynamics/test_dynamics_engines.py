@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from engines import ENGINES, evaluate, jax_doubles
+from flying_engines import ENGINES, evaluate, jax_doubles
 from skyarm import dynamics
 from skyarm.algebra import Force, Motion, Quaternion, Vec3
 from skyarm.dynamics import State

@@ -147,7 +147,7 @@ def test_references_readings_wind_and_errors_are_the_logs(read):
 def test_every_number_of_the_log_stands_in_the_flights_own_messages(read):
     log, (found, _) = flown(), read
     messages = found["/skyarm/flight"][2]
-    for column in skyarm.log.columns.columns(log):
+    for column in skyarm.log.log_columns.columns(log):
         assert np.array_equal(table(messages, column.name), column.of(log)), column.name
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import skyarm
 from logged_flights import drawn
-from skyarm.log.columns import columns, distinct, layout, names_of, word
+from skyarm.log.log_columns import columns, distinct, layout, names_of, word
 
 VEHICLES = [skyarm.load_vehicle(name) for name in skyarm.list_vehicles()]
 

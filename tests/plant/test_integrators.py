@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from independent_flight import Flight
 
-from engines import jax_doubles
+from flying_engines import jax_doubles
 from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, tumbling
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from engines import jax_doubles
+from flying_engines import jax_doubles
 from skyarm.compile import trace
 from skyarm.reference import Constant, Ramp, Shifted, Sine, Sum, Windowed, sequence
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from engines import ENGINES, evaluate
+from flying_engines import ENGINES, evaluate
 from skyarm import scalars
 
 INF, NAN = math.inf, math.nan

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from engines import ENGINES, evaluate
+from flying_engines import ENGINES, evaluate
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves

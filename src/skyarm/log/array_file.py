@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from skyarm.files import shown, write_atomically
-from skyarm.log.columns import layout
 from skyarm.log.contents import LAYOUT, log_of
 from skyarm.log.flight_log import Log
+from skyarm.log.log_columns import layout
 
 
 def write_npz(log: Log, path: str | os.PathLike[str]) -> Path:

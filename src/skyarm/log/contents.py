@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.log.columns import JOINT_ARRAYS, ROTOR_ARRAYS
 from skyarm.log.flight_log import Log
+from skyarm.log.log_columns import JOINT_ARRAYS, ROTOR_ARRAYS
 from skyarm.records.leaves import field_names
 from skyarm.records.units import units
 
@@ -50,7 +50,7 @@ def arrays_of(table: npt.NDArray[np.float64], names: Sequence[str], layout: Any)
     Args:
         table: (N, columns).
         names: of its columns.
-        layout: array -> its columns, as :func:`skyarm.log.columns.layout` writes it.
+        layout: array -> its columns, as :func:`skyarm.log.log_columns.layout` writes it.
 
     Raises:
         ValueError: a column is missing, or the layout is none.

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.files import write_atomically
-from skyarm.log.columns import columns
 from skyarm.log.flight_log import Log
+from skyarm.log.log_columns import columns
 
 Array = npt.NDArray[np.float64]
 

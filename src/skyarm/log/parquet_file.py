@@ -12,9 +12,9 @@ import numpy as np
 
 from skyarm.files import needs_extra, shown
 from skyarm.files.atomic import writing_atomically
-from skyarm.log.columns import columns, layout
 from skyarm.log.contents import LAYOUT, arrays_of, log_of
 from skyarm.log.flight_log import Log
+from skyarm.log.log_columns import columns, layout
 
 KEY = b"skyarm"
 """Key of the file's metadata under which the log's description stands, as JSON."""

@@ -15,10 +15,10 @@ from typing import Any
 from xml.sax.saxutils import quoteattr
 
 from skyarm.files import write_atomically
-from skyarm.log.columns import columns
 from skyarm.log.flight_log import Log
+from skyarm.log.log_columns import columns
+from skyarm.log.ros.frame_transforms import WORLD
 from skyarm.log.ros.topics import FLIGHT_TOPIC
-from skyarm.log.ros.transforms import WORLD
 
 FOXGLOVE, PLOTJUGGLER = "foxglove.json", "plotjuggler.xml"
 """Names of the files."""

@@ -11,9 +11,9 @@ from typing import Any
 
 from skyarm.files import shown, versions
 from skyarm.files.atomic import writing_atomically
-from skyarm.log.columns import layout
 from skyarm.log.contents import LAYOUT, arrays_of, log_of
 from skyarm.log.flight_log import Log, rows_of
+from skyarm.log.log_columns import layout
 from skyarm.log.mcap.container import McapWriter, Messages
 from skyarm.log.mcap.scan import McapError, numbers, scan
 from skyarm.log.ros.message_types import definition, full_name

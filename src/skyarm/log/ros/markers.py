@@ -8,7 +8,7 @@ import numpy as np
 
 from skyarm.drawing.shapes import Shape
 from skyarm.drawing.vehicle_shapes import vehicle_shapes
-from skyarm.log.ros.transforms import Frames, of_matrices, quaternion, xyz
+from skyarm.log.ros.frame_transforms import Frames, of_matrices, quaternion, xyz
 from skyarm.vehicle.vehicle_records import Vehicle
 
 SPHERE, CYLINDER = 2, 3

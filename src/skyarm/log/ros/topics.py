@@ -15,13 +15,10 @@ import numpy.typing as npt
 
 from skyarm.actuation import rotor_forces
 from skyarm.algebra import Vec3
-from skyarm.log.columns import columns, names_of
 from skyarm.log.flight_log import Log
+from skyarm.log.log_columns import columns, names_of
 from skyarm.log.ros.cdr import Bytes, encode
-from skyarm.log.ros.instants import METRICS, Part
-from skyarm.log.ros.markers import markers
-from skyarm.log.ros.message_types import DEFINITIONS, FLIGHT, ROS1, flight_definition
-from skyarm.log.ros.transforms import (
+from skyarm.log.ros.frame_transforms import (
     BASE_LINK,
     BASE_REFERENCE,
     WORLD,
@@ -30,6 +27,9 @@ from skyarm.log.ros.transforms import (
     transform,
     xyz,
 )
+from skyarm.log.ros.instants import METRICS, Part
+from skyarm.log.ros.markers import markers
+from skyarm.log.ros.message_types import DEFINITIONS, FLIGHT, ROS1, flight_definition
 from skyarm.log.tip_positions import yaw_quaternion
 from skyarm.records.restore import restore
 from skyarm.vehicle.vehicle_records import Vehicle

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from skyarm.algebra import Mat3, Vec3
 from skyarm.drawing.shapes import turn_onto
 from skyarm.dynamics.kinematics import joint_placement
-from skyarm.log.columns import distinct
+from skyarm.log.log_columns import distinct
 from skyarm.vehicle.vehicle_records import BASE, Vehicle
 
 Array = npt.NDArray[np.float64]
