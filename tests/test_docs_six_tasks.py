@@ -71,7 +71,7 @@ def test_step_it(ran: Any) -> None:
 def test_look_at_it(ran: Any, tmp_path: Path) -> None:
     ran("Look at it")
     assert (tmp_path / "flight.png").read_bytes().startswith(b"\x89PNG")
-    assert (tmp_path / "flight.csv").read_text().startswith("time,")
+    assert (tmp_path / "flight.csv").read_text().startswith("time [s],")
 
 
 def test_score_it(ran: Any) -> None:

@@ -149,13 +149,6 @@ def test_lanes_outside_the_queue_are_refused() -> None:
         apart.fly({LATE: np.array([0.006])})
 
 
-def test_margins_refuse_parts_that_travel_apart() -> None:
-    from skyarm.stability.open_loop import Differentiator
-
-    with pytest.raises(ScenarioError, match=r"delays\.rotors, delays\.joints: margins know one delay"):
-        Differentiator(moving(rotors=0.005))
-
-
 # --- a law that joins a reference which is already running
 
 
