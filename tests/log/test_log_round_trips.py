@@ -208,7 +208,7 @@ def test_a_log_of_another_shape_or_schema_is_one_line(tmp_path):
     "columns", [None, 3, {}, {"time": 1}, {"time": {"columns": ["time", "nothing"], "units": [""]}}]
 )
 def test_a_description_that_names_other_columns_is_one_line(columns, tmp_path):
-    from skyarm.log import columns as module
+    from skyarm.log import log_columns as module
     from skyarm.log.mcap import flight_file
 
     log = drawn(skyarm.load_vehicle("hummingbird_arm2"))

@@ -18,7 +18,7 @@ from skyarm.sweep.rows_there import not_counted
 from skyarm.sweep.seal import PLACE, is_whole, sealed
 from skyarm.sweep.stats import Rows, statistics
 from skyarm.sweep.store import Store
-from skyarm.sweep.study_page import page
+from skyarm.sweep.study_page import Pictures, page
 from sweeps import files_of, small_study
 
 pytest.importorskip("pyarrow")
@@ -134,7 +134,7 @@ def test_a_whole_file_beyond_the_last_is_told_from_a_damaged_one(whole: Path, tm
         "not counted, since they are damaged: chunk_0000005.parquet",
         "not counted, since the study ends before them: chunk_0000004.parquet",
     ]
-    said = page(found, Rows(folder).manifest, {})
+    said = page(found, Rows(folder).manifest, Pictures())
     assert "Not counted, since the study ends before them: chunk_0000004.parquet." in said
     assert not_counted([], []) == []
     for path in chunks(folder)[:4]:
