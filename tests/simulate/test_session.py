@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from added_components import Blend, Ceiling, Fix, Lag, RandomPush, Turbulence, same_logs, with_law
+from shared_programs import shared_programs
 from simulate_flights import document
 from skyarm import Session
 from skyarm.actuation import Command
@@ -42,6 +43,12 @@ ADDED = dataclasses.replace(
     estimator=Blend(),
     drives=(JointDrive(joint="joint1", drive=Lag()),),
 )
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _shared() -> Any:
+    with shared_programs():
+        yield
 
 
 def called(memory: Any, measurement: Any, reference: Any, dt: Any, *, par: Any) -> Any:
