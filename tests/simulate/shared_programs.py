@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from skyarm.compile.llvm import kernel
 from skyarm.simulate import compiled_flight, compiled_session, staged_flight
 
 
@@ -27,6 +28,20 @@ def shared_programs() -> Iterator[None]:
         yield
 
 
+@contextmanager
+def hurried(cache: object) -> Iterator[None]:
+    """Within it all machine code is made in a hurry, which has the same bits, and is kept in a folder of its own.
+
+    For files that compare lanes with single flights, whose code is made once and flown for a second; what the compiler
+    makes of a loop when it takes its time is in ``test_batch``, ``test_native_loop`` and ``tests/compile/test_native``.
+    """
+    compiled = kernel._compiled
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SKYARM_CACHE", str(cache))
+        patch.setattr(kernel, "_compiled", lambda text, effort: compiled(text, 0))
+        yield
+
+
 def _traced(trace: Callable[..., Any]) -> Callable[..., Any]:
     made: dict[str, tuple[Any, Any]] = {}
 
@@ -42,7 +57,7 @@ def _traced(trace: Callable[..., Any]) -> Callable[..., Any]:
 def _kernels(kernel: Callable[..., Any]) -> Callable[..., Any]:
     made: dict[tuple[int, Any], Any] = {}
 
-    def kept(loop: Any, lanes: Any, *, logging: bool, effort: int) -> Any:
+    def kept(loop: Any, lanes: Any, *, logging: bool, effort: int = 2) -> Any:
         key = id(loop), (lanes, logging, effort)
         if key not in made:
             made[key] = kernel(loop, lanes, logging=logging, effort=effort)  # holds the loop
