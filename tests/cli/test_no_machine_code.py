@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_cli_errors import Outcome, skyarm
 
+from commanded import Outcome, skyarm
 from skyarm.compile.llvm import kernel as native
 from skyarm.compile.llvm.kernel import require_machine_code
 from skyarm.compile.machine_code import NoMachineCodeError, llvm_needed

@@ -10,8 +10,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from test_cli_errors import refused, skyarm
 
+from commanded import refused, skyarm
 from skyarm.cli import stability_commands
 from skyarm.cli.progress import bar
 from skyarm.scenario.scenario_file import load_scenario

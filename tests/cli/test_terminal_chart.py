@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_cli_errors import refused, skyarm
 
+from commanded import refused, skyarm
 from skyarm.cli.terminal_chart import BLOCKS, HEIGHT, WIDTH, chart
 
 TIME = np.linspace(0.0, 6.0, 601)

@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_cli_errors import CASE1, VEHICLE, skyarm
+from test_cli_errors import CASE1, VEHICLE
 from test_commands import shell, succeeded
 
+from commanded import skyarm
 from skyarm.algebra import Sym3, Vec3
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
