@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import pytest
 
+from skyarm.cli.app import console
 from skyarm.cli.main import main
 
 
@@ -21,15 +22,15 @@ class Outcome:
     err: str
 
 
-def skyarm(*arguments: str) -> Outcome:
-    """The command as its entry point runs it, in this process."""
-    out, err, before = io.StringIO(), io.StringIO(), sys.argv
-    sys.argv = ["skyarm", *arguments]
-    try:
+def skyarm(*arguments: str, columns: int = 80) -> Outcome:
+    """The command as its entry point runs it, in this process; on a terminal of so many columns."""
+    out, err = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["skyarm", *arguments])
+        patch.setenv("COLUMNS", str(columns))
+        patch.setattr(console, "_width", columns)
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), pytest.raises(SystemExit) as stop:
             main()
-    finally:
-        sys.argv = before
     code = stop.value.code
     return Outcome(code if isinstance(code, int) else 0, out.getvalue(), err.getvalue())
 
