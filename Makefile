@@ -85,7 +85,7 @@ browser: $(VENV)/.test
 	NODE_PATH=$(CURDIR)/$(VENV)/browser/node_modules STUDIO_BROWSER=1 $(BIN)/pytest -n 0 tests/studio/test_browser.py
 
 attack: $(VENV)/.test
-	$(BIN)/pytest -m attack tests/attacks
+	$(BIN)/pytest -m attack
 
 digests: $(VENV)/.test
 	$(BIN)/pytest -m digests tests/simulate/test_flight_digests.py
