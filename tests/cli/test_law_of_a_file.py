@@ -14,6 +14,7 @@ from added_components import registry_kept
 from skyarm.registry import plugins
 from skyarm.scenario.scenario_file import LIBRARY
 from skyarm.simulate import Log
+from thorough import sampled
 from wrong_laws import RESULTS, STATES, Mistake
 
 OWN = Path(__file__).parents[2] / "examples" / "own_law.py"
@@ -97,7 +98,7 @@ def test_sweep_flies_it_beside_others_and_refuses_another_file(folder, ways):
     assert {path: path.read_bytes() for path in (folder / "out" / "quick" / "rows").iterdir()} == before
 
 
-@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
+@pytest.mark.parametrize("plant", sampled(["rigid_body", "mujoco"], 2))
 def test_compare_flies_it_beside_others_and_refuses_another_file(folder, plant):
     words = ["compare", "--laws", f"paper_pd,{LAW}", "--conditions", "perfect", "--plant", plant]
     words += ["--workers", "2", "--out", "bench"]
@@ -196,6 +197,7 @@ def test_an_error_of_a_maker_is_one_line(folder):
     refused(skyarm("run", "case1", "--controller", "mine.py:make"), "mine.py:2: IndexError: list index out of range")
 
 
+@pytest.mark.thorough
 def test_a_law_made_inside_a_function_flies_in_processes(folder):
     shutil.copy(OWN.parent / "servo_drive.py", folder / "servo.py")
     words = ["compare", "--conditions", "perfect", "--workers", "2", "--plant", "mujoco", "--out", "bench"]

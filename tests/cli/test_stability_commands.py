@@ -114,6 +114,7 @@ joints = [0.2, 0.3, 0.3, 0.0, 0.2, 0.0]
 """
 
 
+@pytest.mark.thorough
 def test_margins_of_a_six_joint_arm_are_told(folder: Path) -> None:
     (folder / "arm6.toml").write_text(ARM6)
     ended = skyarm("margins", "arm6.toml", "--instants", "1")

@@ -16,6 +16,7 @@ from added_flight import EXAMPLES, PLUGINS, toml
 import skyarm
 from added_components import registry_kept
 from skyarm.registry.plugins import load_file
+from thorough import sampled
 
 EVERY = (*PLUGINS, EXAMPLES / "own_metric.py")
 LAW = f"{EXAMPLES / 'own_law.py'}:make_lqr"
@@ -39,7 +40,7 @@ def compare(folder: Path, *words: str, plugins: bool = True) -> subprocess.Compl
     )
 
 
-@pytest.mark.parametrize("plant", ["rigid_body", "mujoco", "instant_rotors"])
+@pytest.mark.parametrize("plant", sampled(["rigid_body", "mujoco", "instant_rotors"], 3, keep=("mujoco",)))
 def test_it_is_compared_on_every_plant_and_each_flight_is_one_of_its_own(tmp_path: Path, plant: str) -> None:
     """Law, air, force, sensor, estimator, drive, ending, motion and metric by name; flights one by one in processes."""
     laws = ["--laws", "angles,paper_pd", "--seeds", "3", "--workers", "2", "--plant", plant]
