@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import compileall
+import importlib.util
 import os
+import sys
+from importlib.util import cache_from_source
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,10 +18,27 @@ for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    """Compile the library's bytecode once, as pip does for what it installs.
+COMMANDS_LOAD = ("annotated_types", "llvmlite", "mujoco", "numpy", "pydantic", "rich", "shellingham", "typer")
+"""Libraries that every process of a command loads, and light ones."""
 
-    The tests start some hundred processes; where PYTHONDONTWRITEBYTECODE is set, each would compile all of it anew.
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile bytecode once, where each of some hundred processes would do so anew (PYTHONDONTWRITEBYTECODE is set).
+
+    That of the library, and of the libraries that its commands load: `make` installs them without any.
     """
-    if not hasattr(config, "workerinput"):
-        compileall.compile_dir(Path(__file__).parents[1] / "src" / "skyarm", quiet=2)
+    if not sys.dont_write_bytecode or hasattr(config, "workerinput"):
+        return
+    compileall.compile_dir(Path(__file__).parents[1] / "src" / "skyarm", quiet=2)
+    for name in COMMANDS_LOAD:
+        found = importlib.util.find_spec(name)
+        if found is not None and found.origin is not None and not Path(cache_from_source(found.origin)).exists():
+            compileall.compile_dir(Path(found.origin).parent, quiet=2)
+
+
+@pytest.fixture(scope="session")
+def campaign() -> Any:
+    """Twenty episodes of the paper of 30 s as stated, thirty with settings that were found, on both plants."""
+    from skyarm.paper.campaign import run_campaign
+
+    return run_campaign(("rigid_body", "mujoco"), sensitivity=False, beyond=False)

@@ -219,6 +219,7 @@ def test_an_error_of_a_maker_is_one_line(folder):
     refused(skyarm("run", "case1", "--controller", "mine.py:make"), "mine.py:2: IndexError: list index out of range")
 
 
+@pytest.mark.thorough
 def test_a_law_made_inside_a_function_flies_in_processes(folder):
     shutil.copy(OWN.parent / "servo_drive.py", folder / "servo.py")
     words = ["compare", "short.toml", "--workers", "2", "--plant", "mujoco", "--out", "bench"]

@@ -76,10 +76,10 @@ BREAKAGES = {
 
 
 def tried(commands: Iterable[str]) -> list[Any]:
-    """(cause, command): no library and a library that fails for each; the others in 'make attack'."""
+    """(cause, command): no library and a library that fails for each; the others in 'make thorough'."""
     usual = ("absent", "assembly not parsed")
     every = itertools.product(BREAKAGES, commands)
-    return [pytest.param(*each, marks=() if each[0] in usual else pytest.mark.attack) for each in every]
+    return [pytest.param(*each, marks=() if each[0] in usual else pytest.mark.thorough) for each in every]
 
 
 @pytest.fixture(params=list(BREAKAGES))
