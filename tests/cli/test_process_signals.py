@@ -67,8 +67,8 @@ def flying(folder: Path, process: subprocess.Popen[str], processes: int) -> None
 
 
 def kept(folder: Path) -> bool:
-    """Whether a flight that goes on has written of itself."""
-    return any(path.stat().st_size for path in folder.rglob("*.partial.mcap"))
+    """Whether a flight that goes on has written a whole second of itself, which is some 500 kB."""
+    return any(path.stat().st_size > 700_000 for path in folder.rglob("*.partial.mcap"))
 
 
 def said(errors: str) -> str:
