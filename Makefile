@@ -3,22 +3,23 @@ PYTHON ?= python3
 VENV := .venv
 LOWEST := .venv-lowest
 BIN := $(VENV)/bin
-PIP := -m pip install --quiet --disable-pip-version-check
+PIP := -m pip install --quiet --disable-pip-version-check --no-compile
 OUT ?= out/paper
 BENCH ?= out/bench.json
 WORKERS ?= 2
 TESTS ?=
 
-.PHONY: reproduce test test-lowest docs films fresh browser attack digests mutants bench lint hooks clean help
+.PHONY: reproduce test test-lowest docs films fresh browser thorough attack digests mutants bench lint hooks clean help
 
 help:
 	@echo "make reproduce    fly the paper's five experiments on both plants; OUT=$(OUT) is the folder of the results"
-	@echo "make test         lint, and every test but attacks and digests; TESTS='tests/plant -k wind' runs these only"
+	@echo "make test         lint, and every test but what the other words of this list run; TESTS='tests/plant -k wind' runs these only"
 	@echo "make test-lowest  every test on the lowest versions of pyproject.toml, in $(LOWEST); PYTHON must be 3.11"
 	@echo "make docs         build the documentation site, out/docs/site/index.html; run all that README, docs and examples show"
 	@echo "make films        the moving pictures of README and docs, drawn anew into docs/images: some minutes"
 	@echo "make fresh        build source and wheel into dist, install the wheel alone, weigh it, run the README's commands"
 	@echo "make browser      the studio's page in Chromium, drawn in software; needs node, npm and Chromium"
+	@echo "make thorough     more cases of what 'make test' samples: laws, vehicles, files, junk: some minutes"
 	@echo "make attack       kills at random times, signal races, full disks, forged folders, fuzzed files: some minutes"
 	@echo "make digests      every flight of the paper's cases against the digest it had: some twenty minutes"
 	@echo "make mutants      change 300 drawn lines, one at a time, and name those no test sees: hours; WORKERS=$(WORKERS) processes"
@@ -66,7 +67,7 @@ $(VENV)/.docs: $(VENV)/.test
 
 docs: $(VENV)/.docs
 	$(BIN)/python tests/website/build_site.py
-	$(BIN)/pytest -m "not attack and not digests" tests/test_readme.py tests/test_docs*.py tests/website tests/openness
+	$(BIN)/pytest -m "not attack and not digests and not thorough" tests/test_readme.py tests/test_docs*.py tests/website tests/openness
 
 WIND := case3_wind --controller paper_pd,paper_ct,centroidal_tip_stiff --label PD --label CT --label "centroidal law" \
 	--title "A circle in 2 N of wind: the paper's Case 3"
@@ -83,6 +84,9 @@ fresh:
 browser: $(VENV)/.test
 	npm install --silent --no-audit --no-fund --prefix $(VENV)/browser playwright-core
 	NODE_PATH=$(CURDIR)/$(VENV)/browser/node_modules STUDIO_BROWSER=1 $(BIN)/pytest -n 0 tests/studio/test_browser.py
+
+thorough: $(VENV)/.test
+	$(BIN)/pytest -m thorough $(TESTS)
 
 attack: $(VENV)/.test
 	$(BIN)/pytest -m attack tests/attacks

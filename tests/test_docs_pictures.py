@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from added_components import registry_kept
+from commanded import skyarm
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = (DOCS / "pictures.md").read_text("utf-8")
@@ -32,29 +34,24 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_commands_shown_draw_in_their_order(folder: Path) -> None:
     made = []
-    script = ["import sys", "from skyarm.cli.main import main"]
-    for command in COMMANDS:
-        words = shlex.split(command)[1:]
-        words += ["--duration", "6.5"] if words[0] == "run" else []
-        script.append(f"sys.argv = ['skyarm', *{words!r}]")
-        script += ["try: main()", "except SystemExit as stop:", f"    assert not stop.code, {words!r}"]
-        made += [words[words.index(option) + 1] for option in ("-o", "--drawing") if option in words]
-    done = subprocess.run(
-        [sys.executable, "-c", "\n".join(script)], cwd=folder, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
+    with contextlib.chdir(folder), registry_kept():
+        for command in COMMANDS:
+            words = shlex.split(command)[1:]
+            words += ["--duration", "6.5"] if words[0] == "run" else []
+            done = skyarm(*words)
+            assert done.code == 0, (words, done.err)
+            made += [words[words.index(option) + 1] for option in ("-o", "--drawing") if option in words]
     assert len(made) == len(set(made)) == 8
     for name in made:
         assert (folder / name).stat().st_size > 5_000, name
 
 
-def test_the_code_shown_draws(folder: Path) -> None:
+def test_the_code_shown_draws(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     blocks = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
     assert len(blocks) == 3
-    code = "\n".join(blocks)
-    done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines() == ["Tip error [mm]", "load [g]"]
+    with contextlib.chdir(folder):
+        exec(compile("\n".join(blocks), "pictures.md", "exec"), {})
+    assert capsys.readouterr().out.splitlines() == ["Tip error [mm]", "load [g]"]
     assert {"flight.pdf", "loads.png", "bent.pdf"} <= {path.name for path in folder.iterdir()}
 
 

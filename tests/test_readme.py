@@ -2,12 +2,12 @@
 
 import re
 import shlex
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 
+from added_components import registry_kept
+from commanded import skyarm
 from readme_commands import LINES, README, ROOT, SHOWN, code_shown, words_to_run
 
 
@@ -42,13 +42,12 @@ def test_the_readme_shows_commands():
 
 
 @pytest.mark.parametrize("line", SHOWN)
-def test_every_command_shown_runs(line, tmp_path):
-    words = words_to_run(line, tmp_path)
-    done = subprocess.run(
-        [sys.executable, "-m", "skyarm", *words], capture_output=True, text=True, check=False, cwd=tmp_path
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip()
+def test_every_command_shown_runs(line, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with registry_kept():
+        done = skyarm(*words_to_run(line, tmp_path))
+    assert done.code == 0, done.err
+    assert done.out.strip()
 
 
 def test_the_code_shown_runs(capsys):

@@ -14,7 +14,7 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "run": ("case3", "--duration", "0.5"),
     "replay": ("flight.npz",),
     "diff": ("flight.npz", "flight.npz"),
-    "plot": ("flight.npz", "-o", "flight.png"),
+    "plot": ("flight.npz", "-o", "flight.png", "--kind", "tip"),
     "film": ("flight.npz", "flight.viser", "--fps", "5"),
     "export": ("flight.npz", "--to", "csv"),
     "export-c": ("paper_ct", "--vehicle", "hummingbird_arm2", "-o", "x.c"),

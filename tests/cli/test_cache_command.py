@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from test_cli_errors import refused, skyarm
 
+from commanded import refused, skyarm
 from skyarm.compile.llvm import object_cache
 
 

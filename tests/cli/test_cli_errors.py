@@ -2,51 +2,20 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import re
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from commanded import refused, skyarm
 from skyarm.cli.main import main
 from skyarm.scenario.scenario_file import LIBRARY as SCENARIOS
 from skyarm.vehicle.vehicle_files import LIBRARY as VEHICLES
 
 CASE1 = (SCENARIOS / "case1.toml").read_text("utf-8")
 VEHICLE = (VEHICLES / "hummingbird_arm2_rotors.toml").read_text("utf-8")
-
-
-@dataclass(frozen=True)
-class Outcome:
-    code: int
-    out: str
-    err: str
-
-
-def skyarm(*arguments: str) -> Outcome:
-    """The command as its entry point runs it, in this process."""
-    out, err, before = io.StringIO(), io.StringIO(), sys.argv
-    sys.argv = ["skyarm", *arguments]
-    try:
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), pytest.raises(SystemExit) as stop:
-            main()
-    finally:
-        sys.argv = before
-    code = stop.value.code
-    return Outcome(code if isinstance(code, int) else 0, out.getvalue(), err.getvalue())
-
-
-def refused(outcome: Outcome, *words: str) -> None:
-    assert outcome.code == 2, outcome
-    assert outcome.err.count("\n") == 1, outcome.err
-    assert outcome.err.startswith("skyarm: ")
-    assert "Traceback" not in outcome.err
-    for word in words:
-        assert word in outcome.err, (word, outcome.err)
 
 
 @pytest.fixture

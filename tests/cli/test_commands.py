@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import subprocess
 import sys
@@ -12,6 +11,9 @@ import numpy as np
 import pytest
 
 import skyarm
+from added_components import registry_kept
+from commanded import Outcome
+from commanded import skyarm as typed
 from skyarm.cli.earlier_files import keep_earlier
 from skyarm.control.catalogue import LAWS, PRESETS
 from skyarm.scenario.scenario_file import list_scenarios
@@ -23,18 +25,17 @@ from skyarm.vehicle.vehicle_files import list_vehicles
 COMMAND = [sys.executable, "-W", "error", "-m", "skyarm"]
 
 
-def shell(*arguments: str, cwd: Path | None = None, columns: int = 80) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "COLUMNS": str(columns)}
-    return subprocess.run(
-        [*COMMAND, *arguments], capture_output=True, text=True, cwd=cwd, env=environment, timeout=120, check=False
-    )
+def shell(*arguments: str, cwd: Path | None = None) -> Outcome:
+    """As a process of its own."""
+    done = subprocess.run([*COMMAND, *arguments], capture_output=True, text=True, cwd=cwd, timeout=120, check=False)
+    return Outcome(done.returncode, done.stdout, done.stderr)
 
 
-def succeeded(result: subprocess.CompletedProcess[str]) -> str:
-    assert result.returncode == 0, result.stderr
-    assert not result.stderr
-    assert "\x1b" not in result.stdout, "no colours into a pipe"
-    return result.stdout
+def succeeded(result: Outcome) -> str:
+    assert result.code == 0, result.err
+    assert not result.err
+    assert "\x1b" not in result.out, "no colours into a pipe"
+    return result.out
 
 
 def test_the_version_is_printed() -> None:
@@ -43,7 +44,7 @@ def test_the_version_is_printed() -> None:
 
 @pytest.mark.parametrize("arguments", [["--help"], []])
 def test_help_names_every_command(arguments: list[str]) -> None:
-    text = succeeded(shell(*arguments))
+    text = succeeded(typed(*arguments))
     for command in ("reproduce", "run", "list", "show"):
         assert re.search(rf"^  {command} ", text, re.MULTILINE)
     assert "..." not in text.split("Commands:")[1], "summaries fit on their lines"
@@ -51,18 +52,18 @@ def test_help_names_every_command(arguments: list[str]) -> None:
 
 @pytest.mark.parametrize("command", ["reproduce", "run", "list", "show"])
 def test_every_command_has_help(command: str) -> None:
-    assert "Usage:" in succeeded(shell(command, "--help"))
+    assert "Usage:" in succeeded(typed(command, "--help"))
 
 
 def test_list_names_everything_shipped() -> None:
-    text = succeeded(shell("list"))
+    text = succeeded(typed("list"))
     for name in (*list_vehicles(), *list_scenarios(), *list_studies(), *PRESETS, *LAWS):
         assert re.search(rf"\b{name}\b", text), name
     assert "hummingbird_arm2 (model only)" in text
 
 
 def test_show_prints_the_paper_s_vehicle() -> None:
-    text = succeeded(shell("show", "hummingbird_arm2_rotors", "--gravity", "9.8"))
+    text = succeeded(typed("show", "hummingbird_arm2_rotors", "--gravity", "9.8"))
     assert "0.82103 kg" in text
     assert "g = 9.8 m/s^2" in text
     assert "0.3 m" in text
@@ -80,35 +81,37 @@ def test_show_prints_the_paper_s_vehicle() -> None:
     ("vehicle", "columns"), [(name, 80) for name in list_vehicles()] + [("octo_coaxial_two_arms", n) for n in (40, 200)]
 )
 def test_every_shipped_vehicle_is_shown_on_any_terminal(vehicle: str, columns: int) -> None:
-    text = succeeded(shell("show", vehicle, columns=columns))
+    text = succeeded(typed("show", vehicle, columns=columns))
     assert text.splitlines()[0].startswith(vehicle)
     assert "e-1" not in text, "rounding errors of zero are shown as 0"
 
 
-def test_a_reach_that_is_not_known_is_not_a_number(tmp_path: Path) -> None:
+def test_a_reach_that_is_not_known_is_not_a_number(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
     library = Path(str(VEHICLES))
     bare = (library / "hummingbird_arm2_rotors.toml").read_text().replace('end_effector = "tip"', "")
     assert bare != (library / "hummingbird_arm2_rotors.toml").read_text()
     (tmp_path / "bare.toml").write_text(bare)
-    text = succeeded(shell("show", "bare.toml", cwd=tmp_path))
+    text = succeeded(typed("show", "bare.toml"))
     assert re.search(r"arm reach .*no end effector", text)
     assert "0 m" not in re.search("arm reach.*", text)[0]  # type: ignore[index]
 
 
-def test_a_terminal_does_not_obey_the_names_in_a_file(tmp_path: Path) -> None:
+def test_a_terminal_does_not_obey_the_names_in_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
     named = (Path(str(VEHICLES)) / "hummingbird.toml").read_text()
     named = re.sub('(?m)^name = "hummingbird"', r'name = "a\\u001b[31mb\\u202ec"', named)
     (tmp_path / "red.toml").write_text(named)
-    assert succeeded(shell("show", "red.toml", cwd=tmp_path)).startswith(r"a\x1b[31mb\u202ec, g = ")
+    assert succeeded(typed("show", "red.toml")).startswith(r"a\x1b[31mb\u202ec, g = ")
     (tmp_path / "worse.toml").write_text(named.replace("mass = ", "mass = -"))
-    result = shell("run", "x\x1b]0;title\x07.toml", cwd=tmp_path)
-    assert result.returncode == 2
-    assert r"x\x1b]0;title\x07.toml" in result.stderr
-    assert "\x1b" not in result.stderr
+    result = typed("run", "x\x1b]0;title\x07.toml")
+    assert result.code == 2
+    assert r"x\x1b]0;title\x07.toml" in result.err
+    assert "\x1b" not in result.err
 
 
 def test_square_brackets_of_a_source_are_printed_as_they_stand() -> None:
-    assert "[s sin a, -s cos a, cos 30 deg]" in succeeded(shell("show", "tilted_hexarotor", columns=200))
+    assert "[s sin a, -s cos a, cos 30 deg]" in succeeded(typed("show", "tilted_hexarotor", columns=200))
 
 
 def test_run_writes_the_log_and_prints_what_came_out(tmp_path: Path) -> None:
@@ -133,10 +136,11 @@ steady = [0.2, 0.3]
 """
 
 
-def test_run_sums_up_over_the_scenario_s_own_window(tmp_path: Path) -> None:
+def test_run_sums_up_over_the_scenario_s_own_window(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
     low = LOW.replace("0.1]", "1.0]") + STEADY
     (tmp_path / "low.toml").write_text(low)
-    lines = succeeded(shell("run", "low.toml", "--controller", "indi", cwd=tmp_path)).splitlines()
+    lines = succeeded(typed("run", "low.toml", "--controller", "indi")).splitlines()
     assert lines[1].startswith("law indi on hummingbird_arm2_rotors, ")
     log = Log.load_npz(tmp_path / "out" / "run" / "low.npz")
     norm = np.linalg.norm(log.position - log.position_reference, axis=1)[40:60]
@@ -146,19 +150,21 @@ def test_run_sums_up_over_the_scenario_s_own_window(tmp_path: Path) -> None:
     assert float(position[-2]) == pytest.approx(norm.max(), rel=1e-3)
 
 
-def test_the_centroidal_law_shows_what_the_readme_says(tmp_path: Path) -> None:
+def test_the_centroidal_law_shows_what_the_readme_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The tip of Case 3 stays within a millimetre; in the last third of the flight its reference jumps."""
-    lines = succeeded(shell("run", "case3", "--controller", "centroidal_tip", cwd=tmp_path)).splitlines()
+    monkeypatch.chdir(tmp_path)
+    lines = succeeded(typed("run", "case3", "--controller", "centroidal_tip")).splitlines()
     mean, largest, whole = next(line for line in lines if line.startswith("tip, m")).split()[-3:]
     assert float(mean) < float(largest) < 1e-3
     assert float(whole) > 0.1
 
 
-def test_the_log_of_an_earlier_flight_keeps_a_number(tmp_path: Path) -> None:
+def test_the_log_of_an_earlier_flight_keeps_a_number(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The newest has the plain name; --force replaces it."""
+    monkeypatch.chdir(tmp_path)
     words = ("run", "case1", "--duration", "0.1", "--out", ".")
     for seed, more in ((1, ()), (2, ()), (3, ()), (4, ("--force",))):
-        text = succeeded(shell(*words, "--seed", str(seed), *more, cwd=tmp_path))
+        text = succeeded(typed(*words, "--seed", str(seed), *more))
         assert ("the flight before it is kept" in text) == (seed in (2, 3)), text
     seeds = {p.name: Log.load_npz(p).info["seed"] for p in tmp_path.glob("*.npz")}
     assert seeds == {"case1.npz": 4, "case1_1.npz": 1, "case1_2.npz": 2}
@@ -177,14 +183,17 @@ def test_numbers_that_are_taken_are_left_and_links_stay(tmp_path: Path) -> None:
     assert keep_earlier([a, b]) == []
 
 
-def test_plugins_that_flew_are_named(tmp_path: Path) -> None:
+def test_plugins_that_flew_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
     plugin = Path(__file__).resolve().parents[2] / "examples" / "own_metric.py"
     words = ("run", "case1", "--duration", "0.1", "--plugin", str(plugin))
-    assert succeeded(shell(*words, cwd=tmp_path)).splitlines()[1].endswith(", seed 0, plugins own_metric.py")
+    with registry_kept():
+        assert succeeded(typed(*words)).splitlines()[1].endswith(", seed 0, plugins own_metric.py")
 
 
-def test_run_chooses_plant_and_controller(tmp_path: Path) -> None:
-    shell("run", "case1", "--duration", "0.1", "--plant", "mujoco", "--controller", "paper_pd", cwd=tmp_path)
+def test_run_chooses_plant_and_controller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    typed("run", "case1", "--duration", "0.1", "--plant", "mujoco", "--controller", "paper_pd")
     log = Log.load_npz(tmp_path / "out" / "run" / "case1.npz")
     assert (log.info["plant"], log.info["controller"]) == ("mujoco", "decoupled_pd")
 
@@ -199,11 +208,11 @@ LOW = (
 def test_a_flight_that_ends_early_is_a_result_with_its_cause(tmp_path: Path) -> None:
     (tmp_path / "low.toml").write_text(LOW)
     result = shell("run", "low.toml", cwd=tmp_path)
-    assert result.stdout.startswith("low: ground at 0 s: lowest point at z = -0.2 m")
-    assert result.stderr == ""
-    assert result.returncode == 3, "a script that flies must notice"
+    assert result.out.startswith("low: ground at 0 s: lowest point at z = -0.2 m")
+    assert result.err == ""
+    assert result.code == 3, "a script that flies must notice"
     assert Log.load_npz(tmp_path / "out" / "run" / "low.npz").status == "ground"
-    assert re.search(r"3 if it\s+ended before its time", succeeded(shell("run", "--help")))
+    assert re.search(r"3 if it\s+ended before its time", succeeded(typed("run", "--help")))
 
 
 def test_a_reader_that_leaves_is_no_error() -> None:

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_cli_errors import VEHICLE, refused, skyarm
+from test_cli_errors import VEHICLE
 
+from commanded import refused, skyarm
 from skyarm.compare.comparison import Comparison
 
 

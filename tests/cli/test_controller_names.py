@@ -7,9 +7,9 @@ import os
 from pathlib import Path
 
 import pytest
-from test_cli_errors import refused, skyarm
 
 import skyarm as library
+from commanded import refused, skyarm
 from skyarm.compile import leaves
 from skyarm.control.catalogue import (
     LAWS,

@@ -6,10 +6,10 @@ import shutil
 
 import numpy as np
 import pytest
-from test_cli_errors import refused, skyarm
 
 import skyarm as library
 from added_components import registry_kept
+from commanded import refused, skyarm
 from logged_flights import flown, same
 
 

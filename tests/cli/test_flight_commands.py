@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 import math
@@ -13,6 +14,8 @@ from typing import Any
 import pytest
 
 import skyarm
+from commanded import Outcome
+from commanded import skyarm as typed
 from skyarm.records.identity import log_digest
 from skyarm.records.plain import plain
 
@@ -22,10 +25,9 @@ SCENARIO = dataclasses.replace(
 )
 
 
-def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "skyarm", *words], cwd=folder, capture_output=True, text=True, timeout=120, check=False
-    )
+def run(folder: Path, *words: str) -> Outcome:
+    with contextlib.chdir(folder):
+        return typed(*words)
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +47,9 @@ def folder(tmp_path_factory: Any) -> Path:
 
 
 def test_a_flight_is_flown_again_to_the_bit(folder: Path) -> None:
-    done = run(folder, "replay", "flight.npz")
+    """In another process."""
+    words = [sys.executable, "-m", "skyarm", "replay", "flight.npz"]
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=120, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert "equal to the bit: 60 control periods\nlog: out/replay/case3_wind.npz\n" in done.stdout
     assert skyarm.load_log(folder / "out/replay/case3_wind.npz").info == skyarm.load_log(folder / "flight.npz").info
@@ -63,16 +67,16 @@ def test_a_flight_that_goes_on_where_its_log_has_ended_is_not_equal(folder: Path
     assert session.ended is not None
     session.log.save_npz(folder / "refused.npz")
     done = run(folder, "replay", "refused.npz", "-o", "refused_again.npz")
-    assert done.returncode == 1, done.stdout
-    assert "control periods: 30 in log, 60 in again, 30 in both" in done.stdout
+    assert done.code == 1, done.out
+    assert "control periods: 30 in log, 60 in again, 30 in both" in done.out
     cut = run(folder, "replay", "cut.npz", "-o", "cut_again.npz")
-    assert (cut.returncode, "equal to the bit: 30 control periods" in cut.stdout) == (0, True)
+    assert (cut.code, "equal to the bit: 30 control periods" in cut.out) == (0, True)
 
 
 def test_a_flight_that_is_not_what_its_log_says_is_said_with_the_first_difference(folder: Path) -> None:
     done = run(folder, "replay", "other.npz", "-o", "again.npz")
-    assert done.returncode == 1
-    first = next(line for line in done.stdout.splitlines() if line.startswith("first difference"))
+    assert done.code == 1
+    first = next(line for line in done.out.splitlines() if line.startswith("first difference"))
     # the change at 0.1 s is in the numbers of the log, and not in what it says
     assert first.startswith("first difference: at 0.1 s, joint_effort_1 = ")
     assert (folder / "again.npz").exists()
@@ -80,8 +84,8 @@ def test_a_flight_that_is_not_what_its_log_says_is_said_with_the_first_differenc
 
 def test_another_law_stands_beside_the_log(folder: Path) -> None:
     done = run(folder, "replay", "flight.npz", "--controller", "paper_pd", "-o", "pd.npz")
-    assert (done.returncode, done.stderr) == (0, "")
-    lines = done.stdout.splitlines()
+    assert (done.code, done.err) == (0, "")
+    lines = done.out.splitlines()
     own = skyarm.load_log(folder / "flight.npz")
     new = skyarm.load_log(folder / "pd.npz")
     assert lines[1].split() == [own.info["controller"], new.info["controller"]]
@@ -89,7 +93,7 @@ def test_another_law_stands_beside_the_log(folder: Path) -> None:
     assert [float(each) for each in row[1:]] == pytest.approx(
         [skyarm.score(log)["ee_error_mean"] for log in (own, new)], rel=1e-3
     )
-    told = json.loads(run(folder, "replay", "flight.npz", "--controller", "paper_pd", "-o", "pd.npz", "--json").stdout)
+    told = json.loads(run(folder, "replay", "flight.npz", "--controller", "paper_pd", "-o", "pd.npz", "--json").out)
     assert (told["command"], told["bit_equal"], told["log"]) == ("replay", False, "pd.npz")
     assert told["metrics"][1]["ee_error_mean"] == skyarm.score(new)["ee_error_mean"]
     assert (folder / "pd_1.npz").exists(), "the flight before it is kept"
@@ -97,15 +101,15 @@ def test_another_law_stands_beside_the_log(folder: Path) -> None:
 
 def test_a_difference_is_named_and_what_does_not_differ_is_not(folder: Path) -> None:
     done = run(folder, "diff", "flight.npz", "moved.npz")
-    assert done.returncode == 1
-    assert "first difference: at 0.15 s, position_x = " in done.stdout
-    assert " m, 0.001 apart; it keeps its size\n" in done.stdout
-    assert "velocity_x" not in done.stdout
-    assert "the scenarios differ" not in done.stdout
-    assert done.stderr.startswith("skyarm: note: the logs are of other versions: ")
-    assert f"skyarm {skyarm.__version__} and 0.1.9" in done.stderr
-    assert run(folder, "diff", "flight.npz", "moved.npz", "--tolerance", "0.002").returncode == 0
-    told = json.loads(run(folder, "diff", "flight.npz", "moved.npz", "--json").stdout)
+    assert done.code == 1
+    assert "first difference: at 0.15 s, position_x = " in done.out
+    assert " m, 0.001 apart; it keeps its size\n" in done.out
+    assert "velocity_x" not in done.out
+    assert "the scenarios differ" not in done.out
+    assert done.err.startswith("skyarm: note: the logs are of other versions: ")
+    assert f"skyarm {skyarm.__version__} and 0.1.9" in done.err
+    assert run(folder, "diff", "flight.npz", "moved.npz", "--tolerance", "0.002").code == 0
+    told = json.loads(run(folder, "diff", "flight.npz", "moved.npz", "--json").out)
     (one,) = told["differences"]
     assert (one["name"], one["unit"], one["time"], one["course"]) == ("position_x", "m", 0.15, "stays")
     assert one["largest"] == pytest.approx(1e-3)
@@ -114,9 +118,9 @@ def test_a_difference_is_named_and_what_does_not_differ_is_not(folder: Path) -> 
 
 def test_equal_flights_of_other_scenarios_are_equal_and_say_what_differs(folder: Path) -> None:
     done = run(folder, "diff", "flight.npz", "other.npz")
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "every number is the same in 60 control periods" in done.stdout
-    assert "  changes.0.path: 'controller.gains.position.x' and '(none)'" in done.stdout
+    assert (done.code, done.err) == (0, "")
+    assert "every number is the same in 60 control periods" in done.out
+    assert "  changes.0.path: 'controller.gains.position.x' and '(none)'" in done.out
 
 
 @pytest.mark.parametrize(
@@ -136,7 +140,7 @@ def test_wrong_input_is_one_line_and_exit_code_2(folder: Path, words: tuple[str,
     (folder / "no.npz").write_bytes(b"\x00" * 100)
     before = sorted(folder.rglob("*"))
     done = run(folder, *words)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith(f"skyarm: {line}")
-    assert len(done.stderr.splitlines()) == 1
+    assert (done.code, done.out) == (2, "")
+    assert done.err.startswith(f"skyarm: {line}")
+    assert len(done.err.splitlines()) == 1
     assert sorted(folder.rglob("*")) == before

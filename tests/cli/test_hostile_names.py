@@ -13,9 +13,10 @@ import pytest
 from rich.console import Group
 from rich.table import Table
 from rich.text import Text
-from test_cli_errors import CASE1, VEHICLE, Outcome, changed
+from test_cli_errors import CASE1, VEHICLE, changed
 
 import skyarm.cli
+from commanded import Outcome
 from skyarm.cli.lines import say, say_warning
 from skyarm.cli.main import main
 from skyarm.cli.progress import bar

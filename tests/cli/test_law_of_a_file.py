@@ -8,9 +8,9 @@ import shutil
 from pathlib import Path
 
 import pytest
-from test_cli_errors import refused, skyarm
 
 from added_components import registry_kept
+from commanded import refused, skyarm
 from skyarm.registry import plugins
 from skyarm.scenario.scenario_file import LIBRARY
 from skyarm.simulate import Log
@@ -34,11 +34,27 @@ steady = [0.2, 0.5]
 "plant.vehicle.base.mass" = { uniform = [0.65, 0.75] }
 """
 
+SHORT = """
+schema = 1
+name = "short"
+duration = 1.0
+[plant]
+vehicle = "hummingbird_arm2_rotors"
+[model]
+vehicle = "hummingbird_arm2"
+[controller]
+preset = "paper_ct"
+[reference]
+base = { kind = "hover", position = [0.0, 0.0, 1.0] }
+"""
+SUITE = ["--conditions", "perfect"]
+
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     shutil.copy(OWN, tmp_path / "own_law.py")
     (tmp_path / "study.toml").write_text(STUDY)
+    (tmp_path / "short.toml").write_text(SHORT)
     monkeypatch.chdir(tmp_path)
     with registry_kept():
         yield tmp_path
@@ -97,18 +113,25 @@ def test_sweep_flies_it_beside_others_and_refuses_another_file(folder, ways):
     assert {path: path.read_bytes() for path in (folder / "out" / "quick" / "rows").iterdir()} == before
 
 
-@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
-def test_compare_flies_it_beside_others_and_refuses_another_file(folder, plant):
-    words = ["compare", "--laws", f"paper_pd,{LAW}", "--conditions", "perfect", "--plant", plant]
-    words += ["--workers", "2", "--out", "bench"]
+@pytest.mark.parametrize(
+    ("plant", "words", "at", "name"),
+    [
+        ("rigid_body", SUITE, ("perfect", "case1"), "make_lqr of own_law.py"),
+        ("mujoco", ["short.toml"], ("given", "short"), LAW),
+    ],
+)
+def test_compare_flies_it_beside_others_and_refuses_another_file(folder, plant, words, at, name):
+    """The suite in batches on our own plant; a scenario's flights one by one in processes in MuJoCo."""
+    words = ["compare", *words, "--laws", f"paper_pd,{LAW}", "--plant", plant, "--workers", "2", "--out", "bench"]
     ran(*words)
     found = json.loads((folder / "bench" / "results.json").read_text())
     assert found["plugins"] == {"own_law.py": DIGEST}
-    summaries = found["summaries"]["perfect"]["case1"]
-    assert set(summaries) == {"paper_pd", "make_lqr of own_law.py"}
-    assert summaries["make_lqr of own_law.py"]["completed"] == 1
-    assert "make_lqr of own_law.py" in (folder / "bench" / "tables.md").read_text()
-    assert "laws of one&#x27;s own" in (folder / "bench" / "report.html").read_text().replace("'", "&#x27;")
+    summaries = found["summaries"][at[0]][at[1]]
+    assert set(summaries) - {"own"} == {"paper_pd", name}
+    assert summaries[name]["completed"] == 1
+    assert name in (folder / "bench" / "tables.md").read_text()
+    if at[0] == "perfect":  # only the suite has a report
+        assert "laws of one&#x27;s own" in (folder / "bench" / "report.html").read_text().replace("'", "&#x27;")
     kept = {path: path.stat().st_mtime_ns for path in (folder / "bench" / "cells").iterdir()}
     ran(*words)
     assert {path: path.stat().st_mtime_ns for path in (folder / "bench" / "cells").iterdir()} == kept
@@ -186,7 +209,7 @@ def test_an_error_in_a_worker_process_is_one_line_too(folder):
     make = Mistake(body, "").make.replace("memory={memory}", "memory={memory}, compiled=False")
     mistake = Mistake(body, "", make=make)
     (folder / "mine.py").write_text(mistake.text)
-    words = ["compare", "--conditions", "perfect", "--workers", "2", "--laws", "mine.py:make"]
+    words = ["compare", *SUITE, "--workers", "2", "--laws", "mine.py:make"]
     refused(skyarm(*words), f"mine.py:{mistake.line}: KeyError: 'no such gain'")
 
 
@@ -196,9 +219,10 @@ def test_an_error_of_a_maker_is_one_line(folder):
     refused(skyarm("run", "case1", "--controller", "mine.py:make"), "mine.py:2: IndexError: list index out of range")
 
 
+@pytest.mark.thorough
 def test_a_law_made_inside_a_function_flies_in_processes(folder):
     shutil.copy(OWN.parent / "servo_drive.py", folder / "servo.py")
-    words = ["compare", "--conditions", "perfect", "--workers", "2", "--plant", "mujoco", "--out", "bench"]
+    words = ["compare", "short.toml", "--workers", "2", "--plant", "mujoco", "--out", "bench"]
     ran(*words, "--laws", "servo.py:make_angles")
     found = json.loads((folder / "bench" / "results.json").read_text())
-    assert found["summaries"]["perfect"]["case1"]["make_angles of servo.py"]["episodes"] == 1
+    assert found["summaries"]["given"]["short"]["servo.py:make_angles"]["episodes"] == 1

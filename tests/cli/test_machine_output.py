@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 import typer
 from every_command import COMMANDS, NEEDS, SERVES
-from test_cli_errors import refused, skyarm
 
 import skyarm as package
 from added_components import registry_kept
+from commanded import refused, skyarm
 from skyarm.cli import commands, machine_output
 from skyarm.cli.app import Program, app
 from skyarm.cli.old_options import with_new_options

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import importlib.abc
+import itertools
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from test_cli_errors import Outcome, skyarm
 
+from commanded import Outcome, skyarm
 from skyarm.compile.llvm import kernel as native
 from skyarm.compile.llvm.kernel import require_machine_code
 from skyarm.compile.machine_code import NoMachineCodeError, llvm_needed
@@ -74,6 +75,13 @@ BREAKAGES = {
 }
 
 
+def tried(commands: Iterable[str]) -> list[Any]:
+    """(cause, command): no library and a library that fails for each; the others in 'make thorough'."""
+    usual = ("absent", "assembly not parsed")
+    every = itertools.product(BREAKAGES, commands)
+    return [pytest.param(*each, marks=() if each[0] in usual else pytest.mark.thorough) for each in every]
+
+
 @pytest.fixture(params=list(BREAKAGES))
 def cause(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """An LLVM that cannot build, with nothing in the cache; the words of its cause."""
@@ -116,7 +124,7 @@ NEED_IT = {
 }
 
 
-@pytest.mark.parametrize("what", NEED_IT)
+@pytest.mark.parametrize(("cause", "what"), tried(NEED_IT), indirect=["cause"])
 def test_a_command_that_needs_it_says_why_and_what_to_do(cause: str, what: str) -> None:
     told(skyarm(*NEED_IT[what]), 2, cause, "needs llvmlite 0.4", ADVICE)
 
@@ -136,7 +144,7 @@ WITHOUT_IT = {
 }
 
 
-@pytest.mark.parametrize("what", WITHOUT_IT)
+@pytest.mark.parametrize(("cause", "what"), tried(WITHOUT_IT), indirect=["cause"])
 def test_a_command_that_does_without_it_says_nothing(cause: str, what: str) -> None:
     assert cause
     outcome = skyarm(*WITHOUT_IT[what])

@@ -6,9 +6,9 @@ import json
 from pathlib import Path
 
 import pytest
-from test_cli_errors import refused, skyarm
 
 from added_components import registry_kept
+from commanded import refused, skyarm
 from skyarm.files import taken_back
 from skyarm.registry import plugins
 from skyarm.registry.registrations import _FOUND

@@ -8,9 +8,9 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
-from test_cli_errors import refused, skyarm
 
 import skyarm as library
+from commanded import refused, skyarm
 from skyarm.actuation import make_mixer
 from skyarm.cli.old_options import OLD_OPTIONS, with_new_options
 from skyarm.compare.comparison import Comparison

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 
 import pytest
-from test_cli_errors import refused, skyarm
 
 from added_components import registry_kept
+from commanded import refused, skyarm
 from skyarm.files.code_place import own_failure
 from skyarm.scenario.scenario_file import LIBRARY
 

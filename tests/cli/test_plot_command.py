@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from test_cli_errors import refused, skyarm
 
 import skyarm as library
+from commanded import refused, skyarm
 
 
 @pytest.fixture(scope="module")

@@ -6,9 +6,9 @@ import shutil
 from pathlib import Path
 
 import pytest
-from test_cli_errors import refused, skyarm
 
 from added_components import registry_kept, same_logs
+from commanded import refused, skyarm
 from skyarm.scenario.scenario_file import LIBRARY
 from skyarm.simulate import Log
 

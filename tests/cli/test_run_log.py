@@ -2,36 +2,37 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import skyarm
+from added_components import registry_kept
+from commanded import Outcome
+from commanded import skyarm as typed
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "own_log_format.py"
 
 
-def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "skyarm", *words], cwd=folder, capture_output=True, text=True, timeout=120, check=False
-    )
+def run(folder: Path, *words: str) -> Outcome:
+    with contextlib.chdir(folder), registry_kept():
+        return typed(*words)
 
 
 def test_a_log_is_written_in_the_format_of_each_suffix(tmp_path: Path) -> None:
     plugin = shutil.copy(EXAMPLE, tmp_path)
     words = ["--duration", "0.5", "--log", "flight.csv", "--log", "deep/flight.npz", "--log", "flight.tsv"]
     done = run(tmp_path, "run", "case3", "--plugin", plugin, *words)
-    assert done.returncode == 0, done.stderr
+    assert done.code == 0, done.err
     log = skyarm.load_log(tmp_path / "deep" / "flight.npz")
     assert log.time.size == 100
     assert np.array_equal(np.loadtxt(tmp_path / "flight.tsv")[:, 1:4], log.position)
     assert (tmp_path / "flight.csv").read_text().splitlines()[0].startswith("time [s],position_x [m]")
     assert not (tmp_path / "out").exists()
-    assert "flight.tsv" in done.stdout
+    assert "flight.tsv" in done.out
 
 
 @pytest.mark.parametrize(
@@ -50,7 +51,7 @@ def test_a_log_is_written_in_the_format_of_each_suffix(tmp_path: Path) -> None:
 )
 def test_a_suffix_that_nobody_writes_is_one_line_before_the_flight(tmp_path: Path, name: str, words: str) -> None:
     done = run(tmp_path, "run", "case3", "--log", name)
-    assert (done.returncode, done.stderr.strip()) == (2, f"skyarm: {words}")
+    assert (done.code, done.err.strip()) == (2, f"skyarm: {words}")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -61,7 +62,7 @@ def test_a_file_that_is_named_twice_is_one_line_before_the_flight(tmp_path: Path
     (tmp_path / "link.npz").symlink_to("a.npz")
     done = run(tmp_path, "run", "case3", "--duration", "0.1", "--log", "a.npz", "--log", second)
     words = f"skyarm: --log = {second!r}: must be another file than --log = 'a.npz'"
-    assert (done.returncode, done.stderr.strip()) == (2, words)
+    assert (done.code, done.err.strip()) == (2, words)
     assert (tmp_path / "a.npz").read_bytes() == b"of before"
     assert {file.name for file in tmp_path.iterdir()} == {"a.npz", "b", "link.npz"}
 
@@ -79,8 +80,8 @@ def test_what_a_killed_run_left_is_not_removed_by_a_flight_of_it(tmp_path: Path,
     left = skyarm.save_log(skyarm.run(skyarm.load_scenario("case1", duration=0.05)), tmp_path / "a.partial.mcap")
     content = left.read_bytes()
     done = run(tmp_path, "run", *words)
-    assert done.returncode == 2
-    assert done.stderr.strip() == (
+    assert done.code == 2
+    assert done.err.strip() == (
         f"skyarm: {said}: must be another file than a.partial.mcap, in which the flight stands while it goes on"
     )
     assert left.read_bytes() == content
@@ -89,12 +90,12 @@ def test_what_a_killed_run_left_is_not_removed_by_a_flight_of_it(tmp_path: Path,
 
 def test_without_a_name_it_is_where_it_was(tmp_path: Path) -> None:
     done = run(tmp_path, "run", "case3", "--duration", "0.1", "--out", "here")
-    assert done.returncode == 0, done.stderr
+    assert done.code == 0, done.err
     assert {file.name for file in (tmp_path / "here").iterdir()} == {"case3.npz", "case3.csv"}
 
 
 def test_a_file_that_is_a_folder_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "flight.csv").mkdir()
     done = run(tmp_path, "run", "case3", "--log", "flight.csv")
-    assert done.returncode == 2
-    assert done.stderr.strip() == "skyarm: file = 'flight.csv': must be writable (there is a folder of this name)"
+    assert done.code == 2
+    assert done.err.strip() == "skyarm: file = 'flight.csv': must be writable (there is a folder of this name)"

@@ -6,7 +6,8 @@ import json
 from pathlib import Path
 
 import pytest
-from test_cli_errors import refused, skyarm
+
+from commanded import refused, skyarm
 
 pytest.importorskip("pyarrow")
 

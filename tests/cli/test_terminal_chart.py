@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_cli_errors import refused, skyarm
 
+from commanded import refused, skyarm
 from skyarm.cli.terminal_chart import BLOCKS, HEIGHT, WIDTH, chart
 
 TIME = np.linspace(0.0, 6.0, 601)
@@ -101,11 +101,10 @@ def test_a_flight_ends_with_a_chart_on_a_terminal_and_without_one_in_a_pipe(tmp_
 
 def test_a_picture_is_drawn_where_it_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    for name, begin in (("a.png", b"\x89PNG"), ("b.svg", b"<?xml"), ("c.pdf", b"%PDF")):
-        ended = skyarm("run", "case3", "--duration", "0.2", "--plot", name)
-        assert ended.code == 0, ended.err
-        assert f"picture: {name}" in ended.out
-        assert (tmp_path / name).read_bytes().startswith(begin)
+    ended = skyarm("run", "case3", "--duration", "0.2", "--plot", "a.png")
+    assert ended.code == 0, ended.err
+    assert "picture: a.png" in ended.out
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     refused(skyarm("run", "case3", "--plot", "d.gif"), "--plot = 'd.gif'", "must be one of png, svg, pdf")
     refused(skyarm("run", "case3", "--plot", "a.png/b.png"), "a.png", "must be writable")
     assert not (tmp_path / "d.gif").exists()

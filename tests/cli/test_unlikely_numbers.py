@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_cli_errors import CASE1, VEHICLE, skyarm
-from test_commands import shell, succeeded
+from test_cli_errors import CASE1, VEHICLE
+from test_commands import succeeded
 
+from commanded import skyarm
 from skyarm.algebra import Sym3, Vec3
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
@@ -168,14 +169,14 @@ def test_a_vehicle_that_is_wrong_throughout_gets_a_few_lines(tmp_path: Path, mon
 
 
 def test_show_prints_limits_inertias_and_motor_constants_with_units() -> None:
-    text = succeeded(shell("show", "hexarotor_arm6", columns=160))
+    text = succeeded(skyarm("show", "hexarotor_arm6", columns=160))
     flat = " ".join(text.split())
     assert re.search(r"^elbow +forearm", text, re.MULTILINE)
     for part in ("-2.4 ... 2.4 rad", "4 N m", "0.0005 0.00051 4e-05", "0.062 0.064 0.108", "kg m^2"):
         assert part in flat, part
     for part in ("2.5e-05", "0.018", "0.03 0.05", "750", "N s^2/rad^2", "rad/s"):
         assert part in flat, part
-    prismatic = succeeded(shell("show", "octo_coaxial_two_arms", columns=160))
+    prismatic = succeeded(skyarm("show", "octo_coaxial_two_arms", columns=160))
     assert "along" in prismatic
     assert re.search(r"40 N\b(?! m)", prismatic)
 

@@ -9,8 +9,9 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from test_cli_errors import CASE1, VEHICLE, refused, skyarm
+from test_cli_errors import CASE1, VEHICLE
 
+from commanded import refused, skyarm
 from skyarm.files import how_to_install, must_be_one_of, needs_extra, optional_extras
 from skyarm.files.result_name import is_result_name
 from skyarm.log.flight_log import Log

@@ -21,6 +21,7 @@ from skyarm.compile.llvm import rounds, thread_pool
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
+from thorough import sampled
 
 
 @pytest.fixture(autouse=True)
@@ -191,7 +192,7 @@ print(np.array_equal(fly(), expected))
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-@pytest.mark.parametrize("threads", [1, 3])
+@pytest.mark.parametrize("threads", sampled([3, 1], 2))
 def test_whatever_a_handler_does_happens_soon_and_at_the_callers_place(tmp_path, threads):
     """Handlers that raise and that do not, SIGALRM, SIGINT of the process, interrupt_main of a thread; long flights.
 

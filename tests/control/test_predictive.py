@@ -240,6 +240,7 @@ MOVING = {
 }
 
 
+@pytest.mark.thorough
 def test_known_dry_friction_costs_the_tip_nothing():
     """Without it in the belief the observer finds it late: the tip is off by a third more."""
     base, off = scenario_from(MOVING), {}

@@ -21,6 +21,7 @@ from skyarm.environment.payload import Payload
 from skyarm.reference import Constant, Trajectory
 from skyarm.simulate import run
 from skyarm.simulate.loop import run_in_python
+from thorough import sampled
 
 WIND = skyarm.load_scenario("case3_wind")
 HOVER = Trajectory(z=Constant(3.0), joints=(Constant(0.0), Constant(0.0)))
@@ -83,7 +84,9 @@ FAILED = [OverflowError(), np.linalg.LinAlgError("singular"), ValueError("math d
 
 
 @pytest.mark.parametrize(
-    "how", [nan, unmakeable, *map(raising, FAILED)], ids=["nan", "record", *(type(e).__name__ for e in FAILED)]
+    "how",
+    sampled([nan, unmakeable, *map(raising, FAILED)], 3),
+    ids=["nan", "record", *(type(e).__name__ for e in FAILED)],
 )
 def test_a_predictive_law_that_fails_is_replaced_by_the_recovery(how):
     controller = failing(how, 0.5)

@@ -22,6 +22,7 @@ from skyarm.sensors.measurement import Measurement
 from skyarm.simulate import run
 from skyarm.simulate.compiled_flight import fly
 from skyarm.simulate.inputs import episode_inputs
+from thorough import sampled
 
 START, RELEASE, END = 1.0, 2.0, 5.0
 EFFORT, SLEW = 0.03, 3e3
@@ -42,6 +43,10 @@ WITHOUT_MEMORY |= {"bulut2019", "guo2023", "li2024"}
 CASES = [*((name, {}) for name in sorted(LAWS)), ("centroidal", {"mode": "tip", "adaptation": 1.0})]
 CASES += [("indi", {"delay_periods": 1, "measured_speeds": False})]
 
+
+OFTEN = ("centroidal", "indi", "kim2013", "l1_adaptive", "ct_observer", "hybrid_computed_torque")
+WINDING = [case for case in CASES if case[0] in OFTEN]
+"""One of each kind of memory, and one law without; the rest in ``make thorough``."""
 
 SEEN: list = []
 """Not in the law's closure, which a log describes."""
@@ -105,7 +110,7 @@ def estimated(memory):
     return found
 
 
-@pytest.mark.parametrize(("law", "options"), CASES)
+@pytest.mark.parametrize(("law", "options"), sampled(CASES, 30, keep=WINDING))
 def test_a_law_whose_commands_are_changed_knows_it_winds_nothing_up_and_comes_back(law, options):
     base = skyarm.load_scenario("case1", duration=END if law != "nmpc" else 3.5)
     made = make_controller(law, base.controller.par.model, **options)

@@ -19,6 +19,7 @@ from added_flight import DOCUMENT, EXAMPLES, HERE, PLUGINS, VARIED
 
 import skyarm
 from added_components import registry_kept
+from commanded import skyarm as typed
 from skyarm.registry.plugins import load_file
 from skyarm.simulate.loop import run_in_python
 
@@ -144,10 +145,9 @@ def test_scripts_run(name: str, capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_law_of_ones_own_flies_from_its_file(tmp_path: Path) -> None:
     """On the command line only: a file that is read never runs code."""
     words = ["run", "case3", "--controller", f"{EXAMPLES / 'own_law.py'}:make_lqr", "--duration", "5"]
-    done = subprocess.run(
-        [sys.executable, "-m", "skyarm", *words, "--out", str(tmp_path)], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
+    with registry_kept():
+        done = typed(*words, "--out", str(tmp_path))
+    assert done.code == 0, done.err
     log = skyarm.load_log(tmp_path / "case3.npz")
     assert log.info["controller"] == "lqr"
     # 15 g that its model does not know, over a stiffness of 4/s^2 and 0.8 kg, are 4.5 cm

@@ -72,7 +72,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Campaign]:
     folder, kept = tmp_path_factory.mktemp("beyond"), []
 
     def few(plants: Any, **more: Any) -> Campaign:
-        found = run_campaign(plants, sensitivity=False, **more)
+        found = run_campaign(plants, sensitivity=False, inferred=False, **more)
         kept.append(found)
         return found
 

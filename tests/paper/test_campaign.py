@@ -79,6 +79,7 @@ def test_a_worker_that_dies_is_an_error_and_not_a_hang(monkeypatch: pytest.Monke
         _perform_all(FEW, 2, None)
 
 
+@pytest.mark.thorough
 def test_workers_start_from_a_thread_too() -> None:
     before = signal.getsignal(signal.SIGINT)
     results: list[Any] = []

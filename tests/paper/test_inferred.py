@@ -11,7 +11,7 @@ import pytest
 
 from skyarm.identify.candidates import Candidates
 from skyarm.paper import inference_tables as shown
-from skyarm.paper.campaign import Campaign, run_campaign
+from skyarm.paper.campaign import Campaign
 from skyarm.paper.counted_cells import counts, in_group, inferred, published_cells, sentence, stated
 from skyarm.paper.flights import Flight, results, scenario, settings
 from skyarm.paper.impossible import impossible
@@ -32,12 +32,6 @@ from skyarm.paper.short_table import markdown
 from skyarm.simulate import run
 
 PLANTS = ("rigid_body", "mujoco")
-
-
-@pytest.fixture(scope="module")
-def campaign() -> Campaign:
-    """Everything of the paper's on both plants, in this process."""
-    return run_campaign(PLANTS, sensitivity=False, beyond=False)
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from log_metrics import motion
-from skyarm.paper.campaign import Campaign, run_campaign
+from skyarm.paper.campaign import Campaign
 from skyarm.paper.flights import CONTINUOUS, STEADY, Flight, results, scenario, settings
 from skyarm.paper.published import CASES, CONTROLLERS, PAPER, PRINTED
 from skyarm.paper.short_table import short_markdown
@@ -20,12 +20,6 @@ from skyarm.simulate import Rates, run
 
 TABLE2 = Path(__file__).parents[1] / "data" / "table2.json"
 README = Path(__file__).parents[2] / "README.md"
-
-
-@pytest.fixture(scope="module")
-def campaign() -> Campaign:
-    """Twenty episodes of 30 s as stated, thirty with settings that were found, flown once a worker."""
-    return run_campaign(PLANTS, sensitivity=False, beyond=False)
 
 
 @pytest.fixture(scope="module")

@@ -35,7 +35,7 @@ def test_the_tests_run_on_the_pythons_that_are_declared() -> None:
     }
     assert project()["requires-python"] == f">={declared[0]}"
     assert {job["runs-on"] for _, job in JOBS.items()} == {"ubuntu-latest", "${{ matrix.system }}"}
-    assert {"test", "lowest", "docs", "fresh", "browser", "smoke"} == set(jobs)
+    assert {"test", "thorough", "lowest", "docs", "fresh", "browser", "smoke"} == set(jobs)
 
 
 def test_workflows_may_read_and_the_publisher_alone_may_say_who_it_is() -> None:

@@ -12,6 +12,7 @@ import pytest
 from simulate_flights import FULL, SHIPPED
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate import run
+from thorough import sampled
 
 JUNK: tuple[Any, ...] = (
     None, True, False, 0, 1, -1, 3, 10**400, -(10**30), 0.0, -0.0, -1.5, 0.3, 1e-320, 1e9, 1e308, -1e308,
@@ -86,9 +87,10 @@ def test_a_mutated_scenario_that_loads_also_flies_and_ends_as_a_result(seed: int
         assert bool(log.info["cause"]) == (log.status != "completed")
 
 
-def test_every_entry_of_every_table_is_checked_against_junk() -> None:
+@pytest.mark.parametrize("share", sampled([16, 2], 2))
+def test_every_entry_of_every_table_is_checked_against_junk(share: int) -> None:
     for index, (_, key) in enumerate(_places(FULL)):
-        for junk in JUNK[index % 4 :: 4]:  # a quarter of the junk for each entry
+        for junk in JUNK[index % share :: share]:  # a share of the junk for each entry
             document = copy.deepcopy(FULL)
             container, place = _places(document)[index]
             assert place == key

@@ -12,20 +12,19 @@ from pathlib import Path
 import pytest
 
 import skyarm
+from commanded import skyarm as typed
 from skyarm.studio.guard import Guard, is_loopback
 from skyarm.studio.page_words import require_laws
 
 STUDIO = [sys.executable, "-m", "skyarm", "studio", "--no-browser"]
 
 
-def refused(*words: str, **environment: str) -> str:
+def refused(*words: str) -> str:
     """The one line of a command that is refused."""
-    done = subprocess.run(
-        [*STUDIO, *words], capture_output=True, text=True, timeout=60, env={**os.environ, **environment}, check=False
-    )
-    assert done.returncode == 2, done.stderr
-    assert done.stdout == ""
-    (line,) = done.stderr.splitlines()
+    done = typed("studio", "--no-browser", *words)
+    assert done.code == 2, done.err
+    assert done.out == ""
+    (line,) = done.err.splitlines()
     return line
 
 
@@ -44,7 +43,10 @@ def test_others_reach_the_page_only_with_a_token() -> None:
 
 def test_a_missing_extra_is_named(tmp_path: Path) -> None:
     (tmp_path / "viser.py").write_text("raise ImportError('no viser here')\n")
-    line = refused("case1", "--port", "0", PYTHONPATH=str(tmp_path))
+    words, hiding = [*STUDIO, "case1", "--port", "0"], {**os.environ, "PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60, env=hiding, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    (line,) = done.stderr.splitlines()
     assert "needs the extra 'studio'" in line
 
 

@@ -30,8 +30,9 @@ NEWTON = 0.08
 SLOWED = 40.0
 """Times that rotors are drawn slower than they turn."""
 
-STILL = 1e-6
-"""m below which a link stays where it was on its vehicle."""
+STILL = 1e-4
+"""m, and components of a quaternion, below which a node stays as it was sent: an eighth of a pixel from where tabs look
+on. It counts from what was sent last, so that slow motion does not add up."""
 
 SHORTEST = 0.01
 """m of arrow below which none is drawn."""
@@ -65,7 +66,8 @@ class VehicleNodes:
         self._base = scene.add_frame(name, show_axes=False)
         self._links = [scene.add_frame(f"{name}/{body}", show_axes=False) for body in range(vehicle.n)]
         scene.add_frame(f"{name}/{BASE}", show_axes=False)
-        self._sent = np.zeros((vehicle.n, 3))
+        self._sent_turns = np.tile([1.0, 0.0, 0.0, 0.0], (vehicle.n + 1, 1))
+        self._sent_places = np.zeros((vehicle.n + 1, 3))
         self._meshes: list[tuple[Any, float]] = []
         for shape in vehicle_shapes(vehicle):
             self._add(shape, color)
@@ -109,15 +111,16 @@ class VehicleNodes:
         if not np.isfinite(placed.rotations).all() or not np.isfinite(placed.positions).all():
             return
         R = placed.rotations[0]
-        local = quaternions_of(np.concatenate([placed.rotations[:1], R.T @ placed.rotations[1:]]))
-        self._base.wxyz, self._base.position = local[0], placed.positions[0] + beside
-        held = (placed.positions[1:] - placed.positions[0]) @ R
-        moved = np.abs(held - self._sent).max(axis=1, initial=0.0) > STILL
-        for link, wxyz, position, other in zip(self._links, local[1:], held, moved, strict=True):
-            link.wxyz = wxyz
-            if other:
-                link.position = position
-        self._sent[moved] = held[moved]
+        turns = quaternions_of(np.concatenate([placed.rotations[:1], R.T @ placed.rotations[1:]]))
+        places = np.concatenate([placed.positions[:1] + beside, (placed.positions[1:] - placed.positions[0]) @ R])
+        turned = np.abs(turns - self._sent_turns).max(axis=1) > STILL
+        moved = np.abs(places - self._sent_places).max(axis=1) > STILL
+        bodies = (self._base, *self._links)
+        for i in np.flatnonzero(turned):
+            bodies[i].wxyz = turns[i]
+        for i in np.flatnonzero(moved):
+            bodies[i].position = places[i]
+        self._sent_turns[turned], self._sent_places[moved] = turns[turned], places[moved]
 
     def spin(self, speeds: Array, seconds: float) -> None:
         """Turn the blades by so much time; what is too fast to see is slowed down, and keeps its order.
@@ -203,7 +206,8 @@ class Arrows:
         # the head of an arrow is drawn however short it is: inside the hull nobody sees it
         short = ((arrows[:, 1] - arrows[:, 0]) ** 2).sum(axis=1) < SHORTEST**2
         arrows[short] = p
-        if np.isfinite(arrows).all():
+        if np.isfinite(arrows).all() and np.abs(arrows - self._points).max() > STILL:
+            self._points = arrows
             self._node.points = arrows
 
     def show(self, visible: bool) -> None:
