@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 import flight_digests as digests
+from thorough import sampled
 
 HELD: dict[str, Any] = json.loads((Path(__file__).parents[1] / "data" / "flight_digests.json").read_text("utf-8"))
 
@@ -47,7 +48,12 @@ def test_a_flight_is_what_it_was(case: str, controller: str, plant: str) -> None
     compare(case, controller, plant)
 
 
-@pytest.mark.parametrize(("shape", "controller", "plant"), list(digests.gusts()))
+GUSTS = list(digests.gusts())
+HALF = [gust for k, gust in enumerate(GUSTS) if k.bit_count() % 2 == 0]
+"""Of two shapes, two laws and two plants every pair meets once."""
+
+
+@pytest.mark.parametrize(("shape", "controller", "plant"), sampled(GUSTS, len(GUSTS), keep=HALF))
 def test_a_flight_in_a_gust_is_what_it_was(shape: str, controller: str, plant: str) -> None:
     if not same_machinery(controller, plant):
         pytest.skip("the digests were taken with another version of MuJoCo or NumPy")

@@ -14,6 +14,7 @@ from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate.loop import run
+from thorough import sampled
 
 CASES = ("case1", "case2", "case2_gust", "case3", "case3_wind")
 SECONDS = {"case1": 8.0, "case2": 8.0, "case2_gust": 8.0, "case3": 12.0, "case3_wind": 12.0}
@@ -47,7 +48,7 @@ def farthest(a, b):
     return np.array([np.abs(a[:, part] - b[:, part]).max() for part in (slice(0, 3), slice(3, 7), slice(7, None))])
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", sampled(CASES, 5, keep=("case2_gust", "case3_wind")))
 def test_loads_at_each_stage_bring_the_plants_together(case):
     """Each plant's error is what half its step changes, by Richardson; the flights differ by their sum at most."""
     pytest.importorskip("mujoco")
