@@ -61,6 +61,14 @@ FULL: dict[str, Any] = {
 """Every table there is, at least once."""
 
 
+def circling(**changes: Any) -> dict[str, Any]:
+    """Case 3 in wind, whose circle and sines begin after 0.3 s in place of 6 s."""
+    made = document("case3_wind", reference__base__start=0.3, **changes)
+    for joint in made["reference"]["joints"]:
+        joint["start"] = 0.3
+    return made
+
+
 def document(name: str = "case1", **changes: Any) -> dict[str, Any]:
     """A shipped document with entries replaced; a key with double underscores reaches into tables, None deletes.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import subprocess
 import sys
@@ -10,7 +11,6 @@ import numpy as np
 import pytest
 
 from flying_engines import jax_doubles
-from thorough import sampled
 
 jax = pytest.importorskip("jax")
 
@@ -50,7 +50,9 @@ def _double():
         yield
 
 
+@functools.cache
 def pendulum(**options):
+    """One kernel for all tests that want the same: XLA compiles it once for each number of lanes in a block."""
     return jax_loop(pendulum_step, PENDULUM, CONSTANTS, (0.0,), DRAWS, **options)
 
 
@@ -61,7 +63,7 @@ def pendulum_lanes(lanes):
 TORQUES = np.sin(np.arange(120) / 7.0)[:, None]
 
 
-@pytest.mark.parametrize(("lanes", "block", "threads"), [(1, 64, 1), (5, 2, 1), (5, 2, 2), (7, None, 1)])
+@pytest.mark.parametrize(("lanes", "block", "threads"), [(1, 64, 1), (5, 2, 2), (7, None, 1)])
 def test_noisy_pendulums_equal_the_python_floats_lane_by_lane(lanes, block, threads):
     """Tolerance: XLA may contract a * b + c; 120 damped steps of numbers below 3 gather a few hundred roundings."""
     kernel = pendulum(lanes_per_block=block, logging=True)
@@ -90,19 +92,20 @@ def test_a_lane_has_the_same_bits_in_any_company():
 
 def test_a_diverged_lane_stays_visible_and_leaves_its_neighbours_untouched():
     kernel = pendulum(lanes_per_block=4)
-    carry, parameters = pendulum_lanes(6)
+    carry, parameters = pendulum_lanes(11)
     clean = kernel.run(carry, parameters, TORQUES)[0]
     spoiled = parameters.copy()
     spoiled[1, 2] = -1e9  # damping that doubles the rate a million times over
     found = kernel.run(carry, spoiled, TORQUES)[0]
     assert not np.isfinite(found[:, 2]).all()
-    others = [0, 1, 3, 4, 5]
+    others = [0, 1, *range(3, 11)]
     assert np.array_equal(found[:, others], clean[:, others])
 
 
-@pytest.mark.parametrize("every", sampled([50, 3, 1000], 3))
+@pytest.mark.parametrize("every", [50, 1000])
 def test_a_decimated_log_holds_every_nth_entry(every):
-    kernel = pendulum(logging=True, lanes_per_block=2)
+    """Steps that are no multiple of it, and fewer steps than it; blocks of two lanes, the last with one."""
+    kernel = pendulum(lanes_per_block=2, logging=True)
     carry, parameters = pendulum_lanes(3)
     (final, full), (same, log) = (kernel.run(carry, parameters, TORQUES, every=n) for n in (1, every))
     assert np.array_equal(final, same)
@@ -205,6 +208,8 @@ np.savez(sys.argv[1], final=final, values=values, slopes=slopes)
 def flown(tmp_path_factory):
     out = tmp_path_factory.mktemp("jax") / "flights.npz"
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path), "JAX_PLATFORMS": "cpu"}
+    # our own flags join it; XLA's last optimisations, by LLVM, take half of its time and have tests of their own
+    environment["XLA_FLAGS"] = "--xla_backend_optimization_level=0"
     command = [sys.executable, "-c", FLIGHTS, str(out), str(STEPS), str(GRADIENT_STEPS)]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr
@@ -272,41 +277,44 @@ def test_slopes_of_noisy_pendulums_equal_central_differences_in_every_lane():
             assert slopes[i, k] == pytest.approx(quotient, rel=1e-7, abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("function", "x", "slope"),
-    [
-        (ln, 3.0, 1.0 / 3.0),
-        (ln, 0.07, 1.0 / 0.07),
-        (exp, 2.5, np.exp(2.5)),
-        (lambda x: atan2(x, 1.0), 0.0, 1.0),
-        (lambda x: atan2(x, -1.0), -0.0, -1.0),
-        (lambda x: atan2(x, -1.0), -0.3, -1.0 / 1.09),
-        (tanh, 0.0, 1.0),
-        (tanh, -1.3, 1.0 - np.tanh(1.3) ** 2),
-        (absolute, -2.0, -1.0),
-        (lambda x: divide(2.0, x), 0.5, -8.0),
-        (lambda x: divide(x, 4.0), 0.0, 0.25),
-        (sqrt, 0.25, 1.0),
-        (lambda x: sqrt(where(x < 0.0, 0.0, x)), -1.0, 0.0),
-        (lambda x: where(x > 0.0, divide(1.0, x), x), 0.0, 1.0),
-        (lambda x: where(x > 0.0, sqrt(x), 3.0 * x), 0.0, 3.0),
-        (lambda x: where(x < 1e-9, 1.0 - x, divide(sqrt(x * x), x)), 0.0, -1.0),
-    ],
+SLOPES = (
+    (ln, 3.0, 1.0 / 3.0),
+    (ln, 0.07, 1.0 / 0.07),
+    (exp, 2.5, np.exp(2.5)),
+    (lambda x: atan2(x, 1.0), 0.0, 1.0),
+    (lambda x: atan2(x, -1.0), -0.0, -1.0),
+    (lambda x: atan2(x, -1.0), -0.3, -1.0 / 1.09),
+    (tanh, 0.0, 1.0),
+    (tanh, -1.3, 1.0 - np.tanh(1.3) ** 2),
+    (absolute, -2.0, -1.0),
+    (lambda x: divide(2.0, x), 0.5, -8.0),
+    (lambda x: divide(x, 4.0), 0.0, 0.25),
+    (sqrt, 0.25, 1.0),
+    (lambda x: sqrt(where(x < 0.0, 0.0, x)), -1.0, 0.0),
+    (lambda x: where(x > 0.0, divide(1.0, x), x), 0.0, 1.0),
+    (lambda x: where(x > 0.0, sqrt(x), 3.0 * x), 0.0, 3.0),
+    (lambda x: where(x < 1e-9, 1.0 - x, divide(sqrt(x * x), x)), 0.0, -1.0),
 )
-def test_slopes_are_right_at_ordinary_points_and_finite_beside_a_branch_not_taken(function, x, slope):
-    """Forwards and backwards. Tolerance: a few roundings."""
-    program = trace(lambda x: (function(x),), 0.5).lowered
 
-    def f(x):
-        return evaluate(program, (x,), np.float64)[0]
 
-    assert float(jax.jit(jax.grad(f))(x)) == pytest.approx(slope, rel=1e-14)
-    assert float(jax.jit(lambda x: jax.jvp(f, (x,), (1.0,))[1])(x)) == pytest.approx(slope, rel=1e-14)
+def test_slopes_are_right_at_ordinary_points_and_finite_beside_a_branch_not_taken():
+    """Forwards and backwards, each of its own program, compiled together. Tolerance: a few roundings."""
+    programs = [trace(lambda x, of=function: (of(x),), 0.5).lowered for function, _, _ in SLOPES]
+    functions = [lambda x, of=program: evaluate(of, (x,), np.float64)[0] for program in programs]
+
+    def slopes(points):
+        places = list(zip(functions, points, strict=True))
+        return [jax.grad(f)(x) for f, x in places], [jax.jvp(f, (x,), (1.0,))[1] for f, x in places]
+
+    backwards, forwards = jax.jit(slopes)([x for _, x, _ in SLOPES])
+    for k, (_, x, slope) in enumerate(SLOPES):
+        assert float(backwards[k]) == pytest.approx(slope, rel=1e-14), f"row {k}, at {x}"
+        assert float(forwards[k]) == pytest.approx(slope, rel=1e-14), f"row {k}, at {x}"
 
 
 def test_double_precision_that_jax_does_not_allow_is_refused_with_the_setting():
     with jax_doubles(False), pytest.raises(ValueError, match=r'update\("jax_enable_x64", True\).*single=True'):
-        pendulum()
+        pendulum.__wrapped__()
 
 
 def test_wrong_shapes_and_keys_are_refused_by_name():

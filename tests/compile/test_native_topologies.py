@@ -54,7 +54,7 @@ for number in range(int(sys.argv[1])):
     single = bool(number % 2)
     ends = []
     for width in (host_width(single=single), 1):
-        kernel = Kernel(loop, Lanes(width, single=single))
+        kernel = Kernel(loop, Lanes(width, single=single), effort=2 if width > 1 else 0)
         ends.append(kernel.run(first, values, rows, threads=2)[0])
     assert ends[0].tobytes() == ends[1].tobytes() or np.array_equal(*ends, equal_nan=True), number
     healthy = np.arange(lanes) % 50 != 0
@@ -63,7 +63,7 @@ print("alive")
 """
 
 
-@pytest.mark.parametrize("count", sampled(["5", "40"], 2))
+@pytest.mark.parametrize("count", sampled(["14", "60"], 2))
 def test_random_topologies_with_any_numbers_never_crash_the_process(tmp_path, count):
     """500 lanes each, one in fifty with a mass of 0, -1, 1e300, NaN, infinity or 5e-324; widths agree."""
     tests, source = Path(__file__).parents[1], Path(native.__file__).parents[3]

@@ -10,6 +10,7 @@ import sys
 
 import numpy as np
 import pytest
+from shared_programs import hurried
 
 import skyarm
 from kernel_threads import queues, serving, wait_until
@@ -23,8 +24,7 @@ MASS = "plant.payload.mass"
 
 @pytest.fixture(autouse=True, scope="module")
 def _cache(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("SKYARM_CACHE", str(tmp_path_factory.mktemp("cache")))
+    with hurried(tmp_path_factory.mktemp("cache")):
         yield
 
 

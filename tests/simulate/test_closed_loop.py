@@ -90,12 +90,12 @@ def _logged(log: Log, k: int) -> tuple[float, ...]:
 
 @pytest.mark.parametrize("preset", ["paper_ct", "paper_pd", "paper_ct_euler"])
 def test_the_loop_equals_a_slow_loop_of_floats_bit_for_bit(preset: str) -> None:
-    quick = document("case3_wind", reference__base__start=0.2, duration=1.0)
+    quick = document("case3_wind", reference__base__start=0.2, duration=0.5)
     quick["reference"]["joints"][0]["start"] = 0.1
     scenario = scenario_from(quick, replaced={"controller": preset})
     log = run(scenario)
     states, commands = slow_loop(scenario)
-    assert log.time.size == len(states) == 200
+    assert log.time.size == len(states) == 100
     for k, (state, command) in enumerate(zip(states, commands, strict=True)):
         assert _logged(log, k) == tuple(float(v) for v in leaves(state)), k
         assert tuple(log.rotor_commands[k]) == tuple(float(v) for v in command.rotor_speeds)
@@ -103,11 +103,11 @@ def test_the_loop_equals_a_slow_loop_of_floats_bit_for_bit(preset: str) -> None:
 
 
 def test_noise_and_delays_act_in_the_slow_loop_the_same_bit_for_bit() -> None:
-    scenario = scenario_from(NOISY, replaced={"duration": 1.0})
+    scenario = scenario_from(NOISY, replaced={"duration": 0.5})
     log = run(scenario)
     states, _ = slow_loop(scenario)
     assert all(_logged(log, k) == tuple(float(v) for v in leaves(state)) for k, state in enumerate(states))
-    assert np.abs(log.position - run(load_scenario("case3_wind", duration=1.0)).position).max() > 1e-3, (
+    assert np.abs(log.position - run(load_scenario("case3_wind", duration=0.5)).position).max() > 1e-3, (
         "noise was flown"
     )
 

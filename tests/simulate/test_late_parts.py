@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
+from shared_programs import hurried
 
 import skyarm
+from simulate_flights import circling
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.scalars import where
@@ -27,9 +30,15 @@ from thorough import sampled
 ROTORS, JOINTS, LATE = "delays.rotors", "delays.joints", "delays.command"
 
 
-def moving(plant: str = "rigid_body", duration: float = 7.0, **delays: Any) -> Any:
-    """Hover, then the step on to the circle and the arm's sines."""
-    return dataclasses.replace(load_scenario("case3_wind", plant=plant, duration=duration), delays=Delays(**delays))
+def moving(duration: float = 1.3, **delays: Any) -> Any:
+    """0.3 s of hover, then the step on to the circle and the arm's sines."""
+    return dataclasses.replace(scenario_from(circling(duration=duration)), delays=Delays(**delays))
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    with hurried(tmp_path_factory.mktemp("cache")):
+        yield
 
 
 def ends(outcome: Any, lane: int = 0) -> list[float]:
@@ -77,7 +86,7 @@ def test_each_part_arrives_when_its_own_delay_is_over(plant: str, rotors: float,
 
 @pytest.mark.parametrize(("rotors", "joints"), sampled([(0.012, 0.003), (0.003, 0.0), (0.0, 0.002), (0.001, 0.009)], 4))
 def test_engines_agree_on_late_parts(rotors: float, joints: float) -> None:
-    scenario = dataclasses.replace(moving(rotors=rotors, joints=joints, duration=6.3), joined=6.1)
+    scenario = dataclasses.replace(moving(rotors=rotors, joints=joints, duration=0.7), joined=0.4)
     compiled = run(scenario)
     inputs = episode_inputs(scenario)
     floats = compiled_flight.fly(scenario, inputs, reference=True)

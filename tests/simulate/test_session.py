@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from shared_programs import shared_programs
 
 from added_components import Blend, Ceiling, Fix, Lag, RandomPush, Turbulence, same_logs, with_law
 from simulate_flights import document
@@ -42,6 +43,12 @@ ADDED = dataclasses.replace(
     estimator=Blend(),
     drives=(JointDrive(joint="joint1", drive=Lag()),),
 )
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _shared() -> Any:
+    with shared_programs():
+        yield
 
 
 def called(memory: Any, measurement: Any, reference: Any, dt: Any, *, par: Any) -> Any:

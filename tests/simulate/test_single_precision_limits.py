@@ -6,6 +6,7 @@ import warnings
 
 import numpy as np
 import pytest
+from shared_programs import hurried
 
 import skyarm
 
@@ -14,8 +15,7 @@ LIMIT = "plant.vehicle.links.0.joint.effort_limit"
 
 @pytest.fixture(autouse=True)
 def _quiet(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
-        patch.setenv("SKYARM_CACHE", str(tmp_path_factory.mktemp("cache")))
+    with hurried(tmp_path_factory.mktemp("cache")), warnings.catch_warnings():
         warnings.simplefilter("error")
         yield
 

@@ -25,9 +25,9 @@ def eager_switching() -> Iterator[None]:
 
 def episodes(plant: str) -> list[Scenario]:
     """Equal and unequal ones: noise, wind, delays, and the same vehicle under two controllers."""
-    noisy = document("everything", duration=0.2, plant__kind=plant)
+    noisy = document("everything", duration=0.1, plant__kind=plant)
     found = [scenario_from(noisy, replaced={"seed": seed}) for seed in (3, 4, 3)]
-    paper = (load_scenario("case3_wind", plant=plant, controller=c, duration=0.2) for c in ("paper_ct", "paper_pd"))
+    paper = (load_scenario("case3_wind", plant=plant, controller=c, duration=0.1) for c in ("paper_ct", "paper_pd"))
     return [*found, *paper]
 
 

@@ -6,10 +6,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+from shared_programs import hurried
 
+from simulate_flights import circling
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.places import LATE
-from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate import Delays, ScenarioError, run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.stages import commands_waiting
@@ -18,21 +20,29 @@ DELAYS = (0.0, 0.001, 0.004, 0.005, 0.007, 0.010, 0.012, 0.015)
 
 
 def moving(**delays):
-    """Six seconds of hover and the step on to the circle."""
-    return dataclasses.replace(load_scenario("case3_wind"), duration=7.0, delays=Delays(**delays))
+    """0.3 s of hover and the step on to the circle, for a second."""
+    return dataclasses.replace(scenario_from(circling(duration=1.3)), delays=Delays(**delays))
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _cache(tmp_path_factory):
+    with hurried(tmp_path_factory.mktemp("cache")):
+        yield
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("SKYARM_CACHE", str(tmp_path_factory.mktemp("cache")))
-        batch = Batch(moving(longest_command=0.015), (LATE,), metrics=("effort",))
-        yield batch.fly({LATE: np.array(DELAYS)})
+def varied(_cache):
+    return Batch(moving(longest_command=0.015), (LATE,), metrics=("effort",))
+
+
+@pytest.fixture(scope="module")
+def flown(varied):
+    return varied.fly({LATE: np.array(DELAYS)})
 
 
 @pytest.mark.parametrize("delay", DELAYS)
 def test_each_lane_is_the_single_flight_with_its_delay(flown, delay):
-    # the same steps, but for a rounding of their lengths and one of no length: 1e-9 after 1400 periods
+    # the same steps, but for a rounding of their lengths and one of no length: 1e-9 after 260 periods
     log = run(moving(command=delay))
     lane = DELAYS.index(delay)
     position = np.array([component[lane] for component in flown.state.position])
@@ -50,9 +60,8 @@ def test_delays_differ(flown):
     assert len(set(np.round(heights, 12).tolist())) == len(DELAYS)
 
 
-def test_a_delay_between_two_steps_lies_between_their_flights():
-    batch = Batch(moving(longest_command=0.015), (LATE,), metrics=("effort",))
-    x = batch.fly({LATE: np.array([0.006, 0.0065, 0.007])}).state.position.x
+def test_a_delay_between_two_steps_lies_between_their_flights(varied):
+    x = varied.fly({LATE: np.array([0.006, 0.0065, 0.007])}).state.position.x
     assert min(x[0], x[2]) < x[1] < max(x[0], x[2])
 
 

@@ -7,6 +7,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from shared_programs import hurried
 
 from simulate_flights import document
 from skyarm.algebra import Quaternion
@@ -101,8 +102,7 @@ OTHERS = {
 
 @pytest.fixture(autouse=True, scope="module")
 def _cache(tmp_path_factory):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("SKYARM_CACHE", str(tmp_path_factory.mktemp("cache")))
+    with hurried(tmp_path_factory.mktemp("cache")):
         yield
 
 

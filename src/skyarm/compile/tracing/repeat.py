@@ -57,19 +57,22 @@ def arranged(nodes: Iterable[Node]) -> list[tuple[Node, list[Node]]]:
     inside: dict[int, int] = {}
     bodies: dict[int, list[Node]] = {}
     for node in nodes:
-        if node.op == "slot":
+        if not inside and node.op not in ("slot", "repeat"):
+            found.append((node, []))
+        elif node.op == "slot":
             inside[node.index] = node.value
             bodies.setdefault(node.value, [])
         elif node.op == "repeat":
             loop = node.value[1][0].value
             found.append((node, bodies.pop(loop, [])))
         else:
-            loop = next((inside[arg.index] for arg in node.args if arg.index in inside), None) if inside else None
-            if loop is None:
-                found.append((node, []))
+            for arg in node.args:
+                if arg.index in inside:
+                    loop = inside[node.index] = inside[arg.index]
+                    bodies[loop].append(node)
+                    break
             else:
-                inside[node.index] = loop
-                bodies[loop].append(node)
+                found.append((node, []))
     return found
 
 

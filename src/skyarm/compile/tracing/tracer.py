@@ -167,7 +167,9 @@ class Graph:
             truth = bool(value)  # NumPy's is no bool, and would become 1.0
             return self._make("const", (), truth, ("bool", truth))
         number = float(value)
-        return self._make("const", (), number, ("const", struct.pack("<d", number)))
+        # a number is its own key but where zeros differ by their sign, and NaN from itself
+        plain = number < 0.0 or number > 0.0
+        return self._make("const", (), number, number if plain else ("const", struct.pack("<d", number)))
 
     def lift(self, value: Any) -> Node:
         """Make a node of this graph of any scalar."""
@@ -180,41 +182,51 @@ class Graph:
     def call(self, op: str, *values: Any) -> Node:
         """Apply an operation: an equal node that exists is returned, constants are computed at once."""
         # lists, not generators: this runs ten thousand times a trace
-        args = tuple([self.lift(value) for value in values])
+        args = [self.lift(value) for value in values]
+        if len(args) == 2:
+            return self._pair(op, *args)
         if op == "where" and args[0].op == "const":
             return args[1] if args[0].value else args[2]
         if args[0].op == "const" and all(arg.op == "const" for arg in args):
-            return self.constant(FOLD[op](*(arg.value for arg in args)))
-        if op in _COMMUTATIVE and args[1].index < args[0].index:
-            args = (args[1], args[0])
-        return self._make(op, args, None, (op, *[arg.index for arg in args]))
+            return self.constant(FOLD[op](*[arg.value for arg in args]))
+        return self._make(op, tuple(args), None, (op, *[arg.index for arg in args]))
+
+    def _pair(self, op: str, x: Node, y: Node) -> Node:
+        """An operation of two nodes of this graph: most of a program, so nothing is done here that need not be."""
+        if x.op == "const" and y.op == "const":
+            return self.constant(FOLD[op](x.value, y.value))
+        if y.index < x.index and op in _COMMUTATIVE:
+            x, y = y, x
+        key = (op, x.index, y.index)
+        found = self._known.get(key)
+        return self._make(op, (x, y), None, key) if found is None else found
 
     def add(self, a: Any, b: Any) -> Node:
         """Return a + b; a + (-b) becomes a - b."""
         x, y = self.lift(a), self.lift(b)
         if y.op == "neg":
-            return self.call("sub", x, y.args[0])
+            return self._pair("sub", x, y.args[0])
         if x.op == "neg":
-            return self.call("sub", y, x.args[0])
-        return self.call("add", x, y)
+            return self._pair("sub", y, x.args[0])
+        return self._pair("add", x, y)
 
     def sub(self, a: Any, b: Any) -> Node:
         """Return a - b; a - (-b) becomes a + b."""
         x, y = self.lift(a), self.lift(b)
         if y.op == "neg":
-            return self.call("add", x, y.args[0])
-        return self.call("sub", x, y)
+            return self._pair("add", x, y.args[0])
+        return self._pair("sub", x, y)
 
     def mul(self, a: Any, b: Any) -> Node:
         """Return a * b; signs are moved out, so that (-a) b and a b share their product."""
         x, y = self.lift(a), self.lift(b)
         if x.op == "neg" and y.op == "neg":
-            return self.call("mul", x.args[0], y.args[0])
+            return self._pair("mul", x.args[0], y.args[0])
         if x.op == "neg":
-            return self.neg(self.call("mul", x.args[0], y))
+            return self.neg(self._pair("mul", x.args[0], y))
         if y.op == "neg":
-            return self.neg(self.call("mul", x, y.args[0]))
-        return self.call("mul", x, y)
+            return self.neg(self._pair("mul", x, y.args[0]))
+        return self._pair("mul", x, y)
 
     def neg(self, a: Any) -> Node:
         """Return -a; -(-a) becomes a."""
