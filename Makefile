@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 LOWEST := .venv-lowest
 BIN := $(VENV)/bin
-PIP := -m pip install --quiet --disable-pip-version-check --no-compile
+PIP := -m pip install --quiet --disable-pip-version-check
 OUT ?= out/paper
 BENCH ?= out/bench.json
 WORKERS ?= 2
@@ -13,7 +13,7 @@ TESTS ?=
 
 help:
 	@echo "make reproduce    fly the paper's five experiments on both plants; OUT=$(OUT) is the folder of the results"
-	@echo "make test         lint, and every test but what the other words of this list run; TESTS='tests/plant -k wind' runs these only"
+	@echo "make test         lint, and most tests (thorough, attack, digests: the rest); TESTS='tests/plant -k wind' runs these only"
 	@echo "make test-lowest  every test on the lowest versions of pyproject.toml, in $(LOWEST); PYTHON must be 3.11"
 	@echo "make docs         build the documentation site, out/docs/site/index.html; run all that README, docs and examples show"
 	@echo "make films        the moving pictures of README and docs, drawn anew into docs/images: some minutes"

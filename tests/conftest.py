@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import compileall
 import gc
-import importlib.util
 import os
 import sys
-from importlib.util import cache_from_source
 from pathlib import Path
 from typing import Any
 
@@ -22,28 +20,16 @@ for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 gc.set_threshold(50_000, 20, 100)
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile the library's bytecode once, where each of some hundred processes would (PYTHONDONTWRITEBYTECODE)."""
+    if sys.dont_write_bytecode and not hasattr(config, "workerinput"):
+        compileall.compile_dir(Path(__file__).parents[1] / "src" / "skyarm", quiet=2)
+
+
 def pytest_collection_finish() -> None:
     """Collected tests and imported modules stay: they need not be looked through again and again."""
     gc.collect()
     gc.freeze()
-
-
-COMMANDS_LOAD = ("annotated_types", "llvmlite", "mujoco", "numpy", "pydantic", "rich", "shellingham", "typer")
-"""Libraries that every process of a command loads, and light ones."""
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    """Compile bytecode once, where each of some hundred processes would do so anew (PYTHONDONTWRITEBYTECODE is set).
-
-    That of the library, and of the libraries that its commands load: `make` installs them without any.
-    """
-    if not sys.dont_write_bytecode or hasattr(config, "workerinput"):
-        return
-    compileall.compile_dir(Path(__file__).parents[1] / "src" / "skyarm", quiet=2)
-    for name in COMMANDS_LOAD:
-        found = importlib.util.find_spec(name)
-        if found is not None and found.origin is not None and not Path(cache_from_source(found.origin)).exists():
-            compileall.compile_dir(Path(found.origin).parent, quiet=2)
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from flying_engines import jax_doubles
-from thorough import sampled
 
 jax = pytest.importorskip("jax")
 
@@ -103,7 +102,7 @@ def test_a_diverged_lane_stays_visible_and_leaves_its_neighbours_untouched():
     assert np.array_equal(found[:, others], clean[:, others])
 
 
-@pytest.mark.parametrize("every", sampled([50, 3, 1000], 3))
+@pytest.mark.parametrize("every", [50, 1000])
 def test_a_decimated_log_holds_every_nth_entry(every):
     """Steps that are no multiple of it, and fewer steps than it; blocks of two lanes, the last with one."""
     kernel = pendulum(lanes_per_block=2, logging=True)
