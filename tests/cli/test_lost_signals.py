@@ -18,7 +18,7 @@ class Old:
 with endings() as came:
     try:
         Old()
-        time.sleep(60)
+        time.sleep(600)
     except Ended:
         print("ended", sorted({each.name for each in came}))
         sys.exit(0)
@@ -29,5 +29,5 @@ sys.exit(1)
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 def test_a_signal_that_a_destructor_drops_comes_again_and_leaves_no_traceback() -> None:
-    done = subprocess.run([sys.executable, "-c", LOST], capture_output=True, text=True, timeout=100, check=False)
+    done = subprocess.run([sys.executable, "-c", LOST], capture_output=True, text=True, timeout=60, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "ended ['SIGTERM']\n", "")

@@ -17,6 +17,15 @@ MOMENT = 0.02
 """s until a signal that was lost is sent again."""
 
 
+def _send(number: signal.Signals) -> None:
+    """Send a signal to the main thread; where threads take signals, one that sleeps or waits there wakes up."""
+    main = threading.main_thread().ident
+    if hasattr(signal, "pthread_kill") and main is not None:
+        signal.pthread_kill(main, number)
+    else:
+        _thread.interrupt_main(number)
+
+
 class Ended(BaseException):
     """A signal asked this process to end. Not an Exception: nothing on the way takes it for its own."""
 
@@ -36,7 +45,7 @@ def endings() -> Iterator[list[signal.Signals]]:
     def again(lost: Any) -> None:
         """What is raised inside a destructor is dropped by Python: the signal is sent once more, a moment later."""
         if lost.exc_type is not None and issubclass(lost.exc_type, Ended):
-            timer = threading.Timer(MOMENT, _thread.interrupt_main, (came[-1],))
+            timer = threading.Timer(MOMENT, _send, (came[-1],))
             timer.daemon = True
             timer.start()
         elif not came:  # after a signal, what libraries find half torn down is no news
