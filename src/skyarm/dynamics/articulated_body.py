@@ -12,7 +12,7 @@ from skyarm.algebra import ArticulatedInertia, Force, Motion, Vec3, ldl_solve
 from skyarm.dynamics.kinematics import joint_direction
 from skyarm.dynamics.link_axes import members, spatial_inertia
 from skyarm.dynamics.newton_euler import motions
-from skyarm.scalars import divide, mul, sub
+from skyarm.scalars import add, divide, mul, sub
 from skyarm.vehicle.vehicle_records import BASE, Vehicle
 
 
@@ -51,9 +51,10 @@ def forward_dynamics(
     for i in reversed(range(n)):
         S = joint_direction(links[i].joint)
         U[i] = inertias[i].apply(S)
-        inverse_d[i] = divide(1.0, S.dot(U[i]))
+        armature = links[i].joint.armature
+        inverse_d[i] = divide(1.0, add(S.dot(U[i]), armature))
         u[i] = sub(joint_torques[i], S.dot(biases[i]))
-        reduced = inertias[i].without(S, U[i], inverse_d[i])
+        reduced = inertias[i].without(S, U[i], inverse_d[i], free=type(armature) is int and armature == 0)
         bias = biases[i] + reduced.apply(moving[i].products) + U[i] * mul(u[i], inverse_d[i])
         carried = reduced.into_parent(places[i].R, places[i].p)
         force = bias.into_parent(places[i].R, places[i].p)

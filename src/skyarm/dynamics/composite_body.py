@@ -11,6 +11,7 @@ from typing import Any
 from skyarm.algebra import Mat3, SpatialInertia
 from skyarm.dynamics.kinematics import joint_direction
 from skyarm.dynamics.link_axes import members, spatial_inertia
+from skyarm.scalars import add
 from skyarm.vehicle.vehicle_records import BASE, Vehicle
 
 
@@ -39,6 +40,7 @@ def mass_matrix(vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Any]) -> list[lis
             M[6 + i][6 + j] = M[6 + j][6 + i] = joint_direction(vehicle.links[j].joint).dot(force)
             force = force.into_parent(places[j].R, places[j].p)
             j = vehicle.links[j].parent
+        M[6 + i][6 + i] = add(M[6 + i][6 + i], vehicle.links[i].joint.armature)
         for row, value in enumerate((*R_WB.apply(force.force), *force.torque)):
             M[row][6 + i] = M[6 + i][row] = value
     return M

@@ -76,6 +76,8 @@ def kinetic_energy(vehicle: Vehicle, state: State) -> Any:
     for body, motion in zip(vehicle.bodies, _body_motions(vehicle, state), strict=True):
         w = motion.pose.R.apply_T(motion.w)
         total = add(total, add(mul(body.mass, motion.velocity.dot(motion.velocity)), w.dot(body.inertia.apply(w))))
+    for link, rate in zip(vehicle.links, state.joint_rates, strict=True):
+        total = add(total, mul(link.joint.armature, mul(rate, rate)))
     return mul(0.5, total)
 
 

@@ -12,6 +12,7 @@ from typing import Any
 from skyarm.algebra import Force, Motion, Vec3, centripetal
 from skyarm.dynamics.kinematics import Pose, joint_direction
 from skyarm.dynamics.link_axes import members, spatial_inertia
+from skyarm.scalars import add, mul
 from skyarm.vehicle.vehicle_records import BASE, Joint, Vehicle
 
 
@@ -82,7 +83,8 @@ def inverse_dynamics(
     torques: list[Any] = [0] * vehicle.n
     for i in reversed(range(vehicle.n)):
         link = vehicle.links[i]
-        torques[i] = joint_direction(link.joint).dot(forces[i])
+        own = mul(link.joint.armature, joint_accelerations[i])
+        torques[i] = add(joint_direction(link.joint).dot(forces[i]), own)
         carried = forces[i].into_parent(places[i].R, places[i].p)
         if link.parent == BASE:
             total = total + carried

@@ -16,7 +16,6 @@ import mujoco
 
 from skyarm.actuation import Command
 from skyarm.compile.llvm.quick_function import Quick
-from skyarm.plant.friction_rate import friction_rate
 from skyarm.plant.integrators import FRICTION_STEP, HELD_FRICTION_STEP, INTEGRATORS
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
 from skyarm.plant.largest_step import divisions, largest_step
@@ -24,6 +23,7 @@ from skyarm.plant.loads import lagged
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_model import build_spec
 from skyarm.plant.mujoco_stages import StagedRungeKutta
+from skyarm.plant.stop_rate import joint_rate
 from skyarm.plant.surroundings import Around
 from skyarm.vehicle.check import require_plant
 
@@ -85,7 +85,7 @@ class MujocoPlant:
             raise ValueError(f"integrator = {integrator!r}: must be one of {list(INTEGRATORS)}")
         self.vehicle = world.vehicle
         if integrator in LARGEST_FRICTION_STEP:
-            rate = friction_rate(world.vehicle)
+            rate = joint_rate(world.vehicle)
             physics_step /= max(1, math.ceil(rate * physics_step / LARGEST_FRICTION_STEP[integrator]))
         physics_step /= divisions(physics_step, largest_step(around))
         spec = build_spec(world.vehicle, float(world.gravity), timestep=physics_step, integrator=integrator)

@@ -50,7 +50,7 @@ def build_spec(vehicle: Vehicle, gravity: float, *, timestep: float = 0.001, int
     """The vehicle as a ``mujoco.MjSpec``.
 
     Contacts, constraints, implicit damping and MuJoCo's own reset of a diverged state are off; joints have neither
-    damping, friction, armature nor limits: everything that pushes is applied from outside.
+    damping, friction nor limits: everything that pushes is applied from outside.
 
     Args:
         vehicle: with concrete numbers.
@@ -109,7 +109,7 @@ def _free_joint_name(vehicle: Vehicle) -> str:
 def _add_joint(body: Any, joint: Joint) -> None:
     """A joint without any force of its own."""
     kinds = {"revolute": mujoco.mjtJoint.mjJNT_HINGE, "prismatic": mujoco.mjtJoint.mjJNT_SLIDE}
-    body.add_joint(name=joint.name, type=kinds[joint.kind], axis=_array(joint.axis))
+    body.add_joint(name=joint.name, type=kinds[joint.kind], axis=_array(joint.axis), armature=float(joint.armature))
 
 
 def _give_inertia(body: Any, source: Body) -> None:

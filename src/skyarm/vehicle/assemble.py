@@ -14,12 +14,14 @@ from skyarm.vehicle.schema import (
     BodyTable,
     FrameTable,
     JointOverride,
+    JointTable,
     LinkTable,
     PoseTable,
     RotorDefaults,
     RotorTable,
     VehicleFile,
 )
+from skyarm.vehicle.stops import with_stops
 from skyarm.vehicle.vehicle_records import BASE, Body, BodyDrag, Frame, Joint, Link, Rotor, Vehicle
 
 DIRECTIONS = {"ccw": 1, "cw": -1}
@@ -32,7 +34,7 @@ def assemble(file: VehicleFile, urdf: RigidBodies | None) -> Vehicle:
     drag = BodyDrag()
     if file.drag is not None:
         drag = BodyDrag(area=description.vector(file.drag.area), air_density=file.drag.air_density)
-    return Vehicle(
+    made = Vehicle(
         name=file.name,
         title=file.title,
         base=bodies.base,
@@ -43,6 +45,13 @@ def assemble(file: VehicleFile, urdf: RigidBodies | None) -> Vehicle:
         drag=drag,
         sources=tuple(file.sources.items()),
     )
+    return with_stops(made, _own_stops(file)) if file.joint_limits == "stop" else made
+
+
+def _own_stops(file: VehicleFile) -> list[str]:
+    """Names of the joints whose stops are stated."""
+    tables: list[JointTable | JointOverride] = [*(link.joint for link in file.links), *file.joints]
+    return [table.name for table in tables if table.stop_stiffness is not None]
 
 
 def _own_bodies(file: VehicleFile) -> RigidBodies:
@@ -129,7 +138,7 @@ def _actuation(table: Actuation) -> dict[str, Any]:
     """Fields that are given; damping and friction of exactly zero are structure."""
     given = {name: getattr(table, name) for name in Actuation.model_fields}
     found: dict[str, Any] = {name: float(value) for name, value in given.items() if value is not None}
-    for name in ("damping", "coulomb"):
+    for name in ("damping", "coulomb", "armature", "stop_stiffness", "stop_damping"):
         if name in found:
             found[name] = description.zero_is_structure(found[name])
     return found

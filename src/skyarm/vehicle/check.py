@@ -107,11 +107,11 @@ def joint(field: str, value: Joint) -> None:
     vector(f"{field}.axis", value.axis, unit=True)
     vector(f"{field}.position", value.position)
     rotation(f"{field}.rotation", value.rotation)
-    for name in ("damping", "coulomb"):
+    for name in ("damping", "coulomb", "armature", "stop_stiffness", "stop_damping"):
         number(f"{field}.{name}", getattr(value, name), low=0.0)
     number(f"{field}.coulomb_rate", value.coulomb_rate, low=0.0, strict=True)
-    if concrete(value.effort_limit) and not value.effort_limit > 0.0:
-        refuse(f"{field}.effort_limit", value.effort_limit, "must be greater than 0")
+    if concrete(value.effort_limit) and not value.effort_limit >= 0.0:
+        refuse(f"{field}.effort_limit", value.effort_limit, "must be at least 0 (a passive joint)")
     if concrete(value.lower, value.upper) and not value.lower < value.upper:
         refuse(f"{field}.lower", value.lower, f"must be below upper = {value.upper!r}")
 
@@ -208,7 +208,7 @@ def _rigid_numbers(value: Vehicle) -> list[Any]:
     for link in value.links:
         joint_ = link.joint
         found += [*joint_.axis, *joint_.position, *(c for row in joint_.rotation.rows for c in row)]
-        found += [joint_.lower, joint_.upper]
+        found += [joint_.lower, joint_.upper, joint_.armature]
     return found
 
 

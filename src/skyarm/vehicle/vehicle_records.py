@@ -79,11 +79,15 @@ class Joint:
         position: origin of the joint frame in the parent link's frame, m. The child link's frame coincides with the
             joint frame at zero.
         rotation: R_PJ, joint axes to parent axes.
-        lower, upper: limits, rad or m; passing one ends an episode by the joint's name.
-        effort_limit: largest |torque| (N m) or |force| (N) of the actuator.
+        lower, upper: limits, rad or m. A stop holds the joint there; without one, passing a limit ends an episode.
+        effort_limit: largest |torque| (N m) or |force| (N) of the actuator; 0 for a passive joint.
+        armature: inertia of the drive's own rotor, reflected to the joint by the square of the gear ratio, kg m^2 or
+            kg. It resists the joint's acceleration against its parent only, as in MuJoCo, Pinocchio and Drake.
         damping: viscous, N m s/rad or N s/m.
         coulomb: smooth Coulomb friction, N m or N: coulomb * tanh(rate / coulomb_rate).
         coulomb_rate: rate at which tanh has bent, rad/s or m/s.
+        stop_stiffness: of the hard stops at both limits, N m/rad or N/m; 0 for a joint without stops.
+        stop_damping: share by which a stop pushes harder per rad/s or m/s of the joint moving into it.
     """
 
     name: str
@@ -97,6 +101,9 @@ class Joint:
     damping: Annotated[Scalar, Unit("N m s/rad or N s/m")] = 0
     coulomb: Annotated[Scalar, Unit("N m or N")] = 0
     coulomb_rate: Annotated[Scalar, Unit("rad/s or m/s")] = 0.01
+    armature: Annotated[Scalar, Unit("kg m^2 or kg", "inertia of the drive, at the joint")] = 0
+    stop_stiffness: Annotated[Scalar, Unit("N m/rad or N/m", "of the stops at the limits")] = 0
+    stop_damping: Annotated[Scalar, Unit("s/rad or s/m")] = 0
 
     def __post_init__(self) -> None:
         accept(self, "joint", name=coerce.text, kind=coerce.text)
@@ -104,6 +111,16 @@ class Joint:
         accept(self, where, axis=near_unit_vector, position=coerce.vector, rotation=near_rotation)
         accept(self, where, lower=coerce.number, upper=coerce.number, effort_limit=coerce.number)
         accept(self, where, damping=coerce.coefficient, coulomb=coerce.coefficient, coulomb_rate=coerce.number)
+        accept(self, where, **dict.fromkeys(("armature", "stop_stiffness", "stop_damping"), coerce.coefficient))
+
+    @property
+    def has_stops(self) -> bool:
+        """Whether stops hold the joint at its limits; a structural question, also where the numbers are traced."""
+        return not (type(self.stop_stiffness) is int and self.stop_stiffness == 0)
+
+
+JOINT_NUMBERS = ("damping", "coulomb", "coulomb_rate", "effort_limit", "armature", "stop_stiffness", "stop_damping")
+"""Numbers of a joint that a scenario may state in place of the vehicle's."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
