@@ -1,8 +1,8 @@
 """Hard stops for the joints of a vehicle that comes from a file and does not state its own.
 
 A real joint meets metal or rubber at its limits. How hard these are is rarely known. The default gives way little to
-the joint's own drive, and asks for no shorter steps of integration at an ordinary control period of 5 ms, unless a strong
-drive on a light link would then press deep into its stop.
+the joint's own drive, and asks for no shorter steps of integration at an ordinary control period of 5 ms, unless a
+strong drive on a light link would then press deep into its stop.
 """
 
 from __future__ import annotations
