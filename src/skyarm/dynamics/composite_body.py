@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import Mat3, SpatialInertia
+from skyarm.dynamics.followers import every_joint, onto_leaders
 from skyarm.dynamics.kinematics import joint_direction
 from skyarm.dynamics.link_axes import members, spatial_inertia
 from skyarm.scalars import add
@@ -23,6 +24,8 @@ def mass_matrix(vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Any]) -> list[lis
         R_WB: attitude; it turns the translation-rotation and translation-joint blocks into world axes.
         joints: rad or m.
     """
+    if vehicle.followers:
+        return _of_leaders(vehicle, mass_matrix(vehicle.untied, R_WB, every_joint(vehicle, joints)))
     held = members(vehicle, joints)
     places, composite = [member.place for member in held], [member.inertia for member in held]
     whole = spatial_inertia(vehicle.base)
@@ -44,6 +47,13 @@ def mass_matrix(vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Any]) -> list[lis
         for row, value in enumerate((*R_WB.apply(force.force), *force.torque)):
             M[row][6 + i] = M[6 + i][row] = value
     return M
+
+
+def _of_leaders(vehicle: Vehicle, M: list[list[Any]]) -> list[list[Any]]:
+    """G^T M G of the mass matrix of all joints."""
+    rows = [[*row[:6], *onto_leaders(vehicle, row[6:])] for row in M]
+    columns = [list(column) for column in zip(*rows, strict=True)]
+    return [[*column[:6], *onto_leaders(vehicle, column[6:])] for column in columns]
 
 
 def _base_block(whole: SpatialInertia, R_WB: Mat3, size: int) -> list[list[Any]]:

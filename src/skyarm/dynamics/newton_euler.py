@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import Force, Motion, Vec3, centripetal
+from skyarm.dynamics.followers import every_joint, every_rate, onto_leaders
 from skyarm.dynamics.kinematics import Pose, joint_direction
 from skyarm.dynamics.link_axes import members, spatial_inertia
 from skyarm.scalars import add, mul
@@ -68,6 +69,10 @@ def inverse_dynamics(
     Returns:
         Force on the base (torque about and force at its origin, base axes) and the joint torques or forces.
     """
+    if vehicle.followers:
+        whole = every_joint(vehicle, joints), rate, every_rate(vehicle, joint_rates), base
+        force, efforts = inverse_dynamics(vehicle.untied, *whole, every_rate(vehicle, joint_accelerations))
+        return force, onto_leaders(vehicle, efforts)
     held = members(vehicle, joints)
     places = [member.place for member in held]
     moving = motions(vehicle, places, rate, joint_rates)

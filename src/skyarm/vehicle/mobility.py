@@ -61,6 +61,12 @@ def _eliminate(vehicle: Vehicle, joints: Sequence[float]) -> str:
 
     whole = [rigid_inertia(body) for body in vehicle.bodies]
     left = [inertia.copy() for inertia in whole]
+    for k in reversed(range(len(vehicle.followers))):
+        # what follows is looked at as fixed where it is: it can only move more than that
+        each = vehicle.followers[k]
+        X = _to_child(each.link.joint, float(each.ratio) * joints[each.leader] + float(each.offset))
+        for inertias in (whole, left):
+            inertias[each.link.parent + 1] += X.T @ inertias[vehicle.n + k + 1] @ X
     for i in reversed(range(vehicle.n)):
         joint, outer, S = vehicle.links[i].joint, whole[i + 1], _direction(vehicle.links[i].joint)
         size = np.trace(outer[:3, :3]) if joint.kind == "revolute" else outer[3, 3]
@@ -119,6 +125,13 @@ def joint_mobility(vehicle: Vehicle) -> list[Any]:
             J.append(columns)
             M += columns.T @ rigid_inertia(link.body) @ columns
             M[6 + i, 6 + i] += float(link.joint.armature)
+        for each in vehicle.followers:
+            leader = _joint_value(vehicle.links[each.leader].joint, turn, each.leader)
+            X = _to_child(each.link.joint, float(each.ratio) * leader + float(each.offset))
+            columns = X @ J[each.link.parent + 1]
+            columns[:, 6 + each.leader] += float(each.ratio) * _direction(each.link.joint)
+            J.append(columns)
+            M += columns.T @ rigid_inertia(each.link.body) @ columns
         with np.errstate(all="ignore"):
             try:
                 found.append(np.linalg.inv(M)[6:, 6:])

@@ -87,6 +87,14 @@ class Actuation(Table):
     stop_damping: NotNegative | None = Field(default=None, description=COEFFICIENT + ", s/rad or s/m")
 
 
+class MimicTable(Table):
+    """What a joint that follows another one is to it."""
+
+    joint: Name = Field(description="the name of another joint")
+    ratio: Finite = Field(default=1.0, description="a finite number but 0, rad or m per rad or m")
+    offset: Finite = Field(default=0.0, description="a finite number, rad or m")
+
+
 class JointTable(PoseTable, Actuation):
     """Joint between a link and its parent."""
 
@@ -95,6 +103,7 @@ class JointTable(PoseTable, Actuation):
     axis: Triple = Field(
         description="three finite numbers, not all zero, in the joint's frame; every joint has an axis"
     )
+    mimic: MimicTable | None = Field(default=None, description="a table: joint, ratio, offset")
 
 
 class LinkTable(BodyTable):

@@ -137,6 +137,35 @@ class Link:
         accept(self, f"links[{self.name}]", parent=coerce.whole, joint=coerce.one(Joint), body=coerce.one(Body))
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Follower:
+    """A follower is a link whose joint moves with another joint: q = ratio q_leader + offset, exactly and at any load.
+
+    URDF calls such a joint a mimic: the second finger of a gripper, the bars of a parallelogram. It has no coordinate,
+    no drive, no friction and no limits of its own; what it moves is felt at its leader.
+
+    Attributes:
+        link: body and joint; its parent is the base, a link, or (from ``Vehicle.n`` on) an earlier follower.
+        leader: index of the link whose joint it follows.
+        ratio: rad or m per rad or m of the leader.
+        offset: rad or m, where the leader is at zero.
+    """
+
+    link: Link
+    leader: int
+    ratio: Annotated[Scalar, Unit("rad or m per rad or m")] = 1.0
+    offset: Annotated[Scalar, Unit("rad or m")] = 0
+
+    def __post_init__(self) -> None:
+        accept(self, "follower", link=coerce.one(Link), leader=coerce.whole, ratio=coerce.number)
+        accept(self, f"followers[{self.link.name}]", offset=coerce.coefficient)
+
+    @property
+    def name(self) -> str:
+        """Of the link."""
+        return self.link.name
+
+
 _ROTOR: dict[str, coerce.Rule] = {
     "position": coerce.vector,
     "axis": near_unit_vector,
@@ -220,6 +249,7 @@ class Vehicle:
         base: the airframe's body, base frame.
         links: tree in an order in which every parent precedes its children.
         rotors: any number, any pose.
+        followers: links that move with others; a frame, a wrench or a shape means the k-th by the index ``n`` + k.
         frames: named frames; ``end_effector`` names the one that metrics and tasks mean.
         drag: drag of the airframe in moving air.
         sources: (field, source) pairs: where each number comes from.
@@ -232,13 +262,14 @@ class Vehicle:
     frames: tuple[Frame, ...] = ()
     end_effector: str = ""
     drag: BodyDrag = BodyDrag()
+    followers: tuple[Follower, ...] = ()
     title: str = field(default="", repr=False)
     sources: tuple[tuple[str, str], ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         accept(self, "vehicle", name=coerce.text, title=coerce.text, base=coerce.one(Body), drag=coerce.one(BodyDrag))
         accept(self, "vehicle", links=coerce.several(Link), rotors=coerce.several(Rotor), frames=coerce.several(Frame))
-        accept(self, "vehicle", end_effector=coerce.text, sources=coerce.pairs)
+        accept(self, "vehicle", end_effector=coerce.text, sources=coerce.pairs, followers=coerce.several(Follower))
         check.vehicle(self)
 
     @property
@@ -248,8 +279,23 @@ class Vehicle:
 
     @property
     def bodies(self) -> tuple[Body, ...]:
-        """Base first, then the links."""
-        return (self.base, *(link.body for link in self.links))
+        """Base first, then the links and the followers."""
+        return (self.base, *(link.body for link in self.moving))
+
+    @property
+    def moving(self) -> tuple[Link, ...]:
+        """Everything that joints move: the links, then the followers."""
+        return (*self.links, *(each.link for each in self.followers)) if self.followers else self.links
+
+    @property
+    def untied(self) -> Vehicle:
+        """The vehicle with its followers as links that have joints of their own."""
+        made = object.__new__(Vehicle)  # every number of it is checked already
+        for each in dataclasses.fields(self):
+            object.__setattr__(made, each.name, getattr(self, each.name))
+        object.__setattr__(made, "links", self.moving)
+        object.__setattr__(made, "followers", ())
+        return made
 
     @property
     def mass(self) -> Scalar:
@@ -281,6 +327,11 @@ class Vehicle:
         load = Body(mass=mass, com=at.position)
         if at.link == BASE:
             return dataclasses.replace(self, base=self.base.joined(load))
+        if at.link >= self.n:
+            held, k = list(self.followers), at.link - self.n
+            body = held[k].link.body.joined(load)
+            held[k] = dataclasses.replace(held[k], link=dataclasses.replace(held[k].link, body=body))
+            return dataclasses.replace(self, followers=tuple(held))
         links = list(self.links)
         links[at.link] = dataclasses.replace(links[at.link], body=links[at.link].body.joined(load))
         return dataclasses.replace(self, links=tuple(links))
