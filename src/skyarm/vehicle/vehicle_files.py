@@ -82,6 +82,19 @@ def read_document(content: bytes) -> dict[str, Any]:
         raise VehicleError(str(error)) from None
 
 
+def vehicle_of_text(text: str, file: Path) -> Vehicle:
+    """Vehicle of the text of a TOML file that is not written yet.
+
+    Args:
+        text: of the file.
+        file: its path to come, from whose folder others are named.
+
+    Raises:
+        VehicleError: one line, as :func:`load_vehicle` says it.
+    """
+    return _located(str(file), lambda: _from_toml(text.encode(), file))
+
+
 def _from_toml(content: bytes, file: Path | None, above: tuple[Path, ...] = ()) -> Vehicle:
     """Vehicle of a TOML file; ``above`` are the files that refer to it."""
     document: Mapping[str, Any] = read_document(content)
