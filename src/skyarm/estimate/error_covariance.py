@@ -1,0 +1,114 @@
+"""Covariance of the filter's error: prediction, and update by one scalar at a time, over scalars.
+
+The error has fifteen components: position (m), velocity (m/s), attitude (rotation vector, rad, world axes: the truth is
+exp(error) times the estimate), bias of the gyroscope (rad/s) and of the accelerometer (m/s^2), base axes. A covariance
+is the lower triangle, row by row: P[i][j] for j <= i.
+
+Sources: Sola 2017, "Quaternion kinematics for the error-state Kalman filter", section 7 (errors in world axes);
+Bierman 1977 (sequential update by scalars whose noises are independent).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from skyarm.algebra import Mat3, Vec3
+from skyarm.scalars import add, data, divide, mul, neg, where
+
+POSITION, VELOCITY, ATTITUDE, GYRO_BIAS, ACCELEROMETER_BIAS = 0, 3, 6, 9, 12
+"""First component of each part of the error."""
+
+SIZE = 15
+
+Covariance = tuple[tuple[Any, ...], ...]
+Row = Mapping[int, Any]
+"""Entries of a row of a matrix that are not zero by structure."""
+
+
+def diagonal(variances: Sequence[Any]) -> Covariance:
+    """Covariance of independent components; every entry is data."""
+    return tuple(tuple(data(v) if i == j else 0.0 for j in range(i + 1)) for i, v in enumerate(variances))
+
+
+def entry(P: Covariance, i: int, j: int) -> Any:
+    """P[i][j] of a lower triangle."""
+    return P[i][j] if j <= i else P[j][i]
+
+
+def transition(R_WB: Mat3, force_W: Vec3, dt: Any) -> list[Row]:
+    """Rows of the error's transition over ``dt``, to first order.
+
+    position + velocity dt; velocity - (R f) x attitude dt - R accelerometer bias dt; attitude - R gyroscope bias dt.
+
+    Args:
+        R_WB: attitude. force_W: specific force less its bias, world axes, m/s^2. dt: s.
+
+    Source: Sola 2017, equation 311 with the attitude's error in world axes (section 7.1).
+    """
+    rows: list[Row] = [{i: 1, i + 3: dt} for i in range(3)]
+    turning, turned = Mat3.cross(force_W).rows, R_WB.rows
+    step = neg(dt)
+    for i in range(3):
+        tilts = {ATTITUDE + j: mul(turning[i][j], step) for j in range(3) if j != i}
+        rows.append({VELOCITY + i: 1, **tilts, **{ACCELEROMETER_BIAS + j: turned[i][j] * step for j in range(3)}})
+    rows += [{ATTITUDE + i: 1, **{GYRO_BIAS + j: turned[i][j] * step for j in range(3)}} for i in range(3)]
+    return rows + [{i: 1} for i in range(GYRO_BIAS, SIZE)]
+
+
+def predict_covariance(P: Covariance, F: Sequence[Row], variances: Sequence[Any]) -> Covariance:
+    """F P F^T with ``variances`` added to the diagonal; structural zeros of the diagonal fold away."""
+    FP = [[_sum(mul(c, entry(P, k, j)) for k, c in F[i].items()) for j in range(SIZE)] for i in range(SIZE)]
+    return tuple(
+        tuple(
+            add(_sum(mul(FP[i][k], c) for k, c in F[j].items()), variances[i] if i == j else 0) for j in range(i + 1)
+        )
+        for i in range(SIZE)
+    )
+
+
+def update_by_scalar(
+    P: Covariance, error: Sequence[Any], H: Row, innovation: Any, variance: Any
+) -> tuple[Covariance, list[Any], Any]:
+    """Covariance, mean error and normalised squared innovation after one scalar measurement.
+
+    Args:
+        P: before. error: mean of the error, as measurements of the same instant have made it so far.
+        H: derivative of the measurement by the error. innovation: measurement less its prediction with no error.
+        variance: of the measurement's noise.
+    """
+    PH = [_sum(mul(entry(P, i, j), c) for j, c in H.items()) for i in range(SIZE)]
+    total = _sum(mul(PH[i], c) for i, c in H.items()) + variance
+    left = innovation - _sum(mul(error[i], c) for i, c in H.items())
+    inverse = divide(1.0, total)
+    K = [each * inverse for each in PH]
+    after = tuple(tuple(P[i][j] - K[i] * PH[j] for j in range(i + 1)) for i in range(SIZE))
+    return after, [e + k * left for e, k in zip(error, K, strict=True)], left * left * inverse
+
+
+def choose_covariance(condition: Any, new: Covariance, old: Covariance) -> Covariance:
+    """``new`` where the condition holds, else ``old``."""
+    return tuple(
+        tuple(where(condition, a, b) for a, b in zip(row, before, strict=True))
+        for row, before in zip(new, old, strict=True)
+    )
+
+
+def gate_of(deviations: Any, count: int) -> Any:
+    """Largest normalised squared innovation of ``count`` scalars that is taken for one of the model.
+
+    The quantile of chi-square with ``count`` degrees of freedom whose probability is that of a normal number below
+    ``deviations``, to 3 % for 3 to 5 deviations.
+
+    Source: Wilson, Hilferty 1931.
+    """
+    share = 2.0 / (9.0 * count)
+    root = 1.0 - share + deviations * share**0.5
+    return root * root * root * count
+
+
+def _sum(terms: Any) -> Any:
+    total: Any = 0
+    for term in terms:
+        total = add(total, term)
+    return total
