@@ -12,7 +12,7 @@ from skyarm.estimate.error_covariance import ATTITUDE, Covariance
 from skyarm.estimate.inertial_navigation import Navigated
 from skyarm.estimate.joint_filter import FilteredJoints
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, sqrt, where
+from skyarm.scalars import Scalar, logical_and, logical_or, sqrt, where
 from skyarm.sensors.sensor_readings import HeadingReading, ImuReading, PoseReading, PositionReading
 
 AIDS: dict[str, tuple[type, ...]] = {
@@ -37,16 +37,6 @@ BLANK_BELIEF = Navigated(
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class ModelledRotor:
-    """A rotor as the believed vehicle has it: its speed follows the command with a lag."""
-
-    speed: Annotated[Scalar, Unit("rad/s", "unsigned")]
-    max_speed: Annotated[Scalar, Unit("rad/s", infinite=True)]
-    time_constant_up: Annotated[Scalar, Unit("s", "lag of a rising speed")]
-    time_constant_down: Annotated[Scalar, Unit("s", "lag of a falling speed")]
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
 class FilterMemory:
     """Memory of the error-state filter.
 
@@ -55,7 +45,9 @@ class FilterMemory:
         belief, covariance: at the instant of ``inertial[0]``, up to which readings have been taken in.
         inertial: readings of the inertial unit from then to the present, oldest first.
         aiding: for each kind of aiding reading what has arrived since then, oldest first.
-        joints: of the encoders. rotors: as the believed vehicle has them.
+        modelled: specific force of the believed vehicle over the period that ends with each of ``inertial``, m/s^2, base
+            axes; nothing where the force is measured.
+        joints: of the encoders. rotor_speeds: of the believed vehicle's motors, rad/s.
         taken, refused: how many readings passed the innovation test, and how many did not.
         surprise: normalised squared innovation of the last reading; for a matched filter its mean is the number of the
             reading's components.
@@ -67,14 +59,15 @@ class FilterMemory:
     inertial: tuple[ImuReading, ...]
     aiding: tuple[tuple[Any, ...], ...]
     joints: FilteredJoints
-    rotors: tuple[ModelledRotor, ...]
+    modelled: tuple[Vec3, ...]
+    rotor_speeds: tuple[Scalar, ...]
     taken: Scalar
     refused: Scalar
     surprise: Scalar
 
     @property
     def deviations(self) -> tuple[Any, ...]:
-        """Standard deviation of each of the fifteen components of the error."""
+        """Standard deviation of each component of the error."""
         return tuple(sqrt(self.covariance[i][i]) for i in range(len(self.covariance)))
 
     @property
@@ -95,21 +88,13 @@ def choose(condition: Any, new: Any, old: Any) -> Any:
 
 def in_turn(queue: Sequence[Any], after: Any, until: Any) -> tuple[Any, Any]:
     """The reading of a queue that was taken after one instant and not after another; a condition, and the reading."""
-    found, reading = None, queue[0]
-    for each in queue:
+    reading, found = queue[0], due_between(queue[0].time, after, until)
+    for each in queue[1:]:
         due = due_between(each.time, after, until)
-        found, reading = (due, each) if found is None else (_either(found, due), choose(due, each, reading))
+        found, reading = logical_or(found, due), choose(due, each, reading)
     return found, reading
 
 
 def due_between(time: Any, after: Any, until: Any) -> Any:
     """Whether an instant lies after one and not after another, but for 10 us of rounding."""
-    from skyarm.scalars import logical_and
-
     return logical_and(time > after + 1e-5, time < until + 1e-5)
-
-
-def _either(a: Any, b: Any) -> Any:
-    from skyarm.scalars import logical_or
-
-    return logical_or(a, b)
