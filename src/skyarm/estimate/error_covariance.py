@@ -42,7 +42,9 @@ def transition(R_WB: Mat3, force_W: Vec3, dt: Any, *, modelled: bool = False) ->
     Where the force is modelled the velocity takes the push in place of the accelerometer's bias.
 
     Args:
-        R_WB: attitude. force_W: specific force less its bias, or the modelled one, world axes, m/s^2. dt: s.
+        R_WB: attitude.
+        force_W: specific force less its bias, or the modelled one, world axes, m/s^2.
+        dt: s.
         modelled: whether the force comes from a model.
 
     Source: Sola 2017, equation 311 with the attitude's error in world axes (section 7.1).
@@ -66,9 +68,7 @@ def predict_covariance(P: Covariance, F: Sequence[Row], variances: Sequence[Any]
     size = len(P)
     FP = [[_sum(mul(c, entry(P, k, j)) for k, c in F[i].items()) for j in range(size)] for i in range(size)]
     return tuple(
-        tuple(
-            add(_sum(mul(FP[i][k], c) for k, c in F[j].items()), variances[i] if i == j else 0) for j in range(i + 1)
-        )
+        tuple(add(_sum(mul(FP[i][k], c) for k, c in F[j].items()), variances[i] if i == j else 0) for j in range(i + 1))
         for i in range(size)
     )
 
@@ -79,8 +79,10 @@ def update_by_scalar(
     """Covariance, mean error and normalised squared innovation after one scalar measurement.
 
     Args:
-        P: before. error: mean of the error, as measurements of the same instant have made it so far.
-        H: derivative of the measurement by the error. innovation: measurement less its prediction with no error.
+        P: before.
+        error: mean of the error, as measurements of the same instant have made it so far.
+        H: derivative of the measurement by the error.
+        innovation: measurement less its prediction with no error.
         variance: of the measurement's noise.
     """
     PH = [_sum(mul(entry(P, i, j), c) for j, c in H.items()) for i in range(len(P))]
@@ -100,11 +102,16 @@ def choose_covariance(condition: Any, new: Covariance, old: Covariance) -> Covar
     )
 
 
+def scaled_covariance(P: Covariance, factor: Any) -> Covariance:
+    """A covariance times a number."""
+    return tuple(tuple(each * factor for each in row) for row in P)
+
+
 def gate_of(deviations: Any, count: int) -> Any:
     """Largest normalised squared innovation of ``count`` scalars that is taken for one of the model.
 
     The quantile of chi-square with ``count`` degrees of freedom whose probability is that of a normal number below
-    ``deviations``, to 3 % for 3 to 5 deviations.
+    ``deviations``: of 3 to 4.5 deviations to 15 % for one scalar, 7 % for three, 4 % for six, and too large.
 
     Source: Wilson, Hilferty 1931.
     """

@@ -5,8 +5,8 @@ The inertial unit is integrated at every reading; what is estimated is the error
 its own instant: the filter lags ``delay_periods`` behind the present, and the inertial readings since then carry its
 belief to the present, which is what the law is told. No delay is approximated.
 
-With ``force = "modelled"`` the believed vehicle's dynamics say the specific force, and the accelerometer tells what they
-lack: a push by the wind or by what is wrong in the model, which is estimated as a random walk.
+With ``force = "modelled"`` the believed vehicle's dynamics say the specific force, and the accelerometer tells what
+they lack: a push by the wind or by what is wrong in the model, which is estimated as a random walk.
 
 Sources: Sola 2017, "Quaternion kinematics for the error-state Kalman filter"; Lefferts, Markley, Shuster 1982
 (multiplicative attitude error); Khosravian, Trumpf, Mahony, Hamel 2015 (delayed filter with forward prediction).
@@ -27,12 +27,20 @@ from skyarm.estimate.error_covariance import (
     diagonal,
     gate_of,
     predict_covariance,
+    scaled_covariance,
     transition,
     update_by_scalar,
 )
 from skyarm.estimate.estimator import Estimator
-from skyarm.estimate.filter_memory import AIDS, BLANK_BELIEF, BLANK_INERTIAL, BLANK_READINGS, FilterMemory
-from skyarm.estimate.filter_memory import choose, in_turn
+from skyarm.estimate.filter_memory import (
+    AIDS,
+    BLANK_BELIEF,
+    BLANK_INERTIAL,
+    BLANK_READINGS,
+    FilterMemory,
+    choose,
+    in_turn,
+)
 from skyarm.estimate.filter_sensors import only, require_filter_sensors
 from skyarm.estimate.inertial_navigation import Navigated, level_attitude, navigate
 from skyarm.estimate.inertial_navigation import corrected as with_error
@@ -62,7 +70,8 @@ class ErrorStateFilter(Estimator):
         gyro, gyro_walk, accelerometer, accelerometer_walk: densities of noise and of the biases' random walks.
         push_walk: density of the random walk of what the model lacks.
         position, attitude, heading: deviations of the aiding readings.
-        gate: normal deviations beyond which a reading is refused; 0 refuses none.
+        gate: normal deviations beyond which a reading is refused; 0 refuses none. doubt: factor of the covariance at
+            each reading that is refused, so that a filter that is wrong itself does not refuse all that would mend it.
         first_velocity, first_tilt, first_heading, first_gyro_bias, first_accelerometer_bias, first_push: deviations of
             what the first readings do not tell. start_heading: rad, without a reading that tells of it.
         joint_bandwidth: rad/s, of the filter of the encoders; 0 takes positions and rates as they are read.
@@ -81,12 +90,13 @@ class ErrorStateFilter(Estimator):
     attitude: Annotated[Scalar, Unit("rad", "deviation of a reading", low=0.0, strict=True)] = 0.005
     heading: Annotated[Scalar, Unit("rad", "deviation of a reading", low=0.0, strict=True)] = 0.02
     gate: Annotated[Scalar, Unit("", "normal deviations, 0: none", low=0.0)] = 4.5
+    doubt: Annotated[Scalar, Unit("", "factor of the covariance at a refused reading", low=1.0)] = 1.5
     first_velocity: Annotated[Scalar, Unit("m/s", "deviation at the start", low=0.0)] = 0.1
     first_tilt: Annotated[Scalar, Unit("rad", "deviation at the start, without pose", low=0.0)] = 0.05
     first_heading: Annotated[Scalar, Unit("rad", "deviation at the start, without reading", low=0.0)] = 0.5
     first_gyro_bias: Annotated[Scalar, Unit("rad/s", "deviation at the start", low=0.0)] = 0.01
     first_accelerometer_bias: Annotated[Scalar, Unit("m/s^2", "deviation at the start", low=0.0)] = 0.1
-    first_push: Annotated[Scalar, Unit("m/s^2", "deviation at the start", low=0.0)] = 1.0
+    first_push: Annotated[Scalar, Unit("m/s^2", "deviation at the start", low=0.0)] = 2.0
     start_heading: Annotated[Scalar, Unit("rad", "at the start, without reading")] = 0.0
     joint_bandwidth: Annotated[Scalar, Unit("rad/s", "of the encoders' filter, 0: as read", low=0.0)] = 300.0
     gravity: Annotated[Scalar | None, Unit("m/s^2", low=0.0)] = None
@@ -195,10 +205,10 @@ class ErrorStateFilter(Estimator):
             due, reading = in_turn(queue, after, memory.inertial[0].time)
             rows = innovations(belief, reading, self.position, self.attitude, self.heading)
             allowed = where(self.gate > 0.0, gate_of(self.gate, len(rows)), float("inf"))
-            belief, P, found = _corrected(belief, P, rows, due, allowed)
-            passed = found < allowed
-            taken = taken + where(logical_and(due, passed), 1.0, 0.0)
-            refused = refused + where(logical_and(due, logical_not(passed)), 1.0, 0.0)
+            belief, updated, found = _corrected(belief, P, rows, due, allowed)
+            passed, failed = logical_and(due, found < allowed), logical_and(due, logical_not(found < allowed))
+            P = scaled_covariance(updated, where(failed, self.doubt, 1.0))
+            taken, refused = taken + where(passed, 1.0, 0.0), refused + where(failed, 1.0, 0.0)
             surprise = where(due, found, surprise)
         return replace(memory, belief=belief, covariance=P, taken=taken, refused=refused, surprise=surprise)
 

@@ -34,7 +34,9 @@ class Estimator:
         """Refuse sensors that the estimator cannot work with.
 
         Args:
-            sensors: beside the full state, by name. rate: control periods a second. vehicle: the believed one.
+            sensors: beside the full state, by name.
+            rate: control periods a second.
+            vehicle: the believed one.
 
         Raises:
             ValueError: one line with field, value and what is allowed.

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Any
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.estimate.error_covariance import ATTITUDE, Covariance
 from skyarm.estimate.inertial_navigation import Navigated
 from skyarm.estimate.joint_filter import FilteredJoints
-from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, logical_and, logical_or, sqrt, where
 from skyarm.sensors.sensor_readings import HeadingReading, ImuReading, PoseReading, PositionReading
 
@@ -45,8 +44,8 @@ class FilterMemory:
         belief, covariance: at the instant of ``inertial[0]``, up to which readings have been taken in.
         inertial: readings of the inertial unit from then to the present, oldest first.
         aiding: for each kind of aiding reading what has arrived since then, oldest first.
-        modelled: specific force of the believed vehicle over the period that ends with each of ``inertial``, m/s^2, base
-            axes; nothing where the force is measured.
+        modelled: specific force of the believed vehicle over the period that ends with each of ``inertial``, m/s^2,
+            base axes; nothing where the force is measured.
         joints: of the encoders. rotor_speeds: of the believed vehicle's motors, rad/s.
         taken, refused: how many readings passed the innovation test, and how many did not.
         surprise: normalised squared innovation of the last reading; for a matched filter its mean is the number of the

@@ -28,7 +28,9 @@ def require_filter_sensors(sensors: Mapping[str, Sensor], aiding: str, lag: floa
     """Refuse a scenario whose sensors the filter cannot use.
 
     Args:
-        sensors: beside the full state, by name. aiding: of the filter. lag: s, by which it lags the present.
+        sensors: beside the full state, by name.
+        aiding: of the filter.
+        lag: s, by which it lags the present.
         joints: of the vehicle.
 
     Raises:

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Quaternion, Vec3
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, atan2, cos, neg, sin, sqrt
+from skyarm.scalars import atan2, cos, neg, sin, sqrt
 from skyarm.sensors.sensor_readings import ImuReading
 
 
@@ -36,7 +36,11 @@ def navigate(
     """The belief at the later of two readings, and the mean specific force without bias and push, world axes.
 
     Args:
-        now: belief at the earlier. before, after: readings. gravity: m/s^2. dt: s between them.
+        now: belief at the earlier.
+        before: reading at the earlier.
+        after: reading at the later.
+        gravity: m/s^2.
+        dt: s between them.
         modelled: mean specific force between them by a model, base axes, in place of the accelerometer's.
     """
     rate = (before.rate + after.rate) * 0.5 - now.gyro_bias

@@ -1,8 +1,8 @@
 """Joint rates from encoders: a critically damped filter of position and rate for each joint.
 
 Between readings a joint goes on at its rate; a reading pulls position and rate towards itself by
-g = 1 - b^2 and h / dt = (1 - b)^2 / dt with b = exp(-bandwidth dt): both poles at b. A constant rate is followed without
-error, an acceleration a with an error of the rate of about 2 a / bandwidth.
+g = 1 - b^2 and h / dt = (1 - b)^2 / dt with b = exp(-bandwidth dt): both poles at b. A constant rate is followed
+without error, an acceleration a with an error of the rate of about 2 a / bandwidth.
 
 Source: Brookner 1998, "Tracking and Kalman filtering made easy", section 1.2.6 (critically damped g-h filter).
 """
@@ -32,9 +32,12 @@ def filter_joints(
     """The joints at ``now``.
 
     Args:
-        memory: one period earlier. reading: the last that has arrived; used once.
+        memory: one period earlier.
+        reading: the last that has arrived; used once.
         started: condition; where it does not hold the reading is taken as it is, at rest.
-        bandwidth: rad/s. now: s. dt: period, s.
+        bandwidth: rad/s.
+        now: s.
+        dt: period, s.
     """
     since = reading.time - memory.read
     fresh = since > 1e-5

@@ -1,4 +1,4 @@
-"""Specific force of the believed vehicle: what an accelerometer at the base origin would read if the belief were true."""
+"""Specific force of the believed vehicle: what an accelerometer at the base origin would read if it were true."""
 
 from __future__ import annotations
 
@@ -25,8 +25,11 @@ def modelled_force(
     """Mean over a period, m/s^2, base axes, by the forward dynamics of the whole vehicle in still air.
 
     Args:
-        vehicle: the believed one. velocity_B: m/s, base axes. rate: rad/s, base axes.
-        joints, joint_rates: at the end of the period.
+        vehicle: the believed one.
+        velocity_B: m/s, base axes.
+        rate: rad/s, base axes.
+        joints: at the end of the period.
+        joint_rates: at the end of the period.
         speeds: of the rotors at the beginning and at the end, rad/s; thrust goes with the mean of their squares.
         efforts: of the joints over the period, N m or N: setpoints of drives that give torques.
     """

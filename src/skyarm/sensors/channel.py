@@ -70,7 +70,8 @@ class Channel:
         """Drift of a reading.
 
         Args:
-            before: of the reading before. draws: standard normal numbers, the first of which are used.
+            before: of the reading before.
+            draws: standard normal numbers, the first of which are used.
             first: condition, true at the first reading of an episode.
             dt: s between readings.
         """
@@ -85,8 +86,11 @@ class Channel:
         """A reading.
 
         Args:
-            truth: components. drift: of this reading, or nothing. draws: standard normal numbers of :meth:`normals`.
-            dt: s between readings. where_is: name of the channel in messages.
+            truth: components.
+            drift: of this reading, or nothing.
+            draws: standard normal numbers of :meth:`normals`.
+            dt: s between readings.
+            where_is: name of the channel in messages.
         """
         if self.bias and len(self.bias) != len(truth):
             raise RecordError(f"{where_is}.bias = {len(self.bias)} numbers: must be {len(truth)}, or none")
@@ -148,11 +152,13 @@ class Dropouts:
         """Whether readings are lost at all."""
         return self.random or bool(self.intervals)
 
-    def lost(self, before: Any, t: Any, draw: Any, dt: float) -> Any:
+    def lost(self, before: Any, draw: Any, dt: float) -> Any:
         """State of the link at a reading after the first: 1.0 where it is lost at random, else 0.0.
 
         Args:
-            before: the state at the reading before. t: s. draw: uniform number. dt: s between readings.
+            before: the state at the reading before.
+            draw: uniform number.
+            dt: s between readings.
         """
         # a run ends with probability e and begins with b, so that b / (b + e) is the share; 1 - share is independence
         ends = minimum(1.0 - self.share, divide(dt, self.duration + 1e-12))

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.dynamics.state import State
+from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, where
@@ -70,7 +71,10 @@ class ChannelSensor(Sensor):
 
     def uniforms(self, vehicle: Vehicle) -> int:
         """Pairs for normal numbers, and one for losses at random."""
-        count = sum(c.normals(len(truth)) for _, c, truth in self.quantities(*_example(vehicle)))
+        return self._uniforms(self.quantities(*_example(vehicle)))
+
+    def _uniforms(self, quantities: Quantities) -> int:
+        count = sum(channel.normals(len(truth)) for _, channel, truth in quantities)
         return count + count % 2 + (2 if self.dropouts.random else 0)
 
     def start(self, vehicle: Vehicle) -> ChannelMemory:
@@ -79,7 +83,7 @@ class ChannelSensor(Sensor):
         quantities = self.quantities(state, force)
         own, last = self.first_own(vehicle), ()
         if self.dropouts.any:
-            _, example = self.reading(0.0, [truth for _, _, truth in quantities], state, own, 1.0 < 0.0, 1.0)
+            _, example = self.reading(0.0, [truth for _, _, truth in quantities], state, own, False, 1.0)
             last = rebuild(example, iter([0.0] * len(leaves(example))))
         drifts = tuple(c.start(len(truth)) for _, c, truth in quantities)
         return ChannelMemory(read=0.0, drifts=drifts, lost=0.0, last=last, own=own)
@@ -89,18 +93,23 @@ class ChannelSensor(Sensor):
     ) -> tuple[ChannelMemory, Any]:
         """One reading."""
         first = memory.read < 0.5
+        quantities = self.quantities(state, specific_force)
+        if len(draws) != self._uniforms(quantities):
+            raise RecordError(
+                f"{type(self).__name__.lower()}: a number that is absent varies; make it data first, by giving it in the "
+                "file or by with_numbers"
+            )
         loss, last = (draws[-2:], draws[:-2]) if self.dropouts.random else ((), draws)
         numbers = iter(normals(last))
         drifts, values = [], []
-        rows = zip(self.quantities(state, specific_force), memory.drifts, strict=True)
-        for (name, channel, truth), before in rows:
+        for (name, channel, truth), before in zip(quantities, memory.drifts, strict=True):
             share = [next(numbers) for _ in range(channel.normals(len(truth)))]
             drifts.append(channel.drift(before, share, first, dt))
             values.append(channel.read(truth, drifts[-1], share, dt, name))
         own, reading = self.reading(t, values, state, memory.own, first, dt)
         lost = memory.lost
         if loss:
-            lost = where(first, 0.0, self.dropouts.lost(memory.lost, t, loss[0], dt))
+            lost = where(first, 0.0, self.dropouts.lost(memory.lost, loss[0], dt))
         if self.dropouts.any:
             silent = self.dropouts.silent(lost, t)
             kept = [

@@ -160,6 +160,5 @@ class Encoders(ChannelSensor):
     def _stepped(self, q: Any) -> Any:
         if absent(self.bits):
             return q
-        whole = type(self.bits) is float and self.bits == int(self.bits) or type(self.bits) is int
-        steps = 2.0 ** int(self.bits) if whole else exp(self.bits * LOG_2)
-        return Channel(resolution=divide(self.span, steps)).rounded(q)
+        # by one formula, that a number of bits which varies gives the same steps; off by a rounding error
+        return Channel(resolution=divide(self.span, exp(self.bits * LOG_2))).rounded(q)
