@@ -7,10 +7,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from estimated_flight import GPS, estimated, with_satellites
 from scipy.spatial.transform import Rotation
 
 import skyarm
+from estimated_flight import GPS, estimated, with_satellites
 from skyarm.estimate.filter_memory import FilterMemory
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate.loop import run_in_python
@@ -232,7 +232,10 @@ def test_the_push_that_the_model_lacks_is_found():
         ({"sensors__imu": None}, r"estimator: needs one sensor of kind 'imu' .*there are 0 of kind 'imu'"),
         ({"sensors__encoders": None}, r"needs one sensor of kind 'encoders'"),
         ({"sensors__gps": GPS | {"kind": "pose"}}, r"there are 2 of kind 'pose'"),
-        ({"estimator__delay_periods": 1}, r"delay_periods: lags 0.005 s, must be at least sensors.mocap.latency = 0.01"),
+        (
+            {"estimator__delay_periods": 1},
+            r"delay_periods: lags 0.005 s, must be at least sensors.mocap.latency = 0.01",
+        ),
         ({"estimator__aiding": "compass"}, r"aiding = 'compass': must be one of pose, position, position_heading"),
         ({"estimator__force": "both"}, r"force = 'both': must be one of measured, modelled"),
         ({"estimator__doubt": 0.5}, r"doubt = 0.5: must be at least 1"),

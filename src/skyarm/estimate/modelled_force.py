@@ -7,8 +7,8 @@ from typing import Any
 
 from skyarm import dynamics
 from skyarm.actuation import friction, limited_effort
-from skyarm.actuation.rotor import rotor_forces
-from skyarm.algebra import Vec3
+from skyarm.actuation.rotor import rotor_force
+from skyarm.algebra import ZERO3, Force, Vec3
 from skyarm.scalars import data, sqrt, sub
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -34,7 +34,10 @@ def modelled_force(
         efforts: of the joints over the period, N m or N: setpoints of drives that give torques.
     """
     mean = [sqrt(0.5 * (a * a + b * b)) for a, b in zip(*speeds, strict=True)]
-    applied = rotor_forces(vehicle.rotors, mean, velocity_B, rate)
+    # rotor by rotor: sums over alike rotors would round otherwise where their numbers are parameters
+    applied = Force(ZERO3, ZERO3)
+    for rotor, speed in zip(vehicle.rotors, mean, strict=True):
+        applied = applied + rotor_force(rotor, speed, velocity_B + rate.cross(rotor.position))
     torques = [
         sub(limited_effort(link.joint, effort), friction(link.joint, qd, qd))
         for link, effort, qd in zip(vehicle.links, efforts, joint_rates, strict=True)
