@@ -61,7 +61,8 @@ def test_what_a_channel_does_not_have_costs_no_draw_and_changes_no_bit():
         assert channel.normals(3) == wanted
     assert Channel().read((0.1, 0.2), (), (), DT, "x") == (0.1, 0.2)
     bare = Imu(gyro=Channel(), accelerometer=Channel())
-    assert bare.uniforms(VEHICLE) == 0 and Imu().uniforms(VEHICLE) == 12
+    assert bare.uniforms(VEHICLE) == 0
+    assert Imu().uniforms(VEHICLE) == 12
     _, reading = bare.measure(bare.start(VEHICLE), 1.5, STATE, FORCE, (), DT)
     assert (reading.time, reading.rate, reading.specific_force) == (1.5, STATE.rate, FORCE)
 
@@ -98,7 +99,8 @@ def test_encoders_read_whole_steps_and_difference_them():
     moved = replace(STATE, joints=tuple(q + 10.2 * step for q in STATE.joints))
     _, second = encoders.measure(memory, DT, moved, FORCE, (), DT)
     for read, old, rate in zip(second.joints, first.joints, second.joint_rates, strict=True):
-        assert rate == pytest.approx((read - old) / DT) and abs(rate - 10.2 * step / DT) <= step / DT
+        assert rate == pytest.approx((read - old) / DT)
+        assert abs(rate - 10.2 * step / DT) <= step / DT
     measured = Encoders(bits=0, rates="measured", rate=Channel(scale=0.5))
     _, third = measured.measure(measured.start(VEHICLE), 0.0, STATE, FORCE, (), DT)
     assert third.joints == STATE.joints
