@@ -163,7 +163,7 @@ def test_navigation_of_a_steady_turn_and_a_steady_push_is_the_closed_form():
     def reading(t):
         c, s = np.cos(rate * t), np.sin(rate * t)
         R = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-        force = R.T @ ([*acceleration, 0.0, 0.0, GRAVITY])
+        force = R.T @ np.add(acceleration, (0.0, 0.0, GRAVITY))
         return ImuReading(time=t, rate=Vec3(0.0, 0.0, rate), specific_force=Vec3(*force.tolist()))
 
     zero = Vec3(0.0, 0.0, 0.0)

@@ -1,4 +1,4 @@
-"""Channels: what each of their numbers does to a reading, alone and by statistics; lost readings; every kind of sensor."""
+"""Channels: what each of their numbers does to a reading, by statistics; lost readings; every kind of sensor."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_errors_of_an_attitude_turn_it_about_base_axes():
     _, seen = pose.measure(pose.start(VEHICLE), 0.0, STATE, FORCE, (), 0.02)
     between = STATE.quaternion.rotation().T @ seen.quaternion.rotation()
     np.testing.assert_allclose(np.array(between), np.eye(3) + np.cross(np.eye(3), turn), atol=2e-3)
-    with pytest.raises(RecordError, match="attitude.scale = 0.1: must be left out"):
+    with pytest.raises(RecordError, match=r"attitude.scale = 0.1: must be left out"):
         Pose(attitude=Channel(scale=0.1))
 
 

@@ -96,8 +96,8 @@ class ChannelSensor(Sensor):
         quantities = self.quantities(state, specific_force)
         if len(draws) != self._uniforms(quantities):
             raise RecordError(
-                f"{type(self).__name__.lower()}: a number that is absent varies; make it data first, by giving it in the "
-                "file or by with_numbers"
+                f"{type(self).__name__.lower()}: a number that is absent varies; make it data first, "
+                "by giving it in the file or by with_numbers"
             )
         loss, last = (draws[-2:], draws[:-2]) if self.dropouts.random else ((), draws)
         numbers = iter(normals(last))
