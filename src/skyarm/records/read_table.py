@@ -69,6 +69,14 @@ def options_from(function: Callable[..., Any], fields: Fields) -> dict[str, Any]
     return values
 
 
+def _lists_of_numbers(fields: Fields, name: str) -> tuple[tuple[float, ...], ...]:
+    """A list of lists of numbers; how many each has, the record says."""
+    lists, at = fields.take(name), fields.at(name)
+    if not isinstance(lists, (list, tuple)):
+        raise ValueError(f"{at} = {shown(lists)}: must be a list of lists of numbers")
+    return tuple(Fields({str(i): each}, at).numbers(str(i)) for i, each in enumerate(lists))
+
+
 def _type(said: Mapping[str, tuple[Any, Unit]], name: str, fields: Fields) -> Any:
     if name not in said:
         raise ValueError(f"{fields.at(name)}: the annotation of this field names a type that cannot be found")
@@ -96,6 +104,8 @@ def _value(wanted: Any, fields: Fields, name: str) -> Any:
         return int(number)
     if origin is tuple and options and options[0] in (float, Scalar):
         return fields.numbers(name)
+    if origin is tuple and options and typing.get_origin(options[0]) is tuple:
+        return _lists_of_numbers(fields, name)
     value = fields.take(name)
     if wanted in (str, bool):
         if not isinstance(value, wanted):

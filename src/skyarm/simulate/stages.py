@@ -56,6 +56,8 @@ class Stages:
         self.sensors = scenario.all_sensors
         self.draws: Draws = draw_plan(scenario)
         self._law = checked_law(scenario.controller)
+        model = scenario.controller.par.model
+        self._estimator = scenario.estimator.believing(model.vehicle, model.gravity)
         self.whole, self.late = command_delay(scenario)
         self.apart = rotor_and_joint_delays(scenario) if scenario.delays.apart else None
         # named sensors are measured each so many control periods
@@ -120,7 +122,7 @@ class Stages:
             going.append(SensorState(memory=memory, held=held, waiting=seen[1:]))
             arrived[name] = seen[0]
             first = reading if first is None else first
-        memory, measurement = self.scenario.estimator.step(estimate, arrived, acting, self.period)
+        memory, measurement = self._estimator.step(estimate, arrived, acting, self.period)
         full: Any = first
         return Readings(sensors=tuple(going), estimate=memory, reading=full, measurement=measurement)
 
