@@ -16,6 +16,7 @@ from typing import Annotated, Any
 from skyarm.algebra import ZERO3, Mat3, Sym3, Vec3
 from skyarm.records import coerce
 from skyarm.records.directions import near_rotation, near_unit_vector
+from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, add, divide, where
 from skyarm.vehicle import check
@@ -253,6 +254,7 @@ class Vehicle:
         frames: named frames; ``end_effector`` names the one that metrics and tasks mean.
         drag: drag of the airframe in moving air.
         sources: (field, source) pairs: where each number comes from.
+        notes: what the reader of its file left out or took in another way, a line each.
     """
 
     name: str
@@ -265,11 +267,13 @@ class Vehicle:
     followers: tuple[Follower, ...] = ()
     title: str = field(default="", repr=False)
     sources: tuple[tuple[str, str], ...] = field(default=(), repr=False)
+    notes: tuple[str, ...] = field(default=(), repr=False, metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         accept(self, "vehicle", name=coerce.text, title=coerce.text, base=coerce.one(Body), drag=coerce.one(BodyDrag))
         accept(self, "vehicle", links=coerce.several(Link), rotors=coerce.several(Rotor), frames=coerce.several(Frame))
         accept(self, "vehicle", end_effector=coerce.text, sources=coerce.pairs, followers=coerce.several(Follower))
+        accept(self, "vehicle", notes=coerce.several(str))
         check.vehicle(self)
 
     @property
