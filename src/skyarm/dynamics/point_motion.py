@@ -48,6 +48,20 @@ class PointMotion:
                 moving = moving + column.linear * rate
         return self.state.velocity + self.rotation.apply(moving)
 
+    def angular_velocity(self, body: int = BASE) -> Vec3:
+        """Angular velocity of a body in its own axes, rad/s."""
+        if body == BASE:
+            return self.state.rate
+        total = self.state.rate
+        columns = jacobian_columns(self.vehicle, Frame(name="point", link=body, position=ZERO3), self.state.joints)
+        for column, rate in zip(columns, self.state.joint_rates, strict=True):
+            total = total + column.angular * rate
+        return self._links[body].R.apply_T(total)
+
+    def turned(self, vector: Vec3, body: int = BASE) -> Vec3:
+        """A vector of a body's axes in world axes."""
+        return self.rotation.apply(vector if body == BASE else self._links[body].R.apply(vector))
+
     def frame(self, name: str | None = None) -> tuple[Vec3, int]:
         """(point, body) of a named frame, the tip by default."""
         found = self.vehicle.frame(name)

@@ -8,6 +8,7 @@ from skyarm.environment.environment_tables import payload_from, wind_from
 from skyarm.environment.faults import Fault, effectiveness_at, faults_from
 from skyarm.environment.gust import Gust
 from skyarm.environment.payload import Payload
+from skyarm.environment.timed_payload import PayloadMemory, Reach, TimedPayload
 from skyarm.environment.wind import NO_WIND, ForceWind, MovingAir, Wind, WindSample
 
 __all__ = [
@@ -23,6 +24,9 @@ __all__ = [
     "Gust",
     "MovingAir",
     "Payload",
+    "PayloadMemory",
+    "Reach",
+    "TimedPayload",
     "Wind",
     "WindSample",
     "Wrench",

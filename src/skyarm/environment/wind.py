@@ -16,6 +16,7 @@ from skyarm.environment.effectiveness import Effectiveness
 from skyarm.environment.gust import Gust
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
+from skyarm.scalars import Scalar
 from skyarm.scalars.philox import normals
 
 
@@ -28,12 +29,14 @@ class WindSample(Component):
         point_B: point of the base where it acts, base frame, m.
         air_velocity_W: velocity of the air that rotors and body drag see, world axes, m/s.
         effectiveness: what faults leave of the actuators (:mod:`skyarm.environment.faults`); None for whole ones.
+        held: kg, mass that is held of each payload with a time; for logs.
     """
 
     force_W: Vec3 = ZERO3
     point_B: Vec3 = ZERO3
     air_velocity_W: Vec3 = ZERO3
     effectiveness: Effectiveness | None = None
+    held: tuple[Scalar, ...] = ()
 
     def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
         """The same everywhere and always."""
