@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -18,10 +18,15 @@ class PointMotion:
 
     Args:
         vehicle: whose bodies they are. state: of the vehicle; it may be traced.
+        air: velocity of the air (m/s) at a place (m), world axes; calm if left out.
     """
 
-    def __init__(self, vehicle: Vehicle, state: State) -> None:
-        self.vehicle, self.state = vehicle, state
+    def __init__(self, vehicle: Vehicle, state: State, air: Callable[[Vec3], Vec3] | None = None) -> None:
+        self.vehicle, self.state, self._air = vehicle, state, air
+
+    def air_velocity(self, point: Vec3 = ZERO3, body: int = BASE) -> Vec3:
+        """World velocity of the air at a point given in a body's frame, m/s."""
+        return ZERO3 if self._air is None else self._air(self.position(point, body))
 
     @cached_property
     def rotation(self) -> Mat3:

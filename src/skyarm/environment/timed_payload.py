@@ -1,9 +1,9 @@
 """Payloads with a time: a rigid load that the vehicle picks up and sets down during the flight.
 
 A load that is not held rests on something and is no part of the plant. It is grasped at an instant, or as soon as the
-frame that grasps it is within reach of the place where it lies; from then on it is a part of that frame's body, exactly:
-its mass, its centre of mass and its moments of inertia enter the equations of motion. It is let go at an instant, or
-within reach of a place, once.
+frame that grasps it is within reach of the place where it lies; from then on it is a part of that frame's body: its
+mass, its centre of mass and its moments of inertia enter the equations of motion. It is let go at an instant, or within
+reach of a place, once.
 
 A load at rest that is grasped by a frame that moves takes momentum: body and load go on together (inelastic capture,
 :mod:`skyarm.plant.impact`). A load that is let go takes along what momentum it has, and the vehicle's velocities stay.
@@ -13,7 +13,7 @@ What happens to it afterwards is not simulated.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Sym3, Vec3
@@ -70,10 +70,8 @@ class TimedPayload(Component):
 
     name: str = ""
     mass: Annotated[Scalar, Unit("kg", low=0.0)]
-    inertia: Annotated[Vec3, Unit("kg m^2", "principal moments about its centre of mass, axes of its frame", low=0.0)] = (
-        field(default=ZERO3)
-    )
-    com: Annotated[Vec3, Unit("m", "its centre of mass, axes of the frame that holds it")] = field(default=ZERO3)
+    inertia: Annotated[Vec3, Unit("kg m^2", "moments about its centre of mass, axes of its frame", low=0.0)] = ZERO3
+    com: Annotated[Vec3, Unit("m", "its centre of mass, axes of the frame that holds it")] = ZERO3
     frame: str = ""
     pick: Annotated[Scalar, Unit("s", low=0.0)] = 0.0
     pick_place: Reach | None = None
@@ -97,8 +95,16 @@ class TimedPayload(Component):
     def follow(self, memory: PayloadMemory, t: Any, position_W: Vec3) -> PayloadMemory:
         """Memory for the period that begins at ``t`` (s) with the frame at a place (m, world axes)."""
         held, gone = memory.held > 0.5, memory.gone > 0.5
-        pick = t >= self.pick if self.pick_place is None else logical_and(t >= self.pick, self.pick_place.holds(position_W))
-        drop = t >= self.drop if self.drop_place is None else logical_and(t >= self.drop, self.drop_place.holds(position_W))
+        pick = (
+            t >= self.pick
+            if self.pick_place is None
+            else logical_and(t >= self.pick, self.pick_place.holds(position_W))
+        )
+        drop = (
+            t >= self.drop
+            if self.drop_place is None
+            else logical_and(t >= self.drop, self.drop_place.holds(position_W))
+        )
         caught = where(held, 0.0, where(gone, 0.0, where(pick, 1.0, 0.0)))
         dropped = where(held, where(drop, 1.0, 0.0), 0.0)
         return PayloadMemory(

@@ -1,17 +1,16 @@
 """Velocities right after a load is grasped, or a joint gets stuck: both are inelastic impacts.
 
-With M the mass matrix before and M' the one after, the generalised momentum of vehicle and load does not change while
-the grasp or the brake acts for an instant, because its forces are internal and joint torques have no time to act. A load
+With M the mass matrix before and M' the one after, the generalised momentum of vehicle and load does not change
+while the grasp or the brake acts for an instant: its forces are internal, and joint torques have no time to act. A load
 at rest brings none, hence M' v' = M v: linear and angular momentum of the whole are kept, kinetic energy is lost. Of a
 stuck joint M' holds it, and the others' momentum is kept.
 
-Source: Featherstone 2008, section 11.7 (impulsive dynamics), with the load's inertia as part of the body that grasps it.
+Source: Featherstone 2008, section 11.7 (impulsive dynamics), the load being part of the body that grasps it.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 from skyarm import dynamics
 from skyarm.algebra import ZERO3, Force, Vec3
@@ -19,7 +18,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.plant.loaded_vehicle import LOCKED, changes_inertia, loaded_vehicle, payloads_of, stuck_of
 from skyarm.plant.surroundings import Around
-from skyarm.scalars import add, mul, neg, sub
+from skyarm.scalars import add, mul, sub
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
@@ -30,7 +29,9 @@ def after_impact(vehicle: Vehicle, state: State, around: Around) -> State:
     to the last bit.
 
     Args:
-        vehicle: without loads. state: when the period begins. around: of the period.
+        vehicle: without loads.
+        state: when the period begins.
+        around: of the period.
     """
     if not changes_inertia(around):
         return state
@@ -43,7 +44,8 @@ def after_impact(vehicle: Vehicle, state: State, around: Around) -> State:
         total = total + force
         pushed = [add(a, b) for a, b in zip(pushed, efforts, strict=True)]
     for i, share in enumerate(stuck_of(around)):
-        pushed[i] = sub(pushed[i], mul(mul(LOCKED, share), state.joint_rates[i])) if type(share) is not int else pushed[i]
+        if type(share) is not int:
+            pushed[i] = sub(pushed[i], mul(mul(LOCKED, share), state.joint_rates[i]))
     still = (0,) * vehicle.n
     jump, joints = dynamics.forward_dynamics(
         loaded_vehicle(vehicle, around), state.joints, Vec3(0, 0, 0), still, total, tuple(pushed)

@@ -1,4 +1,4 @@
-"""The vehicle as it moves in one control period: with the payloads that it holds, and with its stuck joints held fast."""
+"""The vehicle as it moves in one control period: with the payloads that it holds, its stuck joints held fast."""
 
 from __future__ import annotations
 

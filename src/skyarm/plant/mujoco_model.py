@@ -85,9 +85,9 @@ def build_spec(
         _add_joint(bodies[i], at)
         _give_inertia(bodies[i], link.body)
     for i, load in enumerate(loads):
-        at = vehicle.frame(load.frame or None)
-        place = at.position + at.rotation.apply(load.com)
-        body = bodies[at.link].add_body(name=load_name(i), pos=_array(place), quat=_quaternion(at.rotation))
+        grasp = vehicle.frame(load.frame or None)
+        place = grasp.position + grasp.rotation.apply(load.com)
+        body = bodies[grasp.link].add_body(name=load_name(i), pos=_array(place), quat=_quaternion(grasp.rotation))
         body.explicitinertial = True
         body.mass, body.inertia = 0.0, np.zeros(3)
         body.ipos, body.iquat = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])

@@ -67,7 +67,7 @@ def surroundings_of(around: Around) -> Surroundings:
 
 def felt(around: Surroundings, vehicle: Vehicle, state: State) -> WindSample:
     """Force on the base and velocity of the air at its origin: what a log keeps of the surroundings."""
-    motion = PointMotion(vehicle, state)
+    motion = PointMotion(vehicle, state, around.air_velocity)
     force = ZERO3
     for wrench in around.wrenches(motion, state.rotor_speeds):
         if wrench.body == BASE:

@@ -13,7 +13,8 @@
     drop = 14.0                                      # the same; left out: it is held to the end
     believed = true                                  # the law's belief is told at both instants (default false)
 
-What is believed is a point mass at the frame, told by changes of ``model.payload.FRAME.mass`` (:mod:`skyarm.scenario.in_flight`).
+What is believed is a point mass at the frame, told by changes of ``model.payload.FRAME.mass``
+(:mod:`skyarm.scenario.in_flight`).
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from skyarm.algebra import Vec3
 from skyarm.environment import Reach, TimedPayload
 from skyarm.files import Fields, shown
 from skyarm.scenario.changes import Change
@@ -65,7 +67,7 @@ def _when(fields: Fields, name: str) -> tuple[float, Reach | None]:
     if not isinstance(fields.table.get(name), dict):
         return fields.number(name, low=0.0), None
     inner = Fields(fields.take(name), fields.at(name))
-    reach = Reach(within=inner.number("within", low=0.0, strict=True), of=inner.vector("of"))
+    reach = Reach(within=inner.number("within", low=0.0, strict=True), of=Vec3(*inner.vector("of")))
     after = inner.number("after", 0.0, low=0.0)
     inner.done()
     return after, reach
