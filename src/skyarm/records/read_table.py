@@ -22,7 +22,8 @@ def record_from(kind: type[Record], fields: Fields) -> Record:
     """The record that a table describes.
 
     A number may stand where the field is a ``float`` or ``Scalar``; three numbers where it is a ``Vec3``; a list where
-    it is a tuple; a table where it is a record. Fields with a default may be left out.
+    it is a tuple; a table where it is a record, or whatever its class reads by ``from_table``. Fields with a default
+    may be left out.
 
     Args:
         kind: a dataclass.
@@ -107,6 +108,12 @@ def _value(wanted: Any, fields: Fields, name: str) -> Any:
     if origin is tuple and options and typing.get_origin(options[0]) is tuple:
         return _lists_of_numbers(fields, name)
     value = fields.take(name)
+    if origin is tuple and options and isinstance(options[0], type) and field_names(options[0]) is not None:
+        if not isinstance(value, list):
+            raise ValueError(f"{fields.at(name)} = {shown(value)}: must be a list of tables")
+        return tuple(record_from(options[0], Fields(each, f"{fields.at(name)}[{i}]")) for i, each in enumerate(value))
+    if hasattr(wanted, "from_table"):
+        return wanted.from_table(value, fields.at(name))
     if wanted in (str, bool):
         if not isinstance(value, wanted):
             raise ValueError(

@@ -154,6 +154,11 @@ def check_vehicles(scenario: Scenario) -> None:
             fault.check(truth)
         except ValueError as error:
             raise ValueError(f"environment.faults[{i}].{error}") from None
+    for i, payload in enumerate(scenario.payloads):
+        try:
+            truth.frame(payload.frame or None)
+        except ValueError as error:
+            raise ValueError(f"payloads[{i}].frame = {payload.frame!r}: {error}") from None
     check_law(scenario.controller.par, belief.n, len(belief.rotors))
     found = len(scenario.trajectory.joints)
     if found != truth.n:

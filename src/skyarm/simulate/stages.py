@@ -17,8 +17,10 @@ from skyarm.algebra import Vec3
 from skyarm.compile.tracing.repeat import repeat
 from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
-from skyarm.environment import WindSample, effectiveness_at
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.environment import TimedPayload, WindSample, effectiveness_at
 from skyarm.estimate.estimator import FULL_STATE
+from skyarm.plant.impact import after_impact
 from skyarm.plant.rigid_body import STEP, accelerate
 from skyarm.plant.surroundings import Surroundings, felt
 from skyarm.reference import Reference
@@ -69,8 +71,11 @@ class Stages:
 
     def surround(self, memories: Sequence[Any], drives: Sequence[Any], state: State, time: Any, uniforms: Any) -> Any:
         """Air, forces and faults of the period: memories as they go on, and what the plant is told."""
+        motion = PointMotion(self.scenario.world.vehicle, state)
         going = tuple(
-            component.advance(memory, time, self.period, state, self.draws.of_component(i, uniforms))
+            component.follow(memory, time, motion.position(*motion.frame(component.frame or None)))
+            if isinstance(component, TimedPayload)
+            else component.advance(memory, time, self.period, state, self.draws.of_component(i, uniforms))
             for i, (component, memory) in enumerate(zip(self.components, memories, strict=True))
         )
         return going, self.surroundings(going, drives, time)
@@ -193,6 +198,7 @@ class RigidBodySteps:
 
     def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> State:
         """State after the period: under the command before for the late part, then under the one after it."""
+        state = after_impact(self._scenario.world.vehicle, state, around)
         if self._apart is not None:
             return self._one_after_the_other(state, before, after, around)
         late = self._late
