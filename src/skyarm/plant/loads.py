@@ -32,7 +32,7 @@ def applied_force(
         around: air, forces, faults and drives of the period.
     """
     around = surroundings_of(around)
-    motion = PointMotion(vehicle, state)
+    motion = PointMotion(vehicle, state, around.air_velocity)
     v_air = motion.rotation.apply_T(state.velocity - around.air_velocity(state.position))
     total, pushed = _outside(around.wrenches(motion, rotor_speeds), motion)
     total = total + Force(ZERO3, body_drag(vehicle.drag, v_air))

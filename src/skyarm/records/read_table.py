@@ -22,7 +22,8 @@ def record_from(kind: type[Record], fields: Fields) -> Record:
     """The record that a table describes.
 
     A number may stand where the field is a ``float`` or ``Scalar``; three numbers where it is a ``Vec3``; a list where
-    it is a tuple; a table where it is a record. Fields with a default may be left out.
+    it is a tuple; a table where it is a record, or whatever its class reads by ``from_table``. Fields with a default
+    may be left out.
 
     Args:
         kind: a dataclass.
@@ -69,6 +70,14 @@ def options_from(function: Callable[..., Any], fields: Fields) -> dict[str, Any]
     return values
 
 
+def _lists_of_numbers(fields: Fields, name: str) -> tuple[tuple[float, ...], ...]:
+    """A list of lists of numbers; how many each has, the record says."""
+    lists, at = fields.take(name), fields.at(name)
+    if not isinstance(lists, (list, tuple)):
+        raise ValueError(f"{at} = {shown(lists)}: must be a list of lists of numbers")
+    return tuple(Fields({str(i): each}, at).numbers(str(i)) for i, each in enumerate(lists))
+
+
 def _type(said: Mapping[str, tuple[Any, Unit]], name: str, fields: Fields) -> Any:
     if name not in said:
         raise ValueError(f"{fields.at(name)}: the annotation of this field names a type that cannot be found")
@@ -96,7 +105,15 @@ def _value(wanted: Any, fields: Fields, name: str) -> Any:
         return int(number)
     if origin is tuple and options and options[0] in (float, Scalar):
         return fields.numbers(name)
+    if origin is tuple and options and typing.get_origin(options[0]) is tuple:
+        return _lists_of_numbers(fields, name)
     value = fields.take(name)
+    if origin is tuple and options and isinstance(options[0], type) and field_names(options[0]) is not None:
+        if not isinstance(value, list):
+            raise ValueError(f"{fields.at(name)} = {shown(value)}: must be a list of tables")
+        return tuple(record_from(options[0], Fields(each, f"{fields.at(name)}[{i}]")) for i, each in enumerate(value))
+    if hasattr(wanted, "from_table"):
+        return wanted.from_table(value, fields.at(name))
     if wanted in (str, bool):
         if not isinstance(value, wanted):
             raise ValueError(

@@ -101,6 +101,8 @@ def _tables(piece: Piece) -> dict[str, Array]:
         "wind_force": table(wind.force_W),
         "air_velocity": table(wind.air_velocity_W),
     }
+    if wind.held:
+        tables["payload_mass"] = table(wind.held)
     del free  # its derivatives take more memory than the log of it
     for kind in ("held", "reference"):
         goals = (tables[f"{name}_{kind}"] for name in ("position", "yaw", "joints"))
