@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import json
+import re
+from dataclasses import replace
+from pathlib import Path
 
 import mujoco
 import pytest
 
 from commanded import refused, skyarm
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.simulate import run
 from skyarm.vehicle.vehicle_files import load_vehicle
 from urdf_texts import joint, limits, link, robot, saved
 
@@ -144,3 +149,37 @@ def test_show_prints_the_notes_of_a_file(here):
     assert shown.code == 0, shown.err
     assert "joint j: without an effort, so passive; [[joints]] effort_limit gives it a drive" in shown.out
     assert "<gazebo> (1): not read" in json.loads(skyarm("show", "v.urdf", "--json").out)["notes"]
+
+
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "arm_from_urdf.md").read_text("utf-8")
+
+
+@pytest.fixture(scope="module")
+def shown():
+    """Blocks of the page on arms: title or language -> text."""
+    fences = re.findall(r"```(\w+)(?: title=\"(\S+)\")?\n(.*?)```", PAGE, re.DOTALL)
+    return {title or language: text for language, title, text in fences}
+
+
+def test_the_page_on_arms_shows_what_is_written(here, shown):
+    saved(here, shown["picker.urdf"], "picker.urdf")
+    (words,) = re.findall(r"^skyarm (attach .*)$", PAGE, re.M)
+    assert skyarm(*words.split()).code == 0
+    assert (here / "carrier.toml").read_text("utf-8").split("\n", 1)[1] == shown["toml"]
+
+
+@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
+def test_the_arm_of_the_page_flies_on_both_plants_with_its_second_finger(here, shown, plant):
+    """In Python floats, 0.1 s: the fingers open by a centimetre against each other."""
+    for name in ("picker.urdf", "swing.toml"):
+        saved(here, shown[name], name)
+    assert skyarm("attach", "tilted_hexarotor", "picker.urdf", "-o", "carrier.toml", "--mimic", "couple").code == 0
+    scenario = load_scenario(here / "swing.toml", duration=0.1, plant=plant)
+    assert [each.name for each in scenario.world.vehicle.followers] == ["right_finger"]
+    # in Python floats: tracing a law costs seconds
+    par = scenario.controller.par
+    controller = replace(scenario.controller, compiled=False)
+    log = run(replace(scenario, controller=controller))
+    assert (log.status, par.model.vehicle.n) == ("completed", 3)
+    # it starts beside the reference of 2 cm, which the finger goes to
+    assert abs(log.joints[-1, 2] - 0.02) < 0.5 * abs(log.joints[0, 2] - 0.02) or abs(log.joints[-1, 2] - 0.02) < 1e-4
