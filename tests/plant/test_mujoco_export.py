@@ -99,6 +99,7 @@ def test_the_camera_sees_every_shape_and_a_light_shines_on_it():
         seen = data.cam_xmat[camera].reshape(3, 3).T @ (data.geom_xpos[k] - data.cam_xpos[camera])
         assert seen[2] < 0.0
         assert max(abs(seen[:2])) < half * -seen[2]
+    assert data.cam_xmat[camera].reshape(3, 3)[2, 1] > 0.5, "up is up"
     ray = data.subtree_com[1] - data.light_xpos[light]
     assert ray @ data.light_xdir[light] > 0.99 * np.linalg.norm(ray)
     assert model.nlight == 2

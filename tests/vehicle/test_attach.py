@@ -107,6 +107,24 @@ def test_an_arm_of_toml_is_attached_and_its_followers_follow(tmp_path):
     assert vehicle.frame().link == 0
 
 
+def test_a_frame_of_the_arm_may_be_called_base_and_means_none_but_itself(tmp_path):
+    """Universal Robots' files have one; 'base' in a vehicle file stays the airframe."""
+    own = '<link name="base"/><joint name="o" type="fixed"><parent link="mount"/><child link="base"/></joint>'
+    text = TOML + AT.format(to="leg") + '[[frames]]\nname = "eye"\nlink = "base"\n'
+    vehicle = attached(tmp_path, text, (*ARM, own))
+    assert (vehicle.frame("base").link, vehicle.frame("eye").link) == (0, -1)
+
+
+@pytest.mark.parametrize(
+    ("file", "arm", "followers"), [("couple", "", 1), ("couple", "lock", 0), ("lock", "couple", 1)]
+)
+def test_an_arm_may_say_itself_what_becomes_of_its_followers(tmp_path, file, arm, followers):
+    tied = (*ARM[:-2], joint("grip", "upper", "claw", limits() + '<mimic joint="shoulder"/>', "prismatic"))
+    own = f'mimic = "{arm}"\n' if arm else ""
+    vehicle = attached(tmp_path, f'{TOML}mimic = "{file}"\n{AT.format(to="base")}{own}', tied)
+    assert len(vehicle.followers) == followers
+
+
 REFUSED = {
     "no file": ('arm = "x.urdf"', "attach[0].arm = 'x.urdf': no such file"),
     "kind": ('arm = "arm.step"', "attach[0].arm = 'arm.step': must be a name of the library, or the path of a file"),
