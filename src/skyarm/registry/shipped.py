@@ -13,7 +13,11 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "force": {"force_wind": (f"{_WIND}:ForceWind", "a force on the base and an air speed, as RotorS types them")},
     "sensor": {"full_state": ("skyarm.sensors.noise:SensorNoise", "the full state with white noise")},
     "estimator": {"pass_through": ("skyarm.estimate.estimator:PassThrough", "the full state as it was read")},
-    "drive": {"torque": ("skyarm.actuation.drive:TorqueDrive", "the setpoint is the torque")},
+    "drive": {
+        "torque": ("skyarm.actuation.drive:TorqueDrive", "the setpoint is the torque"),
+        "position_servo": ("skyarm.actuation.servo:PositionServo", "a servo whose setpoint is the joint's position"),
+        "velocity_servo": ("skyarm.actuation.servo:VelocityServo", "a servo whose setpoint is the joint's rate"),
+    },
     "law": {
         "rotors_sim_position": (f"{_LAWS}:rotors_sim_position", ""),
         "decoupled_pd": (f"{_LAWS}:decoupled_pd", ""),

@@ -8,6 +8,7 @@ from typing import Any
 from skyarm.control.catalogue import make_named
 from skyarm.control.controller import Controller
 from skyarm.control.safety.memory import SafetyParameters
+from skyarm.control.servo_layer import ServoParameters, with_servos
 from skyarm.records.leaves import parts
 from skyarm.scenario.changes import without_law
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario
@@ -27,7 +28,9 @@ def loop_facts(rates: Rates, delays: Delays) -> dict[str, float]:
 
 
 def controller_by_name(scenario: Scenario, name: str) -> Controller:
-    """A preset, a law or LAW_tuned for the scenario's belief and clocks, under the safety layer of the law before it.
+    """A preset, a law or LAW_tuned for the scenario's belief and clocks, under the layers of the law before it.
+
+    The safety layer stays, and so do the servos: a torque law takes the place of a torque law.
 
     Raises:
         ControllerError: unknown name, or a controller that does not fit the model.
@@ -35,6 +38,14 @@ def controller_by_name(scenario: Scenario, name: str) -> Controller:
     """
     before = scenario.controller.par
     made = make_named(name, before.model, loop_facts(scenario.rates, scenario.delays))
+    if isinstance(before, ServoParameters):
+        inner = dataclasses.replace(before.inner, model=before.model, mixer=before.mixer)
+        return with_servos(_with_safety_of(inner, made, scenario), 1.0 / scenario.rates.control)
+    return _with_safety_of(before, made, scenario)
+
+
+def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Controller:
+    """The controller with the safety layer whose constants are these; as it is if they are a law's."""
     if not isinstance(before, SafetyParameters):
         return made
     from skyarm.control.safety import with_safety_layer

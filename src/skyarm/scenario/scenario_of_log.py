@@ -12,6 +12,7 @@ from skyarm.actuation import AllocationError
 from skyarm.control.catalogue import make_named
 from skyarm.control.model import Model
 from skyarm.control.safety.memory import SafetyParameters
+from skyarm.control.servo_layer import ServoParameters
 from skyarm.files import shown, unreadable
 from skyarm.log.formats import load_log
 from skyarm.records.plain import dotted
@@ -36,7 +37,7 @@ def scenario_of_log(path: str | os.PathLike[str], replaced: Mapping[str, Any] | 
         if reason:
             raise ValueError(reason)
         law, log = changes.pop("controller", None), load_log(path)
-        if law is not None and not _is_guarded(log):
+        if law is not None and not _has_layers(log):
             unguarded: Scenario = log.scenario_with(changes, partial(_named_law, law))
             return unguarded
         scenario: Scenario = log.scenario_with(changes)
@@ -45,12 +46,12 @@ def scenario_of_log(path: str | os.PathLike[str], replaced: Mapping[str, Any] | 
         raise ScenarioError(f"{os.fspath(path)}: {error}") from None
 
 
-def _is_guarded(log: Any) -> bool:
-    """Whether a log's law flew under the safety layer, which the law that replaces it keeps."""
+def _has_layers(log: Any) -> bool:
+    """Whether a log's law flew under the safety layer or on servos, which the law that replaces it keeps."""
     held: Any = log.info.get("scenario_record")
     for name in ("controller", "par", "type"):
         held = held.get(name) if isinstance(held, dict) else None
-    return bool(held == dotted(SafetyParameters))
+    return held in (dotted(SafetyParameters), dotted(ServoParameters))
 
 
 def _named_law(name: str, model: Model, fields: Mapping[str, Any]) -> dict[str, Any]:

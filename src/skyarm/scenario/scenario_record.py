@@ -144,11 +144,18 @@ class Scenario:
         return ((FULL_STATE, self.sensors), *((each.name, each.sensor) for each in self.instruments))
 
     @property
+    def joint_drives(self) -> tuple[JointDrive, ...]:
+        """Drives of joints by name: the scenario's, and those that its vehicle carries where it says nothing else."""
+        named = [each.joint for each in self.drives]
+        carried = (each for each in self.world.vehicle.drives if each.name not in named)
+        return (*self.drives, *(JointDrive(joint=each.name, drive=each.drive) for each in carried))
+
+    @property
     def all_drives(self) -> tuple[Drive, ...]:
         """A drive for each joint; empty where every joint takes its torque."""
-        if not self.drives:
+        given = {each.joint: each.drive for each in self.joint_drives}
+        if not given:
             return ()
-        given = {each.joint: each.drive for each in self.drives}
         return tuple(given.get(link.joint.name, TORQUE_DRIVE) for link in self.world.vehicle.links)
 
 

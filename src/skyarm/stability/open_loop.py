@@ -254,7 +254,7 @@ def _require_no_memory(scenario: Scenario, first: LoopState) -> None:
     fields += [f"environment.forces[{i}]" for i in range(len(scenario.forces))]
     for field, component, memory in zip(fields, scenario.components, first.components, strict=True):
         _require_none(leaves(memory), field, component)
-    for each in scenario.drives:
+    for each in scenario.joint_drives:
         joint = [link.joint.name for link in scenario.world.vehicle.links].index(each.joint)
         _require_none(leaves(first.drives[joint]), f"plant.drives.{each.joint}", each.drive)
     for named in scenario.instruments:

@@ -9,6 +9,7 @@ from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.vehicle import check, description
 from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
+from skyarm.vehicle.mounted_drives import mounted_drives
 from skyarm.vehicle.schema import (
     Actuation,
     BodyTable,
@@ -41,6 +42,7 @@ def assemble(file: VehicleFile, urdf: RigidBodies | None) -> Vehicle:
         frames=(*bodies.frames, *frames),
         end_effector=file.end_effector,
         drag=drag,
+        drives=mounted_drives(file.drives, "drives"),
         sources=tuple(file.sources.items()),
     )
 

@@ -163,6 +163,10 @@ def vehicle(value: Vehicle) -> None:
         rotation(f"frames[{frame.name}].rotation", frame.rotation)
     if value.end_effector and value.end_effector not in [each.name for each in value.frames]:
         refuse("end_effector", value.end_effector, f"must be one of {[each.name for each in value.frames]}")
+    joints = [link.joint.name for link in value.links]
+    for name in (each.name for each in value.drives):
+        if name not in joints or [each.name for each in value.drives].count(name) > 1:
+            refuse("drives", name, f"must be one of {', '.join(joints) or 'none'}, once")
     for name, area in zip("xyz", value.drag.area, strict=True):
         number(f"drag.area.{name}", area, low=0.0)
     number("drag.air_density", value.drag.air_density, low=0.0)

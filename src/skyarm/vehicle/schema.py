@@ -159,6 +159,9 @@ class VehicleFile(Table):
     frames: list[FrameTable] = Field(default=[], description="an array of tables")
     end_effector: str = Field(default="", description="the name of a frame")
     drag: DragTable | None = Field(default=None, description="a table")
+    drives: dict[str, dict[str, Any]] = Field(
+        default={}, description="tables of drives by the joint's name: kind and its numbers"
+    )
     sources: dict[str, str] = Field(default={}, description='a table of texts: field = "where its number comes from"')
 
 

@@ -16,6 +16,7 @@ from typing import Annotated, Any
 from skyarm.algebra import ZERO3, Mat3, Sym3, Vec3
 from skyarm.records import coerce
 from skyarm.records.directions import near_rotation, near_unit_vector
+from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, add, divide, where
 from skyarm.vehicle import check
@@ -194,6 +195,23 @@ class BodyDrag:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class MountedDrive:
+    """A mounted drive is the actuator of one joint as the vehicle carries it.
+
+    Attributes:
+        name: of the joint. drive: a :class:`skyarm.Drive`, which a room further up knows.
+    """
+
+    name: str
+    drive: Any
+
+    def __post_init__(self) -> None:
+        accept(self, "drives", name=coerce.text)
+        if not callable(getattr(self.drive, "effort", None)):
+            check.refuse(f"drives.{self.name}", self.drive, "must be a Drive")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Vehicle:
     """Airframe, arm and rotors.
 
@@ -205,6 +223,7 @@ class Vehicle:
         rotors: any number, any pose.
         frames: named frames; ``end_effector`` names the one that metrics and tasks mean.
         drag: drag of the airframe in moving air.
+        drives: of the joints whose setpoint is not the torque.
         sources: (field, source) pairs: where each number comes from.
     """
 
@@ -215,12 +234,14 @@ class Vehicle:
     frames: tuple[Frame, ...] = ()
     end_effector: str = ""
     drag: BodyDrag = BodyDrag()
+    drives: tuple[MountedDrive, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
     title: str = field(default="", repr=False)
     sources: tuple[tuple[str, str], ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         accept(self, "vehicle", name=coerce.text, title=coerce.text, base=coerce.one(Body), drag=coerce.one(BodyDrag))
         accept(self, "vehicle", links=coerce.several(Link), rotors=coerce.several(Rotor), frames=coerce.several(Frame))
+        accept(self, "vehicle", drives=coerce.several(MountedDrive))
         accept(self, "vehicle", end_effector=coerce.text, sources=coerce.pairs)
         check.vehicle(self)
 
