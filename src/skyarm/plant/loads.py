@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.actuation import Command, joint_force, rotor_forces, speeds_after
+from skyarm.actuation.rotor import spin_torque
 from skyarm.algebra import ZERO3, Force
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
@@ -21,6 +22,7 @@ def applied_force(
     rotor_speeds: Sequence[Any],
     setpoints: Sequence[Any],
     around: Around,
+    commands: Sequence[Any] = (),
 ) -> tuple[Force, tuple[Any, ...]]:
     """Force on the base (torque about and force at its origin, base axes) and joint torques.
 
@@ -30,6 +32,7 @@ def applied_force(
         rotor_speeds: rad/s, now.
         setpoints: of the joints' drives; torques or forces unless the drive says otherwise.
         around: air, forces, faults and drives of the period.
+        commands: rotor speeds that the rotors are on their way to, rad/s; empty for rotors that keep theirs.
     """
     around = surroundings_of(around)
     motion = PointMotion(vehicle, state)
@@ -38,6 +41,7 @@ def applied_force(
     total = total + Force(ZERO3, body_drag(vehicle.drag, v_air))
     left = around.effectiveness or Effectiveness((1,) * len(vehicle.rotors), (1,) * vehicle.n)
     total = total + rotor_forces(vehicle.rotors, rotor_speeds, v_air, state.rate, left.rotors)
+    total = total + Force(spin_torque(vehicle.rotors, rotor_speeds, commands, state.rate), ZERO3)
     torques = []
     for i, (link, setpoint, share, push) in enumerate(zip(vehicle.links, setpoints, left.joints, pushed, strict=True)):
         rate = state.joint_rates[i]

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.actuation import AllocationError
+from skyarm.control.actuator_layer import ActuatorParameters
 from skyarm.control.catalogue import make_named
 from skyarm.control.model import Model
 from skyarm.control.safety.memory import SafetyParameters
-from skyarm.control.servo_layer import ServoParameters
 from skyarm.files import shown, unreadable
 from skyarm.log.formats import load_log
 from skyarm.records.plain import dotted
@@ -51,7 +51,7 @@ def _has_layers(log: Any) -> bool:
     held: Any = log.info.get("scenario_record")
     for name in ("controller", "par", "type"):
         held = held.get(name) if isinstance(held, dict) else None
-    return held in (dotted(SafetyParameters), dotted(ServoParameters))
+    return held in (dotted(SafetyParameters), dotted(ActuatorParameters))
 
 
 def _named_law(name: str, model: Model, fields: Mapping[str, Any]) -> dict[str, Any]:

@@ -10,14 +10,15 @@ from typing import Any
 
 from skyarm.actuation import AllocationError
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.control.actuator_layer import plain_model
 from skyarm.control.catalogue import LAWS, PRESETS, make_named, preset
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.model import Model
-from skyarm.control.servo_layer import with_servos
 from skyarm.dynamics import State
 from skyarm.environment import payload_from
 from skyarm.files import Fields, number, shown
 from skyarm.records.leaves import field_names
+from skyarm.scenario.law_by_name import on_actuators
 from skyarm.scenario.law_table import law_from
 from skyarm.scenario.scenario_checks import check_quaternion
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario, trimmed_state
@@ -126,23 +127,24 @@ def rates(top: Fields) -> Rates:
 
 
 def controller(fields: Fields, model: Model, replaced: str | None, known: Mapping[str, Any]) -> Controller:
-    """A preset or a law with its constants, with the safety layer if asked; by servos where the belief has them.
+    """A preset or a law with its constants, with the safety layer if asked; on the servos that the belief has.
 
     ``replaced`` is a name of :mod:`skyarm.control.catalogue` in place of the table's law.
 
     ``known`` is what a law may know of its loop (:func:`skyarm.control.catalogue.preset`).
     """
     safety, servos = fields.take("safety", False), truth_value(fields, "servos", bool(model.vehicle.drives))
+    plain = plain_model(model)
     try:
         if replaced is not None:
-            found = make_named(replaced, model, known)
+            found = make_named(replaced, plain, known)
         else:
-            found = _preset(fields, model, known) if "law" not in fields.table else law_from(fields, model, known)
+            found = _preset(fields, plain, known) if "law" not in fields.table else law_from(fields, plain, known)
     except AllocationError as error:
         raise ValueError(f"model.vehicle = {model.vehicle.name!r}: {error}") from None
     found = _with_safety(found, safety)
     try:
-        return with_servos(found, known["control_period"]) if servos else found
+        return on_actuators(found, model, known["control_period"], servos)
     except ControllerError as error:
         raise ValueError(f"controller.{error}") from None
 
@@ -157,8 +159,8 @@ def _preset(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controlle
     for word, value in fields.table.items():
         if word not in ("preset", "safety", "servos"):
             raise ValueError(
-                f"{fields.at(word)} = {shown(value)}: unknown field; beside a preset only safety and servos are allowed, a law in "
-                f"its place takes options"
+                f"{fields.at(word)} = {shown(value)}: unknown field; beside a preset only safety and servos are "
+                f"allowed, a law in its place takes options"
             )
     return preset(name, model, known)
 

@@ -186,7 +186,9 @@ class RigidBodySteps:
 
     def specific_force(self, state: State, command: Command, around: Surroundings) -> Vec3:
         """Proper acceleration of the base origin, base axes, m/s^2."""
-        force, _ = accelerate(self._scenario.world, state, state.rotor_speeds, command.efforts, around)
+        force, _ = accelerate(
+            self._scenario.world, state, state.rotor_speeds, command.efforts, around, command.rotor_speeds
+        )
         return force.linear
 
     def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> State:

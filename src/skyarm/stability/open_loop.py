@@ -158,7 +158,9 @@ class Differentiator:
         scenario = with_lag(self.scenario, lag)
         stages = Stages(scenario)
         air = stages.surroundings(self._components, (), row.time)
-        force, _ = accelerate(scenario.world, point.state, point.state.rotor_speeds, point.old.efforts, air)
+        force, _ = accelerate(
+            scenario.world, point.state, point.state.rotor_speeds, point.old.efforts, air, point.old.rotor_speeds
+        )
         count = noise_count(len(point.state.joints), len(point.state.rotor_speeds))
         now = measure(scenario.sensors, row.time, point.state, force.linear, [0] * count)
         memory, command = checked_law(scenario.controller)(

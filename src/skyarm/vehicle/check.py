@@ -123,7 +123,7 @@ def rotor(field: str, value: Rotor) -> None:
     if value.direction not in (-1, 1):
         refuse(f"{field}.direction", value.direction, "must be +1 (ccw) or -1 (cw)")
     number(f"{field}.thrust_coefficient", value.thrust_coefficient, low=0.0, strict=True)
-    for name in ("moment_coefficient", "drag_coefficient", "rolling_moment_coefficient"):
+    for name in ("moment_coefficient", "drag_coefficient", "rolling_moment_coefficient", "inertia"):
         number(f"{field}.{name}", getattr(value, name), low=0.0)
     for name in ("time_constant_up", "time_constant_down"):
         number(f"{field}.{name}", getattr(value, name), low=0.0, strict=True)

@@ -1,4 +1,4 @@
-"""The drives that a vehicle carries, as tables ``[drives.JOINT]`` of its file or ``[model.drives.JOINT]`` of a scenario."""
+"""The drives that a vehicle carries: tables [drives.JOINT] of its file, or [model.drives.JOINT] of a scenario."""
 
 from __future__ import annotations
 

@@ -23,6 +23,9 @@ Triple = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 Quadruple = Annotated[list[Finite], Field(min_length=4, max_length=4)]
 Name = Annotated[str, Field(min_length=1)]
 
+Column = list[NotNegative]
+
+COLUMN = "a list of finite numbers of at least 0 that rise"
 NAME = "text that is not empty, unique in its table"
 TRIPLE_M = "three finite numbers, m"
 COEFFICIENT = "a finite number of at least 0"
@@ -107,6 +110,16 @@ class JointOverride(Actuation):
     name: Name = Field(description=NAME)
 
 
+class ThrustTableTable(Table):
+    """Rows of a data sheet, a list for each column."""
+
+    speed: Column | None = Field(default=None, description=COLUMN + ", rad/s")
+    thrust: Column = Field(description=COLUMN + ", N")
+    torque: Column = Field(default=[], description=COLUMN + ", N m")
+    current: Column = Field(default=[], description=COLUMN + ", A")
+    throttle: Column = Field(default=[], description=COLUMN + ", 0 to 1")
+
+
 class RotorDefaults(Table):
     """Values of every rotor that does not state its own."""
 
@@ -118,6 +131,8 @@ class RotorDefaults(Table):
     time_constant_up: Positive | None = Field(default=None, description="a finite number greater than 0, s")
     time_constant_down: Positive | None = Field(default=None, description="a finite number greater than 0, s")
     max_speed: Limit | None = Field(default=None, description="a number greater than 0, rad/s")
+    inertia: NotNegative | None = Field(default=None, description=COEFFICIENT + ", kg m^2")
+    thrust_table: ThrustTableTable | None = Field(default=None, description="a table of columns")
 
 
 class RotorTable(RotorDefaults):

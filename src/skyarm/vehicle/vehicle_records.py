@@ -21,6 +21,7 @@ from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, add, divide, where
 from skyarm.vehicle import check
 from skyarm.vehicle.check import accept
+from skyarm.vehicle.thrust_table import ThrustTable
 
 BASE = -1
 """Index that stands for the base where a link's index is asked for."""
@@ -126,6 +127,8 @@ _ROTOR: dict[str, coerce.Rule] = {
     "axis": near_unit_vector,
     **dict.fromkeys(("thrust_coefficient", "time_constant_up", "time_constant_down", "max_speed"), coerce.number),
     **dict.fromkeys(("moment_coefficient", "drag_coefficient", "rolling_moment_coefficient"), coerce.coefficient),
+    "inertia": coerce.coefficient,
+    "table": lambda name, value: None if value is None else coerce.one(ThrustTable)(name, value),
     "direction": coerce.whole,
 }
 
@@ -144,6 +147,10 @@ class Rotor:
         rolling_moment_coefficient: N s^2/rad: torque = -coefficient |W| v_perp.
         time_constant_up, time_constant_down: first-order lag of the speed, s.
         max_speed: rad/s.
+        inertia: of what turns, about the axis, kg m^2: its change of speed and the turning of its spin push the base.
+            It is part of the base's inertia too. An int of 0 is structure: no such effect.
+        table: thrust and drag torque by speed in place of k_f W^2 and k_m thrust; k_f and k_m scale them and are what
+            laws know.
     """
 
     name: str
@@ -157,6 +164,8 @@ class Rotor:
     time_constant_up: Annotated[Scalar, Unit("s", "lag of a rising speed")] = 0.0125
     time_constant_down: Annotated[Scalar, Unit("s", "lag of a falling speed")] = 0.025
     max_speed: Annotated[Scalar, Unit("rad/s", infinite=True)] = math.inf
+    inertia: Annotated[Scalar, Unit("kg m^2", "of what turns")] = field(default=0, metadata=WRITTEN_IF_ANY)
+    table: ThrustTable | None = field(default=None, metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         accept(self, "rotor", name=coerce.text)
