@@ -12,7 +12,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.environment import Effectiveness, Wrench, body_drag
 from skyarm.plant.surroundings import Around, surroundings_of
-from skyarm.scalars import add
+from skyarm.scalars import add, minimum
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
@@ -41,7 +41,10 @@ def applied_force(
     total = total + Force(ZERO3, body_drag(vehicle.drag, v_air))
     left = around.effectiveness or Effectiveness((1,) * len(vehicle.rotors), (1,) * vehicle.n)
     total = total + rotor_forces(vehicle.rotors, rotor_speeds, v_air, state.rate, left.rotors)
-    total = total + Force(spin_torque(vehicle.rotors, rotor_speeds, commands, state.rate), ZERO3)
+    total = total + Force(
+        spin_torque(vehicle.rotors, rotor_speeds, supplied(vehicle, commands, around) if commands else (), state.rate),
+        ZERO3,
+    )
     torques = []
     for i, (link, setpoint, share, push) in enumerate(zip(vehicle.links, setpoints, left.joints, pushed, strict=True)):
         rate = state.joint_rates[i]
@@ -60,6 +63,18 @@ def _outside(wrenches: Sequence[Wrench], motion: PointMotion) -> tuple[Force, Se
     return total, pushed
 
 
-def lagged(vehicle: Vehicle, state: State, command: Command, dt: Any) -> tuple[Any, ...]:
-    """Rotor speeds after ``dt`` seconds of a held command."""
-    return speeds_after(vehicle.rotors, state.rotor_speeds, command.rotor_speeds, dt)
+def lagged(vehicle: Vehicle, state: State, command: Command, dt: Any, around: Around) -> tuple[Any, ...]:
+    """Rotor speeds after ``dt`` seconds of a held command under the period's supply."""
+    return speeds_after(vehicle.rotors, state.rotor_speeds, supplied(vehicle, command.rotor_speeds, around), dt)
+
+
+def supplied(vehicle: Vehicle, commands: Sequence[Any], around: Around) -> Sequence[Any]:
+    """Rotor speeds (rad/s) that commanded ones become under the battery's voltage, to which a motor's speed is in
+    proportion: a governed speed controller gives less only where it is at its end, an open one everywhere.
+    """
+    supply = surroundings_of(around).supply
+    if supply is None or vehicle.battery is None:
+        return commands
+    if vehicle.battery.esc == "open":
+        return [minimum(each, rotor.max_speed) * supply for each, rotor in zip(commands, vehicle.rotors, strict=True)]
+    return [minimum(each, rotor.max_speed * supply) for each, rotor in zip(commands, vehicle.rotors, strict=True)]

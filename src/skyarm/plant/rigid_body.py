@@ -73,7 +73,7 @@ def step_rk4(world: Truth, state: State, command: Command, around: Around, dt: f
     The attitude is integrated as four numbers and normalised after the step, which keeps the order.
     Source: Kutta 1901; Hairer, Norsett, Wanner 1993, II.1.
     """
-    half, whole = lagged(world.vehicle, state, command, 0.5 * dt), lagged(world.vehicle, state, command, dt)
+    half, whole = (lagged(world.vehicle, state, command, part, around) for part in (0.5 * dt, dt))
 
     def slope(at: State, speeds: Sequence[Any]) -> Rate:
         return derivative(world, at, speeds, command.efforts, around, command.rotor_speeds)
@@ -120,7 +120,7 @@ def step_euler(world: Truth, state: State, command: Command, around: Around, dt:
         rate=w,
         joints=tuple(add(x, mul(dx, dt)) for x, dx in zip(state.joints, joint_rates, strict=True)),
         joint_rates=joint_rates,
-        rotor_speeds=lagged(world.vehicle, state, command, dt),
+        rotor_speeds=lagged(world.vehicle, state, command, dt, around),
     )
 
 

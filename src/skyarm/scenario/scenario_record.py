@@ -13,6 +13,7 @@ from skyarm.control.controller import Controller
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.environment import NO_WIND, Component, Fault, Wind
+from skyarm.environment.battery_drain import BatteryDrain
 from skyarm.estimate.estimator import FULL_STATE, PASS_THROUGH, Estimator
 from skyarm.files import must_be_one_of, number, shown
 from skyarm.files.result_name import ALLOWED, is_result_name
@@ -135,8 +136,14 @@ class Scenario:
 
     @property
     def components(self) -> tuple[Component, ...]:
-        """The wind, then the air and the forces that are added to it."""
-        return (self.wind, *self.air, *self.forces)
+        """The wind, then the air and the forces that are added to it, then the load on the battery."""
+        return (self.wind, *self.air, *self.forces, *self.power)
+
+    @property
+    def power(self) -> tuple[BatteryDrain, ...]:
+        """The load on the true vehicle's battery, if it has one."""
+        vehicle = self.world.vehicle
+        return () if vehicle.battery is None else (BatteryDrain(battery=vehicle.battery, rotors=vehicle.rotors),)
 
     @property
     def all_sensors(self) -> tuple[tuple[str, Sensor], ...]:

@@ -75,10 +75,12 @@ class Stages:
 
     def surroundings(self, memories: tuple[Any, ...], drives: Sequence[Any], time: Any) -> Surroundings:
         """What the plant is told of one period."""
-        scenario = self.scenario
+        scenario, power = self.scenario, self.scenario.power
+        felt = len(self.components) - len(power)
         return Surroundings(
-            components=self.components,
-            memories=memories,
+            components=self.components[:felt],
+            memories=memories[:felt],
+            supply=memories[-1][1] / power[0].battery.reference_voltage if power else None,
             time=time,
             effectiveness=effectiveness_at(scenario.faults, scenario.world.vehicle, time),
             drives=scenario.all_drives,

@@ -7,11 +7,13 @@ from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.vehicle import check, description
+from skyarm.vehicle.battery import Battery, CellCurve
 from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.mounted_drives import mounted_drives
 from skyarm.vehicle.schema import (
     Actuation,
+    BatteryTable,
     BodyTable,
     FrameTable,
     JointOverride,
@@ -45,6 +47,7 @@ def assemble(file: VehicleFile, urdf: RigidBodies | None) -> Vehicle:
         end_effector=file.end_effector,
         drag=drag,
         drives=mounted_drives(file.drives, "drives"),
+        battery=_battery(file.battery),
         sources=tuple(file.sources.items()),
     )
 
@@ -188,6 +191,14 @@ def _take_table(field: str, columns: ThrustTableTable, values: dict[str, Any]) -
     if held["torque"]:
         values["moment_coefficient"] = table.moment_coefficient
     values.setdefault("max_speed", table.speed[-1])
+
+
+def _battery(table: BatteryTable | None) -> Battery | None:
+    if table is None:
+        return None
+    values = {name: getattr(table, name) for name in BatteryTable.model_fields if name != "open_circuit"}
+    columns = table.open_circuit
+    return Battery(open_circuit=CellCurve(charge=tuple(columns.charge), voltage=tuple(columns.voltage)), **values)
 
 
 def _frame(table: FrameTable, bodies: RigidBodies) -> Frame:

@@ -159,6 +159,27 @@ class DragTable(Table):
     air_density: NotNegative = Field(default=1.225, description="a finite number of at least 0, kg/m^3")
 
 
+class CurveTable(Table):
+    """Open-circuit voltage of a cell."""
+
+    charge: Column = Field(description=COLUMN + ", 0 to 1")
+    voltage: Column = Field(description=COLUMN + ", V")
+
+
+class BatteryTable(Table):
+    """Battery of the rotors."""
+
+    cells: Annotated[int, Field(ge=1)] = Field(description="a whole number of at least 1, in series")
+    capacity: Positive = Field(description="a finite number greater than 0, A h")
+    resistance: NotNegative = Field(description=COEFFICIENT + ", ohm")
+    open_circuit: CurveTable = Field(description="a table of columns charge and voltage")
+    reference_voltage: Positive = Field(description="a finite number greater than 0, V")
+    charge: NotNegative = Field(default=1.0, description="a number from 0 to 1")
+    standing_power: NotNegative = Field(default=0.0, description=COEFFICIENT + ", W")
+    efficiency: Positive = Field(default=0.7, description="a number above 0 and at most 1")
+    esc: Literal["governed", "open"] = Field(default="governed", description="'governed' or 'open'")
+
+
 class VehicleFile(Table):
     """The whole file."""
 
@@ -174,6 +195,7 @@ class VehicleFile(Table):
     frames: list[FrameTable] = Field(default=[], description="an array of tables")
     end_effector: str = Field(default="", description="the name of a frame")
     drag: DragTable | None = Field(default=None, description="a table")
+    battery: BatteryTable | None = Field(default=None, description="a table")
     drives: dict[str, dict[str, Any]] = Field(
         default={}, description="tables of drives by the joint's name: kind and its numbers"
     )

@@ -20,6 +20,7 @@ from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, add, divide, where
 from skyarm.vehicle import check
+from skyarm.vehicle.battery import Battery
 from skyarm.vehicle.check import accept
 from skyarm.vehicle.thrust_table import ThrustTable
 
@@ -122,13 +123,19 @@ class Link:
         accept(self, f"links[{self.name}]", parent=coerce.whole, joint=coerce.one(Joint), body=coerce.one(Body))
 
 
+def _optional(kind: type) -> coerce.Rule:
+    """Rule: a record of this kind, or None."""
+    one = coerce.one(kind)
+    return lambda name, value: None if value is None else one(name, value)
+
+
 _ROTOR: dict[str, coerce.Rule] = {
     "position": coerce.vector,
     "axis": near_unit_vector,
     **dict.fromkeys(("thrust_coefficient", "time_constant_up", "time_constant_down", "max_speed"), coerce.number),
     **dict.fromkeys(("moment_coefficient", "drag_coefficient", "rolling_moment_coefficient"), coerce.coefficient),
     "inertia": coerce.coefficient,
-    "table": lambda name, value: None if value is None else coerce.one(ThrustTable)(name, value),
+    "table": _optional(ThrustTable),
     "direction": coerce.whole,
 }
 
@@ -233,6 +240,7 @@ class Vehicle:
         frames: named frames; ``end_effector`` names the one that metrics and tasks mean.
         drag: drag of the airframe in moving air.
         drives: of the joints whose setpoint is not the torque.
+        battery: that the rotors run on; None for a supply that never sags.
         sources: (field, source) pairs: where each number comes from.
     """
 
@@ -244,13 +252,14 @@ class Vehicle:
     end_effector: str = ""
     drag: BodyDrag = BodyDrag()
     drives: tuple[MountedDrive, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
+    battery: Battery | None = field(default=None, metadata=WRITTEN_IF_ANY)
     title: str = field(default="", repr=False)
     sources: tuple[tuple[str, str], ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         accept(self, "vehicle", name=coerce.text, title=coerce.text, base=coerce.one(Body), drag=coerce.one(BodyDrag))
         accept(self, "vehicle", links=coerce.several(Link), rotors=coerce.several(Rotor), frames=coerce.several(Frame))
-        accept(self, "vehicle", drives=coerce.several(MountedDrive))
+        accept(self, "vehicle", drives=coerce.several(MountedDrive), battery=_optional(Battery))
         accept(self, "vehicle", end_effector=coerce.text, sources=coerce.pairs)
         check.vehicle(self)
 
