@@ -109,9 +109,9 @@ def speed_of_push(rotor: Rotor, value: Any) -> Any:
     return sqrt(maximum(value, 0.0)) if rotor.table is None else rotor.table.speed_of_push(value)
 
 
-def _torques(vehicle_rotors: Sequence[Rotor]) -> bool:
+def _have_inertia(rotors: Sequence[Rotor]) -> bool:
     """Whether a change of some rotor's speed pushes the base."""
-    return any(not (type(rotor.inertia) is int and rotor.inertia == 0) for rotor in vehicle_rotors)
+    return any(not (type(rotor.inertia) is int and rotor.inertia == 0) for rotor in rotors)
 
 
 def spin_torque(rotors: Sequence[Rotor], speeds: Sequence[Any], commands: Sequence[Any], rate: Vec3) -> Vec3:
@@ -128,7 +128,7 @@ def spin_torque(rotors: Sequence[Rotor], speeds: Sequence[Any], commands: Sequen
         rate: angular velocity of the base, base axes, rad/s.
     """
     total = ZERO3
-    if not _torques(rotors):
+    if not _have_inertia(rotors):
         return total
     for rotor, speed, command in zip(rotors, speeds, commands or speeds, strict=True):
         target = minimum(command, rotor.max_speed)

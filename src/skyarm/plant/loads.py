@@ -41,10 +41,8 @@ def applied_force(
     total = total + Force(ZERO3, body_drag(vehicle.drag, v_air))
     left = around.effectiveness or Effectiveness((1,) * len(vehicle.rotors), (1,) * vehicle.n)
     total = total + rotor_forces(vehicle.rotors, rotor_speeds, v_air, state.rate, left.rotors)
-    total = total + Force(
-        spin_torque(vehicle.rotors, rotor_speeds, supplied(vehicle, commands, around) if commands else (), state.rate),
-        ZERO3,
-    )
+    turning = supplied(vehicle, commands, around) if commands else ()
+    total = total + Force(spin_torque(vehicle.rotors, rotor_speeds, turning, state.rate), ZERO3)
     torques = []
     for i, (link, setpoint, share, push) in enumerate(zip(vehicle.links, setpoints, left.joints, pushed, strict=True)):
         rate = state.joint_rates[i]
@@ -69,8 +67,9 @@ def lagged(vehicle: Vehicle, state: State, command: Command, dt: Any, around: Ar
 
 
 def supplied(vehicle: Vehicle, commands: Sequence[Any], around: Around) -> Sequence[Any]:
-    """Rotor speeds (rad/s) that commanded ones become under the battery's voltage, to which a motor's speed is in
-    proportion: a governed speed controller gives less only where it is at its end, an open one everywhere.
+    """Rotor speeds (rad/s) that commanded ones become under the battery's voltage, to which they are in proportion.
+
+    A governed speed controller gives less only where it is at its end, an open one everywhere.
     """
     supply = surroundings_of(around).supply
     if supply is None or vehicle.battery is None:

@@ -1,4 +1,4 @@
-"""A battery: cells in series with an open-circuit voltage by their charge and a resistance; what rotors draw from it."""
+"""A battery: cells in series with an open-circuit voltage by their charge, a resistance, and what rotors draw."""
 
 from __future__ import annotations
 
