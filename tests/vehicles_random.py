@@ -5,6 +5,7 @@ Both twins take and give our conventions: generalized velocity [v_W, w_B, joint 
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
@@ -107,6 +108,15 @@ def random_vehicle(rng: np.random.Generator, joints: int, *, prismatic: bool = T
     )
 
 
+def with_armature(vehicle: Vehicle, rng: np.random.Generator) -> Vehicle:
+    """The same vehicle with drives whose own inertia is felt at every second joint."""
+    links = list(vehicle.links)
+    for i in range(0, vehicle.n, 2):
+        joint = dataclasses.replace(links[i].joint, armature=float(rng.uniform(0.01, 0.3)))
+        links[i] = dataclasses.replace(links[i], joint=joint)
+    return dataclasses.replace(vehicle, links=tuple(links))
+
+
 def _random_frame(rng: np.random.Generator, name: str, link: int) -> Frame:
     rotation = rotation_matrix(random_quaternion(rng))
     position = 0.3 * rng.normal(size=3)
@@ -151,6 +161,7 @@ class PinocchioTwin:
             placement = pin.SE3(array33(joint.rotation), array3(joint.position))
             ids[i] = model.addJoint(ids[link.parent], kind(axis), placement, joint.name)
             self._add_body(model, ids[i], link.body)
+            model.armature[model.idx_vs[ids[i]]] = float(joint.armature)
         for frame in vehicle.frames:
             placement = pin.SE3(array33(frame.rotation), array3(frame.position))
             model.addFrame(pin.Frame(frame.name, ids[frame.link], 0, placement, pin.FrameType.OP_FRAME))
@@ -190,7 +201,9 @@ class PinocchioTwin:
 
     def energy(self, state: RandomState, gravity: float = GRAVITY) -> float:
         q, v, _ = self._prepare(state, gravity)
-        kinetic = self.pin.computeKineticEnergy(self.model, self.data, q, v)
+        # its computeKineticEnergy is of the bodies alone, without the armature that its mass matrix holds
+        upper = np.triu(self.pin.crba(self.model, self.data, q))
+        kinetic = 0.5 * v @ (upper + np.triu(upper, 1).T) @ v
         return float(kinetic + self.pin.computePotentialEnergy(self.model, self.data, q))
 
     def center_of_mass(self, state: RandomState) -> np.ndarray:
@@ -232,7 +245,7 @@ class MujocoTwin:
             quaternion = self._quaternion(array33(joint.rotation))
             body = bodies[link.parent].add_body(name=link.name, pos=array3(joint.position), quat=quaternion)
             kind = mujoco.mjtJoint.mjJNT_HINGE if joint.kind == "revolute" else mujoco.mjtJoint.mjJNT_SLIDE
-            body.add_joint(name=joint.name, type=kind, axis=array3(joint.axis))
+            body.add_joint(name=joint.name, type=kind, axis=array3(joint.axis), armature=float(joint.armature))
             self._fill(body, link.body)
             bodies[i] = body
         for frame in vehicle.frames:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skyarm.dynamics import array_front as arrays
-from vehicles_random import TWINS, random_state, random_vehicle
+from vehicles_random import TWINS, random_state, random_vehicle, with_armature
 
 # relative to the largest entry: three recursions of up to seven joints, in other orders, on three sets of axes
 TOLERANCE = 1e-10
@@ -30,7 +30,8 @@ def twin_of(request):
 def case(request):
     n, seed = request.param
     rng = np.random.default_rng([2024, n, seed])
-    return random_vehicle(rng, n), rng
+    vehicle = random_vehicle(rng, n)
+    return (with_armature(vehicle, rng) if seed % 2 else vehicle), rng
 
 
 def test_inverse_dynamics_is_that_of_the_oracle(case, twin_of):

@@ -1,10 +1,10 @@
-"""A joint's drive: limited torque less friction."""
+"""A joint's drive: limited torque less friction; and the hard stops at its limits."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from skyarm.scalars import add, clip, divide, mul, sub, tanh
+from skyarm.scalars import add, clip, divide, maximum, mul, sub, tanh
 from skyarm.vehicle.vehicle_records import Joint
 
 
@@ -28,3 +28,18 @@ def friction(joint: Joint, rate: Any, dry_rate: Any) -> Any:
     A law that gives it back takes the reference's rate for the dry part, whose sign would chatter with a measured one.
     """
     return add(mul(joint.damping, rate), mul(joint.coulomb, tanh(divide(dry_rate, joint.coulomb_rate))))
+
+
+def stop_force(joint: Joint, position: Any, rate: Any) -> Any:
+    """What the stops at a joint's limits push it back with, N m or N; a structural 0 without stops.
+
+    k depth (1 + d speed), with the depth past the limit and the speed into the stop; never a pull. It begins at zero,
+    so that integrators of both plants meet no jump, and takes energy away with every push.
+    Source: Hunt, Crossley 1975, with a linear spring.
+    """
+    if not joint.has_stops:
+        return 0
+    k, more = joint.stop_stiffness, mul(joint.stop_damping, rate)
+    above = mul(maximum(sub(position, joint.upper), 0.0), maximum(add(1.0, more), 0.0))
+    below = mul(maximum(sub(joint.lower, position), 0.0), maximum(sub(1.0, more), 0.0))
+    return mul(k, sub(below, above))

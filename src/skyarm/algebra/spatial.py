@@ -171,15 +171,18 @@ class ArticulatedInertia:
             self.J.apply(a.angular) + self.H.apply(a.linear), self.H.apply_T(a.angular) + self.M.apply(a.linear)
         )
 
-    def without(self, S: Motion, U: Force, inverse_d: Any) -> ArticulatedInertia:
-        """Joint direction S eliminated: self - U U^T / d with U = self S, d = S.U.
+    def without(self, S: Motion, U: Force, inverse_d: Any, *, free: bool = True) -> ArticulatedInertia:
+        """Joint direction S eliminated: self - U U^T / d with U = self S, d = S.U plus the drive's own inertia.
 
-        Nothing is left along S: where S is a coordinate axis, its row and column are exact zeros and become structure.
+        A joint is free if its drive has none. Then nothing is left along S: where S is a coordinate axis, its row and
+        column are exact zeros and become structure.
         """
         n, f = U.torque, U.force
         ni, fi = n * inverse_d, f * inverse_d
         J, H = self.J - _outer_symmetric(n, ni), self.H - Mat3(f * ni.x, f * ni.y, f * ni.z)
         M = self.M - _outer_symmetric(f, fi)
+        if not free:
+            return ArticulatedInertia(J, H, M)
         turning, sliding = S.angular.coordinate_axis(), S.linear.coordinate_axis()
         if turning is not None:
             return ArticulatedInertia(J.cleared(turning), H.cleared_row(turning), M)

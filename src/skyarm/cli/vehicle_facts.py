@@ -46,7 +46,7 @@ def vehicle_facts(vehicle: Vehicle, gravity: float) -> dict[str, Any]:
 
 
 def _bodies(vehicle: Vehicle) -> Iterable[tuple[str, Any]]:
-    return zip(("base", *(link.name for link in vehicle.links)), vehicle.bodies, strict=True)
+    return zip(("base", *(link.name for link in vehicle.moving)), vehicle.bodies, strict=True)
 
 
 def _body(name: str, body: Any) -> dict[str, Any]:

@@ -41,7 +41,7 @@ def _joints(vehicle: Vehicle) -> RenderableType:
 
 def _bodies(vehicle: Vehicle) -> RenderableType:
     table = table_of("body", "mass, kg", "centre of mass, m", "inertia xx yy zz, kg m^2", "xy xz yz, kg m^2")
-    for name, body in zip(("base", *(link.name for link in vehicle.links)), vehicle.bodies, strict=True):
+    for name, body in zip(("base", *(link.name for link in vehicle.moving)), vehicle.bodies, strict=True):
         i = body.inertia
         across = _numbers((i.xy, i.xz, i.yz))
         add(table, name, _number(body.mass), _numbers(body.com), _numbers((i.xx, i.yy, i.zz)), across)

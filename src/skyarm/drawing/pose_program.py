@@ -39,7 +39,7 @@ class PoseProgram:
             rows = [(*chain.from_iterable(R.rows), *p) for R, p in placed]
             return (*chain.from_iterable(rows), *tip)
 
-        self._n = vehicle.n
+        self._bodies = 1 + len(vehicle.moving)
         example = Vec3(0.1, 0.2, 0.3), Quaternion(0.9, 0.1, 0.2, 0.3), (0.1,) * vehicle.n
         self._program = trace(poses, *example)
 
@@ -52,7 +52,7 @@ class PoseProgram:
             joints: (n,) rad or m.
         """
         out = np.array(self._program.flat((*map(float, position), *map(float, quaternion), *map(float, joints))))
-        table = out[:-3].reshape(1 + self._n, 12)
+        table = out[:-3].reshape(self._bodies, 12)
         return Placed(table[:, :9].reshape(-1, 3, 3), table[:, 9:], out[-3:])
 
 

@@ -26,7 +26,7 @@ def vehicle_shapes(vehicle: Vehicle) -> tuple[Shape, ...]:
     reach = longest_boom(vehicle)
     shapes = [Shape("hull", "hull", "ellipsoid", BASE, (0.35 * reach, 0.35 * reach, 0.15 * reach))]
     shapes += _rotor_shapes(vehicle, reach)
-    for i, link in enumerate(vehicle.links):
+    for i, link in enumerate(vehicle.moving):
         shapes += _link_shapes(vehicle, i, 0.04 * reach)
         if link.joint.kind == "revolute":
             half = 0.07 * reach
@@ -75,8 +75,8 @@ def _rotor_shapes(vehicle: Vehicle, reach: float) -> list[Shape]:
 
 def _link_shapes(vehicle: Vehicle, i: int, radius: float) -> list[Shape]:
     """A rod from the link's joint to each joint and frame that it carries, else to its centre of mass."""
-    link = vehicle.links[i]
-    ends = [(other.joint.name, other.joint.position) for other in vehicle.links if other.parent == i]
+    link = vehicle.moving[i]
+    ends = [(other.joint.name, other.joint.position) for other in vehicle.moving if other.parent == i]
     ends += [(frame.name, frame.position) for frame in vehicle.frames if frame.link == i]
     rods = []
     for name, end in ends or [("com", link.body.com)]:

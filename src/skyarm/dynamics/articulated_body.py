@@ -8,11 +8,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.algebra import ArticulatedInertia, Force, Motion, Vec3, ldl_solve
+from skyarm.algebra import ArticulatedInertia, Force, Mat3, Motion, Vec3, ldl_solve
+from skyarm.dynamics.composite_body import mass_matrix
 from skyarm.dynamics.kinematics import joint_direction
 from skyarm.dynamics.link_axes import members, spatial_inertia
-from skyarm.dynamics.newton_euler import motions
-from skyarm.scalars import divide, mul, sub
+from skyarm.dynamics.newton_euler import inverse_dynamics, motions
+from skyarm.scalars import add, divide, mul, sub
 from skyarm.vehicle.vehicle_records import BASE, Vehicle
 
 
@@ -37,6 +38,8 @@ def forward_dynamics(
     Returns:
         Proper acceleration of the base (base axes) and the joint accelerations.
     """
+    if vehicle.followers:
+        return _by_mass_matrix(vehicle, joints, rate, joint_rates, applied, joint_torques)
     n, links = vehicle.n, vehicle.links
     held = members(vehicle, joints)
     places, rigid = [member.place for member in held], [member.inertia for member in held]
@@ -51,9 +54,10 @@ def forward_dynamics(
     for i in reversed(range(n)):
         S = joint_direction(links[i].joint)
         U[i] = inertias[i].apply(S)
-        inverse_d[i] = divide(1.0, S.dot(U[i]))
+        armature = links[i].joint.armature
+        inverse_d[i] = divide(1.0, add(S.dot(U[i]), armature))
         u[i] = sub(joint_torques[i], S.dot(biases[i]))
-        reduced = inertias[i].without(S, U[i], inverse_d[i])
+        reduced = inertias[i].without(S, U[i], inverse_d[i], free=type(armature) is int and armature == 0)
         bias = biases[i] + reduced.apply(moving[i].products) + U[i] * mul(u[i], inverse_d[i])
         carried = reduced.into_parent(places[i].R, places[i].p)
         force = bias.into_parent(places[i].R, places[i].p)
@@ -72,6 +76,23 @@ def forward_dynamics(
         joint_accelerations.append(qdd)
         accelerations.append(a + joint_direction(links[i].joint) * qdd)
     return base_acceleration, tuple(joint_accelerations)
+
+
+def _by_mass_matrix(
+    vehicle: Vehicle,
+    joints: Sequence[Any],
+    rate: Vec3,
+    joint_rates: Sequence[Any],
+    applied: Force,
+    joint_torques: Sequence[Any],
+) -> tuple[Motion, tuple[Any, ...]]:
+    """The same for a vehicle with followers, whose joints are not those of a tree: M a = f - bias, solved whole."""
+    still = Motion(Vec3(0, 0, 0), Vec3(0, 0, 0))
+    bias, holding = inverse_dynamics(vehicle, joints, rate, joint_rates, still, (0,) * vehicle.n)
+    pushed = applied - bias
+    efforts = [sub(a, b) for a, b in zip(joint_torques, holding, strict=True)]
+    x = ldl_solve(mass_matrix(vehicle, Mat3.identity(), joints), [*pushed.force, *pushed.torque, *efforts])
+    return Motion(Vec3(*x[3:6]), Vec3(*x[:3])), tuple(x[6:])
 
 
 def _solve_base(inertia: ArticulatedInertia, force: Force) -> Motion:

@@ -9,8 +9,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import Mat3, SpatialInertia
+from skyarm.dynamics.followers import every_joint, onto_leaders
 from skyarm.dynamics.kinematics import joint_direction
 from skyarm.dynamics.link_axes import members, spatial_inertia
+from skyarm.scalars import add
 from skyarm.vehicle.vehicle_records import BASE, Vehicle
 
 
@@ -22,6 +24,8 @@ def mass_matrix(vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Any]) -> list[lis
         R_WB: attitude; it turns the translation-rotation and translation-joint blocks into world axes.
         joints: rad or m.
     """
+    if vehicle.followers:
+        return _of_leaders(vehicle, mass_matrix(vehicle.untied, R_WB, every_joint(vehicle, joints)))
     held = members(vehicle, joints)
     places, composite = [member.place for member in held], [member.inertia for member in held]
     whole = spatial_inertia(vehicle.base)
@@ -39,9 +43,17 @@ def mass_matrix(vehicle: Vehicle, R_WB: Mat3, joints: Sequence[Any]) -> list[lis
             M[6 + i][6 + j] = M[6 + j][6 + i] = joint_direction(vehicle.links[j].joint).dot(force)
             force = force.into_parent(places[j].R, places[j].p)
             j = vehicle.links[j].parent
+        M[6 + i][6 + i] = add(M[6 + i][6 + i], vehicle.links[i].joint.armature)
         for row, value in enumerate((*R_WB.apply(force.force), *force.torque)):
             M[row][6 + i] = M[6 + i][row] = value
     return M
+
+
+def _of_leaders(vehicle: Vehicle, M: list[list[Any]]) -> list[list[Any]]:
+    """G^T M G of the mass matrix of all joints."""
+    rows = [[*row[:6], *onto_leaders(vehicle, row[6:])] for row in M]
+    columns = [list(column) for column in zip(*rows, strict=True)]
+    return [[*column[:6], *onto_leaders(vehicle, column[6:])] for column in columns]
 
 
 def _base_block(whole: SpatialInertia, R_WB: Mat3, size: int) -> list[list[Any]]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import ZERO3, Vec3
+from skyarm.dynamics.followers import untied
 from skyarm.dynamics.kinematics import Pose, link_poses
 from skyarm.dynamics.state import State
 from skyarm.scalars import add, divide, mul
@@ -51,6 +52,7 @@ def _body_motions(vehicle: Vehicle, state: State) -> list[_BodyMotion]:
 
 def center_of_mass(vehicle: Vehicle, state: State) -> Vec3:
     """Centre of mass of the whole vehicle in the world, m."""
+    vehicle, state = untied(vehicle, state)
     total: Vec3 = ZERO3
     for body, motion in zip(vehicle.bodies, _body_motions(vehicle, state), strict=True):
         total = total + motion.com * body.mass
@@ -61,6 +63,7 @@ def center_of_mass(vehicle: Vehicle, state: State) -> Vec3:
 def momentum(vehicle: Vehicle, state: State) -> Momentum:
     """Linear momentum and angular momentum about the centre of mass; both are kept in free fall but for weight."""
     linear, angular = ZERO3, ZERO3
+    vehicle, state = untied(vehicle, state)
     com = center_of_mass(vehicle, state)
     for body, motion in zip(vehicle.bodies, _body_motions(vehicle, state), strict=True):
         p = motion.velocity * body.mass
@@ -72,10 +75,13 @@ def momentum(vehicle: Vehicle, state: State) -> Momentum:
 
 def kinetic_energy(vehicle: Vehicle, state: State) -> Any:
     """Kinetic energy, J."""
+    vehicle, state = untied(vehicle, state)
     total: Any = 0
     for body, motion in zip(vehicle.bodies, _body_motions(vehicle, state), strict=True):
         w = motion.pose.R.apply_T(motion.w)
         total = add(total, add(mul(body.mass, motion.velocity.dot(motion.velocity)), w.dot(body.inertia.apply(w))))
+    for link, rate in zip(vehicle.links, state.joint_rates, strict=True):
+        total = add(total, mul(link.joint.armature, mul(rate, rate)))
     return mul(0.5, total)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Motion, Vec3, axis_rotation
+from skyarm.dynamics.followers import columns_of_leaders, every_joint
 from skyarm.vehicle.vehicle_records import BASE, Frame, Joint, Vehicle
 
 
@@ -47,7 +48,9 @@ def placements(vehicle: Vehicle, joints: Sequence[Any]) -> list[Pose]:
 
 
 def link_poses(vehicle: Vehicle, joints: Sequence[Any]) -> list[Pose]:
-    """Pose of every link in the base frame."""
+    """Pose of every link in the base frame, then of every follower."""
+    if vehicle.followers:
+        return link_poses(vehicle.untied, every_joint(vehicle, joints))
     poses: list[Pose] = []
     for link, placement in zip(vehicle.links, placements(vehicle, joints), strict=True):
         poses.append(placement if link.parent == BASE else poses[link.parent] @ placement)
@@ -70,6 +73,8 @@ def jacobian_columns(vehicle: Vehicle, frame: Frame, joints: Sequence[Any]) -> l
 
     A joint that does not carry the frame gives a structural zero.
     """
+    if vehicle.followers:
+        return columns_of_leaders(vehicle, jacobian_columns(vehicle.untied, frame, every_joint(vehicle, joints)))
     poses = link_poses(vehicle, joints)
     tip = frame_pose(vehicle, frame, joints).p
     columns = [Motion(ZERO3, ZERO3) for _ in vehicle.links]

@@ -10,8 +10,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import Force, Motion, Vec3, centripetal
+from skyarm.dynamics.followers import every_joint, every_rate, onto_leaders
 from skyarm.dynamics.kinematics import Pose, joint_direction
 from skyarm.dynamics.link_axes import members, spatial_inertia
+from skyarm.scalars import add, mul
 from skyarm.vehicle.vehicle_records import BASE, Joint, Vehicle
 
 
@@ -67,6 +69,10 @@ def inverse_dynamics(
     Returns:
         Force on the base (torque about and force at its origin, base axes) and the joint torques or forces.
     """
+    if vehicle.followers:
+        whole = every_joint(vehicle, joints), rate, every_rate(vehicle, joint_rates), base
+        force, efforts = inverse_dynamics(vehicle.untied, *whole, every_rate(vehicle, joint_accelerations))
+        return force, onto_leaders(vehicle, efforts)
     held = members(vehicle, joints)
     places = [member.place for member in held]
     moving = motions(vehicle, places, rate, joint_rates)
@@ -82,7 +88,8 @@ def inverse_dynamics(
     torques: list[Any] = [0] * vehicle.n
     for i in reversed(range(vehicle.n)):
         link = vehicle.links[i]
-        torques[i] = joint_direction(link.joint).dot(forces[i])
+        own = mul(link.joint.armature, joint_accelerations[i])
+        torques[i] = add(joint_direction(link.joint).dot(forces[i]), own)
         carried = forces[i].into_parent(places[i].R, places[i].p)
         if link.parent == BASE:
             total = total + carried

@@ -30,7 +30,7 @@ class Wrench:
     """A wrench is a force and a torque on one body.
 
     Attributes:
-        body: index into ``Vehicle.links``, or ``BASE``.
+        body: index into ``Vehicle.moving`` (links, then followers), or ``BASE``.
     """
 
     force_W: Annotated[Vec3, Unit("N", "world axes")] = ZERO3

@@ -105,7 +105,7 @@ def pose(vehicle: Vehicle, joints: Sequence[float] | None = None) -> Posed:
     drawn = tuple(_joint(vehicle, i, values, poses) for i in range(vehicle.n))
     points = [frame.at for frame in frames] + [joint.at for joint in drawn]
     points += [_vector(rotor.position) for rotor in vehicle.rotors]
-    rods = tuple(Rod(poses[i][1], end) for i in range(vehicle.n) for end in _ends(vehicle, i, poses))
+    rods = tuple(Rod(poses[i][1], end) for i in range(len(vehicle.moving)) for end in _ends(vehicle, i, poses))
     return Posed(poses, tuple(frames), drawn, rods, max(float(np.linalg.norm(each)) for each in points) or 0.1)
 
 
@@ -126,7 +126,7 @@ def _joint(vehicle: Vehicle, i: int, values: Sequence[float], poses: dict[int, t
 def _ends(vehicle: Vehicle, i: int, poses: dict[int, tuple[Array, Array]]) -> list[Array]:
     """Joints and frames that a link carries away from its own joint."""
     R, p = poses[i]
-    found = [R @ _vector(other.joint.position) for other in vehicle.links if other.parent == i]
+    found = [R @ _vector(other.joint.position) for other in vehicle.moving if other.parent == i]
     found += [R @ _vector(frame.position) for frame in vehicle.frames if frame.link == i]
     return [p + each for each in found if np.linalg.norm(each) > 1e-6]
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from skyarm.identify.cell_loss import losses
 from skyarm.identify.records import Cell, IdentificationStudy, Settings
-from skyarm.plant.friction_rate import friction_rate
+from skyarm.plant.stop_rate import joint_rate
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario
@@ -181,11 +181,11 @@ class Candidates:
 
 def _stiffest(planned: Scenario, ends: Sequence[Mapping[str, Any]]) -> tuple[Scenario, float]:
     """The scenario with the stiffest joint friction within the parameters' ranges, and how fast it is, 1/s."""
-    worst, fastest = planned, friction_rate(planned.world.vehicle)
+    worst, fastest = planned, joint_rate(planned.world.vehicle)
     for numbers in ends:
         try:
             changed = with_numbers(planned, {p: v for p, v in numbers.items() if p.startswith("plant.")})
-            rate = friction_rate(changed.world.vehicle)
+            rate = joint_rate(changed.world.vehicle)
         except ValueError:
             continue  # extremes of several need not come together
         if rate > fastest:

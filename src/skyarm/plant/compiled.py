@@ -9,11 +9,11 @@ from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import Program, trace
 from skyarm.dynamics import State
-from skyarm.plant.friction_rate import friction_rate
 from skyarm.plant.integrators import FRICTION_STEP, INTEGRATORS
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
 from skyarm.plant.largest_step import divisions, largest_step
 from skyarm.plant.rigid_body import STEP, accelerate
+from skyarm.plant.stop_rate import joint_rate
 from skyarm.plant.surroundings import Around
 from skyarm.vehicle.check import require_plant
 
@@ -58,7 +58,7 @@ class RigidBodyPlant:
         self._examples = (example_state(n, rotors), example_command(n, rotors), around)
         self._steps: dict[float, Program] = {}
         self._largest = largest_step(around)
-        self._per_second = friction_rate(world.vehicle) / FRICTION_STEP
+        self._per_second = joint_rate(world.vehicle) / FRICTION_STEP
 
     @cached_property
     def _accelerometer(self) -> Program:

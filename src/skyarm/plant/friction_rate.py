@@ -43,13 +43,13 @@ def friction_rate(vehicle: Vehicle) -> float:
         return 0.0
     if not np.all(np.isfinite(D)):
         raise VehicleError(_blame(joints[int(np.argmin(np.isfinite(D)))], math.inf))
-    rate, mode = _fastest_mode(vehicle, np.sqrt(D))
+    rate, mode = fastest_mode(vehicle, np.sqrt(D))
     if rate > FASTEST:
         raise VehicleError(_blame(joints[int(np.argmax(np.abs(mode)))], rate))
     return rate
 
 
-def _fastest_mode(vehicle: Vehicle, root: Array) -> tuple[float, Array]:
+def fastest_mode(vehicle: Vehicle, root: Array) -> tuple[float, Array]:
     """Largest eigenvalue over the configurations, 1/s, and its mode; ``root`` is the root of D's diagonal."""
     still = np.array([1.0, 0.0, 0.0, 0.0])
     none = 0.0, np.zeros(vehicle.n)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.actuation import Command, joint_force, rotor_forces, speeds_after
+from skyarm.actuation import Command, joint_force, rotor_forces, speeds_after, stop_force
 from skyarm.actuation.rotor import spin_torque
 from skyarm.algebra import ZERO3, Force
 from skyarm.dynamics.point_motion import PointMotion
@@ -47,7 +47,8 @@ def applied_force(
     for i, (link, setpoint, share, push) in enumerate(zip(vehicle.links, setpoints, left.joints, pushed, strict=True)):
         rate = state.joint_rates[i]
         effort = around.effort(i, setpoint, state.joints[i], rate)
-        torques.append(add(joint_force(link.joint, effort, rate, share), push))
+        stop = stop_force(link.joint, state.joints[i], rate)
+        torques.append(add(add(joint_force(link.joint, effort, rate, share), stop), push))
     return total, tuple(torques)
 
 

@@ -16,14 +16,15 @@ import mujoco
 
 from skyarm.actuation import Command
 from skyarm.compile.llvm.quick_function import Quick
-from skyarm.plant.friction_rate import friction_rate
 from skyarm.plant.integrators import FRICTION_STEP, HELD_FRICTION_STEP, INTEGRATORS
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
 from skyarm.plant.largest_step import divisions, largest_step
 from skyarm.plant.loads import lagged
+from skyarm.plant.mujoco_coupling import Coupling
 from skyarm.plant.mujoco_layout import Layout
-from skyarm.plant.mujoco_model import build_spec
+from skyarm.plant.mujoco_model import build_spec, joint_addresses
 from skyarm.plant.mujoco_stages import StagedRungeKutta
+from skyarm.plant.stop_rate import joint_rate
 from skyarm.plant.surroundings import Around
 from skyarm.vehicle.check import require_plant
 
@@ -85,7 +86,7 @@ class MujocoPlant:
             raise ValueError(f"integrator = {integrator!r}: must be one of {list(INTEGRATORS)}")
         self.vehicle = world.vehicle
         if integrator in LARGEST_FRICTION_STEP:
-            rate = friction_rate(world.vehicle)
+            rate = joint_rate(world.vehicle)
             physics_step /= max(1, math.ceil(rate * physics_step / LARGEST_FRICTION_STEP[integrator]))
         physics_step /= divisions(physics_step, largest_step(around))
         spec = build_spec(world.vehicle, float(world.gravity), timestep=physics_step, integrator=integrator)
@@ -107,9 +108,14 @@ class MujocoPlant:
         self._pushed, self._turned = self._loads.outputs[: layout.nv], self._loads.outputs[layout.nv :]
         self._commanded = self._loads.inputs[layout.end :][: layout.rotors + world.vehicle.n]
         self._written: tuple[Any, Any] = NOTHING
+        # followers are held from step to step; without them nothing is
+        self._forward = mujoco.mj_forward
+        if world.vehicle.followers:
+            dofs = joint_addresses(world.vehicle, self.model)[1]
+            self._forward = Coupling(world.vehicle, self.model, self._data, dofs).forward
         self._staged: StagedRungeKutta | None = None
         if integrator == "rk4_staged":
-            self._staged = StagedRungeKutta(layout, self.model, self._data, around, physics_step)
+            self._staged = StagedRungeKutta(layout, self.model, self._data, around, physics_step, self._forward)
 
     def _forces_and_speeds(self, x: Any, commanded: Any, setpoints: Any, around: Around) -> Any:
         """Generalised forces in MuJoCo's order and the rotor speeds after one physics step."""
@@ -127,13 +133,13 @@ class MujocoPlant:
             return self._in_stages(self._staged, state, command, around, count)
         model, data, step, rk4 = self.model, self._data, self._loads.step, self._rk4
         qpos, qvel, speeds = self._parts
-        force, forces, turned = self._force, self._pushed, self._turned
+        force, forces, turned, forward = self._force, self._pushed, self._turned, self._forward
         with QUIET:
             for _ in range(count):
                 step()
                 force[:] = forces
                 # mj_step without its checks: the monitor of the episode says what went wrong
-                mujoco.mj_forward(model, data)
+                forward(model, data)
                 if rk4:
                     mujoco.mj_RungeKutta(model, data, 4)
                 else:
@@ -171,6 +177,6 @@ class MujocoPlant:
         self._loads.step()
         self._force[:] = self._pushed
         with QUIET:
-            mujoco.mj_forward(self.model, self._data)
+            self._forward(self.model, self._data)
         fx, fy, fz = (self._to_base @ (self._linear - self._gravity)).tolist()
         return fx, fy, fz

@@ -7,6 +7,7 @@ from operator import itemgetter
 from typing import Any
 
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.dynamics.followers import every_joint, every_rate
 from skyarm.dynamics.state import State
 from skyarm.plant.loads import applied_force
 from skyarm.plant.mujoco_model import joint_addresses
@@ -27,13 +28,22 @@ class Layout:
         self.nq, self.nv, self.rotors = int(model.nq), int(model.nv), len(vehicle.rotors)
         self.end = self.nq + self.nv + self.rotors
         q, v = joint_addresses(vehicle, model)
-        self._dofs = v
+        self._every, n = v, vehicle.n
+        self._dofs = v[:n]
         # ours is position, quaternion, velocity, rate, joints, joint rates, rotor speeds
-        moving, speeds = (self.nq + i for i in range(6)), range(self.nq + self.nv, self.end)
-        self._ours = (*range(7), *moving, *q, *(self.nq + i for i in v), *speeds)
-        self._theirs = tuple(sorted(range(len(self._ours)), key=self._ours.__getitem__))
-        self.to_mujoco: Any = itemgetter(*self._theirs)
-        self.to_ours: Any = itemgetter(*self._ours)
+        moving, speeds = range(self.nq, self.nq + 6), range(self.nq + self.nv, self.end)
+        ours = (*range(7), *moving, *q[:n], *(self.nq + i for i in v[:n]), *speeds)
+        whole = (*range(7), *moving, *q, *(self.nq + i for i in v), *speeds)
+        self._theirs: Any = itemgetter(*sorted(range(len(whole)), key=whole.__getitem__))
+        self.to_mujoco: Any = self._with_followers if vehicle.followers else self._theirs
+        self.to_ours: Any = itemgetter(*ours)
+
+    def _with_followers(self, numbers: Sequence[Any]) -> Any:
+        """A state's numbers in MuJoCo's order, with joints of the followers."""
+        n = self.vehicle.n
+        joints = every_joint(self.vehicle, numbers[13 : 13 + n])
+        rates = every_rate(self.vehicle, numbers[13 + n : 13 + 2 * n])
+        return self._theirs((*numbers[:13], *joints, *rates, *numbers[13 + 2 * n :]))
 
     def state(self, x: Sequence[Any]) -> State:
         """State record from numbers in MuJoCo's order."""
@@ -61,5 +71,7 @@ class Layout:
         """
         force, torques = applied_force(self.vehicle, state, state.rotor_speeds, setpoints, around, commands)
         generalized: list[Any] = [*state.quaternion.rotation().apply(force.force), *force.torque, *torques]
-        place = [*range(6), *self._dofs]
+        # what acts on a follower acts on its leader already
+        generalized += [0] * len(self.vehicle.followers)
+        place = [*range(6), *self._every]
         return [generalized[i] for i in sorted(range(self.nv), key=place.__getitem__)]

@@ -50,7 +50,8 @@ def build_spec(vehicle: Vehicle, gravity: float, *, timestep: float = 0.001, int
     """The vehicle as a ``mujoco.MjSpec``.
 
     Contacts, constraints, implicit damping and MuJoCo's own reset of a diverged state are off; joints have neither
-    damping, friction, armature nor limits: everything that pushes is applied from outside.
+    damping, friction nor limits: everything that pushes is applied from outside, and followers have joints of their own
+    (:mod:`skyarm.plant.mujoco_coupling`).
 
     Args:
         vehicle: with concrete numbers.
@@ -72,7 +73,7 @@ def build_spec(vehicle: Vehicle, gravity: float, *, timestep: float = 0.001, int
     bodies = {BASE: spec.worldbody.add_body(name=_body_name(vehicle, BASE))}
     bodies[BASE].add_freejoint(name=_free_joint_name(vehicle), align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE)
     _give_inertia(bodies[BASE], vehicle.base)
-    for i, link in enumerate(vehicle.links):
+    for i, link in enumerate(vehicle.moving):
         at = link.joint
         bodies[i] = bodies[link.parent].add_body(
             name=_body_name(vehicle, i), pos=_array(at.position), quat=_quaternion(at.rotation)
@@ -86,7 +87,7 @@ def build_spec(vehicle: Vehicle, gravity: float, *, timestep: float = 0.001, int
 
 def joint_addresses(vehicle: Vehicle, model: Any) -> tuple[list[int], list[int]]:
     """Where the joints stand in MuJoCo's qpos and qvel: it numbers them depth first, we in the order of the links."""
-    joints = [model.joint(link.joint.name) for link in vehicle.links]
+    joints = [model.joint(link.joint.name) for link in vehicle.moving]
     return [int(joint.qposadr[0]) for joint in joints], [int(joint.dofadr[0]) for joint in joints]
 
 
@@ -98,18 +99,18 @@ def _unused(name: str, taken: list[str]) -> str:
 
 
 def _body_name(vehicle: Vehicle, link: int) -> str:
-    names = [each.name for each in vehicle.links]
+    names = [each.name for each in vehicle.moving]
     return _unused(BASE_NAME, names) if link == BASE else names[link]
 
 
 def _free_joint_name(vehicle: Vehicle) -> str:
-    return _unused(BASE_NAME, [link.joint.name for link in vehicle.links])
+    return _unused(BASE_NAME, [link.joint.name for link in vehicle.moving])
 
 
 def _add_joint(body: Any, joint: Joint) -> None:
     """A joint without any force of its own."""
     kinds = {"revolute": mujoco.mjtJoint.mjJNT_HINGE, "prismatic": mujoco.mjtJoint.mjJNT_SLIDE}
-    body.add_joint(name=joint.name, type=kinds[joint.kind], axis=_array(joint.axis))
+    body.add_joint(name=joint.name, type=kinds[joint.kind], axis=_array(joint.axis), armature=float(joint.armature))
 
 
 def _give_inertia(body: Any, source: Body) -> None:

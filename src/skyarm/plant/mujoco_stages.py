@@ -42,13 +42,17 @@ class StagedRungeKutta:
     Args:
         layout: of the vehicle. model, data: MuJoCo's; a step works in ``data``.
         around: surroundings as an example. dt: length of a step, s.
+        forward: MuJoCo's forward dynamics, or with the forces that hold followers.
     """
 
-    def __init__(self, layout: Layout, model: Any, data: Any, around: Around, dt: float) -> None:
-        self._layout, self._model, self._data = layout, model, data
+    def __init__(
+        self, layout: Layout, model: Any, data: Any, around: Around, dt: float, forward: Any = mujoco.mj_forward
+    ) -> None:
+        self._layout, self._model, self._data, self._forward = layout, model, data, forward
         self._qpos, self._qvel, self._force, self._qacc = data.qpos, data.qvel, data.qfrc_applied, data.qacc
         nq, nv, rotors = layout.nq, layout.nv, layout.rotors
-        state, slopes = (0.0,) * layout.end, (0.0,) * (2 * nv)
+        own = 6 + layout.vehicle.n  # velocities but the followers'
+        state, slopes = (0.0,) * layout.end, (0.0,) * (2 * own)
         inputs = state, state, (0.0,) * 3, slopes, (0.0,) * nv, (0.0,) * 4
         self._program = Quick(self._stage, *inputs, (0.0,) * rotors, (0.0,) * layout.vehicle.n, around)
         ends = accumulate((len(part) for part in inputs), initial=0)
@@ -56,7 +60,7 @@ class StagedRungeKutta:
         self._start, self._now, self._turn, self._sum, self._acceleration, self._weights = parts
         self._given = self._program.inputs[sum(len(part) for part in inputs) :]
         # state, rotation vector and sum stand side by side among inputs and outputs: one copy
-        width = layout.end + 3 + 2 * nv
+        width = layout.end + 3 + 2 * own
         self._moving, self._moved = self._program.inputs[layout.end :][:width], self._program.outputs[:width]
         self._loads = self._program.outputs[width:]
         self._positions, self._velocities = self._now[:nq], self._now[nq : nq + nv]
@@ -96,7 +100,7 @@ class StagedRungeKutta:
             given: rotor commands, setpoints and numbers of the surroundings.
             steps: how many.
         """
-        model, data, program, forward = self._model, self._data, self._program.step, mujoco.mj_forward
+        model, data, program, forward = self._model, self._data, self._program.step, self._forward
         self._now[:], self._given[:], self._loads[:] = x, given, forces
         for _ in range(steps):
             self._start[:] = self._now

@@ -11,7 +11,7 @@ from skyarm.algebra import Vec3
 from skyarm.compile import leaves
 from skyarm.dynamics import State, link_poses
 from skyarm.scalars import Scalar, absolute, add, logical_and, minimum, sub
-from skyarm.vehicle.vehicle_records import BASE, Vehicle
+from skyarm.vehicle.vehicle_records import BASE, Link, Vehicle
 
 if TYPE_CHECKING:
     from skyarm.scenario.scenario_record import Scenario
@@ -89,7 +89,13 @@ class Divergence(Ending):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class JointLimits(Ending):
-    """A joint past its limit."""
+    """A joint past its limit.
+
+    Attributes:
+        stops: also of joints that hard stops hold at their limits: a touch then ends the episode.
+    """
+
+    stops: bool = True
 
     @property
     def status(self) -> str:
@@ -99,14 +105,19 @@ class JointLimits(Ending):
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
         """Every joint between its limits."""
         fine: Any = True
-        for value, link in zip(state.joints, scenario.world.vehicle.links, strict=True):
+        for value, link in self._looked_at(scenario, state):
             inside = logical_and(add(link.joint.lower, slack) <= value, value <= sub(link.joint.upper, slack))
             fine = logical_and(fine, inside)
         return fine
 
+    def _looked_at(self, scenario: Scenario, state: State) -> list[tuple[Any, Link]]:
+        """Values and links of the joints that may not pass their limits."""
+        every = zip(state.joints, scenario.world.vehicle.links, strict=True)
+        return [(value, link) for value, link in every if self.stops or not link.joint.has_stops]
+
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
         """The first joint past its limit."""
-        for value, link in zip(state.joints, scenario.world.vehicle.links, strict=True):
+        for value, link in self._looked_at(scenario, state):
             joint = link.joint
             if not joint.lower <= value <= joint.upper:
                 limit = float(joint.upper if value > joint.upper else joint.lower)
@@ -151,7 +162,7 @@ class Ground(Ending):
         return f"lowest point at z = {float(lowest_point(scenario.world.vehicle, state)):.4g} m"
 
 
-BUILT_IN: tuple[Ending, ...] = (Divergence(), JointLimits(), LawUndefined(), Ground())
+BUILT_IN: tuple[Ending, ...] = (Divergence(), JointLimits(stops=False), LawUndefined(), Ground())
 """The endings of every episode, in the order in which the first that holds is the cause."""
 
 STATUSES = ("completed", *(ending.status for ending in BUILT_IN))

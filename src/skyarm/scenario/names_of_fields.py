@@ -17,7 +17,7 @@ from skyarm.records.leaves import Place, field_names, parts
 from skyarm.reference import Constant, Shifted, Signal, Sine, Sum, Trajectory, Windowed
 from skyarm.registry.registrations import name_of
 from skyarm.scenario.endings import Ending
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.vehicle_records import JOINT_NUMBERS, Vehicle
 
 Tree = Mapping[str, Any]
 """Name -> places it stands for, or a tree of more names."""
@@ -71,10 +71,9 @@ def _name(item: Any) -> str | None:
 
 def _every_joint(vehicle: Vehicle) -> Tree:
     """[plant] joints = { damping, ... }: the same number for every joint."""
-    fields = ("damping", "coulomb", "coulomb_rate", "effort_limit")
     return {
         field: tuple(("vehicle", "links", str(i), "joint", field) for i in range(vehicle.n))
-        for field in fields
+        for field in JOINT_NUMBERS
         if vehicle.n
     }
 

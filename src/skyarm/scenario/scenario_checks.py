@@ -13,8 +13,8 @@ from skyarm.control.law_checks import check_controller
 from skyarm.control.model import JointGains
 from skyarm.dynamics import State
 from skyarm.files import number, shown
-from skyarm.plant.friction_rate import friction_rate
 from skyarm.plant.largest_step import check_largest_step
+from skyarm.plant.stop_rate import joint_rate
 from skyarm.records.coerce import TOLERANCE, concrete
 from skyarm.records.directions import near_unit_quaternion
 from skyarm.records.leaves import named_leaves
@@ -139,7 +139,7 @@ def check_vehicles(scenario: Scenario) -> None:
     try:
         require_plant(truth)
         make_mixer(truth)
-        friction_rate(truth)
+        joint_rate(truth)
     except ValueError as error:
         raise ValueError(f"plant.vehicle = {truth.name!r}: {error}") from None
     for what, ours, theirs in (("joints", truth.n, belief.n), ("rotors", len(truth.rotors), len(belief.rotors))):

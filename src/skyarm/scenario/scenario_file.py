@@ -4,7 +4,8 @@ A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
 
     [rates]       physics, control, reference (Hz; 1000, 200, 50)
     [plant]       vehicle, gravity (9.81), kind ("rigid_body" or "mujoco"), integrator ("rk4", "euler", "rk4_staged"),
-                  payload = { mass, frame }, joints = { damping, coulomb, coulomb_rate, effort_limit }, each a number
+                  payload = { mass, frame }, joints = { damping, coulomb, coulomb_rate, effort_limit,
+                  armature, stop_stiffness, stop_damping }, each a number
                   for every joint or a list of one for each
     [model]       vehicle, gravity (9.81), payload, joints: what the controller believes
     [controller]  preset, or law with gains = { position, velocity, attitude, rate } (three numbers each),

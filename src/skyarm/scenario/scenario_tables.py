@@ -25,7 +25,7 @@ from skyarm.scenario.scenario_record import Delays, Rates, Scenario, trimmed_sta
 from skyarm.sensors.noise import SensorNoise
 from skyarm.vehicle.mounted_drives import mounted_drives
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.vehicle_records import JOINT_NUMBERS, Vehicle
 
 
 def text(fields: Fields, name: str, *default: str) -> str:
@@ -101,7 +101,8 @@ def _joint_overrides(table_of: Fields, joints: int) -> list[dict[str, Any]]:
     """Fields of each joint: a number stands for every joint, a list has one for each."""
     table = Fields(table_of.take("joints", {}), table_of.at("joints"))
     found: list[dict[str, Any]] = [{} for _ in range(joints)]
-    for name, strict in (("damping", False), ("coulomb", False), ("coulomb_rate", True), ("effort_limit", True)):
+    for name in JOINT_NUMBERS:
+        strict = name == "coulomb_rate"
         value, at = table.take(name, None), table.at(name)
         if isinstance(value, list):
             if len(value) != joints:
@@ -112,7 +113,8 @@ def _joint_overrides(table_of: Fields, joints: int) -> list[dict[str, Any]]:
         else:
             continue
         for row, each in zip(found, values, strict=True):
-            row[name] = each
+            # a stop of exactly no stiffness is none
+            row[name] = 0 if name == "stop_stiffness" and each == 0.0 else each
     table.done()
     return found
 

@@ -130,7 +130,7 @@ def _components(scenario: Scenario, period: float) -> Iterator[Trial]:
             if not isinstance(wrenches, (list, tuple)) or not all(isinstance(each, Wrench) for each in wrenches):
                 raise t[0].refusal(f"gives wrenches as {kind_of(wrenches)}: must be a list of Wrench")
             for each in wrenches:
-                if not BASE <= each.body < vehicle.n:
+                if not BASE <= each.body < len(vehicle.moving):
                     raise t[0].refusal(f"gives a wrench on body {each.body}: must be {_bodies(vehicle)}")
             parts = [(each.force_W, each.torque_W, each.point) for each in wrenches]
             return following, tuple(data(number) for vector in (air, *sum(parts, ())) for number in vector)
@@ -214,7 +214,7 @@ def _ending(place: str, ending: Any, scenario: Scenario) -> Trial:
 
 def _bodies(vehicle: Vehicle) -> str:
     """Indices of a vehicle's bodies, in words."""
-    return "-1 (base)" if vehicle.n == 0 else f"-1 (base) or a link from 0 to {vehicle.n - 1}"
+    return "-1 (base)" if vehicle.n == 0 else f"-1 (base) or a link from 0 to {len(vehicle.moving) - 1}"
 
 
 def _draws(count: int, k: int) -> tuple[float, ...]:

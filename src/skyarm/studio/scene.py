@@ -64,10 +64,10 @@ class VehicleNodes:
         self._look = {"opacity": opacity, "cast_shadow": not plain and opacity is None, "receive_shadow": False}
         # every body hangs on the base: what stands still against it need not be sent
         self._base = scene.add_frame(name, show_axes=False)
-        self._links = [scene.add_frame(f"{name}/{body}", show_axes=False) for body in range(vehicle.n)]
+        self._links = [scene.add_frame(f"{name}/{body}", show_axes=False) for body in range(len(vehicle.moving))]
         scene.add_frame(f"{name}/{BASE}", show_axes=False)
-        self._sent_turns = np.tile([1.0, 0.0, 0.0, 0.0], (vehicle.n + 1, 1))
-        self._sent_places = np.zeros((vehicle.n + 1, 3))
+        self._sent_turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(vehicle.moving) + 1, 1))
+        self._sent_places = np.zeros((len(vehicle.moving) + 1, 3))
         self._meshes: list[tuple[Any, float]] = []
         for shape in vehicle_shapes(vehicle):
             self._add(shape, color)

@@ -11,8 +11,8 @@ from functools import cached_property
 from typing import Any
 
 from skyarm.files import versions
-from skyarm.plant.friction_rate import friction_rate
 from skyarm.plant.largest_step import STATED, stated_step
+from skyarm.plant.stop_rate import joint_rate
 from skyarm.records.identity import identity
 from skyarm.records.own_files import all_files
 from skyarm.registry import registrations
@@ -214,7 +214,7 @@ def _rate(study: Study, path: str, value: float, scenario: Scenario) -> float:
 
 def _fastest_friction(scenario: Scenario) -> float:
     """Of the joints of the plant, 1/s, whatever holds in the course of the flight."""
-    return max(friction_rate(stretch.overrides.of(scenario).world.vehicle) for stretch in stretches(scenario))
+    return max(joint_rate(stretch.overrides.of(scenario).world.vehicle) for stretch in stretches(scenario))
 
 
 def _valid(scenario: Scenario, values: Mapping[str, float]) -> Iterator[Scenario]:

@@ -10,6 +10,7 @@ from skyarm.vehicle import check, description
 from skyarm.vehicle.battery import Battery, CellCurve
 from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
+from skyarm.vehicle.couple import Mimic, couple
 from skyarm.vehicle.mounted_drives import mounted_drives
 from skyarm.vehicle.schema import (
     Actuation,
@@ -17,6 +18,7 @@ from skyarm.vehicle.schema import (
     BodyTable,
     FrameTable,
     JointOverride,
+    JointTable,
     LinkTable,
     PoseTable,
     RotorDefaults,
@@ -24,6 +26,7 @@ from skyarm.vehicle.schema import (
     ThrustTableTable,
     VehicleFile,
 )
+from skyarm.vehicle.stops import with_stops
 from skyarm.vehicle.thrust_table import COLUMNS, ThrustTable
 from skyarm.vehicle.vehicle_records import BASE, Body, BodyDrag, Frame, Joint, Link, Rotor, Vehicle
 
@@ -33,23 +36,32 @@ DIRECTIONS = {"ccw": 1, "cw": -1}
 def assemble(file: VehicleFile, urdf: RigidBodies | None) -> Vehicle:
     """Vehicle of a file; its rigid bodies come from ``urdf`` if the file names one."""
     bodies = _own_bodies(file) if urdf is None else _urdf_bodies(file, urdf)
-    frames = tuple(_frame(table, bodies) for table in file.frames)
+    own = tuple(_frame(table, bodies) for table in file.frames)
+    links, followers, frames = couple(bodies.links, (*bodies.frames, *own), bodies.mimics)
     drag = BodyDrag()
     if file.drag is not None:
         drag = BodyDrag(area=description.vector(file.drag.area), air_density=file.drag.air_density)
-    return Vehicle(
+    made = Vehicle(
         name=file.name,
         title=file.title,
         base=bodies.base,
-        links=bodies.links,
+        links=links,
+        followers=followers,
         rotors=tuple(_rotor(table, file.rotor_defaults) for table in file.rotors),
-        frames=(*bodies.frames, *frames),
+        frames=frames,
         end_effector=file.end_effector,
         drag=drag,
         drives=mounted_drives(file.drives, "drives"),
         battery=_battery(file.battery),
         sources=tuple(file.sources.items()),
     )
+    return with_stops(made, _own_stops(file)) if file.joint_limits == "stop" else made
+
+
+def _own_stops(file: VehicleFile) -> list[str]:
+    """Names of the joints whose stops are stated."""
+    tables: list[JointTable | JointOverride] = [*(link.joint for link in file.links), *file.joints]
+    return [table.name for table in tables if table.stop_stiffness is not None]
 
 
 def _own_bodies(file: VehicleFile) -> RigidBodies:
@@ -71,7 +83,9 @@ def _own_bodies(file: VehicleFile) -> RigidBodies:
     tables = {link.name: link for link in file.links}
     order = description.tree_order({k: table.parent for k, table in tables.items()}, "base", "links[{}].parent")
     links = tuple(_link(tables[name], order) for name in order)
-    return RigidBodies(file.name, "base", _body("base", file.base), links, ())
+    told = {k.joint.name: k.joint.mimic for k in file.links if k.joint.mimic is not None}
+    mimics = {name: Mimic(table.joint, table.ratio, table.offset) for name, table in told.items()}
+    return RigidBodies(file.name, "base", _body("base", file.base), links, (), mimics)
 
 
 def _urdf_bodies(file: VehicleFile, urdf: RigidBodies) -> RigidBodies:
@@ -136,7 +150,7 @@ def _actuation(table: Actuation) -> dict[str, Any]:
     """Fields that are given; damping and friction of exactly zero are structure."""
     given = {name: getattr(table, name) for name in Actuation.model_fields}
     found: dict[str, Any] = {name: float(value) for name, value in given.items() if value is not None}
-    for name in ("damping", "coulomb"):
+    for name in ("damping", "coulomb", "armature", "stop_stiffness", "stop_damping"):
         if name in found:
             found[name] = description.zero_is_structure(found[name])
     return found

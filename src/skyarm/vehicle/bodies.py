@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
+from skyarm.vehicle.couple import Mimic
 from skyarm.vehicle.vehicle_records import Body, Frame, Link
 
 
@@ -16,6 +18,7 @@ class RigidBodies:
         root: name of the root link, the base.
         base, links: bodies and joints, in an order in which every parent precedes its children.
         frames: one for each link that a fixed joint merged into another.
+        mimics: name of a joint that follows another one -> how; no joint does if empty.
     """
 
     name: str
@@ -23,3 +26,4 @@ class RigidBodies:
     base: Body
     links: tuple[Link, ...]
     frames: tuple[Frame, ...]
+    mimics: Mapping[str, Mimic] = field(default_factory=dict)

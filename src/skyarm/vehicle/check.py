@@ -15,7 +15,7 @@ from skyarm.records.coerce import TOLERANCE, RecordError, Rule, concrete
 from skyarm.vehicle import mobility
 
 if TYPE_CHECKING:
-    from skyarm.vehicle.vehicle_records import Body, Joint, Rotor, Vehicle
+    from skyarm.vehicle.vehicle_records import Body, Follower, Joint, Rotor, Vehicle
 
 LONGEST = 1e100
 """m, a length whose square overflows far beyond it."""
@@ -107,11 +107,11 @@ def joint(field: str, value: Joint) -> None:
     vector(f"{field}.axis", value.axis, unit=True)
     vector(f"{field}.position", value.position)
     rotation(f"{field}.rotation", value.rotation)
-    for name in ("damping", "coulomb"):
+    for name in ("damping", "coulomb", "armature", "stop_stiffness", "stop_damping"):
         number(f"{field}.{name}", getattr(value, name), low=0.0)
     number(f"{field}.coulomb_rate", value.coulomb_rate, low=0.0, strict=True)
-    if concrete(value.effort_limit) and not value.effort_limit > 0.0:
-        refuse(f"{field}.effort_limit", value.effort_limit, "must be greater than 0")
+    if concrete(value.effort_limit) and not value.effort_limit >= 0.0:
+        refuse(f"{field}.effort_limit", value.effort_limit, "must be at least 0 (a passive joint)")
     if concrete(value.lower, value.upper) and not value.lower < value.upper:
         refuse(f"{field}.lower", value.lower, f"must be below upper = {value.upper!r}")
 
@@ -145,8 +145,8 @@ def vehicle(value: Vehicle) -> None:
     body("base", value.base)
     if concrete(value.base.mass) and not value.base.mass > 0.0:
         refuse("base.mass", value.base.mass, "must be greater than 0")
-    unique("links.name", [link.name for link in value.links])
-    unique("joints.name", [link.joint.name for link in value.links])
+    unique("links.name", [link.name for link in value.moving])
+    unique("joints.name", [link.joint.name for link in value.moving])
     unique("rotors.name", [each.name for each in value.rotors])
     unique("frames.name", [each.name for each in value.frames])
     for index, link in enumerate(value.links):
@@ -154,11 +154,13 @@ def vehicle(value: Vehicle) -> None:
             refuse(f"links[{link.name}].parent", link.parent, "must be the base (-1) or a link that stands before it")
         body(f"links[{link.name}]", link.body)
         joint(f"joints[{link.joint.name}]", link.joint)
+    for index, follower in enumerate(value.followers):
+        _follower(value, follower, index)
     for each in value.rotors:
         rotor(f"rotors[{each.name}]", each)
     for frame in value.frames:
-        if not -1 <= frame.link < len(value.links):
-            refuse(f"frames[{frame.name}].link", frame.link, f"must be -1 (base) ... {len(value.links) - 1}")
+        if not -1 <= frame.link < len(value.moving):
+            refuse(f"frames[{frame.name}].link", frame.link, f"must be -1 (base) ... {len(value.moving) - 1}")
         vector(f"frames[{frame.name}].position", frame.position)
         rotation(f"frames[{frame.name}].rotation", frame.rotation)
     if value.end_effector and value.end_effector not in [each.name for each in value.frames]:
@@ -171,6 +173,24 @@ def vehicle(value: Vehicle) -> None:
         number(f"drag.area.{name}", area, low=0.0)
     number("drag.air_density", value.drag.air_density, low=0.0)
     mobile(value)
+
+
+def _follower(value: Vehicle, each: Follower, index: int) -> None:
+    """A follower has a leader, an earlier parent, and a joint without anything of its own."""
+    field, link = f"followers[{each.name}]", each.link
+    body(f"{field}.link", link.body)
+    joint(f"{field}.link.joint", link.joint)
+    if not 0 <= each.leader < value.n:
+        refuse(f"{field}.leader", each.leader, f"must be the index of a link, 0 ... {value.n - 1}")
+    if not -1 <= link.parent < value.n + index:
+        refuse(f"{field}.link.parent", link.parent, "must be the base (-1), a link or an earlier follower")
+    number(f"{field}.ratio", each.ratio)
+    if concrete(each.ratio) and each.ratio == 0:
+        refuse(f"{field}.ratio", each.ratio, "must not be 0; a joint that never moves is fixed")
+    number(f"{field}.offset", each.offset)
+    for name in ("damping", "coulomb", "armature", "stop_stiffness"):
+        if concrete(getattr(link.joint, name)) and getattr(link.joint, name) != 0:
+            refuse(f"{field}.link.joint.{name}", getattr(link.joint, name), "must be 0: its leader has it")
 
 
 def mobile(value: Vehicle) -> None:
@@ -209,10 +229,12 @@ def _rigid_numbers(value: Vehicle) -> list[Any]:
     found: list[Any] = []
     for each in value.bodies:
         found += [each.mass, *each.com, *each.inertia.entries]
-    for link in value.links:
+    for follower in value.followers:
+        found += [follower.ratio, follower.offset]
+    for link in value.moving:
         joint_ = link.joint
         found += [*joint_.axis, *joint_.position, *(c for row in joint_.rotation.rows for c in row)]
-        found += [joint_.lower, joint_.upper]
+        found += [joint_.lower, joint_.upper, joint_.armature]
     return found
 
 
@@ -222,7 +244,7 @@ def require_plant(value: Vehicle) -> None:
     Raises:
         VehicleError: with the first planar body.
     """
-    names = ["base", *(f"links[{link.name}]" for link in value.links)]
+    names = ["base", *(f"links[{link.name}]" for link in value.moving)]
     for name, each in zip(names, value.bodies, strict=True):
         if each.planar:
             raise VehicleError(

@@ -61,10 +61,17 @@ def _eliminate(vehicle: Vehicle, joints: Sequence[float]) -> str:
 
     whole = [rigid_inertia(body) for body in vehicle.bodies]
     left = [inertia.copy() for inertia in whole]
+    for k in reversed(range(len(vehicle.followers))):
+        # what follows is looked at as fixed where it is: it can only move more than that
+        each = vehicle.followers[k]
+        X = _to_child(each.link.joint, float(each.ratio) * joints[each.leader] + float(each.offset))
+        for inertias in (whole, left):
+            inertias[each.link.parent + 1] += X.T @ inertias[vehicle.n + k + 1] @ X
     for i in reversed(range(vehicle.n)):
         joint, outer, S = vehicle.links[i].joint, whole[i + 1], _direction(vehicle.links[i].joint)
         size = np.trace(outer[:3, :3]) if joint.kind == "revolute" else outer[3, 3]
-        moved = float(S @ outer @ S)
+        moved = float(S @ outer @ S) + float(joint.armature)
+        size = size + float(joint.armature)
         if not moved > SINGULAR * size or not pivot_into_parent(vehicle, i, joints[i], whole, left) > SINGULAR * moved:
             return f"joints[{joint.name}]"
     diagonal = np.diag(left[0])
@@ -93,11 +100,44 @@ def pivot_into_parent(vehicle: Vehicle, i: int, value: float, whole: list[Any], 
     link = vehicle.links[i]
     X, S = _to_child(link.joint, value), _direction(link.joint)
     U = left[i + 1] @ S
-    pivot = float(S @ U)
+    pivot = float(S @ U) + float(link.joint.armature)
     if pivot > 0.0:
         left[link.parent + 1] += X.T @ (left[i + 1] - np.outer(U, U) / pivot) @ X
     whole[link.parent + 1] += X.T @ whole[i + 1] @ X
     return pivot
+
+
+def joint_mobility(vehicle: Vehicle) -> list[Any]:
+    """Joint accelerations that joint efforts give, (n, n), at six configurations within the limits; NaN if undefined.
+
+    The block of the joints in the inverse of the mass matrix, with all that is not a joint free to move.
+    """
+    import numpy as np
+
+    found = []
+    for turn in range(6):
+        J = [np.eye(6, 6 + vehicle.n)]
+        M = J[0].T @ rigid_inertia(vehicle.base) @ J[0]
+        for i, link in enumerate(vehicle.links):
+            value = _joint_value(link.joint, turn, i)
+            columns = _to_child(link.joint, value) @ J[link.parent + 1]
+            columns[:, 6 + i] += _direction(link.joint)
+            J.append(columns)
+            M += columns.T @ rigid_inertia(link.body) @ columns
+            M[6 + i, 6 + i] += float(link.joint.armature)
+        for each in vehicle.followers:
+            leader = _joint_value(vehicle.links[each.leader].joint, turn, each.leader)
+            X = _to_child(each.link.joint, float(each.ratio) * leader + float(each.offset))
+            columns = X @ J[each.link.parent + 1]
+            columns[:, 6 + each.leader] += float(each.ratio) * _direction(each.link.joint)
+            J.append(columns)
+            M += columns.T @ rigid_inertia(each.link.body) @ columns
+        with np.errstate(all="ignore"):
+            try:
+                found.append(np.linalg.inv(M)[6:, 6:])
+            except np.linalg.LinAlgError:
+                found.append(np.full((vehicle.n, vehicle.n), np.nan))
+    return found
 
 
 def _numbers(*values: Any) -> list[float]:

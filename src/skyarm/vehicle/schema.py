@@ -19,6 +19,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(allow_inf_nan=False, ge=0.0)]
 Positive = Annotated[float, Field(allow_inf_nan=False, gt=0.0)]
 Limit = Annotated[float, Field(gt=0.0)]
+Effort = Annotated[float, Field(ge=0.0)]
 Triple = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 Quadruple = Annotated[list[Finite], Field(min_length=4, max_length=4)]
 Name = Annotated[str, Field(min_length=1)]
@@ -80,10 +81,21 @@ class Actuation(Table):
 
     lower: float | None = Field(default=None, description="a number, rad or m")
     upper: float | None = Field(default=None, description="a number, rad or m")
-    effort_limit: Limit | None = Field(default=None, description="a number greater than 0, N m or N")
+    effort_limit: Effort | None = Field(default=None, description="a number of at least 0, N m or N")
     damping: NotNegative | None = Field(default=None, description=COEFFICIENT + ", N m s/rad or N s/m")
     coulomb: NotNegative | None = Field(default=None, description=COEFFICIENT + ", N m or N")
     coulomb_rate: Positive | None = Field(default=None, description="a finite number greater than 0, rad/s or m/s")
+    armature: NotNegative | None = Field(default=None, description=COEFFICIENT + ", kg m^2 or kg")
+    stop_stiffness: NotNegative | None = Field(default=None, description=COEFFICIENT + ", N m/rad or N/m")
+    stop_damping: NotNegative | None = Field(default=None, description=COEFFICIENT + ", s/rad or s/m")
+
+
+class MimicTable(Table):
+    """What a joint that follows another one is to it."""
+
+    joint: Name = Field(description="the name of another joint")
+    ratio: Finite = Field(default=1.0, description="a finite number but 0, rad or m per rad or m")
+    offset: Finite = Field(default=0.0, description="a finite number, rad or m")
 
 
 class JointTable(PoseTable, Actuation):
@@ -94,6 +106,7 @@ class JointTable(PoseTable, Actuation):
     axis: Triple = Field(
         description="three finite numbers, not all zero, in the joint's frame; every joint has an axis"
     )
+    mimic: MimicTable | None = Field(default=None, description="a table: joint, ratio, offset")
 
 
 class LinkTable(BodyTable):
@@ -194,6 +207,9 @@ class VehicleFile(Table):
     rotors: list[RotorTable] = Field(default=[], description="an array of tables")
     frames: list[FrameTable] = Field(default=[], description="an array of tables")
     end_effector: str = Field(default="", description="the name of a frame")
+    joint_limits: Literal["stop", "end"] = Field(
+        default="stop", description="'stop' (stops hold the joints there) or 'end' (passing one ends the flight)"
+    )
     drag: DragTable | None = Field(default=None, description="a table")
     battery: BatteryTable | None = Field(default=None, description="a table")
     drives: dict[str, dict[str, Any]] = Field(

@@ -18,6 +18,7 @@ from skyarm.algebra import ZERO3, Mat3, Vec3, axis_rotation
 from skyarm.vehicle import description
 from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
+from skyarm.vehicle.stops import with_stops
 from skyarm.vehicle.vehicle_records import BASE, Body, Frame, Joint, Link, Vehicle
 
 KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed"}
@@ -55,7 +56,9 @@ def read_urdf(path: str | os.PathLike[str]) -> RigidBodies:
 def urdf_vehicle(bodies: RigidBodies) -> Vehicle:
     """A vehicle without rotors; the frame 'tip', if there is one, is the end effector."""
     tip = "tip" if any(frame.name == "tip" for frame in bodies.frames) else ""
-    return Vehicle(name=bodies.name, base=bodies.base, links=bodies.links, frames=bodies.frames, end_effector=tip)
+    return with_stops(
+        Vehicle(name=bodies.name, base=bodies.base, links=bodies.links, frames=bodies.frames, end_effector=tip)
+    )
 
 
 def _tree(robot: ET.Element) -> RigidBodies:

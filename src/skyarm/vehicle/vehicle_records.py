@@ -82,11 +82,15 @@ class Joint:
         position: origin of the joint frame in the parent link's frame, m. The child link's frame coincides with the
             joint frame at zero.
         rotation: R_PJ, joint axes to parent axes.
-        lower, upper: limits, rad or m; passing one ends an episode by the joint's name.
-        effort_limit: largest |torque| (N m) or |force| (N) of the actuator.
+        lower, upper: limits, rad or m. A stop holds the joint there; without one, passing a limit ends an episode.
+        effort_limit: largest |torque| (N m) or |force| (N) of the actuator; 0 for a passive joint.
+        armature: inertia of the drive's own rotor, reflected to the joint by the square of the gear ratio, kg m^2 or
+            kg. It resists the joint's acceleration against its parent only, as in MuJoCo, Pinocchio and Drake.
         damping: viscous, N m s/rad or N s/m.
         coulomb: smooth Coulomb friction, N m or N: coulomb * tanh(rate / coulomb_rate).
         coulomb_rate: rate at which tanh has bent, rad/s or m/s.
+        stop_stiffness: of the hard stops at both limits, N m/rad or N/m; 0 for a joint without stops.
+        stop_damping: share by which a stop pushes harder per rad/s or m/s of the joint moving into it.
     """
 
     name: str
@@ -100,6 +104,9 @@ class Joint:
     damping: Annotated[Scalar, Unit("N m s/rad or N s/m")] = 0
     coulomb: Annotated[Scalar, Unit("N m or N")] = 0
     coulomb_rate: Annotated[Scalar, Unit("rad/s or m/s")] = 0.01
+    armature: Annotated[Scalar, Unit("kg m^2 or kg", "inertia of the drive, at the joint")] = 0
+    stop_stiffness: Annotated[Scalar, Unit("N m/rad or N/m", "of the stops at the limits")] = 0
+    stop_damping: Annotated[Scalar, Unit("s/rad or s/m")] = 0
 
     def __post_init__(self) -> None:
         accept(self, "joint", name=coerce.text, kind=coerce.text)
@@ -107,6 +114,16 @@ class Joint:
         accept(self, where, axis=near_unit_vector, position=coerce.vector, rotation=near_rotation)
         accept(self, where, lower=coerce.number, upper=coerce.number, effort_limit=coerce.number)
         accept(self, where, damping=coerce.coefficient, coulomb=coerce.coefficient, coulomb_rate=coerce.number)
+        accept(self, where, **dict.fromkeys(("armature", "stop_stiffness", "stop_damping"), coerce.coefficient))
+
+    @property
+    def has_stops(self) -> bool:
+        """Whether stops hold the joint at its limits; a structural question, also where the numbers are traced."""
+        return not (type(self.stop_stiffness) is int and self.stop_stiffness == 0)
+
+
+JOINT_NUMBERS = ("damping", "coulomb", "coulomb_rate", "effort_limit", "armature", "stop_stiffness", "stop_damping")
+"""Numbers of a joint that a scenario may state in place of the vehicle's."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -127,6 +144,35 @@ def _optional(kind: type) -> coerce.Rule:
     """Rule: a record of this kind, or None."""
     one = coerce.one(kind)
     return lambda name, value: None if value is None else one(name, value)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Follower:
+    """A follower is a link whose joint moves with another joint: q = ratio q_leader + offset, exactly and at any load.
+
+    URDF calls such a joint a mimic: the second finger of a gripper, the bars of a parallelogram. It has no coordinate,
+    no drive, no friction and no limits of its own; what it moves is felt at its leader.
+
+    Attributes:
+        link: body and joint; its parent is the base, a link, or (from ``Vehicle.n`` on) an earlier follower.
+        leader: index of the link whose joint it follows.
+        ratio: rad or m per rad or m of the leader.
+        offset: rad or m, where the leader is at zero.
+    """
+
+    link: Link
+    leader: int
+    ratio: Annotated[Scalar, Unit("rad or m per rad or m")] = 1.0
+    offset: Annotated[Scalar, Unit("rad or m")] = 0
+
+    def __post_init__(self) -> None:
+        accept(self, "follower", link=coerce.one(Link), leader=coerce.whole, ratio=coerce.number)
+        accept(self, f"followers[{self.link.name}]", offset=coerce.coefficient)
+
+    @property
+    def name(self) -> str:
+        """Of the link."""
+        return self.link.name
 
 
 _ROTOR: dict[str, coerce.Rule] = {
@@ -237,6 +283,7 @@ class Vehicle:
         base: the airframe's body, base frame.
         links: tree in an order in which every parent precedes its children.
         rotors: any number, any pose.
+        followers: links that move with others; a frame, a wrench or a shape means the k-th by the index ``n`` + k.
         frames: named frames; ``end_effector`` names the one that metrics and tasks mean.
         drag: drag of the airframe in moving air.
         drives: of the joints whose setpoint is not the torque.
@@ -253,6 +300,7 @@ class Vehicle:
     drag: BodyDrag = BodyDrag()
     drives: tuple[MountedDrive, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
     battery: Battery | None = field(default=None, metadata=WRITTEN_IF_ANY)
+    followers: tuple[Follower, ...] = ()
     title: str = field(default="", repr=False)
     sources: tuple[tuple[str, str], ...] = field(default=(), repr=False)
 
@@ -260,7 +308,7 @@ class Vehicle:
         accept(self, "vehicle", name=coerce.text, title=coerce.text, base=coerce.one(Body), drag=coerce.one(BodyDrag))
         accept(self, "vehicle", links=coerce.several(Link), rotors=coerce.several(Rotor), frames=coerce.several(Frame))
         accept(self, "vehicle", drives=coerce.several(MountedDrive), battery=_optional(Battery))
-        accept(self, "vehicle", end_effector=coerce.text, sources=coerce.pairs)
+        accept(self, "vehicle", end_effector=coerce.text, sources=coerce.pairs, followers=coerce.several(Follower))
         check.vehicle(self)
 
     @property
@@ -270,8 +318,23 @@ class Vehicle:
 
     @property
     def bodies(self) -> tuple[Body, ...]:
-        """Base first, then the links."""
-        return (self.base, *(link.body for link in self.links))
+        """Base first, then the links and the followers."""
+        return (self.base, *(link.body for link in self.moving))
+
+    @property
+    def moving(self) -> tuple[Link, ...]:
+        """Everything that joints move: the links, then the followers."""
+        return (*self.links, *(each.link for each in self.followers)) if self.followers else self.links
+
+    @property
+    def untied(self) -> Vehicle:
+        """The vehicle with its followers as links that have joints of their own."""
+        made = object.__new__(Vehicle)  # every number of it is checked already
+        for each in dataclasses.fields(self):
+            object.__setattr__(made, each.name, getattr(self, each.name))
+        object.__setattr__(made, "links", self.moving)
+        object.__setattr__(made, "followers", ())
+        return made
 
     @property
     def mass(self) -> Scalar:
@@ -303,6 +366,11 @@ class Vehicle:
         load = Body(mass=mass, com=at.position)
         if at.link == BASE:
             return dataclasses.replace(self, base=self.base.joined(load))
+        if at.link >= self.n:
+            held, k = list(self.followers), at.link - self.n
+            body = held[k].link.body.joined(load)
+            held[k] = dataclasses.replace(held[k], link=dataclasses.replace(held[k].link, body=body))
+            return dataclasses.replace(self, followers=tuple(held))
         links = list(self.links)
         links[at.link] = dataclasses.replace(links[at.link], body=links[at.link].body.joined(load))
         return dataclasses.replace(self, links=tuple(links))

@@ -16,7 +16,7 @@ from skyarm.vehicle.vehicle_records import Frame, Vehicle
 def locked_inertia(vehicle: Vehicle, joints: Sequence[Any]) -> SpatialInertia:
     """Spatial inertia of the whole vehicle with its joints locked: about the base origin, base axes."""
     total = spatial_inertia(vehicle.base)
-    for link, pose in zip(vehicle.links, link_poses(vehicle, joints), strict=True):
+    for link, pose in zip(vehicle.moving, link_poses(vehicle, joints), strict=True):
         total = total + spatial_inertia(link.body).into_parent(pose.R, pose.p)
     return total
 
@@ -30,7 +30,7 @@ def central_inertia(locked: SpatialInertia) -> tuple[Vec3, Sym3]:
 def center_velocity(vehicle: Vehicle, joints: Sequence[Any], joint_rates: Sequence[Any]) -> Vec3:
     """Velocity of the centre of mass against the base, base axes, m/s: what the joint rates give it."""
     total: Vec3 = ZERO3
-    for i, link in enumerate(vehicle.links):
+    for i, link in enumerate(vehicle.moving):
         columns = jacobian_columns(vehicle, Frame(name="com", link=i, position=link.body.com), joints)
         for column, rate in zip(columns, joint_rates, strict=True):
             total = total + column.linear * rate * link.body.mass

@@ -34,14 +34,14 @@ def posture(vehicle: Vehicle, joints: Sequence[Taylor], order: int) -> Posture:
     lifted = rebuild(vehicle, iter([Taylor.constant(number, order) for number in leaves(vehicle)]))
     poses = tuple(link_poses(lifted, [q.truncated(order) for q in joints]))
     total = lifted.base.com * lifted.base.mass
-    for link, pose in zip(lifted.links, poses, strict=True):
+    for link, pose in zip(lifted.moving, poses, strict=True):
         total = total + pose.apply(link.body.com) * link.body.mass
     com = total * Taylor.constant(divide(1.0, vehicle.mass), order)
     tip = ZERO3
     if vehicle.end_effector:
         frame = lifted.frame()
         tip = frame.position if frame.link == BASE else poses[frame.link].apply(frame.position)
-    return Posture(com, tip, poses)
+    return Posture(com, tip, poses[: vehicle.n])
 
 
 def derivative(v: Vec3, k: int) -> Vec3:

@@ -70,7 +70,10 @@ def parameters_of(vehicle: Vehicle) -> PlanarArmParameters:
     """
     if vehicle.n != 2:
         raise _differs(vehicle, f"{vehicle.n} joints", "2")
+    if vehicle.followers:
+        raise _differs(vehicle, f"{len(vehicle.followers)} followers", "none")
     first, second = vehicle.links
+    _zero(vehicle, "armature", first.joint.armature, second.joint.armature)
     _zero(vehicle, "base.com", *vehicle.base.com)
     _zero(vehicle, "joint 1 position", *first.joint.position)
     _zero(vehicle, "joint 2 position.x and .y", second.joint.position.x, second.joint.position.y)

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.drawing.shapes import turn_onto
+from skyarm.dynamics.followers import every_joint
 from skyarm.dynamics.kinematics import joint_placement
 from skyarm.log.log_columns import distinct
 from skyarm.vehicle.vehicle_records import BASE, Vehicle
@@ -27,7 +28,7 @@ class Frames:
     """
 
     def __init__(self, vehicle: Vehicle) -> None:
-        links = [link.name for link in vehicle.links]
+        links = [link.name for link in vehicle.moving]
         named = [frame.name for frame in vehicle.frames]
         rotors = [f"rotor_{rotor.name.removeprefix('rotor').lstrip('_') or rotor.name}" for rotor in vehicle.rotors]
         every = distinct([WORLD, BASE_LINK, BASE_REFERENCE, *links, *named, *rotors])[3:]
@@ -43,8 +44,9 @@ class Frames:
     def moving(self, stamps: Any, joints: Array) -> list[dict[str, Any]]:
         """Transform of each link against its parent."""
         found = []
-        for i, link in enumerate(self._vehicle.links):
-            pose = joint_placement(link.joint, joints[:, i])
+        values = every_joint(self._vehicle, list(joints.T))
+        for i, link in enumerate(self._vehicle.moving):
+            pose = joint_placement(link.joint, values[i])
             parent = self.of_body(link.parent)
             found.append(transform(stamps, parent, self.links[i], pose.p, of_matrices(_turns(pose.R, len(joints)))))
         return found

@@ -25,20 +25,26 @@ from skyarm.vehicle.vehicle_records import BASE, Vehicle
 
 def axes(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
     """Joint axes in base axes."""
-    return [pose.R.apply(link.joint.axis) for link, pose in zip(vehicle.links, poses, strict=True)]
+    return [pose.R.apply(link.joint.axis) for link, pose in zip(vehicle.links, poses, strict=False)]
 
 
 def chain(vehicle: Vehicle, index: int) -> list[int]:
     """Joints from the base to a link."""
     found: list[int] = []
     while index != BASE:
-        found.insert(0, index)
-        index = vehicle.links[index].parent
+        own = index < vehicle.n
+        found.insert(0, index if own else vehicle.followers[index - vehicle.n].leader)
+        index = vehicle.moving[index].parent
     return found
 
 
 def com_columns(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:
     """Velocity of the centre of mass in base axes per unit of each joint rate, times the vehicle's mass."""
+    if vehicle.followers:
+        own = com_columns(vehicle.untied, poses)
+        for each, column in zip(vehicle.followers, own[vehicle.n :], strict=True):
+            own[each.leader] = own[each.leader] + column * each.ratio
+        return own[: vehicle.n]
     masses: list[Any] = [link.body.mass for link in vehicle.links]
     moments = [pose.apply(link.body.com) * link.body.mass for link, pose in zip(vehicle.links, poses, strict=True)]
     for i in reversed(range(vehicle.n)):
@@ -103,7 +109,7 @@ def level_joints(vehicle: Vehicle, gains: TipGains, wanted: Goal, R: Mat3, poses
     """Change of the joints that turns the links of a base at attitude R as those of a level base: one Newton step."""
     problem = Squares(vehicle.n)
     directions = axes(vehicle, poses)
-    for i, pose in enumerate(poses):
+    for i, pose in enumerate(poses[: vehicle.n]):
         error = R.apply_T(orientation_error(R @ pose.R, wanted.links[i]))
         problem.require(orientation_rows(vehicle, directions, i), error, gains.damping * gains.damping)
     problem.prefer((0.0,) * vehicle.n, gains.posture * gains.posture)
@@ -155,7 +161,7 @@ def joint_accelerations(
     directions = axes(vehicle, poses)
     rates: list[Vec3] = []
     biases: list[Vec3] = []
-    for i, (link, pose) in enumerate(zip(vehicle.links, poses, strict=True)):
+    for i, (link, pose) in enumerate(zip(vehicle.links, poses, strict=False)):
         root = link.parent == BASE
         rate, bias = (w, now.alpha) if root else (rates[link.parent], biases[link.parent])
         if link.joint.kind == "revolute":

@@ -1,0 +1,72 @@
+"""Hard stops for the joints of a vehicle that comes from a file and does not state its own.
+
+A real joint meets metal or rubber at its limits. How hard these are is rarely known. The default gives way little to
+the joint's own drive, and asks for no shorter steps of integration at an ordinary control period of 5 ms, unless a
+strong drive on a light link would then press deep into its stop.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Collection
+
+from skyarm.vehicle.mobility import joint_mobility
+from skyarm.vehicle.vehicle_records import Joint, Vehicle
+
+SOFTEST, USUAL, STIFFEST = 100.0, 200.0, 1500.0
+"""rad/s, natural frequencies of a joint against its stop: RK4 takes steps of 5 ms up to 440."""
+
+DEPTH = {"revolute": 0.02, "prismatic": 0.002}
+"""rad or m by which the drive's largest effort may press into the stop, where ``USUAL`` allows that."""
+
+DEEPEST = 5.0
+"""Of these depths, which the stop keeps to where ``STIFFEST`` allows that."""
+
+DAMPING_RATIO = 0.5
+"""Of the joint against its stop, at that depth."""
+
+
+def with_stops(vehicle: Vehicle, own: Collection[str] = ()) -> Vehicle:
+    """Vehicle whose limited joints have stops.
+
+    The stiffness of a joint's stop holds its drive's effort at ``DEPTH``, but moves the joint at ``SOFTEST`` to
+    ``USUAL``; if the effort would then press deeper than ``DEEPEST``, it holds it there, at up to ``STIFFEST``.
+
+    Args:
+        vehicle: with concrete numbers.
+        own: names of joints that state their stops themselves, and be it none.
+    """
+    joints = [link.joint for link in vehicle.links]
+    wanted = [joint.name not in own and not joint.has_stops and _limited(joint) for joint in joints]
+    if not any(wanted):
+        return vehicle
+    import numpy as np
+
+    mobilities = joint_mobility(vehicle)
+    ease = np.max([np.diag(each) for each in mobilities], axis=0)
+    sound = [asked and math.isfinite(each) and each > 0.0 for asked, each in zip(wanted, ease.tolist(), strict=True)]
+    rows = zip(vehicle.links, ease.tolist(), sound, strict=True)
+    links = tuple(dataclasses.replace(k, joint=_stopped(k.joint, e)) if s else k for k, e, s in rows)
+    return dataclasses.replace(vehicle, links=links)
+
+
+def _limited(joint: Joint) -> bool:
+    return math.isfinite(joint.lower) or math.isfinite(joint.upper)
+
+
+def _stiffness(joint: Joint, ease: float) -> float:
+    """N m/rad or N/m for a joint that an effort moves with ``ease``, 1/(kg m^2) or 1/kg."""
+    if not math.isfinite(joint.effort_limit):
+        return USUAL**2 / ease
+    shallow = float(joint.effort_limit) / DEPTH[joint.kind]
+    usual = min(max(shallow, SOFTEST**2 / ease), USUAL**2 / ease)
+    return max(usual, min(shallow / DEEPEST, STIFFEST**2 / ease))
+
+
+def _stopped(joint: Joint, ease: float) -> Joint:
+    """A joint with stops and the damping that goes with them."""
+    effort, stiffness = float(joint.effort_limit), _stiffness(joint, ease)
+    depth = effort / stiffness if 0.0 < effort < math.inf else DEPTH[joint.kind]
+    damping = 2.0 * DAMPING_RATIO / (math.sqrt(stiffness * ease) * depth)
+    return dataclasses.replace(joint, stop_stiffness=stiffness, stop_damping=damping)

@@ -1,0 +1,134 @@
+"""Hard stops of joints: their force, their energy, both plants, and what ends a flight."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from skyarm.actuation import stop_force
+from skyarm.environment import WindSample
+from skyarm.plant.compiled import RigidBodyPlant
+from skyarm.plant.interface import Truth, flat
+from skyarm.plant.mujoco import MujocoPlant
+from skyarm.plant.stop_rate import STOP_STEP, joint_rate, stop_frequency
+from skyarm.scenario.scenario_record import trimmed_state
+from skyarm.vehicle import VehicleError
+from skyarm.vehicle.stops import STIFFEST, with_stops
+from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.vehicle.vehicle_records import Joint
+
+TRUTH = load_vehicle("hummingbird_arm2_rotors")
+STILL = WindSample()
+
+
+def limited(low=-0.5, high=0.6, **fields):
+    """The shipped arm with limits and stops of both joints."""
+    return TRUTH.with_joints(lower=low, upper=high, **{"stop_stiffness": 3.0, "stop_damping": 0.4, **fields})
+
+
+JOINT = Joint(name="j", lower=-0.5, upper=0.6, stop_stiffness=20.0, stop_damping=0.3)
+
+
+@pytest.mark.parametrize(
+    ("position", "rate", "force"),
+    [
+        (0.6, 5.0, 0.0),
+        (-0.5, -5.0, 0.0),
+        (0.7, 0.0, -2.0),
+        (0.7, 2.0, -3.2),
+        (0.7, -2.0, -0.8),
+        (0.7, -4.0, 0.0),
+        (-0.6, 0.0, 2.0),
+        (-0.6, -2.0, 3.2),
+        (-0.6, 4.0, 0.0),
+    ],
+)
+def test_a_stop_pushes_back_by_depth_and_speed_and_never_pulls(position, rate, force):
+    assert float(stop_force(JOINT, position, rate)) == pytest.approx(force, abs=1e-12)
+
+
+def test_a_joint_without_stops_costs_nothing_and_one_limit_suffices():
+    free = dataclasses.replace(JOINT, stop_stiffness=0)
+    assert stop_force(free, 7.0, 1.0) == 0
+    assert type(stop_force(free, 7.0, 1.0)) is int
+    half = dataclasses.replace(JOINT, lower=-math.inf)
+    assert float(stop_force(half, -1e3, 2.0)) == 0.0
+
+
+def test_a_mass_thrown_against_a_stop_comes_back_as_solve_ivp_says_and_slower():
+    inertia, speed = 0.02, 3.0
+
+    def slope(_t, x):
+        depth = max(x[0] - 0.6, 0.0)
+        return [x[1], -20.0 * depth * max(1.0 + 0.3 * x[1], 0.0) / inertia]
+
+    exact = solve_ivp(slope, (0.0, 0.3), [0.5, speed], rtol=1e-10, atol=1e-12).y[:, -1]
+    x, v, dt = 0.5, speed, 1e-5
+    for _ in range(30000):
+        a = float(stop_force(JOINT, x + 0.5 * dt * v, v)) / inertia
+        x, v = x + dt * (v + 0.5 * dt * a), v + dt * a
+    assert [x, v] == pytest.approx(exact, abs=1e-3)
+    assert -speed < v < -0.3 * speed
+
+
+def thrown(plant, vehicle, dt, seconds):
+    """A hover from which both joints run into their stops."""
+    start = trimmed_state(Truth(vehicle=vehicle), (0.0, 0.0, 10.0), 0.0, (0.3, -0.2))
+    start = dataclasses.replace(start, joint_rates=(4.0, -3.0))
+    x, states = flat(start), []
+    for _ in range(round(seconds / dt)):
+        x = plant.advance(x, [*start.rotor_speeds, 0.05, -0.02], (), dt)
+        states.append(x)
+    return np.array(states)
+
+
+def test_both_plants_agree_through_touches_and_the_joints_stay_near_their_limits():
+    vehicle = limited()
+    world = Truth(vehicle=vehicle)
+    ours = thrown(RigidBodyPlant(world, STILL, "rk4", 0.001), vehicle, 0.001, 0.5)
+    theirs = thrown(MujocoPlant(world, STILL, "rk4_staged", 0.001), vehicle, 0.001, 0.5)
+    joints = ours[:, 13:15]
+    touched = (joints > 0.6) | (joints < -0.5)
+    assert touched.any(axis=0).all(), "both joints must meet a stop"
+    assert (joints < 0.6 + 0.15).all()
+    assert (joints > -0.5 - 0.15).all()
+    np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=2e-6)
+
+
+def test_the_step_follows_the_stiffest_stop_as_mujocos_mass_matrix_has_it():
+    vehicle = limited(stop_stiffness=50.0, stop_damping=0)
+    found = stop_frequency(vehicle)
+    assert found > 100.0
+    period = 2.0 * STOP_STEP / found * 0.999
+    plant = RigidBodyPlant(Truth(vehicle=vehicle), STILL, "rk4", 0.001)
+    assert [plant.substeps(share * period) for share in (0.5, 1.0, 2.0, 2.01)] == [1, 2, 4, 5]
+    assert joint_rate(vehicle) == pytest.approx(0.6 / STOP_STEP * found)
+    assert stop_frequency(TRUTH) == 0.0
+
+
+@pytest.mark.parametrize("field", ["stop_stiffness", "stop_damping"])
+def test_a_stop_that_no_step_affords_is_refused_by_its_field(field):
+    with pytest.raises(VehicleError, match=rf"joints\[joint[12]\].{field} = 1000000000.0: a stop this stiff") as told:
+        stop_frequency(limited(**{field: 1e9}))
+    assert "\n" not in str(told.value)
+
+
+def test_stops_of_a_file_are_chosen_by_effort_and_inertia_between_two_frequencies():
+    made = with_stops(TRUTH.with_joints(lower=-1.0, upper=1.0))
+    depths = [link.joint.effort_limit / link.joint.stop_stiffness for link in made.links]
+    assert depths == pytest.approx([0.0253, 0.1], abs=1e-3)
+    # a light wrist with a strong drive: as deep as it may press, and not at any stiffness
+    strong = with_stops(TRUTH.with_joints(lower=-1.0, upper=1.0, effort_limit=1e4))
+    assert STIFFEST * 0.9 <= stop_frequency(strong) <= STIFFEST * 2.0
+    assert with_stops(TRUTH) is TRUTH, "a joint without limits needs no stop"
+    own = with_stops(TRUTH.with_joints(lower=-1.0, upper=1.0), [TRUTH.links[0].joint.name])
+    assert [link.joint.has_stops for link in own.links] == [False, True]
+
+
+def test_armature_lets_a_light_joint_have_the_friction_of_a_servo():
+    light = TRUTH.with_joints(coulomb=0.03, coulomb_rate=0.01)
+    with pytest.raises(VehicleError, match="joint friction decays at"):
+        joint_rate(light)
+    assert joint_rate(light.with_joints(armature=0.005)) < 1e3
