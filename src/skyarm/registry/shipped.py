@@ -35,7 +35,11 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "pass_through": ("skyarm.estimate.estimator:PassThrough", "the full state as it was read"),
         "ekf": ("skyarm.estimate.error_state_filter:ErrorStateFilter", "error-state Kalman filter on an inertial unit"),
     },
-    "drive": {"torque": ("skyarm.actuation.drive:TorqueDrive", "the setpoint is the torque")},
+    "drive": {
+        "torque": ("skyarm.actuation.drive:TorqueDrive", "the setpoint is the torque"),
+        "position_servo": ("skyarm.actuation.servo:PositionServo", "a servo whose setpoint is the joint's position"),
+        "velocity_servo": ("skyarm.actuation.servo:VelocityServo", "a servo whose setpoint is the joint's rate"),
+    },
     "law": {
         "rotors_sim_position": (f"{_LAWS}:rotors_sim_position", ""),
         "decoupled_pd": (f"{_LAWS}:decoupled_pd", ""),

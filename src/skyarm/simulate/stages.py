@@ -82,10 +82,12 @@ class Stages:
 
     def surroundings(self, memories: tuple[Any, ...], drives: Sequence[Any], time: Any) -> Surroundings:
         """What the plant is told of one period."""
-        scenario = self.scenario
+        scenario, power = self.scenario, self.scenario.power
+        felt = len(self.components) - len(power)
         return Surroundings(
-            components=self.components,
-            memories=memories,
+            components=self.components[:felt],
+            memories=memories[:felt],
+            supply=memories[-1][1] / power[0].battery.reference_voltage if power else None,
             time=time,
             effectiveness=effectiveness_at(scenario.faults, scenario.world.vehicle, time),
             drives=scenario.all_drives,
@@ -193,7 +195,9 @@ class RigidBodySteps:
 
     def specific_force(self, state: State, command: Command, around: Surroundings) -> Vec3:
         """Proper acceleration of the base origin, base axes, m/s^2."""
-        force, _ = accelerate(self._scenario.world, state, state.rotor_speeds, command.efforts, around)
+        force, _ = accelerate(
+            self._scenario.world, state, state.rotor_speeds, command.efforts, around, command.rotor_speeds
+        )
         return force.linear
 
     def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> State:
