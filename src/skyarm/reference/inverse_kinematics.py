@@ -18,7 +18,7 @@ from skyarm.dynamics.kinematics import Pose, link_poses
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
 
 FIRST_STEPS, STEPS = 100, 8
-"""Most steps of the first instant, and of a later one, which starts near; what they lack the next instant goes on with."""
+"""Most steps of the first instant, and of a later one, which starts near; the next instant goes on from there."""
 
 ENOUGH = 1e-8
 """rad or m: a step shorter than this ends the search."""
@@ -26,8 +26,10 @@ ENOUGH = 1e-8
 LEAST_DAMPING = 1e-6
 """Of the squared length of the arm: leaves 1e-6 of an error where the Jacobian is as long as the arm."""
 
-PULL = 0.5
-"""Share of the way back to the posture that a step takes."""
+PULL, NEAR = 0.5, 1e-2
+"""Share of the way back to the posture that a step takes, and the error over the arm's length at which it is half that:
+what is out of reach is approached first.
+"""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -143,9 +145,11 @@ def _step(
 ) -> list[float]:
     """One damped step, and with what it leaves free one towards the posture."""
     free = [i for i in task.carriers if i not in held]
-    damping = 0.5 * sum(e * e for e in errors) + LEAST_DAMPING * task.length * task.length
+    square = sum(e * e for e in errors)
+    damping = 0.5 * square + LEAST_DAMPING * task.length * task.length
+    pull = PULL / (1.0 + square / (NEAR * task.length) ** 2)
     J = [[row[i] for i in free] for row in rows]
-    back = [PULL * (task.posture[i] - q[i]) for i in free]
+    back = [pull * (task.posture[i] - q[i]) for i in free]
     A = [[sum(row[a] * row[b] for row in J) + damping * (a == b) for b in range(len(free))] for a in range(len(free))]
     left = [e - sum(c * w for c, w in zip(row, back, strict=True)) for row, e in zip(J, errors, strict=True)]
     b = [sum(row[a] * e for row, e in zip(J, left, strict=True)) for a in range(len(free))]

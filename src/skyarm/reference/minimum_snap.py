@@ -18,14 +18,18 @@ FREE = 3
 
 
 def minimum_snap(
-    times: Sequence[float], values: Sequence[float], start: Sequence[float] = (0.0,) * 3, end: Sequence[float] = (0.0,) * 3
+    times: Sequence[float],
+    values: Sequence[float],
+    start: Sequence[float] = (0.0,) * 3,
+    end: Sequence[float] = (0.0,) * 3,
 ) -> Polynomials:
     """The signal of least snap.
 
     Args:
         times: s, rising, at least two.
         values: at these times.
-        start, end: velocity, acceleration and jerk there; at rest by default.
+        start: velocity, acceleration and jerk at the first time; at rest by default.
+        end: the same at the last time.
     """
     derivatives = knot_derivatives(times, values, start, end)
     pieces = []
@@ -81,7 +85,7 @@ def snap_cost(motion: Polynomials) -> float:
 
 
 def _banded(A: list[list[float]], b: list[float], band: int) -> list[float]:
-    """Solve a symmetric positive definite system of a band by L D L^T; floats in one order, the same on every machine."""
+    """Solve a symmetric positive definite system of a band by L D L^T, in one order on every machine."""
     n = len(b)
     L = [[0.0] * (band + 1) for _ in range(n)]
     D = [0.0] * n

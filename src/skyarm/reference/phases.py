@@ -14,7 +14,7 @@ from skyarm.reference.compose import Sum
 from skyarm.reference.minimum_snap import minimum_snap
 from skyarm.reference.setting import Setting, TaskEvent
 from skyarm.reference.signals import Constant, Signal
-from skyarm.reference.task_tables import require_apart, limits_of, points_of
+from skyarm.reference.task_tables import limits_of, points_of, require_apart
 from skyarm.reference.trajectory import Trajectory
 from skyarm.reference.waypoints import SHORTEST, FlightLimits, Points, allocate
 

@@ -21,8 +21,7 @@ ORDERS = 5
 
 @dataclass(frozen=True, slots=True)
 class Polynomials(Signal):
-    """A signal of polynomials of one degree, each from its knot to the next; it is held before the first and after
-    the last.
+    """A signal of polynomials of one degree, each from its knot to the next, held before and after them.
 
     Attributes:
         knots: s, rising, one more than there are polynomials.
@@ -52,7 +51,9 @@ class Polynomials(Signal):
             c = list(np.array(self.coefficients, dtype=float)[pieces].T)
             begin = np.array(numbers)[pieces]
         else:
-            *c, begin = _selected(t, [(*row, knot) for row, knot in zip(self.coefficients, numbers, strict=False)], numbers)
+            *c, begin = _selected(
+                t, [(*row, knot) for row, knot in zip(self.coefficients, numbers, strict=False)], numbers
+            )
         s = where(t < first, first, where(t < last, t, last)) - begin
         found: list[Any] = []
         for order in range(ORDERS):

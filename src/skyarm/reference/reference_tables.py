@@ -67,9 +67,7 @@ AT_ORIGIN = {"kind": "hover", "position": [0.0, 0.0, 0.0]}
 """The base's motion where a file gives none."""
 
 
-def trajectory_from(
-    table: dict[str, Any], n_joints: int, where: str, setting: Setting = WITHOUT_VEHICLE
-) -> Trajectory:
+def trajectory_from(table: dict[str, Any], n_joints: int, where: str, setting: Setting = WITHOUT_VEHICLE) -> Trajectory:
     """Trajectory that a table describes; the grammar is this module's.
 
     Args:
@@ -84,14 +82,13 @@ def trajectory_from(
     fields = Fields(table, where)
     base = motion_from(fields.take("base", AT_ORIGIN), f"{where}.base", setting)
     yaw = signal_from(fields.take("yaw", 0.0), f"{where}.yaw")
+    entries = fields.take("joints", [0.0] * n_joints)
     if fields.take("tip", None) is not None:
         from skyarm.reference.tip_tables import tip_from
 
         found = tip_from(table, dataclasses.replace(base, yaw=yaw), where, setting)
-        fields.take("joints", None)
         fields.done()
         return found
-    entries = fields.take("joints", [0.0] * n_joints)
     fields.done()
     if not isinstance(entries, list) or len(entries) != n_joints:
         shown = f"{len(entries)} signals" if isinstance(entries, list) else repr(entries)

@@ -13,6 +13,7 @@ Each begins and ends at rest, and stays before and after.
 from __future__ import annotations
 
 import csv
+import itertools
 import math
 from pathlib import Path
 from typing import Any
@@ -45,7 +46,7 @@ def waypoints_table(fields: Fields, setting: Setting) -> Trajectory:
     return through(points, [start + t for t in times])
 
 
-def samples_table(fields: Fields, setting: Setting) -> Trajectory:  # noqa: ARG001 - motions of tasks are all called so
+def samples_table(fields: Fields, setting: Setting) -> Trajectory:
     """The smooth motion through the rows of a file."""
     names = fields.take("columns", ["time", "x", "y", "z"])
     if not isinstance(names, list) or len(names) != 4 or not all(isinstance(name, str) for name in names):
@@ -71,7 +72,9 @@ def spline_signal(fields: Fields) -> Signal:
     times = rising(fields.numbers("times"), fields.at("times"))
     values = fields.numbers("values")
     if len(values) != len(times) or not 2 <= len(times) <= MOST_ROWS:
-        raise ValueError(f"{fields.at('values')} = {len(values)} values: must be one for each of 2 to {MOST_ROWS} times")
+        raise ValueError(
+            f"{fields.at('values')} = {len(values)} values: must be one for each of 2 to {MOST_ROWS} times"
+        )
     found: Polynomials = minimum_snap(times, values)
     return found
 
@@ -104,8 +107,10 @@ def points_of(entries: Any, at: str) -> Points:
 
 
 def _is_point(entry: Any) -> bool:
-    return isinstance(entry, (list, tuple)) and len(entry) == 3 and all(
-        isinstance(c, (int, float)) and not isinstance(c, bool) and math.isfinite(c) for c in entry
+    return (
+        isinstance(entry, (list, tuple))
+        and len(entry) == 3
+        and all(isinstance(c, (int, float)) and not isinstance(c, bool) and math.isfinite(c) for c in entry)
     )
 
 
@@ -115,14 +120,14 @@ def _refuse(entry: Any, at: str) -> tuple[float, float, float]:
 
 def require_apart(points: Points, at: str) -> None:
     """Refuse points that follow each other at one place."""
-    for i, (a, b) in enumerate(zip(points, points[1:], strict=False)):
+    for i, (a, b) in enumerate(itertools.pairwise(points)):
         if math.dist(a, b) < SHORTEST:
             raise ValueError(f"{at}[{i + 1}] = {shown(list(b))}: must be {SHORTEST:g} m or more from the point before")
 
 
 def rising(times: tuple[float, ...], at: str) -> tuple[float, ...]:
     """Times that rise."""
-    if len(times) < 2 or any(b <= a for a, b in zip(times, times[1:], strict=False)):
+    if len(times) < 2 or any(b <= a for a, b in itertools.pairwise(times)):
         raise ValueError(f"{at} = {shown(list(times))}: must be at least two times, each after the one before")
     return times
 
@@ -152,7 +157,9 @@ def read_columns(fields: Fields, names: list[str]) -> list[list[float]]:
     if not 3 <= len(rows) <= MOST_ROWS + 1:
         raise ValueError(f"{at}: must have 2 to {MOST_ROWS} rows below its header, not {max(len(rows) - 1, 0)}")
     places = [header.index(each) for each in names]
-    columns = [[_cell(row, place, f"{at}: row {i}", header[place]) for i, row in enumerate(rows[1:], 1)] for place in places]
+    columns = [
+        [_cell(row, place, f"{at}: row {i}", header[place]) for i, row in enumerate(rows[1:], 1)] for place in places
+    ]
     for i, (a, b) in enumerate(zip(columns[0], columns[0][1:], strict=False), 2):
         if not b > a:
             raise ValueError(f"{at}: row {i}: {names[0]} = {b!r}: must be after {a!r} of the row before")

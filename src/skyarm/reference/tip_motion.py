@@ -1,8 +1,8 @@
 """The motion of the tip as a reference, and the motion of the base that carries it there.
 
-For a level base p_b = p_tip - R_z(yaw) p_e(q), exactly and with all derivatives, whatever the joints do: what the arm does
-not do, the base does. That is the tip at which metrics and the laws in tip mode aim. A base that tilts carries the tip
-off by about the arm's length times the tilt: the laws in tip mode make that good by the joints.
+For a level base p_b = p_tip - R_z(yaw) p_e(q), exactly and with all derivatives, whatever the joints do: what the arm
+does not do, the base does. That is the tip at which metrics and the laws in tip mode aim. A base that tilts carries the
+tip off by about the arm's length times the tilt: the laws in tip mode make that good by the joints.
 """
 
 from __future__ import annotations
@@ -47,7 +47,8 @@ class Arm:
         point = _lifted(self.tip)
         for number, joint in reversed(list(zip(self.carriers, self.joints, strict=True))):
             point = joint_placement(_lifted(joint), joints[number]).apply(point)
-        return point
+        found: Vec3 = point
+        return found
 
 
 def arm_of(vehicle: Vehicle, frame: str = "") -> Arm:
@@ -100,7 +101,9 @@ class TipMotion:
         """Where a level base carries the tip from, with derivatives; for a tip in the world.
 
         Args:
-            t: s. yaw: heading and derivatives. joints: values, rates ... to the fourth derivative.
+            t: s.
+            yaw: heading and its derivatives.
+            joints: values, rates ... to the fourth derivative.
         """
         series = [Taylor.of_derivatives(each) for each in zip(*joints, strict=True)]
         arm = _derivatives(turned(yaw, self.arm.reached(series)))
@@ -125,7 +128,9 @@ def turned(yaw: Sequence[Any], v: Vec3) -> Vec3:
 
 
 def _derivatives(v: Vec3) -> FiveVectors:
-    p, vel, a, j, s = (Vec3(*(c.derivative(k) if isinstance(c, Taylor) else (c if k == 0 else 0) for c in v)) for k in range(5))
+    p, vel, a, j, s = (
+        Vec3(*(c.derivative(k) if isinstance(c, Taylor) else (c if k == 0 else 0) for c in v)) for k in range(5)
+    )
     return p, vel, a, j, s
 
 

@@ -67,7 +67,9 @@ def plan(vehicle: Vehicle, tip: TipMotion, yaw: Signal, choices: TipChoices, dur
     step = 1.0 / choices.rate
     count = math.ceil(duration * choices.rate) + 1
     if count > MOST_SAMPLES:
-        raise ValueError(f"rate = {choices.rate!r}: makes {count} samples of {duration:g} s, must be at most {MOST_SAMPLES}")
+        raise ValueError(
+            f"rate = {choices.rate!r}: makes {count} samples of {duration:g} s, must be at most {MOST_SAMPLES}"
+        )
     times = (np.arange(-BEYOND, count + BEYOND) * step).tolist()
     task = task_of(vehicle, tip.arm.carriers, choices)
     headings = [float(yaw.derivatives(t)[0]) for t in times]
@@ -75,7 +77,8 @@ def plan(vehicle: Vehicle, tip: TipMotion, yaw: Signal, choices: TipChoices, dur
     turns = None
     if choices.orientation is not None:
         turns = [
-            (Mat3.identity() if tip.relative else _heading(-h)) @ _turn(*(float(s.derivatives(t)[0]) for s in choices.orientation))
+            (Mat3.identity() if tip.relative else _heading(-h))
+            @ _turn(*(float(s.derivatives(t)[0]) for s in choices.orientation))
             for t, h in zip(times, headings, strict=True)
         ]
     samples = follow(task, positions, turns, step)

@@ -3,8 +3,8 @@
 ::
 
     [reference.tip]
-    path = { kind = "circle", radius = 0.2, frequency_hz = 0.1, center = [0, 0, 0.7] }   # any motion, or a list of them
-    relative_to = "world"        # or "base": against the base origin, axes of its heading; [reference.base] then moves it
+    path = { kind = "circle", radius = 0.2, frequency_hz = 0.1, center = [0, 0, 0.7] }  # a motion, or a list of them
+    relative_to = "world"        # or "base": against its origin, axes of its heading; [reference.base] then moves it
     posture = [0.4, -0.8]        # joints that the arm prefers, rad or m; the middle of their limits if left out
     base_share = 0.7             # of the tip's way in the world that the base takes; 1: the arm stays in its posture
     arm_range = 0.1              # m, that the arm moves its tip at most for the rest
@@ -95,7 +95,9 @@ def _posture(fields: Fields, vehicle: Vehicle) -> tuple[float, ...]:
     """Joints that the arm prefers, within their limits."""
     bounds = [(float(link.joint.lower), float(link.joint.upper)) for link in vehicle.links]
     if fields.take("posture", None) is None:
-        return tuple(0.5 * (low + high) if math.isfinite(high - low) else min(max(0.0, low), high) for low, high in bounds)
+        return tuple(
+            0.5 * (low + high) if math.isfinite(high - low) else min(max(0.0, low), high) for low, high in bounds
+        )
     posture = fields.numbers("posture")
     if len(posture) != vehicle.n:
         raise ValueError(f"{fields.at('posture')} = {len(posture)} numbers: must be one for each of {vehicle.n} joints")

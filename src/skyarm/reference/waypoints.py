@@ -1,15 +1,16 @@
 """Motions of least snap through waypoints, as fast as a multirotor's limits let them.
 
 A multirotor's thrust and attitude follow from the acceleration of its base, its body rate from the jerk: f = m |a + g|,
-tilt = angle of a + g against the vertical, rate = part of the jerk across the thrust over |a + g|; the angular acceleration
-is that of the snap alike, products of the rate left out. A motion that is stretched in time by s has accelerations
-smaller by s^2, jerks by s^3 and snaps by s^4, so that one stretch meets all limits.
-Sources: Mellinger, Kumar 2011 (time allocation, flat outputs); Richter, Bry, Roy 2013. The arm's own motion, drag and the
-lag of the rotors are neglected: keep a margin for them.
+tilt = angle of a + g against the vertical, rate = part of the jerk across the thrust over |a + g|; the angular
+acceleration is that of the snap alike, products of the rate left out. A motion that is stretched in time by s has
+accelerations smaller by s^2, jerks by s^3 and snaps by s^4, so that one stretch meets all limits. The arm's own motion,
+drag and the lag of the rotors are neglected: keep a margin for them.
+Sources: Mellinger, Kumar 2011 (time allocation, flat outputs); Richter, Bry, Roy 2013.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -81,7 +82,7 @@ def allocate(points: Points, limits: FlightLimits, gravity: float) -> tuple[floa
 
     The pieces' shares of the time make the snap small; then the whole is stretched until every limit holds.
     """
-    spans = [max(math.dist(a, b), SHORTEST) ** 0.5 for a, b in zip(points, points[1:], strict=False)]
+    spans = [max(math.dist(a, b), SHORTEST) ** 0.5 for a, b in itertools.pairwise(points)]
     shares = _shares(points, [s / sum(spans) for s in spans])
     unit = _times(shares)
     derivatives = _looks(through(points, unit), unit)
@@ -143,9 +144,11 @@ def _times(spans: Sequence[float]) -> tuple[float, ...]:
 
 def _looks(motion: Trajectory, times: Sequence[float]) -> list[Array]:
     """Velocity, acceleration, jerk and snap (3, N) of a motion."""
-    at = np.concatenate([np.linspace(a, b, LOOKS, endpoint=False) for a, b in zip(times, times[1:], strict=False)])
+    at = np.concatenate([np.linspace(a, b, LOOKS, endpoint=False) for a, b in itertools.pairwise(times)])
     rows = [signal.derivatives(at) for signal in (motion.x, motion.y, motion.z)]
-    return [np.stack([np.broadcast_to(np.asarray(row[k], dtype=float), at.shape) for row in rows]) for k in (1, 2, 3, 4)]
+    return [
+        np.stack([np.broadcast_to(np.asarray(row[k], dtype=float), at.shape) for row in rows]) for k in (1, 2, 3, 4)
+    ]
 
 
 def _demand(derivatives: Sequence[Array], gravity: float, stretch: float) -> Demand:
