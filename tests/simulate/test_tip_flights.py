@@ -1,0 +1,80 @@
+"""Flights along a reference of the tip: on both plants, in batches, by path, and read back from a log."""
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.log.formats import save_log
+from skyarm.scenario.numbers import number_at, with_numbers
+from skyarm.scenario.scenario_of_log import scenario_of_log
+from skyarm.simulate.batch import Batch
+
+TASK = {
+    "name": "task",
+    "duration": 6.0,
+    "plant": {"vehicle": "hummingbird_arm2_rotors"},
+    "controller": {"preset": "centroidal_tip"},
+    "reference": {
+        "tip": {
+            "posture": [0.4, -0.8],
+            "base_share": 0.6,
+            "path": {
+                "kind": "phases",
+                "position": [0.0, 0.0, 0.7],
+                "phases": [
+                    {"kind": "hold", "duration": 0.5},
+                    {"kind": "go_to", "position": [0.3, 0.2, 0.8], "duration": 2.5},
+                    {"kind": "go_to", "position": [0.3, 0.2, 0.65], "duration": 2.0},
+                ],
+            },
+        }
+    },
+}
+
+
+def task(**plant):
+    return skyarm.scenario_from(TASK | {"plant": TASK["plant"] | plant})
+
+
+@pytest.fixture(scope="module")
+def flown():
+    return {kind: skyarm.run(task(kind=kind)) for kind in ("rigid_body", "mujoco")}
+
+
+@pytest.mark.parametrize("kind", ["rigid_body", "mujoco"])
+def test_the_tip_stays_on_its_path(flown, kind):
+    log = flown[kind]
+    assert log.status == "completed"
+    error = np.linalg.norm(log.tip - log.tip_reference, axis=1)
+    assert error.mean() < 1.5e-3
+    assert error.max() < 10e-3
+    np.testing.assert_allclose(log.tip[-1], [0.3, 0.2, 0.65], atol=1e-3)
+    assert np.ptp(log.joints[:, 1]) > 0.1  # the arm did its share
+
+
+def test_the_log_and_the_metrics_hold_the_tips_own_reference(flown):
+    log = flown["rigid_body"]
+    wanted = np.array([task().trajectory.tip.path(float(t))[0] for t in log.time[::50]], dtype=float)
+    np.testing.assert_array_equal(log.tip_reference[::50], wanted)
+    error = np.linalg.norm(log.tip - log.tip_held, axis=1)
+    metrics = skyarm.score(log)
+    assert metrics["ee_error_max"] == pytest.approx(error[log.time >= 2.0].max(), rel=1e-12)
+
+
+def test_a_batch_that_varies_the_path_flies_what_single_flights_fly():
+    scenario = task()
+    short = skyarm.scenario_from(TASK | {"duration": 1.5, "controller": {"preset": "paper_pd"}})
+    path = "reference.tip.x.signals.0.value"
+    assert number_at(scenario, path) == 0.0
+    batch = Batch(short, (path,), metrics=("ee_error_max",))
+    found = batch.fly({path: np.array([0.0, 0.2])})
+    for value, lane in zip((0.0, 0.2), found.metrics["ee_error_max"], strict=True):
+        log = skyarm.run(with_numbers(short, {path: value}))
+        assert lane == pytest.approx(skyarm.score(log)["ee_error_max"], rel=1e-9)
+        assert log.tip_reference[0, 0] == value
+
+
+def test_a_log_flies_again(flown, tmp_path):
+    save_log(flown["rigid_body"], tmp_path / "task.npz")
+    again = scenario_of_log(tmp_path / "task.npz", {})
+    assert again.trajectory == task().trajectory
