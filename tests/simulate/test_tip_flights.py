@@ -54,7 +54,8 @@ def test_the_tip_stays_on_its_path(flown, kind):
 
 def test_the_log_and_the_metrics_hold_the_tips_own_reference(flown):
     log = flown["rigid_body"]
-    wanted = np.array([task().trajectory.tip.path(float(t))[0] for t in log.time[::50]], dtype=float)
+    path = task().trajectory.tip
+    wanted = np.array([path.path(float(t))[0] for t in log.time[::50]], dtype=float)
     np.testing.assert_array_equal(log.tip_reference[::50], wanted)
     error = np.linalg.norm(log.tip - log.tip_held, axis=1)
     metrics = skyarm.score(log)
@@ -62,10 +63,9 @@ def test_the_log_and_the_metrics_hold_the_tips_own_reference(flown):
 
 
 def test_a_batch_that_varies_the_path_flies_what_single_flights_fly():
-    scenario = task()
     short = skyarm.scenario_from(TASK | {"duration": 1.5, "controller": {"preset": "paper_pd"}})
     path = "reference.tip.x.signals.0.value"
-    assert number_at(scenario, path) == 0.0
+    assert number_at(short, path) == 0.0
     batch = Batch(short, (path,), metrics=("ee_error_max",))
     found = batch.fly({path: np.array([0.0, 0.2])})
     for value, lane in zip((0.0, 0.2), found.metrics["ee_error_max"], strict=True):
@@ -78,3 +78,27 @@ def test_a_log_flies_again(flown, tmp_path):
     save_log(flown["rigid_body"], tmp_path / "task.npz")
     again = scenario_of_log(tmp_path / "task.npz", {})
     assert again.trajectory == task().trajectory
+
+
+def test_a_phase_waits_until_the_error_is_small_and_no_longer_than_its_timeout():
+    phases = [
+        {"kind": "go_to", "position": [0.2, 0.0, 0.7], "duration": 0.8, "until": {"error": 2e-3, "hold": 0.2}},
+        {"kind": "hold", "duration": 0.2, "until": {"error": 1e-12, "timeout": 0.3}},
+        {"kind": "go_to", "position": [0.0, 0.0, 0.7], "duration": 2.0},
+    ]
+    path = {"kind": "phases", "position": [0.0, 0.0, 0.7], "phases": phases}
+    tip = {"posture": [0.4, -0.8], "path": path}
+    scenario = skyarm.scenario_from(TASK | {"duration": 3.0, "reference": {"tip": tip}})
+    with pytest.raises(skyarm.ScenarioError, match=r"only skyarm\.run finds how long"):
+        Batch(scenario)
+    log = skyarm.run(scenario)
+    error = np.linalg.norm(log.tip - log.tip_reference, axis=1)
+    settled = next(k for k in range(160, 600) if (error[k - 40 : k + 1] <= 2e-3).all() and k - 40 >= 160)
+    leaves = settled / 200 + 0.2 + 0.3  # the second phase, and its guard that is never met
+    assert 0.25 < settled / 200 - 0.8 < 1.5
+    still = (log.time >= 0.8) & (log.time <= leaves + 1e-9)
+    np.testing.assert_allclose(log.tip_reference[still], [[0.2, 0.0, 0.7]] * still.sum(), atol=1e-12)
+    assert (log.tip_reference[log.time > leaves + 0.3][:, 0] < 0.2).all()
+    assert log.tip_reference[round(leaves * 200) + 20, 0] < 0.2
+    again = skyarm.replay(log)
+    np.testing.assert_array_equal(again.log.tip if hasattr(again, "log") else again.tip, log.tip)

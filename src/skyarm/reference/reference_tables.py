@@ -61,13 +61,11 @@ from skyarm.reference.task_tables import samples_signal, spline_signal
 from skyarm.reference.trajectory import Trajectory, circle, hover
 from skyarm.registry import find
 
-WITHOUT_VEHICLE = Setting()
-
 AT_ORIGIN = {"kind": "hover", "position": [0.0, 0.0, 0.0]}
 """The base's motion where a file gives none."""
 
 
-def trajectory_from(table: dict[str, Any], n_joints: int, where: str, setting: Setting = WITHOUT_VEHICLE) -> Trajectory:
+def trajectory_from(table: dict[str, Any], n_joints: int, where: str, setting: Setting | None = None) -> Trajectory:
     """Trajectory that a table describes; the grammar is this module's.
 
     Args:
@@ -79,6 +77,7 @@ def trajectory_from(table: dict[str, Any], n_joints: int, where: str, setting: S
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
+    setting = Setting() if setting is None else setting
     fields = Fields(table, where)
     base = motion_from(fields.take("base", AT_ORIGIN), f"{where}.base", setting)
     yaw = signal_from(fields.take("yaw", 0.0), f"{where}.yaw")
@@ -88,13 +87,13 @@ def trajectory_from(table: dict[str, Any], n_joints: int, where: str, setting: S
 
         found = tip_from(table, dataclasses.replace(base, yaw=yaw), where, setting)
         fields.done()
-        return found
+        return dataclasses.replace(found, guards=tuple(setting.guards))
     fields.done()
     if not isinstance(entries, list) or len(entries) != n_joints:
         shown = f"{len(entries)} signals" if isinstance(entries, list) else repr(entries)
         raise ValueError(f"{where}.joints = {shown}: must be a list of {n_joints}, one for each joint of the vehicle")
     joints = tuple(signal_from(entry, f"{where}.joints[{index}]") for index, entry in enumerate(entries))
-    return Trajectory(x=base.x, y=base.y, z=base.z, yaw=yaw, joints=joints)
+    return Trajectory(x=base.x, y=base.y, z=base.z, yaw=yaw, joints=joints, guards=tuple(setting.guards))
 
 
 def signal_from(entry: Any, where: str) -> Signal:
@@ -109,7 +108,7 @@ def signal_from(entry: Any, where: str) -> Signal:
     return signal
 
 
-def motion_from(entry: Any, where: str, setting: Setting = WITHOUT_VEHICLE) -> Trajectory:
+def motion_from(entry: Any, where: str, setting: Setting) -> Trajectory:
     """Motion of a point, of the base as a rule, from a table or a list of tables."""
     if isinstance(entry, list):
         total = Trajectory()

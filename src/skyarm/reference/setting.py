@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Annotated
 
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
@@ -23,6 +26,24 @@ class TaskEvent:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Guard:
+    """What a flight must show before the reference goes on: until then the whole reference rests.
+
+    Attributes:
+        at: s, planned end of the phase. error: m, of the tip; of the base where the vehicle has none.
+        hold: s, for which the error stays below that. timeout: s, after which the reference goes on all the same.
+    """
+
+    at: Annotated[float, Unit("s", low=0.0)]
+    error: Annotated[float, Unit("m", low=0.0, strict=True)]
+    hold: Annotated[float, Unit("s", low=0.0)] = 0.5
+    timeout: Annotated[float, Unit("s", low=0.0, strict=True)] = 5.0
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "guard")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Setting:
     """Facts of the flight that a reference's tables may need.
 
@@ -30,7 +51,7 @@ class Setting:
         vehicle: the plant's; None where a reference is read on its own.
         gravity: m/s^2. duration: s.
         thrust_to_weight: highest thrust over weight; infinite where nobody knows.
-        events: filled while phases are read.
+        events, guards: filled while phases are read.
     """
 
     vehicle: Vehicle | None = None
@@ -38,3 +59,4 @@ class Setting:
     duration: float = 0.0
     thrust_to_weight: float = math.inf
     events: list[TaskEvent] = field(default_factory=list)
+    guards: list[Guard] = field(default_factory=list)

@@ -15,6 +15,7 @@ from skyarm.records.leaves import parts
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference.compose import Shifted, Sum, Windowed
+from skyarm.reference.setting import Guard
 from skyarm.reference.signals import Constant, Signal, Sine
 from skyarm.reference.tip_motion import TipMotion
 from skyarm.scalars import Scalar
@@ -81,7 +82,7 @@ class Trajectory:
     """A trajectory holds the signals of the base position, the heading and the joints.
 
     With a ``tip`` in the world the base is where it carries that tip (:mod:`skyarm.reference.tip_motion`), moved by the
-    signals ``x``, ``y``, ``z``.
+    signals ``x``, ``y``, ``z``. With ``guards`` it waits for the flight (:mod:`skyarm.simulate.pinned`).
     """
 
     x: Annotated[Signal, Unit("m", "base origin, world axes")] = ZERO
@@ -90,6 +91,7 @@ class Trajectory:
     yaw: Annotated[Signal, Unit("rad", "heading about world z")] = ZERO
     joints: Annotated[tuple[Signal, ...], Unit("rad or m")] = ()
     tip: TipMotion | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
+    guards: tuple[Guard, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         accept_fields(self, "trajectory")
