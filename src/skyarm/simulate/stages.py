@@ -25,7 +25,7 @@ from skyarm.plant.rigid_body import STEP, accelerate
 from skyarm.plant.surroundings import Surroundings, felt
 from skyarm.reference import Reference
 from skyarm.scalars import absolute, floor, logical_and, where
-from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.check_endings import healthy
 from skyarm.simulate.command_line import command_delay, issued, rotor_and_joint_delays, switches
@@ -52,6 +52,9 @@ class Stages:
     """
 
     def __init__(self, scenario: Scenario) -> None:
+        if scenario.trajectory.guards:
+            allowed = "has phases that wait (until): only skyarm.run finds how long; its log's scenario flies anywhere"
+            raise ScenarioError(f"reference of {scenario.name!r}: {allowed}")
         self.scenario = scenario
         self.period = 1.0 / scenario.rates.control
         self.components = scenario.components
