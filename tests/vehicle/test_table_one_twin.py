@@ -36,9 +36,7 @@ def test_the_twin_is_a_body_and_moves_as_table_one_does():
 def test_a_share_of_the_inertia_that_is_not_moved_back_is_seen():
     for index, moments in ((1, Sym3(7.5e-5, 7.5e-5, 7.6e-5)), (0, Sym3(7.4e-5, 7.5e-5, 7.5e-5))):
         links = list(TWIN.links)
-        links[index] = dataclasses.replace(
-            links[index], body=dataclasses.replace(links[index].body, inertia=moments)
-        )
+        links[index] = dataclasses.replace(links[index], body=dataclasses.replace(links[index].body, inertia=moments))
         assert apart(accelerations(TABLE_1), accelerations(dataclasses.replace(TWIN, links=tuple(links)))) > 1e-6
 
 
@@ -55,4 +53,6 @@ def test_all_but_the_inertia_is_table_ones():
     assert TWIN.rotors == TABLE_1.rotors
     assert TWIN.frames == TABLE_1.frames
     assert [link.joint for link in TWIN.links] == [link.joint for link in TABLE_1.links]
-    assert [(float(b.mass), tuple(b.com)) for b in TWIN.bodies] == [(float(b.mass), tuple(b.com)) for b in TABLE_1.bodies]
+    assert [(float(b.mass), tuple(b.com)) for b in TWIN.bodies] == [
+        (float(b.mass), tuple(b.com)) for b in TABLE_1.bodies
+    ]

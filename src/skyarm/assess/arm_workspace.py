@@ -1,13 +1,11 @@
-"""Where can the tip go, and does every joint do something of its own?"""
+"""The places that the tip can reach, and whether every joint does something of its own."""
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from skyarm.assess.arm_poses import Array, ArmPoses
-from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
+from skyarm.assess.arm_poses import ArmPoses, Array
+from skyarm.assess.finding import NOTE, OK, WARNING, Finding
 from skyarm.assess.level_hover import columns
 from skyarm.assess.mass_balance import disc_radius
 from skyarm.dynamics.array_front import center_of_mass, frame_jacobian
@@ -108,7 +106,9 @@ def _joints_without_effect(vehicle: Vehicle, poses: ArmPoses) -> list[Finding]:
         for j in range(i):
             if _same(jacobian[:, :, i], jacobian[:, :, j]):
                 other = vehicle.links[j].joint.name
-                found.append(_axis(name, f"{name} and joints[{other}] move the tip alike in every pose: one axis twice"))
+                found.append(
+                    _axis(name, f"{name} and joints[{other}] move the tip alike in every pose: one axis twice")
+                )
     return found
 
 
@@ -121,11 +121,3 @@ def _same(a: Array, b: Array) -> bool:
 def _axis(name: str, text: str) -> Finding:
     remedy = f"check {name}.axis and {name}.position"
     return Finding(question=f"axis of {name}", level=WARNING, text=text, field=f"{name}.axis", remedy=remedy)
-
-
-def arm_length(vehicle: Vehicle) -> float:
-    """Sum of the distances between joints, m; a bound of the reach."""
-    return sum(math.hypot(*map(float, link.joint.position)) for link in vehicle.links)
-
-
-__all__ = ["FAULT", "arm_length", "arm_workspace", "tip_places"]

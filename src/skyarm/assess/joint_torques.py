@@ -1,4 +1,4 @@
-"""Can the joints hold and move the arm in every pose?"""
+"""What the joints must give to hold and to move the arm in every pose."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from skyarm.assess.arm_poses import Array, ArmPoses, in_parts
+from skyarm.assess.arm_poses import ArmPoses, Array, in_parts
 from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
 from skyarm.assess.level_hover import WRENCH, hover_efforts
 from skyarm.vehicle.vehicle_records import Vehicle

@@ -1,4 +1,4 @@
-"""Where is the centre of mass, how far does the arm shift it, and are mass and inertia those of a flying thing?"""
+"""The centre of mass and its shift by the arm, and whether mass and inertia are those of a thing that flies."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from skyarm.assess.arm_poses import Array, ArmPoses
+from skyarm.assess.arm_poses import ArmPoses, Array
 from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
 from skyarm.assess.level_hover import center_of_mass, hover_efforts
 from skyarm.vehicle.vehicle_records import Body, Vehicle
@@ -33,7 +33,8 @@ def center_of_mass_shift(vehicle: Vehicle, poses: ArmPoses, gravity: float, held
     width = float(_inside(hubs, *hubs.mean(axis=0)[:, None])[0])
     base = _base_outside(vehicle, hubs)
     level = FAULT if least < 0.0 else WARNING if least < 0.25 * width else OK
-    text = f"at most {1e3 * -float(shift):.3g} mm from the rotors' middle, {1e3 * float(least):.3g} mm within their polygon"
+    off, within = 1e3 * -float(shift), 1e3 * float(least)
+    text = f"at most {off:.3g} mm from the rotors' middle, {within:.3g} mm within their polygon"
     field = "base.com" if base or not vehicle.n else "links.com"
     return [
         Finding(

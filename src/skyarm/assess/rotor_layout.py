@@ -1,4 +1,4 @@
-"""Do the rotors turn the right way, and do their coefficients fit their size?"""
+"""Whether the rotors turn the right way and their coefficients fit their size."""
 
 from __future__ import annotations
 
@@ -50,7 +50,9 @@ def _coefficients(vehicle: Vehicle) -> list[Finding]:
         ("thrust_coefficient", [thrust_number(rotor, radius) for rotor in vehicle.rotors], THRUST_COEFFICIENTS),
         ("moment_coefficient", [float(r.moment_coefficient) / radius for r in vehicle.rotors], MOMENT_ARMS),
     ):
-        at = max(range(len(values)), key=lambda i: abs(math.log(max(values[i], 1e-300) / math.sqrt(math.prod(allowed)))))
+        at = max(
+            range(len(values)), key=lambda i: abs(math.log(max(values[i], 1e-300) / math.sqrt(math.prod(allowed))))
+        )
         value = values[at]
         level = OK if allowed[0] <= value <= allowed[1] else WARNING if value < allowed[0] and value > 0 else FAULT
         level = FAULT if field == "thrust_coefficient" and level != OK else level

@@ -1,4 +1,4 @@
-"""Can the rotors hold the vehicle level in every arm pose, and how much is left?"""
+"""The thrust margin: whether the rotors can hold the vehicle level in every arm pose, and what is left."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 
-from skyarm.assess.arm_poses import Array, ArmPoses
+from skyarm.assess.arm_poses import ArmPoses, Array
 from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding, graded
 from skyarm.assess.level_hover import Allocation, hover_efforts
 from skyarm.vehicle.vehicle_records import Vehicle
 
 ENOUGH = 1.2
-"""Thrust of the busiest rotor: what it can give over what hover asks for. Below this, attitude control saturates often."""
+"""What the busiest rotor can give over what hover asks of it: with less, attitude control saturates often."""
 
 LEAST_SHARE = 0.05
 """Of the slowest rotor's thrust in the mean: below it a small torque stops that rotor."""
@@ -25,7 +25,9 @@ def thrust_margin(
 
     Args:
         vehicle: with its payload, if it holds one.
-        allocation: of its rotors. poses: of its arm. gravity: m/s^2.
+        allocation: of its rotors.
+        poses: of its arm.
+        gravity: m/s^2.
         held: says of the payload that it is held, as " with 0.3 kg"; empty without one.
     """
 

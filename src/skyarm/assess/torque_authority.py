@@ -1,4 +1,4 @@
-"""Which forces and torques can the rotors add to a level hover, in the worst arm pose?"""
+"""The torques that the rotors can add to a level hover, in the worst arm pose."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from skyarm.assess.arm_poses import Array, ArmPoses
+from skyarm.assess.arm_poses import ArmPoses, Array
 from skyarm.assess.finding import FAULT, OK, WARNING, Finding
 from skyarm.assess.level_hover import WRENCH, Allocation, hover_efforts
 from skyarm.dynamics.array_front import mass_matrix
