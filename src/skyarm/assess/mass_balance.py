@@ -18,6 +18,10 @@ THINNEST = 0.05
 """Radius of gyration of the base over the distance of its rotors: real airframes have 0.3 to 0.8."""
 
 
+LIGHTEST = 0.2
+"""Share of the base in the whole mass."""
+
+
 def center_of_mass_shift(vehicle: Vehicle, poses: ArmPoses, gravity: float, held: str = "") -> list[Finding]:
     """How far the centre of mass comes to the edge of the rotors' polygon, over all arm poses."""
     hubs = rotor_polygon(vehicle)
@@ -74,6 +78,19 @@ def mass_and_inertia(vehicle: Vehicle, gravity: float) -> list[Finding]:
             remedy="" if level == OK else f"check {field} (kg, not g?) and rotors.position (m, not mm?)",
         )
     ]
+    part = float(vehicle.base.mass) / float(vehicle.mass)
+    if part < LIGHTEST:
+        found.append(
+            Finding(
+                question="mass of the base",
+                level=WARNING,
+                text=f"the base has {part:.2g} of the vehicle's mass, with all batteries and motors in it",
+                field="base.mass",
+                value=part,
+                limit=LIGHTEST,
+                remedy="check base.mass and links.mass (kg, not g or t?)",
+            )
+        )
     far = max(math.hypot(*map(float, rotor.position)) for rotor in vehicle.rotors)
     share = gyration(vehicle.base) / far if far > 0.0 else math.nan
     if share < THINNEST:

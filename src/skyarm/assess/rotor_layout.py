@@ -100,10 +100,18 @@ def _directions(vehicle: Vehicle, gravity: float) -> Finding:
             limit=UNEVEN,
             remedy=f"turn round one of {fields}" if len(names) > 1 else f"turn round {fields}",
         )
-    total = sum(rotor.direction for rotor in vehicle.rotors)
+    turning = sum(rotor.direction for rotor in vehicle.rotors)
+    uneven = abs(turning) > 1
     text = f"rotors share hover evenly (spread {own:.2g} of the mean)" if own < UNEVEN else f"spread of hover {own:.2g}"
-    level = OK if own < UNEVEN or not total else WARNING
-    return Finding(question=question, level=level, text=text, field="rotors.direction", value=own, limit=UNEVEN)
+    return Finding(
+        question=question,
+        level=WARNING if uneven else OK,
+        text=text + (f"; {abs(turning)} more turn one way than the other" if uneven else ""),
+        field="rotors.direction",
+        value=own,
+        limit=UNEVEN,
+        remedy="check rotors.direction" if uneven else "",
+    )
 
 
 def _flipped(vehicle: Vehicle, at: int) -> Vehicle:

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from skyarm.assess.assessment import Assessment, assess_scenario, assess_vehicle
 from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
-from skyarm.cli.terminal_tables import add, shown, table_of
+from skyarm.cli.terminal_tables import shown, table_of
 from skyarm.files import printable
 from skyarm.files.kinds_of_files import kind_of
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
@@ -60,11 +60,12 @@ def sheet(found: Assessment) -> RenderableType:
         )
     parts: list[RenderableType] = [Text(printable(title(found)), style="bold"), table, Text("")]
     alarms = found.alarms()
+    for each in alarms:
+        numbers = f" ({number(each.value, each)}, limit {number(each.limit, each)})" if each.field else ""
+        line = f"{each.level} in {each.field or each.question}{numbers}: {each.remedy or each.text}"
+        parts.append(Text(printable(line), style=STYLES[each.level]))
     if alarms:
-        remedies = table_of("", "field", "number", "limit", "what to do", left=5)
-        for each in alarms:
-            add(remedies, each.level, each.field or "-", number(each.value, each), number(each.limit, each), each.remedy)
-        parts += [remedies, Text("")]
+        parts.append(Text(""))
     return Group(*parts, Text(printable(verdict(found)), style="bold"))
 
 

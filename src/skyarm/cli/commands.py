@@ -32,7 +32,7 @@ from skyarm.files import shown
 from skyarm.files.old_names import OldNameWarning
 from skyarm.registry.registrations import registrations
 
-JOINED = start_commands, run_commands, flight_commands, film_command, studies, picture_commands, studio_command
+JOINED = run_commands, start_commands, flight_commands, film_command, studies, picture_commands, studio_command
 """The commands join the program when their modules are read, in this order."""
 
 USAGE_ERROR: Any = typer.BadParameter.__mro__[2]
