@@ -114,10 +114,18 @@ PLANTED = (
     Planted("speed in rev/min", lambda d: _rotors(d, "max_speed", 9.5493), ("max_speed",)),
     Planted("speed in rev/s", lambda d: _rotors(d, "max_speed", 0.15915), ("max_speed",)),
     Planted(
-        "weak drive", lambda d: _shoulder(d).update(effort_limit=_shoulder(d)["effort_limit"] / 30.0), ("effort_limit",), ARMS
+        "weak drive",
+        lambda d: _shoulder(d).update(effort_limit=_shoulder(d)["effort_limit"] / 30.0),
+        ("effort_limit",),
+        ARMS,
     ),
     Planted("effort in N mm", lambda d: _shoulder(d).update(effort_limit=5.0e4), ("effort_limit",), ARMS),
-    Planted("limits in degrees", lambda d: d["links"][-1]["joint"].update(lower=-90.0, upper=90.0), (".lower", ".upper"), ARMS),
+    Planted(
+        "limits in degrees",
+        lambda d: d["links"][-1]["joint"].update(lower=-90.0, upper=90.0),
+        (".lower", ".upper"),
+        ARMS,
+    ),
     Planted("limits that touch", lambda d: d["links"][-1]["joint"].update(lower=0.0, upper=0.01), (".lower",), ARMS),
     Planted("axis along its link", _along_its_link, (".axis",), ALONG, ("crazyflie_arm1", "pelican_arm2")),
     Planted("axis twice", _twice, (".axis",), TWO_JOINTS),

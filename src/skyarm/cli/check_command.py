@@ -33,7 +33,9 @@ def assess(name: str, payload: float, poses: int, seed: int, gravity: float | No
             raise ValueError(f"--gravity = {gravity:g}: must be left out: the scenario states its own (plant.gravity)")
         return assess_scenario(load_scenario(name), payload=payload, poses=poses, seed=seed)
     vehicle = load_vehicle(name)
-    return assess_vehicle(vehicle, gravity=9.81 if gravity is None else gravity, payload=payload, poses=poses, seed=seed)
+    return assess_vehicle(
+        vehicle, gravity=9.81 if gravity is None else gravity, payload=payload, poses=poses, seed=seed
+    )
 
 
 def _is_scenario(name: str) -> bool:
