@@ -17,7 +17,7 @@ from skyarm.figures.attainable_torque import attainable_torque_figure
 from skyarm.figures.embed import image_bytes
 from skyarm.figures.vehicle_drawing import vehicle_drawing
 from skyarm.files import write_atomically
-from skyarm.pages import image, page, section, table
+from skyarm.pages import details, image, page, section, table
 
 MARKS = {OK: "&#10003;", NOTE: "&#183;", WARNING: "!", FAULT: "&#10007;"}
 """What stands before a finding beside its level in words."""
@@ -45,12 +45,15 @@ def assessment_page(found: Assessment) -> str:
         facts += f"; {found.payload:g} kg at the tip"
     name = found.name if found.name == found.vehicle.name else f"{found.name} ({found.vehicle.name})"
     alarms = found.alarms()
-    body = [section("What to change", "".join(_remedy(each) for each in alarms))] if alarms else []
-    body.append(section("Findings", "".join(_answer(each) for each in found.findings)))
-    body.append(
-        section("Numbers", table(("question", "level", ">found", ">limit", "field"), map(_row, _numbers(found))))
-    )
+    remedies = dict.fromkeys(_remedy(each) for each in alarms)
+    body = [section("What to change", "".join(remedies))] if alarms else []
     body.append(section("Worst poses", _pictures(found)))
+    told = [*alarms, *(each for each in found.findings if each.level == NOTE)]
+    well = [each for each in found.findings if each.level == OK]
+    folded = details(f"{len(well)} questions without an alarm", "".join(map(_answer, well)))
+    body.append(section("Findings", "".join(map(_answer, told)) + folded))
+    head = ("question", "level", ">found", ">limit", "field")
+    body.append(section("Numbers", table(head, map(_row, _numbers(found)))))
     return page(f"{name}: {verdict}", facts, "".join(body))
 
 

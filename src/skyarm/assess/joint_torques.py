@@ -16,6 +16,9 @@ SWEEP = {"revolute": 1.0, "prismatic": 0.1}
 
 SECONDS = 2.0
 
+NOTHING = 1e-12
+"""N m or N: below it is rounding."""
+
 PEAK_ACCELERATION, PEAK_RATE = 10.0 / math.sqrt(3.0), 1.875
 """Of a rest-to-rest motion of least jerk by 1 in 1 s (Flash and Hogan 1985)."""
 
@@ -32,7 +35,7 @@ def joint_torques(vehicle: Vehicle, poses: ArmPoses, gravity: float, held: str =
         return -np.abs(hover_efforts(vehicle, gravity, joints)[WRENCH:])
 
     least, at = poses.worst(holding)
-    static = -least
+    static = np.where(-least > NOTHING, -least, 0.0)
     moving = np.vstack([at, poses.joints])
     dynamic = np.max(_dynamic(vehicle, moving, gravity), axis=1)
     found = []
