@@ -83,7 +83,7 @@ def _pictures(found: Assessment) -> str:
     ordered = [*found.alarms(), *(f for name in SHOWN for f in found.findings if f.question == name)]
     for each in ordered:
         if len(each.joints) == vehicle.n and vehicle.n:
-            rounded = tuple(round(q, 3) for q in each.joints)
+            rounded = tuple(round(q, 3) + 0.0 for q in each.joints)
             poses.setdefault(rounded, []).append(each.question)
     drawn = list(poses.items())[:DRAWN]
     parts = [_drawing(found, (), "as it is drawn at rest")] if not drawn else []

@@ -48,3 +48,23 @@ def check(
         tell(f"page: {file}")
     if not found.flies:
         raise typer.Exit(FOUND)
+
+
+@app.command()
+def new(
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="vehicle, scenario, law or study")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="of the files and of what they describe")],
+) -> None:
+    """Write a vehicle, scenario, law or study to begin with.
+
+    Commented files in the folder one stands in, which fly as they are, with a test for pytest. Nothing is overwritten.
+    """
+    from pathlib import Path
+
+    from skyarm.cli.starter_files import FIRST, write_starter
+
+    files = write_starter(kind, name, Path())
+    first = FIRST[kind].replace("NAME", name)
+    give(kind=kind, name=name, files=files, next=first)
+    tell(f"written: {', '.join(map(str, files))}")
+    tell(f"fly it: {first}")
