@@ -19,10 +19,11 @@ from skyarm.vehicle.vehicle_records import Body, Rotor, Vehicle
 
 INERTIA = Sym3(0.02, 0.03, 0.04, 0.001, 0.0, 0.002)
 SPIN = 3e-4
+UP = Vec3(0, 0, 1)
 TILTED = Vec3(0.6, 0.0, 0.8)
 
 
-def rotor(direction: int, axis: Vec3 = Vec3(0, 0, 1), inertia: float = SPIN) -> Rotor:
+def rotor(direction: int, axis: Vec3 = UP) -> Rotor:
     """One that gives next to no thrust: what its spin does is alone."""
     return Rotor(
         name=f"r{direction}",
@@ -33,7 +34,7 @@ def rotor(direction: int, axis: Vec3 = Vec3(0, 0, 1), inertia: float = SPIN) -> 
         moment_coefficient=0.0,
         time_constant_up=0.05,
         time_constant_down=0.08,
-        inertia=inertia,
+        inertia=SPIN,
     )
 
 
