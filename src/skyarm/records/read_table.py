@@ -88,6 +88,28 @@ def _has_default(field: dataclasses.Field[Any]) -> bool:
     return field.default is not dataclasses.MISSING or field.default_factory is not dataclasses.MISSING
 
 
+def _whole(fields: Fields, name: str) -> int:
+    number = fields.number(name)
+    if number != int(number):
+        raise ValueError(f"{fields.at(name)} = {shown(number)}: must be a whole number")
+    return int(number)
+
+
+def _several(kind: Any, fields: Fields, name: str) -> tuple[Any, ...]:
+    """A tuple of numbers, of tuples of numbers, or of records."""
+    if kind in (float, Scalar):
+        return fields.numbers(name)
+    if typing.get_origin(kind) is tuple:
+        return _lists_of_numbers(fields, name)
+    at = fields.at(name)
+    if not (isinstance(kind, type) and field_names(kind) is not None):
+        raise ValueError(f"{at}: a field of several {kind} cannot be read from a file")
+    tables = fields.take(name)
+    if not isinstance(tables, list):
+        raise ValueError(f"{at} = {shown(tables)}: must be a list of tables")
+    return tuple(record_from(kind, Fields(each, f"{at}[{i}]")) for i, each in enumerate(tables))
+
+
 def _value(wanted: Any, fields: Fields, name: str) -> Any:
     """A field's value, of the kind that its annotation says."""
     origin, options = typing.get_origin(wanted), typing.get_args(wanted)
@@ -99,19 +121,10 @@ def _value(wanted: Any, fields: Fields, name: str) -> Any:
     if wanted in (float, Scalar):
         return fields.number(name)
     if wanted is int:
-        number = fields.number(name)
-        if number != int(number):
-            raise ValueError(f"{fields.at(name)} = {shown(number)}: must be a whole number")
-        return int(number)
-    if origin is tuple and options and options[0] in (float, Scalar):
-        return fields.numbers(name)
-    if origin is tuple and options and typing.get_origin(options[0]) is tuple:
-        return _lists_of_numbers(fields, name)
+        return _whole(fields, name)
+    if origin is tuple and options:
+        return _several(options[0], fields, name)
     value = fields.take(name)
-    if origin is tuple and options and isinstance(options[0], type) and field_names(options[0]) is not None:
-        if not isinstance(value, list):
-            raise ValueError(f"{fields.at(name)} = {shown(value)}: must be a list of tables")
-        return tuple(record_from(options[0], Fields(each, f"{fields.at(name)}[{i}]")) for i, each in enumerate(value))
     if hasattr(wanted, "from_table"):
         return wanted.from_table(value, fields.at(name))
     if wanted in (str, bool):

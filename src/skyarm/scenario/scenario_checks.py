@@ -99,7 +99,7 @@ def check_additions(scenario: Scenario) -> None:
     joints = [link.joint.name for link in scenario.world.vehicle.links]
     driven = [each.joint for each in scenario.drives]
     added = [(f"environment.{at}[{i}]", c) for at in ("air", "forces") for i, c in enumerate(getattr(scenario, at))]
-    added += [(f"plant.drives.{each.joint}", each.drive) for each in scenario.drives]
+    added += [(f"plant.drives.{each.joint}", each.drive) for each in scenario.joint_drives]
     check_largest_step(added, 1.0 / rates.control)
     for joint in driven:
         if joint not in joints or driven.count(joint) > 1:

@@ -25,7 +25,7 @@ from skyarm.plant.rigid_body import STEP, accelerate
 from skyarm.plant.surroundings import Surroundings, felt
 from skyarm.reference import Reference
 from skyarm.scalars import absolute, floor, logical_and, where
-from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.check_endings import healthy
 from skyarm.simulate.command_line import command_delay, issued, rotor_and_joint_delays, switches
@@ -52,6 +52,9 @@ class Stages:
     """
 
     def __init__(self, scenario: Scenario) -> None:
+        if scenario.trajectory.guards:
+            allowed = "has phases that wait (until): only skyarm.run finds how long; its log's scenario flies anywhere"
+            raise ScenarioError(f"reference of {scenario.name!r}: {allowed}")
         self.scenario = scenario
         self.period = 1.0 / scenario.rates.control
         self.components = scenario.components
@@ -82,10 +85,12 @@ class Stages:
 
     def surroundings(self, memories: tuple[Any, ...], drives: Sequence[Any], time: Any) -> Surroundings:
         """What the plant is told of one period."""
-        scenario = self.scenario
+        scenario, power = self.scenario, self.scenario.power
+        felt = len(self.components) - len(power)
         return Surroundings(
-            components=self.components,
-            memories=memories,
+            components=self.components[:felt],
+            memories=memories[:felt],
+            supply=memories[-1][1] / power[0].battery.reference_voltage if power else None,
             time=time,
             effectiveness=effectiveness_at(scenario.faults, scenario.world.vehicle, time),
             drives=scenario.all_drives,
@@ -193,7 +198,9 @@ class RigidBodySteps:
 
     def specific_force(self, state: State, command: Command, around: Surroundings) -> Vec3:
         """Proper acceleration of the base origin, base axes, m/s^2."""
-        force, _ = accelerate(self._scenario.world, state, state.rotor_speeds, command.efforts, around)
+        force, _ = accelerate(
+            self._scenario.world, state, state.rotor_speeds, command.efforts, around, command.rotor_speeds
+        )
         return force.linear
 
     def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> State:
