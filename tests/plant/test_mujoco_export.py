@@ -127,6 +127,9 @@ def test_passive_joints_have_no_motor_and_a_bare_arm_loads():
     vehicle = hummingbird_arm(effort_limit=0.0)
     assert loaded(vehicle)[0].nu == 4
     assert loaded(replace(vehicle, rotors=()))[0].nu == 0
+    # rotors in one place cannot be mixed: they stand still in the keyframe
+    together = tuple(replace(each, position=vehicle.rotors[0].position) for each in vehicle.rotors)
+    assert tuple(loaded(replace(vehicle, rotors=together))[0].key(0).ctrl) == (0.0,) * 4
 
 
 def test_names_that_collide_still_load():
