@@ -35,7 +35,7 @@ def applied_force(
         commands: rotor speeds that the rotors are on their way to, rad/s; empty for rotors that keep theirs.
     """
     around = surroundings_of(around)
-    motion = PointMotion(vehicle, state)
+    motion = PointMotion(vehicle, state, around.air_velocity)
     v_air = motion.rotation.apply_T(state.velocity - around.air_velocity(state.position))
     total, pushed = _outside(around.wrenches(motion, rotor_speeds), motion)
     total = total + Force(ZERO3, body_drag(vehicle.drag, v_air))

@@ -16,6 +16,7 @@ from skyarm.algebra import Motion, Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.plant.interface import Truth
+from skyarm.plant.loaded_vehicle import loaded_vehicle
 from skyarm.plant.loads import applied_force, lagged
 from skyarm.plant.surroundings import Around
 from skyarm.scalars import Scalar, add, mul
@@ -43,7 +44,8 @@ def accelerate(
 ) -> tuple[Motion, tuple[Any, ...]]:
     """Proper acceleration of the base (base axes) and joint accelerations."""
     force, torques = applied_force(world.vehicle, state, rotor_speeds, efforts, around, commands)
-    return dynamics.forward_dynamics(world.vehicle, state.joints, state.rate, state.joint_rates, force, torques)
+    moving = loaded_vehicle(world.vehicle, around)
+    return dynamics.forward_dynamics(moving, state.joints, state.rate, state.joint_rates, force, torques)
 
 
 def derivative(

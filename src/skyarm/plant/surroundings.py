@@ -10,8 +10,8 @@ from skyarm.actuation.drive import TORQUE_DRIVE, Drive
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
-from skyarm.environment import Component, Effectiveness, WindSample, Wrench
-from skyarm.scalars import Scalar, data
+from skyarm.environment import Component, Effectiveness, TimedPayload, WindSample, Wrench
+from skyarm.scalars import Scalar, data, mul
 from skyarm.vehicle.vehicle_records import BASE, Vehicle
 
 
@@ -69,10 +69,12 @@ def surroundings_of(around: Around) -> Surroundings:
 
 def felt(around: Surroundings, vehicle: Vehicle, state: State) -> WindSample:
     """Force on the base and velocity of the air at its origin: what a log keeps of the surroundings."""
-    motion = PointMotion(vehicle, state)
+    motion = PointMotion(vehicle, state, around.air_velocity)
     force = ZERO3
     for wrench in around.wrenches(motion, state.rotor_speeds):
         if wrench.body == BASE:
             force = force + wrench.force_W
     air = around.air_velocity(state.position)
-    return WindSample(Vec3(*(data(c) for c in force)), ZERO3, Vec3(*(data(c) for c in air)))
+    pairs = zip(around.components, around.memories, strict=True)
+    held = tuple(data(mul(each.mass, memory.held)) for each, memory in pairs if isinstance(each, TimedPayload))
+    return WindSample(Vec3(*(data(c) for c in force)), ZERO3, Vec3(*(data(c) for c in air)), held=held)

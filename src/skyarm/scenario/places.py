@@ -26,6 +26,7 @@ ROOTS: Mapping[str, Place] = {
     "initial": ("initial",),
     "reference": ("trajectory",),
     "changes": ("changes",),
+    "payloads": ("payloads",),
 }
 
 STRUCTURE = ("duration", "rates", "delays", "seed", "episode", "environment.ground", "plant.integrator", "plant.kind")

@@ -12,7 +12,7 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model
 from skyarm.dynamics import State
-from skyarm.environment import NO_WIND, Component, Fault, Wind
+from skyarm.environment import NO_WIND, Component, Fault, TimedPayload, Wind
 from skyarm.environment.battery_drain import BatteryDrain
 from skyarm.estimate.estimator import FULL_STATE, PASS_THROUGH, Estimator
 from skyarm.files import must_be_one_of, number, shown
@@ -88,6 +88,7 @@ class Scenario:
         windows: when its metrics look; those that end after a shortened flight are general in it.
         changes: what is other from an instant of the flight on (:mod:`skyarm.scenario.in_flight`); those that would
             come after the end of a shortened flight do not.
+        payloads: loads that are picked up and set down in flight; the law knows of them as far as it is told.
     """
 
     name: str
@@ -116,6 +117,7 @@ class Scenario:
     ground: bool = True
     windows: Windows = Windows()
     changes: tuple[Change, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
+    payloads: tuple[TimedPayload, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         try:
@@ -136,8 +138,8 @@ class Scenario:
 
     @property
     def components(self) -> tuple[Component, ...]:
-        """The wind, then the air and the forces that are added to it, then the load on the battery."""
-        return (self.wind, *self.air, *self.forces, *self.power)
+        """The wind, the air and the forces that are added to it, payloads with a time, then the load on the battery."""
+        return (self.wind, *self.air, *self.forces, *self.payloads, *self.power)
 
     @property
     def power(self) -> tuple[BatteryDrain, ...]:

@@ -114,6 +114,7 @@ def _components(scenario: Scenario, period: float) -> Iterator[Trial]:
     vehicle, plan = scenario.world.vehicle, draw_plan(scenario).components
     places = ["environment.wind", *(f"environment.air[{i}]" for i in range(len(scenario.air)))]
     places += [f"environment.forces[{i}]" for i in range(len(scenario.forces))]
+    places += [f"payloads[{i}]" for i in range(len(scenario.payloads))]
     places += ["plant.vehicle.battery"] * len(scenario.power)
     starts = start_draws(scenario, scenario.seed, scenario.episode)
     for place, component, (_, count), row in zip(places, scenario.components, plan, starts, strict=True):

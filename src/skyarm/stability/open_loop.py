@@ -254,6 +254,7 @@ def _require_no_memory(scenario: Scenario, first: LoopState) -> None:
     """
     fields = ["environment.wind", *(f"environment.air[{i}]" for i in range(len(scenario.air)))]
     fields += [f"environment.forces[{i}]" for i in range(len(scenario.forces))]
+    fields += [f"payloads[{i}]" for i in range(len(scenario.payloads))]
     fields += ["plant.vehicle.battery"] * len(scenario.power)
     for field, component, memory in zip(fields, scenario.components, first.components, strict=True):
         _require_none(leaves(memory), field, component)

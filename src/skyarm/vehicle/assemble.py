@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.vehicle import check, description
+from skyarm.vehicle.attach import Mount, attach, place_in, posed_in
 from skyarm.vehicle.battery import Battery, CellCurve
 from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.couple import Mimic, couple
 from skyarm.vehicle.mounted_drives import mounted_drives
+from skyarm.vehicle.nearest_inertia import with_real_inertias
 from skyarm.vehicle.schema import (
     Actuation,
     BatteryTable,
@@ -33,12 +36,40 @@ from skyarm.vehicle.vehicle_records import BASE, Body, BodyDrag, Frame, Joint, L
 DIRECTIONS = {"ccw": 1, "cw": -1}
 
 
-def assemble(file: VehicleFile, urdf: RigidBodies | None) -> Vehicle:
-    """Vehicle of a file; its rigid bodies come from ``urdf`` if the file names one."""
-    bodies = _own_bodies(file) if urdf is None else _urdf_bodies(file, urdf)
-    own = tuple(_frame(table, bodies) for table in file.frames)
-    links, followers, frames = couple(bodies.links, (*bodies.frames, *own), bodies.mimics)
-    drag = BodyDrag()
+SOURCES = ("urdf", "mjcf", "airframe")
+"""Fields of which one may stand in place of ``base`` and ``links``."""
+
+
+@dataclass(frozen=True, slots=True)
+class Referred:
+    """What a vehicle file takes from other files.
+
+    Attributes:
+        bodies: of ``urdf``, ``mjcf`` or ``airframe``; None if the file has its own.
+        airframe: the vehicle of ``airframe``, with rotors and drag.
+        arms: bodies of each table of ``attach``.
+        settled: names of joints whose stops another vehicle file has chosen.
+    """
+
+    bodies: RigidBodies | None = None
+    airframe: Vehicle | None = None
+    arms: tuple[RigidBodies, ...] = ()
+    settled: tuple[str, ...] = ()
+
+
+def assemble(file: VehicleFile, referred: Referred) -> Vehicle:
+    """Vehicle of a file and of what it refers to."""
+    bodies = _own_bodies(file) if referred.bodies is None else _others_bodies(file, referred.bodies)
+    own = [link.joint.name for link in file.links]
+    for index, (table, arm) in enumerate(zip(file.attach, referred.arms, strict=True)):
+        field = f"attach[{index}]"
+        at = Mount(table.to, _rotation(field, table), description.vector(table.position), table.prefix, field)
+        bodies = attach(bodies, arm, at)
+    bodies = with_real_inertias(_overridden(file.joints, bodies, own), file.repair)
+    frames = tuple(_frame(table, bodies) for table in file.frames)
+    links, followers, frames = couple(bodies.links, (*bodies.frames, *frames), bodies.mimics)
+    airframe = referred.airframe
+    drag = BodyDrag() if airframe is None else airframe.drag
     if file.drag is not None:
         drag = BodyDrag(area=description.vector(file.drag.area), air_density=file.drag.air_density)
     made = Vehicle(
@@ -47,15 +78,19 @@ def assemble(file: VehicleFile, urdf: RigidBodies | None) -> Vehicle:
         base=bodies.base,
         links=links,
         followers=followers,
-        rotors=tuple(_rotor(table, file.rotor_defaults) for table in file.rotors),
+        rotors=(
+            *(() if airframe is None else airframe.rotors),
+            *(_rotor(table, file.rotor_defaults) for table in file.rotors),
+        ),
         frames=frames,
-        end_effector=file.end_effector,
+        end_effector=file.end_effector or ("" if airframe is None else airframe.end_effector),
         drag=drag,
-        drives=mounted_drives(file.drives, "drives"),
-        battery=_battery(file.battery),
-        sources=tuple(file.sources.items()),
+        drives=(*(() if airframe is None else airframe.drives), *mounted_drives(file.drives, "drives")),
+        battery=_battery(file.battery) if airframe is None or file.battery is not None else airframe.battery,
+        sources=(*(() if airframe is None else airframe.sources), *file.sources.items()),
+        notes=bodies.notes,
     )
-    return with_stops(made, _own_stops(file)) if file.joint_limits == "stop" else made
+    return with_stops(made, [*_own_stops(file), *referred.settled]) if file.joint_limits == "stop" else made
 
 
 def _own_stops(file: VehicleFile) -> list[str]:
@@ -67,12 +102,6 @@ def _own_stops(file: VehicleFile) -> list[str]:
 def _own_bodies(file: VehicleFile) -> RigidBodies:
     if file.base is None:
         raise VehicleError("base = (missing): must be a table, or 'urdf' the path of a URDF file")
-    if file.joints:
-        refuse(
-            "joints",
-            [each.name for each in file.joints],
-            "must stand in their links; only a URDF file's are changed here",
-        )
     for field, names in (
         ("links.name", [k.name for k in file.links]),
         ("joints.name", [k.joint.name for k in file.links]),
@@ -88,18 +117,28 @@ def _own_bodies(file: VehicleFile) -> RigidBodies:
     return RigidBodies(file.name, "base", _body("base", file.base), links, (), mimics)
 
 
-def _urdf_bodies(file: VehicleFile, urdf: RigidBodies) -> RigidBodies:
+def _others_bodies(file: VehicleFile, bodies: RigidBodies) -> RigidBodies:
+    source = next(name for name in SOURCES if getattr(file, name) is not None)
     for field, given in (("base", file.base), ("links", file.links)):
         if given:
-            refuse(field, "a table", "must not be given together with 'urdf'")
-    check.unique("joints.name", [each.name for each in file.joints])
-    changes = {each.name: each for each in file.joints}
-    known = [link.joint.name for link in urdf.links]
+            refuse(field, "a table", f"must not be given together with '{source}'")
+    return bodies
+
+
+def _overridden(tables: Sequence[JointOverride], bodies: RigidBodies, own: Sequence[str]) -> RigidBodies:
+    """Bodies with the limits and friction that the file states for joints that another file describes."""
+    check.unique("joints.name", [each.name for each in tables])
+    changes = {each.name: each for each in tables}
+    known = [link.joint.name for link in bodies.links if link.joint.name not in own]
     for name in changes:
+        if name in own:
+            refuse("joints.name", name, "must stand in its link; only another file's joints are changed here")
         if name not in known:
             refuse("joints.name", name, f"must be one of {', '.join(known) or 'none'}")
-    links = tuple(replace(k, joint=_changed(k.joint, changes.get(k.joint.name))) for k in urdf.links)
-    return replace(urdf, links=links)
+    if not changes:
+        return bodies
+    links = tuple(replace(k, joint=_changed(k.joint, changes.get(k.joint.name))) for k in bodies.links)
+    return replace(bodies, links=links)
 
 
 def _changed(joint: Joint, change: JointOverride | None) -> Joint:
@@ -219,19 +258,4 @@ def _frame(table: FrameTable, bodies: RigidBodies) -> Frame:
     """Frame in the moving body that carries the named link."""
     field = f"frames[{table.name}]"
     R, p = _rotation(field, table), description.vector(table.position)
-    names = [link.name for link in bodies.links]
-    if table.link in ("base", bodies.root):
-        return Frame(name=table.name, link=BASE, position=p, rotation=R)
-    if table.link in names:
-        return Frame(name=table.name, link=names.index(table.link), position=p, rotation=R)
-    for merged in bodies.frames:
-        if merged.name == table.link:
-            position = description.vector([float(c) for c in merged.position + merged.rotation.apply(p)])
-            return Frame(
-                name=table.name,
-                link=merged.link,
-                position=position,
-                rotation=description.rotation(merged.rotation @ R),
-            )
-    known = ["base", *names, *(merged.name for merged in bodies.frames)]
-    refuse(f"{field}.link", table.link, f"must be one of {', '.join(known)}")
+    return posed_in(place_in(bodies, table.link, f"{field}.link"), R, p, table.name)

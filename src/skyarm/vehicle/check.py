@@ -13,6 +13,7 @@ from skyarm.files import shown
 from skyarm.records import coerce
 from skyarm.records.coerce import TOLERANCE, RecordError, Rule, concrete
 from skyarm.vehicle import mobility
+from skyarm.vehicle.nearest_inertia import repair_hint
 
 if TYPE_CHECKING:
     from skyarm.vehicle.vehicle_records import Body, Follower, Joint, Rotor, Vehicle
@@ -82,14 +83,15 @@ def inertia(field: str, inertia_com: Sym3, *, planar: bool) -> None:
     moments = np.linalg.eigvalsh(np.array(rows, dtype=float)).tolist()
     slack = TOLERANCE * max(*(abs(moment) for moment in moments), 1e-300)
     shown = ", ".join(f"{m:.6g}" for m in moments)
+    hint = repair_hint(moments)
     if moments[0] < -slack:
-        refuse(field, f"principal moments {shown}", "must not be negative")
+        refuse(field, f"principal moments {shown}", f"must not be negative{hint}")
     if not planar and moments[0] + moments[1] < moments[2] - slack:
         refuse(
             field,
             f"principal moments {shown}",
             "must obey the triangle inequality (no real body has this inertia; "
-            "a controller's model may declare 'planar = true')",
+            f"a controller's model may declare 'planar = true'){hint}",
         )
 
 

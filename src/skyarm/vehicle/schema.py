@@ -123,6 +123,15 @@ class JointOverride(Actuation):
     name: Name = Field(description=NAME)
 
 
+class AttachTable(PoseTable):
+    """An arm on the airframe: the root link of its file sits at a pose in a link."""
+
+    arm: Name = Field(description="the path of a .urdf, .xml (MJCF) or .toml file, relative to this file")
+    to: Name = Field(default="base", description="'base', or the name of a link or a frame")
+    prefix: str = Field(default="", description="text, put before every name of the arm")
+    mimic: Literal["lock", "couple"] | None = Field(default=None, description="'lock' or 'couple'")
+
+
 class ThrustTableTable(Table):
     """Rows of a data sheet, a list for each column."""
 
@@ -210,6 +219,13 @@ class VehicleFile(Table):
     joint_limits: Literal["stop", "end"] = Field(
         default="stop", description="'stop' (stops hold the joints there) or 'end' (passing one ends the flight)"
     )
+    mjcf: Name | None = Field(default=None, description="the path of an MJCF file, relative to this file")
+    airframe: Name | None = Field(
+        default=None, description="a vehicle: a name of the library, or the path of its file, relative to this file"
+    )
+    attach: list[AttachTable] = Field(default=[], description="an array of tables")
+    mimic: Literal["lock", "couple"] = Field(default="lock", description="'lock' or 'couple'")
+    repair: bool = Field(default=False, description="true or false")
     drag: DragTable | None = Field(default=None, description="a table")
     battery: BatteryTable | None = Field(default=None, description="a table")
     drives: dict[str, dict[str, Any]] = Field(

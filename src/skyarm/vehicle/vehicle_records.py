@@ -289,6 +289,7 @@ class Vehicle:
         drives: of the joints whose setpoint is not the torque.
         battery: that the rotors run on; None for a supply that never sags.
         sources: (field, source) pairs: where each number comes from.
+        notes: what the reader of its file left out or took in another way, a line each.
     """
 
     name: str
@@ -303,12 +304,14 @@ class Vehicle:
     followers: tuple[Follower, ...] = ()
     title: str = field(default="", repr=False)
     sources: tuple[tuple[str, str], ...] = field(default=(), repr=False)
+    notes: tuple[str, ...] = field(default=(), repr=False, metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         accept(self, "vehicle", name=coerce.text, title=coerce.text, base=coerce.one(Body), drag=coerce.one(BodyDrag))
         accept(self, "vehicle", links=coerce.several(Link), rotors=coerce.several(Rotor), frames=coerce.several(Frame))
         accept(self, "vehicle", drives=coerce.several(MountedDrive), battery=_optional(Battery))
         accept(self, "vehicle", end_effector=coerce.text, sources=coerce.pairs, followers=coerce.several(Follower))
+        accept(self, "vehicle", notes=coerce.several(str))
         check.vehicle(self)
 
     @property
