@@ -161,7 +161,7 @@ PATHS = {
 
 
 def test_a_batch_with_all_numbers_by_path_is_a_loop_of_single_flights(scenario, log):
-    batch = skyarm.Batch(scenario, tuple(PATHS), bit_exact=True)
+    batch = skyarm.Batch(scenario, tuple(PATHS), bit_exact=True, effort=0)
     own = [number_at(scenario, path) for path in PATHS]
     found = batch.fly({path: np.array([a, b]) for (path, b), a in zip(PATHS.items(), own, strict=True)})
     other = skyarm.run(dataclasses.replace(with_numbers(scenario, PATHS), episode=1))  # the noise of the second lane
@@ -190,6 +190,7 @@ def test_what_is_not_used_is_not_there(scenario):
 
 def test_a_number_of_a_payload_may_change_in_flight(scenario):
     change = skyarm.Change(at=0.5, path="payloads.parcel.drop", value=0.6)
-    log = skyarm.run(dataclasses.replace(scenario, changes=(change,), faults=()))
+    fewer = dataclasses.replace(scenario, changes=(change,), faults=(), forces=(), air=(), duration=0.8)
+    log = skyarm.run(fewer)
     held = log.payload_mass[:, 0] > 0
     assert log.time[held].max() == pytest.approx(0.595)

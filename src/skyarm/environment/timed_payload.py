@@ -73,8 +73,8 @@ class Grasp:
 class TimedPayload(Component):
     """A timed payload is a rigid load that is held from ``pick`` to ``drop``.
 
-    With a place, the instant beside it is the earliest. What happens, happens in the first control period that does not
-    begin before: a load is held for whole control periods.
+    With a place, the instant beside it is the earliest (0 if left out). What happens, happens in the first control
+    period that does not begin before: a load is held for whole control periods.
 
     Attributes:
         name: for logs and pictures; empty for its number.
@@ -99,6 +99,8 @@ class TimedPayload(Component):
 
     def __post_init__(self) -> None:
         accept_fields(self, "payload")
+        if self.drop_place is not None and isinstance(self.drop, float) and math.isinf(self.drop):
+            object.__setattr__(self, "drop", 0.0)  # at any time within its reach
         moments = tuple(self.inertia)
         if all(isinstance(each, (int, float)) for each in moments) and 2.0 * max(moments) > sum(moments) * (1.0 + 1e-9):
             raise ValueError(f"inertia = {list(moments)}: no moment may be larger than the sum of the other two")
