@@ -130,8 +130,9 @@ class MujocoPlant:
     def _forces_and_speeds(self, x: Any, commanded: Any, setpoints: Any, around: Around) -> Any:
         """Generalised forces in MuJoCo's order and the rotor speeds after one physics step."""
         state, command = self._layout.state(x), Command(rotor_speeds=commanded, efforts=setpoints)
-        forces = self._layout.generalized_forces(state, setpoints, around)
-        return tuple(number(value) for value in (*forces, *lagged(self.vehicle, state, command, self._physics_step)))
+        forces = self._layout.generalized_forces(state, setpoints, around, commanded)
+        turned = lagged(self.vehicle, state, command, self._physics_step, around)
+        return tuple(number(value) for value in (*forces, *turned))
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
         """State after ``seconds`` (whole physics steps), inputs held; a diverged state stays diverged."""

@@ -107,6 +107,14 @@ def joint_addresses(vehicle: Vehicle, model: Any) -> tuple[list[int], list[int]]
     return [int(joint.qposadr[0]) for joint in joints], [int(joint.dofadr[0]) for joint in joints]
 
 
+def site_of_rotor(vehicle: Vehicle) -> list[str]:
+    """Name of the site at each rotor's hub; a frame may have any name of its own."""
+    taken, found = [frame.name for frame in vehicle.frames], list[str]()
+    for rotor in vehicle.rotors:
+        found.append(_unused(rotor.name, [*taken, *found]))
+    return found
+
+
 def _unused(name: str, taken: list[str]) -> str:
     """The name, with underscores until nobody else has it."""
     while name in taken:
@@ -152,10 +160,7 @@ def _add_sites(vehicle: Vehicle, bodies: dict[int, Any]) -> None:
         bodies[frame.link].add_site(
             name=frame.name, pos=_array(frame.position), quat=_quaternion(frame.rotation), size=[0.005] * 3
         )
-    taken = [frame.name for frame in vehicle.frames]
-    for rotor in vehicle.rotors:
-        name = _unused(rotor.name, taken)
-        taken.append(name)
+    for rotor, name in zip(vehicle.rotors, site_of_rotor(vehicle), strict=True):
         bodies[BASE].add_site(name=name, pos=_array(rotor.position), quat=_along(rotor.axis), size=[0.005] * 3)
 
 

@@ -23,6 +23,7 @@ class Surroundings:
         components: air and forces, in the order in which they add up. memories: theirs.
         time: s, of the period's beginning.
         effectiveness: what faults leave of the actuators; None for whole ones.
+        supply: voltage of the battery over its reference voltage; None for a supply that never sags.
         drives: of the joints, in order; empty where all take torques. drive_memories: theirs.
     """
 
@@ -30,6 +31,7 @@ class Surroundings:
     memories: tuple[Any, ...] = ()
     time: Scalar = 0.0
     effectiveness: Effectiveness | None = None
+    supply: Scalar | None = None
     drives: tuple[Drive, ...] = ()
     drive_memories: tuple[Any, ...] = ()
 

@@ -58,6 +58,7 @@ from skyarm.scenario.change_checks import require_changes
 from skyarm.scenario.changes import Change, changes_from, require_within, without_law
 from skyarm.scenario.law_by_name import loop_facts
 from skyarm.scenario.payload_tables import belief_changes, payloads_from
+from skyarm.scenario.reference_setting import in_folder, setting_of
 from skyarm.scenario.scenario_of_log import scenario_of_log
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
@@ -165,6 +166,9 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
     rates, delays = tables.rates(top), tables.delays(top)
     motion, joined = tables.joined(top.take("reference", {}))
     payloads, told = payloads_from(top.take("payloads", []))
+    longest = max(chosen["duration"], number(in_file["duration"], "duration"))
+    setting = setting_of(world, longest)
+    trajectory = trajectory_from(in_folder(motion, folder), world.vehicle.n, "reference", setting)
     scenario = Scenario(
         name=top.take("name"),
         title=tables.text(top, "title", ""),
@@ -174,7 +178,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         controller=tables.controller(
             controller, _model(top, plant, world, folder), replaced.get("controller"), loop_facts(rates, delays)
         ),
-        trajectory=trajectory_from(motion, world.vehicle.n, "reference"),
+        trajectory=trajectory,
         joined=joined,
         wind=wind_from(environment.take("wind"), "environment.wind") if "wind" in environment.table else NO_WIND,
         faults=faults_from(environment.take("faults", []), "environment.faults"),

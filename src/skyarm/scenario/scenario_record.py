@@ -13,6 +13,7 @@ from skyarm.control.controller import Controller
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.environment import NO_WIND, Component, Fault, TimedPayload, Wind
+from skyarm.environment.battery_drain import BatteryDrain
 from skyarm.estimate.estimator import FULL_STATE, PASS_THROUGH, Estimator
 from skyarm.files import must_be_one_of, number, shown
 from skyarm.files.result_name import ALLOWED, is_result_name
@@ -137,8 +138,14 @@ class Scenario:
 
     @property
     def components(self) -> tuple[Component, ...]:
-        """The wind, then the air and the forces that are added to it, then the payloads with a time."""
-        return (self.wind, *self.air, *self.forces, *self.payloads)
+        """The wind, the air and the forces that are added to it, payloads with a time, then the load on the battery."""
+        return (self.wind, *self.air, *self.forces, *self.payloads, *self.power)
+
+    @property
+    def power(self) -> tuple[BatteryDrain, ...]:
+        """The load on the true vehicle's battery, if it has one."""
+        vehicle = self.world.vehicle
+        return () if vehicle.battery is None else (BatteryDrain(battery=vehicle.battery, rotors=vehicle.rotors),)
 
     @property
     def all_sensors(self) -> tuple[tuple[str, Sensor], ...]:
@@ -146,11 +153,18 @@ class Scenario:
         return ((FULL_STATE, self.sensors), *((each.name, each.sensor) for each in self.instruments))
 
     @property
+    def joint_drives(self) -> tuple[JointDrive, ...]:
+        """Drives of joints by name: the scenario's, and those that its vehicle carries where it says nothing else."""
+        named = [each.joint for each in self.drives]
+        carried = (each for each in self.world.vehicle.drives if each.name not in named)
+        return (*self.drives, *(JointDrive(joint=each.name, drive=each.drive) for each in carried))
+
+    @property
     def all_drives(self) -> tuple[Drive, ...]:
         """A drive for each joint; empty where every joint takes its torque."""
-        if not self.drives:
+        given = {each.joint: each.drive for each in self.joint_drives}
+        if not given:
             return ()
-        given = {each.joint: each.drive for each in self.drives}
         return tuple(given.get(link.joint.name, TORQUE_DRIVE) for link in self.world.vehicle.links)
 
 

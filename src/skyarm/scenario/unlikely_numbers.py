@@ -7,6 +7,8 @@ from collections.abc import Iterator
 
 from skyarm.environment import ForceWind, MovingAir
 from skyarm.environment.wind import all_gusts
+from skyarm.reference.feasibility import feasibility
+from skyarm.scenario.reference_setting import setting_of
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.unlikely_vehicle import EARTH, FARTHEST, TURN, unlikely_in_vehicle
 
@@ -55,6 +57,7 @@ def unlikely_numbers(scenario: Scenario) -> tuple[str, ...]:
         *_surroundings(scenario),
         *_sensing(scenario),
         *_reference(scenario),
+        *_plan(scenario),
         *_start(scenario),
     )
 
@@ -133,6 +136,12 @@ def _reference(scenario: Scenario) -> Iterator[str]:
     for i, link in enumerate(links):
         most = max((float(look.joints[i]) for look in looks), key=abs)
         yield from _joint(f"reference.joints[{i}]", most, link.joint.kind, "reaches")
+
+
+def _plan(scenario: Scenario) -> Iterator[str]:
+    """What the plan of a tip's reference lacks."""
+    found = feasibility(scenario.trajectory, setting_of(scenario.world, scenario.duration))
+    yield from found.warnings() if found is not None else ()
 
 
 def _start(scenario: Scenario) -> Iterator[str]:

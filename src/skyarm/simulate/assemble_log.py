@@ -103,10 +103,11 @@ def _tables(piece: Piece) -> dict[str, Array]:
     }
     if wind.held:
         tables["payload_mass"] = table(wind.held)
+    own = {"held": table(held.tip, start), "reference": table(free.tip)} if free.tip else {}
     del free  # its derivatives take more memory than the log of it
     for kind in ("held", "reference"):
         goals = (tables[f"{name}_{kind}"] for name in ("position", "yaw", "joints"))
-        tables[f"tool_{kind}"] = level_tip(vehicle, *goals)
+        tables[f"tool_{kind}"] = own[kind] if own else level_tip(vehicle, *goals)
     return {
         "time": inputs.times[start:stop],
         "position": position,
