@@ -17,12 +17,13 @@ from skyarm.plant.loaded_vehicle import loaded_vehicle, with_load
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.mujoco_model import build_spec, joint_addresses
 from skyarm.plant.surroundings import Surroundings
+from skyarm.vehicle.couple import Mimic, couple
 from skyarm.vehicle.vehicle_files import load_vehicle
-from skyarm.vehicle.vehicle_records import BodyDrag, Frame
+from skyarm.vehicle.vehicle_records import Body, BodyDrag, Frame, Joint, Link
 
 LOADS = (
     TimedPayload(mass=0.3, inertia=[1e-3, 2e-3, 2.5e-3], com=[0.03, -0.02, -0.05]),
-    TimedPayload(mass=0.1, com=[0.0, 0.05, 0.02], frame="hook"),
+    TimedPayload(mass=0.1, inertia=[4e-3, 2e-3, 3e-3], com=[0.0, 0.05, 0.02], frame="hook"),
 )
 
 
@@ -171,3 +172,23 @@ def test_a_stuck_joint_moves_as_a_weld(vehicle):
         assert np.allclose(slope[7:13], data.qacc[:6], rtol=1e-6, atol=1e-5)
         theirs = [data.qacc[model.joint(name).dofadr[0]] for name in rest]
         assert np.allclose(slope[[19 + i for i in keep]], theirs, rtol=1e-6, atol=1e-5)
+
+
+def test_a_load_on_a_link_that_follows_moves_both_plants_alike():
+    """A finger that follows joint 2 holds one load, the base the other; joint 1 is stuck."""
+    truth = load_vehicle("hummingbird_arm2_rotors")
+    joint = Joint(name="finger", axis=Vec3(1, 0, 0), position=Vec3(0.02, 0.0, -0.1))
+    finger = Link(name="finger", parent=1, joint=joint, body=Body(mass=0.02, com=[0, 0, -0.03], inertia=[1e-5] * 3))
+    frames = (*truth.frames, Frame(name="hook", link=2, position=Vec3(0.0, 0.01, -0.05)))
+    links, followers, frames = couple([*truth.links, finger], frames, {"finger": Mimic("joint2", ratio=-0.5)})
+    vehicle = dataclasses.replace(truth, links=links, followers=followers, frames=frames)
+    assert vehicle.frame("hook").link >= vehicle.n
+    state = moving(vehicle)
+    told = around(caught=(0.0, 1.0), stuck=(1.0, 0), n=2, rotors=4)
+    plants = [kind(Truth(vehicle=vehicle), told, "rk4_staged", 0.001) for kind in (RigidBodyPlant, MujocoPlant)]
+    ours, theirs = (after(plant, state, told) for plant in plants)
+    assert np.allclose(flat(ours), flat(theirs), rtol=0, atol=1e-9)
+    assert abs(ours.joint_rates[0]) < 1e-11
+    assert np.abs(np.array(flat(ours)) - flat(state)).max() > 1e-2
+    flown = [plant.advance(flat(ours), (450.0,) * 4 + (0.05,) * 2, flat_of(told), 0.001) for plant in plants]
+    assert np.allclose(*flown, rtol=0, atol=1e-8)
