@@ -15,7 +15,15 @@ from typing import Annotated, Any
 
 import typer
 
-from skyarm.cli import film_command, flight_commands, picture_commands, run_commands, studies, studio_command
+from skyarm.cli import (
+    film_command,
+    flight_commands,
+    picture_commands,
+    run_commands,
+    studies,
+    studio_command,
+    vehicle_commands,
+)
 from skyarm.cli.app import app, console
 from skyarm.cli.arguments import without_plugins
 from skyarm.cli.lines import INTERRUPTED, WRONG_INPUT, say, say_warning
@@ -24,7 +32,7 @@ from skyarm.files import shown
 from skyarm.files.old_names import OldNameWarning
 from skyarm.registry.registrations import registrations
 
-JOINED = run_commands, flight_commands, film_command, studies, picture_commands, studio_command
+JOINED = run_commands, vehicle_commands, flight_commands, film_command, studies, picture_commands, studio_command
 """The commands join the program when their modules are read, in this order."""
 
 USAGE_ERROR: Any = typer.BadParameter.__mro__[2]

@@ -87,13 +87,13 @@ def trajectory_from(table: dict[str, Any], n_joints: int, where: str, setting: S
 
         found = tip_from(table, dataclasses.replace(base, yaw=yaw), where, setting)
         fields.done()
-        return dataclasses.replace(found, guards=tuple(setting.guards))
+        return dataclasses.replace(found, guards=setting.all_guards)
     fields.done()
     if not isinstance(entries, list) or len(entries) != n_joints:
         shown = f"{len(entries)} signals" if isinstance(entries, list) else repr(entries)
         raise ValueError(f"{where}.joints = {shown}: must be a list of {n_joints}, one for each joint of the vehicle")
     joints = tuple(signal_from(entry, f"{where}.joints[{index}]") for index, entry in enumerate(entries))
-    return Trajectory(x=base.x, y=base.y, z=base.z, yaw=yaw, joints=joints, guards=tuple(setting.guards))
+    return Trajectory(x=base.x, y=base.y, z=base.z, yaw=yaw, joints=joints, guards=setting.all_guards)
 
 
 def signal_from(entry: Any, where: str) -> Signal:

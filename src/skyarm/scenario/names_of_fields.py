@@ -11,7 +11,7 @@ from typing import Any
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import State
-from skyarm.environment import Air, Force, ForceWind, Gust, MovingAir
+from skyarm.environment import Air, AirSignals, Force, ForceWind, Gust, MovingAir
 from skyarm.plant.interface import Truth
 from skyarm.records.leaves import Place, field_names, parts
 from skyarm.reference import Constant, Shifted, Signal, Sine, Sum, Trajectory, Windowed
@@ -26,6 +26,7 @@ Tree = Mapping[str, Any]
 WORDS: Mapping[type, Mapping[str, str]] = {
     ForceWind: {"force": "force_W", "point": "point_B", "air_velocity": "air_velocity_W"},
     MovingAir: {"velocity": "velocity_W"},
+    AirSignals: {"velocity": "velocity_W"},
     Gust: {"force": "peak", "velocity": "peak"},
     State: {"quaternion_wxyz": "quaternion"},
 }

@@ -15,7 +15,8 @@ A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
                   safety = true, or a table of limits (skyarm.control.safety.limits)
     [reference]   see skyarm.reference.reference_tables; joined (s): the law rests at the reference of t = 0 until then
     [environment] wind (see skyarm.environment.environment_tables), ground (true),
-                  faults = [{ rotor or joint = name, effectiveness, start }]
+                  faults = [{ rotor or joint = name, effectiveness (a number or a signal), start }],
+                  or { joint = name, stuck = true, start }
                   [[environment.air]], [[environment.forces]] kind = NAME and its numbers, added to the wind
     [sensors]     one sigma: position, velocity, attitude, rate, specific_force, joints, joint_rates, rotor_speeds
     [sensors.X]   kind = NAME and its numbers: a sensor beside the full state, X to the estimator
@@ -27,6 +28,7 @@ A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
     [initial]     position, quaternion_wxyz, velocity, rate, joints, joint_rates, rotor_speeds; left out: hover trim
     [windows]     when its metrics look: steady, transient, gust, hover = [start, stop), s; holds = [...]; last = s
     [[changes]]   at (s), path, value: what is other from then on (:mod:`skyarm.scenario.in_flight`)
+    [[payloads]]  mass, frame, pick, drop: loads picked up and set down in flight (skyarm.scenario.payload_tables)
     seed, episode
 
 A vehicle is a name of the library or a path beside the file. Without [model] the controller believes the plant's
@@ -56,6 +58,8 @@ from skyarm.scenario.change_checks import require_changes
 from skyarm.scenario.changes import Change, changes_from, require_within, without_law
 from skyarm.scenario.law_by_name import loop_facts
 from skyarm.scenario.reference_setting import in_folder, setting_of
+from skyarm.scenario.payload_tables import belief_changes, payloads_from
+from skyarm.scenario.task_payloads import with_instants
 from skyarm.scenario.scenario_of_log import scenario_of_log
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
@@ -165,6 +169,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
     longest = max(chosen["duration"], number(in_file["duration"], "duration"))
     setting = setting_of(world, longest)
     trajectory = trajectory_from(in_folder(motion, folder), world.vehicle.n, "reference", setting)
+    payloads, told = payloads_from(with_instants(top.take("payloads", []), setting.events, rates.control))
     scenario = Scenario(
         name=top.take("name"),
         title=tables.text(top, "title", ""),
@@ -189,7 +194,8 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         episode=top.take("episode", 0),
         ground=tables.truth_value(environment, "ground", True),
         windows=windows_from(Fields(top.take("windows", {}), "windows")),
-        changes=_changes(top, replaced),
+        payloads=payloads,
+        changes=(*_changes(top, replaced), *belief_changes(payloads, told)),
         **chosen,
     )
     for fields in (plant, environment):
