@@ -104,7 +104,8 @@ class _Task:
     def _wait(self, until: dict[str, float] | None) -> None:
         """Let the reference rest here until the flight shows what a guard asks."""
         if until is not None:
-            self._setting.guards.append(Guard(at=self.time, **until))
+            guard = Guard(at=self.time, error=until["error"], hold=until["hold"], timeout=until["timeout"])
+            self._setting.guards.append(guard)
 
     def _go(self, points: Points, duration: float | None) -> None:
         """Add the motion of least snap through points; none where they are one place."""

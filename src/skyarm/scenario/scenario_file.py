@@ -57,11 +57,11 @@ from skyarm.scenario import scenario_tables as tables
 from skyarm.scenario.change_checks import require_changes
 from skyarm.scenario.changes import Change, changes_from, require_within, without_law
 from skyarm.scenario.law_by_name import loop_facts
-from skyarm.scenario.reference_setting import in_folder, setting_of
 from skyarm.scenario.payload_tables import belief_changes, payloads_from
-from skyarm.scenario.task_payloads import with_instants
+from skyarm.scenario.reference_setting import in_folder, setting_of
 from skyarm.scenario.scenario_of_log import scenario_of_log
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.scenario.task_payloads import with_instants
 
 LIBRARY = resources.files("skyarm.scenario") / "library"
 

@@ -18,7 +18,8 @@ def with_instants(tables: Any, events: Sequence[TaskEvent], control_rate: float)
 
     Args:
         tables: as the file has them.
-        events: of the phases. control_rate: Hz; instants are whole control periods.
+        events: of the phases.
+        control_rate: Hz; instants are whole control periods.
 
     Raises:
         ValueError: one line: a payload that is not there, or one that has the instant from elsewhere.
@@ -35,6 +36,8 @@ def with_instants(tables: Any, events: Sequence[TaskEvent], control_rate: float)
             raise ValueError(f"{at}: {near}must be the name of one of [[payloads]]; there are {there}")
         i, field = named[event.payload], FIELD[event.kind]
         if field in found[i]:
-            raise ValueError(f"payloads[{i}].{field} = {shown(found[i][field])}: must be left out, {event.where} says when")
+            raise ValueError(
+                f"payloads[{i}].{field} = {shown(found[i][field])}: must be left out, {event.where} says when"
+            )
         found[i][field] = math.ceil(event.time * control_rate - 1e-9) / control_rate
     return found

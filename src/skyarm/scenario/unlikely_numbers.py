@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator
 
 from skyarm.environment import ForceWind, MovingAir
+from skyarm.environment.wind import all_gusts
 from skyarm.reference.feasibility import feasibility
 from skyarm.scenario.reference_setting import setting_of
-from skyarm.environment.wind import all_gusts
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.unlikely_vehicle import EARTH, FARTHEST, TURN, unlikely_in_vehicle
 

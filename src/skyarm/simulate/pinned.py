@@ -12,6 +12,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -65,7 +66,7 @@ def _resting(scenario: Scenario, rests: Rests) -> Scenario:
     loads = {name for guard in scenario.trajectory.guards for name in guard.loads}
     moved: dict[float, float] = {}
 
-    def later(time: float) -> float:
+    def later(time: Any) -> float:
         moved[float(time)] = _after(float(time), rests)
         return moved[float(time)]
 
