@@ -46,7 +46,6 @@ field, value, what is allowed.
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 import math
 from collections.abc import Callable
@@ -82,12 +81,6 @@ def trajectory_from(table: dict[str, Any], n_joints: int, where: str, setting: S
     base = motion_from(fields.take("base", AT_ORIGIN), f"{where}.base", setting)
     yaw = signal_from(fields.take("yaw", 0.0), f"{where}.yaw")
     entries = fields.take("joints", [0.0] * n_joints)
-    if fields.take("tip", None) is not None:
-        from skyarm.reference.tip_tables import tip_from
-
-        found = tip_from(table, dataclasses.replace(base, yaw=yaw), where, setting)
-        fields.done()
-        return dataclasses.replace(found, guards=setting.all_guards)
     fields.done()
     if not isinstance(entries, list) or len(entries) != n_joints:
         shown = f"{len(entries)} signals" if isinstance(entries, list) else repr(entries)
