@@ -162,7 +162,7 @@ def test_samples_of_a_file_are_passed_at_their_times(tmp_path):
     for text, message in (
         ("t,x,y,z\n0,0,0,1\n1,a,0,1\n", "row 2: x = 'a': must be a finite number"),
         ("t,x,y,z\n0,0,0,1\n1,0,0\n", "row 2: z = '': must be a finite number"),
-        ("t,x,y,z\n0,0,0,1\n0,0,0,1\n", "row 2: t = 0.0: must be after 0.0 of the row before"),
+        ("t,x,y,z\n0,0,0,1\n0,0,0,1\n", "row 2: t = 0.0: must be 0.001 s or more after 0.0 of the row before"),
         ("t,x,y\n0,0,0\n1,1,1\n", "must have a column 'z' in its header; there are ['t', 'x', 'y']"),
         ("t,x,y,z\n0,0,0,1\n", "must have 2 to 2000 rows below its header, not 1"),
         ("", "must have a column 't' in its header"),
@@ -195,7 +195,7 @@ PHASES = {"kind": "phases", "position": [0, 0, 1]}
             "reference.tip.base_share = 1.0: must be left out of",
         ),
         ({"tip": TIP | {"orientation": 1}}, "reference.tip.orientation = 1: must be three signals: roll, pitch, yaw"),
-        ({"tip": TIP | {"rate": 0}}, "reference.tip.rate = 0: must be above 0"),
+        ({"tip": TIP | {"rate": 0}}, "reference.tip.rate = 0: must be from 0.001 to 1e+06"),
         ({"tip": TIP | {"rate": 1e6, "base_share": 0.5}}, "reference.tip.rate = 1000000.0: makes 4000001 samples"),
         ({"tip": TIP | {"speed": 1}}, "reference.tip.speed = 1: unknown field"),
         ({"base": WAYPOINTS | {"points": 1}}, "reference.base.points = 1: must be a list of points [x, y, z]"),

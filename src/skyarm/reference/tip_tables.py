@@ -24,6 +24,7 @@ from typing import Any
 from skyarm.files import Fields, shown
 from skyarm.reference.reference_tables import motion_from, signal_from, trajectory_from
 from skyarm.reference.setting import Setting
+from skyarm.reference.task_tables import within
 from skyarm.reference.tip_plan import TipChoices, with_tip
 from skyarm.reference.trajectory import Trajectory
 from skyarm.vehicle.vehicle_records import BASE, Vehicle
@@ -95,11 +96,16 @@ def _choices(fields: Fields, vehicle: Vehicle, relative: bool) -> TipChoices:
     return TipChoices(
         posture=_posture(fields, vehicle),
         base_share=share,
-        arm_range=fields.number("arm_range", usual.arm_range, low=0.0, strict=True),
-        joint_speed=fields.number("joint_speed", usual.joint_speed, low=0.0, strict=True),
+        arm_range=_bounded(fields, "arm_range", usual.arm_range),
+        joint_speed=_bounded(fields, "joint_speed", usual.joint_speed),
         orientation=signals,
-        rate=fields.number("rate", usual.rate, low=0.0, strict=True),
+        rate=_bounded(fields, "rate", usual.rate),
     )
+
+
+def _bounded(fields: Fields, name: str, usual: float) -> float:
+    """A number that is not absurd."""
+    return within(fields.number(name, usual), fields.at(name), 1e-3)
 
 
 def _posture(fields: Fields, vehicle: Vehicle) -> tuple[float, ...]:
