@@ -12,11 +12,16 @@ from skyarm.vehicle.sources import without_source
 from skyarm.vehicle.vehicle_files import LIBRARY, list_vehicles, load_vehicle
 
 NAMES = (
+    "crazyflie_arm1",
+    "hexarotor12_arm5",
     "hexarotor_arm6",
     "hummingbird",
     "hummingbird_arm2",
     "hummingbird_arm2_rotors",
+    "hummingbird_arm2_twin",
     "octo_coaxial_two_arms",
+    "pelican_arm2",
+    "quadrotor_roll_arm2",
     "tilted_hexarotor",
 )
 FLYING = tuple(name for name in NAMES if name != "hummingbird_arm2")

@@ -1,0 +1,113 @@
+"""Arm poses: points that fill the joint ranges evenly, and a search from the worst of them for one that is worse."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.sweep.sobol import BITS, DIMENSIONS, sobol
+from skyarm.vehicle.vehicle_records import Vehicle
+
+Array = npt.NDArray[np.float64]
+
+Quantities = Callable[[Array], Array]
+"""From joint values (lanes, n) to quantities (count, lanes)."""
+
+POSES, MOST_POSES = 1024, 1_000_000
+"""Sampled poses if nothing is said, and the most."""
+
+LANES = 4096
+"""Poses at a time, so that long arms do not fill the memory."""
+
+CORNERS = 6
+"""Joints up to which every corner of the joint ranges is tried, too."""
+
+ROUNDS, AROUND = 24, 24
+"""Rounds of the local search, and tries of each around the worst pose so far."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArmPoses:
+    """Joint ranges and sampled poses of an arm.
+
+    Attributes:
+        low, high: (n,) rad or m: the limits; a half turn, or 1 m, where there is none.
+        joints: (count, n) the poses: zero (or the nearest within limits), corners, and Sobol points.
+        seed: of the points' random shift and of the local search.
+    """
+
+    low: Array
+    high: Array
+    joints: Array
+    seed: int
+
+    def worst(self, quantities: Quantities, *, search: bool = True) -> tuple[Array, Array]:
+        """Smallest value of each quantity (count,), and the pose (count, n) in which it was found.
+
+        A random search with shrinking steps starts from the worst sample; each quantity has lanes of its own.
+        """
+        values = in_parts(quantities, self.joints)
+        at = np.argmin(values, axis=1)
+        least, best = values[np.arange(len(values)), at], self.joints[at]
+        if not search or not self.joints.shape[1] or self.joints.shape[0] < 2:
+            return least, best
+        rng, spread, count = np.random.default_rng(self.seed), 0.1, len(values)
+        for _ in range(ROUNDS):
+            steps = spread * (self.high - self.low) * rng.normal(size=(AROUND, len(self.low)))
+            near = np.clip(best[:, None] + steps, self.low, self.high)
+            found = in_parts(quantities, near.reshape(count * AROUND, -1)).reshape(count, count, AROUND)
+            own = found[np.arange(count), np.arange(count)]
+            at = np.argmin(own, axis=1)
+            tried = own[np.arange(count), at]
+            better = tried < least
+            least = np.where(better, tried, least)
+            best = np.where(better[:, None], near[np.arange(count), at], best)
+            spread *= 0.75
+        return least, best
+
+
+def in_parts(quantities: Quantities, joints: Array) -> Array:
+    """Quantities of many poses, some thousand poses at a time."""
+    parts = [quantities(joints[i : i + LANES]) for i in range(0, len(joints), LANES)]
+    return np.concatenate(parts, axis=1)
+
+
+def arm_poses(vehicle: Vehicle, count: int = POSES, seed: int = 0) -> ArmPoses:
+    """Poses of a vehicle's arm; a vehicle without joints has one.
+
+    Args:
+        vehicle: its joints' limits.
+        count: sampled poses beside zero and the corners.
+        seed: shifts the points (Cranley and Patterson 1976).
+
+    Raises:
+        ValueError: one line: a count or a seed outside of what is allowed.
+    """
+    if not 1 <= count <= MOST_POSES:
+        raise ValueError(f"--arm-poses = {count}: must be from 1 to {MOST_POSES}")
+    if not 0 <= seed < 2**32:
+        raise ValueError(f"--seed = {seed}: must be from 0 to 2**32 - 1")
+    free = [math.pi if link.joint.kind == "revolute" else 1.0 for link in vehicle.links]
+    low = np.array([max(float(k.joint.lower), -f) for k, f in zip(vehicle.links, free, strict=True)])
+    high = np.array([min(float(k.joint.upper), f) for k, f in zip(vehicle.links, free, strict=True)])
+    low, high = np.minimum(low, high), np.maximum(low, high)
+    n = vehicle.n
+    if not n:
+        return ArmPoses(low, high, np.zeros((1, 0)), seed)
+    rng = np.random.default_rng(seed)
+    unit = np.stack([_coordinates(count, i, rng) for i in range(n)], axis=1)
+    corners = np.array(np.meshgrid(*[(0.0, 1.0)] * n)).reshape(n, -1).T if n <= CORNERS else np.zeros((0, n))
+    zero = np.clip(np.zeros((1, n)), low, high)
+    return ArmPoses(low, high, np.vstack([zero, low + (high - low) * np.vstack([corners, unit])]), seed)
+
+
+def _coordinates(count: int, dimension: int, rng: np.random.Generator) -> Array:
+    """One coordinate of shifted Sobol points; random ones beyond the dimensions that have direction numbers."""
+    if dimension >= DIMENSIONS:
+        return rng.random(count)
+    points = sobol(np.arange(count), dimension).astype(float) / 2.0**BITS
+    return (points + rng.random()) % 1.0

@@ -1,0 +1,161 @@
+"""The centre of mass and its shift by the arm, and whether mass and inertia are those of a thing that flies."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from skyarm.assess.arm_poses import ArmPoses, Array
+from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
+from skyarm.assess.level_hover import center_of_mass, hover_efforts
+from skyarm.vehicle.vehicle_records import Body, Vehicle
+
+DISC_LOADING = 2.0, 1000.0
+"""N/m^2 of weight on the rotors' discs: indoor models have 5, multirotors 20 to 200, helicopters to 500."""
+
+THINNEST = 0.05
+"""Radius of gyration of the base over the distance of its rotors: real airframes have 0.3 to 0.8."""
+
+
+LIGHTEST = 0.2
+"""Share of the base in the whole mass."""
+
+
+def center_of_mass_shift(vehicle: Vehicle, poses: ArmPoses, gravity: float, held: str = "") -> list[Finding]:
+    """How far the centre of mass comes to the edge of the rotors' polygon, over all arm poses."""
+    hubs = rotor_polygon(vehicle)
+    if len(hubs) < 3:
+        return []
+    mass = float(vehicle.mass)
+
+    def inside(joints: Array) -> Array:
+        x, y = center_of_mass(hover_efforts(vehicle, gravity, joints), mass, gravity)
+        return np.stack([_inside(hubs, x, y), -np.hypot(x - hubs[:, 0].mean(), y - hubs[:, 1].mean())])
+
+    (least, shift), at = poses.worst(inside)
+    width = float(_inside(hubs, *hubs.mean(axis=0)[:, None])[0])
+    base = _base_outside(vehicle, hubs)
+    level = FAULT if least < 0.0 else WARNING if least < 0.25 * width else OK
+    off, within = 1e3 * -float(shift), 1e3 * float(least)
+    text = f"at most {off:.3g} mm from the rotors' middle, {within:.3g} mm within their polygon"
+    field = "base.com" if base or not vehicle.n else "links.com"
+    return [
+        Finding(
+            question=f"centre of mass{held}",
+            level=level,
+            text=text if level != FAULT else f"outside the rotors' polygon in the worst arm pose: {text}",
+            field=field,
+            value=float(least),
+            limit=0.0 if level == FAULT else 0.25 * width,
+            unit="m",
+            remedy="" if level == OK else f"move mass towards the rotors' middle ({field}; m, not mm?)",
+            joints=tuple(map(float, at[0])),
+        )
+    ]
+
+
+def mass_and_inertia(vehicle: Vehicle, gravity: float) -> list[Finding]:
+    """Disc loading and the base's radius of gyration against what flies."""
+    if not vehicle.rotors:
+        return []
+    radius = disc_radius(vehicle)
+    loading = float(vehicle.mass) * gravity / (len(vehicle.rotors) * math.pi * radius**2)
+    least, most = DISC_LOADING
+    level = OK if least <= loading <= most else FAULT
+    bodies = {"base.mass": vehicle.base} | {f"links[{k.name}].mass": k.body for k in vehicle.links}
+    field = max(bodies, key=lambda name: float(bodies[name].mass)) if loading > least else "base.mass"
+    where = f"{float(bodies[field].mass):g} kg in {field}"
+    found = [
+        Finding(
+            question="weight on the rotors' discs",
+            level=level,
+            text=f"{loading:.3g} N/m^2 on discs of about {2e3 * radius:.3g} mm ({where})",
+            field=field,
+            value=loading,
+            limit=most if loading > least else least,
+            unit="N/m^2",
+            remedy="" if level == OK else f"check {field} (kg, not g?) and rotors.position (m, not mm?)",
+        )
+    ]
+    part = float(vehicle.base.mass) / float(vehicle.mass)
+    if part < LIGHTEST:
+        found.append(
+            Finding(
+                question="mass of the base",
+                level=WARNING,
+                text=f"the base has {part:.2g} of the vehicle's mass, with all batteries and motors in it",
+                field="base.mass",
+                value=part,
+                limit=LIGHTEST,
+                remedy="check base.mass and links.mass (kg, not g or t?)",
+            )
+        )
+    far = max(math.hypot(*map(float, rotor.position)) for rotor in vehicle.rotors)
+    share = gyration(vehicle.base) / far if far > 0.0 else math.nan
+    if share < THINNEST:
+        found.append(
+            Finding(
+                question="inertia of the base",
+                level=WARNING,
+                text=f"radius of gyration of the base is {share:.2g} of its rotors' distance",
+                field="base.inertia",
+                value=share,
+                limit=THINNEST,
+                remedy="check base.inertia (kg m^2)",
+            )
+        )
+    if vehicle.planar:
+        text = "a planar model: a controller may believe it, no plant flies it"
+        found.append(Finding(question="bodies", level=NOTE, text=text, field="links.planar"))
+    return found
+
+
+def gyration(body: Body) -> float:
+    """Radius at which the body's mass would have its mean moment of inertia, m."""
+    i = body.inertia
+    mass = float(body.mass)
+    return math.sqrt(max(float(i.xx) + float(i.yy) + float(i.zz), 0.0) / 3.0 / mass) if mass > 0.0 else 0.0
+
+
+def disc_radius(vehicle: Vehicle) -> float:
+    """Half the least distance between two rotors that are not above each other: the largest disc that fits, m."""
+    hubs = np.array([[float(c) for c in rotor.position] for rotor in vehicle.rotors])[:, :2]
+    apart = np.linalg.norm(hubs[:, None] - hubs[None], axis=2)
+    most = float(apart.max(initial=0.0))
+    beside = apart[apart > 0.05 * most] if most > 0.0 else apart[:0]
+    return 0.5 * float(beside.min()) if beside.size else 0.1
+
+
+def rotor_polygon(vehicle: Vehicle) -> Array:
+    """Corners (k, 2) of the convex hull of the hubs seen from above, counter-clockwise (Andrew's monotone chain)."""
+    points = sorted({(float(r.position.x), float(r.position.y)) for r in vehicle.rotors})
+    if len(points) < 3:
+        return np.array(points).reshape(-1, 2)
+    halves = []
+    for ordered in (points, points[::-1]):
+        chain: list[tuple[float, float]] = []
+        for p in ordered:
+            while len(chain) > 1 and _turn(chain[-2], chain[-1], p) <= 0.0:
+                chain.pop()
+            chain.append(p)
+        halves += chain[:-1]
+    return np.array(halves)
+
+
+def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _inside(hubs: Array, x: Array, y: Array) -> Array:
+    """Least distance to an edge of a convex polygon, negative outside, of points (lanes,)."""
+    a, b = hubs, np.roll(hubs, -1, axis=0)
+    along = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)
+    beside = along[:, 0, None] * (y - a[:, 1, None]) - along[:, 1, None] * (x - a[:, 0, None])
+    return np.asarray(beside.min(axis=0), dtype=float)
+
+
+def _base_outside(vehicle: Vehicle, hubs: Array) -> bool:
+    """Whether the base's own centre of mass is near the edge already, so that no arm is to blame."""
+    x, y = (np.array([float(c)]) for c in (vehicle.base.com.x, vehicle.base.com.y))
+    return bool(_inside(hubs, x, y)[0] < 0.5 * _inside(hubs, *hubs.mean(axis=0)[:, None])[0])

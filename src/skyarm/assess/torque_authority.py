@@ -1,0 +1,72 @@
+"""The torques that the rotors can add to a level hover, in the worst arm pose."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from skyarm.assess.arm_poses import ArmPoses, Array
+from skyarm.assess.finding import FAULT, OK, WARNING, Finding
+from skyarm.assess.level_hover import WRENCH, Allocation, hover_efforts
+from skyarm.dynamics.array_front import mass_matrix
+from skyarm.vehicle.vehicle_records import Vehicle
+
+AXES = ("roll", "pitch", "yaw")
+
+FAULTS, WARNINGS = (1.0, 1.0, 0.05), (5.0, 5.0, 0.2)
+"""rad/s^2: below the first it cannot be held against a breeze, below the second it is slow; yaw can be weaker."""
+
+RAYS = 72
+"""Directions in which the boundary of attainable roll and pitch torque is found."""
+
+
+def torque_authority(vehicle: Vehicle, allocation: Allocation, poses: ArmPoses, gravity: float) -> list[Finding]:
+    """Angular acceleration that the rotors can add to hover about each axis, either way, in the worst arm pose."""
+    directions = [sign * np.eye(WRENCH)[axis] for axis in range(3) for sign in (1.0, -1.0)]
+
+    def quantities(joints: Array) -> Array:
+        squared = allocation.squared(hover_efforts(vehicle, gravity, joints))
+        return np.stack([allocation.room(squared, each) for each in directions])
+
+    least, at = poses.worst(quantities)
+    found = []
+    for axis, name in enumerate(AXES):
+        i = 2 * axis + int(np.argmin(least[2 * axis : 2 * axis + 2]))
+        torque, joints = float(least[i]), at[i]
+        inertia = float(locked_inertia(vehicle, joints)[axis, axis])
+        acceleration = torque / inertia if inertia > 0.0 else math.nan
+        found.append(_finding(name, axis, torque, acceleration, tuple(map(float, joints))))
+    return found
+
+
+def _finding(name: str, axis: int, torque: float, acceleration: float, joints: tuple[float, ...]) -> Finding:
+    level = FAULT if not acceleration >= FAULTS[axis] else WARNING if acceleration < WARNINGS[axis] else OK
+    text = f"rotors can add {max(torque, 0.0):.3g} N m to hover either way, {max(acceleration, 0.0):.3g} rad/s^2"
+    fields = "rotors.direction, rotors.moment_coefficient" if name == "yaw" else "rotors.position, base.inertia"
+    return Finding(
+        question=f"{name} authority",
+        level=level,
+        text=text if level != FAULT else f"cannot be turned: {text}",
+        field=fields,
+        value=acceleration,
+        limit=FAULTS[axis] if level == FAULT else WARNINGS[axis],
+        unit="rad/s^2",
+        remedy="" if level == OK else f"check {fields}, base.inertia; more thrust margin",
+        joints=joints,
+    )
+
+
+def locked_inertia(vehicle: Vehicle, joints: Array) -> Array:
+    """Inertia (3, 3) about the whole centre of mass with the joints held, base axes, kg m^2."""
+    M = mass_matrix(vehicle, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), joints)
+    return np.asarray(M[3:6, 3:6] - M[3:6, :3] @ M[:3, 3:6] / M[0, 0], dtype=float)
+
+
+def roll_pitch_boundary(vehicle: Vehicle, allocation: Allocation, joints: Array, gravity: float) -> Array:
+    """Corners (RAYS, 2) of the roll and pitch torques that can be added to hover in a pose, N m."""
+    squared = allocation.squared(hover_efforts(vehicle, gravity, joints[None]))
+    angles = 2.0 * math.pi * np.arange(RAYS) / RAYS
+    rays = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    far = [allocation.room(squared, np.array([*ray, 0.0, 0.0]))[0] for ray in rays]
+    return np.asarray(np.maximum(far, 0.0)[:, None] * rays, dtype=float)

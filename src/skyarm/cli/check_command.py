@@ -1,0 +1,98 @@
+"""``skyarm check``: what it prints and gives."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from skyarm.assess.assessment import Assessment, assess_scenario, assess_vehicle
+from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
+from skyarm.cli.terminal_tables import shown, table_of
+from skyarm.files import printable
+from skyarm.files.kinds_of_files import kind_of
+from skyarm.scenario.scenario_file import list_scenarios, load_scenario
+from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle, read_document
+
+FOUND = 1
+"""Exit code of a check that found a fault."""
+
+STYLES = {OK: "green", NOTE: "dim", WARNING: "yellow", FAULT: "bold red"}
+
+
+def assess(name: str, payload: float, poses: int, seed: int, gravity: float | None) -> Assessment:
+    """Check what a name or a file stands for: a vehicle, or a scenario with its vehicle and reference.
+
+    Raises:
+        ValueError: one line.
+    """
+    if _is_scenario(name):
+        if gravity is not None:
+            raise ValueError(f"--gravity = {gravity:g}: must be left out: the scenario states its own (plant.gravity)")
+        return assess_scenario(load_scenario(name), payload=payload, poses=poses, seed=seed)
+    vehicle = load_vehicle(name)
+    return assess_vehicle(
+        vehicle, gravity=9.81 if gravity is None else gravity, payload=payload, poses=poses, seed=seed
+    )
+
+
+def _is_scenario(name: str) -> bool:
+    """Whether a name is that of a shipped scenario, or of a file that describes one; all else is read as a vehicle."""
+    if name in list_vehicles():
+        return False
+    if name in list_scenarios() or name.endswith(".npz"):
+        return True
+    if not name.endswith(".toml"):
+        return False
+    try:
+        with open(name, "rb") as file:
+            return kind_of(read_document(file.read())) == "scenario"
+    except (OSError, ValueError):
+        return False
+
+
+def sheet(found: Assessment) -> RenderableType:
+    """Findings as a table: level, question, answer; then what to change."""
+    table = table_of("", "", "", left=3)
+    for each in found.findings:
+        table.add_row(
+            Text(each.level, style=STYLES[each.level]), Text(printable(each.question)), Text(printable(each.text))
+        )
+    parts: list[RenderableType] = [Text(printable(title(found)), style="bold"), table, Text("")]
+    alarms = found.alarms()
+    for each in alarms:
+        numbers = f" ({number(each.value, each)}, limit {number(each.limit, each)})" if each.field else ""
+        line = f"{each.level} in {each.field or each.question}{numbers}: {each.remedy or each.text}"
+        parts.append(Text(printable(line), style=STYLES[each.level]))
+    if alarms:
+        parts.append(Text(""))
+    return Group(*parts, Text(printable(verdict(found)), style="bold"))
+
+
+def title(found: Assessment) -> str:
+    """What was checked, in a line."""
+    load = f", with {found.payload:g} kg at the tip" if found.payload else ""
+    vehicle = f" ({found.vehicle.name})" if found.vehicle.name != found.name else ""
+    return f"{found.name}{vehicle}, g = {found.gravity:g} m/s^2{load}"
+
+
+def verdict(found: Assessment) -> str:
+    """Whether it can fly, in a line."""
+    faults = sum(each.level == FAULT for each in found.findings)
+    warnings = sum(each.level == WARNING for each in found.findings)
+    counted = f"{warnings} warning{'s' if warnings != 1 else ''}"
+    if faults:
+        return f"cannot fly as described: {faults} fault{'s' if faults != 1 else ''}, {counted}"
+    return f"can fly: no fault, {counted}"
+
+
+def number(value: float, finding: Finding) -> str:
+    """A number with its unit; a dash where there is none."""
+    return "-" if math.isnan(value) else f"{shown(value)} {finding.unit}".rstrip()
+
+
+def document(found: Assessment) -> dict[str, Any]:
+    """What ``--json`` gives."""
+    return found.plain()

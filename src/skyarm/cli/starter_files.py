@@ -1,0 +1,76 @@
+"""``skyarm new``: commented files to begin with, which fly as they are."""
+
+from __future__ import annotations
+
+import keyword
+import os
+import re
+import sys
+from importlib import resources
+from pathlib import Path
+
+from skyarm.files import must_be_one_of, require_writable, shown, write_atomically
+from skyarm.files.result_name import is_result_name
+
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
+
+KINDS: dict[str, tuple[tuple[str, str], ...]] = {
+    "vehicle": (
+        ("vehicle.toml.txt", "NAME.toml"),
+        ("hover.toml.txt", "NAME_hover.toml"),
+        ("vehicle_test.py.txt", "test_NAME.py"),
+    ),
+    "scenario": (("scenario.toml.txt", "NAME.toml"), ("scenario_test.py.txt", "test_NAME.py")),
+    "law": (("law.py.txt", "NAME.py"), ("law_test.py.txt", "test_NAME.py")),
+    "study": (("study.toml.txt", "NAME.toml"), ("study_test.py.txt", "test_NAME.py")),
+}
+"""Kind -> (file that ships, file that is written)."""
+
+FIRST = {
+    "vehicle": "skyarm run NAME_hover.toml",
+    "scenario": "skyarm run NAME.toml",
+    "law": "skyarm run case3 --controller NAME.py:make",
+    "study": "skyarm sweep NAME.toml --out out/NAME",
+}
+"""Kind -> the command that flies what was written."""
+
+
+def write_starter(kind: str, name: str, folder: Path) -> list[Path]:
+    """Write the files of a kind under a name into a folder; all of them, or none.
+
+    Raises:
+        ValueError: one line: no such kind, no name for files of this kind, or a file that is there already.
+        OSError: the folder cannot be written.
+    """
+    if kind not in KINDS:
+        raise ValueError(f"kind = {shown(kind)}: {must_be_one_of(tuple(KINDS), kind)}")
+    require_name(kind, name)
+    files = [folder / written.replace("NAME", name) for _, written in KINDS[kind]]
+    for file in files:
+        if os.path.lexists(file):
+            raise ValueError(f"file = {shown(str(file))}: must not be there yet: nothing is overwritten")
+    require_writable(folder)
+    done: list[Path] = []
+    try:
+        for (ships, _), file in zip(KINDS[kind], files, strict=True):
+            text = (resources.files("skyarm.cli") / "starters" / ships).read_text("utf-8")
+            write_atomically(file, text.replace("NAME", name).encode())
+            done.append(file)
+    except BaseException:
+        for file in done:
+            file.unlink(missing_ok=True)
+        raise
+    return files
+
+
+def require_name(kind: str, name: str) -> None:
+    """Refuse what is no name for the files of a kind, or would hide a module that Python or the test needs.
+
+    Raises:
+        ValueError: one line.
+    """
+    allowed = "must be a letter, then up to 59 letters, digits and _, no word of Python's and no device of Windows"
+    if not NAME.fullmatch(name) or keyword.iskeyword(name) or not is_result_name(name):
+        raise ValueError(f"name = {shown(name)}: {allowed}")
+    if kind == "law" and (name in sys.stdlib_module_names or name in ("skyarm", "numpy", "pytest")):
+        raise ValueError(f"name = {shown(name)}: must not be that of a module: {name}.py would hide it")
