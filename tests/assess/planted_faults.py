@@ -32,7 +32,7 @@ class Planted:
     plant: Callable[[Document], None]
     fields: tuple[str, ...]
     vehicles: tuple[str, ...] = HEALTHY
-    first: tuple[str, str] = ("pelican_arm2", "hexarotor12_arm5")
+    first: tuple[str, str] = ("pelican_arm2", "quadrotor_roll_arm2")
 
     def in_file(self, name: str) -> Document:
         """The file of a vehicle with the fault in it."""

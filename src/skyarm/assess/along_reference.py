@@ -94,13 +94,17 @@ def _stretch(scenario: Scenario, time: Array) -> tuple[Array, Array, Array, Arra
     if isinstance(scenario.wind, ForceWind):
         wind = np.array([[float(c)] for c in scenario.wind.force_W])
     needed = float(vehicle.mass) * (a + np.array([[0.0], [0.0], [gravity]])) - wind
-    for _ in range(3):  # the arm's own motion turns the force that the base must give, and that the arm's motion
+    still = Vec3(0.0, 0.0, 0.0)
+    for _ in range(2):  # the reaction of the arm's own motion turns the force that the base must give
         R = _attitude(needed, yaw)
-        rate, turning = _rates(R, time)
-        base = proper_acceleration(_matrix(R), Vec3(*a), Vec3(*turning), gravity)
-        force, efforts = dynamics.inverse_dynamics(vehicle, tuple(q), Vec3(*rate), tuple(qd), base, tuple(qdd))
-        body = lanes(force.force)
-        needed = np.einsum("ijk,jk->ik", R, body) - wind
+        base = proper_acceleration(_matrix(R), Vec3(*a), still, gravity)
+        force, _ = dynamics.inverse_dynamics(vehicle, tuple(q), still, tuple(qd), base, tuple(qdd))
+        needed = np.einsum("ijk,jk->ik", R, lanes(force.force)) - wind
+    R = _attitude(needed, yaw)
+    rate, turning = _rates(R, time)
+    base = proper_acceleration(_matrix(R), Vec3(*a), Vec3(*turning), gravity)
+    force, efforts = dynamics.inverse_dynamics(vehicle, tuple(q), Vec3(*rate), tuple(qd), base, tuple(qdd))
+    needed = np.einsum("ijk,jk->ik", R, lanes(force.force)) - wind
     wrench = np.vstack([lanes(force.torque), np.einsum("ik,ik->k", R[:, 2], needed)[None]])
     squared = Allocation.of(make_mixer(vehicle)).squared(wrench[:WRENCH])
     friction = [

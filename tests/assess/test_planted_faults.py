@@ -1,0 +1,77 @@
+"""A check names every fault that is planted in a shipped vehicle, and none where there is none."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+from planted_faults import HEALTHY, PLANTED, Planted, document
+
+import thorough
+from skyarm.assess.assessment import Assessment, assess_vehicle
+from skyarm.vehicle.assemble import assemble
+from skyarm.vehicle.schema import parse
+from skyarm.vehicle.vehicle_files import load_vehicle
+
+POSES = 8
+"""Few: the corners of the joint ranges and the search find the worst pose of all these arms."""
+
+
+def checked(planted: Planted, name: str) -> Assessment:
+    return assess_vehicle(assemble(parse(planted.in_file(name)), None), poses=POSES)
+
+
+def assert_named(planted: Planted, name: str) -> None:
+    found = checked(planted, name).alarms()
+    fields = [each.field for each in found]
+    assert any(words in field for words in planted.fields for field in fields), (planted.kind, name, fields)
+    assert all(each.remedy for each in found)
+
+
+def cases() -> list[tuple[Planted, str]]:
+    """Two vehicles of each kind."""
+    return [
+        (planted, name)
+        for planted in PLANTED
+        for name in [*(n for n in planted.first if n in planted.vehicles), *planted.vehicles][:2]
+    ]
+
+
+@pytest.mark.parametrize("planted", PLANTED, ids=lambda planted: planted.kind)
+def test_every_kind_of_fault_is_named_in_two_vehicles(planted):
+    names = [name for each, name in cases() if each is planted]
+    assert len(names) == 2
+    for name in names:
+        assert_named(planted, name)
+
+
+def test_drawn_mutations_are_named():
+    rng = np.random.default_rng(20)
+    for _ in range(6):
+        planted = PLANTED[rng.integers(len(PLANTED))]
+        assert_named(planted, planted.vehicles[rng.integers(len(planted.vehicles))])
+
+
+@pytest.mark.parametrize("name", HEALTHY)
+def test_a_healthy_vehicle_raises_no_alarm_and_is_checked_in_two_seconds(name):
+    vehicle = load_vehicle(name)
+    assess_vehicle(vehicle, poses=1)  # libraries load
+    before = time.process_time()
+    found = assess_vehicle(vehicle)
+    assert time.process_time() - before < 2.0
+    assert found.flies
+    assert found.alarms() == []
+
+
+def test_there_are_ten_of_them():
+    assert len(HEALTHY) == 10
+    assert document("pelican_arm2")["name"] == "pelican_arm2"
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("planted", PLANTED, ids=lambda planted: planted.kind)
+def test_every_kind_of_fault_is_named_in_every_vehicle(planted):
+    assert thorough
+    for name in planted.vehicles:
+        assert_named(planted, name)
