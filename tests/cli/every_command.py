@@ -10,6 +10,8 @@ from collections.abc import Mapping
 COMMANDS: Mapping[str, tuple[str, ...]] = {
     "list": (),
     "show": ("hummingbird_arm2_rotors",),
+    "attach": ("hummingbird", "arm.urdf", "-o", "mine.toml"),
+    "export-mjcf": ("hummingbird_arm2_rotors", "-o", "x.xml"),
     "cache": (),
     "check": ("hummingbird", "--arm-poses", "8"),
     "new": ("law", "fresh"),

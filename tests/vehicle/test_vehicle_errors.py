@@ -121,7 +121,7 @@ CASES = [
     (("frames", 0, "link"), "hand", "frames[tip].link = 'hand'", "must be one of base, arm"),
     (("end_effector",), "nose", "end_effector = 'nose'", "must be one of ['tip']"),
     (("drag",), {"area": [0.1, -0.1, 0.1]}, "drag.area[1] = -0.1", "three finite numbers of at least 0, m^2"),
-    (("joints",), [{"name": "shoulder", "damping": 1.0}], "joints = ['shoulder']", "must stand in their links"),
+    (("joints",), [{"name": "shoulder", "damping": 1.0}], "joints.name = 'shoulder'", "must stand in its link"),
     (("sources", "base.colour"), "red", "sources.base.colour = 'red'", "must speak of a field of this file"),
     (("sources", "base.mass"), " ", "sources.base.mass = ' '", "must say where the number comes from"),
     (("sources", "base.mass"), 1.0, "sources.base.mass = 1.0", "must be a table of texts"),
@@ -220,7 +220,7 @@ def test_a_file_of_another_kind_is_refused(tmp_path):
     path = tmp_path / "v.yaml"
     path.write_text("a: 1", encoding="utf-8")
     assert "must be one of" in refusal(path)
-    assert "the path of a .toml or .urdf file" in refusal(path)
+    assert "the path of a .toml, .urdf or .xml (MJCF) file" in refusal(path)
 
 
 def test_a_syntax_error_names_its_line(tmp_path):

@@ -22,6 +22,10 @@ class Drive:
         """First memory, a record or tuple of scalars; ``position`` is the joint's at the start, rad or m."""
         return ()
 
+    def begin(self, position: Any, setpoint: Any, dt: float) -> Any:
+        """First memory of a drive that needs to know more: the setpoint before the first command, the period (s)."""
+        return self.start(position)
+
     def advance(self, memory: Any, setpoint: Any, position: Any, rate: Any, dt: float) -> Any:
         """Memory for the period of ``dt`` (s) that begins with this setpoint, position and rate."""
         return memory
@@ -33,6 +37,10 @@ class Drive:
     def standing(self, effort: Any, position: Any) -> Any:
         """The setpoint that holds the arm before the first command arrives, from the torque that holds it."""
         return position
+
+    def setpoint(self, memory: Any, effort: Any, position: Any, rate: Any) -> Any:
+        """The setpoint with which the drive gives an effort: the inverse of ``effort``, by which torque laws fly it."""
+        return self.standing(effort, position)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -7,6 +7,7 @@ from typing import Any
 
 from skyarm import dynamics
 from skyarm.actuation.mixer import make_mixer, mix
+from skyarm.actuation.rotor import push, speed_of_push
 from skyarm.algebra import E_Z, ZERO3, Motion
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -32,9 +33,11 @@ def hover_trim(vehicle: Vehicle, joints: tuple[Any, ...], gravity: Any) -> Hover
     level = Motion(ZERO3, E_Z * gravity)
     force, efforts = dynamics.inverse_dynamics(vehicle, joints, ZERO3, still, level, still)
     speeds, squared = mix(make_mixer(vehicle), force.torque, force.force.z)
+    if any(rotor.table is not None for rotor in vehicle.rotors):
+        speeds = tuple(speed_of_push(rotor, value) for rotor, value in zip(vehicle.rotors, squared, strict=True))
     return HoverTrim(speeds, squared, force.force.z, efforts)
 
 
 def highest_thrust(vehicle: Vehicle) -> Any:
     """Thrust along body z with every rotor at its highest speed, N."""
-    return sum(r.axis.z * r.thrust_coefficient * r.max_speed * r.max_speed for r in vehicle.rotors)
+    return sum(r.axis.z * r.thrust_coefficient * push(r, r.max_speed) for r in vehicle.rotors)

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
+from skyarm.actuation.rotor import push
 from skyarm.algebra import Vec3, ldl_solve
 from skyarm.files.old_names import renamed
 from skyarm.records.coerce import concrete
@@ -79,7 +80,7 @@ def make_mixer(vehicle: Vehicle, policy: str = "clip") -> Mixer:
     )
     if policy == "priority":
         _require_thrust_shares(vehicle, [row[3] for row in rows])
-    highest = tuple(rotor.max_speed * rotor.max_speed for rotor in vehicle.rotors)
+    highest = tuple(push(rotor, rotor.max_speed) for rotor in vehicle.rotors)
     return Mixer(inverse=rows, highest=highest, policy=policy)
 
 

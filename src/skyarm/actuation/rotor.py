@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import ZERO3, Force, Vec3
-from skyarm.scalars import add, divide, exp, minimum, mul, same, sub, where
+from skyarm.scalars import add, divide, exp, maximum, minimum, mul, same, sqrt, sub, where
 from skyarm.vehicle.vehicle_records import Rotor
 
 
@@ -95,7 +95,48 @@ def _similar(a: Rotor, b: Rotor) -> bool:
         drags = (rotor.drag_coefficient, rotor.rolling_moment_coefficient)
         return (*rotor.axis, rotor.thrust_coefficient, rotor.moment_coefficient, *drags)
 
+    # each rotor's own table is evaluated for it, whose sums are alike by the coefficients
     return all(map(same, numbers(a), numbers(b)))
+
+
+def push(rotor: Rotor, speed: Any) -> Any:
+    """Thrust over the thrust coefficient, (rad/s)^2: the squared speed, or what the rotor's table has in its place."""
+    return speed * speed if rotor.table is None else rotor.table.push(speed)
+
+
+def speed_of_push(rotor: Rotor, value: Any) -> Any:
+    """The inverse of :func:`push`, rad/s."""
+    return sqrt(maximum(value, 0.0)) if rotor.table is None else rotor.table.speed_of_push(value)
+
+
+def _have_inertia(rotors: Sequence[Rotor]) -> bool:
+    """Whether a change of some rotor's speed pushes the base."""
+    return any(not (type(rotor.inertia) is int and rotor.inertia == 0) for rotor in rotors)
+
+
+def spin_torque(rotors: Sequence[Rotor], speeds: Sequence[Any], commands: Sequence[Any], rate: Vec3) -> Vec3:
+    """Torque on the base of rotors that turn faster or slower and whose spin is turned with the base, base axes, N m.
+
+    The spin h = J direction W n of each is part of the angular momentum: the base feels -dh/dt = -J direction
+    (dW/dt n + W w x n), with dW/dt of the lag. Source: Hughes 1986, Spacecraft Attitude Dynamics, section 3.4, of
+    gyrostats.
+
+    Args:
+        rotors: with their inertia.
+        speeds: rad/s, now.
+        commands: rad/s; empty for rotors that keep their speed.
+        rate: angular velocity of the base, base axes, rad/s.
+    """
+    total = ZERO3
+    if not _have_inertia(rotors):
+        return total
+    for rotor, speed, command in zip(rotors, speeds, commands or speeds, strict=True):
+        target = minimum(command, rotor.max_speed)
+        lag = where(target > speed, rotor.time_constant_up, rotor.time_constant_down)
+        spin = mul(rotor.inertia, rotor.direction)
+        turned = rate.cross(rotor.axis) * speed + rotor.axis * divide(target - speed, lag)
+        total = total - turned * spin
+    return total
 
 
 def _alike(group: Sequence[Turning], positions: Sequence[Vec3], velocity: Vec3, rate: Vec3) -> Force:
@@ -105,14 +146,15 @@ def _alike(group: Sequence[Turning], positions: Sequence[Vec3], velocity: Vec3, 
     """
     like = group[0][0]
     n = like.axis
-    push, twist, arm = 0, 0, ZERO3  # sums of effective W^2, of it against the direction of rotation, of r by it
+    pushing, twist, arm = 0, 0, ZERO3  # sums of effective W^2, of it against the direction of rotation, of r by it
     drag, drag_arm = ZERO3, ZERO3  # sums of W v_perp and of r x (W v_perp)
     for (rotor, speed, left), r in zip(group, positions, strict=True):
-        square = mul(left, speed * speed)
-        push, twist, arm = add(push, square), sub(twist, mul(rotor.direction, square)), arm + r * square
+        square = mul(left, push(rotor, speed))
+        turning = square if rotor.table is None else mul(left, rotor.table.twist(speed))
+        pushing, twist, arm = add(pushing, square), sub(twist, mul(rotor.direction, turning)), arm + r * square
         slip = n.cross(velocity + rate.cross(r)).cross(n) * speed
         drag, drag_arm = drag + slip, drag_arm + r.cross(slip)
     k, c = like.thrust_coefficient, like.drag_coefficient
-    force = n * mul(k, push) - drag * c
+    force = n * mul(k, pushing) - drag * c
     torque = arm.cross(n) * k + n * mul(mul(k, like.moment_coefficient), twist)
     return Force(torque - drag_arm * c - drag * like.rolling_moment_coefficient, force)

@@ -23,6 +23,7 @@ from skyarm.cli import (
     start_commands,
     studies,
     studio_command,
+    vehicle_commands,
 )
 from skyarm.cli.app import app, console
 from skyarm.cli.arguments import without_plugins
@@ -33,7 +34,10 @@ from skyarm.files import shown
 from skyarm.files.old_names import OldNameWarning
 from skyarm.registry.registrations import registrations
 
-JOINED = run_commands, start_commands, flight_commands, film_command, studies, picture_commands, studio_command
+JOINED = (
+    run_commands, start_commands, vehicle_commands, flight_commands, film_command, studies, picture_commands,
+    studio_command,
+)  # fmt: skip
 """The commands join the program when their modules are read, in this order."""
 
 USAGE_ERROR: Any = typer.BadParameter.__mro__[2]

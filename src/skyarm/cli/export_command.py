@@ -12,6 +12,7 @@ from skyarm.cli.machine_output import give
 from skyarm.control.catalogue import choices, is_named, make_named, meant
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model
+from skyarm.estimate.error_state_filter import ErrorStateFilter
 from skyarm.files import number, output_file, shown, write_atomically
 from skyarm.onboard.export_c import export_c
 from skyarm.registry.plugins import identities, law_of_file_name
@@ -56,7 +57,7 @@ def export(
     held = None if rate is None else number(rate, "--rate", low=0.0, strict=True)
     if held is not None and not SLOWEST <= held <= HIGHEST_RATE:
         raise ValueError(f"--rate = {rate!r}: must be from {SLOWEST:g} to {HIGHEST_RATE} Hz")
-    note = ""
+    note, estimator = "", None
     if is_named(controller):
         if vehicle is None:
             raise ValueError(f"--vehicle: is missing; controller {controller!r} must know the vehicle it flies")
@@ -70,13 +71,21 @@ def export(
                 raise ValueError(f"{option} = {value!r}: must be left out, scenario {controller!r} brings its own")
         planned = load_scenario(controller)
         chosen, title = planned.controller, planned.name
+        estimator = planned.estimator if isinstance(planned.estimator, ErrorStateFilter) else None
         if len(without_law(planned.changes)) < len(planned.changes):
             note = f"; the law as {controller} begins, without its changes in flight"
         held = held or float(planned.rates.control)
     say_if_many(title, chosen.par.model.vehicle.n)
     period = 1.0 / (held or RATE)
     generator = ", ".join([f"skyarm {__version__}", *(f"{name} {each}" for name, each in identities().items())])
-    exported = export_c(chosen, name=name or _identifier(title), period=period, single=single, generator=generator)
+    exported = export_c(
+        chosen,
+        name=name or _identifier(title),
+        period=period,
+        single=single,
+        generator=generator,
+        estimator=estimator,
+    )
     write_atomically(written, exported.text.encode("ascii"))
     give(
         file=written,

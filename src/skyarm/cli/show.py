@@ -71,12 +71,21 @@ def vehicle_sheet(vehicle: Vehicle, gravity: float) -> RenderableType:
         add(table, "static efforts", f"for a level base, over {_tried(vehicle.n, vehicle.n)}")
     sheet = titled(f"{vehicle.name}, g = {gravity:g} m/s^2, arm at zero", table)
     parts = [sheet, *tables(vehicle)]
+    if vehicle.notes:
+        parts.append(titled("notes: what its file says that was left out, or taken in another way", _notes(vehicle)))
     if vehicle.sources:
         sources = table_of("", "", left=2)
         for field, source in vehicle.sources:
             add(sources, field, source)
         parts.append(titled("sources", sources))
     return Group(*(line for part in parts for line in (part, Text(""))))
+
+
+def _notes(vehicle: Vehicle) -> Table:
+    notes = table_of("", left=1)
+    for note in vehicle.notes:
+        add(notes, note)
+    return notes
 
 
 def operations_sheet(vehicle: Vehicle, found: Mapping[str, int]) -> RenderableType:

@@ -34,6 +34,7 @@ def vehicle_facts(vehicle: Vehicle, gravity: float) -> dict[str, Any]:
         "reach_m": None,
         "static_efforts": {},
         "sources": dict(vehicle.sources),
+        "notes": list(vehicle.notes),
     }
     if vehicle.links:
         names = [link.joint.name for link in vehicle.links]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -18,10 +18,15 @@ class PointMotion:
 
     Args:
         vehicle: whose bodies they are. state: of the vehicle; it may be traced.
+        air: velocity of the air (m/s) at a place (m), world axes; calm if left out.
     """
 
-    def __init__(self, vehicle: Vehicle, state: State) -> None:
-        self.vehicle, self.state = vehicle, state
+    def __init__(self, vehicle: Vehicle, state: State, air: Callable[[Vec3], Vec3] | None = None) -> None:
+        self.vehicle, self.state, self._air = vehicle, state, air
+
+    def air_velocity(self, point: Vec3 = ZERO3, body: int = BASE) -> Vec3:
+        """World velocity of the air at a point given in a body's frame, m/s."""
+        return ZERO3 if self._air is None else self._air(self.position(point, body))
 
     @cached_property
     def rotation(self) -> Mat3:
@@ -47,6 +52,20 @@ class PointMotion:
             for column, rate in zip(columns, self.state.joint_rates, strict=True):
                 moving = moving + column.linear * rate
         return self.state.velocity + self.rotation.apply(moving)
+
+    def angular_velocity(self, body: int = BASE) -> Vec3:
+        """Angular velocity of a body in its own axes, rad/s."""
+        if body == BASE:
+            return self.state.rate
+        total = self.state.rate
+        columns = jacobian_columns(self.vehicle, Frame(name="point", link=body, position=ZERO3), self.state.joints)
+        for column, rate in zip(columns, self.state.joint_rates, strict=True):
+            total = total + column.angular * rate
+        return self._links[body].R.apply_T(total)
+
+    def turned(self, vector: Vec3, body: int = BASE) -> Vec3:
+        """A vector of a body's axes in world axes."""
+        return self.rotation.apply(vector if body == BASE else self._links[body].R.apply(vector))
 
     def frame(self, name: str | None = None) -> tuple[Vec3, int]:
         """(point, body) of a named frame, the tip by default."""

@@ -1,6 +1,8 @@
 """What surrounds the vehicle: wind, gusts, turbulence, drag of the airframe, payloads, faults."""
 
+from skyarm.environment.aerodynamic_forces import GroundEffect, LinkDrag, RotorDrag
 from skyarm.environment.component import Air, Component, Force, Wrench
+from skyarm.environment.disturbance import AirSignals, Disturbance
 from skyarm.environment.drag import body_drag
 from skyarm.environment.dryden import Dryden, DrydenMemory, low_altitude
 from skyarm.environment.effectiveness import Effectiveness
@@ -8,21 +10,33 @@ from skyarm.environment.environment_tables import payload_from, wind_from
 from skyarm.environment.faults import Fault, effectiveness_at, faults_from
 from skyarm.environment.gust import Gust
 from skyarm.environment.payload import Payload
+from skyarm.environment.signal_vector import ColouredNoise, SignalVector
+from skyarm.environment.timed_payload import PayloadMemory, Reach, TimedPayload
 from skyarm.environment.wind import NO_WIND, ForceWind, MovingAir, Wind, WindSample
 
 __all__ = [
     "NO_WIND",
     "Air",
+    "AirSignals",
+    "ColouredNoise",
     "Component",
+    "Disturbance",
     "Dryden",
     "DrydenMemory",
     "Effectiveness",
     "Fault",
     "Force",
     "ForceWind",
+    "GroundEffect",
     "Gust",
+    "LinkDrag",
     "MovingAir",
     "Payload",
+    "PayloadMemory",
+    "Reach",
+    "RotorDrag",
+    "SignalVector",
+    "TimedPayload",
     "Wind",
     "WindSample",
     "Wrench",

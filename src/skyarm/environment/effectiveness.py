@@ -14,7 +14,9 @@ class Effectiveness:
     Attributes:
         rotors: of thrust and drag torque, one per rotor.
         joints: of the drive's effort, one per joint; friction stays.
+        stuck: 1 for a joint that is held where it is, one number per joint; empty where none can be.
     """
 
     rotors: tuple[Scalar, ...]
     joints: tuple[Scalar, ...]
+    stuck: tuple[Scalar, ...] = ()

@@ -7,7 +7,7 @@ A wind has a mode::
     force = [2, 0, 0]                  # N, world axes (default 0)
     point = [0, 0, 0]                  # m, where it acts on the base (default: its origin)
     air_velocity = [2, 0, 0]           # m/s that the rotors feel (default 0)
-    gust = { force = [2, 0, 0], start = 7.5, duration = 3 }
+    gust = { force = [2, 0, 0], start = 7.5, duration = 3 }   # or a list of gusts, which add up
 
     [environment.wind]
     mode = "moving_air"                  # air velocity; forces follow from drag
@@ -80,22 +80,29 @@ def _force_wind(fields: Fields) -> Wind:
         force_W=_vector(fields, "force", _ZERO),
         point_B=_vector(fields, "point", _ZERO),
         air_velocity_W=_vector(fields, "air_velocity", _ZERO),
-        gust=_gust(fields, "force", ("step",)),
+        **_gusts(fields, "force", ("step",)),
     )
 
 
 def _moving_air(fields: Fields) -> Wind:
     velocity = _vector(fields, "velocity", _ZERO)
-    return MovingAir(
-        velocity_W=velocity, gust=_gust(fields, "velocity", SHAPES), turbulence=_turbulence(fields, velocity)
-    )
+    gusts = _gusts(fields, "velocity", SHAPES)
+    return MovingAir(velocity_W=velocity, turbulence=_turbulence(fields, velocity), **gusts)
 
 
-def _gust(fields: Fields, quantity: str, shapes: tuple[str, ...]) -> Gust | None:
+def _gusts(fields: Fields, quantity: str, shapes: tuple[str, ...]) -> dict[str, Any]:
+    """One gust, or a list of them."""
     table = fields.take("gust", None)
     if table is None:
-        return None
-    inner = Fields(table, f"{fields.where}.gust")
+        return {}
+    if isinstance(table, list):
+        at = f"{fields.where}.gust"
+        return {"gusts": tuple(_gust(each, f"{at}[{i}]", quantity, shapes) for i, each in enumerate(table))}
+    return {"gust": _gust(table, f"{fields.where}.gust", quantity, shapes)}
+
+
+def _gust(table: Any, where: str, quantity: str, shapes: tuple[str, ...]) -> Gust:
+    inner = Fields(table, where)
     gust = Gust(
         peak=_vector(inner, quantity),
         start=inner.number("start"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
@@ -15,7 +15,9 @@ from skyarm.environment.dryden import Dryden
 from skyarm.environment.effectiveness import Effectiveness
 from skyarm.environment.gust import Gust
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
+from skyarm.scalars import Scalar
 from skyarm.scalars.philox import normals
 
 
@@ -28,12 +30,14 @@ class WindSample(Component):
         point_B: point of the base where it acts, base frame, m.
         air_velocity_W: velocity of the air that rotors and body drag see, world axes, m/s.
         effectiveness: what faults leave of the actuators (:mod:`skyarm.environment.faults`); None for whole ones.
+        held: kg, mass that is held of each payload with a time; for logs.
     """
 
     force_W: Vec3 = ZERO3
     point_B: Vec3 = ZERO3
     air_velocity_W: Vec3 = ZERO3
     effectiveness: Effectiveness | None = None
+    held: tuple[Scalar, ...] = ()
 
     def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
         """The same everywhere and always."""
@@ -48,7 +52,7 @@ class WindSample(Component):
 class ForceWind(Force):
     """A force wind is a force and an air velocity as independent inputs, as RotorS's wind plugin has it.
 
-    A gust is an additional force, a step; it never changes the velocity of the air.
+    A gust is an additional force, a step; it never changes the velocity of the air. Several add up.
 
     Source: RotorS, gazebo_wind_plugin.cpp lines 137-177.
     """
@@ -57,11 +61,13 @@ class ForceWind(Force):
     point_B: Annotated[Vec3, Unit("m", "where mean and gust force act, base axes", folds=True)] = ZERO3
     air_velocity_W: Annotated[Vec3, Unit("m/s", "constant wind that the rotors feel", folds=True)] = ZERO3
     gust: Gust | None = None
+    gusts: tuple[Gust, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         accept_fields(self, "wind")
-        if self.gust is not None and self.gust.shape != "step":
-            raise ValueError(f"gust.shape = {self.gust.shape!r}: a gust of force is a 'step' as in RotorS")
+        for gust in all_gusts(self):
+            if gust.shape != "step":
+                raise ValueError(f"gust.shape = {gust.shape!r}: a gust of force is a 'step' as in RotorS")
 
     def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
         """The constant wind that the rotors feel."""
@@ -69,7 +75,9 @@ class ForceWind(Force):
 
     def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
         """Mean and gust force on the base."""
-        force = self.force_W if self.gust is None else self.force_W + self.gust.at(t)
+        force = self.force_W
+        for gust in all_gusts(self):
+            force = force + gust.at(t)
         return (Wrench(force_W=force, point=self.point_B),)
 
 
@@ -78,13 +86,14 @@ class MovingAir(Air):
     """Moving air has a velocity from which rotor drag and body drag are computed; there is no direct force.
 
     Attributes:
-        gust: additional air velocity.
+        gust: additional air velocity. gusts: more of them, which add up.
         turbulence: parameters of the Dryden model; None for smooth air.
     """
 
     velocity_W: Annotated[Vec3, Unit("m/s", "mean velocity of the air, world axes", folds=True)] = ZERO3
     gust: Gust | None = None
     turbulence: Dryden | None = None
+    gusts: tuple[Gust, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         accept_fields(self, "wind")
@@ -109,8 +118,15 @@ class MovingAir(Air):
 
     def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
         """Mean + gust + turbulence."""
-        velocity = self.velocity_W if self.gust is None else self.velocity_W + self.gust.at(t)
+        velocity = self.velocity_W
+        for gust in all_gusts(self):
+            velocity = velocity + gust.at(t)
         return velocity if self.turbulence is None else velocity + dryden.velocity(memory, par=self.turbulence)
+
+
+def all_gusts(wind: Any) -> tuple[Gust, ...]:
+    """Every gust of a wind: the one, then the others."""
+    return wind.gusts if wind.gust is None else (wind.gust, *wind.gusts)
 
 
 Wind = ForceWind | MovingAir

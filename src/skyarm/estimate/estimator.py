@@ -8,6 +8,7 @@ from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.sensors.measurement import Measurement
+from skyarm.sensors.sensor import Sensor
 from skyarm.vehicle.vehicle_records import Vehicle
 
 FULL_STATE = "state"
@@ -21,6 +22,25 @@ class Estimator:
     """
 
     __slots__ = ()
+
+    def believing(self, vehicle: Vehicle, gravity: Any) -> Estimator:
+        """The estimator of a controller that believes in a vehicle and a gravity (m/s^2); itself if it needs neither.
+
+        The loop steps what this returns.
+        """
+        return self
+
+    def require_sensors(self, sensors: Mapping[str, Sensor], rate: float, vehicle: Vehicle) -> None:
+        """Refuse sensors that the estimator cannot work with.
+
+        Args:
+            sensors: beside the full state, by name.
+            rate: control periods a second.
+            vehicle: the believed one.
+
+        Raises:
+            ValueError: one line with field, value and what is allowed.
+        """
 
     def start(self, vehicle: Vehicle) -> Any:
         """First memory: a record or tuple of scalars. ``vehicle`` is the believed one."""

@@ -62,7 +62,8 @@ def _settings(scenario: Scenario, end: float) -> Iterator[tuple[float, float, Sc
 def _gusts(scenario: Scenario) -> Iterator[Event]:
     """Every gust of the wind and of what else surrounds the vehicle."""
     for around in (scenario.wind, *scenario.air, *scenario.forces):
-        for gust in parts(around).values():
+        held = parts(around)
+        for gust in (*held.values(), *held.get("gusts", ())):
             if isinstance(gust, Gust) and any(float(c) for c in gust.peak):
                 yield Event("gust", float(gust.start), float(gust.start + gust.duration))
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+VEHICLES = ("rotors", "base", "urdf", "mjcf", "airframe", "attach")
+"""Words of a vehicle file that no other file has."""
+
 READS = {"vehicle": "skyarm show", "scenario": "skyarm run", "study": "skyarm sweep"}
 """Kind of a file -> a command that reads it."""
 
@@ -15,7 +18,7 @@ def kind_of(document: Mapping[str, Any]) -> str:
         return "study"
     if "plant" in document or "controller" in document:
         return "scenario"
-    return "vehicle" if "rotors" in document or "base" in document or "urdf" in document else ""
+    return "vehicle" if any(word in document for word in VEHICLES) else ""
 
 
 def require_kind(document: Any, wanted: str) -> None:

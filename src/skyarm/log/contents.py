@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.log.flight_log import Log
+from skyarm.log.flight_log import IF_ANY, Log
 from skyarm.log.log_columns import JOINT_ARRAYS, ROTOR_ARRAYS
 from skyarm.records.leaves import field_names
 from skyarm.records.units import units
@@ -30,7 +30,8 @@ def log_of(content: Mapping[str, Any], info: Any, schema_words: str) -> Log:
     Raises:
         ValueError: ``schema_words``: arrays are missing or of other shapes, or the description is none.
     """
-    wanted = [name for name in field_names(Log) or () if name != "info"]
+    absent = ["info", *(name for name in IF_ANY if name not in content)]
+    wanted = [name for name in field_names(Log) or () if name not in absent]
     if not isinstance(info, dict) or info.get("schema") != SCHEMA or sorted(content) != sorted(wanted):
         raise ValueError(schema_words)
     count = np.shape(content["time"])
@@ -39,6 +40,7 @@ def log_of(content: Mapping[str, Any], info: Any, schema_words: str) -> Log:
         width = (3,) if name not in SCALARS else ()
         width = joints if name in JOINT_ARRAYS else rotors if name in ROTOR_ARRAYS else (4,) if name in FOURS else width
         array = np.asarray(content[name])
+        width = array.shape[1:2] if name in IF_ANY else width
         if len(count) != 1 or array.shape != (*count, *width) or array.ndim > 2 or array.dtype != np.float64:
             raise ValueError(schema_words)
     return Log(**content, info={name: value for name, value in info.items() if name != LAYOUT})
@@ -62,6 +64,8 @@ def arrays_of(table: npt.NDArray[np.float64], names: Sequence[str], layout: Any)
         raise ValueError("columns: must be those that the file says it has") from None
     for name in units(Log):
         chosen = given.get(name, [])
+        if name in IF_ANY and not chosen:
+            continue
         array = np.ascontiguousarray(table[:, chosen])
         found[name] = array[:, 0].copy() if name in SCALARS and chosen else array
     return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
@@ -40,6 +40,14 @@ HELD = "reference as published and held"
 CONTINUOUS = "continuous reference"
 
 
+IF_ANY = ("payload_mass",)
+"""Arrays of what not every flight has: left out of files, with no column, where there is none."""
+
+
+def _nothing() -> Array:
+    return np.zeros((0, 0))
+
+
 @dataclass(frozen=True, kw_only=True)
 class Log:
     """Everything that happened at N control instants; SI units, radians, world axes unless said.
@@ -54,6 +62,7 @@ class Log:
         tool: (N, 3) the tip. tool_held, tool_reference: where a level base on reference would put it. ``tip``,
             ``tip_held`` and ``tip_reference`` are the same arrays; files keep the first names.
         wind_force, air_velocity: (N, 3).
+        payload_mass: (N, payloads) what is held of each payload with a time; without columns where there is none.
         measured_position, measured_joints: what the sensors said at this instant; a delayed controller saw it later.
         info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground",
             "controller_undefined"), cause, end time; ``scenario_record`` is all that was flown as plain data, and
@@ -87,6 +96,7 @@ class Log:
     air_velocity: Annotated[Array, Unit("m/s", "world axes")]
     measured_position: Annotated[Array, Unit("m", "measured, world axes")]
     measured_joints: Annotated[Array, Unit("rad or m", "measured")]
+    payload_mass: Annotated[Array, Unit("kg", "held of each payload with a time")] = field(default_factory=_nothing)
     info: dict[str, Any]
 
     @property
@@ -177,7 +187,8 @@ class Log:
 
     def arrays(self) -> dict[str, Array]:
         """Every array by name."""
-        return {name: array for name, array in parts(self).items() if name != "info"}
+        absent = [name for name in IF_ANY if not getattr(self, name).size]
+        return {name: array for name, array in parts(self).items() if name != "info" and name not in absent}
 
     def save_npz(self, path: str | os.PathLike[str]) -> Path:
         """Write one compressed npz (arrays and ``info`` as JSON); the file appears whole or not at all."""
@@ -188,7 +199,8 @@ class Log:
     @property
     def units(self) -> Mapping[str, Unit]:
         """Unit, frame and meaning of every array by name: ``log.units["rate"].words``."""
-        return units(Log)
+        held = self.arrays()
+        return {name: unit for name, unit in units(Log).items() if name in held}
 
     def save_csv(self, path: str | os.PathLike[str], *, with_units: bool = True) -> Path:
         """Write one CSV: a column per component, a row per control instant; numbers round-trip.

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.log.flight_log import Log
+from skyarm.log.flight_log import IF_ANY, Log
 from skyarm.records.units import Unit, units
 
 Array = npt.NDArray[np.float64]
@@ -120,6 +120,8 @@ def _endings(array: str, width: int | None, names: Names) -> list[str]:
         return [f"{JOINT_ARRAYS[array]}_{word(each, 'joint')}" for each in names.joints]
     if array in ROTOR_ARRAYS:
         return [f"{ROTOR_ARRAYS[array]}_{word(each, 'rotor')}" for each in names.rotors]
+    if array in IF_ANY:
+        return [f"{begin}_{i}" for i in range(width)]
     return [f"{begin}_{axis}" for axis in AXES.get(width, map(str, range(width)))]
 
 

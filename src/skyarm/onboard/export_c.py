@@ -23,6 +23,14 @@ from skyarm.control.controller import Controller
 from skyarm.control.law_checks import check_controller, checked_law
 from skyarm.control.law_trial import level, try_law
 from skyarm.control.model import TORQUE_GAINS
+from skyarm.estimate.error_state_filter import ErrorStateFilter
+from skyarm.onboard.estimated_law import (
+    EstimatedConstants,
+    as_data,
+    blank_readings,
+    estimated_law,
+    first_estimated_memory,
+)
 from skyarm.records.leaves import Place, parts
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -67,7 +75,13 @@ class ExportedC:
 
 
 def export_c(
-    controller: Controller, *, name: str, period: float, single: bool = False, generator: str = "skyarm"
+    controller: Controller,
+    *,
+    name: str,
+    period: float,
+    single: bool = False,
+    generator: str = "skyarm",
+    estimator: ErrorStateFilter | None = None,
 ) -> ExportedC:
     """Write a controller as a C file.
 
@@ -77,6 +91,7 @@ def export_c(
         period: s, time between two calls.
         single: float in place of double.
         generator: who writes the file, with its version, for the opening comment.
+        estimator: from readings to what the law is told; the file's measurement then holds the readings.
 
     Raises:
         ValueError: the name is no C identifier of at most 64 characters, or the law cannot be traced.
@@ -85,10 +100,11 @@ def export_c(
         raise ValueError(f"name = {name!r}: must be letters, digits and _, begin with a letter, 64 at most")
     controller.require_compiled("export as C")
     check_controller(controller)
-    records = _examples(controller, period)
-    seen = level(records["measurement"], float(controller.par.model.gravity))
+    records = _examples(controller, period, estimator)
+    vehicle = controller.par.model.vehicle
+    seen = level(blank_measurement(vehicle.n, len(vehicle.rotors)), float(controller.par.model.gravity))
     try_law(controller, period, seen, (records["reference"],) * PERIODS)
-    program = _traced(controller, records)
+    program = _traced(controller, records, estimator)
     structs = _structs(controller, records, program)
     file = StepFile(
         name=name,
@@ -101,44 +117,43 @@ def export_c(
     )
     operations = sum(node.op not in ("input", "const") for node in program.lowered.nodes)
     names = tuple(member.name for member in structs["parameters"].members)
-    text = file.text(_header(controller, file, period, operations, generator))
+    opening = _header(controller, file, period, operations, generator)
+    if estimator is not None:
+        opening[1:1] = [f"The law is told what an error-state filter makes of {estimator.aiding} and an inertial unit."]
+    text = file.text(opening)
     return ExportedC(name=name, text=text, operations=operations, parameters=names)
 
 
-def _examples(controller: Controller, period: float) -> dict[str, Any]:
+def _examples(controller: Controller, period: float, estimator: ErrorStateFilter | None) -> dict[str, Any]:
     """Records of data: their values are not used but for the constants and the memory, which become defaults."""
     vehicle = controller.par.model.vehicle
     joints = (0.0,) * vehicle.n
     arm: dict[str, Any] = {f"joint{word}": joints for word in ("s", "_rates", "_accelerations", "_jerks", "_snaps")}
-    return {
+    found = {
         "parameters": Constants(parameters=controller.par, period=period),
         "measurement": blank_measurement(vehicle.n, len(vehicle.rotors)),
         "reference": Reference(**arm).dense(),
         "memory": controller.memory,
     }
+    if estimator is not None:
+        found["parameters"] = EstimatedConstants(parameters=controller.par, estimator=estimator, period=period)
+        found["measurement"] = blank_readings(estimator, vehicle.n)
+        found["memory"] = first_estimated_memory(controller, estimator)
+    return found
 
 
-def _traced(controller: Controller, records: dict[str, Any]) -> Program:
+def _traced(controller: Controller, records: dict[str, Any], estimator: ErrorStateFilter | None) -> Program:
+    if estimator is not None:
+        return trace(estimated_law(controller), *records.values())
     law = checked_law(controller)
 
     def step(constants: Constants, measurement: Measurement, reference: Reference, memory: Any) -> Any:
         following, command = law(memory, measurement, reference, constants.period, par=constants.parameters)
         if len(leaves(following)) != len(leaves(memory)):
             raise ValueError(f"law '{controller.name}': its memory must keep its structure to be written in C")
-        return following, _data(command)
+        return following, as_data(command)
 
     return trace(step, *records.values())
-
-
-def _data(command: Command) -> Command:
-    """A structural zero of a command as data, so that every command has its place."""
-
-    def number(value: Any) -> Any:
-        return float(value) if isinstance(value, int) else value
-
-    return Command(
-        rotor_speeds=tuple(number(w) for w in command.rotor_speeds), efforts=tuple(number(e) for e in command.efforts)
-    )
 
 
 def _structs(controller: Controller, records: dict[str, Any], program: Program) -> dict[str, Struct]:

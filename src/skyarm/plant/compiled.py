@@ -9,6 +9,7 @@ from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import Program, trace
 from skyarm.dynamics import State
+from skyarm.plant.impact import after_impact
 from skyarm.plant.integrators import FRICTION_STEP, INTEGRATORS
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
 from skyarm.plant.largest_step import divisions, largest_step
@@ -65,7 +66,7 @@ class RigidBodyPlant:
         return trace(self._reading, *self._examples)
 
     def _reading(self, state: State, command: Command, around: Around) -> Vec3:
-        base, _ = accelerate(self._world, state, state.rotor_speeds, command.efforts, around)
+        base, _ = accelerate(self._world, state, state.rotor_speeds, command.efforts, around, command.rotor_speeds)
         # without rotors, drag and wind nothing pushes: the reading is a structural zero
         return Vec3(*(number(c) for c in base.linear))
 
@@ -95,6 +96,18 @@ class RigidBodyPlant:
         for _ in range(count):
             x = step.flat((*x, *inputs))
         return x
+
+    @cached_property
+    def _impact(self) -> Program:
+        def impact(state: State, around: Around) -> State:
+            return after_impact(self.vehicle, state, around)
+
+        return trace(impact, self._examples[0], self._around)
+
+    def after_impact(self, state: Flat, around: Flat) -> tuple[float, ...]:
+        """State right after the grasps and the joints that get stuck in a period."""
+        found: tuple[float, ...] = self._impact.flat((*state, *around))
+        return found
 
     def specific_force(self, state: Flat, command: Flat, around: Flat) -> tuple[float, float, float]:
         """Proper acceleration of the base origin, base axes, m/s^2."""

@@ -27,7 +27,7 @@ def largest_step(around: Any) -> float | None:
     return min(stated, default=None)
 
 
-STATED = ("plant.drives.", "environment.air.", "environment.forces.")
+STATED = ("plant.drives.", "plant.vehicle.drives.", "environment.air.", "environment.forces.")
 """Beginnings of the paths of numbers from which a largest step may follow."""
 
 

@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.actuation import Command, joint_force, rotor_forces, speeds_after, stop_force
+from skyarm.actuation.rotor import spin_torque
 from skyarm.algebra import ZERO3, Force
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.environment import Effectiveness, Wrench, body_drag
 from skyarm.plant.surroundings import Around, surroundings_of
-from skyarm.scalars import add
+from skyarm.scalars import add, minimum
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
@@ -21,6 +22,7 @@ def applied_force(
     rotor_speeds: Sequence[Any],
     setpoints: Sequence[Any],
     around: Around,
+    commands: Sequence[Any] = (),
 ) -> tuple[Force, tuple[Any, ...]]:
     """Force on the base (torque about and force at its origin, base axes) and joint torques.
 
@@ -30,14 +32,17 @@ def applied_force(
         rotor_speeds: rad/s, now.
         setpoints: of the joints' drives; torques or forces unless the drive says otherwise.
         around: air, forces, faults and drives of the period.
+        commands: rotor speeds that the rotors are on their way to, rad/s; empty for rotors that keep theirs.
     """
     around = surroundings_of(around)
-    motion = PointMotion(vehicle, state)
+    motion = PointMotion(vehicle, state, around.air_velocity)
     v_air = motion.rotation.apply_T(state.velocity - around.air_velocity(state.position))
     total, pushed = _outside(around.wrenches(motion, rotor_speeds), motion)
     total = total + Force(ZERO3, body_drag(vehicle.drag, v_air))
     left = around.effectiveness or Effectiveness((1,) * len(vehicle.rotors), (1,) * vehicle.n)
     total = total + rotor_forces(vehicle.rotors, rotor_speeds, v_air, state.rate, left.rotors)
+    turning = supplied(vehicle, commands, around) if commands else ()
+    total = total + Force(spin_torque(vehicle.rotors, rotor_speeds, turning, state.rate), ZERO3)
     torques = []
     for i, (link, setpoint, share, push) in enumerate(zip(vehicle.links, setpoints, left.joints, pushed, strict=True)):
         rate = state.joint_rates[i]
@@ -57,6 +62,19 @@ def _outside(wrenches: Sequence[Wrench], motion: PointMotion) -> tuple[Force, Se
     return total, pushed
 
 
-def lagged(vehicle: Vehicle, state: State, command: Command, dt: Any) -> tuple[Any, ...]:
-    """Rotor speeds after ``dt`` seconds of a held command."""
-    return speeds_after(vehicle.rotors, state.rotor_speeds, command.rotor_speeds, dt)
+def lagged(vehicle: Vehicle, state: State, command: Command, dt: Any, around: Around) -> tuple[Any, ...]:
+    """Rotor speeds after ``dt`` seconds of a held command under the period's supply."""
+    return speeds_after(vehicle.rotors, state.rotor_speeds, supplied(vehicle, command.rotor_speeds, around), dt)
+
+
+def supplied(vehicle: Vehicle, commands: Sequence[Any], around: Around) -> Sequence[Any]:
+    """Rotor speeds (rad/s) that commanded ones become under the battery's voltage, to which they are in proportion.
+
+    A governed speed controller gives less only where it is at its end, an open one everywhere.
+    """
+    supply = surroundings_of(around).supply
+    if supply is None or vehicle.battery is None:
+        return commands
+    if vehicle.battery.esc == "open":
+        return [minimum(each, rotor.max_speed) * supply for each, rotor in zip(commands, vehicle.rotors, strict=True)]
+    return [minimum(each, rotor.max_speed * supply) for each, rotor in zip(commands, vehicle.rotors, strict=True)]

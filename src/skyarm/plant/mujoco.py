@@ -13,15 +13,18 @@ from itertools import pairwise
 from typing import Any
 
 import mujoco
+import numpy as np
 
 from skyarm.actuation import Command
 from skyarm.compile.llvm.quick_function import Quick
 from skyarm.plant.integrators import FRICTION_STEP, HELD_FRICTION_STEP, INTEGRATORS
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
 from skyarm.plant.largest_step import divisions, largest_step
+from skyarm.plant.loaded_vehicle import changes_inertia, payloads_of
 from skyarm.plant.loads import lagged
 from skyarm.plant.mujoco_coupling import Coupling
 from skyarm.plant.mujoco_layout import Layout
+from skyarm.plant.mujoco_loads import Loads
 from skyarm.plant.mujoco_model import build_spec, joint_addresses
 from skyarm.plant.mujoco_stages import StagedRungeKutta
 from skyarm.plant.stop_rate import joint_rate
@@ -89,7 +92,10 @@ class MujocoPlant:
             rate = joint_rate(world.vehicle)
             physics_step /= max(1, math.ceil(rate * physics_step / LARGEST_FRICTION_STEP[integrator]))
         physics_step /= divisions(physics_step, largest_step(around))
-        spec = build_spec(world.vehicle, float(world.gravity), timestep=physics_step, integrator=integrator)
+        loads = [payload for payload, _ in payloads_of(around)]
+        spec = build_spec(
+            world.vehicle, float(world.gravity), timestep=physics_step, integrator=integrator, loads=loads
+        )
         with QUIET, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of masses beyond measure, whose flight ends as diverged
             self.model = spec.compile()
@@ -113,6 +119,10 @@ class MujocoPlant:
         if world.vehicle.followers:
             dofs = joint_addresses(world.vehicle, self.model)[1]
             self._forward = Coupling(world.vehicle, self.model, self._data, dofs).forward
+        self._carried: Loads | None = None
+        if changes_inertia(around):
+            dofs = joint_addresses(world.vehicle, self.model)[1]
+            self._carried = Loads(world.vehicle, self.model, self._data, around, dofs)
         self._staged: StagedRungeKutta | None = None
         if integrator == "rk4_staged":
             self._staged = StagedRungeKutta(layout, self.model, self._data, around, physics_step, self._forward)
@@ -120,8 +130,9 @@ class MujocoPlant:
     def _forces_and_speeds(self, x: Any, commanded: Any, setpoints: Any, around: Around) -> Any:
         """Generalised forces in MuJoCo's order and the rotor speeds after one physics step."""
         state, command = self._layout.state(x), Command(rotor_speeds=commanded, efforts=setpoints)
-        forces = self._layout.generalized_forces(state, setpoints, around)
-        return tuple(number(value) for value in (*forces, *lagged(self.vehicle, state, command, self._physics_step)))
+        forces = self._layout.generalized_forces(state, setpoints, around, commanded)
+        turned = lagged(self.vehicle, state, command, self._physics_step, around)
+        return tuple(number(value) for value in (*forces, *turned))
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
         """State after ``seconds`` (whole physics steps), inputs held; a diverged state stays diverged."""
@@ -165,10 +176,24 @@ class MujocoPlant:
         if state is self._written[0] and around is self._written[1]:
             self._commanded[:] = command
             return
+        if self._carried is not None:
+            self._carried.carry(around)
         self._written = (state, around) if type(state) is tuple and type(around) is tuple else NOTHING
         x, nq = self._layout.to_mujoco(state), self._layout.nq
         self._qpos[:], self._qvel[:] = x[:nq], x[nq : nq + self._layout.nv]
         self._loads.inputs[:] = (*x, *command, *around)
+
+    def after_impact(self, state: Flat, around: Flat) -> tuple[float, ...]:
+        """State right after the grasps and the joints that get stuck in a period."""
+        if self._carried is None:
+            return tuple(state)
+        x, nq, nv = self._layout.to_mujoco(state), self._layout.nq, self._layout.nv
+        self._qpos[:] = x[:nq]
+        with QUIET:
+            velocities = self._carried.velocity_after(np.array(x[nq : nq + nv]), around)
+        ours: tuple[float, ...] = self._layout.to_ours((*x[:nq], *velocities.tolist(), *x[nq + nv :]))
+        self._written = NOTHING
+        return ours
 
     def specific_force(self, state: Flat, command: Flat, around: Flat) -> tuple[float, float, float]:
         """Proper acceleration of the base origin, base axes, m/s^2: the free joint's acceleration plus g."""

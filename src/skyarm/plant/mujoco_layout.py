@@ -62,12 +62,14 @@ class Layout:
         """Of the base (world axes), of its turning (base axes) and of the joints, from MuJoCo's."""
         return Vec3.of(qacc[0:3]), Vec3.of(qacc[3:6]), tuple(qacc[i] for i in self._dofs)
 
-    def generalized_forces(self, state: State, setpoints: Sequence[Any], around: Around) -> list[Any]:
+    def generalized_forces(
+        self, state: State, setpoints: Sequence[Any], around: Around, commands: Sequence[Any] = ()
+    ) -> list[Any]:
         """What acts on a state but gravity, in MuJoCo's order.
 
         The dual of a free joint's velocity is the force at the base origin in world axes and the torque in base axes.
         """
-        force, torques = applied_force(self.vehicle, state, state.rotor_speeds, setpoints, around)
+        force, torques = applied_force(self.vehicle, state, state.rotor_speeds, setpoints, around, commands)
         generalized: list[Any] = [*state.quaternion.rotation().apply(force.force), *force.torque, *torques]
         # what acts on a follower acts on its leader already
         generalized += [0] * len(self.vehicle.followers)

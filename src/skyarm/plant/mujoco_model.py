@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -46,7 +47,9 @@ COLORS = {
 """RGBA by what a shape stands for."""
 
 
-def build_spec(vehicle: Vehicle, gravity: float, *, timestep: float = 0.001, integrator: str = "rk4") -> Any:
+def build_spec(
+    vehicle: Vehicle, gravity: float, *, timestep: float = 0.001, integrator: str = "rk4", loads: Sequence[Any] = ()
+) -> Any:
     """The vehicle as a ``mujoco.MjSpec``.
 
     Contacts, constraints, implicit damping and MuJoCo's own reset of a diverged state are off; joints have neither
@@ -58,6 +61,7 @@ def build_spec(vehicle: Vehicle, gravity: float, *, timestep: float = 0.001, int
         gravity: m/s^2, positive downwards.
         timestep: s.
         integrator: "rk4", "euler" or "rk4_staged".
+        loads: payloads with a time, each a body without mass, welded to the link that may hold it.
     """
     spec = mujoco.MjSpec()
     spec.modelname = vehicle.name
@@ -80,15 +84,35 @@ def build_spec(vehicle: Vehicle, gravity: float, *, timestep: float = 0.001, int
         )
         _add_joint(bodies[i], at)
         _give_inertia(bodies[i], link.body)
+    for i, load in enumerate(loads):
+        grasp = vehicle.frame(load.frame or None)
+        place = grasp.position + grasp.rotation.apply(load.com)
+        body = bodies[grasp.link].add_body(name=load_name(i), pos=_array(place), quat=_quaternion(grasp.rotation))
+        body.explicitinertial = True
+        body.mass, body.inertia = 0.0, np.zeros(3)
+        body.ipos, body.iquat = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
     _add_sites(vehicle, bodies)
     _add_shapes(vehicle, bodies)
     return spec
+
+
+def load_name(index: int) -> str:
+    """Name of the body of a payload."""
+    return f"payload {index}"
 
 
 def joint_addresses(vehicle: Vehicle, model: Any) -> tuple[list[int], list[int]]:
     """Where the joints stand in MuJoCo's qpos and qvel: it numbers them depth first, we in the order of the links."""
     joints = [model.joint(link.joint.name) for link in vehicle.moving]
     return [int(joint.qposadr[0]) for joint in joints], [int(joint.dofadr[0]) for joint in joints]
+
+
+def site_of_rotor(vehicle: Vehicle) -> list[str]:
+    """Name of the site at each rotor's hub; a frame may have any name of its own."""
+    taken, found = [frame.name for frame in vehicle.frames], list[str]()
+    for rotor in vehicle.rotors:
+        found.append(_unused(rotor.name, [*taken, *found]))
+    return found
 
 
 def _unused(name: str, taken: list[str]) -> str:
@@ -136,10 +160,7 @@ def _add_sites(vehicle: Vehicle, bodies: dict[int, Any]) -> None:
         bodies[frame.link].add_site(
             name=frame.name, pos=_array(frame.position), quat=_quaternion(frame.rotation), size=[0.005] * 3
         )
-    taken = [frame.name for frame in vehicle.frames]
-    for rotor in vehicle.rotors:
-        name = _unused(rotor.name, taken)
-        taken.append(name)
+    for rotor, name in zip(vehicle.rotors, site_of_rotor(vehicle), strict=True):
         bodies[BASE].add_site(name=name, pos=_array(rotor.position), quat=_along(rotor.axis), size=[0.005] * 3)
 
 

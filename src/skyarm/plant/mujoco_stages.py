@@ -78,9 +78,9 @@ class StagedRungeKutta:
         change = [add(mul(earlier, s), mul(own, k)) for s, k in zip(total, slope, strict=True)]
         following = _moved(first, change)
         command = Command(rotor_speeds=speeds, efforts=setpoints)
-        following = replace(following, rotor_speeds=lagged(self._layout.vehicle, first, command, time))
+        following = replace(following, rotor_speeds=lagged(self._layout.vehicle, first, command, time, around))
         sums = [add(s, mul(share, k)) for s, k in zip(total, slope, strict=True)]
-        loads = self._layout.generalized_forces(following, setpoints, around)
+        loads = self._layout.generalized_forces(following, setpoints, around, speeds)
         numbers = self._layout.to_mujoco(leaves(following))
         return tuple(number(value) for value in (*numbers, *change[3:6], *sums, *loads))
 

@@ -16,6 +16,7 @@ from skyarm.algebra import Motion, Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.plant.interface import Truth
+from skyarm.plant.loaded_vehicle import loaded_vehicle
 from skyarm.plant.loads import applied_force, lagged
 from skyarm.plant.surroundings import Around
 from skyarm.scalars import Scalar, add, mul
@@ -34,16 +35,29 @@ class Rate:
 
 
 def accelerate(
-    world: Truth, state: State, rotor_speeds: Sequence[Any], efforts: Sequence[Any], around: Around
+    world: Truth,
+    state: State,
+    rotor_speeds: Sequence[Any],
+    efforts: Sequence[Any],
+    around: Around,
+    commands: Sequence[Any] = (),
 ) -> tuple[Motion, tuple[Any, ...]]:
     """Proper acceleration of the base (base axes) and joint accelerations."""
-    force, torques = applied_force(world.vehicle, state, rotor_speeds, efforts, around)
-    return dynamics.forward_dynamics(world.vehicle, state.joints, state.rate, state.joint_rates, force, torques)
+    force, torques = applied_force(world.vehicle, state, rotor_speeds, efforts, around, commands)
+    moving = loaded_vehicle(world.vehicle, around)
+    return dynamics.forward_dynamics(moving, state.joints, state.rate, state.joint_rates, force, torques)
 
 
-def derivative(world: Truth, state: State, rotor_speeds: Sequence[Any], efforts: Sequence[Any], around: Around) -> Rate:
+def derivative(
+    world: Truth,
+    state: State,
+    rotor_speeds: Sequence[Any],
+    efforts: Sequence[Any],
+    around: Around,
+    commands: Sequence[Any] = (),
+) -> Rate:
     """Right-hand side of the equations of motion."""
-    base, joint_accelerations = accelerate(world, state, rotor_speeds, efforts, around)
+    base, joint_accelerations = accelerate(world, state, rotor_speeds, efforts, around, commands)
     linear, angular = coordinate_acceleration(state.quaternion.rotation(), base, world.gravity)
     return Rate(
         position=state.velocity,
@@ -61,10 +75,10 @@ def step_rk4(world: Truth, state: State, command: Command, around: Around, dt: f
     The attitude is integrated as four numbers and normalised after the step, which keeps the order.
     Source: Kutta 1901; Hairer, Norsett, Wanner 1993, II.1.
     """
-    half, whole = lagged(world.vehicle, state, command, 0.5 * dt), lagged(world.vehicle, state, command, dt)
+    half, whole = (lagged(world.vehicle, state, command, part, around) for part in (0.5 * dt, dt))
 
     def slope(at: State, speeds: Sequence[Any]) -> Rate:
-        return derivative(world, at, speeds, command.efforts, around)
+        return derivative(world, at, speeds, command.efforts, around, command.rotor_speeds)
 
     k1 = slope(state, state.rotor_speeds)
     k2 = slope(_moved(state, k1, 0.5 * dt), half)
@@ -97,7 +111,7 @@ def step_euler(world: Truth, state: State, command: Command, around: Around, dt:
     The attitude moves by the exponential of the new rate, as MuJoCo's manifold update does, so that both plants make
     the same step; its length is corrected before it turns, when nothing waits for it. First order.
     """
-    rate = derivative(world, state, state.rotor_speeds, command.efforts, around)
+    rate = derivative(world, state, state.rotor_speeds, command.efforts, around, command.rotor_speeds)
     velocity = state.velocity + rate.velocity * dt
     w = state.rate + rate.rate * dt
     joint_rates = tuple(add(x, mul(dx, dt)) for x, dx in zip(state.joint_rates, rate.joint_rates, strict=True))
@@ -108,7 +122,7 @@ def step_euler(world: Truth, state: State, command: Command, around: Around, dt:
         rate=w,
         joints=tuple(add(x, mul(dx, dt)) for x, dx in zip(state.joints, joint_rates, strict=True)),
         joint_rates=joint_rates,
-        rotor_speeds=lagged(world.vehicle, state, command, dt),
+        rotor_speeds=lagged(world.vehicle, state, command, dt, around),
     )
 
 

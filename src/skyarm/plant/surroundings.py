@@ -10,8 +10,8 @@ from skyarm.actuation.drive import TORQUE_DRIVE, Drive
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
-from skyarm.environment import Component, Effectiveness, WindSample, Wrench
-from skyarm.scalars import Scalar, data
+from skyarm.environment import Component, Effectiveness, TimedPayload, WindSample, Wrench
+from skyarm.scalars import Scalar, data, mul
 from skyarm.vehicle.vehicle_records import BASE, Vehicle
 
 
@@ -23,6 +23,7 @@ class Surroundings:
         components: air and forces, in the order in which they add up. memories: theirs.
         time: s, of the period's beginning.
         effectiveness: what faults leave of the actuators; None for whole ones.
+        supply: voltage of the battery over its reference voltage; None for a supply that never sags.
         drives: of the joints, in order; empty where all take torques. drive_memories: theirs.
     """
 
@@ -30,6 +31,7 @@ class Surroundings:
     memories: tuple[Any, ...] = ()
     time: Scalar = 0.0
     effectiveness: Effectiveness | None = None
+    supply: Scalar | None = None
     drives: tuple[Drive, ...] = ()
     drive_memories: tuple[Any, ...] = ()
 
@@ -67,10 +69,12 @@ def surroundings_of(around: Around) -> Surroundings:
 
 def felt(around: Surroundings, vehicle: Vehicle, state: State) -> WindSample:
     """Force on the base and velocity of the air at its origin: what a log keeps of the surroundings."""
-    motion = PointMotion(vehicle, state)
+    motion = PointMotion(vehicle, state, around.air_velocity)
     force = ZERO3
     for wrench in around.wrenches(motion, state.rotor_speeds):
         if wrench.body == BASE:
             force = force + wrench.force_W
     air = around.air_velocity(state.position)
-    return WindSample(Vec3(*(data(c) for c in force)), ZERO3, Vec3(*(data(c) for c in air)))
+    pairs = zip(around.components, around.memories, strict=True)
+    held = tuple(data(mul(each.mass, memory.held)) for each, memory in pairs if isinstance(each, TimedPayload))
+    return WindSample(Vec3(*(data(c) for c in force)), ZERO3, Vec3(*(data(c) for c in air)), held=held)

@@ -8,7 +8,7 @@ from typing import Any
 from skyarm.records.own_files import all_files
 from skyarm.records.plain import digest, plain
 
-FOR_PEOPLE = ("title", "sources")
+FOR_PEOPLE = ("title", "sources", "notes")
 """Fields that change no flight."""
 
 

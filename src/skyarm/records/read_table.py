@@ -22,7 +22,8 @@ def record_from(kind: type[Record], fields: Fields) -> Record:
     """The record that a table describes.
 
     A number may stand where the field is a ``float`` or ``Scalar``; three numbers where it is a ``Vec3``; a list where
-    it is a tuple; a table where it is a record. Fields with a default may be left out.
+    it is a tuple; a table where it is a record, or whatever its class reads by ``from_table``. Fields with a default
+    may be left out.
 
     Args:
         kind: a dataclass.
@@ -69,6 +70,14 @@ def options_from(function: Callable[..., Any], fields: Fields) -> dict[str, Any]
     return values
 
 
+def _lists_of_numbers(fields: Fields, name: str) -> tuple[tuple[float, ...], ...]:
+    """A list of lists of numbers; how many each has, the record says."""
+    lists, at = fields.take(name), fields.at(name)
+    if not isinstance(lists, (list, tuple)):
+        raise ValueError(f"{at} = {shown(lists)}: must be a list of lists of numbers")
+    return tuple(Fields({str(i): each}, at).numbers(str(i)) for i, each in enumerate(lists))
+
+
 def _type(said: Mapping[str, tuple[Any, Unit]], name: str, fields: Fields) -> Any:
     if name not in said:
         raise ValueError(f"{fields.at(name)}: the annotation of this field names a type that cannot be found")
@@ -77,6 +86,28 @@ def _type(said: Mapping[str, tuple[Any, Unit]], name: str, fields: Fields) -> An
 
 def _has_default(field: dataclasses.Field[Any]) -> bool:
     return field.default is not dataclasses.MISSING or field.default_factory is not dataclasses.MISSING
+
+
+def _whole(fields: Fields, name: str) -> int:
+    number = fields.number(name)
+    if number != int(number):
+        raise ValueError(f"{fields.at(name)} = {shown(number)}: must be a whole number")
+    return int(number)
+
+
+def _several(kind: Any, fields: Fields, name: str) -> tuple[Any, ...]:
+    """A tuple of numbers, of tuples of numbers, or of records."""
+    if kind in (float, Scalar):
+        return fields.numbers(name)
+    if typing.get_origin(kind) is tuple:
+        return _lists_of_numbers(fields, name)
+    at = fields.at(name)
+    if not (isinstance(kind, type) and field_names(kind) is not None):
+        raise ValueError(f"{at}: a field of several {kind} cannot be read from a file")
+    tables = fields.take(name)
+    if not isinstance(tables, list):
+        raise ValueError(f"{at} = {shown(tables)}: must be a list of tables")
+    return tuple(record_from(kind, Fields(each, f"{at}[{i}]")) for i, each in enumerate(tables))
 
 
 def _value(wanted: Any, fields: Fields, name: str) -> Any:
@@ -90,13 +121,12 @@ def _value(wanted: Any, fields: Fields, name: str) -> Any:
     if wanted in (float, Scalar):
         return fields.number(name)
     if wanted is int:
-        number = fields.number(name)
-        if number != int(number):
-            raise ValueError(f"{fields.at(name)} = {shown(number)}: must be a whole number")
-        return int(number)
-    if origin is tuple and options and options[0] in (float, Scalar):
-        return fields.numbers(name)
+        return _whole(fields, name)
+    if origin is tuple and options:
+        return _several(options[0], fields, name)
     value = fields.take(name)
+    if hasattr(wanted, "from_table"):
+        return wanted.from_table(value, fields.at(name))
     if wanted in (str, bool):
         if not isinstance(value, wanted):
             raise ValueError(

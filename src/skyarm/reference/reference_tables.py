@@ -22,7 +22,10 @@ Motions of the base (kind; a list of motions is their sum):
 * ``hover``: position
 * ``circle``: radius, frequency_hz, center; start, stop (outside: the centre)
 * ``signals``: x, y, z, each a signal (default 0)
+* ``waypoints``, ``samples``, ``phases``: tasks (:mod:`skyarm.reference.task_tables`, :mod:`skyarm.reference.phases`)
 * any motion that was registered, with its own numbers
+
+A fourth entry, ``tip``, is a motion of the tip from which base and joints follow (:mod:`skyarm.reference.tip_tables`).
 
 ``yaw`` is a signal (default 0). Without ``joints`` every joint is held at 0. A *signal* is a number (held), a list of
 signals (their sum), or a table with a kind:
@@ -34,6 +37,8 @@ signals (their sum), or a table with a kind:
 * ``sum``: signals
 * ``windowed``: signal; start, stop (zero outside [start, stop))
 * ``shifted``: signal, delay
+* ``spline``: times, values: least snap through them
+* ``samples``: file (CSV), column, time (name of the column of times, "time"); start
 
 Units are SI and radians; ``start`` and ``stop`` make a half-open window. A wrong table raises ValueError with one line:
 field, value, what is allowed.
@@ -41,6 +46,8 @@ field, value, what is allowed.
 
 from __future__ import annotations
 
+import dataclasses
+import inspect
 import math
 from collections.abc import Callable
 from typing import Any
@@ -48,32 +55,45 @@ from typing import Any
 from skyarm.files import Fields, number, shown
 from skyarm.records.read_table import options_from, takes_table
 from skyarm.reference.compose import Shifted, Sum, Windowed, sequence
+from skyarm.reference.setting import Setting
 from skyarm.reference.signals import SHAPES, Constant, Ramp, Signal, Sine
+from skyarm.reference.task_tables import samples_signal, spline_signal
 from skyarm.reference.trajectory import Trajectory, circle, hover
 from skyarm.registry import find
 
+AT_ORIGIN = {"kind": "hover", "position": [0.0, 0.0, 0.0]}
+"""The base's motion where a file gives none."""
 
-def trajectory_from(table: dict[str, Any], n_joints: int, where: str) -> Trajectory:
+
+def trajectory_from(table: dict[str, Any], n_joints: int, where: str, setting: Setting | None = None) -> Trajectory:
     """Trajectory that a table describes; the grammar is this module's.
 
     Args:
         table: plain dict, as read from TOML.
         n_joints: joints of the vehicle.
         where: file and table, put before the field in messages: "case3.toml: reference".
+        setting: what a task needs to know of the flight.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
+    setting = Setting() if setting is None else setting
     fields = Fields(table, where)
-    base = _motion(fields.take("base", {"kind": "hover", "position": [0.0, 0.0, 0.0]}), f"{where}.base")
+    base = motion_from(fields.take("base", AT_ORIGIN), f"{where}.base", setting)
     yaw = signal_from(fields.take("yaw", 0.0), f"{where}.yaw")
     entries = fields.take("joints", [0.0] * n_joints)
+    if fields.take("tip", None) is not None:
+        from skyarm.reference.tip_tables import tip_from
+
+        found = tip_from(table, dataclasses.replace(base, yaw=yaw), where, setting)
+        fields.done()
+        return dataclasses.replace(found, guards=tuple(setting.guards))
     fields.done()
     if not isinstance(entries, list) or len(entries) != n_joints:
         shown = f"{len(entries)} signals" if isinstance(entries, list) else repr(entries)
         raise ValueError(f"{where}.joints = {shown}: must be a list of {n_joints}, one for each joint of the vehicle")
     joints = tuple(signal_from(entry, f"{where}.joints[{index}]") for index, entry in enumerate(entries))
-    return Trajectory(x=base.x, y=base.y, z=base.z, yaw=yaw, joints=joints)
+    return Trajectory(x=base.x, y=base.y, z=base.z, yaw=yaw, joints=joints, guards=tuple(setting.guards))
 
 
 def signal_from(entry: Any, where: str) -> Signal:
@@ -88,16 +108,19 @@ def signal_from(entry: Any, where: str) -> Signal:
     return signal
 
 
-def _motion(entry: Any, where: str) -> Trajectory:
-    """Motion of the base from a table or a list of tables."""
+def motion_from(entry: Any, where: str, setting: Setting) -> Trajectory:
+    """Motion of a point, of the base as a rule, from a table or a list of tables."""
     if isinstance(entry, list):
         total = Trajectory()
         for index, item in enumerate(entry):
-            total = total + _motion(item, f"{where}[{index}]")
+            total = total + motion_from(item, f"{where}[{index}]", setting)
         return total
     fields = Fields(entry, where)
     make = find("motion", fields.take("kind"), fields.at("kind"))
-    motion = make(fields) if takes_table(make) else make(**options_from(make, fields))
+    if "setting" in inspect.signature(make).parameters and make.__module__.startswith("skyarm.reference."):
+        motion = make(fields, setting)
+    else:
+        motion = make(fields) if takes_table(make) else make(**options_from(make, fields))
     fields.done()
     if not isinstance(motion, Trajectory):
         raise ValueError(f"{fields.at('kind')} = {entry['kind']!r}: must give a Trajectory, not {shown(motion)}")
@@ -195,4 +218,6 @@ _SIGNALS: dict[str, Callable[[Fields], Signal]] = {
     "sum": _sum,
     "windowed": _windowed,
     "shifted": _shifted,
+    "spline": spline_signal,
+    "samples": samples_signal,
 }

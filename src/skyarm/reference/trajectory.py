@@ -12,15 +12,21 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.records import coerce
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.leaves import parts
+from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference.compose import Shifted, Sum, Windowed
+from skyarm.reference.setting import Guard
 from skyarm.reference.signals import Constant, Signal, Sine
+from skyarm.reference.tip_motion import TipMotion
 from skyarm.scalars import Scalar
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Reference:
-    """A reference is the desired motion at one instant (or, with arrays as scalars, at many)."""
+    """A reference is the desired motion at one instant (or, with arrays as scalars, at many).
+
+    ``tip`` is empty where the tip has no reference of its own: then it is where a level base on reference carries it.
+    """
 
     position: Annotated[Vec3, Unit("m", "base origin, world axes")] = ZERO3
     velocity: Annotated[Vec3, Unit("m/s", "world axes")] = ZERO3
@@ -35,13 +41,14 @@ class Reference:
     joint_accelerations: Annotated[tuple[Scalar, ...], Unit("rad/s^2 or m/s^2")] = ()
     joint_jerks: Annotated[tuple[Scalar, ...], Unit("rad/s^3 or m/s^3")] = ()
     joint_snaps: Annotated[tuple[Scalar, ...], Unit("rad/s^4 or m/s^4")] = ()
+    tip: Annotated[tuple[Scalar, ...], Unit("m", "the tip, world axes")] = ()
 
     def __post_init__(self) -> None:
         # made in every period: what holds vectors and tuples already is not looked at
         vectors = type(self.position) is type(self.velocity) is type(self.acceleration) is Vec3
         vectors = vectors and type(self.jerk) is type(self.snap) is Vec3
         tuples = type(self.joints) is type(self.joint_rates) is type(self.joint_accelerations) is tuple
-        tuples = tuples and type(self.joint_jerks) is type(self.joint_snaps) is tuple
+        tuples = tuples and type(self.joint_jerks) is type(self.joint_snaps) is type(self.tip) is tuple
         numbers = {type(self.yaw), type(self.yaw_rate), type(self.yaw_acceleration)} <= PLAIN_NUMBERS
         if not (vectors and tuples and numbers):
             accept_fields(self, "reference")
@@ -72,13 +79,19 @@ ZERO = Constant(0.0)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Trajectory:
-    """A trajectory holds the signals of the base position, the heading and the joints."""
+    """A trajectory holds the signals of the base position, the heading and the joints.
+
+    With a ``tip`` in the world the base is where it carries that tip (:mod:`skyarm.reference.tip_motion`), moved by the
+    signals ``x``, ``y``, ``z``. With ``guards`` it waits for the flight (:mod:`skyarm.simulate.pinned`).
+    """
 
     x: Annotated[Signal, Unit("m", "base origin, world axes")] = ZERO
     y: Annotated[Signal, Unit("m")] = ZERO
     z: Annotated[Signal, Unit("m")] = ZERO
     yaw: Annotated[Signal, Unit("rad", "heading about world z")] = ZERO
     joints: Annotated[tuple[Signal, ...], Unit("rad or m")] = ()
+    tip: TipMotion | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
+    guards: tuple[Guard, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         accept_fields(self, "trajectory")
@@ -86,8 +99,15 @@ class Trajectory:
     def at(self, t: Any) -> Reference:
         """Sample at time t (s); right-hand limits at switch times."""
         p, v, a, j, s = (Vec3(*c) for c in zip(*(k.derivatives(t) for k in (self.x, self.y, self.z)), strict=True))
-        yaw, yaw_rate, yaw_acceleration, _, _ = self.yaw.derivatives(t)
+        heading = self.yaw.derivatives(t)
+        yaw, yaw_rate, yaw_acceleration, _, _ = heading
         q = tuple(zip(*(k.derivatives(t) for k in self.joints), strict=True)) or ((),) * 5
+        tip: tuple[Any, ...] = ()
+        if self.tip is not None:
+            if not self.tip.relative:
+                carried = self.tip.base(t, heading, q)
+                p, v, a, j, s = (own + more for own, more in zip(carried, (p, v, a, j, s), strict=True))
+            tip = tuple(self.tip.in_world(t, (p, v, a, j, s), heading)[0])
         return Reference(
             position=p,
             velocity=v,
@@ -102,11 +122,13 @@ class Trajectory:
             joint_accelerations=q[2],
             joint_jerks=q[3],
             joint_snaps=q[4],
+            tip=tip,
         )
 
     def switch_times(self) -> tuple[float, ...]:
         """List the times (s), in order, at which a signal or one of its derivatives may jump."""
-        return Sum((self.x, self.y, self.z, self.yaw, *self.joints)).switch_times()
+        tip = () if self.tip is None else (self.tip.x, self.tip.y, self.tip.z)
+        return Sum((self.x, self.y, self.z, self.yaw, *self.joints, *tip)).switch_times()
 
     def with_joints(self, *joints: Signal | float) -> Trajectory:
         """Return the same base motion with these joint signals (a number is held)."""
@@ -115,7 +137,11 @@ class Trajectory:
     def shifted(self, delay: Any) -> Trajectory:
         """Return the same motion ``delay`` seconds later."""
         x, y, z, yaw, *joints = (Shifted(k, delay) for k in (self.x, self.y, self.z, self.yaw, *self.joints))
-        return Trajectory(x=x, y=y, z=z, yaw=yaw, joints=tuple(joints))
+        tip = self.tip
+        if tip is not None:
+            a, b, c = (Shifted(k, delay) for k in (tip.x, tip.y, tip.z))
+            tip = dataclasses.replace(tip, x=a, y=b, z=c)
+        return Trajectory(x=x, y=y, z=z, yaw=yaw, joints=tuple(joints), tip=tip)
 
     def __add__(self, other: Trajectory) -> Trajectory:
         """Both motions at once; one without joints leaves the other's as they are."""
@@ -125,9 +151,10 @@ class Trajectory:
             joints = tuple(a + b for a, b in zip(self.joints, other.joints, strict=True))
         else:
             joints = self.joints or other.joints
-        return Trajectory(
-            x=self.x + other.x, y=self.y + other.y, z=self.z + other.z, yaw=self.yaw + other.yaw, joints=joints
-        )
+        if self.tip is not None and other.tip is not None:
+            raise ValueError("two trajectories that each have a tip do not add")
+        x, y, z, yaw = self.x + other.x, self.y + other.y, self.z + other.z, self.yaw + other.yaw
+        return Trajectory(x=x, y=y, z=z, yaw=yaw, joints=joints, tip=self.tip or other.tip)
 
 
 def signals(values: Sequence[Signal | Any]) -> tuple[Signal, ...]:

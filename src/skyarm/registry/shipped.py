@@ -5,15 +5,42 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 _WIND = "skyarm.environment.wind"
+_DISTURBANCE = "skyarm.environment.disturbance"
+_AERODYNAMIC = "skyarm.environment.aerodynamic_forces"
 _MOTION = "skyarm.reference.reference_tables"
+_SENSORS = "skyarm.sensors.sensor_kinds"
+_TASKS = "skyarm.reference.task_tables"
 _LAWS = "skyarm.control.catalogue.law_entries"
 
 SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
-    "air": {"moving_air": (f"{_WIND}:MovingAir", "moving air with gusts and Dryden turbulence")},
-    "force": {"force_wind": (f"{_WIND}:ForceWind", "a force on the base and an air speed, as RotorS types them")},
-    "sensor": {"full_state": ("skyarm.sensors.noise:SensorNoise", "the full state with white noise")},
-    "estimator": {"pass_through": ("skyarm.estimate.estimator:PassThrough", "the full state as it was read")},
-    "drive": {"torque": ("skyarm.actuation.drive:TorqueDrive", "the setpoint is the torque")},
+    "air": {
+        "moving_air": (f"{_WIND}:MovingAir", "moving air with gusts and Dryden turbulence"),
+        "air_signals": (f"{_DISTURBANCE}:AirSignals", "velocity of the air as signals of time, and noise"),
+    },
+    "force": {
+        "force_wind": (f"{_WIND}:ForceWind", "a force on the base and an air speed, as RotorS types them"),
+        "disturbance": (f"{_DISTURBANCE}:Disturbance", "force and torque at a frame as signals of time, and noise"),
+        "ground_effect": (f"{_AERODYNAMIC}:GroundEffect", "thrust that grows near the ground"),
+        "link_drag": (f"{_AERODYNAMIC}:LinkDrag", "drag of the arm's links in moving air"),
+        "rotor_drag": (f"{_AERODYNAMIC}:RotorDrag", "thrust lost by climbing, and translational lift"),
+    },
+    "sensor": {
+        "full_state": ("skyarm.sensors.noise:SensorNoise", "the full state with white noise"),
+        "imu": (f"{_SENSORS}:Imu", "angular rate and specific force"),
+        "pose": (f"{_SENSORS}:Pose", "position and attitude, as of motion capture"),
+        "position": (f"{_SENSORS}:Position", "position, as of satellite navigation"),
+        "heading": (f"{_SENSORS}:Heading", "yaw, as of a compass"),
+        "encoders": (f"{_SENSORS}:Encoders", "positions and rates of the joints"),
+    },
+    "estimator": {
+        "pass_through": ("skyarm.estimate.estimator:PassThrough", "the full state as it was read"),
+        "ekf": ("skyarm.estimate.error_state_filter:ErrorStateFilter", "error-state Kalman filter on an inertial unit"),
+    },
+    "drive": {
+        "torque": ("skyarm.actuation.drive:TorqueDrive", "the setpoint is the torque"),
+        "position_servo": ("skyarm.actuation.servo:PositionServo", "a servo whose setpoint is the joint's position"),
+        "velocity_servo": ("skyarm.actuation.servo:VelocityServo", "a servo whose setpoint is the joint's rate"),
+    },
     "law": {
         "rotors_sim_position": (f"{_LAWS}:rotors_sim_position", ""),
         "decoupled_pd": (f"{_LAWS}:decoupled_pd", ""),
@@ -41,6 +68,9 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "hover": (f"{_MOTION}:hover_table", "stay at a place"),
         "circle": (f"{_MOTION}:circle_table", "a circle in the horizontal plane"),
         "signals": (f"{_MOTION}:signals_table", "a signal for each axis"),
+        "waypoints": (f"{_TASKS}:waypoints_table", "least snap through points, as fast as the limits let"),
+        "samples": (f"{_TASKS}:samples_table", "smooth through the rows of a CSV file"),
+        "phases": ("skyarm.reference.phases:phases_table", "a task: hold, go to, pick, place"),
     },
     "log_format": {
         "npz": ("skyarm.log.formats:NPZ", "arrays and all that was flown; read back by skyarm"),

@@ -5,8 +5,10 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
+from skyarm.control.actuator_layer import ActuatorParameters, has_tables, inner_parameters, plain_model, with_actuators
 from skyarm.control.catalogue import make_named
 from skyarm.control.controller import Controller
+from skyarm.control.model import Model
 from skyarm.control.safety.memory import SafetyParameters
 from skyarm.records.leaves import parts
 from skyarm.scenario.changes import without_law
@@ -27,14 +29,29 @@ def loop_facts(rates: Rates, delays: Delays) -> dict[str, float]:
 
 
 def controller_by_name(scenario: Scenario, name: str) -> Controller:
-    """A preset, a law or LAW_tuned for the scenario's belief and clocks, under the safety layer of the law before it.
+    """A preset, a law or LAW_tuned for the scenario's belief and clocks, under the layers of the law before it.
+
+    The safety layer stays, and so does that of the actuators: a law of torques takes the place of a law of torques.
 
     Raises:
         ControllerError: unknown name, or a controller that does not fit the model.
         AllocationError: the model's rotors do not span torque and thrust.
     """
     before = scenario.controller.par
-    made = make_named(name, before.model, loop_facts(scenario.rates, scenario.delays))
+    made = make_named(name, plain_model(before.model), loop_facts(scenario.rates, scenario.delays))
+    if not isinstance(before, ActuatorParameters):
+        return _with_safety_of(before, made, scenario)
+    inner, servos = inner_parameters(before), bool(scenario.controller.memory.drives)
+    return on_actuators(_with_safety_of(inner, made, scenario), before.model, 1.0 / scenario.rates.control, servos)
+
+
+def on_actuators(made: Controller, model: Model, control_period: float, servos: bool) -> Controller:
+    """The controller on the servos and thrust tables of the belief; as it is where the belief has none."""
+    return with_actuators(made, model, control_period, servos=servos) if servos or has_tables(model) else made
+
+
+def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Controller:
+    """The controller with the safety layer whose constants are these; as it is if they are a law's."""
     if not isinstance(before, SafetyParameters):
         return made
     from skyarm.control.safety import with_safety_layer

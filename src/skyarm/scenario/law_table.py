@@ -34,7 +34,7 @@ PYTHON_ONLY = ("network",)
 def law_words(law: str) -> tuple[str, ...]:
     """Words that a table may have beside a law: its options as a file calls them, and those of any law."""
     options = (WORDS.get(option, option) for option in LAWS[law].options() if option not in PYTHON_ONLY)
-    return (*options, *(("tuned",) if law in tuned_factors() else ()), "safety")
+    return (*options, *(("tuned",) if law in tuned_factors() else ()), "safety", "servos")
 
 
 def law_from(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:

@@ -11,10 +11,11 @@ from typing import Any
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics import State
-from skyarm.environment import Air, Force, ForceWind, Gust, MovingAir
+from skyarm.environment import Air, AirSignals, Force, ForceWind, Gust, MovingAir
 from skyarm.plant.interface import Truth
 from skyarm.records.leaves import Place, field_names, parts
 from skyarm.reference import Constant, Shifted, Signal, Sine, Sum, Trajectory, Windowed
+from skyarm.reference.tip_motion import TipMotion
 from skyarm.registry.registrations import name_of
 from skyarm.scenario.endings import Ending
 from skyarm.vehicle.vehicle_records import JOINT_NUMBERS, Vehicle
@@ -25,6 +26,7 @@ Tree = Mapping[str, Any]
 WORDS: Mapping[type, Mapping[str, str]] = {
     ForceWind: {"force": "force_W", "point": "point_B", "air_velocity": "air_velocity_W"},
     MovingAir: {"velocity": "velocity_W"},
+    AirSignals: {"velocity": "velocity_W"},
     Gust: {"force": "peak", "velocity": "peak"},
     State: {"quaternion_wxyz": "quaternion"},
 }
@@ -57,6 +59,10 @@ def names(record: Any) -> dict[str, tuple[Place, ...] | Tree]:
         found["joints"] = _every_joint(record.vehicle)
     if isinstance(record, Trajectory):
         found["base"] = _motions(record)
+        if record.tip is None:
+            del found["tip"]
+    if isinstance(record, TipMotion):
+        found["path"] = _motions(record)
     return found
 
 
@@ -99,8 +105,8 @@ def _under(head: Place, at: tuple[Place, ...] | Tree) -> tuple[Place, ...] | Tre
     return {name: _under(head, inner) for name, inner in at.items()}
 
 
-def _motions(motion: Trajectory) -> Tree:
-    """[reference.base] as the file has it: hover, circle, signals, or a list of them."""
+def _motions(motion: Trajectory | TipMotion) -> Tree:
+    """[reference.base] and the tip's path as the file has it: hover, circle, signals, or a list of them."""
     axes = (motion.x, motion.y, motion.z)
     if all(_is_list(axis) for axis in axes):
         each = zip(*(_items(axis) for axis in axes), strict=False)

@@ -26,6 +26,7 @@ ROOTS: Mapping[str, Place] = {
     "initial": ("initial",),
     "reference": ("trajectory",),
     "changes": ("changes",),
+    "payloads": ("payloads",),
 }
 
 STRUCTURE = ("duration", "rates", "delays", "seed", "episode", "environment.ground", "plant.integrator", "plant.kind")
@@ -66,6 +67,9 @@ def roots(scenario: Scenario) -> dict[str, Place]:
     named: dict[str, Place] = {
         f"sensors.{each.name}": ("instruments", str(i), "sensor") for i, each in enumerate(scenario.instruments)
     }
+    carried = ("world", "vehicle", "drives")
+    mounted = enumerate(scenario.world.vehicle.drives)
+    named |= {f"plant.drives.{each.name}": (*carried, str(i), "drive") for i, each in mounted}
     named |= {f"plant.drives.{each.joint}": ("drives", str(i), "drive") for i, each in enumerate(scenario.drives)}
     return {**named, **ROOTS}
 

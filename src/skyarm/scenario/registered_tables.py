@@ -64,8 +64,9 @@ def instruments(sensors: dict[str, Any]) -> tuple[NamedSensor, ...]:
 
 
 def estimator(top: Fields) -> Estimator:
-    """[estimator]; without it the law is told the full state as it was read."""
+    """[estimator], or its kind alone; without it the law is told the full state as it was read."""
     table = top.take("estimator", None)
+    table = {"kind": table} if isinstance(table, str) else table
     found: Estimator = PASS_THROUGH if table is None else registered("estimator", Estimator, table, "estimator")
     return found
 

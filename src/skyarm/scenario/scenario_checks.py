@@ -94,10 +94,12 @@ def check_additions(scenario: Scenario) -> None:
             raise ValueError(f"{where}.frequency = {rate:g}: must divide rates.control = {rates.control} Hz")
         delay = number(each.sensor.latency, f"{where}.latency", low=0.0)
         require_whole(f"{where}.latency", delay, rates.control, "control periods")
+    sensors = {each.name: each.sensor for each in scenario.instruments}
+    scenario.estimator.require_sensors(sensors, rates.control, scenario.controller.par.model.vehicle)
     joints = [link.joint.name for link in scenario.world.vehicle.links]
     driven = [each.joint for each in scenario.drives]
     added = [(f"environment.{at}[{i}]", c) for at in ("air", "forces") for i, c in enumerate(getattr(scenario, at))]
-    added += [(f"plant.drives.{each.joint}", each.drive) for each in scenario.drives]
+    added += [(f"plant.drives.{each.joint}", each.drive) for each in scenario.joint_drives]
     check_largest_step(added, 1.0 / rates.control)
     for joint in driven:
         if joint not in joints or driven.count(joint) > 1:
@@ -152,6 +154,11 @@ def check_vehicles(scenario: Scenario) -> None:
             fault.check(truth)
         except ValueError as error:
             raise ValueError(f"environment.faults[{i}].{error}") from None
+    for i, payload in enumerate(scenario.payloads):
+        try:
+            truth.frame(payload.frame or None)
+        except ValueError as error:
+            raise ValueError(f"payloads[{i}].frame = {payload.frame!r}: {error}") from None
     check_law(scenario.controller.par, belief.n, len(belief.rotors))
     found = len(scenario.trajectory.joints)
     if found != truth.n:

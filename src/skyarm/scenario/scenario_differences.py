@@ -10,7 +10,7 @@ from skyarm.scenario.places import ROOTS
 ABSENT = "(none)"
 """Stands for what only one of two scenarios has."""
 
-FOR_PEOPLE = ("title", "sources", "type")
+FOR_PEOPLE = ("title", "sources", "notes", "type")
 """Words that say nothing of a flight, or what a table is of."""
 
 Words = tuple[str, ...]

@@ -15,7 +15,8 @@ A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
                   safety = true, or a table of limits (skyarm.control.safety.limits)
     [reference]   see skyarm.reference.reference_tables; joined (s): the law rests at the reference of t = 0 until then
     [environment] wind (see skyarm.environment.environment_tables), ground (true),
-                  faults = [{ rotor or joint = name, effectiveness, start }]
+                  faults = [{ rotor or joint = name, effectiveness (a number or a signal), start }],
+                  or { joint = name, stuck = true, start }
                   [[environment.air]], [[environment.forces]] kind = NAME and its numbers, added to the wind
     [sensors]     one sigma: position, velocity, attitude, rate, specific_force, joints, joint_rates, rotor_speeds
     [sensors.X]   kind = NAME and its numbers: a sensor beside the full state, X to the estimator
@@ -27,6 +28,7 @@ A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
     [initial]     position, quaternion_wxyz, velocity, rate, joints, joint_rates, rotor_speeds; left out: hover trim
     [windows]     when its metrics look: steady, transient, gust, hover = [start, stop), s; holds = [...]; last = s
     [[changes]]   at (s), path, value: what is other from then on (:mod:`skyarm.scenario.in_flight`)
+    [[payloads]]  mass, frame, pick, drop: loads picked up and set down in flight (skyarm.scenario.payload_tables)
     seed, episode
 
 A vehicle is a name of the library or a path beside the file. Without [model] the controller believes the plant's
@@ -55,6 +57,8 @@ from skyarm.scenario import scenario_tables as tables
 from skyarm.scenario.change_checks import require_changes
 from skyarm.scenario.changes import Change, changes_from, require_within, without_law
 from skyarm.scenario.law_by_name import loop_facts
+from skyarm.scenario.payload_tables import belief_changes, payloads_from
+from skyarm.scenario.reference_setting import in_folder, setting_of
 from skyarm.scenario.scenario_of_log import scenario_of_log
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
@@ -161,6 +165,10 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
     controller = Fields(top.take("controller"), "controller")
     rates, delays = tables.rates(top), tables.delays(top)
     motion, joined = tables.joined(top.take("reference", {}))
+    payloads, told = payloads_from(top.take("payloads", []))
+    longest = max(chosen["duration"], number(in_file["duration"], "duration"))
+    setting = setting_of(world, longest)
+    trajectory = trajectory_from(in_folder(motion, folder), world.vehicle.n, "reference", setting)
     scenario = Scenario(
         name=top.take("name"),
         title=tables.text(top, "title", ""),
@@ -170,7 +178,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         controller=tables.controller(
             controller, _model(top, plant, world, folder), replaced.get("controller"), loop_facts(rates, delays)
         ),
-        trajectory=trajectory_from(motion, world.vehicle.n, "reference"),
+        trajectory=trajectory,
         joined=joined,
         wind=wind_from(environment.take("wind"), "environment.wind") if "wind" in environment.table else NO_WIND,
         faults=faults_from(environment.take("faults", []), "environment.faults"),
@@ -185,7 +193,8 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         episode=top.take("episode", 0),
         ground=tables.truth_value(environment, "ground", True),
         windows=windows_from(Fields(top.take("windows", {}), "windows")),
-        changes=_changes(top, replaced),
+        payloads=payloads,
+        changes=(*_changes(top, replaced), *belief_changes(payloads, told)),
         **chosen,
     )
     for fields in (plant, environment):

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.actuation import AllocationError
+from skyarm.control.actuator_layer import ActuatorParameters
 from skyarm.control.catalogue import make_named
 from skyarm.control.model import Model
 from skyarm.control.safety.memory import SafetyParameters
@@ -36,7 +37,7 @@ def scenario_of_log(path: str | os.PathLike[str], replaced: Mapping[str, Any] | 
         if reason:
             raise ValueError(reason)
         law, log = changes.pop("controller", None), load_log(path)
-        if law is not None and not _is_guarded(log):
+        if law is not None and not _has_layers(log):
             unguarded: Scenario = log.scenario_with(changes, partial(_named_law, law))
             return unguarded
         scenario: Scenario = log.scenario_with(changes)
@@ -45,12 +46,12 @@ def scenario_of_log(path: str | os.PathLike[str], replaced: Mapping[str, Any] | 
         raise ScenarioError(f"{os.fspath(path)}: {error}") from None
 
 
-def _is_guarded(log: Any) -> bool:
-    """Whether a log's law flew under the safety layer, which the law that replaces it keeps."""
+def _has_layers(log: Any) -> bool:
+    """Whether a log's law flew under the safety layer or on servos, which the law that replaces it keeps."""
     held: Any = log.info.get("scenario_record")
     for name in ("controller", "par", "type"):
         held = held.get(name) if isinstance(held, dict) else None
-    return bool(held == dotted(SafetyParameters))
+    return held in (dotted(SafetyParameters), dotted(ActuatorParameters))
 
 
 def _named_law(name: str, model: Model, fields: Mapping[str, Any]) -> dict[str, Any]:

@@ -12,7 +12,8 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model
 from skyarm.dynamics import State
-from skyarm.environment import NO_WIND, Component, Fault, Wind
+from skyarm.environment import NO_WIND, Component, Fault, TimedPayload, Wind
+from skyarm.environment.battery_drain import BatteryDrain
 from skyarm.estimate.estimator import FULL_STATE, PASS_THROUGH, Estimator
 from skyarm.files import must_be_one_of, number, shown
 from skyarm.files.result_name import ALLOWED, is_result_name
@@ -87,6 +88,7 @@ class Scenario:
         windows: when its metrics look; those that end after a shortened flight are general in it.
         changes: what is other from an instant of the flight on (:mod:`skyarm.scenario.in_flight`); those that would
             come after the end of a shortened flight do not.
+        payloads: loads that are picked up and set down in flight; the law knows of them as far as it is told.
     """
 
     name: str
@@ -115,6 +117,7 @@ class Scenario:
     ground: bool = True
     windows: Windows = Windows()
     changes: tuple[Change, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
+    payloads: tuple[TimedPayload, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         try:
@@ -135,8 +138,14 @@ class Scenario:
 
     @property
     def components(self) -> tuple[Component, ...]:
-        """The wind, then the air and the forces that are added to it."""
-        return (self.wind, *self.air, *self.forces)
+        """The wind, the air and the forces that are added to it, payloads with a time, then the load on the battery."""
+        return (self.wind, *self.air, *self.forces, *self.payloads, *self.power)
+
+    @property
+    def power(self) -> tuple[BatteryDrain, ...]:
+        """The load on the true vehicle's battery, if it has one."""
+        vehicle = self.world.vehicle
+        return () if vehicle.battery is None else (BatteryDrain(battery=vehicle.battery, rotors=vehicle.rotors),)
 
     @property
     def all_sensors(self) -> tuple[tuple[str, Sensor], ...]:
@@ -144,11 +153,18 @@ class Scenario:
         return ((FULL_STATE, self.sensors), *((each.name, each.sensor) for each in self.instruments))
 
     @property
+    def joint_drives(self) -> tuple[JointDrive, ...]:
+        """Drives of joints by name: the scenario's, and those that its vehicle carries where it says nothing else."""
+        named = [each.joint for each in self.drives]
+        carried = (each for each in self.world.vehicle.drives if each.name not in named)
+        return (*self.drives, *(JointDrive(joint=each.name, drive=each.drive) for each in carried))
+
+    @property
     def all_drives(self) -> tuple[Drive, ...]:
         """A drive for each joint; empty where every joint takes its torque."""
-        if not self.drives:
+        given = {each.joint: each.drive for each in self.joint_drives}
+        if not given:
             return ()
-        given = {each.joint: each.drive for each in self.drives}
         return tuple(given.get(link.joint.name, TORQUE_DRIVE) for link in self.world.vehicle.links)
 
 

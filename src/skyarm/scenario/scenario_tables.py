@@ -10,6 +10,7 @@ from typing import Any
 
 from skyarm.actuation import AllocationError
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.control.actuator_layer import plain_model
 from skyarm.control.catalogue import LAWS, PRESETS, make_named, preset
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.model import Model
@@ -17,10 +18,12 @@ from skyarm.dynamics import State
 from skyarm.environment import payload_from
 from skyarm.files import Fields, number, shown
 from skyarm.records.leaves import field_names
+from skyarm.scenario.law_by_name import on_actuators
 from skyarm.scenario.law_table import law_from
 from skyarm.scenario.scenario_checks import check_quaternion
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario, trimmed_state
 from skyarm.sensors.noise import SensorNoise
+from skyarm.vehicle.mounted_drives import mounted_drives
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 from skyarm.vehicle.vehicle_records import JOINT_NUMBERS, Vehicle
 
@@ -55,6 +58,8 @@ def vehicle(fields: Fields, folder: Path) -> Vehicle:
 def truth(plant: Fields, folder: Path) -> Vehicle:
     """The table's vehicle with its payload and what it says of joints: the truth, or what is believed of it."""
     found = with_payload(vehicle(plant, folder), plant)
+    if plant.where == "model":
+        found = believed_drives(found, plant)
     rows = _joint_overrides(plant, found.n)
     if not any(rows):
         return found
@@ -63,6 +68,16 @@ def truth(plant: Fields, folder: Path) -> Vehicle:
         for link, row in zip(found.links, rows, strict=True)
     )
     return dataclasses.replace(found, links=links)
+
+
+def believed_drives(found: Vehicle, model: Fields) -> Vehicle:
+    """The vehicle with the drives of [model.drives.JOINT] in place of those that it carries."""
+    tables = model.take("drives", None)
+    if tables is None:
+        return found
+    if not isinstance(tables, dict):
+        raise ValueError(f"{model.at('drives')} = {shown(tables)}: must be a table of tables by name")
+    return dataclasses.replace(found, drives=mounted_drives(tables, model.at("drives")))
 
 
 def with_payload(carrier: Vehicle, fields: Fields) -> Vehicle:
@@ -114,20 +129,26 @@ def rates(top: Fields) -> Rates:
 
 
 def controller(fields: Fields, model: Model, replaced: str | None, known: Mapping[str, Any]) -> Controller:
-    """A preset or a law with its constants, with the safety layer if asked.
+    """A preset or a law with its constants, with the safety layer if asked; on the servos that the belief has.
 
     ``replaced`` is a name of :mod:`skyarm.control.catalogue` in place of the table's law.
 
     ``known`` is what a law may know of its loop (:func:`skyarm.control.catalogue.preset`).
     """
-    safety = fields.take("safety", False)
+    safety, servos = fields.take("safety", False), truth_value(fields, "servos", bool(model.vehicle.drives))
+    plain = plain_model(model)
     try:
         if replaced is not None:
-            return _with_safety(make_named(replaced, model, known), safety)
-        found = _preset(fields, model, known) if "law" not in fields.table else law_from(fields, model, known)
+            found = make_named(replaced, plain, known)
+        else:
+            found = _preset(fields, plain, known) if "law" not in fields.table else law_from(fields, plain, known)
     except AllocationError as error:
         raise ValueError(f"model.vehicle = {model.vehicle.name!r}: {error}") from None
-    return _with_safety(found, safety)
+    found = _with_safety(found, safety)
+    try:
+        return on_actuators(found, model, known["control_period"], servos)
+    except ControllerError as error:
+        raise ValueError(f"controller.{error}") from None
 
 
 def _preset(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
@@ -138,10 +159,10 @@ def _preset(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controlle
     if isinstance(name, str) and name not in PRESETS and name in LAWS:
         raise ValueError(f"{fields.at('preset')} = {name!r}: is no preset but a law: law = {name!r}")
     for word, value in fields.table.items():
-        if word not in ("preset", "safety"):
+        if word not in ("preset", "safety", "servos"):
             raise ValueError(
-                f"{fields.at(word)} = {shown(value)}: unknown field; beside a preset only safety is allowed, a law in "
-                f"its place takes options"
+                f"{fields.at(word)} = {shown(value)}: unknown field; beside a preset only safety and servos are "
+                f"allowed, a law in its place takes options"
             )
     return preset(name, model, known)
 

@@ -6,6 +6,9 @@ import math
 from collections.abc import Iterator
 
 from skyarm.environment import ForceWind, MovingAir
+from skyarm.environment.wind import all_gusts
+from skyarm.reference.feasibility import feasibility
+from skyarm.scenario.reference_setting import setting_of
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.unlikely_vehicle import EARTH, FARTHEST, TURN, unlikely_in_vehicle
 
@@ -54,6 +57,7 @@ def unlikely_numbers(scenario: Scenario) -> tuple[str, ...]:
         *_surroundings(scenario),
         *_sensing(scenario),
         *_reference(scenario),
+        *_plan(scenario),
         *_start(scenario),
     )
 
@@ -74,7 +78,7 @@ def _belief(scenario: Scenario) -> Iterator[str]:
 def _surroundings(scenario: Scenario) -> Iterator[str]:
     wind = scenario.wind
     if isinstance(wind, MovingAir):
-        speeds = [("velocity", wind.velocity_W), *([("gust.velocity", wind.gust.peak)] if wind.gust else [])]
+        speeds = [("velocity", wind.velocity_W), *(("gust.velocity", gust.peak) for gust in all_gusts(wind))]
     else:
         speeds = [("air_velocity", wind.air_velocity_W)]
     for name, velocity in speeds:
@@ -83,7 +87,7 @@ def _surroundings(scenario: Scenario) -> Iterator[str]:
             yield f"environment.wind.{name} of {speed:g} m/s: is a hurricane; m/s, not km/h?"
     if isinstance(wind, ForceWind):
         weight = float(scenario.world.vehicle.mass) * EARTH
-        forces = [("force", wind.force_W), *([("gust.force", wind.gust.peak)] if wind.gust else [])]
+        forces = [("force", wind.force_W), *(("gust.force", gust.peak) for gust in all_gusts(wind))]
         for name, force in forces:
             if _norm(force) > MOST_WIND * weight:
                 times = _norm(force) / weight
@@ -101,7 +105,7 @@ def _without_drag(scenario: Scenario) -> Iterator[str]:
     if _norm(vehicle.drag.area) * float(vehicle.drag.air_density):
         return
     moving = [f"environment.air[{i}]" for i in range(len(scenario.air))]
-    if isinstance(wind, MovingAir) and (_norm(wind.velocity_W) or wind.gust is not None or wind.turbulence is not None):
+    if isinstance(wind, MovingAir) and (_norm(wind.velocity_W) or all_gusts(wind) or wind.turbulence is not None):
         moving.insert(0, "environment.wind")
     if moving:
         yield (
@@ -132,6 +136,12 @@ def _reference(scenario: Scenario) -> Iterator[str]:
     for i, link in enumerate(links):
         most = max((float(look.joints[i]) for look in looks), key=abs)
         yield from _joint(f"reference.joints[{i}]", most, link.joint.kind, "reaches")
+
+
+def _plan(scenario: Scenario) -> Iterator[str]:
+    """What the plan of a tip's reference lacks."""
+    found = feasibility(scenario.trajectory, setting_of(scenario.world, scenario.duration))
+    yield from found.warnings() if found is not None else ()
 
 
 def _start(scenario: Scenario) -> Iterator[str]:

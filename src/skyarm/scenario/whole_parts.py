@@ -15,6 +15,7 @@ from skyarm.registry.plugins import is_law_of_file
 from skyarm.scenario import registered_tables as added
 from skyarm.scenario import scenario_tables as tables
 from skyarm.scenario.law_by_name import controller_by_name, loop_facts
+from skyarm.scenario.reference_setting import setting_of
 from skyarm.scenario.scenario_record import Scenario
 
 
@@ -61,7 +62,8 @@ def _controller(scenario: Scenario, table: Any) -> dict[str, Any]:
 
 def _reference(scenario: Scenario, table: Any) -> dict[str, Any]:
     motion, joined = tables.joined(table)
-    return {"trajectory": trajectory_from(motion, scenario.world.vehicle.n, "reference"), "joined": joined}
+    setting = setting_of(scenario.world, scenario.duration)
+    return {"trajectory": trajectory_from(motion, scenario.world.vehicle.n, "reference", setting), "joined": joined}
 
 
 def _of_reference(field: str) -> Callable[[Scenario, Any], dict[str, Any]]:
@@ -69,7 +71,11 @@ def _of_reference(field: str) -> Callable[[Scenario, Any], dict[str, Any]]:
     held = {"base": ("x", "y", "z"), "yaw": ("yaw",), "joints": ("joints",)}[field]
 
     def read(scenario: Scenario, value: Any) -> dict[str, Any]:
-        found: Trajectory = trajectory_from({field: value}, scenario.world.vehicle.n, "reference")
+        if scenario.trajectory.tip is not None:
+            allowed = "must stay as it is where the reference has a tip; replace reference as a whole"
+            raise ValueError(f"reference.{field} = {shown(value)}: {allowed}")
+        setting = setting_of(scenario.world, scenario.duration)
+        found: Trajectory = trajectory_from({field: value}, scenario.world.vehicle.n, "reference", setting)
         fields = {name: getattr(found, name) for name in held}
         return {"trajectory": dataclasses.replace(scenario.trajectory, **fields)}
 

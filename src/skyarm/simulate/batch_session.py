@@ -145,6 +145,12 @@ class BatchSession:
         """How many episodes fly side by side."""
         return int(self._carry.shape[1])
 
+    @property
+    def now(self) -> LoopState:
+        """What the next period begins with: every number of it a (lanes,) view that the next step writes anew."""
+        now: LoopState = rebuild(self._first, iter(list(self._carry)))
+        return now
+
     def _varied(self, numbers: Sequence[Any]) -> Scenario:
         return with_numbers(self.scenario, dict(zip(self.paths, numbers, strict=True)))
 

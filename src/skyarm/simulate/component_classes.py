@@ -41,7 +41,7 @@ def own_records(scenario: Scenario) -> Iterator[tuple[str, Any]]:
     places: list[tuple[str, Any]] = [("environment.wind", scenario.wind)]
     places += [(f"environment.air[{i}]", each) for i, each in enumerate(scenario.air)]
     places += [(f"environment.forces[{i}]", each) for i, each in enumerate(scenario.forces)]
-    places += [(f"plant.drives.{each.joint}", each.drive) for each in scenario.drives]
+    places += [(f"plant.drives.{each.joint}", each.drive) for each in scenario.joint_drives]
     places += [(f"sensors.{named.name}", named.sensor) for named in scenario.instruments]
     places += [("estimator", scenario.estimator)]
     places += [(f"endings[{i}]", each) for i, each in enumerate(scenario.endings)]

@@ -96,7 +96,7 @@ def _trials(scenario: Scenario, period: float) -> Iterator[Trial]:
     vehicle = scenario.world.vehicle
     yield from _components(scenario, period)
     joints = [link.joint.name for link in vehicle.links]
-    for each in scenario.drives:
+    for each in scenario.joint_drives:
         if own_code(type(each.drive)):
             yield _drive(each.drive, joints.index(each.joint), scenario, period)
     for named in scenario.instruments:
@@ -114,6 +114,8 @@ def _components(scenario: Scenario, period: float) -> Iterator[Trial]:
     vehicle, plan = scenario.world.vehicle, draw_plan(scenario).components
     places = ["environment.wind", *(f"environment.air[{i}]" for i in range(len(scenario.air)))]
     places += [f"environment.forces[{i}]" for i in range(len(scenario.forces))]
+    places += [f"payloads[{i}]" for i in range(len(scenario.payloads))]
+    places += ["plant.vehicle.battery"] * len(scenario.power)
     starts = start_draws(scenario, scenario.seed, scenario.episode)
     for place, component, (_, count), row in zip(places, scenario.components, plan, starts, strict=True):
         if not own_code(type(component)):
@@ -149,7 +151,8 @@ def _drive(drive: Any, index: int, scenario: Scenario, period: float) -> Trial:
         return following, (effort,)
 
     place = f"plant.drives.{scenario.world.vehicle.links[index].joint.name}"
-    memory = drive.start(first_state(scenario).joints[index])
+    position = first_state(scenario).joints[index]
+    memory = drive.begin(position, position, period)
     trial = Trial(place=place, record=drive, method="effort", memory=memory, step=step)
     return trial
 

@@ -65,7 +65,12 @@ def tool_of(vehicle: Vehicle, state: State) -> Vec3:
 
 
 def goal_of(vehicle: Vehicle, reference: Reference) -> Goal:
-    """What a reference wants; its tool is that of the level vehicle, p_d + R_z(psi_d) p_e(th_d)."""
+    """What a reference wants; its tool is the tip's own reference, or that of the level vehicle.
+
+    The latter is p_d + R_z(psi_d) p_e(th_d).
+    """
+    if reference.tip:
+        return Goal(position=reference.position, joints=reference.joints, tool=Vec3(*reference.tip))
     tool = reference.position
     if vehicle.end_effector:
         held = frame_pose(vehicle, vehicle.frame(vehicle.end_effector), reference.joints).p

@@ -26,7 +26,7 @@ def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Any]] | None =
     """
     state, vehicle = first_state(scenario), scenario.world.vehicle
     efforts = hover_trim(vehicle, state.joints, scenario.world.gravity).efforts
-    if scenario.drives:
+    if scenario.all_drives:
         rows = zip(scenario.all_drives, efforts, state.joints, strict=True)
         efforts = tuple(drive.standing(effort, q) for drive, effort, q in rows)
     standing = Command(rotor_speeds=state.rotor_speeds, efforts=tuple(data(effort) for effort in efforts))
@@ -42,9 +42,10 @@ def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Any]] | None =
         sensors=tuple(_first_reading(scenario, i) for i in range(len(scenario.all_sensors))),
         estimate=scenario.estimator.start(scenario.controller.par.model.vehicle),
         components=tuple(c.start(period, row) for c, row in zip(scenario.components, draws, strict=True)),
-        drives=tuple(drive.start(q) for drive, q in zip(scenario.all_drives, state.joints, strict=True))
-        if scenario.drives
-        else (),
+        drives=tuple(
+            drive.begin(q, u, period)
+            for drive, q, u in zip(scenario.all_drives, state.joints, standing.efforts, strict=False)
+        ),
     )
 
 
@@ -69,5 +70,6 @@ def first_surroundings(scenario: Scenario, first: LoopState) -> Any:
 
 
 def component_groups(new: Scenario, old: Scenario) -> tuple[tuple[int, int], ...]:
-    """How many components stand in each group of two scenarios: the wind, the air, the forces."""
-    return ((1, 1), (len(new.air), len(old.air)), (len(new.forces), len(old.forces)))
+    """How many components stand in each group of two scenarios: wind, air, forces, payloads, the battery."""
+    names = ("air", "forces", "payloads", "power")
+    return ((1, 1), *((len(getattr(new, name)), len(getattr(old, name))) for name in names))

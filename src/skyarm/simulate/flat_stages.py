@@ -14,6 +14,7 @@ from skyarm.compile import leaves, rebuild, trace
 from skyarm.plant.interface import Plant
 from skyarm.records.leaves import parts
 from skyarm.reference import Reference
+from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate.command_line import switches
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
 from skyarm.simulate.period import Begun, Response, begin, issue, respond
@@ -195,9 +196,12 @@ class FlatSteps:
         self._rotors = len(stages.scenario.world.vehicle.rotors)
         self._apart = None if stages.apart is None else tuple(late for _, late in stages.apart)
         self.specific_force = plant.specific_force
+        self._impact = impact_of(plant, stages)
 
     def advance(self, state: Flat, before: Flat, after: Flat, around: Flat) -> Flat:
         """State after the period."""
+        if self._impact is not None:
+            state = self._impact(state, around)
         if self._apart is not None:
             return self._one_after_the_other(state, before, after, around)
         if self._late:
@@ -214,6 +218,23 @@ class FlatSteps:
                 state = self._plant.advance(state, acting, around, seconds)
             left = left - seconds
         return self._plant.advance(state, after, around, left)
+
+
+def impact_of(plant: Any, stages: Stages) -> Callable[[Flat, Flat], Flat] | None:
+    """What a plant does with grasps and joints that get stuck; None where the scenario has none.
+
+    Raises:
+        ScenarioError: the plant is someone's own and does not know of them.
+    """
+    scenario = stages.scenario
+    stuck = any(fault.stuck for fault in scenario.faults)
+    if not scenario.payloads and not stuck:
+        return None
+    found: Callable[[Flat, Flat], Flat] | None = getattr(plant, "after_impact", None)
+    if found is None:
+        what = "payloads" if scenario.payloads else "environment.faults with stuck"
+        raise ScenarioError(f"plant.kind = {scenario.plant!r}: does not know {what}; it has no after_impact")
+    return found
 
 
 def flatten(first: LoopState, *, called: bool) -> Any:

@@ -56,8 +56,8 @@ def _stated(scenario: Scenario, values: Mapping[str, Any]) -> dict[Place, dict[s
     for path in values:
         if path.startswith(STATED):
             for place in places_of(scenario, path):
-                # air and forces stand in a tuple, a drive beside the name of its joint
-                depth = 3 if place[0] == "drives" else 2
+                # air and forces stand in a tuple, a drive beside the name of its joint, in the scenario or its vehicle
+                depth = {"drives": 3, "world": 5}.get(place[0], 2)
                 found.setdefault(place[:depth], {}).setdefault(path, []).append(place[depth:])
     return found
 

@@ -17,13 +17,15 @@ from skyarm.algebra import Vec3
 from skyarm.compile.tracing.repeat import repeat
 from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
-from skyarm.environment import WindSample, effectiveness_at
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.environment import TimedPayload, WindSample, effectiveness_at
 from skyarm.estimate.estimator import FULL_STATE
+from skyarm.plant.impact import after_impact
 from skyarm.plant.rigid_body import STEP, accelerate
 from skyarm.plant.surroundings import Surroundings, felt
 from skyarm.reference import Reference
 from skyarm.scalars import absolute, floor, logical_and, where
-from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.check_endings import healthy
 from skyarm.simulate.command_line import command_delay, issued, rotor_and_joint_delays, switches
@@ -50,12 +52,17 @@ class Stages:
     """
 
     def __init__(self, scenario: Scenario) -> None:
+        if scenario.trajectory.guards:
+            allowed = "has phases that wait (until): only skyarm.run finds how long; its log's scenario flies anywhere"
+            raise ScenarioError(f"reference of {scenario.name!r}: {allowed}")
         self.scenario = scenario
         self.period = 1.0 / scenario.rates.control
         self.components = scenario.components
         self.sensors = scenario.all_sensors
         self.draws: Draws = draw_plan(scenario)
         self._law = checked_law(scenario.controller)
+        model = scenario.controller.par.model
+        self._estimator = scenario.estimator.believing(model.vehicle, model.gravity)
         self.whole, self.late = command_delay(scenario)
         self.apart = rotor_and_joint_delays(scenario) if scenario.delays.apart else None
         # named sensors are measured each so many control periods
@@ -67,18 +74,23 @@ class Stages:
 
     def surround(self, memories: Sequence[Any], drives: Sequence[Any], state: State, time: Any, uniforms: Any) -> Any:
         """Air, forces and faults of the period: memories as they go on, and what the plant is told."""
+        motion = PointMotion(self.scenario.world.vehicle, state)
         going = tuple(
-            component.advance(memory, time, self.period, state, self.draws.of_component(i, uniforms))
+            component.follow(memory, time, motion.position(*motion.frame(component.frame or None)))
+            if isinstance(component, TimedPayload)
+            else component.advance(memory, time, self.period, state, self.draws.of_component(i, uniforms))
             for i, (component, memory) in enumerate(zip(self.components, memories, strict=True))
         )
         return going, self.surroundings(going, drives, time)
 
     def surroundings(self, memories: tuple[Any, ...], drives: Sequence[Any], time: Any) -> Surroundings:
         """What the plant is told of one period."""
-        scenario = self.scenario
+        scenario, power = self.scenario, self.scenario.power
+        felt = len(self.components) - len(power)
         return Surroundings(
-            components=self.components,
-            memories=memories,
+            components=self.components[:felt],
+            memories=memories[:felt],
+            supply=memories[-1][1] / power[0].battery.reference_voltage if power else None,
             time=time,
             effectiveness=effectiveness_at(scenario.faults, scenario.world.vehicle, time),
             drives=scenario.all_drives,
@@ -120,7 +132,7 @@ class Stages:
             going.append(SensorState(memory=memory, held=held, waiting=seen[1:]))
             arrived[name] = seen[0]
             first = reading if first is None else first
-        memory, measurement = self.scenario.estimator.step(estimate, arrived, acting, self.period)
+        memory, measurement = self._estimator.step(estimate, arrived, acting, self.period)
         full: Any = first
         return Readings(sensors=tuple(going), estimate=memory, reading=full, measurement=measurement)
 
@@ -186,11 +198,14 @@ class RigidBodySteps:
 
     def specific_force(self, state: State, command: Command, around: Surroundings) -> Vec3:
         """Proper acceleration of the base origin, base axes, m/s^2."""
-        force, _ = accelerate(self._scenario.world, state, state.rotor_speeds, command.efforts, around)
+        force, _ = accelerate(
+            self._scenario.world, state, state.rotor_speeds, command.efforts, around, command.rotor_speeds
+        )
         return force.linear
 
     def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> State:
         """State after the period: under the command before for the late part, then under the one after it."""
+        state = after_impact(self._scenario.world.vehicle, state, around)
         if self._apart is not None:
             return self._one_after_the_other(state, before, after, around)
         late = self._late

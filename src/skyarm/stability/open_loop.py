@@ -158,7 +158,9 @@ class Differentiator:
         scenario = with_lag(self.scenario, lag)
         stages = Stages(scenario)
         air = stages.surroundings(self._components, (), row.time)
-        force, _ = accelerate(scenario.world, point.state, point.state.rotor_speeds, point.old.efforts, air)
+        force, _ = accelerate(
+            scenario.world, point.state, point.state.rotor_speeds, point.old.efforts, air, point.old.rotor_speeds
+        )
         count = noise_count(len(point.state.joints), len(point.state.rotor_speeds))
         now = measure(scenario.sensors, row.time, point.state, force.linear, [0] * count)
         memory, command = checked_law(scenario.controller)(
@@ -252,9 +254,11 @@ def _require_no_memory(scenario: Scenario, first: LoopState) -> None:
     """
     fields = ["environment.wind", *(f"environment.air[{i}]" for i in range(len(scenario.air)))]
     fields += [f"environment.forces[{i}]" for i in range(len(scenario.forces))]
+    fields += [f"payloads[{i}]" for i in range(len(scenario.payloads))]
+    fields += ["plant.vehicle.battery"] * len(scenario.power)
     for field, component, memory in zip(fields, scenario.components, first.components, strict=True):
         _require_none(leaves(memory), field, component)
-    for each in scenario.drives:
+    for each in scenario.joint_drives:
         joint = [link.joint.name for link in scenario.world.vehicle.links].index(each.joint)
         _require_none(leaves(first.drives[joint]), f"plant.drives.{each.joint}", each.drive)
     for named in scenario.instruments:

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.vehicle import check, description
+from skyarm.vehicle.attach import Mount, attach, place_in, posed_in
+from skyarm.vehicle.battery import Battery, CellCurve
 from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.couple import Mimic, couple
+from skyarm.vehicle.mounted_drives import mounted_drives
+from skyarm.vehicle.nearest_inertia import with_real_inertias
 from skyarm.vehicle.schema import (
     Actuation,
+    BatteryTable,
     BodyTable,
     FrameTable,
     JointOverride,
@@ -20,20 +26,50 @@ from skyarm.vehicle.schema import (
     PoseTable,
     RotorDefaults,
     RotorTable,
+    ThrustTableTable,
     VehicleFile,
 )
 from skyarm.vehicle.stops import with_stops
+from skyarm.vehicle.thrust_table import COLUMNS, ThrustTable
 from skyarm.vehicle.vehicle_records import BASE, Body, BodyDrag, Frame, Joint, Link, Rotor, Vehicle
 
 DIRECTIONS = {"ccw": 1, "cw": -1}
 
 
-def assemble(file: VehicleFile, urdf: RigidBodies | None) -> Vehicle:
-    """Vehicle of a file; its rigid bodies come from ``urdf`` if the file names one."""
-    bodies = _own_bodies(file) if urdf is None else _urdf_bodies(file, urdf)
-    own = tuple(_frame(table, bodies) for table in file.frames)
-    links, followers, frames = couple(bodies.links, (*bodies.frames, *own), bodies.mimics)
-    drag = BodyDrag()
+SOURCES = ("urdf", "mjcf", "airframe")
+"""Fields of which one may stand in place of ``base`` and ``links``."""
+
+
+@dataclass(frozen=True, slots=True)
+class Referred:
+    """What a vehicle file takes from other files.
+
+    Attributes:
+        bodies: of ``urdf``, ``mjcf`` or ``airframe``; None if the file has its own.
+        airframe: the vehicle of ``airframe``, with rotors and drag.
+        arms: bodies of each table of ``attach``.
+        settled: names of joints whose stops another vehicle file has chosen.
+    """
+
+    bodies: RigidBodies | None = None
+    airframe: Vehicle | None = None
+    arms: tuple[RigidBodies, ...] = ()
+    settled: tuple[str, ...] = ()
+
+
+def assemble(file: VehicleFile, referred: Referred) -> Vehicle:
+    """Vehicle of a file and of what it refers to."""
+    bodies = _own_bodies(file) if referred.bodies is None else _others_bodies(file, referred.bodies)
+    own = [link.joint.name for link in file.links]
+    for index, (table, arm) in enumerate(zip(file.attach, referred.arms, strict=True)):
+        field = f"attach[{index}]"
+        at = Mount(table.to, _rotation(field, table), description.vector(table.position), table.prefix, field)
+        bodies = attach(bodies, arm, at)
+    bodies = with_real_inertias(_overridden(file.joints, bodies, own), file.repair)
+    frames = tuple(_frame(table, bodies) for table in file.frames)
+    links, followers, frames = couple(bodies.links, (*bodies.frames, *frames), bodies.mimics)
+    airframe = referred.airframe
+    drag = BodyDrag() if airframe is None else airframe.drag
     if file.drag is not None:
         drag = BodyDrag(area=description.vector(file.drag.area), air_density=file.drag.air_density)
     made = Vehicle(
@@ -42,13 +78,19 @@ def assemble(file: VehicleFile, urdf: RigidBodies | None) -> Vehicle:
         base=bodies.base,
         links=links,
         followers=followers,
-        rotors=tuple(_rotor(table, file.rotor_defaults) for table in file.rotors),
+        rotors=(
+            *(() if airframe is None else airframe.rotors),
+            *(_rotor(table, file.rotor_defaults) for table in file.rotors),
+        ),
         frames=frames,
-        end_effector=file.end_effector,
+        end_effector=file.end_effector or ("" if airframe is None else airframe.end_effector),
         drag=drag,
-        sources=tuple(file.sources.items()),
+        drives=(*(() if airframe is None else airframe.drives), *mounted_drives(file.drives, "drives")),
+        battery=_battery(file.battery) if airframe is None or file.battery is not None else airframe.battery,
+        sources=(*(() if airframe is None else airframe.sources), *file.sources.items()),
+        notes=bodies.notes,
     )
-    return with_stops(made, _own_stops(file)) if file.joint_limits == "stop" else made
+    return with_stops(made, [*_own_stops(file), *referred.settled]) if file.joint_limits == "stop" else made
 
 
 def _own_stops(file: VehicleFile) -> list[str]:
@@ -60,12 +102,6 @@ def _own_stops(file: VehicleFile) -> list[str]:
 def _own_bodies(file: VehicleFile) -> RigidBodies:
     if file.base is None:
         raise VehicleError("base = (missing): must be a table, or 'urdf' the path of a URDF file")
-    if file.joints:
-        refuse(
-            "joints",
-            [each.name for each in file.joints],
-            "must stand in their links; only a URDF file's are changed here",
-        )
     for field, names in (
         ("links.name", [k.name for k in file.links]),
         ("joints.name", [k.joint.name for k in file.links]),
@@ -81,18 +117,28 @@ def _own_bodies(file: VehicleFile) -> RigidBodies:
     return RigidBodies(file.name, "base", _body("base", file.base), links, (), mimics)
 
 
-def _urdf_bodies(file: VehicleFile, urdf: RigidBodies) -> RigidBodies:
+def _others_bodies(file: VehicleFile, bodies: RigidBodies) -> RigidBodies:
+    source = next(name for name in SOURCES if getattr(file, name) is not None)
     for field, given in (("base", file.base), ("links", file.links)):
         if given:
-            refuse(field, "a table", "must not be given together with 'urdf'")
-    check.unique("joints.name", [each.name for each in file.joints])
-    changes = {each.name: each for each in file.joints}
-    known = [link.joint.name for link in urdf.links]
+            refuse(field, "a table", f"must not be given together with '{source}'")
+    return bodies
+
+
+def _overridden(tables: Sequence[JointOverride], bodies: RigidBodies, own: Sequence[str]) -> RigidBodies:
+    """Bodies with the limits and friction that the file states for joints that another file describes."""
+    check.unique("joints.name", [each.name for each in tables])
+    changes = {each.name: each for each in tables}
+    known = [link.joint.name for link in bodies.links if link.joint.name not in own]
     for name in changes:
+        if name in own:
+            refuse("joints.name", name, "must stand in its link; only another file's joints are changed here")
         if name not in known:
             refuse("joints.name", name, f"must be one of {', '.join(known) or 'none'}")
-    links = tuple(replace(k, joint=_changed(k.joint, changes.get(k.joint.name))) for k in urdf.links)
-    return replace(urdf, links=links)
+    if not changes:
+        return bodies
+    links = tuple(replace(k, joint=_changed(k.joint, changes.get(k.joint.name))) for k in bodies.links)
+    return replace(bodies, links=links)
 
 
 def _changed(joint: Joint, change: JointOverride | None) -> Joint:
@@ -165,10 +211,12 @@ def _rotor(table: RotorTable, defaults: RotorDefaults) -> Rotor:
         value = default if own is None else own
         if value is not None:
             values[name] = value
+    if (columns := values.pop("thrust_table", None)) is not None:
+        _take_table(field, columns, values)
     for name in ("thrust_coefficient", "moment_coefficient"):
         if name not in values:
             raise VehicleError(f"{field}.{name} = (missing): must stand here or in rotor_defaults")
-    for name in ("moment_coefficient", "drag_coefficient", "rolling_moment_coefficient"):
+    for name in ("moment_coefficient", "drag_coefficient", "rolling_moment_coefficient", "inertia"):
         if name in values:
             values[name] = description.zero_is_structure(values[name])
     values["axis"] = description.unit_axis(f"{field}.axis", values.get("axis", [0.0, 0.0, 1.0]))
@@ -176,23 +224,38 @@ def _rotor(table: RotorTable, defaults: RotorDefaults) -> Rotor:
     return Rotor(name=table.name, position=position, direction=DIRECTIONS[table.direction], **values)
 
 
+def _take_table(field: str, columns: ThrustTableTable, values: dict[str, Any]) -> None:
+    """Put a rotor's thrust table among its values, and the coefficients and the highest speed that follow from it."""
+    held: dict[str, Any] = {name: tuple(getattr(columns, name) or ()) for name in COLUMNS}
+    try:
+        if columns.speed is None:
+            if "thrust_coefficient" not in values or not columns.throttle:
+                refuse("thrust_table.speed", None, "must be a column, or throttle one and thrust_coefficient a number")
+            # a sheet without speeds: those of k_f W^2
+            held["speed"] = tuple((thrust / values["thrust_coefficient"]) ** 0.5 for thrust in held["thrust"])
+        elif "thrust_coefficient" in values:
+            refuse("thrust_coefficient", values["thrust_coefficient"], "must be left out: it follows from thrust_table")
+        if held["torque"] and "moment_coefficient" in values:
+            refuse("moment_coefficient", values["moment_coefficient"], "must be left out: it follows from thrust_table")
+        table = ThrustTable(**held)
+    except VehicleError as error:
+        raise VehicleError(f"{field}.{error}") from None
+    values["table"], values["thrust_coefficient"] = table, table.thrust_coefficient
+    if held["torque"]:
+        values["moment_coefficient"] = table.moment_coefficient
+    values.setdefault("max_speed", table.speed[-1])
+
+
+def _battery(table: BatteryTable | None) -> Battery | None:
+    if table is None:
+        return None
+    values = {name: getattr(table, name) for name in BatteryTable.model_fields if name != "open_circuit"}
+    columns = table.open_circuit
+    return Battery(open_circuit=CellCurve(charge=tuple(columns.charge), voltage=tuple(columns.voltage)), **values)
+
+
 def _frame(table: FrameTable, bodies: RigidBodies) -> Frame:
     """Frame in the moving body that carries the named link."""
     field = f"frames[{table.name}]"
     R, p = _rotation(field, table), description.vector(table.position)
-    names = [link.name for link in bodies.links]
-    if table.link in ("base", bodies.root):
-        return Frame(name=table.name, link=BASE, position=p, rotation=R)
-    if table.link in names:
-        return Frame(name=table.name, link=names.index(table.link), position=p, rotation=R)
-    for merged in bodies.frames:
-        if merged.name == table.link:
-            position = description.vector([float(c) for c in merged.position + merged.rotation.apply(p)])
-            return Frame(
-                name=table.name,
-                link=merged.link,
-                position=position,
-                rotation=description.rotation(merged.rotation @ R),
-            )
-    known = ["base", *names, *(merged.name for merged in bodies.frames)]
-    refuse(f"{field}.link", table.link, f"must be one of {', '.join(known)}")
+    return posed_in(place_in(bodies, table.link, f"{field}.link"), R, p, table.name)

@@ -19,6 +19,7 @@ class RigidBodies:
         base, links: bodies and joints, in an order in which every parent precedes its children.
         frames: one for each link that a fixed joint merged into another.
         mimics: name of a joint that follows another one -> how; no joint does if empty.
+        notes: what its reader left out or took in another way, a line each.
     """
 
     name: str
@@ -27,3 +28,4 @@ class RigidBodies:
     links: tuple[Link, ...]
     frames: tuple[Frame, ...]
     mimics: Mapping[str, Mimic] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()

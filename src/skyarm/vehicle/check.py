@@ -13,6 +13,7 @@ from skyarm.files import shown
 from skyarm.records import coerce
 from skyarm.records.coerce import TOLERANCE, RecordError, Rule, concrete
 from skyarm.vehicle import mobility
+from skyarm.vehicle.nearest_inertia import repair_hint
 
 if TYPE_CHECKING:
     from skyarm.vehicle.vehicle_records import Body, Follower, Joint, Rotor, Vehicle
@@ -82,14 +83,15 @@ def inertia(field: str, inertia_com: Sym3, *, planar: bool) -> None:
     moments = np.linalg.eigvalsh(np.array(rows, dtype=float)).tolist()
     slack = TOLERANCE * max(*(abs(moment) for moment in moments), 1e-300)
     shown = ", ".join(f"{m:.6g}" for m in moments)
+    hint = repair_hint(moments)
     if moments[0] < -slack:
-        refuse(field, f"principal moments {shown}", "must not be negative")
+        refuse(field, f"principal moments {shown}", f"must not be negative{hint}")
     if not planar and moments[0] + moments[1] < moments[2] - slack:
         refuse(
             field,
             f"principal moments {shown}",
             "must obey the triangle inequality (no real body has this inertia; "
-            "a controller's model may declare 'planar = true')",
+            f"a controller's model may declare 'planar = true'){hint}",
         )
 
 
@@ -123,7 +125,7 @@ def rotor(field: str, value: Rotor) -> None:
     if value.direction not in (-1, 1):
         refuse(f"{field}.direction", value.direction, "must be +1 (ccw) or -1 (cw)")
     number(f"{field}.thrust_coefficient", value.thrust_coefficient, low=0.0, strict=True)
-    for name in ("moment_coefficient", "drag_coefficient", "rolling_moment_coefficient"):
+    for name in ("moment_coefficient", "drag_coefficient", "rolling_moment_coefficient", "inertia"):
         number(f"{field}.{name}", getattr(value, name), low=0.0)
     for name in ("time_constant_up", "time_constant_down"):
         number(f"{field}.{name}", getattr(value, name), low=0.0, strict=True)
@@ -165,6 +167,10 @@ def vehicle(value: Vehicle) -> None:
         rotation(f"frames[{frame.name}].rotation", frame.rotation)
     if value.end_effector and value.end_effector not in [each.name for each in value.frames]:
         refuse("end_effector", value.end_effector, f"must be one of {[each.name for each in value.frames]}")
+    joints = [link.joint.name for link in value.links]
+    for name in (each.name for each in value.drives):
+        if name not in joints or [each.name for each in value.drives].count(name) > 1:
+            refuse("drives", name, f"must be one of {', '.join(joints) or 'none'}, once")
     for name, area in zip("xyz", value.drag.area, strict=True):
         number(f"drag.area.{name}", area, low=0.0)
     number("drag.air_density", value.drag.air_density, low=0.0)

@@ -24,6 +24,9 @@ Triple = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 Quadruple = Annotated[list[Finite], Field(min_length=4, max_length=4)]
 Name = Annotated[str, Field(min_length=1)]
 
+Column = list[NotNegative]
+
+COLUMN = "a list of finite numbers of at least 0 that rise"
 NAME = "text that is not empty, unique in its table"
 TRIPLE_M = "three finite numbers, m"
 COEFFICIENT = "a finite number of at least 0"
@@ -120,6 +123,25 @@ class JointOverride(Actuation):
     name: Name = Field(description=NAME)
 
 
+class AttachTable(PoseTable):
+    """An arm on the airframe: the root link of its file sits at a pose in a link."""
+
+    arm: Name = Field(description="the path of a .urdf, .xml (MJCF) or .toml file, relative to this file")
+    to: Name = Field(default="base", description="'base', or the name of a link or a frame")
+    prefix: str = Field(default="", description="text, put before every name of the arm")
+    mimic: Literal["lock", "couple"] | None = Field(default=None, description="'lock' or 'couple'")
+
+
+class ThrustTableTable(Table):
+    """Rows of a data sheet, a list for each column."""
+
+    speed: Column | None = Field(default=None, description=COLUMN + ", rad/s")
+    thrust: Column = Field(description=COLUMN + ", N")
+    torque: Column = Field(default=[], description=COLUMN + ", N m")
+    current: Column = Field(default=[], description=COLUMN + ", A")
+    throttle: Column = Field(default=[], description=COLUMN + ", 0 to 1")
+
+
 class RotorDefaults(Table):
     """Values of every rotor that does not state its own."""
 
@@ -131,6 +153,8 @@ class RotorDefaults(Table):
     time_constant_up: Positive | None = Field(default=None, description="a finite number greater than 0, s")
     time_constant_down: Positive | None = Field(default=None, description="a finite number greater than 0, s")
     max_speed: Limit | None = Field(default=None, description="a number greater than 0, rad/s")
+    inertia: NotNegative | None = Field(default=None, description=COEFFICIENT + ", kg m^2")
+    thrust_table: ThrustTableTable | None = Field(default=None, description="a table of columns")
 
 
 class RotorTable(RotorDefaults):
@@ -157,6 +181,27 @@ class DragTable(Table):
     air_density: NotNegative = Field(default=1.225, description="a finite number of at least 0, kg/m^3")
 
 
+class CurveTable(Table):
+    """Open-circuit voltage of a cell."""
+
+    charge: Column = Field(description=COLUMN + ", 0 to 1")
+    voltage: Column = Field(description=COLUMN + ", V")
+
+
+class BatteryTable(Table):
+    """Battery of the rotors."""
+
+    cells: Annotated[int, Field(ge=1)] = Field(description="a whole number of at least 1, in series")
+    capacity: Positive = Field(description="a finite number greater than 0, A h")
+    resistance: NotNegative = Field(description=COEFFICIENT + ", ohm")
+    open_circuit: CurveTable = Field(description="a table of columns charge and voltage")
+    reference_voltage: Positive = Field(description="a finite number greater than 0, V")
+    charge: NotNegative = Field(default=1.0, description="a number from 0 to 1")
+    standing_power: NotNegative = Field(default=0.0, description=COEFFICIENT + ", W")
+    efficiency: Positive = Field(default=0.7, description="a number above 0 and at most 1")
+    esc: Literal["governed", "open"] = Field(default="governed", description="'governed' or 'open'")
+
+
 class VehicleFile(Table):
     """The whole file."""
 
@@ -174,7 +219,18 @@ class VehicleFile(Table):
     joint_limits: Literal["stop", "end"] = Field(
         default="stop", description="'stop' (stops hold the joints there) or 'end' (passing one ends the flight)"
     )
+    mjcf: Name | None = Field(default=None, description="the path of an MJCF file, relative to this file")
+    airframe: Name | None = Field(
+        default=None, description="a vehicle: a name of the library, or the path of its file, relative to this file"
+    )
+    attach: list[AttachTable] = Field(default=[], description="an array of tables")
+    mimic: Literal["lock", "couple"] = Field(default="lock", description="'lock' or 'couple'")
+    repair: bool = Field(default=False, description="true or false")
     drag: DragTable | None = Field(default=None, description="a table")
+    battery: BatteryTable | None = Field(default=None, description="a table")
+    drives: dict[str, dict[str, Any]] = Field(
+        default={}, description="tables of drives by the joint's name: kind and its numbers"
+    )
     sources: dict[str, str] = Field(default={}, description='a table of texts: field = "where its number comes from"')
 
 

@@ -1,27 +1,37 @@
 """URDF files: the rigid bodies and joints of a vehicle.
 
 The root link is the base. Fixed joints disappear: their child's mass joins the parent and its frame stays as a named
-frame. So do joints whose two limits are one number, by which simulators hang up sensors: they are fixed there.
+frame. So do joints whose two limits are one number, by which simulators hang up sensors: they are fixed there; and
+joints that follow others, unless these are to be coupled. What is left out or taken in another way is in the notes.
 Source: URDF specification (ROS wiki, urdf/XML).
 """
 
 from __future__ import annotations
 
-import math
 import os
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from pathlib import Path
 
-from skyarm.algebra import ZERO3, Mat3, Vec3, axis_rotation
+from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.vehicle import description
 from skyarm.vehicle.bodies import RigidBodies
-from skyarm.vehicle.check import VehicleError, refuse
+from skyarm.vehicle.check import refuse
+from skyarm.vehicle.couple import Mimic
+from skyarm.vehicle.notes import Notes
 from skyarm.vehicle.stops import with_stops
-from skyarm.vehicle.vehicle_records import BASE, Body, Frame, Joint, Link, Vehicle
+from skyarm.vehicle.urdf_joints import displaced, fixed_at, kind_of_joint, read_joint, read_mimics, resting
+from skyarm.vehicle.urdf_meshes import note_meshes
+from skyarm.vehicle.vehicle_records import BASE, Body, Frame, Link, Vehicle
+from skyarm.vehicle.xml_fields import child, numbers, read_xml, required
 
-KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed"}
+MIMIC = ("lock", "couple")
+"""What becomes of joints that follow others: fixed where they rest, or moved with their leaders."""
+
+READ = ("link", "joint", "material")
+"""Elements of a robot that are read, or say only how it looks."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,67 +43,127 @@ class _Seat:
     position: Vec3
 
 
-def read_urdf(path: str | os.PathLike[str]) -> RigidBodies:
+@dataclass(frozen=True, slots=True)
+class _Tree:
+    """Links and joints of a file by name, the joint above each link, and what each joint follows."""
+
+    links: Mapping[str, ET.Element]
+    joints: Mapping[str, ET.Element]
+    above: Mapping[str, ET.Element]
+    mimics: Mapping[str, Mimic]
+
+
+def read_urdf(path: str | os.PathLike[str], mimic: str = "lock") -> RigidBodies:
     """Rigid bodies of a URDF file.
+
+    Args:
+        path: of the file.
+        mimic: one of ``MIMIC``.
 
     Raises:
         VehicleError: without the file's name, which the caller adds.
     """
-    try:
-        robot = ET.parse(path).getroot()
-    except (ET.ParseError, LookupError, ValueError) as error:  # the last two: encodings
-        raise VehicleError(f"XML = {str(error)!r}: must be well-formed") from error
+    robot, blank = read_xml(path)
     if robot.tag != "robot":
         refuse("root element", robot.tag, "must be <robot>")
     for element in robot:
         if "loop" in str(element.tag):
             refuse(f"<{element.tag}>", element.get("name", ""), "closed chains are not supported")
         if "xacro" in str(element.tag):
-            refuse("element", element.tag, "must be plain URDF; expand xacro first")
-    return _tree(robot)
+            name = Path(path).name
+            refuse("element", element.tag, f"must be plain URDF; expand xacro first: xacro {name} > plain_{name}")
+    notes = Notes()
+    if blank:
+        notes.add("blank lines before the XML declaration were skipped")
+    for tag, count in Counter(str(element.tag) for element in robot).items():
+        if tag not in READ and isinstance(tag, str) and not tag.startswith("<function"):
+            notes.add(f"<{tag}> ({count}): not read")
+    note_meshes(robot, Path(path), notes)
+    return _bodies(robot, mimic, notes)
 
 
 def urdf_vehicle(bodies: RigidBodies) -> Vehicle:
     """A vehicle without rotors; the frame 'tip', if there is one, is the end effector."""
+    if float(bodies.base.mass) == 0.0:
+        allowed = (
+            f"must be greater than 0; its root '{bodies.root}' weighs nothing, and an airframe can carry it (attach)"
+        )
+        refuse("base.mass", 0.0, allowed)
     tip = "tip" if any(frame.name == "tip" for frame in bodies.frames) else ""
-    return with_stops(
-        Vehicle(name=bodies.name, base=bodies.base, links=bodies.links, frames=bodies.frames, end_effector=tip)
+    made = Vehicle(
+        name=bodies.name,
+        base=bodies.base,
+        links=bodies.links,
+        frames=bodies.frames,
+        end_effector=tip,
+        notes=bodies.notes,
     )
+    return with_stops(made)
 
 
-def _tree(robot: ET.Element) -> RigidBodies:
-    links = _by_name(robot, "link")
-    joints = _by_name(robot, "joint")
-    above = _joints_above(links, joints)
-    roots = [name for name in links if name not in above]
-    parents = {child: _end(joint, "parent", links) for child, joint in above.items()}
+def _bodies(robot: ET.Element, mimic: str, notes: Notes) -> RigidBodies:
+    tree = _read_tree(robot)
+    roots = [name for name in tree.links if name not in tree.above]
+    parents = {name: _end(joint, "parent", tree.links) for name, joint in tree.above.items()}
     root = roots[0] if roots else ""
     order = description.tree_order(parents, root, "parent of link[{}]")
     if len(roots) != 1:
         refuse("links without a parent", roots, "must be exactly one, the base")
-    parts: list[list[Body]] = [_inertial(links[root])]
+    parts: list[list[Body]] = [_inertial(tree.links[root])]
     seats = {root: _Seat(BASE, Mat3.identity(), ZERO3)}
     moving: list[Link] = []
     frames: list[Frame] = []
     for name in order:
-        joint, seat = above[name], seats[parents[name]]
+        joint, seat = tree.above[name], seats[parents[name]]
         R, p = _origin(joint, f"joint[{joint.get('name')}]")
         R, p = description.rotation(seat.rotation @ R), description.vector(list(seat.position + seat.rotation.apply(p)))
-        locked = _locked(joint)
-        if locked is not None:
-            turn, shift = locked
+        value = _held_at(joint, tree, mimic, notes)
+        if value is not None:
+            turn, shift = displaced(joint, value)
             R, p = description.rotation(R @ turn), description.vector(list(p + R.apply(shift)))
             seats[name] = _Seat(seat.body, R, p)
-            parts[seat.body + 1] += [_seated(part, R, p) for part in _inertial(links[name])]
+            parts[seat.body + 1] += [_seated(part, R, p) for part in _inertial(tree.links[name])]
             frames.append(Frame(name=name, link=seat.body, position=p, rotation=R))
             continue
-        placeholder = Body(mass=0)
-        moving.append(Link(name=name, parent=seat.body, joint=_joint(joint, R, p), body=placeholder))
-        parts.append(_inertial(links[name]))
+        moving.append(Link(name=name, parent=seat.body, joint=read_joint(joint, R, p, notes), body=Body(mass=0)))
+        parts.append(_inertial(tree.links[name]))
         seats[name] = _Seat(len(moving) - 1, Mat3.identity(), ZERO3)
     base, *bodies = (description.body(each) if each else Body(mass=0.0) for each in parts)
     made = tuple(replace(link, body=body) for link, body in zip(moving, bodies, strict=True))
-    return RigidBodies(robot.get("name") or "urdf", root, base, made, tuple(frames))
+    mimics = dict(tree.mimics) if mimic == "couple" else {}
+    kept = {link.joint.name: mimics[link.joint.name] for link in made if link.joint.name in mimics}
+    return RigidBodies(robot.get("name") or "urdf", root, base, made, tuple(frames), kept, notes.lines())
+
+
+def _held_at(joint: ET.Element, tree: _Tree, mimic: str, notes: Notes) -> float | None:
+    """Where a joint is fixed, rad or m; None if it moves."""
+    name = joint.get("name", "")
+    follows = tree.mimics.get(name)
+    if follows is None:
+        return fixed_at(joint)
+    value = resting(name, tree.joints, tree.mimics)
+    leader = _leader(name, tree)
+    if mimic == "couple" and leader not in tree.joints:
+        refuse(f"joint[{name}].mimic.joint", leader, f"must be one of {', '.join(tree.joints)}")
+    if mimic == "couple" and fixed_at(tree.joints[leader]) is None:
+        notes.add("follows another one, without a drive of its own", name)
+        return None
+    notes.add(f"follows {follows.joint}: fixed at {value:g}; mimic = 'couple' lets it move", name)
+    return value
+
+
+def _leader(name: str, tree: _Tree) -> str:
+    """The joint that another one follows in the end."""
+    while name in tree.mimics:
+        name = tree.mimics[name].joint
+    return name
+
+
+def _read_tree(robot: ET.Element) -> _Tree:
+    links, joints = _by_name(robot, "link"), _by_name(robot, "joint")
+    if "world" not in links and any(joint.find("parent[@link='world']") is not None for joint in joints.values()):
+        links = {"world": ET.Element("link", name="world"), **links}  # what simulators know without being told
+    return _Tree(links, joints, _joints_above(links, joints), read_mimics(joints))
 
 
 def _by_name(robot: ET.Element, tag: str) -> dict[str, ET.Element]:
@@ -114,86 +184,33 @@ def _joints_above(links: dict[str, ET.Element], joints: dict[str, ET.Element]) -
     """The joint above each child link, in the order of the file; every joint refused that cannot be simulated."""
     above: dict[str, ET.Element] = {}
     for name, joint in joints.items():
-        _kind(joint)
-        mimic = _child(joint, "mimic", f"joint[{name}]")
-        if mimic is not None:
-            refuse(f"joint[{name}].mimic", mimic.get("joint", ""), "mimic joints are not supported")
-        child = _end(joint, "child", links)
-        if child in above:
-            other = above[child].get("name")
-            refuse(f"joint[{name}].child", child, f"closed chains are not supported (joint '{other}' moves it already)")
-        above[child] = joint
+        kind_of_joint(joint)
+        below = _end(joint, "child", links)
+        if below in above:
+            other = above[below].get("name")
+            refuse(f"joint[{name}].child", below, f"closed chains are not supported (joint '{other}' moves it already)")
+        above[below] = joint
     return above
 
 
-def _kind(joint: ET.Element) -> str:
-    kind = joint.get("type", "")
-    if kind not in KINDS:
-        refuse(f"joint[{joint.get('name')}].type", kind, f"must be one of {', '.join(KINDS)}")
-    return KINDS[kind]
-
-
-def _end(joint: ET.Element, tag: str, links: dict[str, ET.Element]) -> str:
-    element = _child(joint, tag, f"joint[{joint.get('name')}]")
+def _end(joint: ET.Element, tag: str, links: Mapping[str, ET.Element]) -> str:
+    element = child(joint, tag, f"joint[{joint.get('name')}]")
     name = element.get("link", "") if element is not None else ""
     if name not in links:
         refuse(f"joint[{joint.get('name')}].{tag}", name, f"must be one of {', '.join(links)}")
     return name
 
 
-def _locked(joint: ET.Element) -> tuple[Mat3, Vec3] | None:
-    """R and p by which a joint that cannot move places its child in the joint's frame; None if it can move."""
-    field = f"joint[{joint.get('name')}]"
-    kind, limit = _kind(joint), _child(joint, "limit", field)
-    if kind == "fixed":
-        return Mat3.identity(), ZERO3
-    # limits left out are 0 by the specification, but more likely forgotten: such a joint is refused
-    if joint.get("type") == "continuous" or limit is None or None in (limit.get("lower"), limit.get("upper")):
-        return None
-    lower, upper = (_number(limit, name, f"{field}.limit", 0.0) for name in ("lower", "upper"))
-    if lower != upper:
-        return None
-    axis = _axis(joint)
-    return (axis_rotation(axis, lower), ZERO3) if kind == "revolute" else (Mat3.identity(), axis * lower)
-
-
-def _axis(joint: ET.Element) -> Vec3:
-    """Unit vector of a joint's axis; the specification's default is x, where there is no <axis> at all."""
-    field = f"joint[{joint.get('name')}]"
-    axis = _child(joint, "axis", field)
-    if axis is not None and axis.get("xyz") is None:
-        refuse(f"{field}.axis.xyz", "(missing)", "must be three numbers")
-    return description.unit_axis(f"{field}.axis", _numbers(axis, "xyz", f"{field}.axis", (1.0, 0.0, 0.0)))
-
-
-def _joint(joint: ET.Element, R: Mat3, p: Vec3) -> Joint:
-    name = joint.get("name", "")
-    field = f"joint[{name}]"
-    values: dict[str, Any] = {}
-    limit, dynamics = _child(joint, "limit", field), _child(joint, "dynamics", field)
-    if limit is not None:
-        if joint.get("type") != "continuous":
-            # the specification's default of both is 0
-            values["lower"] = _number(limit, "lower", f"{field}.limit", 0.0)
-            values["upper"] = _number(limit, "upper", f"{field}.limit", 0.0)
-        values["effort_limit"] = _number(limit, "effort", f"{field}.limit", math.inf)
-    elif joint.get("type") != "continuous":
-        refuse(f"{field}.limit", "(missing)", "is required for revolute and prismatic joints; 'continuous' has none")
-    values["damping"] = description.zero_is_structure(_number(dynamics, "damping", f"{field}.dynamics", 0.0))
-    values["coulomb"] = description.zero_is_structure(_number(dynamics, "friction", f"{field}.dynamics", 0.0))
-    return Joint(name=name, kind=_kind(joint), axis=_axis(joint), position=p, rotation=R, **values)
-
-
 def _inertial(link: ET.Element) -> list[Body]:
     """Body of one link in its own axes; none if the file gives no inertial. An inertial must be whole."""
-    inertial = _child(link, "inertial", f"link[{link.get('name')}]")
+    inertial = child(link, "inertial", f"link[{link.get('name')}]")
     if inertial is None:
         return []
     field = f"link[{link.get('name')}].inertial"
-    mass = _required(inertial, "mass", ("value",), field)[0]
+    mass = required(inertial, "mass", ("value",), field)[0]
     if mass < 0.0:
         refuse(f"{field}.mass", mass, "must be at least 0")
-    entries = _required(inertial, "inertia", ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), field)
+    entries = required(inertial, "inertia", ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), field)
     R, p = _origin(inertial, field)
     return [Body(mass=mass, com=p, inertia=description.inertia(entries).rotated(R))]
 
@@ -204,53 +221,7 @@ def _seated(body: Body, R: Mat3, p: Vec3) -> Body:
 
 
 def _origin(element: ET.Element, field: str) -> tuple[Mat3, Vec3]:
-    origin = _child(element, "origin", field)
-    xyz = _numbers(origin, "xyz", f"{field}.origin", (0.0, 0.0, 0.0))
-    rpy = _numbers(origin, "rpy", f"{field}.origin", (0.0, 0.0, 0.0))
+    origin = child(element, "origin", field)
+    xyz = numbers(origin, "xyz", f"{field}.origin", (0.0, 0.0, 0.0))
+    rpy = numbers(origin, "rpy", f"{field}.origin", (0.0, 0.0, 0.0))
     return description.rotation_rpy(rpy), description.vector(xyz)
-
-
-def _child(element: ET.Element, tag: str, field: str) -> ET.Element | None:
-    """The child element of a kind of which there may be one."""
-    found = element.findall(tag)
-    if len(found) > 1:
-        refuse(f"{field}.{tag}", f"{len(found)} elements <{tag}>", "must be at most one")
-    return found[0] if found else None
-
-
-def _required(element: ET.Element, tag: str, names: Sequence[str], field: str) -> list[float]:
-    """Numbers of a child element that must be there, with all of them."""
-    child = _child(element, tag, field)
-    if child is None:
-        refuse(f"{field}.{tag}", "(missing)", f"must give {', '.join(names)}; a link without mass has no <inertial>")
-    for name in names:
-        if child.get(name) is None:
-            refuse(f"{field}.{tag}.{name}", "(missing)", "must be a number")
-    return [_finite(child.get(name, ""), f"{field}.{tag}.{name}") for name in names]
-
-
-def _number(element: ET.Element | None, name: str, field: str, default: float) -> float:
-    text: Any = None if element is None else element.get(name)
-    if text is None:
-        return default
-    return _finite(text, f"{field}.{name}")
-
-
-def _numbers(element: ET.Element | None, name: str, field: str, default: tuple[float, float, float]) -> Sequence[float]:
-    text: Any = None if element is None else element.get(name)
-    if text is None:
-        return default
-    words = text.split()
-    if len(words) != 3:
-        refuse(f"{field}.{name}", text, "must be three numbers")
-    return [_finite(word, f"{field}.{name}") for word in words]
-
-
-def _finite(text: str, field: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        refuse(field, text, "must be a finite number")
-    return value

@@ -1,4 +1,4 @@
-"""Vehicles from files: the shipped library, TOML (see :mod:`skyarm.vehicle.schema`) and URDF."""
+"""Vehicles from files: the shipped library, TOML (see :mod:`skyarm.vehicle.schema`), URDF and MJCF."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from skyarm.files import file_name, must_be_one_of, one_line, read_toml, shown, 
 from skyarm.files.kinds_of_files import require_kind
 from skyarm.vehicle import sources
 from skyarm.vehicle.assemble import assemble
-from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import VehicleError
+from skyarm.vehicle.referred_files import RIGID, expand, plain_vehicle, referred_by
+from skyarm.vehicle.robots_by_name import is_robot, robot_file
 from skyarm.vehicle.schema import parse
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -26,10 +27,11 @@ def list_vehicles() -> tuple[str, ...]:
 
 
 def load_vehicle(name_or_path: str | os.PathLike[str]) -> Vehicle:
-    """Load a vehicle from the library by name, or from a .toml or .urdf file.
+    """Load a vehicle from the library by name, or from a .toml, .urdf or .xml (MJCF) file.
 
     Args:
-        name_or_path: a name of :func:`list_vehicles`, or a path with the suffix .toml or .urdf.
+        name_or_path: a name of :func:`list_vehicles`, a path with one of these suffixes, or ``robot:NAME`` for a robot
+            of a package that is installed (:mod:`skyarm.vehicle.robots_by_name`).
 
     Raises:
         VehicleError: one line, ``file: field = value: what is allowed``.
@@ -42,20 +44,19 @@ def load_vehicle(name_or_path: str | os.PathLike[str]) -> Vehicle:
     if text in list_vehicles():
         entry = LIBRARY / f"{text}.toml"
         return _located(text, lambda: _from_toml(entry.read_bytes(), None))
+    if is_robot(text):
+        return _located(text, lambda: plain_vehicle(robot_file(text)))
     if path.suffix == ".xacro":
-        plain = path.with_suffix("").with_suffix(".urdf").name
-        raise VehicleError(f"vehicle = {shown(text)}: must be expanded first: xacro {path.name} -o {plain}")
-    if path.suffix not in (".toml", ".urdf"):
-        allowed = f"{must_be_one_of(list_vehicles(), text)}, or the path of a .toml or .urdf file"
+        raise VehicleError(f"vehicle = {shown(text)}: {expand(path)}")
+    if path.suffix not in (".toml", *RIGID):
+        allowed = f"{must_be_one_of(list_vehicles(), text)}, or the path of a .toml, .urdf or .xml (MJCF) file"
         raise VehicleError(f"vehicle = {shown(text)}: {allowed}")
     reason = unreadable(path)
     if reason:
         raise VehicleError(f"vehicle = {shown(text)}: {reason}; shipped vehicles are {known}")
-    if path.suffix == ".urdf":
-        from skyarm.vehicle.urdf import read_urdf, urdf_vehicle
-
-        return _located(text, lambda: urdf_vehicle(read_urdf(path)))
-    return _located(text, lambda: _from_toml(path.read_bytes(), path.parent))
+    if path.suffix in RIGID:
+        return _located(text, lambda: plain_vehicle(path))
+    return _located(text, lambda: _from_toml(path.read_bytes(), path))
 
 
 def _located(file: str, read: Any) -> Vehicle:
@@ -81,26 +82,34 @@ def read_document(content: bytes) -> dict[str, Any]:
         raise VehicleError(str(error)) from None
 
 
-def _from_toml(content: bytes, folder: Path | None) -> Vehicle:
+def vehicle_of_text(text: str, file: Path) -> Vehicle:
+    """Vehicle of the text of a TOML file that is not written yet.
+
+    Args:
+        text: of the file.
+        file: its path to come, from whose folder others are named.
+
+    Raises:
+        VehicleError: one line, as :func:`load_vehicle` says it.
+    """
+    return _located(str(file), lambda: _from_toml(text.encode(), file))
+
+
+def _from_toml(content: bytes, file: Path | None, above: tuple[Path, ...] = ()) -> Vehicle:
+    """Vehicle of a TOML file; ``above`` are the files that refer to it."""
     document: Mapping[str, Any] = read_document(content)
     try:
         require_kind(document, "vehicle")
     except ValueError as error:
         raise VehicleError(str(error)) from None
-    file = parse(document)
-    vehicle = assemble(file, None if file.urdf is None else _named_urdf(file.urdf, folder or Path()))
-    sources.check_keys(document, file.sources)
+    tables = parse(document)
+    vehicle = assemble(tables, referred_by(tables, file, above, _loaded))
+    sources.check_keys(document, tables.sources)
     return vehicle
 
 
-def _named_urdf(name: str, folder: Path) -> RigidBodies:
-    path = folder / name
-    reason = unreadable(path)
-    if reason:
-        raise VehicleError(f"urdf = {shown(name)}: {reason} ({shown(str(path))[1:-1]})")
-    from skyarm.vehicle.urdf import read_urdf
-
-    try:
-        return read_urdf(path)
-    except VehicleError as error:
-        raise VehicleError(f"urdf = {name!r}: {error}") from None
+def _loaded(name: str, path: Path, above: tuple[Path, ...]) -> Vehicle:
+    """Vehicle of the library, or of a TOML file that another one refers to."""
+    if name in list_vehicles():
+        return _from_toml((LIBRARY / f"{name}.toml").read_bytes(), None)
+    return _from_toml(path.read_bytes(), path, above)

@@ -16,10 +16,13 @@ from typing import Annotated, Any
 from skyarm.algebra import ZERO3, Mat3, Sym3, Vec3
 from skyarm.records import coerce
 from skyarm.records.directions import near_rotation, near_unit_vector
+from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, add, divide, where
 from skyarm.vehicle import check
+from skyarm.vehicle.battery import Battery
 from skyarm.vehicle.check import accept
+from skyarm.vehicle.thrust_table import ThrustTable
 
 BASE = -1
 """Index that stands for the base where a link's index is asked for."""
@@ -137,6 +140,12 @@ class Link:
         accept(self, f"links[{self.name}]", parent=coerce.whole, joint=coerce.one(Joint), body=coerce.one(Body))
 
 
+def _optional(kind: type) -> coerce.Rule:
+    """Rule: a record of this kind, or None."""
+    one = coerce.one(kind)
+    return lambda name, value: None if value is None else one(name, value)
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Follower:
     """A follower is a link whose joint moves with another joint: q = ratio q_leader + offset, exactly and at any load.
@@ -171,6 +180,8 @@ _ROTOR: dict[str, coerce.Rule] = {
     "axis": near_unit_vector,
     **dict.fromkeys(("thrust_coefficient", "time_constant_up", "time_constant_down", "max_speed"), coerce.number),
     **dict.fromkeys(("moment_coefficient", "drag_coefficient", "rolling_moment_coefficient"), coerce.coefficient),
+    "inertia": coerce.coefficient,
+    "table": _optional(ThrustTable),
     "direction": coerce.whole,
 }
 
@@ -189,6 +200,10 @@ class Rotor:
         rolling_moment_coefficient: N s^2/rad: torque = -coefficient |W| v_perp.
         time_constant_up, time_constant_down: first-order lag of the speed, s.
         max_speed: rad/s.
+        inertia: of what turns, about the axis, kg m^2: its change of speed and the turning of its spin push the base.
+            It is part of the base's inertia too. An int of 0 is structure: no such effect.
+        table: thrust and drag torque by speed in place of k_f W^2 and k_m thrust; k_f and k_m scale them and are what
+            laws know.
     """
 
     name: str
@@ -202,6 +217,8 @@ class Rotor:
     time_constant_up: Annotated[Scalar, Unit("s", "lag of a rising speed")] = 0.0125
     time_constant_down: Annotated[Scalar, Unit("s", "lag of a falling speed")] = 0.025
     max_speed: Annotated[Scalar, Unit("rad/s", infinite=True)] = math.inf
+    inertia: Annotated[Scalar, Unit("kg m^2", "of what turns")] = field(default=0, metadata=WRITTEN_IF_ANY)
+    table: ThrustTable | None = field(default=None, metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         accept(self, "rotor", name=coerce.text)
@@ -240,6 +257,23 @@ class BodyDrag:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class MountedDrive:
+    """A mounted drive is the actuator of one joint as the vehicle carries it.
+
+    Attributes:
+        name: of the joint. drive: a :class:`skyarm.Drive`, which a room further up knows.
+    """
+
+    name: str
+    drive: Any
+
+    def __post_init__(self) -> None:
+        accept(self, "drives", name=coerce.text)
+        if not callable(getattr(self.drive, "effort", None)):
+            check.refuse(f"drives.{self.name}", self.drive, "must be a Drive")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Vehicle:
     """Airframe, arm and rotors.
 
@@ -252,7 +286,10 @@ class Vehicle:
         followers: links that move with others; a frame, a wrench or a shape means the k-th by the index ``n`` + k.
         frames: named frames; ``end_effector`` names the one that metrics and tasks mean.
         drag: drag of the airframe in moving air.
+        drives: of the joints whose setpoint is not the torque.
+        battery: that the rotors run on; None for a supply that never sags.
         sources: (field, source) pairs: where each number comes from.
+        notes: what the reader of its file left out or took in another way, a line each.
     """
 
     name: str
@@ -262,14 +299,19 @@ class Vehicle:
     frames: tuple[Frame, ...] = ()
     end_effector: str = ""
     drag: BodyDrag = BodyDrag()
+    drives: tuple[MountedDrive, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
+    battery: Battery | None = field(default=None, metadata=WRITTEN_IF_ANY)
     followers: tuple[Follower, ...] = ()
     title: str = field(default="", repr=False)
     sources: tuple[tuple[str, str], ...] = field(default=(), repr=False)
+    notes: tuple[str, ...] = field(default=(), repr=False, metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         accept(self, "vehicle", name=coerce.text, title=coerce.text, base=coerce.one(Body), drag=coerce.one(BodyDrag))
         accept(self, "vehicle", links=coerce.several(Link), rotors=coerce.several(Rotor), frames=coerce.several(Frame))
+        accept(self, "vehicle", drives=coerce.several(MountedDrive), battery=_optional(Battery))
         accept(self, "vehicle", end_effector=coerce.text, sources=coerce.pairs, followers=coerce.several(Follower))
+        accept(self, "vehicle", notes=coerce.several(str))
         check.vehicle(self)
 
     @property

@@ -1,0 +1,230 @@
+"""Servos of joints: a loop around a geared DC motor whose setpoint is an angle or a rate, as in hobby and robot servos.
+
+The proportional and derivative parts act at every stage of the integrator: a servo's own loop runs at 1 kHz and faster,
+which is as good as continuous beside a control period. What has a memory (the integral, the goal that its speed limit
+moves, setpoints on their way, the encoder's rounding) is stepped once per control period.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.actuation.drive import Drive
+from skyarm.records.coerce import RecordError, concrete
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, add, clip, divide, floor, logical_and, maximum, minimum, mul, sub, where
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ServoMemory:
+    """What a servo keeps between two control periods.
+
+    Attributes:
+        goal: the setpoint that its loop holds, rad or m, or their rates.
+        integral: of the loop's error, rad s or rad.
+        rounding: what the encoder's rounding added to the position when it was last read, rad or m.
+        waiting: setpoints on their way, oldest first.
+    """
+
+    goal: Scalar
+    integral: Scalar
+    rounding: Scalar
+    waiting: tuple[Scalar, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Servo(Drive):
+    """A servo is a motor behind a gear with a loop of its own; positions and rates are the joint's.
+
+    Motor and supply bound the torque. The current is at most ``current_limit``, and what the supply drives through the
+    winding against the motor's counter-voltage: between (-U - k_e qd) / R and (U - k_e qd) / R with k_e = gear
+    ``torque_constant``. That is the line of a data sheet from the stall torque gear ``torque_constant`` ``efficiency``
+    U / R at rest to zero at the no-load speed U / k_e. Source: Spong, Hutchinson, Vidyasagar 2006, section 6.1.
+
+    The gains are torque per error of the joint. A loop on voltage has them too: a gain of V/rad times the stall torque
+    over U is one of N m/rad, and its motor's counter-voltage adds stall torque / no-load speed to the damping.
+
+    Attributes:
+        inertia: the least that the joint moves about its axis with its armature, kg m^2 (or kg): with the gains it says
+            how long a step of the integrator may be.
+    """
+
+    inertia: Annotated[Scalar, Unit("kg m^2 or kg", "least inertia that the joint moves", low=0.0, strict=True)]
+    integral: Annotated[Scalar, Unit("N m/(rad s) or N m/rad", "of position or rate", low=0.0)] = 0.0
+    gear: Annotated[Scalar, Unit("", "turns of the motor per turn of the joint", low=0.0, strict=True)] = 1.0
+    efficiency: Annotated[Scalar, Unit("", "of the gear", low=0.0, high=1.0)] = 1.0
+    torque_constant: Annotated[Scalar, Unit("N m/A", "of the motor", low=0.0, strict=True)] = 1.0
+    resistance: Annotated[Scalar, Unit("ohm", "of the winding", low=0.0, strict=True)] = 1.0
+    voltage: Annotated[Scalar, Unit("V", "of the supply", low=0.0, infinite=True)] = math.inf
+    current_limit: Annotated[Scalar, Unit("A", low=0.0, infinite=True)] = math.inf
+    torque_limit: Annotated[Scalar, Unit("N m or N", "of the joint", low=0.0, infinite=True)] = math.inf
+    speed_limit: Annotated[Scalar, Unit("rad/s or m/s", "of the goal", low=0.0, infinite=True)] = math.inf
+    latency: Annotated[Scalar, Unit("s", "before a setpoint is heard; the same in all episodes", low=0.0)] = 0.0
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "")
+        if concrete(self.efficiency) and not self.efficiency > 0.0:
+            raise RecordError(f"efficiency = {self.efficiency!r}: must be above 0 and at most 1")
+
+    def bounds(self, rate: Any) -> tuple[Any, Any]:
+        """Least and largest torque (N m) or force (N) that motor and supply give at a joint's rate."""
+        per_volt, counter = mul(self.gear, self.torque_constant), mul(mul(self.gear, self.torque_constant), rate)
+        per_ampere = mul(per_volt, self.efficiency)
+        low = maximum(divide(sub(-self.voltage, counter), self.resistance), -self.current_limit)
+        high = minimum(divide(sub(self.voltage, counter), self.resistance), self.current_limit)
+        # beyond the no-load speed the winding brakes, with no more than the current limit either
+        low, high = minimum(low, self.current_limit), maximum(high, -self.current_limit)
+        most = self.torque_limit
+        return clip(mul(low, per_ampere), -most, most), clip(mul(high, per_ampere), -most, most)
+
+    def start(self, position: Any) -> ServoMemory:
+        """A loop that holds the joint where it is."""
+        raise RecordError(f"{type(self).__name__}: begins with a setpoint and a control period")
+
+    def _begun(self, goal: Any, setpoint: Any, dt: float) -> ServoMemory:
+        whole, part = self._delay(dt)
+        return ServoMemory(
+            goal=goal, integral=0.0, rounding=0.0, waiting=(setpoint,) * (whole + (1 if part > 0.0 else 0))
+        )
+
+    def _delay(self, dt: float) -> tuple[int, float]:
+        """Latency as whole control periods and the part of one that is left."""
+        if not concrete(self.latency):
+            raise RecordError("latency: must be the same in all episodes: it says how many setpoints are on their way")
+        whole = math.floor(self.latency / dt + 1e-9)
+        part = self.latency / dt - whole
+        return whole, part if part > 1e-9 else 0.0
+
+    def _heard(self, memory: ServoMemory, setpoint: Any, dt: float) -> tuple[Any, tuple[Any, ...]]:
+        """The setpoint that the loop hears in this period on average, and those still on their way."""
+        whole, part = self._delay(dt)
+        seen = (*memory.waiting, setpoint)
+        heard = seen[-1 - whole]
+        if part > 0.0:
+            heard = heard + (seen[-2 - whole] - heard) * part
+        return heard, seen[1:]
+
+    def _integrated(self, memory: ServoMemory, error: Any, asked: Any, rate: Any, dt: float) -> Any:
+        """The integral after a period; it stands still while a bound holds the torque that it asks for more of.
+
+        Source: conditional integration; Astrom, Hagglund 2006, section 3.5.
+        """
+        low, high = self.bounds(rate)
+        moved = memory.integral + error * dt
+        pushing_up, pushing_down = logical_and(asked > high, error > 0.0), logical_and(asked < low, error < 0.0)
+        return where(pushing_up, memory.integral, where(pushing_down, memory.integral, moved))
+
+    def _bounded(self, asked: Any, rate: Any) -> Any:
+        low, high = self.bounds(rate)
+        return clip(asked, low, high)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PositionServo(Servo):
+    """A position servo: its setpoint is an angle (rad) or a length (m).
+
+    torque = stiffness (goal - q) - damping qd + integral times the integral of (goal - q). The derivative is of the
+    measured position, so that a step of the setpoint gives no kick. The goal follows the setpoint no faster than
+    ``speed_limit``. Goal and position are told in multiples of ``resolution``; the position's rounding is that of its
+    reading at the beginning of a control period.
+    """
+
+    stiffness: Annotated[Scalar, Unit("N m/rad or N/m", low=0.0, strict=True)]
+    damping: Annotated[Scalar, Unit("N m s/rad or N s/m", "on the measured rate", low=0.0)] = 0.0
+    resolution: Annotated[Scalar, Unit("rad or m", "of positions; an int of 0 is structure", low=0.0)] = 0
+
+    def __post_init__(self) -> None:
+        # a subclass of slots is made anew: super() without its class would look at the first
+        Servo.__post_init__(self)
+        if concrete(self.resolution) and self.resolution == 0.0:
+            object.__setattr__(self, "resolution", 0)
+
+    @property
+    def largest_step(self) -> float | None:  # type: ignore[override]
+        """The time in which its loop changes: one over the fastest root of inertia s^2 + damping s + stiffness, s."""
+        J, D, K = float(self.inertia), float(self.damping), float(self.stiffness)
+        split = D * D - 4.0 * K * J
+        return 1.0 / (math.sqrt(K / J) if split < 0.0 else (D + math.sqrt(split)) / (2.0 * J))
+
+    def begin(self, position: Any, setpoint: Any, dt: float) -> ServoMemory:
+        """A loop that has heard the setpoint long ago."""
+        return self._begun(self._rounded(setpoint), setpoint, dt)
+
+    def advance(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any, dt: float) -> ServoMemory:
+        """The next setpoint is heard, the goal moves, the encoder is read, the error is integrated."""
+        heard, waiting = self._heard(memory, setpoint, dt)
+        step = mul(self.speed_limit, dt)
+        goal = memory.goal + clip(self._rounded(heard) - memory.goal, -step, step)
+        rounding = self._rounded(position) - position
+        error = goal - position - rounding
+        asked = self._asked(goal, memory.integral, position + rounding, rate)
+        integral = self._integrated(memory, error, asked, rate, dt)
+        return ServoMemory(goal=goal, integral=integral, rounding=rounding, waiting=waiting)
+
+    def effort(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any) -> Any:
+        """What the loop asks for, within what motor and supply give."""
+        return self._bounded(self._asked(memory.goal, memory.integral, position + memory.rounding, rate), rate)
+
+    def standing(self, effort: Any, position: Any) -> Any:
+        """Beside the joint, by what the torque bends the loop's spring."""
+        return position + divide(effort, self.stiffness)
+
+    def setpoint(self, memory: ServoMemory, effort: Any, position: Any, rate: Any) -> Any:
+        """The inverse of the loop's law."""
+        return position + divide(effort + self.damping * rate - self.integral * memory.integral, self.stiffness)
+
+    def _asked(self, goal: Any, integral: Any, position: Any, rate: Any) -> Any:
+        return self.stiffness * (goal - position) - self.damping * rate + self.integral * integral
+
+    def _rounded(self, value: Any) -> Any:
+        if type(self.resolution) is int:
+            return value
+        return self.resolution * floor(value / self.resolution + 0.5)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class VelocityServo(Servo):
+    """A velocity servo: its setpoint is the joint's rate (rad/s or m/s).
+
+    torque = gain (goal - qd) + integral times the integral of (goal - qd). The goal is the setpoint within
+    ``speed_limit``.
+    """
+
+    gain: Annotated[Scalar, Unit("N m s/rad or N s/m", low=0.0, strict=True)]
+
+    @property
+    def largest_step(self) -> float | None:  # type: ignore[override]
+        """The time in which its loop changes: one over the fastest root of inertia s^2 + gain s + integral, s."""
+        J, D, K = float(self.inertia), float(self.gain), float(self.integral)
+        split = D * D - 4.0 * K * J
+        return 1.0 / (math.sqrt(K / J) if split < 0.0 else (D + math.sqrt(split)) / (2.0 * J))
+
+    def begin(self, position: Any, setpoint: Any, dt: float) -> ServoMemory:
+        """A loop that has heard the setpoint long ago."""
+        return self._begun(setpoint, setpoint, dt)
+
+    def advance(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any, dt: float) -> ServoMemory:
+        """The next setpoint is heard, the error is integrated."""
+        heard, waiting = self._heard(memory, setpoint, dt)
+        goal = clip(heard, -self.speed_limit, self.speed_limit)
+        error = goal - rate
+        integral = self._integrated(memory, error, self._asked(goal, memory.integral, rate), rate, dt)
+        return ServoMemory(goal=goal, integral=integral, rounding=memory.rounding, waiting=waiting)
+
+    def effort(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any) -> Any:
+        """What the loop asks for, within what motor and supply give."""
+        return self._bounded(self._asked(memory.goal, memory.integral, rate), rate)
+
+    def standing(self, effort: Any, position: Any) -> Any:
+        """The rate that asks a joint at rest for the torque."""
+        return divide(effort, self.gain)
+
+    def setpoint(self, memory: ServoMemory, effort: Any, position: Any, rate: Any) -> Any:
+        """The inverse of the loop's law."""
+        return rate + divide(effort - self.integral * memory.integral, self.gain)
+
+    def _asked(self, goal: Any, integral: Any, rate: Any) -> Any:
+        return add(mul(self.gain, goal - rate), mul(self.integral, integral))

@@ -1,0 +1,76 @@
+"""Monotone curves through given points: piecewise cubics that never turn back (PCHIP), and their inverse.
+
+Source: Fritsch, Butland 1984, with the end slopes of Moler 2004, section 3.6, as SciPy's PchipInterpolator has them.
+Over any scalar: which piece holds is a chain of ``where``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+from skyarm.scalars import clip, divide, maximum, where
+
+ITERATIONS = 8
+"""Of the inverse: Newton's method within a bracket doubles its digits from two on; eight are more than doubles hold."""
+
+
+def slopes(xs: Sequence[Any], ys: Sequence[Any]) -> list[Any]:
+    """Slopes of the curve at its points, of strictly increasing ``xs`` and ``ys``, at least two."""
+    widths = [b - a for a, b in pairwise(xs)]
+    steep = [divide(b - a, h) for (a, b), h in zip(pairwise(ys), widths, strict=True)]
+    if len(steep) == 1:
+        return [steep[0], steep[0]]
+    inner = []
+    for h0, h1, d0, d1 in zip(widths[:-1], widths[1:], steep[:-1], steep[1:], strict=True):
+        w0, w1 = 2.0 * h1 + h0, h1 + 2.0 * h0
+        inner.append(divide(w0 + w1, divide(w0, d0) + divide(w1, d1)))
+    return [_end(*widths[:2], *steep[:2]), *inner, _end(*widths[:-3:-1], *steep[:-3:-1])]
+
+
+def _end(h0: Any, h1: Any, d0: Any, d1: Any) -> Any:
+    """Slope at an end by a parabola through three points, not below zero."""
+    return maximum(divide((2.0 * h0 + h1) * d0 - h0 * d1, h0 + h1), 0.0)
+
+
+def curve(x: Any, xs: Sequence[Any], ys: Sequence[Any]) -> Any:
+    """Value at ``x`` of the rising curve through the points; straight on beyond the last, level before the first."""
+    start, width, low, rise, before, after, last = _piece(x, xs, ys, xs)
+    t = clip(divide(x - start, width), 0.0, 1.0)
+    return low + _cubic(t, rise, before, after) + last * maximum(x - xs[-1], 0.0)
+
+
+def inverse_curve(y: Any, xs: Sequence[Any], ys: Sequence[Any]) -> Any:
+    """Where the curve has the value ``y``; the first point for lower ones, straight on beyond the last."""
+    start, width, low, rise, before, after, last = _piece(y, xs, ys, ys)
+    wanted = clip(y - low, 0.0, rise)
+    t, bottom, top = divide(wanted, rise), 0.0 * wanted, 0.0 * wanted + 1.0
+    for _ in range(ITERATIONS):
+        above = _cubic(t, rise, before, after) - wanted
+        bottom, top = where(above > 0.0, bottom, t), where(above > 0.0, t, top)
+        slope = before + t * (2.0 * (3.0 * rise - 2.0 * before - after) + t * (3.0 * (before + after - 2.0 * rise)))
+        step = t - divide(above, where(slope > 0.0, slope, rise))
+        # outside of what is known to hold it, the middle
+        t = where(step < bottom, 0.5 * (bottom + top), where(step > top, 0.5 * (bottom + top), step))
+    beyond = maximum(y - ys[-1], 0.0)
+    return start + t * width + where(last > 0.0, divide(beyond, where(last > 0.0, last, 1.0)), 0.0)
+
+
+def _cubic(t: Any, rise: Any, before: Any, after: Any) -> Any:
+    """Hermite's cubic from 0 to ``rise`` with slopes per unit of t at both ends."""
+    return t * (before + t * ((3.0 * rise - 2.0 * before - after) + t * (before + after - 2.0 * rise)))
+
+
+def _piece(at: Any, xs: Sequence[Any], ys: Sequence[Any], knots: Sequence[Any]) -> tuple[Any, ...]:
+    """Start, width, value, rise and slopes by t of the piece in which ``at`` is among the knots; the last slope."""
+    d = slopes(xs, ys)
+    rows = [
+        (x0, x1 - x0, y0, y1 - y0, d0 * (x1 - x0), d1 * (x1 - x0))
+        for x0, x1, y0, y1, d0, d1 in zip(xs[:-1], xs[1:], ys[:-1], ys[1:], d[:-1], d[1:], strict=True)
+    ]
+    found = rows[0]
+    for knot, row in zip(knots[1:-1], rows[1:], strict=True):
+        later = at > knot
+        found = tuple(where(later, new, old) for new, old in zip(row, found, strict=True))
+    return (*found, d[-1])

@@ -1,0 +1,144 @@
+"""``skyarm attach``: which arm, on which airframe, into which vehicle file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from skyarm.cli.machine_output import give
+from skyarm.files import must_be_one_of, output_file, printable, shown, write_atomically
+from skyarm.files.write_toml import toml_text
+from skyarm.vehicle.robots_by_name import is_robot
+from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle, vehicle_of_text
+from skyarm.vehicle.vehicle_records import Vehicle
+
+
+def write_attached(
+    airframe: str,
+    arm: str,
+    file: str,
+    mount: Mapping[str, Any],
+    *,
+    tip: str | None = None,
+    mimic: str = "lock",
+    repair: bool = False,
+) -> str:
+    """Write a vehicle file that puts an arm on an airframe; returns one line on what was written.
+
+    Args:
+        airframe: a vehicle file, or a name of the library.
+        arm: its file, or ``robot:NAME``.
+        file: to write.
+        mount: fields of its table ``attach`` but the arm: to, position (m), rpy (rad), prefix.
+        tip: frame or link of the arm that becomes the vehicle's tip; None for its own tip, or its last link's last
+            frame if it is one chain.
+        mimic: "lock" or "couple".
+        repair: whether inertias a little beyond what a body has become the nearest real ones.
+
+    Raises:
+        ValueError, OSError: one line.
+    """
+    written = output_file(file, "--out")
+    if written.suffix != ".toml":
+        raise ValueError(f"--out = {shown(file)}: must end in .toml")
+    document: dict[str, Any] = {"schema": 1, "name": written.stem, "airframe": _named_from(written, airframe)}
+    document |= {name: value for name, value in (("mimic", mimic), ("repair", repair)) if value not in ("lock", False)}
+    alone = vehicle_of_text(toml_text(document), written)
+    given = {name: list(value) if isinstance(value, tuple) else value for name, value in mount.items()}
+    table = {name: value for name, value in given.items() if value not in ("", "base", [0.0, 0.0, 0.0])}
+    document["attach"] = [{"arm": _named_from(written, arm), **table}]
+    vehicle = vehicle_of_text(toml_text(document), written)
+    found = _tip(_Arm(alone, vehicle, str(mount["prefix"])), tip, arm)
+    if found in [frame.name for frame in vehicle.frames]:
+        document = {**document, "end_effector": found}
+    elif found:
+        frame = {"name": _unused(f"{mount['prefix']}tip", vehicle), "link": found}
+        document = {**document, "end_effector": frame["name"], "frames": [frame]}
+    content = f"# {_word(arm)} on {_word(airframe)}, by skyarm attach; both stay as they are.\n{toml_text(document)}"
+    vehicle = vehicle_of_text(content, written)
+    write_atomically(written, content.encode())
+    give(
+        file=written,
+        vehicle=vehicle.name,
+        mass_kg=float(vehicle.mass),
+        rotors=len(vehicle.rotors),
+        joints=[link.joint.name for link in vehicle.links],
+        followers=[each.link.joint.name for each in vehicle.followers],
+        tip=vehicle.end_effector or None,
+        notes=list(vehicle.notes),
+    )
+    told = f"{written}: {float(vehicle.mass):.4g} kg, {len(vehicle.rotors)} rotors, {vehicle.n} joints, "
+    told += f"tip {vehicle.end_effector!r}" if vehicle.end_effector else "no tip (--tip)"
+    return told + (f"; {len(vehicle.notes)} notes: skyarm show {written}" if vehicle.notes else "")
+
+
+@dataclass(frozen=True, slots=True)
+class _Arm:
+    """What an arm adds to an airframe: links and frames of the whole that the airframe alone does not have."""
+
+    alone: Vehicle
+    whole: Vehicle
+    prefix: str
+
+    @property
+    def links(self) -> list[str]:
+        """Names, in the order of the vehicle."""
+        there = {link.name for link in self.alone.moving}
+        return [link.name for link in self.whole.moving if link.name not in there]
+
+    @property
+    def frames(self) -> dict[str, str]:
+        """Name -> the link that carries it; "base" for the airframe."""
+        there = {frame.name for frame in self.alone.frames}
+        names = ["base", *(link.name for link in self.whole.moving)]
+        return {frame.name: names[frame.link + 1] for frame in self.whole.frames if frame.name not in there}
+
+    @property
+    def ends(self) -> list[str]:
+        """Links of the arm that carry no other one."""
+        moving = self.whole.moving
+        carrying = {moving[link.parent].name for link in moving if link.parent >= 0}
+        return [name for name in self.links if name not in carrying]
+
+
+def _tip(arm: _Arm, wanted: str | None, file: str) -> str:
+    """Frame or link that becomes the tip; empty where the arm has no single end."""
+    known = [*arm.frames, *arm.links]
+    if wanted is not None:
+        for name in (arm.prefix + wanted, wanted):
+            if name in known:
+                return name
+        plain = [name.removeprefix(arm.prefix) for name in known]
+        raise ValueError(f"--tip = {shown(wanted)}: {must_be_one_of(plain, wanted)}")
+    own = load_vehicle(file).end_effector if file.endswith(".toml") else "tip"
+    if arm.prefix + own in arm.frames:
+        return arm.prefix + own
+    if len(arm.ends) > 1:
+        return ""
+    end = arm.ends[0] if arm.ends else ""
+    held = [name for name, link in arm.frames.items() if not end or link == end]
+    return held[-1] if held else end
+
+
+def _named_from(written: Path, name: str) -> str:
+    """A file as it is named from the folder of another one; names of the library and of robots stay."""
+    if name in list_vehicles() or is_robot(name):
+        return name
+    try:
+        return Path(os.path.relpath(os.path.realpath(name), os.path.realpath(written.parent))).as_posix()
+    except ValueError:  # another drive, or a NUL
+        return name
+
+
+def _unused(name: str, vehicle: Vehicle) -> str:
+    """The name, with underscores until no frame has it."""
+    while name in [frame.name for frame in vehicle.frames]:
+        name += "_"
+    return name
+
+
+def _word(name: str) -> str:
+    return printable(Path(name).name)

@@ -1,0 +1,206 @@
+"""A layer between a law and real actuators: torques as setpoints of servos, k_f W^2 as speeds of a thrust table."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, Any
+
+from skyarm import dynamics
+from skyarm.actuation import Command, Mixer, joint_force
+from skyarm.actuation.drive import TORQUE_DRIVE
+from skyarm.actuation.rotor import push, speed_of_push
+from skyarm.algebra import Force
+from skyarm.compile import leaves, rebuild
+from skyarm.control.blocks.common import rotor_thrust
+from skyarm.control.controller import Controller, ControllerError, Law
+from skyarm.control.law_checks import check_controller, checked_law, wrong
+from skyarm.control.model import Model
+from skyarm.records.units import Unit
+from skyarm.reference import Reference
+from skyarm.scalars import Scalar, add, data, maximum, mul, sqrt, where
+from skyarm.sensors.measurement import Measurement
+from skyarm.vehicle.vehicle_records import Rotor
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ActuatorParameters:
+    """Constants of a law on real actuators: the belief with its servos and thrust tables, and the law's own constants.
+
+    Attributes:
+        model: belief. mixer: its rotors.
+        inner: constants of the law; its model and mixer are those above, given to it at each call.
+    """
+
+    model: Model
+    mixer: Mixer
+    inner: Any
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ActuatorMemory:
+    """State of a law on real actuators between two steps.
+
+    Attributes:
+        inner: memory of the law. started: 0 before the first step.
+        drives: memories that the believed drives would have; empty where the law's efforts are sent as they are.
+    """
+
+    inner: Any
+    started: Annotated[Scalar, Unit("", "0 before the first step")]
+    drives: tuple[Any, ...]
+
+
+def has_tables(model: Model) -> bool:
+    """Whether a rotor of the believed vehicle has a thrust table."""
+    return any(rotor.table is not None for rotor in model.vehicle.rotors)
+
+
+def plain_model(model: Model) -> Model:
+    """The belief as a law knows it: rotors of k_f W^2 in place of tables, at speeds that give the same thrust."""
+    if not has_tables(model):
+        return model
+    rotors = tuple(_plain(rotor) for rotor in model.vehicle.rotors)
+    return dataclasses.replace(model, vehicle=dataclasses.replace(model.vehicle, rotors=rotors))
+
+
+def _plain(rotor: Rotor) -> Rotor:
+    return rotor if rotor.table is None else dataclasses.replace(rotor, table=None, max_speed=_as_plain(rotor, None))
+
+
+def _as_plain(rotor: Rotor, speed: Any) -> Any:
+    """The speed at which k_f W^2 is the thrust of the rotor's table; of its highest speed for None."""
+    if rotor.table is None:
+        return speed
+    return sqrt(maximum(push(rotor, rotor.max_speed if speed is None else speed), 0.0))
+
+
+def with_actuators(controller: Controller, model: Model, control_period: float, *, servos: bool = True) -> Controller:
+    """Return a law whose commands are those of real actuators: setpoints of servos, speeds of rotors with tables.
+
+    A servo's loop acts while its setpoint is held, so that the torque changes as the joint moves. The setpoint is
+    therefore that whose torque is the law's on average over the control period: the believed servo's law is inverted at
+    the mean position and rate of the period, which the believed vehicle's acceleration under that torque predicts. The
+    servo's own integral and latency are followed by its belief. Joints without a servo keep their torques.
+
+    To the law a rotor with a thrust table is one with k_f W^2: a commanded speed becomes that at which the believed
+    table gives the same thrust, and a measured one the other way round.
+
+    The law, and a safety layer around it, know nothing of either: what they keep of their commands stays as it is.
+
+    Args:
+        controller: any law for ``plain_model(model)``.
+        model: belief with drives or tables.
+        control_period: s.
+        servos: whether the law's efforts are torques that drives must be made to give.
+
+    Raises:
+        ControllerError: the believed vehicle has neither, or the law has the layer already.
+    """
+    check_controller(controller)
+    if isinstance(controller.par, ActuatorParameters):
+        raise ControllerError(f"servos = true: law {controller.name!r} has its actuators already")
+    if not hasattr(controller.par, "mixer"):
+        raise wrong(controller, "has constants without a Mixer: par.mixer must be one for a law on real actuators")
+    if servos and not model.vehicle.drives:
+        raise ControllerError("servos = true: the believed vehicle must carry drives ([drives.JOINT] of its file)")
+    drives = believed_drives(model) if servos else ()
+    law = partial(actuator_law, inner=controller.law, name=controller.name, compiled=controller.compiled, servos=servos)
+    return dataclasses.replace(
+        controller,
+        law=law,
+        par=ActuatorParameters(
+            model=model,
+            mixer=controller.par.mixer,
+            inner=dataclasses.replace(controller.par, model=None, mixer=None),
+        ),
+        memory=ActuatorMemory(
+            inner=controller.memory,
+            started=0.0,
+            drives=tuple(drive.begin(0.0, 0.0, control_period) for drive in drives),
+        ),
+    )
+
+
+def inner_parameters(par: ActuatorParameters) -> Any:
+    """Constants of the law inside, with the belief that it knows."""
+    return dataclasses.replace(par.inner, model=plain_model(par.model), mixer=par.mixer)
+
+
+def believed_drives(model: Model) -> tuple[Any, ...]:
+    """The drive of each joint as the belief has it."""
+    carried = {each.name: each.drive for each in model.vehicle.drives}
+    return tuple(carried.get(link.joint.name, TORQUE_DRIVE) for link in model.vehicle.links)
+
+
+def actuator_law(
+    memory: ActuatorMemory,
+    measurement: Measurement,
+    reference: Reference,
+    dt: Any,
+    *,
+    par: ActuatorParameters,
+    inner: Law,
+    name: str,
+    compiled: bool,
+    servos: bool,
+) -> tuple[ActuatorMemory, Command]:
+    """One step of the law ``inner``; its command as the actuators take it."""
+    own, rotors = inner_parameters(par), par.model.vehicle.rotors
+    law = checked_law(Controller(name=name, law=inner, par=own, compiled=compiled))
+    turning = tuple(_as_plain(rotor, w) for rotor, w in zip(rotors, measurement.rotor_speeds, strict=True))
+    told = dataclasses.replace(measurement, rotor_speeds=turning)
+    following, command = law(memory.inner, told, reference, dt, par=own)
+    speeds = tuple(
+        w if rotor.table is None else speed_of_push(rotor, w * w)
+        for rotor, w in zip(rotors, command.rotor_speeds, strict=True)
+    )
+    efforts, drives = command.efforts, memory.drives
+    if servos:
+        efforts, drives = _setpoints(memory, told, efforts, own.model, par.model, dt)
+    moved = ActuatorMemory(inner=following, started=1.0, drives=drives)
+    return moved, Command(rotor_speeds=speeds, efforts=efforts)
+
+
+def _setpoints(
+    memory: ActuatorMemory, measurement: Measurement, efforts: Any, plain: Model, model: Model, dt: Any
+) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """Setpoints whose torques are the efforts on average over the period in which they act; the drives' memories."""
+    setpoints, kept = [], []
+    rows = zip(
+        believed_drives(model),
+        memory.drives,
+        efforts,
+        measurement.joints,
+        measurement.joint_rates,
+        _accelerations(plain, measurement, efforts),
+        strict=True,
+    )
+    for drive, held, effort, q, qd, qdd in rows:
+        begun = drive.begin(q, drive.standing(effort, q), dt)
+        now = _blend(memory.started > 0.5, held, begun)
+        # means of the motion from where the setpoint is heard to one period later
+        ahead = add(getattr(drive, "latency", 0), 0.5 * dt)
+        square = add(mul(ahead, ahead), dt * dt / 12.0)
+        mean = add(add(q, mul(qd, ahead)), mul(qdd, mul(0.5, square)))
+        setpoint = data(drive.setpoint(now, effort, mean, add(qd, mul(qdd, ahead))))
+        setpoints.append(setpoint)
+        kept.append(drive.advance(now, setpoint, q, qd, dt))
+    return tuple(setpoints), tuple(kept)
+
+
+def _accelerations(model: Model, measurement: Measurement, efforts: Any) -> tuple[Any, ...]:
+    """Joint accelerations of the believed vehicle under torques and the thrust of its rotors, in calm air."""
+    vehicle, rates = model.vehicle, measurement.joint_rates
+    torque, force = rotor_thrust(vehicle, measurement.rotor_speeds)
+    rows = zip(vehicle.links, efforts, rates, strict=True)
+    torques = tuple(joint_force(link.joint, effort, qd) for link, effort, qd in rows)
+    found = dynamics.forward_dynamics(
+        vehicle, measurement.joints, measurement.rate, rates, Force(torque, force), torques
+    )
+    return found[1]
+
+
+def _blend(condition: Any, new: Any, old: Any) -> Any:
+    return rebuild(old, (where(condition, a, b) for a, b in zip(leaves(new), leaves(old), strict=True)))

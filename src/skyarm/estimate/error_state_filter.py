@@ -1,0 +1,277 @@
+"""Error-state Kalman filter on an inertial unit, aided by pose, or position and heading; joints from encoders.
+
+The inertial unit is integrated at every reading; what is estimated is the error of that: position, velocity, attitude
+(a rotation, composed with the estimate), biases. A reading that is old when it arrives is compared with the belief of
+its own instant: the filter lags ``delay_periods`` behind the present, and the inertial readings since then carry its
+belief to the present, which is what the law is told. No delay is approximated.
+
+With ``force = "modelled"`` the believed vehicle's dynamics say the specific force, and the accelerometer tells what
+they lack: a push by the wind or by what is wrong in the model, which is estimated as a random walk.
+
+Sources: Sola 2017, "Quaternion kinematics for the error-state Kalman filter"; Lefferts, Markley, Shuster 1982
+(multiplicative attitude error); Khosravian, Trumpf, Mahony, Hamel 2015 (delayed filter with forward prediction).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+
+from skyarm.actuation import Command
+from skyarm.actuation.rotor import speeds_after
+from skyarm.algebra import Vec3
+from skyarm.estimate.error_covariance import (
+    Covariance,
+    choose_covariance,
+    diagonal,
+    gate_of,
+    predict_covariance,
+    scaled_covariance,
+    transition,
+    update_by_scalar,
+)
+from skyarm.estimate.estimator import Estimator
+from skyarm.estimate.filter_memory import (
+    AIDS,
+    BLANK_BELIEF,
+    BLANK_INERTIAL,
+    BLANK_READINGS,
+    FilterMemory,
+    choose,
+    in_turn,
+)
+from skyarm.estimate.filter_sensors import only, require_filter_sensors
+from skyarm.estimate.inertial_navigation import Navigated, level_attitude, navigate
+from skyarm.estimate.inertial_navigation import corrected as with_error
+from skyarm.estimate.innovations import ScalarInnovation, innovations, of_specific_force
+from skyarm.estimate.joint_filter import FilteredJoints, filter_joints
+from skyarm.estimate.modelled_force import modelled_force
+from skyarm.records.coerce import RecordError
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, data, logical_and, logical_not, where
+from skyarm.sensors.measurement import Measurement
+from skyarm.sensors.sensor import Sensor
+from skyarm.sensors.sensor_readings import EncoderReading, ImuReading
+from skyarm.vehicle.vehicle_records import Vehicle
+
+FORCES = ("measured", "modelled")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ErrorStateFilter(Estimator):
+    """The filter's belief of its sensors; the plant's sensors have their own numbers.
+
+    Attributes:
+        aiding: "pose", "position" or "position_heading": the readings that correct the inertial unit's.
+        delay_periods: control periods by which the filter lags, at least the age of the oldest aiding reading.
+        force: "measured" by the accelerometer, or "modelled" by the believed vehicle and corrected by it.
+        gyro, gyro_walk, accelerometer, accelerometer_walk: densities of noise and of the biases' random walks.
+        push_walk: density of the random walk of what the model lacks.
+        position, attitude, heading: deviations of the aiding readings.
+        gate: normal deviations beyond which a reading is refused; 0 refuses none. doubt: factor of the covariance at
+            each reading that is refused, so that a filter that is wrong itself does not refuse all that would mend it.
+        first_velocity, first_tilt, first_heading, first_gyro_bias, first_accelerometer_bias, first_push: deviations of
+            what the first readings do not tell. start_heading: rad, without a reading that tells of it.
+        joint_bandwidth: rad/s, of the filter of the encoders; 0 takes positions and rates as they are read.
+        gravity: m/s^2; that of the controller's belief if left out. vehicle: that of its belief, given by the loop.
+    """
+
+    aiding: str = "pose"
+    delay_periods: Annotated[int, Unit("", "control periods by which the filter lags", low=0, high=100)] = 0
+    force: str = "measured"
+    gyro: Annotated[Scalar, Unit("rad/s/sqrt(Hz)", "noise", low=0.0)] = 0.005
+    gyro_walk: Annotated[Scalar, Unit("rad/s^2/sqrt(Hz)", "walk of the bias", low=0.0)] = 1e-4
+    accelerometer: Annotated[Scalar, Unit("m/s^2/sqrt(Hz)", "noise", low=0.0)] = 0.02
+    accelerometer_walk: Annotated[Scalar, Unit("m/s^3/sqrt(Hz)", "walk of the bias", low=0.0)] = 1e-3
+    push_walk: Annotated[Scalar, Unit("m/s^3/sqrt(Hz)", "walk of what the model lacks", low=0.0)] = 0.05
+    position: Annotated[Scalar, Unit("m", "deviation of a reading", low=0.0, strict=True)] = 0.005
+    attitude: Annotated[Scalar, Unit("rad", "deviation of a reading", low=0.0, strict=True)] = 0.005
+    heading: Annotated[Scalar, Unit("rad", "deviation of a reading", low=0.0, strict=True)] = 0.02
+    gate: Annotated[Scalar, Unit("", "normal deviations, 0: none", low=0.0)] = 4.5
+    doubt: Annotated[Scalar, Unit("", "factor of the covariance at a refused reading", low=1.0)] = 1.5
+    first_velocity: Annotated[Scalar, Unit("m/s", "deviation at the start", low=0.0)] = 0.1
+    first_tilt: Annotated[Scalar, Unit("rad", "deviation at the start, without pose", low=0.0)] = 0.05
+    first_heading: Annotated[Scalar, Unit("rad", "deviation at the start, without reading", low=0.0)] = 0.5
+    first_gyro_bias: Annotated[Scalar, Unit("rad/s", "deviation at the start", low=0.0)] = 0.01
+    first_accelerometer_bias: Annotated[Scalar, Unit("m/s^2", "deviation at the start", low=0.0)] = 0.1
+    first_push: Annotated[Scalar, Unit("m/s^2", "deviation at the start", low=0.0)] = 2.0
+    start_heading: Annotated[Scalar, Unit("rad", "at the start, without reading")] = 0.0
+    joint_bandwidth: Annotated[Scalar, Unit("rad/s", "of the encoders' filter, 0: as read", low=0.0)] = 300.0
+    gravity: Annotated[Scalar | None, Unit("m/s^2", low=0.0)] = None
+    vehicle: Vehicle | None = None
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "")
+        for name, allowed in (("aiding", tuple(AIDS)), ("force", FORCES)):
+            if getattr(self, name) not in allowed:
+                raise RecordError(f"{name} = {getattr(self, name)!r}: must be one of {', '.join(allowed)}")
+
+    @property
+    def modelled(self) -> bool:
+        """Whether the believed vehicle says the specific force."""
+        return self.force == "modelled"
+
+    def believing(self, vehicle: Vehicle, gravity: Any) -> ErrorStateFilter:
+        """The filter with the controller's belief."""
+        return replace(self, vehicle=vehicle, gravity=gravity if self.gravity is None else self.gravity)
+
+    def require_sensors(self, sensors: Mapping[str, Sensor], rate: float, vehicle: Vehicle) -> None:
+        """An inertial unit, the aiding sensors and, with joints, encoders; none older than the filter lags."""
+        require_filter_sensors(sensors, self.aiding, self.delay_periods / rate, vehicle.n)
+
+    def start(self, vehicle: Vehicle) -> FilterMemory:
+        """Blank but for the covariance; the first readings begin the belief."""
+        still, waiting = (0.0,) * vehicle.n, self.delay_periods + 1
+        zero = Vec3(0.0, 0.0, 0.0)
+        return FilterMemory(
+            started=0.0,
+            belief=replace(BLANK_BELIEF, push=zero) if self.modelled else BLANK_BELIEF,
+            covariance=self._first_covariance(),
+            inertial=(BLANK_INERTIAL,) * waiting,
+            aiding=tuple((BLANK_READINGS[kind],) * waiting for kind in AIDS[self.aiding]),
+            joints=FilteredJoints(joints=still, rates=still, read=0.0),
+            modelled=(zero,) * waiting if self.modelled else (),
+            rotor_speeds=(0.0,) * len(vehicle.rotors),
+            taken=0.0,
+            refused=0.0,
+            surprise=0.0,
+        )
+
+    def step(
+        self, memory: FilterMemory, readings: Mapping[str, Any], command: Command, dt: float
+    ) -> tuple[FilterMemory, Measurement]:
+        """Take in what has arrived; the measurement is the belief of the present."""
+        started = memory.started > 0.5
+        imu, encoders = only(ImuReading, readings), only(EncoderReading, readings)
+        arrived = [only(kind, readings) for kind in AIDS[self.aiding]]
+        before = tuple(choose(started, old, imu) for old in memory.inertial)
+        belief = choose(started, memory.belief, self._first_belief(memory.belief, imu, arrived))
+        joints = memory.joints
+        if joints.joints:
+            joints = filter_joints(joints, encoders, started, self.joint_bandwidth, imu.time, dt)
+        present = replace(memory, belief=belief, joints=joints)
+        now = replace(
+            self._turned(present, imu, command, started, dt),
+            started=memory.started * 0.0 + 1.0,
+            inertial=(*before[1:], imu),
+            aiding=tuple(
+                (*(choose(started, old, new) for old in queue[1:]), new)
+                for queue, new in zip(memory.aiding, arrived, strict=True)
+            ),
+        )
+        following = self._aided(self._predicted(now, before[0]), before[0].time)
+        return following, self._told(following, imu, encoders)
+
+    def _turned(self, memory: FilterMemory, imu: ImuReading, command: Command, started: Any, dt: Any) -> FilterMemory:
+        """With the rotors one period later under the command that acted, and the force that the model gives then."""
+        if self.vehicle is None:
+            raise RecordError("vehicle: must be given, by believing(vehicle, gravity)")
+        turned = speeds_after(self.vehicle.rotors, memory.rotor_speeds, command.rotor_speeds, dt)
+        speeds = tuple(data(where(started, a, b)) for a, b in zip(turned, command.rotor_speeds, strict=True))
+        if not self.modelled:
+            return replace(memory, rotor_speeds=speeds)
+        belief, joints = memory.belief, memory.joints
+        old = tuple(where(started, a, b) for a, b in zip(memory.rotor_speeds, speeds, strict=True))
+        velocity = belief.quaternion.rotation().apply_T(belief.velocity)
+        rate = imu.rate - belief.gyro_bias
+        force = modelled_force(
+            self.vehicle, velocity, rate, joints.joints, joints.rates, (old, speeds), command.efforts
+        )
+        kept = tuple(choose(started, each, force) for each in memory.modelled[1:])
+        return replace(memory, rotor_speeds=speeds, modelled=(*kept, force))
+
+    def _predicted(self, memory: FilterMemory, before: ImuReading) -> FilterMemory:
+        """Belief and covariance at the filter's instant, from those at the reading before."""
+        reading, belief = memory.inertial[0], memory.belief
+        dt = reading.time - before.time
+        R = belief.quaternion.rotation()
+        given = memory.modelled[0] if self.modelled else None
+        following, force = navigate(belief, before, reading, self.gravity, dt, given)
+        F = transition(R, force, dt, modelled=self.modelled)
+        P = predict_covariance(memory.covariance, F, self._variances(dt))
+        if self.modelled:
+            variance = self.accelerometer * self.accelerometer / where(dt > 0.0, dt, 1.0)
+            rows = of_specific_force(following, reading.specific_force, memory.modelled[0], variance)
+            following, P, _ = _corrected(following, P, rows, dt > 0.0, float("inf"))
+        return replace(memory, belief=following, covariance=P)
+
+    def _aided(self, memory: FilterMemory, after: Any) -> FilterMemory:
+        """With the aiding readings of the filter's instant taken in."""
+        belief, P = memory.belief, memory.covariance
+        taken, refused, surprise = memory.taken, memory.refused, memory.surprise
+        for queue in memory.aiding:
+            due, reading = in_turn(queue, after, memory.inertial[0].time)
+            rows = innovations(belief, reading, self.position, self.attitude, self.heading)
+            allowed = where(self.gate > 0.0, gate_of(self.gate, len(rows)), float("inf"))
+            belief, updated, found = _corrected(belief, P, rows, due, allowed)
+            passed, failed = logical_and(due, found < allowed), logical_and(due, logical_not(found < allowed))
+            P = scaled_covariance(updated, where(failed, self.doubt, 1.0))
+            taken, refused = taken + where(passed, 1.0, 0.0), refused + where(failed, 1.0, 0.0)
+            surprise = where(due, found, surprise)
+        return replace(memory, belief=belief, covariance=P, taken=taken, refused=refused, surprise=surprise)
+
+    def _first_covariance(self) -> Covariance:
+        """Before the first readings are taken in, which say how far position and attitude are known."""
+        tilt, heading = self.attitude, self.attitude
+        if self.aiding != "pose":
+            tilt = self.first_tilt
+            heading = self.heading if self.aiding == "position_heading" else self.first_heading
+        parts = [self.position] * 3 + [self.first_velocity] * 3 + [tilt, tilt, heading]
+        parts += [self.first_gyro_bias] * 3 + [self.first_accelerometer_bias] * 3
+        parts += [self.first_push] * 3 if self.modelled else []
+        return diagonal([each * each for each in parts])
+
+    def _first_belief(self, blank: Navigated, imu: ImuReading, arrived: Sequence[Any]) -> Navigated:
+        """At rest where the first readings are, without biases; level by the accelerometer without a pose."""
+        if self.aiding == "pose":
+            return replace(blank, position=arrived[0].position, quaternion=arrived[0].quaternion)
+        heading = arrived[1].heading if self.aiding == "position_heading" else self.start_heading
+        return replace(blank, position=arrived[0].position, quaternion=level_attitude(imu.specific_force, heading))
+
+    def _variances(self, dt: Any) -> list[Any]:
+        """What a step adds to the variance of each component; to the position none, it is of third order in dt."""
+        walks = [] if self.modelled else [self.accelerometer]
+        walks += [self.gyro, self.gyro_walk, self.accelerometer_walk]
+        walks += [self.push_walk] if self.modelled else []
+        added: list[Any] = [0] * (6 if self.modelled else 3)
+        for density in walks:
+            added += [density * density * dt] * 3
+        return added
+
+    def _told(self, memory: FilterMemory, imu: ImuReading, encoders: Any) -> Measurement:
+        """The belief of the filter's instant carried to the present."""
+        present = memory.belief
+        for i, (old, new) in enumerate(zip(memory.inertial, memory.inertial[1:], strict=False)):
+            given = memory.modelled[i + 1] if self.modelled else None
+            present, _ = navigate(present, old, new, self.gravity, new.time - old.time, given)
+        joints, rates = memory.joints.joints, memory.joints.rates
+        if joints:
+            read = self.joint_bandwidth <= 0.0
+            joints = tuple(where(read, a, b) for a, b in zip(encoders.joints, joints, strict=True))
+            rates = tuple(where(read, a, b) for a, b in zip(encoders.joint_rates, rates, strict=True))
+        return Measurement(
+            time=data(imu.time),
+            position=present.position,
+            quaternion=present.quaternion,
+            velocity=present.velocity,
+            rate=imu.rate - present.gyro_bias,
+            specific_force=imu.specific_force - present.accelerometer_bias,
+            joints=joints,
+            joint_rates=rates,
+            rotor_speeds=memory.rotor_speeds,
+        )
+
+
+def _corrected(
+    belief: Navigated, P: Covariance, rows: Sequence[ScalarInnovation], due: Any, allowed: Any
+) -> tuple[Navigated, Covariance, Any]:
+    """Belief and covariance after scalars that are due and together surprise no more than allowed; their surprise."""
+    error: list[Any] = [0] * len(P)
+    after, surprise = P, 0
+    for row in rows:
+        after, error, part = update_by_scalar(after, error, row.H, row.value, row.variance)
+        surprise = surprise + part
+    passed = logical_and(due, surprise < allowed)
+    return choose(passed, with_error(belief, error), belief), choose_covariance(passed, after, P), surprise

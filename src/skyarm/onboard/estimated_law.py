@@ -1,0 +1,102 @@
+"""A law behind the error-state filter, as one step from readings to a command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.actuation import Command
+from skyarm.actuation.hover import hover_trim
+from skyarm.control.controller import Controller
+from skyarm.control.law_checks import checked_law
+from skyarm.estimate.error_state_filter import ErrorStateFilter
+from skyarm.estimate.filter_memory import AIDS, BLANK_INERTIAL, BLANK_READINGS, FilterMemory
+from skyarm.records.leaves import leaves, parts
+from skyarm.records.units import Unit
+from skyarm.reference import Reference
+from skyarm.sensors.sensor_readings import (
+    EncoderReading,
+    HeadingReading,
+    ImuReading,
+    PoseReading,
+    PositionReading,
+)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FilterReadings:
+    """The last reading of each sensor that has arrived, with its instant; nothing where a sensor is not used.
+
+    The filter tells by the instant whether a reading is new: a reading that did not come is the one before.
+    """
+
+    imu: ImuReading
+    pose: PoseReading | tuple[()] = ()
+    position: PositionReading | tuple[()] = ()
+    heading: HeadingReading | tuple[()] = ()
+    encoders: EncoderReading | tuple[()] = ()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class EstimatedConstants:
+    """What a call does not change: constants of the law and of the filter, and the time between two calls (s)."""
+
+    parameters: Any
+    estimator: ErrorStateFilter
+    period: Annotated[float, Unit("s", "between two calls")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class EstimatedMemory:
+    """What filter and law keep, and the last command, which acts until the next."""
+
+    estimate: FilterMemory
+    law: Any
+    sent: Command
+
+
+def blank_readings(estimator: ErrorStateFilter, joints: int) -> FilterReadings:
+    """Readings whose numbers are not used, of the sensors that a filter takes."""
+    named: dict[type, str] = {PoseReading: "pose", PositionReading: "position", HeadingReading: "heading"}
+    aids: dict[str, Any] = {named[kind]: BLANK_READINGS[kind] for kind in AIDS[estimator.aiding]}
+    still = (0.0,) * joints
+    encoders = EncoderReading(time=0.0, joints=still, joint_rates=still) if joints else ()
+    return FilterReadings(imu=BLANK_INERTIAL, encoders=encoders, **aids)
+
+
+def first_estimated_memory(controller: Controller, estimator: ErrorStateFilter) -> EstimatedMemory:
+    """Before the first readings, in hover with all joints at zero: the command that acts then."""
+    model = controller.par.model
+    trim = hover_trim(model.vehicle, (0.0,) * model.vehicle.n, model.gravity)
+    sent = as_data(Command(rotor_speeds=tuple(trim.speeds), efforts=tuple(trim.efforts)))
+    return EstimatedMemory(estimate=estimator.start(model.vehicle), law=controller.memory, sent=sent)
+
+
+def estimated_law(controller: Controller) -> Callable[..., tuple[EstimatedMemory, Command]]:
+    """The step (constants, readings, reference, memory) -> (memory, command) of a controller behind a filter."""
+    law = checked_law(controller)
+
+    def step(
+        constants: EstimatedConstants, readings: FilterReadings, reference: Reference, memory: EstimatedMemory
+    ) -> tuple[EstimatedMemory, Command]:
+        model = constants.parameters.model
+        estimator = constants.estimator.believing(model.vehicle, model.gravity)
+        arrived = {name: reading for name, reading in parts(readings).items() if leaves(reading)}
+        estimate, measurement = estimator.step(memory.estimate, arrived, memory.sent, constants.period)
+        following, command = law(memory.law, measurement, reference, constants.period, par=constants.parameters)
+        held = as_data(command)
+        return EstimatedMemory(estimate=estimate, law=following, sent=held), held
+
+    return step
+
+
+def as_data(command: Command) -> Command:
+    """A structural zero of a command as data, so that every command has its place."""
+
+    def number(value: Any) -> Any:
+        return float(value) if isinstance(value, int) else value
+
+    return Command(
+        rotor_speeds=tuple(number(w) for w in command.rotor_speeds), efforts=tuple(number(e) for e in command.efforts)
+    )

@@ -1,0 +1,198 @@
+"""A vehicle as a model that stands by itself in MuJoCo: with actuators, limits, lights and a camera that see it.
+
+Bodies, joints and looks are those of the plant (:mod:`skyarm.plant.mujoco_model`). Within the joints' limits, in still
+air, at steady rotor speeds and without Coulomb friction the model moves as the plant does: thrust and drag torque of a
+rotor are one actuator in N, joint efforts motors, viscous friction is MuJoCo's own. Limits, Coulomb friction and
+followers are MuJoCo's soft constraints; lag, rotor drag and body drag are left out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from skyarm.actuation.hover import hover_trim
+from skyarm.drawing.vehicle_shapes import longest_boom
+from skyarm.dynamics.followers import every_joint
+from skyarm.dynamics.state import State
+from skyarm.plant.mujoco_digits import exact_xml
+from skyarm.plant.mujoco_model import build_spec, joint_addresses, site_of_rotor
+from skyarm.vehicle.check import require_plant
+from skyarm.vehicle.vehicle_records import Vehicle
+
+START = "start"
+"""Keyframe of the first state, rotors in hover."""
+
+CAMERA = "follow"
+
+HEIGHT = 1.0
+"""m above the floor, where nobody says where to start."""
+
+AWAY = (-4.0, -3.0, 2.0)
+"""Of the camera from the vehicle's centre of mass, in its sizes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """Text of an MJCF file, and how much is in it."""
+
+    text: str
+    bodies: int
+    joints: int
+    actuators: tuple[str, ...]
+
+
+def mjcf_text(vehicle: Vehicle, gravity: float, start: State | None = None, *, timestep: float = 0.001) -> Exported:
+    """MJCF of a vehicle.
+
+    Args:
+        vehicle: with concrete numbers; a planar model is refused.
+        gravity: m/s^2.
+        start: state of the keyframe ``start``; None for level, 1 m up, joints at zero or at the limit next to it.
+        timestep: s.
+
+    Raises:
+        VehicleError: no real body.
+    """
+    require_plant(vehicle)
+    spec = build_spec(vehicle, gravity, timestep=timestep)
+    spec.option.disableflags = 0
+    bodies = {body.name: body for body in spec.bodies}
+    for joint in spec.joints:
+        _finish_joint(joint, vehicle)
+    for each in vehicle.followers:
+        leader = vehicle.links[each.leader].joint.name
+        _tie(spec, each.link.joint.name, leader, float(each.offset), float(each.ratio))
+    names = _add_actuators(spec, vehicle)
+    _add_looks(spec, bodies[spec.worldbody.first_body().name], longest_boom(vehicle))
+    model = spec.compile()
+    _add_start(spec, vehicle, model, start, gravity)
+    spec.compile()
+    return Exported(exact_xml(spec), len(vehicle.bodies), len(vehicle.moving), names)
+
+
+def _finish_joint(joint: Any, vehicle: Vehicle) -> None:
+    """Friction and limits, which the plant applies from outside."""
+    ours = next((link.joint for link in vehicle.moving if link.joint.name == joint.name), None)
+    if ours is None or joint.type == mujoco.mjtJoint.mjJNT_FREE:
+        return
+    joint.damping = _like(joint.damping, float(ours.damping))
+    joint.frictionloss = float(ours.coulomb)
+    follows = any(each.link.joint is ours for each in vehicle.followers)
+    lower, upper = float(ours.lower), float(ours.upper)
+    if follows or (math.isinf(lower) and math.isinf(upper)):
+        joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
+        return
+    far = 1e3  # MuJoCo has no limit on one side only
+    joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
+    low, high = max(lower, -far), min(upper, far)
+    joint.range = [low, high]
+
+
+def _like(held: Any, value: float) -> Any:
+    """A value as a field holds it: a number, or the first of several coefficients."""
+    if np.ndim(held) == 0:
+        return value
+    found = np.zeros(np.shape(held))
+    found[0] = value
+    return found
+
+
+def _tie(spec: Any, follower: str, leader: str, offset: float, ratio: float) -> None:
+    tie = spec.add_equality(name=f"{follower} follows {leader}", type=mujoco.mjtEq.mjEQ_JOINT)
+    tie.objtype, tie.name1, tie.name2 = mujoco.mjtObj.mjOBJ_JOINT, follower, leader
+    data = np.zeros(np.shape(tie.data))
+    data[:2] = offset, ratio
+    tie.data = data
+
+
+def _add_actuators(spec: Any, vehicle: Vehicle) -> tuple[str, ...]:
+    """One for each rotor (control: thrust, N) and for each joint that has a drive (N m or N); their names."""
+    names: list[str] = []
+    for rotor, site in zip(vehicle.rotors, site_of_rotor(vehicle), strict=True):
+        actuator = spec.add_actuator(name=rotor.name, trntype=mujoco.mjtTrn.mjTRN_SITE, target=site)
+        # drag torque acts against the rotation, along the axis
+        actuator.gear = [0.0, 0.0, 1.0, 0.0, 0.0, -float(rotor.direction) * float(rotor.moment_coefficient)]
+        top = float(rotor.thrust_coefficient) * float(rotor.max_speed) ** 2
+        _bound(actuator, 0.0, top)
+        names.append(rotor.name)
+    for link in vehicle.links:
+        effort = float(link.joint.effort_limit)
+        if effort == 0.0:
+            continue
+        name = link.joint.name
+        while name in names:
+            name += "_"
+        actuator = spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=link.joint.name)
+        _bound(actuator, -effort, effort)
+        names.append(name)
+    return tuple(names)
+
+
+def _bound(actuator: Any, low: float, high: float) -> None:
+    actuator.set_to_motor()
+    if math.isfinite(high):
+        actuator.ctrllimited, actuator.ctrlrange = mujoco.mjtLimited.mjLIMITED_TRUE, [low, high]
+
+
+def _add_looks(spec: Any, base: Any, size: float) -> None:
+    """A sun, a lamp and a camera that follow, and a floor that nothing touches."""
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 720
+    sun, lamp = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, mujoco.mjtLightType.mjLIGHT_SPOT
+    spec.worldbody.add_light(name="sun", type=sun, pos=[0.0, 0.0, 10.0], dir=[0.3, 0.2, -1.0], diffuse=[0.7] * 3)
+    follow = mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM
+    above = [0.0, 0.0, 10.0 * size]
+    base.add_light(name="lamp", type=lamp, mode=follow, pos=above, dir=[0.0, 0.0, -1.0], diffuse=[0.4] * 3, cutoff=60.0)
+    away = 1.5 * size * np.array(AWAY)
+    back = away / np.linalg.norm(away)
+    right = np.cross([0.0, 0.0, 1.0], back)
+    right /= np.linalg.norm(right)
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, np.column_stack([right, np.cross(back, right), back]).ravel())
+    base.add_camera(name=CAMERA, mode=follow, pos=away, quat=quaternion, fovy=45.0)
+    grid = spec.add_texture(
+        name="grid",
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
+        rgb1=[0.85, 0.86, 0.88],
+        rgb2=[0.75, 0.77, 0.80],
+        width=300,
+        height=300,
+    )
+    material = spec.add_material(name="floor", texrepeat=[1.0, 1.0], texuniform=True)
+    textures = list(material.textures)
+    textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = grid.name
+    material.textures = textures
+    plane = mujoco.mjtGeom.mjGEOM_PLANE
+    spec.worldbody.add_geom(
+        name="floor", type=plane, size=[0.0, 0.0, 1.0], material="floor", contype=0, conaffinity=0, group=0
+    )
+
+
+def _add_start(spec: Any, vehicle: Vehicle, model: Any, start: State | None, gravity: float) -> None:
+    """A keyframe: the first state, each rotor at the thrust that hovers with the joints there."""
+    joints = tuple(float(each) for each in start.joints) if start is not None else _next_to_zero(vehicle)
+    qpos, qvel, ctrl = np.array(model.qpos0), np.zeros(model.nv), np.zeros(model.nu)
+    qpos[:7] = (0.0, 0.0, HEIGHT, 1.0, 0.0, 0.0, 0.0)
+    at, rates = joint_addresses(vehicle, model)
+    qpos[at] = [float(each) for each in every_joint(vehicle, joints)]
+    if start is not None:
+        qpos[:3], qpos[3:7] = list(map(float, start.position)), list(map(float, start.quaternion))
+        qvel[:3], qvel[3:6] = list(map(float, start.velocity)), list(map(float, start.rate))
+        qvel[rates[: vehicle.n]] = [float(each) for each in start.joint_rates]
+        squares = [float(speed) ** 2 for speed in start.rotor_speeds]
+    else:
+        trim = hover_trim(vehicle, joints, gravity) if vehicle.rotors else None
+        squares = [] if trim is None else [max(0.0, float(each)) for each in trim.squared]
+    thrusts = [float(r.thrust_coefficient) * each for r, each in zip(vehicle.rotors, squares, strict=True)]
+    ctrl[: len(thrusts)] = thrusts
+    spec.add_key(name=START, qpos=qpos, qvel=qvel, ctrl=ctrl)
+
+
+def _next_to_zero(vehicle: Vehicle) -> tuple[float, ...]:
+    """Joint values: zero, or the limit next to it."""
+    return tuple(min(max(0.0, float(each.joint.lower)), float(each.joint.upper)) for each in vehicle.links)

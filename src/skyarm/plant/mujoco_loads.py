@@ -1,0 +1,114 @@
+"""Payloads with a time and stuck joints on MuJoCo's plant.
+
+Each payload is a body of MuJoCo's own, welded to the link that may hold it, at its centre of mass and along its
+principal axes; only its mass and its moments change, and the masses of the trees that it is part of. A stuck joint has
+a large armature. Velocities after a grasp or when a joint gets stuck come from MuJoCo's mass matrices before and after.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from skyarm.compile.llvm.quick_function import Quick
+from skyarm.plant.interface import Flat, number
+from skyarm.plant.loaded_vehicle import LOCKED, payloads_of, stuck_of
+from skyarm.plant.mujoco_model import load_name
+from skyarm.plant.surroundings import Around
+from skyarm.vehicle.vehicle_records import Vehicle
+
+OF_A_LOAD = 5
+"""Numbers of a payload in a period: mass, three moments, and 1 where it is grasped in it."""
+
+
+class Loads:
+    """What a MuJoCo model carries in a control period.
+
+    Args:
+        vehicle: without loads. model, data: MuJoCo's, made with bodies for the payloads of ``around``.
+        around: surroundings as an example. dofs: of links and followers in ``model``.
+    """
+
+    def __init__(self, vehicle: Vehicle, model: Any, data: Any, around: Around, dofs: Sequence[int]) -> None:
+        self._model, self._data, self._dofs = model, data, np.array(dofs[: vehicle.n], dtype=int)
+        self._count = len(payloads_of(around))
+        self._bodies = [model.body(load_name(i)).id for i in range(self._count)]
+        self._above = [_ancestors(model, body) for body in self._bodies]
+        self._trees, self._armature = model.body_subtreemass.copy(), model.dof_armature.copy()
+        self._numbers = Quick(_numbers, around)
+        self._given: tuple[float, ...] = ()
+        self._set: Any = None
+        nv, n = int(model.nv), vehicle.n
+        self._G = np.zeros((nv, 6 + n))
+        self._G[:6, :6] = np.eye(6)
+        for i in range(n):
+            self._G[dofs[i], 6 + i] = 1.0
+        for k, each in enumerate(vehicle.followers):
+            self._G[dofs[n + k], 6 + each.leader] = float(each.ratio)
+
+    def _of(self, around: Flat) -> tuple[Any, Any]:
+        """(masses, moments and grasps of the payloads, stuck joints) of a period."""
+        self._numbers.inputs[:] = around
+        self._numbers.step()
+        found = np.array(self._numbers.outputs)
+        ends = OF_A_LOAD * self._count
+        return found[:ends].reshape(-1, OF_A_LOAD), found[ends:]
+
+    def carry(self, around: Flat) -> None:
+        """Give the model what a period holds."""
+        loads, stuck = self._of(around)
+        self._put(loads[:, :4], stuck)
+
+    def _put(self, loads: Any, stuck: Any) -> None:
+        key = (loads.tobytes(), stuck.tobytes())
+        if key == self._set:
+            return
+        self._set, model = key, self._model
+        model.body_subtreemass[:] = self._trees
+        for body, above, (mass, *moments) in zip(self._bodies, self._above, loads, strict=True):
+            model.body_mass[body], model.body_inertia[body] = mass, moments
+            model.body_subtreemass[above] += mass
+        model.dof_armature[:] = self._armature
+        if len(stuck):
+            model.dof_armature[self._dofs] += LOCKED * stuck
+
+    def velocity_after(self, qvel: Any, around: Flat) -> Any:
+        """Velocities after the grasps and the joints that get stuck in a period, from those in MuJoCo's data."""
+        loads, stuck = self._of(around)
+        if not (loads[:, 4].any() or stuck.any()):
+            return qvel
+        # what is grasped now was at rest, and no brake has acted yet
+        before = self._mass_matrix(loads[:, :4] * (1.0 - loads[:, 4:]), np.zeros_like(stuck))
+        after = self._mass_matrix(loads[:, :4], stuck)
+        own = np.concatenate([qvel[:6], qvel[self._dofs]])
+        return self._G @ np.linalg.solve(after, before @ own)
+
+    def _mass_matrix(self, loads: Any, stuck: Any) -> Any:
+        """Mass matrix of the vehicle's own coordinates, from MuJoCo's."""
+        model, data = self._model, self._data
+        self._put(loads, stuck)
+        mujoco.mj_fwdPosition(model, data)
+        whole = np.zeros((model.nv, model.nv))
+        columns = np.eye(model.nv)
+        for column, moved in zip(columns, whole, strict=True):
+            mujoco.mj_mulM(model, data, moved, column)
+        return self._G.T @ whole @ self._G
+
+
+def _numbers(around: Around) -> tuple[Any, ...]:
+    """Mass, moments and grasp of each payload, then what is stuck."""
+    found: list[Any] = []
+    for payload, memory in payloads_of(around):
+        found += [payload.mass * memory.held, *(each * memory.held for each in payload.inertia), memory.caught]
+    return tuple(number(value) for value in (*found, *stuck_of(around)))
+
+
+def _ancestors(model: Any, body: int) -> list[int]:
+    """A body and all above it, the world too."""
+    found = [body]
+    while found[-1] != 0:
+        found.append(int(model.body_parentid[found[-1]]))
+    return found

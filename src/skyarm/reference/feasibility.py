@@ -1,0 +1,122 @@
+"""Whether a vehicle can follow a reference of its tip: what its plan lacks and asks for, before anything flies."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.reference.setting import Setting
+from skyarm.reference.tip_plan import MARGIN
+from skyarm.reference.trajectory import Reference, Trajectory
+from skyarm.scalars.taylor import Taylor
+
+Array = npt.NDArray[Any]
+
+LOOKS = 50.0
+"""Hz at which a plan is looked at."""
+
+MOST_LOOKS = 20_000
+
+TOLERATED = 1e-3
+"""m that a planned tip may be off before it is told."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Feasibility:
+    """What a plan lacks and asks for.
+
+    Attributes:
+        deviation: m, largest distance of a level base's tip from its reference.
+        carried_off: m, by which the tilt of the planned accelerations would carry the tip of a stiff arm off at most.
+        at_limits: (joint, s) of joints that are planned at a limit, and how long.
+        joint_speeds: (joint, largest speed), rad/s or m/s.
+        speed: m/s, of the base. tilt: rad. rate: rad/s. thrust: over the weight; of a point mass that moves so.
+        highest_thrust: over the weight.
+    """
+
+    deviation: float
+    carried_off: float
+    at_limits: tuple[tuple[str, float], ...]
+    joint_speeds: tuple[tuple[str, float], ...]
+    speed: float
+    tilt: float
+    rate: float
+    thrust: float
+    highest_thrust: float
+
+    def warnings(self) -> Iterator[str]:
+        """One line for each thing that the vehicle cannot do."""
+        if self.deviation > TOLERATED:
+            yield f"reference.tip: the arm reaches it to {1e3 * self.deviation:.3g} mm only; other path or posture?"
+        for joint, seconds in self.at_limits:
+            yield f"reference.tip: joint {joint!r} is planned at its limit for {seconds:.3g} s; other posture?"
+        if self.thrust > self.highest_thrust:
+            most = f"the rotors give {self.highest_thrust:.3g}"
+            yield f"reference.tip: asks for {self.thrust:.3g} times the weight, {most}; slower?"
+        if self.tilt > 1.0:
+            yield f"reference.tip: asks for a tilt of {self.tilt:.3g} rad; slower?"
+
+
+def feasibility(trajectory: Trajectory, setting: Setting) -> Feasibility | None:
+    """What the plan of a tip's reference lacks and asks for; None where the tip has no reference of its own."""
+    tip, vehicle = trajectory.tip, setting.vehicle
+    if tip is None or vehicle is None:
+        return None
+    count = min(max(math.ceil(setting.duration * LOOKS), 1), MOST_LOOKS)
+    times = np.linspace(0.0, setting.duration, count, endpoint=False)
+    reference = trajectory.at(times)
+
+    def table(values: Any) -> Array:
+        return np.stack([np.broadcast_to(np.asarray(c, dtype=float), times.shape) for c in values])
+
+    arm = table(c.c[0] if isinstance(c, Taylor) else c for c in tip.arm.reached(_constants(reference)))
+    base, wanted, yaw = table(reference.position), table(reference.tip), table((reference.yaw,))[0]
+    acceleration, jerk = table(reference.acceleration), table(reference.jerk)
+    force = acceleration + np.array([[0.0], [0.0], [setting.gravity]])
+    size = np.maximum(np.linalg.norm(force, axis=0), 1e-9)
+    across = jerk - force * ((force * jerk).sum(axis=0) / size**2)
+    level = _level(yaw, arm)
+    q, rates = table(reference.joints), table(reference.joint_rates)
+    return Feasibility(
+        deviation=float(np.linalg.norm(base + level - wanted, axis=0).max()),
+        carried_off=float(np.linalg.norm(_tilted(force / size, level) - level, axis=0).max()),
+        at_limits=tuple(_at_limits(vehicle.links, q, setting.duration / count)),
+        joint_speeds=tuple(
+            (link.joint.name, float(np.abs(rate).max())) for link, rate in zip(vehicle.links, rates, strict=True)
+        ),
+        speed=float(np.linalg.norm(table(reference.velocity), axis=0).max()),
+        tilt=float(np.arctan2(np.hypot(force[0], force[1]), force[2]).max()),
+        rate=float((np.linalg.norm(across, axis=0) / size).max()),
+        thrust=float(size.max() / max(setting.gravity, 1e-9)),
+        highest_thrust=setting.thrust_to_weight,
+    )
+
+
+def _constants(reference: Reference) -> list[Taylor]:
+    return [Taylor.constant(q, 4) for q in reference.joints]
+
+
+def _level(yaw: Array, arm: Array) -> Array:
+    """R_z(yaw) arm."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.stack([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1], arm[2]])
+
+
+def _tilted(up: Array, arm: Array) -> Array:
+    """The arm turned by the least rotation that takes the vertical to ``up``: v + k x v + k x (k x v) / (1 + up_z)."""
+    k = np.stack([-up[1], up[0], np.zeros_like(up[0])])
+    once = np.cross(k, arm, axis=0)
+    return np.asarray(arm + once + np.cross(k, once, axis=0) / np.maximum(1.0 + up[2], 1e-9))
+
+
+def _at_limits(links: Any, q: Array, seconds: float) -> Iterator[tuple[str, float]]:
+    for link, values in zip(links, q, strict=True):
+        low, high = float(link.joint.lower), float(link.joint.upper)
+        near = (values <= low + 2.0 * MARGIN) | (values >= high - 2.0 * MARGIN)
+        if near.any() and high - low > 4.0 * MARGIN:
+            yield link.joint.name, float(near.sum()) * seconds

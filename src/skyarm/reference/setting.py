@@ -1,0 +1,62 @@
+"""What a reference is made for: the vehicle that flies it, its gravity, the length of the flight."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+from skyarm.vehicle.vehicle_records import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TaskEvent:
+    """An instant at which a task takes or leaves a payload.
+
+    Attributes:
+        kind: "pick" or "place". payload: its name. time: s. where: the phase's table, for messages.
+    """
+
+    kind: str
+    payload: str
+    time: float
+    where: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Guard:
+    """What a flight must show before the reference goes on: until then the whole reference rests.
+
+    Attributes:
+        at: s, planned end of the phase. error: m, of the tip; of the base where the vehicle has none.
+        hold: s, for which the error stays below that. timeout: s, after which the reference goes on all the same.
+    """
+
+    at: Annotated[float, Unit("s", low=0.0)]
+    error: Annotated[float, Unit("m", low=0.0, strict=True)]
+    hold: Annotated[float, Unit("s", low=0.0)] = 0.5
+    timeout: Annotated[float, Unit("s", low=0.0, strict=True)] = 5.0
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "guard")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Setting:
+    """Facts of the flight that a reference's tables may need.
+
+    Attributes:
+        vehicle: the plant's; None where a reference is read on its own.
+        gravity: m/s^2. duration: s.
+        thrust_to_weight: highest thrust over weight; infinite where nobody knows.
+        events, guards: filled while phases are read.
+    """
+
+    vehicle: Vehicle | None = None
+    gravity: float = 9.81
+    duration: float = 0.0
+    thrust_to_weight: float = math.inf
+    events: list[TaskEvent] = field(default_factory=list)
+    guards: list[Guard] = field(default_factory=list)

@@ -1,0 +1,174 @@
+"""Motions that are tasks, from tables: waypoints, samples of a file, phases.
+
+* ``waypoints``: points = [[x, y, z], ...]; start (s, 0), times (s after the start, of each point; left out: as fast as
+  the limits let); speed (m/s), acceleration (m/s^2), tilt (rad), rate (rad/s) and spin (rad/s^2) of roll and
+  pitch, thrust (over the weight)
+* ``samples``: file (CSV with a header), columns = [time, x, y, z] (their names); start
+* ``phases``: position = [x, y, z] at the start; phases = [{ kind = "hold" | "go_to" | "pick" | "place", ... }]; the
+  limits of ``waypoints``
+
+Each begins and ends at rest, and stays before and after.
+"""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import math
+from pathlib import Path
+from typing import Any
+
+from skyarm.files import Fields, number, shown, unreadable
+from skyarm.reference.minimum_snap import minimum_snap
+from skyarm.reference.polynomials import Polynomials
+from skyarm.reference.setting import Setting
+from skyarm.reference.signals import Signal
+from skyarm.reference.trajectory import Trajectory
+from skyarm.reference.waypoints import LIMITS, SHORTEST, FlightLimits, Points, allocate, through
+
+MOST_POINTS = 60
+MOST_ROWS = 2000
+
+
+def waypoints_table(fields: Fields, setting: Setting) -> Trajectory:
+    """The motion of least snap through ``points``."""
+    points = points_of(fields.take("points"), fields.at("points"))
+    if not 2 <= len(points) <= MOST_POINTS:
+        raise ValueError(f"{fields.at('points')} = {len(points)} points: must be 2 to {MOST_POINTS}")
+    start, limits = fields.number("start", 0.0), limits_of(fields, setting)
+    if fields.take("times", None) is None:
+        require_apart(points, fields.at("points"))
+        times: tuple[float, ...] = allocate(points, limits, setting.gravity)
+    else:
+        times = rising(fields.numbers("times"), fields.at("times"))
+        if len(times) != len(points):
+            raise ValueError(f"{fields.at('times')} = {len(times)} times: must be one for each of {len(points)} points")
+    return through(points, [start + t for t in times])
+
+
+def samples_table(fields: Fields, setting: Setting) -> Trajectory:
+    """The smooth motion through the rows of a file."""
+    names = fields.take("columns", ["time", "x", "y", "z"])
+    if not isinstance(names, list) or len(names) != 4 or not all(isinstance(name, str) for name in names):
+        raise ValueError(f"{fields.at('columns')} = {shown(names)}: must be four names, of time, x, y and z")
+    start = fields.number("start", 0.0)
+    times, *columns = read_columns(fields, names)
+    x, y, z = (minimum_snap([start + t for t in times], column) for column in columns)
+    return Trajectory(x=x, y=y, z=z)
+
+
+def samples_signal(fields: Fields) -> Signal:
+    """The smooth signal through one column of a file."""
+    names = [fields.take("time", "time"), fields.take("column")]
+    if not all(isinstance(name, str) for name in names):
+        raise ValueError(f"{fields.at('column')} = {shown(names[1])}: must be the name of a column")
+    start = fields.number("start", 0.0)
+    times, values = read_columns(fields, names)
+    return minimum_snap([start + t for t in times], values)
+
+
+def spline_signal(fields: Fields) -> Signal:
+    """The signal of least snap through ``values`` at ``times``."""
+    times = rising(fields.numbers("times"), fields.at("times"))
+    values = fields.numbers("values")
+    if len(values) != len(times) or not 2 <= len(times) <= MOST_ROWS:
+        raise ValueError(
+            f"{fields.at('values')} = {len(values)} values: must be one for each of 2 to {MOST_ROWS} times"
+        )
+    found: Polynomials = minimum_snap(times, values)
+    return found
+
+
+def limits_of(fields: Fields, setting: Setting) -> FlightLimits:
+    """What a motion may ask of the vehicle; the thrust never more than nine tenths of what its rotors give."""
+    usual = FlightLimits()
+    most = 0.9 * setting.thrust_to_weight
+    thrust = fields.number("thrust", min(usual.thrust, most))
+    if not 1.0 < thrust <= max(most, 1.0):
+        allowed = f"must be above 1 and at most {most:.3g}, 0.9 of the rotors' highest thrust over the weight"
+        raise ValueError(f"{fields.at('thrust')} = {thrust:.4g}: {allowed}")
+    found = {
+        name: fields.number(name, getattr(usual, name), low=0.0, strict=True) for name in LIMITS if name != "thrust"
+    }
+    if found["tilt"] >= 0.5 * math.pi:
+        raise ValueError(f"{fields.at('tilt')} = {found['tilt']!r}: must be below pi/2 rad")
+    return FlightLimits(**found, thrust=thrust)
+
+
+def points_of(entries: Any, at: str) -> Points:
+    """Points of a list of lists of three numbers."""
+    if not isinstance(entries, list):
+        raise ValueError(f"{at} = {shown(entries)}: must be a list of points [x, y, z]")
+    found = []
+    for i, entry in enumerate(entries):
+        x, y, z = Fields({"point": entry}, "").vector("point") if _is_point(entry) else _refuse(entry, f"{at}[{i}]")
+        found.append((x, y, z))
+    return found
+
+
+def _is_point(entry: Any) -> bool:
+    return (
+        isinstance(entry, (list, tuple))
+        and len(entry) == 3
+        and all(isinstance(c, (int, float)) and not isinstance(c, bool) and math.isfinite(c) for c in entry)
+    )
+
+
+def _refuse(entry: Any, at: str) -> tuple[float, float, float]:
+    raise ValueError(f"{at} = {shown(entry)}: must be three finite numbers")
+
+
+def require_apart(points: Points, at: str) -> None:
+    """Refuse points that follow each other at one place."""
+    for i, (a, b) in enumerate(itertools.pairwise(points)):
+        if math.dist(a, b) < SHORTEST:
+            raise ValueError(f"{at}[{i + 1}] = {shown(list(b))}: must be {SHORTEST:g} m or more from the point before")
+
+
+def rising(times: tuple[float, ...], at: str) -> tuple[float, ...]:
+    """Times that rise."""
+    if len(times) < 2 or any(b <= a for a, b in itertools.pairwise(times)):
+        raise ValueError(f"{at} = {shown(list(times))}: must be at least two times, each after the one before")
+    return times
+
+
+def read_columns(fields: Fields, names: list[str]) -> list[list[float]]:
+    """Columns of a CSV file by name, the first of times that rise.
+
+    Raises:
+        ValueError: one line: file, line, column, what is allowed.
+    """
+    name = fields.take("file")
+    if not isinstance(name, str):
+        raise ValueError(f"{fields.at('file')} = {shown(name)}: must be the path of a CSV file")
+    path, at = Path(name), f"{fields.at('file')} = {shown(name)}"
+    reason = unreadable(path)
+    if reason:
+        raise ValueError(f"{at}: {reason}")
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = [row for row in csv.reader(file) if any(cell.strip() for cell in row)]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ValueError(f"{at}: must be a CSV file of UTF-8 text ({error})") from None
+    header = [cell.strip() for cell in rows[0]] if rows else []
+    for each in names:
+        if each not in header:
+            raise ValueError(f"{at}: must have a column {shown(each)} in its header; there are {shown(header)}")
+    if not 3 <= len(rows) <= MOST_ROWS + 1:
+        raise ValueError(f"{at}: must have 2 to {MOST_ROWS} rows below its header, not {max(len(rows) - 1, 0)}")
+    places = [header.index(each) for each in names]
+    columns = [
+        [_cell(row, place, f"{at}: row {i}", header[place]) for i, row in enumerate(rows[1:], 1)] for place in places
+    ]
+    for i, (a, b) in enumerate(zip(columns[0], columns[0][1:], strict=False), 2):
+        if not b > a:
+            raise ValueError(f"{at}: row {i}: {names[0]} = {b!r}: must be after {a!r} of the row before")
+    return columns
+
+
+def _cell(row: list[str], place: int, at: str, name: str) -> float:
+    text = row[place].strip() if place < len(row) else ""
+    try:
+        return number(float(text), f"{at}: {name}")
+    except ValueError:
+        raise ValueError(f"{at}: {name} = {shown(text)}: must be a finite number") from None

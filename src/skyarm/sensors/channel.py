@@ -1,0 +1,174 @@
+"""Errors of a measured quantity: scale, bias, random walk, white noise, resolution; and readings that are lost.
+
+A channel's numbers are structure where they are an int 0: what a channel does not have costs no operation and no draw.
+
+Sources: IEEE Std 952-1997, annex B and C (noise density, rate random walk, their discrete forms); Gilbert 1960
+(dropouts as a Markov chain of two states).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.records.coerce import RecordError, concrete
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, add, data, divide, floor, logical_and, logical_or, minimum, mul, sqrt, where
+
+
+def absent(value: Any) -> bool:
+    """Whether a number is a structural zero."""
+    return type(value) is int and value == 0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Channel:
+    """The errors of a quantity of one or more components, in the unit of the quantity (u).
+
+    A component reads ``(1 + scale) truth + bias + drift + noise``, rounded to the resolution. The drift begins at a
+    normal number of deviation ``turn_on``, drawn for each episode, and walks.
+
+    Attributes:
+        sigma: deviation of the white noise of a reading. density: of white noise; adds density^2 / dt to its variance.
+        bias: fixed, one number for each component; none for no bias.
+        turn_on: deviation of the bias with which an episode begins. walk: density of the bias's random walk.
+        scale: error of the scale factor. resolution: step of the reading, which is rounded to the nearest.
+    """
+
+    sigma: Annotated[Scalar, Unit("u", "white noise of a reading", low=0.0)] = 0
+    density: Annotated[Scalar, Unit("u/sqrt(Hz)", "white noise", low=0.0)] = 0
+    bias: Annotated[tuple[Scalar, ...], Unit("u", "fixed, one number for each component")] = ()
+    turn_on: Annotated[Scalar, Unit("u", "deviation of the first bias of an episode", low=0.0)] = 0
+    walk: Annotated[Scalar, Unit("u/s/sqrt(Hz)", "random walk of the bias", low=0.0)] = 0
+    scale: Annotated[Scalar, Unit("", "error of the scale factor")] = 0
+    resolution: Annotated[Scalar, Unit("u", "step of the reading", low=0.0)] = 0
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "")
+
+    @property
+    def drifts(self) -> bool:
+        """Whether it has a bias that differs from episode to episode or walks."""
+        return not (absent(self.turn_on) and absent(self.walk))
+
+    @property
+    def noisy(self) -> bool:
+        """Whether it has white noise."""
+        return not (absent(self.sigma) and absent(self.density))
+
+    def normals(self, count: int) -> int:
+        """Standard normal numbers that a reading of ``count`` components takes."""
+        return count * (self.drifts + self.noisy)
+
+    def start(self, count: int) -> tuple[float, ...]:
+        """Drift before the first reading."""
+        return (0.0,) * count if self.drifts else ()
+
+    def drift(self, before: Sequence[Any], draws: Sequence[Any], first: Any, dt: Any) -> tuple[Any, ...]:
+        """Drift of a reading.
+
+        Args:
+            before: of the reading before.
+            draws: standard normal numbers, the first of which are used.
+            first: condition, true at the first reading of an episode.
+            dt: s between readings.
+        """
+        step = mul(self.walk, dt**0.5)
+        return tuple(
+            where(first, data(mul(self.turn_on, n)), add(b, mul(step, n))) for b, n in zip(before, draws, strict=False)
+        )
+
+    def read(
+        self, truth: Sequence[Any], drift: Sequence[Any], draws: Sequence[Any], dt: float, where_is: str
+    ) -> tuple[Any, ...]:
+        """A reading.
+
+        Args:
+            truth: components.
+            drift: of this reading, or nothing.
+            draws: standard normal numbers of :meth:`normals`.
+            dt: s between readings.
+            where_is: name of the channel in messages.
+        """
+        if self.bias and len(self.bias) != len(truth):
+            raise RecordError(f"{where_is}.bias = {len(self.bias)} numbers: must be {len(truth)}, or none")
+        noise = draws[len(drift) :]
+        deviation = self.deviation(dt)
+        found = []
+        for i, value in enumerate(truth):
+            off = self.bias[i] if self.bias else 0
+            off = add(off, drift[i]) if drift else off
+            off = add(off, mul(deviation, noise[i])) if self.noisy else off
+            scaled = value if absent(self.scale) else value * add(1.0, self.scale)
+            found.append(self.rounded(add(scaled, off)))
+        return tuple(found)
+
+    def deviation(self, dt: float) -> Any:
+        """Deviation of the white noise of a reading; a structural zero for none."""
+        if absent(self.density):
+            return self.sigma
+        discrete = self.density * dt**-0.5
+        return discrete if absent(self.sigma) else sqrt(self.sigma * self.sigma + discrete * discrete)
+
+    def rounded(self, value: Any) -> Any:
+        """A value to the nearest multiple of the resolution."""
+        if absent(self.resolution):
+            return value
+        near = floor(divide(value, self.resolution) + 0.5) * self.resolution
+        return where(self.resolution > 0.0, near, value)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Dropouts:
+    """Readings that do not come, at random and in stated intervals of time. The first reading of an episode comes.
+
+    At random the link is a Markov chain of two states: a share of the readings is lost, in runs of a mean duration.
+
+    Attributes:
+        share: of the readings that is lost at random. duration: mean length of a run of them, s; 0, or a length below
+            that of independent losses, for losses that are independent of each other.
+        intervals: first and last instant of each interval in which no reading is taken, s.
+    """
+
+    share: Annotated[Scalar, Unit("", "share of the readings that is lost", low=0.0, high=0.99)] = 0
+    duration: Annotated[Scalar, Unit("s", "mean length of a run of lost readings", low=0.0)] = 0
+    intervals: Annotated[tuple[tuple[Scalar, Scalar], ...], Unit("s", "without readings")] = ()
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "")
+        for i, (begin, end) in enumerate(self.intervals):
+            if concrete(begin, end) and not 0.0 <= begin <= end:
+                raise RecordError(f"intervals[{i}] = [{begin:g}, {end:g}]: must begin at 0 or later, and end later")
+
+    @property
+    def random(self) -> bool:
+        """Whether readings are lost at random."""
+        return not absent(self.share)
+
+    @property
+    def any(self) -> bool:
+        """Whether readings are lost at all."""
+        return self.random or bool(self.intervals)
+
+    def lost(self, before: Any, draw: Any, dt: float) -> Any:
+        """State of the link at a reading after the first: 1.0 where it is lost at random, else 0.0.
+
+        Args:
+            before: the state at the reading before.
+            draw: uniform number.
+            dt: s between readings.
+        """
+        # a run ends with probability e and begins with b, so that b / (b + e) is the share; 1 - share is independence
+        ends = minimum(1.0 - self.share, divide(dt, self.duration + 1e-12))
+        begins = ends * divide(self.share, 1.0 - self.share)
+        return where(draw < where(before > 0.5, 1.0 - ends, begins), 1.0, 0.0)
+
+    def silent(self, lost: Any, t: Any) -> Any:
+        """Condition: no reading comes, for either reason."""
+        found = lost > 0.5
+        for begin, end in self.intervals:
+            # half a microsecond: an interval's ends are instants of the loop but for rounding
+            found = logical_or(found, logical_and(t > begin - 5e-7, t < end - 5e-7))
+        return found

@@ -1,0 +1,111 @@
+"""A battery: cells in series with an open-circuit voltage by their charge, a resistance, and what rotors draw."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Annotated, Any
+
+from skyarm.algebra.monotone_curve import curve
+from skyarm.records.coerce import concrete
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, add, divide, maximum, mul, sqrt, where
+from skyarm.vehicle.check import VehicleError, refuse
+
+if TYPE_CHECKING:
+    from skyarm.vehicle.vehicle_records import Rotor
+
+ESC = ("governed", "open")
+
+HOUR = 3600.0
+"""s."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CellCurve:
+    """Open-circuit voltage of one cell by its charge; a monotone cubic runs between the points."""
+
+    charge: Annotated[tuple[Scalar, ...], Unit("", "share of the capacity", low=0.0, high=1.0)]
+    voltage: Annotated[tuple[Scalar, ...], Unit("V", low=0.0)]
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "battery.open_circuit", VehicleError)
+        for name in ("charge", "voltage"):
+            column = getattr(self, name)
+            if len(column) < 2 or len(column) != len(self.charge):
+                refuse(f"battery.open_circuit.{name}", column, "must be at least two numbers, as many of both columns")
+            for i, (a, b) in enumerate(pairwise(column)):
+                if concrete(a, b) and not a < b:
+                    refuse(f"battery.open_circuit.{name}[{i + 1}]", b, f"must be above the one before it, {a:g}")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Battery:
+    """A battery holds cells in series behind one resistance.
+
+    Attributes:
+        cells: in series. capacity: from full to empty. resistance: of the whole pack with its wires.
+        open_circuit: of one cell.
+        reference_voltage: of the pack, at which the rotors' highest speeds and thrust tables hold.
+        charge: at the start, as a share of the capacity.
+        standing_power: of all but the rotors.
+        efficiency: mechanical over electrical power of rotors whose table has no current.
+        esc: "governed": a speed controller holds its speed as long as the voltage allows; "open": it holds a throttle,
+            whose speed is proportional to the voltage.
+    """
+
+    cells: int
+    capacity: Annotated[Scalar, Unit("A h", low=0.0, strict=True)]
+    resistance: Annotated[Scalar, Unit("ohm", "of the whole pack", low=0.0)]
+    open_circuit: CellCurve
+    reference_voltage: Annotated[Scalar, Unit("V", "of the whole pack", low=0.0, strict=True)]
+    charge: Annotated[Scalar, Unit("", "share of the capacity at the start", low=0.0, high=1.0)] = 1.0
+    standing_power: Annotated[Scalar, Unit("W", "of all but the rotors", low=0.0)] = 0.0
+    efficiency: Annotated[Scalar, Unit("", "of motors and their controllers", low=0.0, high=1.0)] = 0.7
+    esc: str = "governed"
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "battery", VehicleError)
+        if self.cells < 1:
+            refuse("battery.cells", self.cells, "must be at least 1")
+        if self.esc not in ESC:
+            refuse("battery.esc", self.esc, f"must be one of {', '.join(ESC)}")
+        if concrete(self.efficiency) and not self.efficiency > 0.0:
+            refuse("battery.efficiency", self.efficiency, "must be above 0 and at most 1")
+
+    def open_circuit_voltage(self, charge: Any) -> Any:
+        """Of the pack without a load, V."""
+        return mul(float(self.cells), curve(charge, self.open_circuit.charge, self.open_circuit.voltage))
+
+    def power(self, rotors: Sequence[Rotor], speeds: Sequence[Any]) -> Any:
+        """What the rotors at these speeds (rad/s) and all else draw, W.
+
+        A table's current is that at the reference voltage; without one the drag torque's power over the efficiency.
+        """
+        total: Any = self.standing_power
+        for rotor, speed in zip(rotors, speeds, strict=True):
+            if rotor.table is not None and rotor.table.current:
+                total = add(total, rotor.table.current_at(speed) * self.reference_voltage)
+                continue
+            square = speed * speed if rotor.table is None else rotor.table.twist(speed)
+            torque = mul(mul(rotor.thrust_coefficient, rotor.moment_coefficient), square)
+            total = add(total, divide(mul(torque, speed), self.efficiency))
+        return total
+
+    def voltage(self, charge: Any, power: Any) -> Any:
+        """Of the pack under a load (W), V: V = V_0 - R P / V; the most that it can give where it cannot give that much.
+
+        Zero for an empty one, which is cut off.
+        """
+        idle = self.open_circuit_voltage(charge)
+        under_load = 0.5 * (idle + sqrt(maximum(idle * idle - 4.0 * self.resistance * power, 0.0)))
+        return where(charge > 0.0, under_load, 0.0)
+
+    def drained(self, charge: Any, power: Any, seconds: Any) -> Any:
+        """Charge after some seconds of a load (W)."""
+        voltage = self.voltage(charge, power)
+        current = divide(power, where(voltage > 0.0, voltage, 1.0))
+        spent = divide(current * seconds, HOUR * self.capacity)
+        return maximum(where(voltage > 0.0, charge - spent, 0.0), 0.0)

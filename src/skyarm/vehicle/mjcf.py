@@ -1,0 +1,212 @@
+"""MJCF files: the rigid bodies and joints of a vehicle, as MuJoCo's own parser reads them.
+
+The body with the free joint is the base; without one it is the only body of the world, which then floats, or the world
+itself. Hinges and slides become joints, several of one body joints with massless links between them. Sites, and bodies
+without joints, become frames. What has no counterpart is refused by its name.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3, axis_rotation
+from skyarm.files import one_line
+from skyarm.vehicle import description
+from skyarm.vehicle.bodies import RigidBodies
+from skyarm.vehicle.check import VehicleError, refuse
+from skyarm.vehicle.couple import Mimic
+from skyarm.vehicle.mjcf_joints import joint_name, kind_of, mimics_of, read_joint, resting
+from skyarm.vehicle.mjcf_limits import name_of, refuse_what_is_not_here
+from skyarm.vehicle.notes import Notes
+from skyarm.vehicle.vehicle_records import BASE, Body, Frame, Link
+
+
+@dataclass(slots=True)
+class _Tree:
+    """What has been read so far.
+
+    Attributes:
+        model: MuJoCo's, compiled.
+        mimics: joint -> what it follows.
+        mimic: "lock" or "couple".
+        links, frames: read so far.
+        parts: of the base and of each link.
+        seats: MuJoCo's body -> moving body that carries it, and pose in that one.
+    """
+
+    model: Any
+    mimics: dict[str, Mimic]
+    mimic: str
+    notes: Notes
+    links: list[Link] = field(default_factory=list)
+    frames: list[Frame] = field(default_factory=list)
+    parts: list[list[Body]] = field(default_factory=lambda: [[]])
+    seats: dict[int, Frame] = field(default_factory=dict)
+
+
+def read_mjcf(path: Path, mimic: str = "lock") -> RigidBodies:
+    """Rigid bodies of an MJCF file.
+
+    Args:
+        path: of the file.
+        mimic: "lock" or "couple": joints that an equality ties to others are fixed where they rest, or follow.
+
+    Raises:
+        VehicleError: without the file's name, which the caller adds.
+    """
+    model = _compiled(path)
+    notes = Notes()
+    refuse_what_is_not_here(model, notes)
+    root, left_out = _root(model)
+    for body in left_out:
+        notes.add("fixed to the world beside the vehicle; not read", name_of(model, "body", body), "body")
+    tree = _Tree(model, mimics_of(model), mimic, notes)
+    tree.seats[root] = Frame(name="", link=BASE, position=Vec3(0, 0, 0))
+    _read_body(tree, root)
+    for body in range(1, int(model.nbody)):
+        if body != root and int(model.body_parentid[body]) in tree.seats and body not in left_out:
+            _read_child(tree, body)
+    base, *bodies = (description.body(each) if each else Body(mass=0.0) for each in tree.parts)
+    links = tuple(replace(link, body=body) for link, body in zip(tree.links, bodies, strict=True))
+    moving = {link.joint.name for link in links}
+    kept = {name: each for name, each in tree.mimics.items() if name in moving} if mimic == "couple" else {}
+    name = name_of(model, "body", root) if root else "world"
+    title = path.stem if model.names[:1] == b"\0" else model.names[: model.names.index(b"\0")].decode()
+    return RigidBodies(title, name, base, links, tuple(tree.frames), kept, notes.lines())
+
+
+def _compiled(path: Path) -> Any:
+    """MuJoCo's model of a file; its warnings and its errors on many lines become one line."""
+    try:
+        head = ET.fromstring(path.read_bytes().lstrip()).tag
+    except (ET.ParseError, LookupError, ValueError) as error:
+        raise VehicleError(f"XML = {str(error)!r}: must be well-formed") from None
+    if head != "mujoco":
+        refuse("root element", head, "must be <mujoco>; a URDF file's name ends in .urdf")
+    import mujoco
+
+    usual = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(_say_nothing)
+    try:
+        return mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        raise VehicleError(f"MJCF = {one_line(str(error))!r}: must be a model that MuJoCo loads") from None
+    finally:
+        mujoco.set_mju_user_warning(usual)
+
+
+def _say_nothing(text: str) -> None:
+    """What MuJoCo warns of while it compiles goes nowhere."""
+
+
+def _root(model: Any) -> tuple[int, list[int]]:
+    """The body that is the base (0 for the world), and bodies of the world that are left out."""
+    top = [body for body in range(1, int(model.nbody)) if model.body_parentid[body] == 0]
+    free = [body for body in top if _joints(model, body) and kind_of(model, _joints(model, body)[0]) == "free"]
+    if len(free) > 1:
+        names = [name_of(model, "body", body) for body in free]
+        refuse("bodies with a free joint", names, "must be one, the base")
+    alone = [body for body in top if body not in free]
+    if not free and len(alone) == 1 and not _joints(model, alone[0]):
+        return alone[0], []
+    if not free:
+        return 0, []
+    for body in alone:
+        if any(_joints(model, each) for each in _below(model, body)):
+            refuse(f"body[{name_of(model, 'body', body)}]", "beside the base", "must be a part of the base's tree")
+    return free[0], alone
+
+
+def _below(model: Any, body: int) -> list[int]:
+    """A body and all that it carries."""
+    found = [body]
+    for each in range(body + 1, int(model.nbody)):
+        if int(model.body_parentid[each]) in found:
+            found.append(each)
+    return found
+
+
+def _joints(model: Any, body: int) -> list[int]:
+    first = int(model.body_jntadr[body])
+    return list(range(first, first + int(model.body_jntnum[body])))
+
+
+def _read_child(tree: _Tree, body: int) -> None:
+    """A body with its joints; MuJoCo turns and shifts it by one after the other, about anchors in its own axes."""
+    model, name = tree.model, name_of(tree.model, "body", body)
+    carrier = tree.seats[int(model.body_parentid[body])]
+    at = _posed(carrier, _rotation(model.body_quat[body]), _vector(model.body_pos[body]))
+    joints = [joint for joint in _joints(model, body) if not _held(tree, joint)]
+    for joint in _joints(model, body):
+        anchor = _vector(model.jnt_pos[joint])
+        at = _posed(at, Mat3.identity(), anchor)
+        if joint in joints:
+            last = joint == joints[-1]
+            made = read_joint(model, joint, at.rotation, at.position, tree.notes)
+            link = name if last else _new_name(tree, f"{name}.{made.name}")
+            tree.links.append(Link(name=link, parent=at.link, joint=made, body=Body(mass=0)))
+            tree.parts.append([])
+            at = Frame(name="", link=len(tree.links) - 1, position=Vec3(0, 0, 0))
+        else:
+            at = _held_pose(tree, joint, at)
+        at = _posed(at, Mat3.identity(), -anchor)
+    tree.seats[body] = at
+    if not joints:
+        tree.frames.append(replace(at, name=_new_name(tree, name)))
+    _read_body(tree, body)
+
+
+def _held(tree: _Tree, joint: int) -> bool:
+    """Whether a joint is fixed: it follows another one, and followers are locked."""
+    name = joint_name(tree.model, joint)
+    return name in tree.mimics and (tree.mimic == "lock" or not tree.mimics[name].joint)
+
+
+def _held_pose(tree: _Tree, joint: int, at: Frame) -> Frame:
+    """Where a joint that is fixed places its body."""
+    name = joint_name(tree.model, joint)
+    value = resting(tree.model, name, tree.mimics)
+    tree.notes.add(f"tied by an equality: fixed at {value:g}", name)
+    axis = _vector(tree.model.jnt_axis[joint])
+    if kind_of(tree.model, joint) == "revolute":
+        return _posed(at, axis_rotation(axis, value), Vec3(0, 0, 0))
+    return _posed(at, Mat3.identity(), axis * value)
+
+
+def _read_body(tree: _Tree, body: int) -> None:
+    """Mass and sites of a body at its seat."""
+    model, at = tree.model, tree.seats[body]
+    mass = float(model.body_mass[body])
+    if mass > 0.0 and body:
+        R = description.rotation(at.rotation @ _rotation(model.body_iquat[body]))
+        com = at.position + at.rotation.apply(_vector(model.body_ipos[body]))
+        moments = Sym3.described(*(float(each) for each in model.body_inertia[body]))
+        tree.parts[at.link + 1].append(Body(mass=mass, com=com, inertia=moments.rotated(R)))
+    for site in range(int(model.nsite)):
+        if int(model.site_bodyid[site]) == body and model.site(site).name:
+            pose = _posed(at, _rotation(model.site_quat[site]), _vector(model.site_pos[site]))
+            tree.frames.append(replace(pose, name=_new_name(tree, model.site(site).name)))
+
+
+def _new_name(tree: _Tree, name: str) -> str:
+    """The name, with underscores until nobody else has it: MuJoCo has a list of names for each kind of element."""
+    taken = {frame.name for frame in tree.frames} | {link.name for link in tree.links}
+    while name in taken:
+        name += "_"
+    return name
+
+
+def _posed(at: Frame, R: Mat3, p: Vec3) -> Frame:
+    position = description.vector([float(c) for c in at.position + at.rotation.apply(p)])
+    return Frame(name="", link=at.link, position=position, rotation=description.rotation(at.rotation @ R))
+
+
+def _vector(values: Any) -> Vec3:
+    return description.vector([float(each) for each in values])
+
+
+def _rotation(wxyz: Any) -> Mat3:
+    return description.rotation(Quaternion.of([float(each) for each in wxyz]).normalized().rotation())

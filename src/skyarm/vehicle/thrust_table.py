@@ -1,0 +1,107 @@
+"""A rotor's table of a data sheet or a test stand: thrust, drag torque, current and throttle against its speed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated, Any
+
+from skyarm.algebra.monotone_curve import curve, inverse_curve
+from skyarm.records.coerce import concrete
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, divide, maximum, sqrt
+from skyarm.vehicle.check import VehicleError, refuse
+
+COLUMNS = ("speed", "thrust", "torque", "current", "throttle")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ThrustTable:
+    """A thrust table is a rotor's behaviour in still air by its steady speed, at the voltage it was measured with.
+
+    Between its rows a monotone cubic runs over the squared speed, on which thrust and torque depend almost linearly.
+    Before the first row it begins at zero thrust and torque at rest; beyond the last one it goes straight on. The two
+    coefficients are those of the parabolas nearest to it (least squares): what laws know a rotor by.
+
+    Attributes:
+        speed: rising. thrust, torque, current: rising with it; torque and current may be left out.
+        throttle: 0 to 1, rising; may be left out.
+        thrust_coefficient, moment_coefficient: of the parabolas; 0 where they follow from the columns.
+    """
+
+    speed: Annotated[tuple[Scalar, ...], Unit("rad/s", low=0.0)]
+    thrust: Annotated[tuple[Scalar, ...], Unit("N", low=0.0)]
+    torque: Annotated[tuple[Scalar, ...], Unit("N m", "drag torque", low=0.0)] = ()
+    current: Annotated[tuple[Scalar, ...], Unit("A", "of one rotor", low=0.0)] = ()
+    throttle: Annotated[tuple[Scalar, ...], Unit("", "of the speed controller", low=0.0, high=1.0)] = ()
+    thrust_coefficient: Annotated[Scalar, Unit("N s^2/rad^2", low=0.0)] = 0
+    moment_coefficient: Annotated[Scalar, Unit("m", low=0.0)] = 0
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "thrust_table", VehicleError)
+        for name in COLUMNS:
+            self._check(name, getattr(self, name))
+        squares = [w * w for w in self.speed]
+        if type(self.thrust_coefficient) is int:
+            object.__setattr__(self, "thrust_coefficient", _fit(squares, self.thrust))
+        if type(self.moment_coefficient) is int and self.torque:
+            object.__setattr__(self, "moment_coefficient", _fit(self.thrust, self.torque))
+
+    def _check(self, name: str, column: Sequence[Any]) -> None:
+        if name in ("speed", "thrust") and len(column) < 2:
+            refuse(f"thrust_table.{name}", column, "must be at least two numbers")
+        if column and len(column) != len(self.speed):
+            refuse(f"thrust_table.{name}", column, f"must be {len(self.speed)} numbers, as many as speeds")
+        for i, (a, b) in enumerate(pairwise(column)):
+            if concrete(a, b) and not a < b:
+                refuse(f"thrust_table.{name}[{i + 1}]", b, f"must be above the one before it, {a:g}: a column rises")
+        first, speed = column[0] if column else 0.0, self.speed[0]
+        if name in ("thrust", "torque") and column and concrete(first, speed) and (first == 0.0) != (speed == 0.0):
+            refuse(f"thrust_table.{name}[0]", first, "must be 0 at rest and above 0 at a speed")
+
+    def push(self, speed: Any) -> Any:
+        """Thrust at a speed over the thrust coefficient, (rad/s)^2: what stands in place of the squared speed."""
+        return divide(curve(speed * speed, *self._points(self.thrust)), self.thrust_coefficient)
+
+    def twist(self, speed: Any) -> Any:
+        """Drag torque at a speed over both coefficients, (rad/s)^2; that of the thrust without a column."""
+        if not self.torque:
+            return self.push(speed)
+        scale = self.thrust_coefficient * self.moment_coefficient
+        return divide(curve(speed * speed, *self._points(self.torque)), scale)
+
+    def speed_of_push(self, push: Any) -> Any:
+        """The inverse of ``push``, rad/s."""
+        square = inverse_curve(push * self.thrust_coefficient, *self._points(self.thrust))
+        return sqrt(maximum(square, 0.0))
+
+    def current_at(self, speed: Any) -> Any:
+        """Current of the rotor at a steady speed and the table's voltage, A."""
+        return curve(speed * speed, *self._points(self.current))
+
+    def throttle_at(self, speed: Any) -> Any:
+        """Throttle (0 to 1) for a steady speed at the table's voltage."""
+        return curve(speed, *self._throttles())
+
+    def speed_at(self, throttle: Any) -> Any:
+        """Steady speed (rad/s) at a throttle (0 to 1) and the table's voltage; the inverse of ``throttle_at``."""
+        return inverse_curve(throttle, *self._throttles())
+
+    def _points(self, column: Sequence[Any]) -> tuple[list[Any], list[Any]]:
+        """Squared speeds and a column, from rest on."""
+        squares = [w * w for w in self.speed]
+        if concrete(self.speed[0]) and self.speed[0] == 0.0:
+            return squares, list(column)
+        return [0.0, *squares], [0.0, *column]
+
+    def _throttles(self) -> tuple[list[Any], list[Any]]:
+        if not self.throttle:
+            raise VehicleError("thrust_table.throttle = (missing): must be a column of the table")
+        return list(self.speed), list(self.throttle)
+
+
+def _fit(xs: Sequence[Any], ys: Sequence[Any]) -> Any:
+    """k of the line y = k x that is nearest to the points."""
+    return divide(sum(x * y for x, y in zip(xs, ys, strict=True)), sum(x * x for x in xs))

@@ -1,0 +1,259 @@
+"""The error-state filter: against a dense filter that shares no code, and what a flight on it must show."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import skyarm
+from estimated_flight import GPS, estimated, with_satellites
+from skyarm.estimate.filter_memory import FilterMemory
+from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.simulate.loop import run_in_python
+
+PERIOD = 0.005
+
+
+@cache
+def recorded(periods: int = 120):
+    """Readings as the sensors made them, and what the filter held after each period."""
+    session = skyarm.Session(estimated(), machine_code=False)
+    held = []
+    for _ in range(periods):
+        session.step()
+        held.append(session.now)
+    return held
+
+
+def dense_filter(inertial, poses, start, delay):
+    """A textbook filter on readings in the order in which they were taken, with dense matrices; errors in world axes.
+
+    Returns belief and covariance at each instant, and the belief carried on by ``delay`` further readings.
+    """
+    gyro, gyro_walk, acc, acc_walk, sigma = 0.005, 1e-4, 0.02, 1e-3, 0.005
+    p, v, R = np.array(start.position), np.zeros(3), rotation(start.quaternion)
+    bg, ba = np.zeros(3), np.zeros(3)
+    P = np.diag([sigma**2] * 3 + [0.1**2] * 3 + [sigma**2] * 3 + [0.01**2] * 3 + [0.1**2] * 3)
+    down = np.array([0.0, 0.0, -9.8])
+
+    def carried(p, v, R, a, b):
+        dt = b.time - a.time
+        w = 0.5 * (np.array(a.rate) + np.array(b.rate)) - bg
+        after = R * Rotation.from_rotvec(w * dt)
+        f = 0.5 * (R.apply(np.array(a.specific_force) - ba) + after.apply(np.array(b.specific_force) - ba))
+        return p + v * dt + 0.5 * (f + down) * dt**2, v + (f + down) * dt, after, f
+
+    found = []
+    for k, (a, b) in enumerate(itertools.pairwise(inertial)):
+        dt = b.time - a.time
+        before = R.as_matrix()
+        p, v, R, f = carried(p, v, R, a, b)
+        F = np.eye(15)
+        F[0:3, 3:6] = np.eye(3) * dt
+        F[3:6, 12:15], F[6:9, 9:12] = -before * dt, -before * dt
+        F[3:6, 6:9] = -np.array([[0, -f[2], f[1]], [f[2], 0, -f[0]], [-f[1], f[0], 0]]) * dt
+        Q = np.repeat([0.0, acc**2, gyro**2, gyro_walk**2, acc_walk**2], 3) * dt
+        P = F @ P @ F.T + np.diag(Q)
+        for pose in poses:
+            if abs(pose.time - b.time) < 1e-9:
+                H = np.zeros((6, 15))
+                H[0:3, 0:3], H[3:6, 6:9] = np.eye(3), np.eye(3)
+                turn = (rotation(pose.quaternion) * R.inv()).as_quat()
+                z = np.concatenate([np.array(pose.position) - p, 2.0 * np.sign(turn[3]) * turn[:3]])
+                S = H @ P @ H.T + sigma**2 * np.eye(6)
+                K = P @ H.T @ np.linalg.inv(S)
+                e = K @ z
+                P = (np.eye(15) - K @ H) @ P
+                p, v, R = p + e[0:3], v + e[3:6], Rotation.from_rotvec(e[6:9]) * R
+                bg, ba = bg + e[9:12], ba + e[12:15]
+        ahead = (p, v, R)
+        for c, d in zip(inertial[k + 1 :], inertial[k + 2 : k + 2 + delay], strict=False):
+            ahead = carried(*ahead, c, d)[:3]
+        found.append((b.time, (p, v, R, bg, ba), P, ahead))
+    return found
+
+
+def rotation(q) -> Rotation:
+    w, x, y, z = q
+    return Rotation.from_quat([x, y, z, w])
+
+
+def test_it_is_the_textbook_filter_on_readings_in_the_order_of_their_instants():
+    """The delay is made good exactly: belief, biases and covariance of a filter that never had one."""
+    held = recorded()
+    inertial = [now.estimate.inertial[-1] for now in held]
+    poses = [now.estimate.aiding[0][-1] for now in held]
+    late = {pose.time: pose for pose in poses if pose.time > 0.0}
+    assert len(late) == 29  # 50 Hz over 0.59 s
+    delay = 2
+    wanted = {round(t / PERIOD): rest for t, *rest in dense_filter(inertial, [*late.values()], poses[0], delay)}
+    for k in (3, 6, 50, 119):
+        memory = held[k].estimate
+        (p, v, R, bg, ba), P, ahead = wanted[round(memory.time / PERIOD)]
+        belief = memory.belief
+        np.testing.assert_allclose(np.array(belief.position), p, atol=1e-10)
+        np.testing.assert_allclose(np.array(belief.velocity), v, atol=1e-10)
+        assert (rotation(belief.quaternion) * R.inv()).magnitude() < 1e-10
+        np.testing.assert_allclose(np.array(belief.gyro_bias), bg, atol=1e-11)
+        np.testing.assert_allclose(np.array(belief.accelerometer_bias), ba, atol=1e-10)
+        found = np.array([[*row, *[0.0] * (15 - len(row))] for row in memory.covariance])
+        np.testing.assert_allclose(found, np.tril(P), atol=1e-12)
+        np.testing.assert_allclose(memory.deviations, np.sqrt(np.diag(P)), rtol=1e-9)
+    assert ahead is not None
+
+
+def test_readings_arrive_as_many_periods_late_as_stated_and_none_is_used_twice():
+    held = recorded()
+    for k, now in enumerate(held):
+        newest = now.estimate.aiding[0][-1].time
+        # read at 50 Hz, 10 ms on its way; until the first has come that one is seen
+        assert newest == pytest.approx(max(0.0, (k - 2) // 4 * 4 * PERIOD), abs=1e-12)
+    memory = held[-1].estimate
+    assert memory.taken + memory.refused == 29
+    assert memory.time == pytest.approx(117 * PERIOD)
+
+
+def test_the_law_is_told_the_belief_carried_to_the_present():
+    """With a lag of two periods, and the present as near the truth as its deviations say."""
+    session = skyarm.Session(estimated(), machine_code=False)
+    for _ in range(60):
+        session.step()
+    told, truth, memory = session.measurement, session.state, session.now.estimate
+    assert told.time == pytest.approx(60 * PERIOD)
+    off = np.abs(np.array(told.position) - np.array(truth.position))
+    assert np.all(off < 5 * np.array(memory.deviations[:3]))
+    assert np.all(off > 0.0)
+    np.testing.assert_allclose(told.rotor_speeds, truth.rotor_speeds, atol=15.0)
+    assert np.abs(np.subtract(told.joints, truth.joints)).max() < 3e-3
+
+
+def same(a: skyarm.Log, b: skyarm.Log) -> bool:
+    return all(np.array_equal(x, y) for x, y in zip(a.arrays().values(), b.arrays().values(), strict=True))
+
+
+@pytest.mark.parametrize("force", ["measured", "modelled"])
+def test_machine_code_flies_it_as_floats_do_to_the_last_bit(force):
+    scenario = estimated(duration=0.3, estimator__force=force, sensors__mocap__dropouts={"share": 0.3})
+    assert same(skyarm.run(scenario), run_in_python(scenario))
+
+
+def test_lanes_are_flights_of_their_own_and_every_number_is_a_path():
+    """Numbers that are structure by default become data where a path names them."""
+    paths = {
+        "sensors.imu.gyro.density": [0.005, 0.02],
+        "sensors.imu.accelerometer.scale": [0.0, 0.01],
+        "sensors.mocap.dropouts.share": [0.0, 0.4],
+        "sensors.encoders.bits": [12.0, 9.0],
+        "estimator.gyro": [0.005, 0.02],
+        "estimator.joint_bandwidth": [300.0, 0.0],
+    }
+    absent = estimated(duration=0.5)
+    with pytest.raises(ValueError, match="pose: a number that is absent varies; make it data first"):
+        skyarm.Batch(absent, ["sensors.mocap.dropouts.share"])
+    scenario = skyarm.with_numbers(absent, {path: column[0] for path, column in paths.items()})
+    batch = skyarm.Batch(scenario, list(paths), bit_exact=True, log_every=1)
+    outcome = batch.fly({path: np.array(column) for path, column in paths.items()}, seed=3)
+    assert outcome.log is not None
+    for lane in (0, 1):
+        one = skyarm.with_numbers(scenario, {path: column[lane] for path, column in paths.items()})
+        log = skyarm.run(dataclasses.replace(one, episode=lane))
+        assert np.array_equal(np.asarray(outcome.log.state.position.x)[lane], log.position[:, 0])
+        assert np.array_equal(np.asarray(outcome.log.state.joints[1])[lane], log.joints[:, 1])
+
+
+def flown(scenario: skyarm.Scenario, seconds: float) -> FilterMemory:
+    session = skyarm.Session(scenario, machine_code=False)
+    for _ in range(round(seconds / PERIOD)):
+        session.step()
+    return session.now.estimate
+
+
+def test_readings_that_do_not_come_are_not_used():
+    """In the interval from 0.2 s to 0.4 s ten of 50 Hz are missing, and the uncertainty grows."""
+    intervals = {"intervals": [[0.2, 0.4]]}
+    whole, gap = flown(estimated(), 0.405), flown(estimated(sensors__mocap__dropouts=intervals), 0.405)
+    assert whole.taken - gap.taken == 10
+    assert gap.deviations[0] > 1.5 * whole.deviations[0]
+    assert gap.aiding[0][-1].time == pytest.approx(0.18)
+
+
+def test_a_reading_that_cannot_be_is_refused_and_one_that_stays_is_believed_in_the_end():
+    """Motion capture jumps by 0.5 m at 0.3 s: refused at first, then the covariance has grown enough to take it."""
+    jumped = {"at": 0.3, "sensors.mocap.position.bias": [0.5, 0.0, 0.0]}
+    scenario = estimated(sensors__mocap__position={"sigma": 0.005, "bias": [0.0, 0.0, 0.0]})
+    session = skyarm.Session(scenario, machine_code=False)
+    for _ in range(60):
+        session.step()
+    before = session.now.estimate
+    session.change({"sensors.mocap.position.bias.0": jumped["sensors.mocap.position.bias"][0]})
+    for _ in range(20):
+        session.step()
+    soon = session.now.estimate
+    assert before.refused == 0
+    assert soon.refused >= 3
+    assert abs(soon.belief.position.x - before.belief.position.x) < 0.05
+    for _ in range(100):
+        session.step()
+    late = session.now.estimate
+    assert abs(late.aiding[0][-1].position.x - late.belief.position.x) < 0.1
+    assert late.taken > soon.taken
+
+
+def test_without_a_heading_its_uncertainty_grows_and_the_filter_says_so():
+    alone = with_satellites("position", estimator__first_heading=0.02, estimator__gyro=0.1)
+    aided = with_satellites("position_heading", estimator__gyro=0.1)
+    early, late, held = flown(alone, 0.3), flown(alone, 0.9), flown(aided, 0.9)
+    # a noise of 0.1 rad/s/sqrt(Hz) over 0.25 s and 0.85 s: 0.05 and 0.09 rad; motion tells little of it
+    assert 0.04 < early.yaw_deviation < 0.055
+    assert 0.07 < late.yaw_deviation < 0.1
+    assert held.yaw_deviation < 0.04
+
+
+def test_both_plants_fly_on_it_alike():
+    """Euler steps are the same on both; the same draws, so the same readings to rounding."""
+    euler = {"plant__integrator": "euler", "duration": 0.3}
+    ours, theirs = (skyarm.run(estimated(**euler, plant__kind=kind)) for kind in ("rigid_body", "mujoco"))
+    np.testing.assert_allclose(theirs.position, ours.position, atol=1e-8)
+
+
+def test_the_push_that_the_model_lacks_is_found():
+    """A steady 1 N on a vehicle of known mass, by the modelled force; the accelerometer alone cannot tell it."""
+    wind = {"mode": "force_wind", "force": [1.0, 0.0, 0.0]}
+    scenario = estimated(duration=3.0, environment__wind=wind, estimator__force="modelled", estimator__push_walk=0.1)
+    memory = flown(scenario, 2.5)
+    mass = sum(b.mass for b in (scenario.world.vehicle.base, *(link.body for link in scenario.world.vehicle.links)))
+    assert memory.belief.push.x * mass == pytest.approx(1.0, abs=0.25)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"sensors__imu": None}, r"estimator: needs one sensor of kind 'imu' .*there are 0 of kind 'imu'"),
+        ({"sensors__encoders": None}, r"needs one sensor of kind 'encoders'"),
+        ({"sensors__gps": GPS | {"kind": "pose"}}, r"there are 2 of kind 'pose'"),
+        (
+            {"estimator__delay_periods": 1},
+            r"delay_periods: lags 0.005 s, must be at least sensors.mocap.latency = 0.01",
+        ),
+        ({"estimator__aiding": "compass"}, r"aiding = 'compass': must be one of pose, position, position_heading"),
+        ({"estimator__force": "both"}, r"force = 'both': must be one of measured, modelled"),
+        ({"estimator__doubt": 0.5}, r"doubt = 0.5: must be at least 1"),
+        ({"estimator__gyro": -1.0}, r"gyro = -1.0: must be at least 0"),
+        ({"estimator__vehicle": "x"}, r"estimator.vehicle"),
+    ],
+)
+def test_what_it_cannot_work_with_is_refused_in_one_line(changes, words):
+    with pytest.raises(ScenarioError, match=words) as refused:
+        estimated(**changes)
+    assert "\n" not in str(refused.value)
+
+
+def test_the_filter_may_be_named_by_its_kind_alone():
+    scenario = estimated(estimator="ekf", sensors__mocap__latency=0.0)
+    assert scenario.estimator.gate == 4.5
+    assert scenario.estimator.gravity is None

@@ -1,0 +1,79 @@
+"""Inverse kinematics against SciPy's least squares, and what redundancy, limits and singularities do."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+import skyarm
+from skyarm.algebra import Mat3, Vec3
+from skyarm.dynamics.array_front import frame_pose_world
+from skyarm.reference.inverse_kinematics import reach, rotation_vector
+from skyarm.reference.tip_plan import TipChoices, task_of
+
+ARM2, ARM6 = (skyarm.load_vehicle(name) for name in ("hummingbird_arm2_rotors", "hexarotor_arm6"))
+POSTURE = (0.1, 0.6, -1.0, 0.2, 0.5, 0.1)
+TASK2 = task_of(ARM2, (0, 1), TipChoices(posture=(0.4, -0.8)))
+TASK6 = task_of(ARM6, tuple(range(6)), TipChoices(posture=POSTURE))
+
+
+def tip(vehicle, q):
+    p, R = frame_pose_world(vehicle, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.array(q))
+    return np.asarray(p), np.asarray(R)
+
+
+def solve(task, position=None, orientation=None, start=None):
+    goal = None if position is None else Vec3(*map(float, position))
+    turn = None if orientation is None else Mat3.columns(*(Vec3(*map(float, c)) for c in orientation.T))
+    return np.array(reach(task, goal, turn, start or task.posture, task.lower, task.upper))
+
+
+def test_a_reachable_pose_is_reached():
+    wanted = np.add(POSTURE, [0.3, -0.2, 0.25, -0.3, 0.2, 0.4])
+    p, R = tip(ARM6, wanted)
+    found = solve(TASK6, p, R)
+    at, turned = tip(ARM6, found)
+    np.testing.assert_allclose(at, p, atol=2e-5)  # the posture pulls where the wrist is nearly singular
+    np.testing.assert_allclose(turned, R, atol=1e-4)
+
+
+def test_the_redundant_joints_are_nearest_to_the_posture():
+    p, _ = tip(ARM6, np.add(POSTURE, [0.3, -0.2, 0.25, 0.0, 0.0, 0.0]))
+    found = solve(TASK6, p)
+    np.testing.assert_allclose(tip(ARM6, found)[0], p, atol=1e-6)
+
+    def away(q):
+        return np.concatenate([1e4 * (tip(ARM6, q)[0] - p), q - np.array(POSTURE)])
+
+    best = least_squares(away, found + 0.05, xtol=1e-14, ftol=1e-14, gtol=1e-12)
+    assert np.linalg.norm(found - POSTURE) == pytest.approx(np.linalg.norm(best.x - POSTURE), rel=1e-3)
+
+
+def test_what_is_out_of_reach_is_approached_and_the_step_stays_calm():
+    start = [0.4, -0.8]
+    found = solve(TASK2, (0.5, 0.0, -0.5))
+    direction = tip(ARM2, found)[0] / 0.3
+    np.testing.assert_allclose(direction, np.array([1.0, 0.0, -1.0]) / math.sqrt(2.0), atol=2e-3)
+    for _ in range(20):  # stretched: singular
+        start = list(reach(TASK2, Vec3(0.5, 0.0, -0.5), None, start, TASK2.lower, TASK2.upper, 1))
+        assert np.isfinite(start).all()
+
+
+def test_limits_hold_and_the_other_joints_do_what_is_left():
+    held = dataclasses.replace(TASK6, upper=(3.0, 0.61, 2.4, 3.0, 2.0, 3.0))
+    p, _ = tip(ARM6, np.add(POSTURE, [0.0, 0.4, 0.1, 0.0, 0.0, 0.0]))
+    assert solve(TASK6, p)[1] > 0.61
+    found = solve(held, p)
+    assert (found <= np.array(held.upper)).all()
+    assert (found >= np.array(held.lower)).all()
+    np.testing.assert_allclose(tip(ARM6, found)[0], p, atol=1e-5)
+
+
+def test_the_rotation_vector_is_scipys():
+    for vector in ([0.3, -0.2, 0.5], [0.0, 0.0, 1e-8], [3.0, 0.5, -0.2], [math.pi, 0.0, 0.0], [0.0, 0.0, 0.0]):
+        R = Rotation.from_rotvec(vector).as_matrix()
+        found = rotation_vector(Mat3.columns(*(Vec3(*map(float, c)) for c in R.T)))
+        np.testing.assert_allclose(Rotation.from_rotvec([*found]).as_matrix(), R, atol=1e-12)

@@ -1,0 +1,242 @@
+"""References of the tip from tables: the base carries the tip exactly; wrong tables get one line."""
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import skyarm
+from skyarm.dynamics.array_front import frame_pose_world
+from skyarm.reference import trajectory_from
+from skyarm.reference.feasibility import feasibility
+from skyarm.reference.setting import Setting
+from skyarm.reference.waypoints import LIMITS, FlightLimits, allocate, demand, through
+
+ARM2, ARM6 = (skyarm.load_vehicle(name) for name in ("hummingbird_arm2_rotors", "hexarotor_arm6"))
+TWO, SIX = (Setting(vehicle=v, duration=4.0, thrust_to_weight=2.5) for v in (ARM2, ARM6))
+CIRCLE = {"kind": "circle", "radius": 0.2, "frequency_hz": 0.2, "center": [0.0, 0.1, 0.7]}
+TURNING = {"kind": "sine", "amplitude": 0.4, "frequency_hz": 0.1}
+POSTURE6 = [0.0, 0.6, -1.0, 0.0, 0.5, 0.0]
+WORLD = {"yaw": TURNING, "tip": {"path": CIRCLE, "posture": POSTURE6, "base_share": 0.5}}
+TIMES = np.linspace(0.0, 3.9, 40)
+
+
+@pytest.fixture(scope="module")
+def shared():
+    return trajectory_from(WORLD, 6, "reference", SIX)
+
+
+def level_tip(vehicle, reference, k):
+    """Tip of the level base of a reference's sample, by arrays."""
+    turn = Rotation.from_euler("z", reference.yaw).as_quat(scalar_first=True)
+    return frame_pose_world(vehicle, np.array([*reference.position]), turn, np.array(reference.joints))[k]
+
+
+def test_the_level_base_carries_the_tip_exactly_where_it_is_wanted(shared):
+    for t in TIMES:
+        at = shared.at(t)
+        angle = 2.0 * np.pi * 0.2 * t
+        wanted = [0.2 * np.cos(angle), 0.1 + 0.2 * np.sin(angle), 0.7]
+        np.testing.assert_allclose(at.tip, wanted, atol=1e-14)
+        np.testing.assert_allclose(level_tip(ARM6, at, 0), wanted, atol=1e-14)
+
+
+def test_each_derivative_of_the_base_is_the_difference_of_the_one_below(shared):
+    names, h = ("position", "velocity", "acceleration", "jerk", "snap"), 1e-3
+    for t in (0.77, 2.03):  # within pieces of the plan
+        ahead, behind = shared.at(t + h), shared.at(t - h)
+        for below, above in itertools.pairwise(names):
+            slope = (np.array([*getattr(ahead, below)]) - [*getattr(behind, below)]) / (2.0 * h)
+            # central difference: h^2/6 of the derivative two orders above, up to 200 m/s^6 in the joints' curves
+            np.testing.assert_allclose([*getattr(shared.at(t), above)], slope, atol=5e-5)
+
+
+def test_base_and_arm_share_the_way(shared):
+    base = np.array([[*shared.at(t).position][:2] for t in TIMES])
+    # half a turn is a way of 0.4 m; half of it is the arm's, 0.2 m, which arm_range = 0.1 m bounds
+    assert np.ptp(base[:, 0]) == pytest.approx(0.4 - 0.2 / np.sqrt(1.0 + 2.0**2), rel=5e-3)
+    alone = trajectory_from({"tip": WORLD["tip"] | {"base_share": 1.0}}, 6, "reference", SIX)
+    assert {alone.at(t).joints for t in TIMES} == {tuple(POSTURE6)}
+
+
+def test_a_table_of_times_has_the_bits_of_single_times(shared):
+    table = shared.at(TIMES)
+    single = [shared.at(float(t)) for t in TIMES]
+    for i, q in enumerate(table.joints):
+        np.testing.assert_array_equal(np.broadcast_to(q, TIMES.shape), [each.joints[i] for each in single])
+
+
+def test_a_tip_relative_to_the_base_is_the_arms_alone():
+    home = [0.1, 0.05, -0.5]
+    path = {"kind": "signals", "x": [home[0], TURNING | {"amplitude": 0.05}], "y": home[1], "z": home[2]}
+    table = {"yaw": TURNING, "base": CIRCLE, "tip": {"path": path, "relative_to": "base", "posture": POSTURE6}}
+    found = trajectory_from(table, 6, "reference", SIX)
+    for t in TIMES:
+        at = found.at(t)
+        base = [0.2 * np.cos(0.4 * np.pi * t), 0.1 + 0.2 * np.sin(0.4 * np.pi * t), 0.7]
+        np.testing.assert_allclose([*at.position], base, atol=1e-14)
+        # what the arm's plan of 10 Hz lacks between its samples
+        np.testing.assert_allclose(level_tip(ARM6, at, 0), at.tip, atol=2e-5)
+    assert feasibility(found, SIX).deviation < 2e-5
+
+
+def test_the_tip_keeps_an_orientation():
+    table = {"tip": {"path": CIRCLE, "posture": POSTURE6, "orientation": [0.0, 0.3, TURNING]}}
+    found = trajectory_from(table, 6, "reference", SIX)
+    for t in TIMES:
+        at = found.at(t)
+        wanted = Rotation.from_euler("ZYX", [0.4 * np.sin(0.2 * np.pi * t), 0.3, 0.0])
+        turn = Rotation.from_matrix(level_tip(ARM6, at, 1))
+        assert (wanted.inv() * turn).magnitude() < 2e-3
+
+
+def test_what_the_arm_cannot_do_is_told():
+    path = {"kind": "signals", "x": 0.0, "y": 0.1, "z": -0.25}
+    table = {"tip": {"path": path, "relative_to": "base", "posture": [0.4, -0.8]}}
+    found = feasibility(trajectory_from(table, 2, "reference", TWO), TWO)
+    assert found.deviation == pytest.approx(0.1, abs=1e-3)  # a planar arm does nothing along y
+    assert "the arm reaches it to 100 mm only" in next(found.warnings())
+    narrow = dataclasses.replace(ARM6.links[1].joint, upper=0.61, lower=-2.0)
+    links = (ARM6.links[0], dataclasses.replace(ARM6.links[1], joint=narrow), *ARM6.links[2:])
+    held = Setting(vehicle=dataclasses.replace(ARM6, links=links), duration=4.0, thrust_to_weight=2.5)
+    plan = trajectory_from(WORLD, 6, "reference", held)
+    joints = np.array([plan.at(t).joints for t in TIMES])
+    assert joints[:, 1].max() <= 0.61
+    assert [name for name, _ in feasibility(plan, held).at_limits] == [narrow.name]
+
+
+def test_the_fastest_motion_meets_a_limit_and_no_faster_one_does():
+    points = [(0.0, 0.0, 1.0), (1.0, 0.5, 1.2), (2.0, 0.0, 1.0), (2.0, 2.0, 1.5)]
+    for limits in (FlightLimits(), FlightLimits(speed=9.0, acceleration=9.0, spin=90.0), FlightLimits(speed=0.5)):
+        times = allocate(points, limits, 9.81)
+        found = demand(through(points, times), times, 9.81)
+        assert found.within(limits)
+        assert any(getattr(found, name) > 0.999 * getattr(limits, name) for name in LIMITS)
+    # the pieces' shares make the snap less than shares by length do
+    even = [0.0]
+    for a, b in itertools.pairwise(points):
+        even.append(even[-1] + np.linalg.norm(np.subtract(b, a)))
+    even = [t * times[-1] / even[-1] for t in even]
+    assert snap(points, times) < snap(points, even)
+
+
+def snap(points, times):
+    """Mean square of the snap, by samples."""
+    t = np.linspace(0.0, times[-1], 4001)[:-1]
+    motion = through(points, times)
+    return sum(float((axis.derivatives(t)[4] ** 2).mean()) for axis in (motion.x, motion.y, motion.z))
+
+
+def test_phases_follow_each_other_from_rest_to_rest():
+    phases = [
+        {"kind": "hold", "duration": 1.0},
+        {"kind": "go_to", "position": [1.0, 0.0, 1.0], "via": [[0.5, 0.3, 1.2]], "duration": 3.0},
+        {"kind": "pick", "payload": "box", "position": [1.0, 0.0, 0.6], "dwell": 2.0},
+        {"kind": "place", "payload": "box", "position": [0.0, 0.0, 0.6], "approach": [0.0, 0.0, 0.2]},
+    ]
+    setting = dataclasses.replace(TWO, events=[])
+    path = {"kind": "phases", "position": [0.0, 0.0, 1.0], "phases": phases}
+    found = trajectory_from({"base": path}, 2, "reference", setting)
+    assert [*found.at(0.9).position] == [0.0, 0.0, 1.0] == [*found.at(1.0).position]
+    np.testing.assert_allclose([*found.at(4.0).position], [1.0, 0.0, 1.0], atol=1e-12)
+    pick, place = setting.events
+    assert (pick.kind, pick.payload, place.kind) == ("pick", "box", "place")
+    for event, there in ((pick, [1.0, 0.0, 0.6]), (place, [0.0, 0.0, 0.6])):
+        for t in (event.time - 0.4, event.time + 0.4):
+            at = found.at(t)
+            np.testing.assert_allclose([*at.position], there, atol=1e-12)
+            np.testing.assert_allclose([*at.velocity], 0.0, atol=1e-12)
+    np.testing.assert_allclose([*found.at(60.0).position], [0.0, 0.0, 0.8], atol=1e-12)
+
+
+def test_samples_of_a_file_are_passed_at_their_times(tmp_path):
+    file = tmp_path / "path.csv"
+    file.write_text("note,t,x,y,z\na,0,0,0,1\nb,1,0.5,0.1,1.1\n\nc,2.5,0.7,0.4,1\n")
+    table = {"kind": "samples", "file": str(file), "columns": ["t", "x", "y", "z"], "start": 1.0}
+    found = trajectory_from({"base": table, "yaw": {"kind": "samples", "file": str(file), "time": "t", "column": "y"}},
+                            0, "reference")  # fmt: skip
+    np.testing.assert_allclose([*found.at(2.0).position], [0.5, 0.1, 1.1], atol=1e-12)
+    assert found.at(1.0).yaw == pytest.approx(0.1)
+    for text, message in (
+        ("t,x,y,z\n0,0,0,1\n1,a,0,1\n", "row 2: x = 'a': must be a finite number"),
+        ("t,x,y,z\n0,0,0,1\n1,0,0\n", "row 2: z = '': must be a finite number"),
+        ("t,x,y,z\n0,0,0,1\n0,0,0,1\n", "row 2: t = 0.0: must be after 0.0 of the row before"),
+        ("t,x,y\n0,0,0\n1,1,1\n", "must have a column 'z' in its header; there are ['t', 'x', 'y']"),
+        ("t,x,y,z\n0,0,0,1\n", "must have 2 to 2000 rows below its header, not 1"),
+        ("", "must have a column 't' in its header"),
+    ):
+        file.write_text(text)
+        with pytest.raises(ValueError, match=r"reference\.base\.file") as caught:
+            trajectory_from({"base": table}, 0, "reference")
+        assert message in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+
+TIP = {"path": CIRCLE, "posture": [0.4, -0.8]}
+WAYPOINTS = {"kind": "waypoints", "points": [[0, 0, 1], [1, 0, 1]]}
+PHASES = {"kind": "phases", "position": [0, 0, 1]}
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ({"tip": 3}, "reference.tip = 3: must be a table"),
+        ({"tip": {}}, "reference.tip.path: is missing"),
+        ({"tip": TIP, "joints": [0, 0]}, "reference.joints = [0, 0]: must be left out beside tip; see tip.posture"),
+        ({"tip": TIP, "base": CIRCLE}, "reference.base = "),
+        ({"tip": TIP | {"posture": [0.0]}}, "reference.tip.posture = 1 numbers: must be one for each of 2 joints"),
+        ({"tip": TIP | {"base_share": 1.5}}, "reference.tip.base_share = 1.5: must be from 0 to 1"),
+        ({"tip": TIP | {"base_share": -1}}, "reference.tip.base_share = -1: must be at least 0"),
+        ({"tip": TIP | {"relative_to": "me"}}, "reference.tip.relative_to = 'me': must be one of"),
+        (
+            {"tip": TIP | {"relative_to": "base", "base_share": 1}},
+            "reference.tip.base_share = 1.0: must be left out of",
+        ),
+        ({"tip": TIP | {"orientation": 1}}, "reference.tip.orientation = 1: must be three signals: roll, pitch, yaw"),
+        ({"tip": TIP | {"rate": 0}}, "reference.tip.rate = 0: must be above 0"),
+        ({"tip": TIP | {"rate": 1e6, "base_share": 0.5}}, "reference.tip.rate = 1000000.0: makes 4000001 samples"),
+        ({"tip": TIP | {"speed": 1}}, "reference.tip.speed = 1: unknown field"),
+        ({"base": WAYPOINTS | {"points": 1}}, "reference.base.points = 1: must be a list of points [x, y, z]"),
+        ({"base": WAYPOINTS | {"points": [[0, 0, 1]]}}, "reference.base.points = 1 points: must be 2 to 60"),
+        ({"base": WAYPOINTS | {"points": [[0, 0, 1], [0, 1]]}}, "reference.base.points[1] = [0, 1]: must be three"),
+        (
+            {"base": WAYPOINTS | {"points": [[0, 0, 1]] * 2}},
+            "reference.base.points[1] = [0.0, 0.0, 1.0]: must be 0.001",
+        ),
+        ({"base": WAYPOINTS | {"times": [1, 0]}}, "reference.base.times = [1.0, 0.0]: must be at least two times"),
+        (
+            {"base": WAYPOINTS | {"times": [0, 1, 2]}},
+            "reference.base.times = 3 times: must be one for each of 2 points",
+        ),
+        ({"base": WAYPOINTS | {"tilt": 2}}, "reference.base.tilt = 2.0: must be below pi/2 rad"),
+        ({"base": WAYPOINTS | {"speed": 0}}, "reference.base.speed = 0: must be above 0"),
+        (
+            {"base": WAYPOINTS | {"thrust": 2.4}},
+            "reference.base.thrust = 2.4: must be above 1 and at most 2.25, 0.9 of",
+        ),
+        ({"base": PHASES}, "reference.base.phases: is missing"),
+        ({"base": PHASES | {"phases": []}}, "reference.base.phases = []: must be a list of phases"),
+        ({"base": PHASES | {"phases": [{"kind": "wait"}]}}, "reference.base.phases[0].kind = 'wait': must be one of"),
+        ({"base": PHASES | {"phases": [{"kind": "hold"}]}}, "reference.base.phases[0].duration: is missing"),
+        (
+            {"base": PHASES | {"phases": [{"kind": "pick", "payload": 1, "position": [0, 0, 0]}]}},
+            "reference.base.phases[0].payload = 1: must be the name of a payload",
+        ),
+        ({"yaw": {"kind": "spline", "times": [0, 1], "values": [0]}}, "reference.yaw.values = 1 values: must be one"),
+        ({"base": {"kind": "samples", "file": 3}}, "reference.base.file = 3: must be the path of a CSV file"),
+        ({"base": {"kind": "samples", "file": "no.csv"}}, "reference.base.file = 'no.csv': "),
+    ],
+)
+def test_a_wrong_table_gets_one_line(table, message):
+    with pytest.raises(ValueError) as caught:  # noqa: PT011
+        trajectory_from(table, 2, "reference", TWO)
+    assert str(caught.value).startswith(message)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_vehicle_without_a_tip_that_moves_is_refused():
+    for vehicle in (skyarm.load_vehicle("hummingbird"), dataclasses.replace(ARM2, end_effector="")):
+        with pytest.raises(ValueError, match=r"^reference\.tip: needs a (vehicle with a )?tip"):
+            trajectory_from({"tip": {"path": CIRCLE}}, vehicle.n, "reference", Setting(vehicle=vehicle, duration=1.0))
