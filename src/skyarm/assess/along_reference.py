@@ -14,6 +14,7 @@ from skyarm.actuation import make_mixer
 from skyarm.algebra import Mat3, Vec3
 from skyarm.assess.arm_poses import Array
 from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
+from skyarm.assess.joint_torques import effort_limits
 from skyarm.assess.level_hover import WRENCH, Allocation
 from skyarm.dynamics.state import proper_acceleration
 from skyarm.environment import ForceWind
@@ -53,11 +54,11 @@ def along_reference(scenario: Scenario) -> list[Finding]:
     demand = demand_of(scenario)
     vehicle = scenario.world.vehicle
     found = [*_jumps(scenario), *_joint_limits(scenario, demand)]
-    top = np.array([float(rotor.max_speed) ** 2 for rotor in vehicle.rotors])[:, None]
+    top = Allocation.of(make_mixer(vehicle)).highest[:, None]
     parts = [(f"rotors[{rotor.name}]", "max_speed") for rotor in vehicle.rotors]
     found.append(_saturation("rotors along the reference", demand, demand.squared / top, parts, demand.squared < 0.0))
     if vehicle.n:
-        limits = np.array([float(link.joint.effort_limit) or math.inf for link in vehicle.links])[:, None]
+        limits = effort_limits(vehicle)[:, None]
         parts = [(f"joints[{link.joint.name}]", "effort_limit") for link in vehicle.links]
         found.append(_saturation("joints along the reference", demand, np.abs(demand.efforts) / limits, parts))
     return found

@@ -134,4 +134,5 @@ def _of_vehicle(vehicle: Vehicle, gravity: float, payload: float, poses: ArmPose
         found += torque_authority(loads[-1][0], allocation, poses, gravity)
         found += largest_payload(vehicle, allocation, poses, gravity, payload)
         found += largest_wind(vehicle, gravity, payload)
-    return [*found, *arm_workspace(vehicle, poses), *motor_lag(vehicle), *time_aloft(vehicle)]
+    endurance = [each for held, words in loads for each in time_aloft(held, gravity, words)]
+    return [*found, *arm_workspace(vehicle, poses), *motor_lag(vehicle), *endurance]
