@@ -25,6 +25,9 @@ LINTERS = ("import-linter", "mypy", "ruff")
 BUILDERS = ("latex2mathml", "mkdocstrings-python", "zensical")
 """Of ``make docs``, which runs on the versions of constraints.txt only: no test of the library needs them."""
 
+CARRIED = ("example-robot-data", "robot-descriptions")
+"""Of the extra robots: 0.8 GB of files of others. Tests with them are skipped where they are not installed."""
+
 HELD = ("click==8.1.8", "pyparsing==3.1.4")
 """What direct dependencies depend on, where its newest version came after them and a warning is an error in the tests:
 typer 0.20 calls what click 8.5 deprecates, matplotlib 3.8 what pyparsing 3.3 does."""

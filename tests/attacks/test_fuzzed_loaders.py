@@ -58,6 +58,68 @@ URDF = b"""<?xml version="1.0"?>
 </robot>
 """
 
+MJCF = b"""<?xml version="1.0"?>
+<mujoco model="arm">
+  <compiler angle="radian"/>
+  <default><joint damping="0.01"/><geom density="500"/></default>
+  <worldbody>
+    <geom name="floor" type="plane" size="1 1 0.1"/>
+    <body name="base" pos="0 0 1"><freejoint/>
+      <inertial pos="0 0 0.01" mass="1.5" diaginertia="0.02 0.02 0.03"/>
+      <body name="upper" pos="0 0 -0.1" euler="0 0 0.2">
+        <joint name="yaw" axis="0 0 1" range="-1 1" limited="true"/>
+        <joint name="pitch" axis="0 1 0" pos="0 0 0.02" ref="0.1" armature="0.001" frictionloss="0.02"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.02"/><site name="tip" pos="0 0 -0.2"/>
+        <body name="left"><joint name="l" type="slide" axis="0 1 0"/><geom size="0.01"/></body>
+        <body name="right"><joint name="r" type="slide" axis="0 1 0"/><geom size="0.01"/></body>
+      </body>
+    </body>
+  </worldbody>
+  <equality><joint joint1="r" joint2="l" polycoef="0 -1 0 0 0"/></equality>
+  <actuator><motor name="m" joint="pitch" gear="2" ctrlrange="-1 1" ctrllimited="true"/></actuator>
+</mujoco>
+"""
+
+GRIPPER = b"""<robot name="gripper">
+  <link name="mount"><inertial><mass value="0.1"/>
+    <inertia ixx="1e-4" iyy="1e-4" izz="1.9e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="left"><inertial><mass value="0.1"/>
+    <inertia ixx="1e-4" iyy="1e-4" izz="2.1e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="right"><inertial><mass value="0.1"/>
+    <inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial>
+    <visual><geometry><mesh filename="package://gripper/right.stl"/></geometry></visual></link>
+  <joint name="l" type="prismatic"><parent link="mount"/><child link="left"/><limit lower="0" upper="0.1"/></joint>
+  <joint name="r" type="prismatic"><parent link="mount"/><child link="right"/>
+    <mimic joint="l" multiplier="-1" offset="0.01"/></joint>
+  <transmission name="t"/>
+</robot>
+"""
+
+GRIPPER_SOUND = GRIPPER.replace(b"2.1e-4", b"1.9e-4")
+
+ATTACHED = b"""schema = 1
+name = "attached"
+airframe = "hexarotor_arm6"
+end_effector = "left_tip"
+repair = true
+mimic = "couple"
+[[attach]]
+arm = "gripper.urdf"
+to = "hand"
+position = [0.0, 0.0, -0.1]
+rpy = [0.1, 0.2, 0.3]
+prefix = "g_"
+[[attach]]
+arm = "gripper.urdf"
+mimic = "lock"
+[[joints]]
+name = "g_l"
+effort_limit = 2.0
+[[frames]]
+name = "left_tip"
+link = "g_left"
+"""
+
 STUDY = b"""schema = 1
 name = "small"
 title = "a small study"
@@ -146,6 +208,8 @@ class Loader:
     suffix: str
     seeds: tuple[bytes, ...]
     mutations: tuple[Mutation, ...] = (at_bytes, at_words, in_tables, in_tables)
+    beside: bytes = b""
+    """What stands beside them as gripper.urdf."""
 
 
 def _shipped(folder: Any) -> tuple[bytes, ...]:
@@ -173,7 +237,11 @@ def _cut_off_or_whole(path: Path) -> Log:
 
 LOADERS = {
     "vehicle": Loader(load_vehicle, VehicleError, ".toml", (*_shipped(VEHICLES), _example("vehicle_files.md"))),
-    "urdf": Loader(load_vehicle, VehicleError, ".urdf", (URDF,), (at_bytes, at_words, in_elements, in_elements)),
+    "urdf": Loader(
+        load_vehicle, VehicleError, ".urdf", (URDF, GRIPPER_SOUND), (at_bytes, at_words, in_elements, in_elements)
+    ),
+    "mjcf": Loader(load_vehicle, VehicleError, ".xml", (MJCF,), (at_bytes, at_words, in_elements, in_elements)),
+    "attached": Loader(load_vehicle, VehicleError, ".toml", (ATTACHED,), beside=GRIPPER),
     "log": Loader(Log.load_npz, ValueError, ".npz", (_log("npz"),), (at_bytes, in_archive, in_archive)),
     "messages": Loader(_cut_off_or_whole, ValueError, ".mcap", (_log("mcap"),), (at_bytes,)),
     "scenario": Loader(load_scenario, ScenarioError, ".toml", (*_shipped(SCENARIOS), SCENARIO, SCENARIO, SCENARIO)),
@@ -236,6 +304,7 @@ def attack(name: str, count: int, folder: Path, seed: int) -> Attack:
     """Files made wrong, and what their loader answers."""
     loader, found = LOADERS[name], Attack()
     file = folder / f"{name}{loader.suffix}"
+    (folder / "gripper.urdf").write_bytes(loader.beside)
     for number in range(count):
         rng = random.Random(f"{seed} {name} {number}")
         healthy = rng.choice(loader.seeds)
@@ -253,6 +322,7 @@ def attack(name: str, count: int, folder: Path, seed: int) -> Attack:
 @pytest.mark.parametrize("name", LOADERS)
 def test_healthy_files_load_with_and_without_a_byte_order_mark(name: str, tmp_path: Path) -> None:
     loader = LOADERS[name]
+    (tmp_path / "gripper.urdf").write_bytes(loader.beside)
     for healthy in loader.seeds:
         for mark in (b"", b"\xef\xbb\xbf") if loader.suffix not in (".npz", ".mcap") else (b"",):
             file = tmp_path / f"healthy{loader.suffix}"
@@ -302,7 +372,16 @@ def test_a_value_that_python_refuses_to_write_out_is_shown_by_its_type() -> None
 LEAST = {"log": 0.005}
 """Share of the wrong files that must load; arrays of a log must fit each other, so that most changes are refused."""
 
-QUICK = {"vehicle": 300, "urdf": 250, "scenario": 200, "study": 150, "log": 100, "messages": 100}
+QUICK = {
+    "vehicle": 300,
+    "urdf": 250,
+    "mjcf": 150,
+    "attached": 100,
+    "scenario": 200,
+    "study": 150,
+    "log": 100,
+    "messages": 100,
+}
 
 
 @pytest.mark.parametrize("name", LOADERS)

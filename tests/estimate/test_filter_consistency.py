@@ -34,6 +34,29 @@ SLOW = {
 """Pose at 10 Hz, a fifth of it lost in runs of 200 ms on average."""
 
 
+def _along(path: str, axes: str, value: float) -> dict[str, float]:
+    return {f"{path}.{axis}": value for axis in axes}
+
+
+CHOSEN = {
+    **_along("controller.base.position", "xyz", 25.3),
+    **_along("controller.base.velocity", "xyz", 24.1),
+    **_along("controller.base.attitude", "xy", 333.0),
+    **_along("controller.base.rate", "xy", 56.3),
+    "controller.tip.position": 2244.0,
+    "controller.tip.velocity": 67.6,
+    "controller.tip.shift_rate": 1.17,
+    "controller.tip.reach": 0.0655,
+    "controller.tip.damping": 0.076,
+    "controller.observer.force": 58.4,
+    "controller.observer.torque": 26.3,
+    "controller.observer.joints": 16.2,
+    "controller.observer.pose": 889.0,
+    "controller.lag_inversion": 0.816,
+}
+"""Gains of the law for estimates, found by random search on other seeds and other wrong plants than those below."""
+
+
 def lengths(vectors: np.ndarray) -> float:
     return float(np.linalg.norm(vectors, axis=0).mean())
 
@@ -67,26 +90,48 @@ def tip_errors(scenario, seeds: int, seed: int) -> np.ndarray:
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(
-    ("force", "walk", "slow", "bound"),
-    [("measured", 0.05, {}, 0.0100), ("modelled", 0.01, {}, 0.006), ("modelled", 0.01, SLOW, 0.015)],
+    ("force", "slow", "gains", "bound"),
+    [
+        ("measured", {}, {}, 0.010),
+        ("measured", SLOW, {}, 0.017),
+        ("modelled", {}, {}, 0.006),
+        ("modelled", SLOW, {}, 0.015),
+        ("modelled", {}, CHOSEN, 0.0045),
+        ("modelled", SLOW, CHOSEN, 0.012),
+    ],
 )
-def test_the_tip_of_case_3_on_estimates(force, walk, slow, bound):
-    """Mean over 10 to 20 s and 20 seeds; the law's gains are those of its preset."""
-    scenario = estimated(**CASE3, **slow, estimator__force=force, estimator__push_walk=walk)
-    errors = tip_errors(scenario, 20, seed=2026)
-    print(force, slow, "tip", 1e3 * errors.mean(), "mm, worst seed", 1e3 * errors.max())
+def test_the_tip_of_case_3_on_estimates(force, slow, gains, bound):
+    """Mean over 10 to 20 s and 20 seeds, by the law as its preset has it and by gains chosen on other seeds."""
+    scenario = estimated(**CASE3, **slow, estimator__force=force)
+    errors = tip_errors(skyarm.with_numbers(scenario, gains), 20, seed=4711)
+    print(
+        force,
+        "slow" if slow else "",
+        "chosen gains" if gains else "",
+        "tip",
+        1e3 * errors.mean(),
+        "mm, worst seed",
+        1e3 * errors.max(),
+    )
     assert errors.mean() < bound
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(("force", "walk"), [("measured", 0.05), ("modelled", 0.05)])
-def test_no_vehicle_of_a_thousand_wrong_ones_is_lost(force, walk):
+@pytest.mark.parametrize(("force", "gains"), [("measured", {}), ("modelled", {}), ("modelled", CHOSEN)])
+def test_no_vehicle_of_a_thousand_wrong_ones_is_lost(force, gains):
     """Masses, centres of mass, inertias, thrust, friction, payload, wind and delay that nobody knows of."""
-    scenario = estimated(**CASE3, estimator__force=force, estimator__push_walk=walk)
+    scenario = skyarm.with_numbers(estimated(**CASE3, estimator__force=force), gains)
     spread = Spread()
     wrong = dataclasses.replace(scenario, wind=ForceWind(), delays=Delays(longest_command=spread.delay))
-    plants = draw(wrong, spread, 1000, seed=31)
-    outcome = skyarm.Batch(wrong, list(plants), metrics=["ee_error_mean"]).fly(plants, seed=17)
+    plants = draw(wrong, spread, 1000, seed=977)
+    outcome = skyarm.Batch(wrong, list(plants), metrics=["ee_error_mean"]).fly(plants, seed=53)
     errors = np.asarray(outcome.metrics["ee_error_mean"])
-    print(force, "tip of the median plant", 1e3 * np.median(errors), "mm, 95 %", 1e3 * np.quantile(errors, 0.95))
+    print(
+        force,
+        "chosen gains" if gains else "",
+        "tip of the median plant",
+        1e3 * np.median(errors),
+        "mm, 95 %",
+        1e3 * np.quantile(errors, 0.95),
+    )
     assert set(outcome.status) == {"completed"}

@@ -9,7 +9,7 @@ import pytest
 
 import release
 import skyarm
-from lowest import BUILDERS, LEFT_OUT, LINTERS, direct, pins, project
+from lowest import BUILDERS, CARRIED, LEFT_OUT, LINTERS, direct, pins, project
 from skyarm.files.floors import FLOORS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -27,6 +27,7 @@ def test_the_guard_knows_the_floors_of_the_project_file() -> None:
 def test_every_extra_is_tested_at_its_floor() -> None:
     extras = dict(project()["optional-dependencies"])
     assert [pin.split("==")[0] for pin in pins(extras.pop("docs"))] == list(BUILDERS)
+    assert [pin.split("==")[0] for pin in pins(extras.pop("robots"))] == list(CARRIED)
     for name, requirements in extras.items():
         for pin in pins(requirements):
             package, version = pin.split(";")[0].split("==")

@@ -15,6 +15,9 @@ from skyarm.vehicle.robots_by_name import is_robot
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle, vehicle_of_text
 from skyarm.vehicle.vehicle_records import Vehicle
 
+TIPS = ("tip", "tcp", "tool0", "ee_link", "ee", "end_effector", "flange")
+"""What frames are called, or end with, that files mean as the tip."""
+
 
 def write_attached(
     airframe: str,
@@ -33,8 +36,8 @@ def write_attached(
         arm: its file, or ``robot:NAME``.
         file: to write.
         mount: fields of its table ``attach`` but the arm: to, position (m), rpy (rad), prefix.
-        tip: frame or link of the arm that becomes the vehicle's tip; None for its own tip, or its last link's last
-            frame if it is one chain.
+        tip: frame or link of the arm that becomes the vehicle's tip; None for its own tip, a frame with a usual name
+            (``TIPS``), or, if it is one chain, its last link's last frame.
         mimic: "lock" or "couple".
         repair: whether inertias a little beyond what a body has become the nearest real ones.
 
@@ -113,9 +116,12 @@ def _tip(arm: _Arm, wanted: str | None, file: str) -> str:
                 return name
         plain = [name.removeprefix(arm.prefix) for name in known]
         raise ValueError(f"--tip = {shown(wanted)}: {must_be_one_of(plain, wanted)}")
-    own = load_vehicle(file).end_effector if file.endswith(".toml") else "tip"
-    if arm.prefix + own in arm.frames:
-        return arm.prefix + own
+    if file.endswith(".toml") and load_vehicle(file).end_effector:
+        return arm.prefix + load_vehicle(file).end_effector
+    for ending in TIPS:
+        usual = [name for name in arm.frames if name.endswith(ending)]
+        if usual:
+            return usual[-1]
     if len(arm.ends) > 1:
         return ""
     end = arm.ends[0] if arm.ends else ""

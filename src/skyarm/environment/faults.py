@@ -11,7 +11,7 @@ from skyarm.files import Fields, number, shown
 from skyarm.records.coerce import concrete, plain_number
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
-from skyarm.reference.reference_tables import signal_from
+from skyarm.reference.signal_tables import signal_from
 from skyarm.reference.signals import Signal
 from skyarm.scalars import Scalar, clip, maximum, mul, where
 from skyarm.vehicle.vehicle_records import Vehicle

@@ -11,7 +11,7 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.files import shown
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
-from skyarm.reference.reference_tables import signal_from
+from skyarm.reference.signal_tables import signal_from
 from skyarm.reference.signals import Constant, Signal
 from skyarm.scalars import Scalar, exp, mul, sqrt
 from skyarm.scalars.philox import normals

@@ -50,7 +50,7 @@ from skyarm.estimate.modelled_force import modelled_force
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, data, logical_and, logical_not, where
+from skyarm.scalars import Scalar, data, logical_and, logical_not, mul, where
 from skyarm.sensors.measurement import Measurement
 from skyarm.sensors.sensor import Sensor
 from skyarm.sensors.sensor_readings import EncoderReading, ImuReading
@@ -68,7 +68,8 @@ class ErrorStateFilter(Estimator):
         delay_periods: control periods by which the filter lags, at least the age of the oldest aiding reading.
         force: "measured" by the accelerometer, or "modelled" by the believed vehicle and corrected by it.
         gyro, gyro_walk, accelerometer, accelerometer_walk: densities of noise and of the biases' random walks.
-        push_walk: density of the random walk of what the model lacks.
+        push_walk: density of the random walk of what the model lacks. push_turn: s; what it lacks may be fixed to the
+            base and turn with it, which adds (rate x push)^2 push_turn to the walk's variance a second.
         position, attitude, heading: deviations of the aiding readings.
         gate: normal deviations beyond which a reading is refused; 0 refuses none. doubt: factor of the covariance at
             each reading that is refused, so that a filter that is wrong itself does not refuse all that would mend it.
@@ -85,7 +86,8 @@ class ErrorStateFilter(Estimator):
     gyro_walk: Annotated[Scalar, Unit("rad/s^2/sqrt(Hz)", "walk of the bias", low=0.0)] = 1e-4
     accelerometer: Annotated[Scalar, Unit("m/s^2/sqrt(Hz)", "noise", low=0.0)] = 0.02
     accelerometer_walk: Annotated[Scalar, Unit("m/s^3/sqrt(Hz)", "walk of the bias", low=0.0)] = 1e-3
-    push_walk: Annotated[Scalar, Unit("m/s^3/sqrt(Hz)", "walk of what the model lacks", low=0.0)] = 0.05
+    push_walk: Annotated[Scalar, Unit("m/s^3/sqrt(Hz)", "walk of what the model lacks", low=0.0)] = 0.01
+    push_turn: Annotated[Scalar, Unit("s", "memory of a push that turns with the base", low=0.0)] = 0.05
     position: Annotated[Scalar, Unit("m", "deviation of a reading", low=0.0, strict=True)] = 0.005
     attitude: Annotated[Scalar, Unit("rad", "deviation of a reading", low=0.0, strict=True)] = 0.005
     heading: Annotated[Scalar, Unit("rad", "deviation of a reading", low=0.0, strict=True)] = 0.02
@@ -190,7 +192,7 @@ class ErrorStateFilter(Estimator):
         given = memory.modelled[0] if self.modelled else None
         following, force = navigate(belief, before, reading, self.gravity, dt, given)
         F = transition(R, force, dt, modelled=self.modelled)
-        P = predict_covariance(memory.covariance, F, self._variances(dt))
+        P = predict_covariance(memory.covariance, F, self._variances(belief, reading, dt))
         if self.modelled:
             variance = self.accelerometer * self.accelerometer / where(dt > 0.0, dt, 1.0)
             rows = of_specific_force(following, reading.specific_force, memory.modelled[0], variance)
@@ -230,14 +232,16 @@ class ErrorStateFilter(Estimator):
         heading = arrived[1].heading if self.aiding == "position_heading" else self.start_heading
         return replace(blank, position=arrived[0].position, quaternion=level_attitude(imu.specific_force, heading))
 
-    def _variances(self, dt: Any) -> list[Any]:
+    def _variances(self, belief: Navigated, reading: ImuReading, dt: Any) -> list[Any]:
         """What a step adds to the variance of each component; to the position none, it is of third order in dt."""
-        walks = [] if self.modelled else [self.accelerometer]
-        walks += [self.gyro, self.gyro_walk, self.accelerometer_walk]
-        walks += [self.push_walk] if self.modelled else []
-        added: list[Any] = [0] * (6 if self.modelled else 3)
-        for density in walks:
-            added += [density * density * dt] * 3
+        added: list[Any] = [0] * 3
+        noise = 0 if self.modelled else self.accelerometer * self.accelerometer
+        for density in (noise, *(each * each for each in (self.gyro, self.gyro_walk, self.accelerometer_walk))):
+            added += [mul(density, dt)] * 3
+        if self.modelled:
+            turning = belief.quaternion.rotation().apply(reading.rate - belief.gyro_bias).cross(belief.push)
+            walk = self.push_walk * self.push_walk
+            added += [(walk + c * c * self.push_turn) * dt for c in turning]
         return added
 
     def _told(self, memory: FilterMemory, imu: ImuReading, encoders: Any) -> Measurement:

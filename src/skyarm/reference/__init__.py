@@ -2,7 +2,8 @@
 
 from skyarm.reference.compose import Shifted, Sum, Windowed, sequence
 from skyarm.reference.publisher import Publisher
-from skyarm.reference.reference_tables import signal_from, trajectory_from
+from skyarm.reference.reference_tables import trajectory_from
+from skyarm.reference.signal_tables import signal_from
 from skyarm.reference.signals import Constant, Ramp, Signal, Sine
 from skyarm.reference.trajectory import Reference, Trajectory, circle, hover
 

@@ -27,18 +27,8 @@ Motions of the base (kind; a list of motions is their sum):
 
 A fourth entry, ``tip``, is a motion of the tip from which base and joints follow (:mod:`skyarm.reference.tip_tables`).
 
-``yaw`` is a signal (default 0). Without ``joints`` every joint is held at 0. A *signal* is a number (held), a list of
-signals (their sum), or a table with a kind:
-
-* ``constant``: value; start, stop
-* ``sine``: amplitude, frequency_hz; phase (rad, 0); start, stop. Time counts from ``start`` (0 if absent).
-* ``ramp``: start, duration, height; shape ("linear" or "quintic")
-* ``sequence``: start, segments = [[duration, value at its end], ...]; initial (0); shape
-* ``sum``: signals
-* ``windowed``: signal; start, stop (zero outside [start, stop))
-* ``shifted``: signal, delay
-* ``spline``: times, values: least snap through them
-* ``samples``: file (CSV), column, time (name of the column of times, "time"); start
+``yaw`` is a signal (default 0). Without ``joints`` every joint is held at 0. Signals:
+:mod:`skyarm.reference.signal_tables`.
 
 Units are SI and radians; ``start`` and ``stop`` make a half-open window. A wrong table raises ValueError with one line:
 field, value, what is allowed.
@@ -48,16 +38,12 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-import math
-from collections.abc import Callable
 from typing import Any
 
-from skyarm.files import Fields, number, shown
+from skyarm.files import Fields, shown
 from skyarm.records.read_table import options_from, takes_table
-from skyarm.reference.compose import Shifted, Sum, Windowed, sequence
 from skyarm.reference.setting import Setting
-from skyarm.reference.signals import SHAPES, Constant, Ramp, Signal, Sine
-from skyarm.reference.task_tables import samples_signal, spline_signal
+from skyarm.reference.signal_tables import signal_from, window_of
 from skyarm.reference.trajectory import Trajectory, circle, hover
 from skyarm.registry import find
 
@@ -96,18 +82,6 @@ def trajectory_from(table: dict[str, Any], n_joints: int, where: str, setting: S
     return Trajectory(x=base.x, y=base.y, z=base.z, yaw=yaw, joints=joints, guards=tuple(setting.guards))
 
 
-def signal_from(entry: Any, where: str) -> Signal:
-    """Signal from a number, a list or a table."""
-    if isinstance(entry, list):
-        return Sum(tuple(signal_from(item, f"{where}[{index}]") for index, item in enumerate(entry)))
-    if not isinstance(entry, dict):
-        return Constant(number(entry, where))
-    fields = Fields(entry, where)
-    signal = _SIGNALS[fields.choice("kind", tuple(_SIGNALS))](fields)
-    fields.done()
-    return signal
-
-
 def motion_from(entry: Any, where: str, setting: Setting) -> Trajectory:
     """Motion of a point, of the base as a rule, from a table or a list of tables."""
     if isinstance(entry, list):
@@ -136,7 +110,7 @@ def circle_table(fields: Fields) -> Trajectory:
     """``radius``, ``frequency_hz``, ``center``; ``start`` and ``stop``."""
     radius = fields.number("radius", low=0.0)
     frequency, center = fields.number("frequency_hz"), fields.vector("center")
-    start, stop = _window(fields)
+    start, stop = window_of(fields)
     return circle(radius=radius, frequency_hz=frequency, center=center, start=start, stop=stop)
 
 
@@ -144,80 +118,3 @@ def signals_table(fields: Fields) -> Trajectory:
     """A signal for each of ``x``, ``y``, ``z``."""
     x, y, z = (signal_from(fields.take(name, 0.0), f"{fields.where}.{name}") for name in "xyz")
     return Trajectory(x=x, y=y, z=z)
-
-
-def _constant(fields: Fields) -> Signal:
-    return _clipped(Constant(fields.number("value")), *_window(fields))
-
-
-def _sine(fields: Fields) -> Signal:
-    amplitude, frequency = fields.number("amplitude"), fields.number("frequency_hz")
-    sine = Sine(amplitude=amplitude, frequency_hz=frequency, phase=fields.number("phase", 0.0))
-    start, stop = _window(fields)
-    return _clipped(sine if math.isinf(start) else Shifted(sine, start), start, stop)
-
-
-def _ramp(fields: Fields) -> Signal:
-    return Ramp(
-        start=fields.number("start"),
-        duration=fields.number("duration", low=0.0, strict=True),
-        height=fields.number("height"),
-        shape=fields.choice("shape", SHAPES, "linear"),
-    )
-
-
-def _sequence(fields: Fields) -> Signal:
-    start, initial = fields.number("start"), fields.number("initial", 0.0)
-    shape = fields.choice("shape", SHAPES, "linear")
-    raw, at = fields.take("segments"), f"{fields.where}.segments"
-    if not isinstance(raw, list) or not raw:
-        raise ValueError(f"{at} = {raw!r}: must be a list of [duration, value at its end]")
-    segments = []
-    for index, pair in enumerate(raw):
-        if not isinstance(pair, list) or len(pair) != 2:
-            raise ValueError(f"{at}[{index}] = {pair!r}: must be [duration, value at its end]")
-        duration = number(pair[0], f"{at}[{index}][0]", low=0.0, strict=True)
-        segments.append((duration, number(pair[1], f"{at}[{index}][1]")))
-    return sequence(start, segments, initial=initial, shape=shape)
-
-
-def _sum(fields: Fields) -> Signal:
-    entries = fields.take("signals")
-    if not isinstance(entries, list):
-        raise ValueError(f"{fields.where}.signals = {entries!r}: must be a list of signals")
-    return signal_from(entries, f"{fields.where}.signals")
-
-
-def _windowed(fields: Fields) -> Signal:
-    return _clipped(signal_from(fields.take("signal"), f"{fields.where}.signal"), *_window(fields))
-
-
-def _shifted(fields: Fields) -> Signal:
-    return Shifted(signal_from(fields.take("signal"), f"{fields.where}.signal"), fields.number("delay"))
-
-
-def _window(fields: Fields) -> tuple[float, float]:
-    """Start and stop, infinite if absent."""
-    start = fields.number("start", -math.inf, infinite=True)
-    stop = fields.number("stop", math.inf, infinite=True)
-    if not start < stop:
-        raise ValueError(f"{fields.where}.stop = {stop!r}: must be after start = {start!r}")
-    return start, stop
-
-
-def _clipped(signal: Signal, start: float, stop: float) -> Signal:
-    """Windowed, if there is a window."""
-    return signal if math.isinf(start) and math.isinf(stop) else Windowed(signal, start, stop)
-
-
-_SIGNALS: dict[str, Callable[[Fields], Signal]] = {
-    "constant": _constant,
-    "sine": _sine,
-    "ramp": _ramp,
-    "sequence": _sequence,
-    "sum": _sum,
-    "windowed": _windowed,
-    "shifted": _shifted,
-    "spline": spline_signal,
-    "samples": samples_signal,
-}

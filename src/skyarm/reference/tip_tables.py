@@ -21,8 +21,9 @@ import math
 from typing import Any
 
 from skyarm.files import Fields, shown
-from skyarm.reference.reference_tables import motion_from, signal_from
+from skyarm.reference.reference_tables import motion_from
 from skyarm.reference.setting import Setting
+from skyarm.reference.signal_tables import signal_from
 from skyarm.reference.tip_plan import TipChoices, with_tip
 from skyarm.reference.trajectory import Trajectory
 from skyarm.vehicle.vehicle_records import BASE, Vehicle

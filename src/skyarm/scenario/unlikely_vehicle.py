@@ -13,7 +13,8 @@ from typing import Any
 from skyarm.actuation.hover import highest_thrust
 from skyarm.vehicle.vehicle_records import BASE, Body, Vehicle
 
-TURN = 2.0 * math.pi
+TURN = 2.0 * math.pi * 1.001
+"""rad: a turn, as files round it."""
 
 MARGINS = 0.05, 20.0
 """Highest thrust over weight: racing drones reach 15, and less than a twentieth is no vehicle that flies."""
@@ -106,9 +107,9 @@ def _lengths(vehicle: Vehicle) -> Iterator[str]:
 def _places(vehicle: Vehicle) -> list[tuple[str, Any]]:
     """Names and positions of all that has one, each in the frame that it is fixed to."""
     found = [(f"rotors[{rotor.name}].position", rotor.position) for rotor in vehicle.rotors]
-    found += [(f"joints[{link.joint.name}].position", link.joint.position) for link in vehicle.links]
+    found += [(f"joints[{link.joint.name}].position", link.joint.position) for link in vehicle.moving]
     found += [(f"frames[{frame.name}].position", frame.position) for frame in vehicle.frames]
-    names = {BASE: "base"} | {i: f"links[{link.name}]" for i, link in enumerate(vehicle.links)}
+    names = {BASE: "base"} | {i: f"links[{link.name}]" for i, link in enumerate(vehicle.moving)}
     return found + [(f"{names[i - 1]}.com", body.com) for i, body in enumerate(vehicle.bodies)]
 
 

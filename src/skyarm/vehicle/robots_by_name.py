@@ -6,7 +6,9 @@ robot's files when it is first asked for. Both are in the extra ``robots``.
 
 from __future__ import annotations
 
+import contextlib
 import importlib
+import io
 import sys
 from importlib.util import find_spec
 from pathlib import Path
@@ -72,8 +74,11 @@ def fetched_robots() -> list[str]:
 
 def _fetched(name: str, wanted: str) -> Path:
     """File of a robot of robot_descriptions, fetched by that package if it is not there yet."""
+    said = io.StringIO()
     try:
-        module = importlib.import_module(f"{FETCHED}.{wanted}_description")
+        # it tells of each file that it fetches
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+            module = importlib.import_module(f"{FETCHED}.{wanted}_description")
         found = getattr(module, "URDF_PATH", None) or getattr(module, "MJCF_PATH", None)
     except Exception as error:
         reason = one_line(str(error))[:200]

@@ -1,0 +1,193 @@
+"""Batteries: voltage under a load in closed form, charge against SciPy, sag and an empty one in flight, time aloft."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import PchipInterpolator
+
+from skyarm.actuation.time_aloft import time_aloft
+from skyarm.metrics.battery_use import battery_use
+from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.scenario_file import scenario_from
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate import run
+from skyarm.simulate.batch import Batch
+from skyarm.simulate.loop import run_in_python
+from skyarm.simulate.staged_flight import StagedFlight
+from skyarm.vehicle.battery import Battery, CellCurve
+from skyarm.vehicle.check import VehicleError
+from skyarm.vehicle.thrust_table import ThrustTable
+from skyarm.vehicle.vehicle_files import load_vehicle
+
+DATA = Path(__file__).parents[1] / "data"
+CHARGE, CELL = (0.0, 0.1, 0.5, 0.9, 1.0), (3.3, 3.6, 3.8, 4.05, 4.2)
+BATTERY = Battery(
+    cells=4,
+    capacity=2.0,
+    resistance=0.05,
+    open_circuit=CellCurve(charge=CHARGE, voltage=CELL),
+    reference_voltage=14.8,
+    standing_power=5.0,
+)
+
+
+def hovering(battery: Battery = BATTERY, duration: float = 0.5, **fields: Any) -> Scenario:
+    """The servo arm in hover on a battery."""
+    document = tomllib.loads((DATA / "servo_flight.toml").read_text())
+    document["reference"] = {"base": {"kind": "hover", "position": [0.0, 0.0, 2.0]}}
+    document["controller"] = {"preset": "paper_pd"}
+    found = scenario_from(document, DATA, {"duration": duration})
+    vehicle = dataclasses.replace(found.world.vehicle, battery=battery)
+    return dataclasses.replace(found, world=dataclasses.replace(found.world, vehicle=vehicle), **fields)
+
+
+def test_voltage_under_a_load_is_ohms_law():
+    idle = 4 * float(PchipInterpolator(CHARGE, CELL)(0.7))
+    assert BATTERY.open_circuit_voltage(0.7) == pytest.approx(idle, rel=1e-12)
+    voltage = BATTERY.voltage(0.7, 300.0)
+    assert voltage == pytest.approx(idle - 0.05 * 300.0 / voltage, rel=1e-12)
+    assert voltage > 0.5 * idle, "of the two solutions the one that is near the voltage without a load"
+    assert BATTERY.voltage(0.7, 1e6) == 0.5 * idle, "more than it can give"
+    assert BATTERY.voltage(0.0, 10.0) == 0.0
+
+
+def test_charge_falls_as_scipy_says():
+    curve = PchipInterpolator(CHARGE, CELL)
+
+    def falls(_t: float, q: Any) -> Any:
+        idle = 4 * curve(q)
+        return -300.0 / (0.5 * (idle + np.sqrt(idle**2 - 4 * 0.05 * 300.0))) / 3600.0 / 2.0
+
+    exact = solve_ivp(falls, (0.0, 200.0), [1.0], rtol=1e-10, atol=1e-12).y[0, -1]
+    charge = 1.0
+    for _ in range(4000):
+        charge = BATTERY.drained(charge, 300.0, 0.05)
+    assert exact < 0.5
+    assert charge == pytest.approx(float(exact), abs=2e-5)
+    assert BATTERY.drained(1e-9, 300.0, 0.05) == 0.0
+    assert BATTERY.drained(0.0, 300.0, 0.05) == 0.0
+
+
+def test_power_is_the_tables_current_or_the_drag_torques():
+    rotor = load_vehicle(DATA / "servo_arm.toml").rotors[0]
+    mechanical = 8e-6 * 0.016 * 600.0**3
+    assert BATTERY.power((rotor, rotor), (600.0, 0.0)) == pytest.approx(5.0 + mechanical / 0.7)
+    speeds = (300.0, 600.0, 900.0)
+    table = ThrustTable(speed=speeds, thrust=(0.7, 2.9, 6.5), current=(1.0, 4.5, 12.0))
+    measured = dataclasses.replace(rotor, table=table)
+    assert BATTERY.power((measured,), (600.0,)) == pytest.approx(5.0 + 4.5 * 14.8)
+
+
+@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
+def test_the_loops_charge_is_that_of_its_log(plant):
+    scenario = hovering(plant=plant, duration=0.2)
+    flight = StagedFlight(scenario)
+    while flight.step():
+        pass
+    use = battery_use(flight.log(), scenario.world.vehicle)
+    charge, voltage = flight.now.components[-1]
+    last = BATTERY.drained(use.charge[-1], use.power[-1], 0.005)
+    assert charge == pytest.approx(last, rel=1e-12)
+    assert voltage == pytest.approx(use.voltage[-1], rel=1e-12)
+    assert use.current[-1] == pytest.approx(use.power[-1] / use.voltage[-1])
+    assert 0.999 < charge < 1.0
+
+
+def test_sag_bounds_a_governed_rotor_and_slows_an_open_one():
+    """Hover takes most of the highest speed: at 11 V of 14.8 V a rotor cannot turn that fast."""
+    thirsty = dataclasses.replace(BATTERY, reference_voltage=40.0)
+    scenario = hovering(thirsty)
+    top = 1100.0 * BATTERY.voltage(1.0, 250.0) / 40.0
+    log = run(scenario)
+    assert log.rotor_commands[-1].max() > log.rotor_speeds[-1].max()
+    assert log.rotor_speeds[-1].max() < 1.05 * top
+    assert log.position[-1, 2] < 1.9, "it sinks"
+    open_loop = run(hovering(dataclasses.replace(BATTERY, esc="open", reference_voltage=18.0), duration=0.1))
+    ratio = BATTERY.voltage(1.0, 180.0) / 18.0
+    assert open_loop.rotor_speeds[-1].mean() < 0.97 * open_loop.rotor_commands[:-1].mean()
+    assert open_loop.rotor_speeds[-1].mean() > 0.97 * ratio * open_loop.rotor_commands[:-1].mean()
+    assert run(hovering(duration=0.1)).position[-1, 2] == pytest.approx(2.0, abs=0.01), "and a good one carries it"
+
+
+def test_an_empty_battery_lets_it_fall_on_every_engine():
+    nearly = dataclasses.replace(BATTERY, charge=1e-3, capacity=0.5)
+    scenario = hovering(nearly, duration=2.0)
+    log = run(scenario)
+    assert log.status == "ground"
+    use = battery_use(log, scenario.world.vehicle)
+    empty = int(np.argmax(use.charge == 0.0))
+    assert 0 < empty < len(use.charge) - 1
+    assert log.position[empty, 2] > 1.9
+    assert np.all(np.diff(log.rotor_speeds[empty + 2 :, 0]) < 0.0)
+    assert np.array_equal(log.rotor_speeds, run_in_python(scenario).rotor_speeds)
+    theirs = run(dataclasses.replace(scenario, plant="mujoco"))
+    assert theirs.status == "ground"
+    assert theirs.time[-1] == pytest.approx(log.time[-1], abs=0.011)
+
+
+def test_its_numbers_vary_in_a_batch():
+    path = "plant.vehicle.battery.charge"
+    scenario = hovering(dataclasses.replace(BATTERY, capacity=0.5), duration=1.0)
+    found = Batch(scenario, (path,)).fly({path: np.array([1.0, 1e-3])})
+    assert found.status.tolist() == ["completed", "ground"]
+    single = run(with_numbers(scenario, {path: 1e-3}))
+    assert found.end_time[1] == pytest.approx(single.time[-1], abs=0.006)
+
+
+def test_time_aloft_is_the_integral_and_ends_where_the_voltage_does():
+    vehicle = hovering().world.vehicle
+    flat = CellCurve(charge=(0.0, 1.0), voltage=(3.7, 3.7 + 1e-9))
+    simple = dataclasses.replace(BATTERY, open_circuit=flat, resistance=0.0)
+    found = time_aloft(dataclasses.replace(vehicle, battery=simple))
+    assert found.seconds == pytest.approx(3600.0 * 2.0 * 14.8 / found.power, rel=1e-6)
+    assert found.charge == pytest.approx(0.0, abs=1e-9)
+    share = math.sqrt(vehicle.mass * 9.81 / 6.0 / 8e-6) / 1100.0
+    early = time_aloft(
+        dataclasses.replace(vehicle, battery=dataclasses.replace(BATTERY, reference_voltage=14.6 / share))
+    )
+    assert early.charge > 0.1
+    assert early.voltage == pytest.approx(14.6, abs=0.05)
+    assert early.seconds < time_aloft(vehicle).seconds
+    heavy = dataclasses.replace(BATTERY, reference_voltage=60.0)
+    with pytest.raises(VehicleError, match=r"battery\.charge = 1: must be enough for a level hover"):
+        time_aloft(dataclasses.replace(vehicle, battery=heavy))
+    with pytest.raises(VehicleError, match=r"battery = \(missing\)"):
+        time_aloft(load_vehicle(DATA / "servo_arm.toml"))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("cells = 0", r"battery\.cells = 0: must be a whole number of at least 1"),
+        ("capacity = -1.0", r"battery\.capacity = -1\.0: must be a finite number greater than 0, A h"),
+        ("charge = 1.5", r"battery\.charge = 1\.5: must be at most 1"),
+        ("efficiency = 2.0", r"battery\.efficiency = 2\.0: must be at most 1"),
+        ('esc = "fast"', r"battery\.esc = 'fast': must be 'governed' or 'open'"),
+        ("open_circuit = { charge = [0, 1.0], voltage = [4.0, 3.0] }", r"voltage\[1\] = 3\.0: must be above the one"),
+        ("volts = 3.0", r"battery\.volts = 3\.0: unknown field; allowed: cells, capacity"),
+    ],
+)  # fmt: skip
+def test_a_battery_that_is_none_is_refused_in_one_line(tmp_path, change, words):
+    rows = {
+        "cells": "cells = 4", "capacity": "capacity = 2.0", "resistance": "resistance = 0.05",
+        "reference_voltage": "reference_voltage = 14.8",
+        "open_circuit": "open_circuit = { charge = [0.0, 1.0], voltage = [3.3, 4.2] }",
+    }  # fmt: skip
+    rows[change.split(" ", maxsplit=1)[0]] = change
+    text = (
+        (DATA / "servo_arm.toml")
+        .read_text()
+        .replace("[rotor_defaults]", "\n".join(["[battery]", *rows.values(), "", "[rotor_defaults]"]))
+    )
+    (tmp_path / "v.toml").write_text(text)
+    with pytest.raises(VehicleError, match=words) as found:
+        load_vehicle(tmp_path / "v.toml")
+    assert "\n" not in str(found.value)

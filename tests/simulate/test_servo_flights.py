@@ -1,0 +1,165 @@
+"""Flights on servos: from files, on both plants and every engine, under torque laws."""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from added_components import same_logs
+from skyarm.actuation.servo import PositionServo
+from skyarm.control.actuator_layer import ActuatorParameters, with_actuators
+from skyarm.control.catalogue import LAWS, make_controller
+from skyarm.control.controller import ControllerError
+from skyarm.metrics.score import score
+from skyarm.scenario.law_by_name import under_law
+from skyarm.scenario.numbers import number_at, with_numbers
+from skyarm.scenario.scenario_file import load_scenario, scenario_from
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate import run
+from skyarm.simulate.batch import Batch
+from skyarm.simulate.loop import run_in_python
+from skyarm.vehicle.check import VehicleError
+from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.vehicle.vehicle_records import MountedDrive
+from thorough import sampled
+
+DATA = Path(__file__).parents[1] / "data"
+CASE = load_scenario("case3", duration=14.0)
+OF_THE_PAPERS_VEHICLE = ("hybrid_computed_torque_euler", "learned_compensator")
+"""Laws that refuse any other vehicle."""
+
+IDEAL = PositionServo(stiffness=40.0, damping=0.5, inertia=2e-4)
+
+
+@cache
+def document() -> dict[str, Any]:
+    return tomllib.loads((DATA / "servo_flight.toml").read_text())
+
+
+def flight(**replaced: Any) -> Scenario:
+    return scenario_from(document(), DATA, {"duration": 0.4, **replaced})
+
+
+def on_servos(scenario: Scenario, drive: Any) -> Scenario:
+    """Both joints of truth and belief on a drive."""
+    mounted = tuple(MountedDrive(name=link.joint.name, drive=drive) for link in scenario.world.vehicle.links)
+    world = dataclasses.replace(scenario.world, vehicle=dataclasses.replace(scenario.world.vehicle, drives=mounted))
+    model = scenario.controller.par.model
+    model = dataclasses.replace(model, vehicle=dataclasses.replace(model.vehicle, drives=mounted))
+    controller = with_actuators(scenario.controller, model, 0.005)
+    return dataclasses.replace(scenario, world=world, controller=controller)
+
+
+def tip_error(scenario: Scenario) -> float:
+    return score(run(scenario))["ee_error_mean"]
+
+
+def test_a_vehicle_file_carries_its_servos():
+    scenario = flight()
+    assert [each.name for each in scenario.world.vehicle.drives] == ["shoulder", "elbow"]
+    assert all(isinstance(drive, PositionServo) for drive in scenario.all_drives)
+    assert isinstance(scenario.controller.par, ActuatorParameters)
+    log = run(scenario)
+    assert log.status == "completed"
+    assert np.abs(log.efforts[:, 0]).max() < 0.5, "setpoints in rad, not torques of the 2 N m that hold the arm"
+    assert same_logs(log, run_in_python(scenario))
+
+
+def test_both_plants_fly_the_same_servos():
+    """By one integrator, with a servo without rounding, whose steps would come at other instants."""
+    smooth = {f"plant.drives.{joint}.resolution": 0.0 for joint in ("shoulder", "elbow")}
+    ours = dataclasses.replace(with_numbers(flight(duration=2.0), smooth), integrator="rk4_staged")
+    theirs = dataclasses.replace(ours, plant="mujoco")
+    a, b = run(ours), run(theirs)
+    assert np.ptp(a.joints[:, 0]) > 0.3
+    np.testing.assert_allclose(a.joints, b.joints, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(a.position, b.position, rtol=0.0, atol=1e-6)
+
+
+def test_numbers_of_a_carried_servo_vary_by_path_and_a_batch_is_a_loop():
+    scenario = flight(duration=0.2)
+    path = "plant.drives.shoulder.stiffness"
+    assert number_at(scenario, path) == number_at(scenario, "plant.vehicle.drives.shoulder.drive.stiffness") == 6.9
+    values = np.array([4.0, 6.9])
+    found = Batch(scenario, (path,), bit_exact=True).fly({path: values}).metrics["ee_error_mean"]
+    singles = [score(run(with_numbers(scenario, {path: float(value)})))["ee_error_mean"] for value in values]
+    np.testing.assert_allclose(found, singles, rtol=1e-12)
+    assert abs(singles[0] - singles[1]) > 1e-6
+
+
+def test_a_torque_law_loses_little_on_well_damped_servos():
+    """Tip error of the centroidal law on Case 3, which the plain torque joints fly at 1.5 mm."""
+    centroidal = under_law(CASE, "centroidal_tip")
+    plain = tip_error(centroidal)
+    servo = tip_error(on_servos(centroidal, IDEAL))
+    assert servo < 1.1 * plain
+    held = tip_error(on_servos(centroidal, dataclasses.replace(IDEAL, latency=0.004)))
+    assert held < 1.3 * plain, "the belief follows the latency"
+
+
+def test_the_layer_stays_when_the_law_changes():
+    changed = under_law(flight(), "paper_ct")
+    assert isinstance(changed.controller.par, ActuatorParameters)
+    assert changed.controller.name == "paper_ct" or "hybrid" in changed.controller.name
+    with pytest.raises(ControllerError, match=r"^servos = true: law .* has its actuators already$"):
+        with_actuators(changed.controller, changed.controller.par.model, 0.005)
+    bare = load_vehicle("hummingbird_arm2_rotors")
+    model = dataclasses.replace(changed.controller.par.model, vehicle=bare)
+    with pytest.raises(ControllerError, match=r"^servos = true: the believed vehicle must carry drives"):
+        with_actuators(make_controller("decoupled_pd", model), model, 0.005)
+
+
+def on_torques(law: str) -> Scenario:
+    """The same arm without servos."""
+    tables = document() | {"controller": {"law": law, "servos": False}}
+    found = scenario_from(tables, DATA, {"duration": 0.5})
+    bare = dataclasses.replace(found.world.vehicle, drives=())
+    return dataclasses.replace(found, world=dataclasses.replace(found.world, vehicle=bare))
+
+
+@pytest.mark.parametrize("law", sampled(tuple(LAWS), 40, keep=("centroidal", "indi")))
+def test_every_law_flies_servo_joints_nearly_as_torque_joints(law):
+    if law in OF_THE_PAPERS_VEHICLE:
+        plain = under_law(load_scenario("case3", duration=0.5), law)
+        servo, torque = run(on_servos(plain, IDEAL)), run(plain)
+    else:
+        servo, torque = run(under_law(flight(duration=0.5), law)), run(on_torques(law))
+    assert servo.status == torque.status == "completed"
+
+    def worst(log: Any) -> float:
+        return float(np.abs(log.joints - log.joints_reference).max())
+
+    assert worst(servo) < worst(torque) + 0.05
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ('kind = "position"', r"drives\.elbow\.kind = 'position': did you mean 'position_servo'\?"),
+        ("stiffness = -1.0", r"drives\.elbow: stiffness = -1\.0: must be "),
+        ("stiff = 1.0", r"drives\.elbow\.stiff = 1\.0: "),
+    ],
+)
+def test_a_wrong_servo_is_one_line_with_file_and_field(tmp_path, change, words):
+    text = (DATA / "servo_arm.toml").read_text().split("[drives.elbow]")
+    field = change.split(" ", maxsplit=1)[0]
+    table = text[1].replace('kind = "position_servo"', change) if field == "kind" else text[1]
+    table = table.replace("stiffness = 6.9", change) if field == "stiffness" else table
+    table = table.replace("gear = 257.4", f"gear = 257.4\n{change}") if field == "stiff" else table
+    (tmp_path / "v.toml").write_text("[drives.elbow]".join((text[0], table)))
+    with pytest.raises(VehicleError, match=words) as found:
+        load_vehicle(tmp_path / "v.toml")
+    assert "\n" not in str(found.value)
+
+
+def test_a_drive_of_no_joint_of_the_vehicle_is_refused(tmp_path):
+    text = (DATA / "servo_arm.toml").read_text().replace("[drives.elbow]", "[drives.wrist]")
+    (tmp_path / "v.toml").write_text(text)
+    with pytest.raises(VehicleError, match=r"drives = 'wrist': must be one of shoulder, elbow, once"):
+        load_vehicle(tmp_path / "v.toml")
