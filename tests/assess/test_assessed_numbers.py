@@ -13,13 +13,13 @@ import skyarm
 from skyarm.actuation import make_mixer, mix
 from skyarm.actuation.hover import highest_thrust, hover_trim
 from skyarm.algebra import Sym3, Vec3
-from skyarm.assess import agreement, along_reference
+from skyarm.assess import along_reference, mujoco_certificate
 from skyarm.assess.arm_poses import arm_poses
 from skyarm.assess.assessment import Assessment, assess_scenario, assess_vehicle
 from skyarm.assess.finding import Finding
+from skyarm.assess.lag_margin import largest_lag
 from skyarm.assess.largest_wind import drag_in_wind, thrust_in_wind
 from skyarm.assess.mass_balance import rotor_polygon
-from skyarm.assess.motor_lag import largest_lag
 from skyarm.assess.rotor_layout import rotor_layout
 from skyarm.assess.thrust_margin import ENOUGH
 from skyarm.control.blocks.default_gains import RATIO_ATTITUDE, RATIO_RATE
@@ -153,21 +153,21 @@ def test_the_flipped_rotor_is_named_where_one_alone_explains_it():
 
 
 def test_the_certificate_sees_a_wrong_mass_matrix(monkeypatch):
-    (found,) = agreement.certificate(ARM2, 9.81, states=5)
+    (found,) = mujoco_certificate.certificate(ARM2, 9.81, states=5)
     assert found.level == "ok"
     assert found.value < 1e-12
     heavier = dataclasses.replace(
         ARM2, base=dataclasses.replace(ARM2.base, inertia=ARM2.base.inertia + Sym3(1e-7, 0, 0))
     )
-    mass_matrix = agreement.mass_matrix
-    monkeypatch.setattr(agreement, "mass_matrix", lambda _, *rest: mass_matrix(heavier, *rest))
-    (found,) = agreement.certificate(ARM2, 9.81, states=5)
+    mass_matrix = mujoco_certificate.mass_matrix
+    monkeypatch.setattr(mujoco_certificate, "mass_matrix", lambda _, *rest: mass_matrix(heavier, *rest))
+    (found,) = mujoco_certificate.certificate(ARM2, 9.81, states=5)
     assert found.level == "fault"
 
 
 def test_the_certificate_without_mujoco_says_so(monkeypatch):
     monkeypatch.setitem(sys.modules, "skyarm.plant.mujoco_equations", None)
-    (found,) = agreement.certificate(ARM2, 9.81)
+    (found,) = mujoco_certificate.certificate(ARM2, 9.81)
     assert found.level == "note"
     assert "mujoco-core" in found.text
 

@@ -34,6 +34,9 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
 }
 """Command -> words after its name; in this order, the rows of the sweep are there for the statistics."""
 
+KEPT: Mapping[str, tuple[str, ...]] = {"new": ("fresh.py", "test_fresh.py")}
+"""Command that never overwrites -> its files, which are removed before it runs again."""
+
 NEEDS = {"sweep": "pyarrow", "stats": "pyarrow", "film": "viser"}
 """Command -> the library without which it is not tried."""
 

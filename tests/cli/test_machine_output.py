@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import typer
-from every_command import COMMANDS, NEEDS, SERVES
+from every_command import COMMANDS, KEPT, NEEDS, SERVES
 
 import skyarm as package
 from added_components import registry_kept
@@ -142,6 +142,8 @@ def test_a_command_gives_one_document_with_the_keys_that_are_documented(command:
 def test_a_quiet_command_says_nothing(command: str) -> None:
     if command in NEEDS and importlib.util.find_spec(NEEDS[command]) is None:
         pytest.skip(f"{NEEDS[command]} is not installed")
+    for file in KEPT.get(command, ()):
+        Path(file).unlink(missing_ok=True)
     ended = skyarm(command, *COMMANDS[command], "--quiet")
     assert (ended.code, ended.out, ended.err) == (0, "", "")
 
