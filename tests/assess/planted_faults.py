@@ -34,7 +34,7 @@ class Planted:
     plant: Callable[[Document], None]
     fields: tuple[str, ...]
     vehicles: tuple[str, ...] = HEALTHY
-    first: tuple[str, str] = ("pelican_arm2", "quadrotor_roll_arm2")
+    first: tuple[str, str] = ("pelican_arm2", "crazyflie_arm1")
 
     def in_file(self, name: str) -> Document:
         """The file of a vehicle with the fault in it."""

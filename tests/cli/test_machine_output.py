@@ -107,6 +107,7 @@ def _in_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("skyarm.bench.bench_report.measure", measured)
     monkeypatch.setattr("skyarm.bench.bench_report.text", lambda _found: "measured")
     monkeypatch.setattr("skyarm.paper.reproduce.reproduce", reproduced)
+    monkeypatch.setattr("skyarm.cli.doctor.TRIALS", {})  # tried in test_doctor.py
 
 
 def test_every_command_is_tried_here_and_documented() -> None:
