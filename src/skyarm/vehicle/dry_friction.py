@@ -8,7 +8,6 @@ given a ``coulomb_rate`` that is not, and a note; the armature of the drive is w
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Collection, Sequence
 from typing import Any
 
@@ -76,9 +75,12 @@ def _fastest(slopes: Sequence[float], mobilities: Sequence[Any]) -> tuple[float,
     import numpy as np
 
     root = np.sqrt(np.array(slopes))
-    rates, modes = np.linalg.eigh(root[:, None] * np.array(mobilities) * root[None, :])
-    worst = int(np.argmax(rates[:, -1]))
-    found = float(rates[worst, -1])
-    if not math.isfinite(found):
+    with np.errstate(all="ignore"):  # absurd numbers overflow; plants refuse them
+        product = root[:, None] * np.array(mobilities) * root[None, :]
+    if not np.all(np.isfinite(product)):
         return 0.0, [0.0] * len(slopes)
-    return found, [float(m) ** 2 / max(s, 1e-300) for m, s in zip(modes[worst, :, -1], slopes, strict=True)]
+    rates, modes = np.linalg.eigh(product)
+    worst = int(np.argmax(rates[:, -1]))
+    return float(rates[worst, -1]), [
+        float(m) ** 2 / max(s, 1e-300) for m, s in zip(modes[worst, :, -1], slopes, strict=True)
+    ]
