@@ -14,6 +14,7 @@ from skyarm.actuation import make_mixer
 from skyarm.algebra import Mat3, Vec3
 from skyarm.assess.arm_poses import Array
 from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
+from skyarm.assess.joint_torques import effort_limits
 from skyarm.assess.level_hover import WRENCH, Allocation
 from skyarm.dynamics.state import proper_acceleration
 from skyarm.environment import ForceWind
@@ -53,11 +54,11 @@ def along_reference(scenario: Scenario) -> list[Finding]:
     demand = demand_of(scenario)
     vehicle = scenario.world.vehicle
     found = [*_jumps(scenario), *_joint_limits(scenario, demand)]
-    top = np.array([float(rotor.max_speed) ** 2 for rotor in vehicle.rotors])[:, None]
+    top = Allocation.of(make_mixer(vehicle)).highest[:, None]
     parts = [(f"rotors[{rotor.name}]", "max_speed") for rotor in vehicle.rotors]
     found.append(_saturation("rotors along the reference", demand, demand.squared / top, parts, demand.squared < 0.0))
     if vehicle.n:
-        limits = np.array([float(link.joint.effort_limit) or math.inf for link in vehicle.links])[:, None]
+        limits = effort_limits(vehicle)[:, None]
         parts = [(f"joints[{link.joint.name}]", "effort_limit") for link in vehicle.links]
         found.append(_saturation("joints along the reference", demand, np.abs(demand.efforts) / limits, parts))
     return found
@@ -94,13 +95,17 @@ def _stretch(scenario: Scenario, time: Array) -> tuple[Array, Array, Array, Arra
     if isinstance(scenario.wind, ForceWind):
         wind = np.array([[float(c)] for c in scenario.wind.force_W])
     needed = float(vehicle.mass) * (a + np.array([[0.0], [0.0], [gravity]])) - wind
-    for _ in range(3):  # the arm's own motion turns the force that the base must give, and that the arm's motion
+    still = Vec3(0.0, 0.0, 0.0)
+    for _ in range(2):  # the reaction of the arm's own motion turns the force that the base must give
         R = _attitude(needed, yaw)
-        rate, turning = _rates(R, time)
-        base = proper_acceleration(_matrix(R), Vec3(*a), Vec3(*turning), gravity)
-        force, efforts = dynamics.inverse_dynamics(vehicle, tuple(q), Vec3(*rate), tuple(qd), base, tuple(qdd))
-        body = lanes(force.force)
-        needed = np.einsum("ijk,jk->ik", R, body) - wind
+        base = proper_acceleration(_matrix(R), Vec3(*a), still, gravity)
+        force, _ = dynamics.inverse_dynamics(vehicle, tuple(q), still, tuple(qd), base, tuple(qdd))
+        needed = np.einsum("ijk,jk->ik", R, lanes(force.force)) - wind
+    R = _attitude(needed, yaw)
+    rate, turning = _rates(R, time)
+    base = proper_acceleration(_matrix(R), Vec3(*a), Vec3(*turning), gravity)
+    force, efforts = dynamics.inverse_dynamics(vehicle, tuple(q), Vec3(*rate), tuple(qd), base, tuple(qdd))
+    needed = np.einsum("ijk,jk->ik", R, lanes(force.force)) - wind
     wrench = np.vstack([lanes(force.torque), np.einsum("ik,ik->k", R[:, 2], needed)[None]])
     squared = Allocation.of(make_mixer(vehicle)).squared(wrench[:WRENCH])
     friction = [
