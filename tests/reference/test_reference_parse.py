@@ -103,7 +103,7 @@ SEQUENCE = {"kind": "sequence", "start": 6, "segments": [[1, 0.3]]}
     [
         (
             {"bass": {}},
-            "f.toml: reference.bass = {}: unknown field; did you mean 'base'? allowed: ['base', 'yaw', 'joints'",
+            "f.toml: reference.bass = {}: unknown field; did you mean 'base'? allowed: ['base', 'yaw', 'joints']",
         ),
         ({"base": 3}, "f.toml: reference.base = 3: must be a table"),
         ({"base": {"position": [0, 0, 1]}}, "f.toml: reference.base.kind: is missing; there are ['position']"),

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from skyarm.dynamics.array_front import frame_pose_world
-from skyarm.reference import trajectory_from
 from skyarm.reference.feasibility import feasibility
 from skyarm.reference.setting import Setting
+from skyarm.reference.tip_tables import reference_from
 from skyarm.reference.waypoints import LIMITS, FlightLimits, allocate, demand, through
 
 ARM2, ARM6 = (skyarm.load_vehicle(name) for name in ("hummingbird_arm2_rotors", "hexarotor_arm6"))
@@ -25,7 +25,7 @@ TIMES = np.linspace(0.0, 3.9, 40)
 
 @pytest.fixture(scope="module")
 def shared():
-    return trajectory_from(WORLD, 6, "reference", SIX)
+    return reference_from(WORLD, 6, "reference", SIX)
 
 
 def level_tip(vehicle, reference, k):
@@ -57,7 +57,7 @@ def test_base_and_arm_share_the_way(shared):
     base = np.array([[*shared.at(t).position][:2] for t in TIMES])
     # half a turn is a way of 0.4 m; half of it is the arm's, 0.2 m, which arm_range = 0.1 m bounds
     assert np.ptp(base[:, 0]) == pytest.approx(0.4 - 0.2 / np.sqrt(1.0 + 2.0**2), rel=5e-3)
-    alone = trajectory_from({"tip": WORLD["tip"] | {"base_share": 1.0}}, 6, "reference", SIX)
+    alone = reference_from({"tip": WORLD["tip"] | {"base_share": 1.0}}, 6, "reference", SIX)
     assert {alone.at(t).joints for t in TIMES} == {tuple(POSTURE6)}
 
 
@@ -72,7 +72,7 @@ def test_a_tip_relative_to_the_base_is_the_arms_alone():
     home = [0.1, 0.05, -0.5]
     path = {"kind": "signals", "x": [home[0], TURNING | {"amplitude": 0.05}], "y": home[1], "z": home[2]}
     table = {"yaw": TURNING, "base": CIRCLE, "tip": {"path": path, "relative_to": "base", "posture": POSTURE6}}
-    found = trajectory_from(table, 6, "reference", SIX)
+    found = reference_from(table, 6, "reference", SIX)
     for t in TIMES:
         at = found.at(t)
         base = [0.2 * np.cos(0.4 * np.pi * t), 0.1 + 0.2 * np.sin(0.4 * np.pi * t), 0.7]
@@ -84,7 +84,7 @@ def test_a_tip_relative_to_the_base_is_the_arms_alone():
 
 def test_the_tip_keeps_an_orientation():
     table = {"tip": {"path": CIRCLE, "posture": POSTURE6, "orientation": [0.0, 0.3, TURNING]}}
-    found = trajectory_from(table, 6, "reference", SIX)
+    found = reference_from(table, 6, "reference", SIX)
     for t in TIMES:
         at = found.at(t)
         wanted = Rotation.from_euler("ZYX", [0.4 * np.sin(0.2 * np.pi * t), 0.3, 0.0])
@@ -95,13 +95,13 @@ def test_the_tip_keeps_an_orientation():
 def test_what_the_arm_cannot_do_is_told():
     path = {"kind": "signals", "x": 0.0, "y": 0.1, "z": -0.25}
     table = {"tip": {"path": path, "relative_to": "base", "posture": [0.4, -0.8]}}
-    found = feasibility(trajectory_from(table, 2, "reference", TWO), TWO)
+    found = feasibility(reference_from(table, 2, "reference", TWO), TWO)
     assert found.deviation == pytest.approx(0.1, abs=1e-3)  # a planar arm does nothing along y
     assert "the arm reaches it to 100 mm only" in next(found.warnings())
     narrow = dataclasses.replace(ARM6.links[1].joint, upper=0.61, lower=-2.0)
     links = (ARM6.links[0], dataclasses.replace(ARM6.links[1], joint=narrow), *ARM6.links[2:])
     held = Setting(vehicle=dataclasses.replace(ARM6, links=links), duration=4.0, thrust_to_weight=2.5)
-    plan = trajectory_from(WORLD, 6, "reference", held)
+    plan = reference_from(WORLD, 6, "reference", held)
     joints = np.array([plan.at(t).joints for t in TIMES])
     assert joints[:, 1].max() <= 0.61
     assert [name for name, _ in feasibility(plan, held).at_limits] == [narrow.name]
@@ -138,7 +138,7 @@ def test_phases_follow_each_other_from_rest_to_rest():
     ]
     setting = dataclasses.replace(TWO, events=[])
     path = {"kind": "phases", "position": [0.0, 0.0, 1.0], "phases": phases}
-    found = trajectory_from({"base": path}, 2, "reference", setting)
+    found = reference_from({"base": path}, 2, "reference", setting)
     assert [*found.at(0.9).position] == [0.0, 0.0, 1.0] == [*found.at(1.0).position]
     np.testing.assert_allclose([*found.at(4.0).position], [1.0, 0.0, 1.0], atol=1e-12)
     pick, place = setting.events
@@ -155,21 +155,21 @@ def test_samples_of_a_file_are_passed_at_their_times(tmp_path):
     file = tmp_path / "path.csv"
     file.write_text("note,t,x,y,z\na,0,0,0,1\nb,1,0.5,0.1,1.1\n\nc,2.5,0.7,0.4,1\n")
     table = {"kind": "samples", "file": str(file), "columns": ["t", "x", "y", "z"], "start": 1.0}
-    found = trajectory_from({"base": table, "yaw": {"kind": "samples", "file": str(file), "time": "t", "column": "y"}},
-                            0, "reference")  # fmt: skip
+    found = reference_from({"base": table, "yaw": {"kind": "samples", "file": str(file), "time": "t", "column": "y"}},
+                            0, "reference", Setting())  # fmt: skip
     np.testing.assert_allclose([*found.at(2.0).position], [0.5, 0.1, 1.1], atol=1e-12)
     assert found.at(1.0).yaw == pytest.approx(0.1)
     for text, message in (
         ("t,x,y,z\n0,0,0,1\n1,a,0,1\n", "row 2: x = 'a': must be a finite number"),
         ("t,x,y,z\n0,0,0,1\n1,0,0\n", "row 2: z = '': must be a finite number"),
-        ("t,x,y,z\n0,0,0,1\n0,0,0,1\n", "row 2: t = 0.0: must be after 0.0 of the row before"),
+        ("t,x,y,z\n0,0,0,1\n0,0,0,1\n", "row 2: t = 0.0: must be 0.001 s or more after 0.0 of the row before"),
         ("t,x,y\n0,0,0\n1,1,1\n", "must have a column 'z' in its header; there are ['t', 'x', 'y']"),
         ("t,x,y,z\n0,0,0,1\n", "must have 2 to 2000 rows below its header, not 1"),
         ("", "must have a column 't' in its header"),
     ):
         file.write_text(text)
         with pytest.raises(ValueError, match=r"reference\.base\.file") as caught:
-            trajectory_from({"base": table}, 0, "reference")
+            reference_from({"base": table}, 0, "reference", Setting())
         assert message in str(caught.value)
         assert "\n" not in str(caught.value)
 
@@ -195,7 +195,7 @@ PHASES = {"kind": "phases", "position": [0, 0, 1]}
             "reference.tip.base_share = 1.0: must be left out of",
         ),
         ({"tip": TIP | {"orientation": 1}}, "reference.tip.orientation = 1: must be three signals: roll, pitch, yaw"),
-        ({"tip": TIP | {"rate": 0}}, "reference.tip.rate = 0: must be above 0"),
+        ({"tip": TIP | {"rate": 0}}, "reference.tip.rate = 0: must be from 0.001 to 1e+06"),
         ({"tip": TIP | {"rate": 1e6, "base_share": 0.5}}, "reference.tip.rate = 1000000.0: makes 4000001 samples"),
         ({"tip": TIP | {"speed": 1}}, "reference.tip.speed = 1: unknown field"),
         ({"base": WAYPOINTS | {"points": 1}}, "reference.base.points = 1: must be a list of points [x, y, z]"),
@@ -231,7 +231,7 @@ PHASES = {"kind": "phases", "position": [0, 0, 1]}
 )
 def test_a_wrong_table_gets_one_line(table, message):
     with pytest.raises(ValueError) as caught:  # noqa: PT011
-        trajectory_from(table, 2, "reference", TWO)
+        reference_from(table, 2, "reference", TWO)
     assert str(caught.value).startswith(message)
     assert "\n" not in str(caught.value)
 
@@ -239,4 +239,4 @@ def test_a_wrong_table_gets_one_line(table, message):
 def test_a_vehicle_without_a_tip_that_moves_is_refused():
     for vehicle in (skyarm.load_vehicle("hummingbird"), dataclasses.replace(ARM2, end_effector="")):
         with pytest.raises(ValueError, match=r"^reference\.tip: needs a (vehicle with a )?tip"):
-            trajectory_from({"tip": {"path": CIRCLE}}, vehicle.n, "reference", Setting(vehicle=vehicle, duration=1.0))
+            reference_from({"tip": {"path": CIRCLE}}, vehicle.n, "reference", Setting(vehicle=vehicle, duration=1.0))

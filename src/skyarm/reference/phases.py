@@ -18,7 +18,7 @@ from skyarm.reference.compose import Sum
 from skyarm.reference.minimum_snap import minimum_snap
 from skyarm.reference.setting import Guard, Setting, TaskEvent
 from skyarm.reference.signals import Constant, Signal
-from skyarm.reference.task_tables import limits_of, points_of, require_apart
+from skyarm.reference.task_tables import CLOSEST, limits_of, place_of, points_of, require_apart, within
 from skyarm.reference.trajectory import Trajectory
 from skyarm.reference.waypoints import SHORTEST, FlightLimits, Points, allocate
 
@@ -29,7 +29,7 @@ Place = tuple[float, float, float]
 
 def phases_table(fields: Fields, setting: Setting) -> Trajectory:
     """The motion of a task: its phases, one after the other."""
-    builder = _Task(fields.vector("position"), limits_of(fields, setting), setting)
+    builder = _Task(place_of(fields, "position", fields.at("position")), limits_of(fields, setting), setting)
     entries, at = fields.take("phases"), fields.at("phases")
     if not isinstance(entries, list) or not entries:
         raise ValueError(f"{at} = {shown(entries)}: must be a list of phases")
@@ -39,7 +39,13 @@ def phases_table(fields: Fields, setting: Setting) -> Trajectory:
         until = None if phase.take("until", None) is None else _guard(Fields(phase.take("until"), phase.at("until")))
         getattr(builder, kind)(phase, until)
         phase.done()
+        within(builder.time, f"{phase.where}: its end (s)", 0.0)
     return builder.motion()
+
+
+def _seconds(fields: Fields, name: str, *default: Any) -> float:
+    """How long something of a phase takes."""
+    return within(fields.number(name, *default), fields.at(name), CLOSEST)
 
 
 def _guard(fields: Fields) -> dict[str, float]:
@@ -47,7 +53,7 @@ def _guard(fields: Fields) -> dict[str, float]:
     found = {
         "error": fields.number("error", low=0.0, strict=True),
         "hold": fields.number("hold", 0.5, low=0.0),
-        "timeout": fields.number("timeout", 5.0, low=0.0, strict=True),
+        "timeout": _seconds(fields, "timeout", 5.0),
     }
     fields.done()
     return found
@@ -64,14 +70,14 @@ class _Task:
 
     def hold(self, phase: Fields, until: dict[str, float] | None) -> None:
         """Stay."""
-        self.time += phase.number("duration", low=0.0, strict=True)
+        self.time += _seconds(phase, "duration")
         self._wait(until)
 
     def go_to(self, phase: Fields, until: dict[str, float] | None) -> None:
         """Go to a position, through others."""
         via = points_of(phase.take("via", []), phase.at("via"))
-        goal = phase.vector("position")
-        duration = None if phase.take("duration", None) is None else phase.number("duration", low=0.0, strict=True)
+        goal = place_of(phase, "position", phase.at("position"))
+        duration = None if phase.take("duration", None) is None else _seconds(phase, "duration")
         points = [self.at, *via, goal]
         require_apart(points, phase.at("position"))
         self._go(points, duration)
@@ -89,9 +95,9 @@ class _Task:
         payload = phase.take("payload")
         if not isinstance(payload, str) or not payload:
             raise ValueError(f"{phase.at('payload')} = {shown(payload)}: must be the name of a payload")
-        x, y, z = phase.vector("position")
-        a, b, c = phase.vector("approach", (0.0, 0.0, 0.1))
-        dwell = phase.number("dwell", 1.0, low=0.0, strict=True)
+        x, y, z = place_of(phase, "position", phase.at("position"))
+        a, b, c = place_of(phase, "approach", phase.at("approach"), (0.0, 0.0, 0.1))
+        dwell = _seconds(phase, "dwell", 1.0)
         near, there = (x + a, y + b, z + c), (x, y, z)
         for goal in (near, there):
             self._go([self.at, goal], None)
@@ -104,7 +110,8 @@ class _Task:
     def _wait(self, until: dict[str, float] | None) -> None:
         """Let the reference rest here until the flight shows what a guard asks."""
         if until is not None:
-            self._setting.guards.append(Guard(at=self.time, **until))
+            guard = Guard(at=self.time, error=until["error"], hold=until["hold"], timeout=until["timeout"])
+            self._setting.guards.append(guard)
 
     def _go(self, points: Points, duration: float | None) -> None:
         """Add the motion of least snap through points; none where they are one place."""

@@ -36,7 +36,6 @@ field, value, what is allowed.
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 from typing import Any
 
@@ -68,18 +67,12 @@ def trajectory_from(table: dict[str, Any], n_joints: int, where: str, setting: S
     base = motion_from(fields.take("base", AT_ORIGIN), f"{where}.base", setting)
     yaw = signal_from(fields.take("yaw", 0.0), f"{where}.yaw")
     entries = fields.take("joints", [0.0] * n_joints)
-    if fields.take("tip", None) is not None:
-        from skyarm.reference.tip_tables import tip_from
-
-        found = tip_from(table, dataclasses.replace(base, yaw=yaw), where, setting)
-        fields.done()
-        return dataclasses.replace(found, guards=tuple(setting.guards))
     fields.done()
     if not isinstance(entries, list) or len(entries) != n_joints:
         shown = f"{len(entries)} signals" if isinstance(entries, list) else repr(entries)
         raise ValueError(f"{where}.joints = {shown}: must be a list of {n_joints}, one for each joint of the vehicle")
     joints = tuple(signal_from(entry, f"{where}.joints[{index}]") for index, entry in enumerate(entries))
-    return Trajectory(x=base.x, y=base.y, z=base.z, yaw=yaw, joints=joints, guards=tuple(setting.guards))
+    return Trajectory(x=base.x, y=base.y, z=base.z, yaw=yaw, joints=joints, guards=setting.all_guards)
 
 
 def motion_from(entry: Any, where: str, setting: Setting) -> Trajectory:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -32,12 +33,14 @@ class Guard:
     Attributes:
         at: s, planned end of the phase. error: m, of the tip; of the base where the vehicle has none.
         hold: s, for which the error stays below that. timeout: s, after which the reference goes on all the same.
+        loads: names of the payloads that the task takes and leaves: their instants wait, too.
     """
 
     at: Annotated[float, Unit("s", low=0.0)]
     error: Annotated[float, Unit("m", low=0.0, strict=True)]
     hold: Annotated[float, Unit("s", low=0.0)] = 0.5
     timeout: Annotated[float, Unit("s", low=0.0, strict=True)] = 5.0
+    loads: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         accept_fields(self, "guard")
@@ -60,3 +63,9 @@ class Setting:
     thrust_to_weight: float = math.inf
     events: list[TaskEvent] = field(default_factory=list)
     guards: list[Guard] = field(default_factory=list)
+
+    @property
+    def all_guards(self) -> tuple[Guard, ...]:
+        """The guards, each with the payloads that wait for it."""
+        loads = tuple(dict.fromkeys(event.payload for event in self.events))
+        return tuple(dataclasses.replace(guard, loads=loads) for guard in self.guards)

@@ -30,12 +30,30 @@ MOST_POINTS = 60
 MOST_ROWS = 2000
 
 
+FARTHEST, CLOSEST, LEAST = 1e6, 1e-3, 1e-6
+"""Largest size of a place, value or time (m, s), shortest time between two points (s), least limit: beyond them
+powers of the times are no numbers any more.
+"""
+
+
+def within(value: float, at: str, low: float = -FARTHEST, high: float = FARTHEST) -> float:
+    """A number between bounds, both allowed."""
+    if not low <= value <= high:
+        raise ValueError(f"{at} = {value:g}: must be from {low:g} to {high:g}")
+    return value
+
+
+def start_of(fields: Fields) -> float:
+    """When a motion begins, s."""
+    return within(fields.number("start", 0.0), fields.at("start"))
+
+
 def waypoints_table(fields: Fields, setting: Setting) -> Trajectory:
     """The motion of least snap through ``points``."""
     points = points_of(fields.take("points"), fields.at("points"))
     if not 2 <= len(points) <= MOST_POINTS:
         raise ValueError(f"{fields.at('points')} = {len(points)} points: must be 2 to {MOST_POINTS}")
-    start, limits = fields.number("start", 0.0), limits_of(fields, setting)
+    start, limits = start_of(fields), limits_of(fields, setting)
     if fields.take("times", None) is None:
         require_apart(points, fields.at("points"))
         times: tuple[float, ...] = allocate(points, limits, setting.gravity)
@@ -51,7 +69,7 @@ def samples_table(fields: Fields, setting: Setting) -> Trajectory:
     names = fields.take("columns", ["time", "x", "y", "z"])
     if not isinstance(names, list) or len(names) != 4 or not all(isinstance(name, str) for name in names):
         raise ValueError(f"{fields.at('columns')} = {shown(names)}: must be four names, of time, x, y and z")
-    start = fields.number("start", 0.0)
+    start = start_of(fields)
     times, *columns = read_columns(fields, names)
     x, y, z = (minimum_snap([start + t for t in times], column) for column in columns)
     return Trajectory(x=x, y=y, z=z)
@@ -62,7 +80,7 @@ def samples_signal(fields: Fields) -> Signal:
     names = [fields.take("time", "time"), fields.take("column")]
     if not all(isinstance(name, str) for name in names):
         raise ValueError(f"{fields.at('column')} = {shown(names[1])}: must be the name of a column")
-    start = fields.number("start", 0.0)
+    start = start_of(fields)
     times, values = read_columns(fields, names)
     return minimum_snap([start + t for t in times], values)
 
@@ -70,7 +88,7 @@ def samples_signal(fields: Fields) -> Signal:
 def spline_signal(fields: Fields) -> Signal:
     """The signal of least snap through ``values`` at ``times``."""
     times = rising(fields.numbers("times"), fields.at("times"))
-    values = fields.numbers("values")
+    values = tuple(within(v, f"{fields.at('values')}[{i}]") for i, v in enumerate(fields.numbers("values")))
     if len(values) != len(times) or not 2 <= len(times) <= MOST_ROWS:
         raise ValueError(
             f"{fields.at('values')} = {len(values)} values: must be one for each of 2 to {MOST_ROWS} times"
@@ -88,7 +106,9 @@ def limits_of(fields: Fields, setting: Setting) -> FlightLimits:
         allowed = f"must be above 1 and at most {most:.3g}, 0.9 of the rotors' highest thrust over the weight"
         raise ValueError(f"{fields.at('thrust')} = {thrust:.4g}: {allowed}")
     found = {
-        name: fields.number(name, getattr(usual, name), low=0.0, strict=True) for name in LIMITS if name != "thrust"
+        name: within(fields.number(name, getattr(usual, name), low=0.0, strict=True), fields.at(name), LEAST)
+        for name in LIMITS
+        if name != "thrust"
     }
     if found["tilt"] >= 0.5 * math.pi:
         raise ValueError(f"{fields.at('tilt')} = {found['tilt']!r}: must be below pi/2 rad")
@@ -101,21 +121,18 @@ def points_of(entries: Any, at: str) -> Points:
         raise ValueError(f"{at} = {shown(entries)}: must be a list of points [x, y, z]")
     found = []
     for i, entry in enumerate(entries):
-        x, y, z = Fields({"point": entry}, "").vector("point") if _is_point(entry) else _refuse(entry, f"{at}[{i}]")
+        x, y, z = place_of(Fields({"point": entry}, at), "point", f"{at}[{i}]")
         found.append((x, y, z))
     return found
 
 
-def _is_point(entry: Any) -> bool:
-    return (
-        isinstance(entry, (list, tuple))
-        and len(entry) == 3
-        and all(isinstance(c, (int, float)) and not isinstance(c, bool) and math.isfinite(c) for c in entry)
-    )
-
-
-def _refuse(entry: Any, at: str) -> tuple[float, float, float]:
-    raise ValueError(f"{at} = {shown(entry)}: must be three finite numbers")
+def place_of(fields: Fields, name: str, at: str, *default: Any) -> tuple[float, float, float]:
+    """Three numbers, m."""
+    entry = fields.take(name, *default)
+    if not isinstance(entry, (list, tuple)) or len(entry) != 3:
+        raise ValueError(f"{at} = {shown(entry)}: must be three numbers")
+    x, y, z = (within(number(c, f"{at}[{i}]"), f"{at}[{i}]") for i, c in enumerate(entry))
+    return x, y, z
 
 
 def require_apart(points: Points, at: str) -> None:
@@ -127,8 +144,11 @@ def require_apart(points: Points, at: str) -> None:
 
 def rising(times: tuple[float, ...], at: str) -> tuple[float, ...]:
     """Times that rise."""
-    if len(times) < 2 or any(b <= a for a, b in itertools.pairwise(times)):
-        raise ValueError(f"{at} = {shown(list(times))}: must be at least two times, each after the one before")
+    if len(times) < 2 or any(b - a < CLOSEST for a, b in itertools.pairwise(times)):
+        allowed = f"must be at least two times, each {CLOSEST:g} s or more after the one before"
+        raise ValueError(f"{at} = {shown(list(times))}: {allowed}")
+    for i, t in enumerate(times):
+        within(t, f"{at}[{i}]")
     return times
 
 
@@ -161,14 +181,16 @@ def read_columns(fields: Fields, names: list[str]) -> list[list[float]]:
         [_cell(row, place, f"{at}: row {i}", header[place]) for i, row in enumerate(rows[1:], 1)] for place in places
     ]
     for i, (a, b) in enumerate(zip(columns[0], columns[0][1:], strict=False), 2):
-        if not b > a:
-            raise ValueError(f"{at}: row {i}: {names[0]} = {b!r}: must be after {a!r} of the row before")
+        if not b - a >= CLOSEST:
+            allowed = f"must be {CLOSEST:g} s or more after {a!r} of the row before"
+            raise ValueError(f"{at}: row {i}: {names[0]} = {b!r}: {allowed}")
     return columns
 
 
 def _cell(row: list[str], place: int, at: str, name: str) -> float:
     text = row[place].strip() if place < len(row) else ""
     try:
-        return number(float(text), f"{at}: {name}")
+        value = number(float(text), f"{at}: {name}")
     except ValueError:
         raise ValueError(f"{at}: {name} = {shown(text)}: must be a finite number") from None
+    return within(value, f"{at}: {name}")

@@ -17,30 +17,42 @@ The joints follow from ``posture`` and inverse kinematics: ``[[reference.joints]
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Any
 
 from skyarm.files import Fields, shown
-from skyarm.reference.reference_tables import motion_from
+from skyarm.reference.reference_tables import motion_from, trajectory_from
 from skyarm.reference.setting import Setting
 from skyarm.reference.signal_tables import signal_from
+from skyarm.reference.task_tables import within
 from skyarm.reference.tip_plan import TipChoices, with_tip
 from skyarm.reference.trajectory import Trajectory
 from skyarm.vehicle.vehicle_records import BASE, Vehicle
 
 
-def tip_from(table: dict[str, Any], base: Trajectory, where: str, setting: Setting) -> Trajectory:
-    """The trajectory of a reference whose tip has a motion of its own.
+def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> Trajectory:
+    """The trajectory of a reference, whose tip may have a motion of its own.
 
     Args:
-        table: of the whole reference.
-        base: heading, and the base's motion.
+        table: of the whole reference, as :func:`skyarm.reference.trajectory_from` takes it, and ``tip``.
+        n_joints: joints of the vehicle.
         where: name of the reference's table.
         setting: whose vehicle, and for how long.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
+    if not isinstance(table, dict) or "tip" not in table:
+        return trajectory_from(table, n_joints, where, setting)
+    rest = {name: value for name, value in table.items() if name not in ("tip", "joints")}
+    base = trajectory_from(rest, n_joints, where, setting)
+    found = _of_tip(table, base, where, setting)
+    return dataclasses.replace(found, guards=setting.all_guards)
+
+
+def _of_tip(table: dict[str, Any], base: Trajectory, where: str, setting: Setting) -> Trajectory:
+    """The trajectory of a reference with a tip, from its heading and the motion of its base."""
     fields = Fields(table["tip"], f"{where}.tip")
     vehicle = _vehicle(setting, fields.where)
     if "joints" in table:
@@ -85,11 +97,16 @@ def _choices(fields: Fields, vehicle: Vehicle, relative: bool) -> TipChoices:
     return TipChoices(
         posture=_posture(fields, vehicle),
         base_share=share,
-        arm_range=fields.number("arm_range", usual.arm_range, low=0.0, strict=True),
-        joint_speed=fields.number("joint_speed", usual.joint_speed, low=0.0, strict=True),
+        arm_range=_bounded(fields, "arm_range", usual.arm_range),
+        joint_speed=_bounded(fields, "joint_speed", usual.joint_speed),
         orientation=signals,
-        rate=fields.number("rate", usual.rate, low=0.0, strict=True),
+        rate=_bounded(fields, "rate", usual.rate),
     )
+
+
+def _bounded(fields: Fields, name: str, usual: float) -> float:
+    """A number that is not absurd."""
+    return within(fields.number(name, usual), fields.at(name), 1e-3)
 
 
 def _posture(fields: Fields, vehicle: Vehicle) -> tuple[float, ...]:

@@ -31,6 +31,9 @@ LOOKS = 60
 ROUNDS = 15
 """Most improvements of the share of the time that each piece gets."""
 
+SLOWEST = 1e9
+"""s that a motion takes at most."""
+
 SHORTEST = 1e-3
 """m between waypoints: they are one place below this."""
 
@@ -91,10 +94,10 @@ def allocate(points: Points, limits: FlightLimits, gravity: float) -> tuple[floa
         return _demand(derivatives, gravity, stretch).within(limits)
 
     high = 1.0
-    while not meets(high):
+    while not meets(high) and high < SLOWEST:
         high *= 2.0
     low = 0.5 * high
-    while meets(low):
+    while meets(low) and low > 1.0 / SLOWEST:
         low, high = 0.5 * low, low
     for _ in range(40):
         middle = 0.5 * (low + high)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 _WIND = "skyarm.environment.wind"
-_DISTURBANCE = "skyarm.environment.disturbance"
+_DISTURBANCE = "skyarm.environment.disturbance_signals"
 _AERODYNAMIC = "skyarm.environment.aerodynamic_forces"
 _MOTION = "skyarm.reference.reference_tables"
-_SENSORS = "skyarm.sensors.sensor_kinds"
 _TASKS = "skyarm.reference.task_tables"
+_SENSORS = "skyarm.sensors.sensor_kinds"
 _LAWS = "skyarm.control.catalogue.law_entries"
 
 SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {

@@ -8,7 +8,9 @@ from typing import Any
 
 from skyarm.actuation.hover import highest_thrust
 from skyarm.plant.interface import Truth
+from skyarm.reference.feasibility import Feasibility, feasibility
 from skyarm.reference.setting import Setting
+from skyarm.scenario.scenario_record import Scenario
 
 
 def setting_of(world: Truth, duration: float) -> Setting:
@@ -28,3 +30,8 @@ def in_folder(table: Any, folder: Path) -> Any:
     if found.get("kind") == "samples" and isinstance(found.get("file"), str):
         found["file"] = str(folder / found["file"])
     return found
+
+
+def feasibility_of(scenario: Scenario) -> Feasibility | None:
+    """What the plan of a scenario's tip lacks and asks for; None where the tip has no reference of its own."""
+    return feasibility(scenario.trajectory, setting_of(scenario.world, scenario.duration))

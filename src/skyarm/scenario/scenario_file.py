@@ -50,7 +50,7 @@ from skyarm.files import Fields, did_you_mean, file_name, number, one_line, read
 from skyarm.files.kinds_of_files import require_kind
 from skyarm.metrics.windows import Windows, windows_from
 from skyarm.plant.interface import Truth
-from skyarm.reference import trajectory_from
+from skyarm.reference.tip_tables import reference_from
 from skyarm.registry import names
 from skyarm.scenario import registered_tables as added
 from skyarm.scenario import scenario_tables as tables
@@ -61,6 +61,7 @@ from skyarm.scenario.payload_tables import belief_changes, payloads_from
 from skyarm.scenario.reference_setting import in_folder, setting_of
 from skyarm.scenario.scenario_of_log import scenario_of_log
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.scenario.task_payloads import with_instants
 
 LIBRARY = resources.files("skyarm.scenario") / "library"
 
@@ -165,10 +166,10 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
     controller = Fields(top.take("controller"), "controller")
     rates, delays = tables.rates(top), tables.delays(top)
     motion, joined = tables.joined(top.take("reference", {}))
-    payloads, told = payloads_from(top.take("payloads", []))
     longest = max(chosen["duration"], number(in_file["duration"], "duration"))
     setting = setting_of(world, longest)
-    trajectory = trajectory_from(in_folder(motion, folder), world.vehicle.n, "reference", setting)
+    trajectory = reference_from(in_folder(motion, folder), world.vehicle.n, "reference", setting)
+    payloads, told = payloads_from(with_instants(top.take("payloads", []), setting.events, rates.control))
     scenario = Scenario(
         name=top.take("name"),
         title=tables.text(top, "title", ""),

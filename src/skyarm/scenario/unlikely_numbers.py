@@ -7,8 +7,7 @@ from collections.abc import Iterator
 
 from skyarm.environment import ForceWind, MovingAir
 from skyarm.environment.wind import all_gusts
-from skyarm.reference.feasibility import feasibility
-from skyarm.scenario.reference_setting import setting_of
+from skyarm.scenario.reference_setting import feasibility_of
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.unlikely_vehicle import EARTH, FARTHEST, TURN, unlikely_in_vehicle
 
@@ -140,7 +139,7 @@ def _reference(scenario: Scenario) -> Iterator[str]:
 
 def _plan(scenario: Scenario) -> Iterator[str]:
     """What the plan of a tip's reference lacks."""
-    found = feasibility(scenario.trajectory, setting_of(scenario.world, scenario.duration))
+    found = feasibility_of(scenario)
     yield from found.warnings() if found is not None else ()
 
 

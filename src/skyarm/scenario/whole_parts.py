@@ -11,6 +11,7 @@ from skyarm.control.controller import Controller, ControllerError
 from skyarm.environment import faults_from, wind_from
 from skyarm.files import Fields, shown
 from skyarm.reference import Trajectory, trajectory_from
+from skyarm.reference.tip_tables import reference_from
 from skyarm.registry.plugins import is_law_of_file
 from skyarm.scenario import registered_tables as added
 from skyarm.scenario import scenario_tables as tables
@@ -63,7 +64,7 @@ def _controller(scenario: Scenario, table: Any) -> dict[str, Any]:
 def _reference(scenario: Scenario, table: Any) -> dict[str, Any]:
     motion, joined = tables.joined(table)
     setting = setting_of(scenario.world, scenario.duration)
-    return {"trajectory": trajectory_from(motion, scenario.world.vehicle.n, "reference", setting), "joined": joined}
+    return {"trajectory": reference_from(motion, scenario.world.vehicle.n, "reference", setting), "joined": joined}
 
 
 def _of_reference(field: str) -> Callable[[Scenario, Any], dict[str, Any]]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -62,4 +63,32 @@ def wait(log: Log, guard: Guard, at: float) -> float | None:
 
 def _resting(scenario: Scenario, rests: Rests) -> Scenario:
     trajectory = dataclasses.replace(paused(scenario.trajectory, rests), guards=())
-    return dataclasses.replace(scenario, trajectory=trajectory)
+    loads = {name for guard in scenario.trajectory.guards for name in guard.loads}
+    moved: dict[float, float] = {}
+
+    def later(time: Any) -> float:
+        moved[float(time)] = _after(float(time), rests)
+        return moved[float(time)]
+
+    payloads = tuple(
+        dataclasses.replace(each, pick=later(each.pick), drop=later(each.drop)) if each.name in loads else each
+        for each in scenario.payloads
+    )
+    told = tuple(
+        dataclasses.replace(each, at=moved[each.at]) if each.at in moved and _is_load(each.path) else each
+        for each in scenario.changes
+    )
+    return dataclasses.replace(scenario, trajectory=trajectory, payloads=payloads, changes=told)
+
+
+def _after(time: float, rests: Rests) -> float:
+    """When comes what was planned for a time (s) of a reference that has rested."""
+    for start, seconds in rests:
+        if time > start:
+            time += seconds
+    return time
+
+
+def _is_load(path: str) -> bool:
+    """Whether a change tells the law of a load that is held."""
+    return path.startswith("model.payload.")

@@ -31,7 +31,7 @@ from skyarm.vehicle.schema import (
 )
 from skyarm.vehicle.stops import with_stops
 from skyarm.vehicle.thrust_table import COLUMNS, ThrustTable
-from skyarm.vehicle.vehicle_records import BASE, Body, BodyDrag, Frame, Joint, Link, Rotor, Vehicle
+from skyarm.vehicle.vehicle_records import BASE, Body, BodyDrag, Frame, Joint, Link, MountedDrive, Rotor, Vehicle
 
 DIRECTIONS = {"ccw": 1, "cw": -1}
 
@@ -49,12 +49,14 @@ class Referred:
         airframe: the vehicle of ``airframe``, with rotors and drag.
         arms: bodies of each table of ``attach``.
         settled: names of joints whose stops another vehicle file has chosen.
+        drives: of the arms' joints, by the names that these have here.
     """
 
     bodies: RigidBodies | None = None
     airframe: Vehicle | None = None
     arms: tuple[RigidBodies, ...] = ()
     settled: tuple[str, ...] = ()
+    drives: tuple[MountedDrive, ...] = ()
 
 
 def assemble(file: VehicleFile, referred: Referred) -> Vehicle:
@@ -85,12 +87,20 @@ def assemble(file: VehicleFile, referred: Referred) -> Vehicle:
         frames=frames,
         end_effector=file.end_effector or ("" if airframe is None else airframe.end_effector),
         drag=drag,
-        drives=(*(() if airframe is None else airframe.drives), *mounted_drives(file.drives, "drives")),
+        drives=_drives(file, referred),
         battery=_battery(file.battery) if airframe is None or file.battery is not None else airframe.battery,
         sources=(*(() if airframe is None else airframe.sources), *file.sources.items()),
         notes=bodies.notes,
     )
     return with_stops(made, [*_own_stops(file), *referred.settled]) if file.joint_limits == "stop" else made
+
+
+def _drives(file: VehicleFile, referred: Referred) -> tuple[MountedDrive, ...]:
+    """Drives of the airframe and of the arms, where the file does not state another one for the same joint."""
+    own = mounted_drives(file.drives, "drives")
+    stated = {each.name for each in own}
+    others = (*(() if referred.airframe is None else referred.airframe.drives), *referred.drives)
+    return (*(each for each in others if each.name not in stated), *own)
 
 
 def _own_stops(file: VehicleFile) -> list[str]:

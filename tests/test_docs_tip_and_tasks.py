@@ -1,0 +1,52 @@
+"""The page on tip and tasks: its files fly, its tables are read, its fields are all there are."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import skyarm
+from skyarm.reference.setting import Setting
+from skyarm.reference.tip_plan import TipChoices
+from skyarm.reference.tip_tables import reference_from
+from skyarm.reference.waypoints import LIMITS, FlightLimits
+from skyarm.scenario.reference_setting import feasibility_of
+
+PAGE = (Path(__file__).resolve().parents[1] / "docs" / "tip_and_tasks.md").read_text("utf-8")
+FLIGHT, *TABLES = re.findall(r"```toml[^\n]*\n(.*?)```", PAGE, re.DOTALL)
+(CODE,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+
+
+def test_the_flight_shown_is_planned_and_flies(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("around.toml").write_text(FLIGHT)
+    log = skyarm.run(skyarm.load_scenario("around.toml", duration=0.5, controller="paper_pd"))
+    assert log.status == "completed"
+    exec(compile(CODE, "tip_and_tasks.md", "exec"), {})
+    told = capsys.readouterr().out
+    found = feasibility_of(skyarm.load_scenario("around.toml"))
+    assert found.deviation < 1e-15
+    assert told.startswith(f"{found.deviation:.0e} m from the path, {1e3 * found.carried_off:.0f} mm if")
+    assert feasibility_of(skyarm.load_scenario("case1")) is None
+
+
+def test_the_tables_shown_are_read(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("walk.csv").write_text("time,x,y,z\n0,0,0,1\n1,0.2,0,1\n2,0.2,0.3,1\n")
+    waypoints, samples = (
+        reference_from(tomllib.loads(text)["reference"], 0, "reference", Setting()) for text in TABLES
+    )
+    assert [*waypoints.at(60.0).position] == pytest.approx([2.0, 0.0, 1.0])
+    assert [*samples.at(2.0).position] == pytest.approx([0.2, 0.0, 1.0])
+
+
+def test_every_field_and_default_is_on_the_page():
+    table = dict(re.findall(r"^\| `(\w+)` \|.*\| (.*) \|$", PAGE, re.MULTILINE))
+    fields = {"path", "relative_to", *(name for name in TipChoices.__dataclass_fields__)}
+    assert set(table) >= fields
+    usual = TipChoices(posture=())
+    for name in ("base_share", "arm_range", "joint_speed", "rate"):
+        assert table[name].startswith(f"{getattr(usual, name):g}"), name
+    for name in LIMITS:
+        assert re.search(rf"`{name}`[^`]*\({getattr(FlightLimits(), name):g} ", PAGE), name
