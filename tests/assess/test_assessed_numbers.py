@@ -17,12 +17,16 @@ from skyarm.assess import along_reference, mujoco_certificate
 from skyarm.assess.arm_poses import arm_poses
 from skyarm.assess.assessment import Assessment, assess_scenario, assess_vehicle
 from skyarm.assess.finding import Finding
+from skyarm.assess.joint_torques import effort_limits
 from skyarm.assess.lag_margin import largest_lag
 from skyarm.assess.largest_wind import drag_in_wind, thrust_in_wind
+from skyarm.assess.level_hover import center_of_mass, hover_efforts
 from skyarm.assess.mass_balance import rotor_polygon
 from skyarm.assess.rotor_layout import rotor_layout
 from skyarm.assess.thrust_margin import ENOUGH
+from skyarm.assess.torque_authority import locked_inertia
 from skyarm.control.blocks.default_gains import RATIO_ATTITUDE, RATIO_RATE
+from skyarm.dynamics.array_front import center_of_mass as whole_center_of_mass
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.vehicle import BodyDrag
 
@@ -226,3 +230,54 @@ def test_a_reference_beyond_a_joint_and_one_beyond_the_rotors_are_faults():
     # at least the thrust that the acceleration of 3 m w^2 asks for, turning left aside
     most = 4 * 9.9865e-6 * 838.0**2
     assert found.value > 0.99 * 1.09 * math.hypot(3.0 * math.pi**2, 9.81) / most > 1.0
+
+
+def test_the_moment_of_weight_gives_the_centre_of_mass():
+    vehicle, q = skyarm.load_vehicle("hexarotor_arm6"), np.array([[0.4, 0.9, -0.6, 0.3, 0.7, -1.0]])
+    x, y = center_of_mass(hover_efforts(vehicle, 9.81, q), float(vehicle.mass), 9.81)
+    whole = whole_center_of_mass(vehicle, np.zeros(3), [1.0, 0.0, 0.0, 0.0], q[0])
+    assert (x[0], y[0]) == pytest.approx(tuple(whole[:2]), rel=1e-12)
+    assert abs(y[0]) > 1e-3
+
+
+def test_the_locked_inertia_is_that_of_the_bodies_by_steiner():
+    # arm at zero: all centres of mass on one vertical
+    heights, bodies = (0.0, 0.0, -0.15), ARM2.bodies
+    masses = [float(b.mass) for b in bodies]
+    places = [h + float(b.com.z) for h, b in zip(heights, bodies, strict=True)]
+    middle = sum(m * z for m, z in zip(masses, places, strict=True)) / sum(masses)
+    expected = sum(float(b.inertia.xx) + m * (z - middle) ** 2 for b, m, z in zip(bodies, masses, places, strict=True))
+    assert locked_inertia(ARM2, np.zeros(2))[0, 0] == pytest.approx(expected, rel=1e-12)
+
+
+def test_attitude_and_rates_along_a_reference_are_a_rotation_s():
+    time, w = np.linspace(0.0, 1.0, 401), 1.7
+    R = along_reference._attitude(np.array([np.sin(0.3), 0.0, np.cos(0.3)])[:, None] * np.ones(401), 0.0 * time)
+    assert R[:, :, 0] == pytest.approx(
+        np.array([[np.cos(0.3), 0.0, np.sin(0.3)], [0.0, 1.0, 0.0], [-np.sin(0.3), 0.0, np.cos(0.3)]]), abs=1e-12
+    )
+    level = along_reference._attitude(np.array([0.0, 0.0, 1.0])[:, None] * np.ones(401), w * time)
+    rate, turning = along_reference._rates(level, time)
+    assert rate[:, 200] == pytest.approx([0.0, 0.0, w], abs=1e-4)
+    assert turning[:, 200] == pytest.approx([0.0, 0.0, 0.0], abs=1e-6)
+
+
+def test_a_servo_bounds_the_joint_at_rest():
+    vehicle = skyarm.load_vehicle("quadrotor_roll_arm2").with_joints(effort_limit=math.inf)
+    assert effort_limits(vehicle).tolist() == [2.05, 2.05]
+    (roll, pitch) = vehicle.drives
+    weak = dataclasses.replace(roll, drive=dataclasses.replace(roll.drive, voltage=1.2, torque_limit=math.inf))
+    stall = 353.5 * 0.00704 * 0.716 * 1.2 / 5.22
+    assert effort_limits(dataclasses.replace(vehicle, drives=(weak, pitch)))[0] == pytest.approx(stall, rel=1e-12)
+
+
+def test_the_dynamic_effort_of_one_joint_is_weight_and_inertia():
+    found = assess_vehicle(skyarm.load_vehicle("crazyflie_arm1"))
+    inertia, acceleration = 7.5e-7 + 0.0025 * 0.03**2, 10.0 / math.sqrt(3.0) / 4.0
+    expected = 9.81 * 0.0025 * 0.03 * math.sin(1.5) + inertia * acceleration
+    assert answer(found, "joints[swing] dynamic effort").value == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_centre_of_mass_beside_the_middle_is_no_wrong_sense_of_rotation():
+    shifted = dataclasses.replace(HUMMINGBIRD, base=dataclasses.replace(HUMMINGBIRD.base, com=Vec3(0.06, 0.0, 0.0)))
+    assert answer(assess_vehicle(shifted), "senses of rotation").value == pytest.approx(0.0, abs=1e-9)

@@ -23,6 +23,9 @@ from skyarm.scenario.scenario_record import Scenario
 INSTANTS, FEWEST = 2000, 9
 """Instants of a flight, and the least of a stretch between two jumps of the reference."""
 
+SHORTEST = 1e-3
+"""s: of a stretch."""
+
 OFTEN = 0.05
 """Share of the flight in saturation above which the reference cannot be followed."""
 
@@ -76,6 +79,8 @@ def _stretches(scenario: Scenario) -> list[Array]:
     cuts = [0.0, *(t for t in scenario.trajectory.switch_times() if 0.0 < t < end), end]
     found = []
     for a, b in pairwise(cuts):
+        if b - a < SHORTEST and end > SHORTEST:
+            continue  # no rates can be had of it
         count = max(FEWEST, round(INSTANTS * (b - a) / end))
         found.append(a + (b - a) * (np.arange(count) + 0.5) / count)
     return found
