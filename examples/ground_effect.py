@@ -1,4 +1,4 @@
-"""Ground effect, a force that depends on where every rotor is: kind = "ground_effect" in [[environment.forces]]."""
+"""Ground effect, a force that depends on where every rotor is: kind = "near_ground" in [[environment.forces]]."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,7 @@ import skyarm
 from skyarm.scalars import maximum
 
 
-@skyarm.register.force("ground_effect")
+@skyarm.register.force("near_ground")
 @dataclass(frozen=True, kw_only=True)
 class GroundEffect(skyarm.Force):
     """Thrust grows near the ground by 1 / (1 - (radius / (4 h))^2); Cheeseman, Bennett 1955, eq. 5."""

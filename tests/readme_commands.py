@@ -13,7 +13,7 @@ SHOWN = [line for line in LINES if line.startswith("skyarm ")]
 
 LONG = (
     *("replay", "diff", "plot", "reproduce", "sweep", "stats", "bench", "compare", "margins", "basin"),
-    *("film", "export", "studio"),
+    *("film", "export", "studio", "doctor"),
 )
 """These take a minute, need the one before or wait for Ctrl-C, and have tests of their own; here their options must be
 understood."""

@@ -21,6 +21,9 @@ def test_every_make_target_shown_exists():
 def test_the_readme_shows_commands():
     assert {shlex.split(line)[1] for line in SHOWN} == {
         "list",
+        "check",
+        "new",
+        "doctor",
         "show",
         "run",
         "replay",

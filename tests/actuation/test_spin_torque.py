@@ -15,6 +15,9 @@ from skyarm.plant.compiled import RigidBodyPlant, example_state
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.surroundings import Surroundings
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.scenario_record import first_state
+from skyarm.simulate.stages import RigidBodySteps, Stages
 from skyarm.vehicle.vehicle_records import Body, Rotor, Vehicle
 
 INERTIA = Sym3(0.02, 0.03, 0.04, 0.001, 0.0, 0.002)
@@ -96,3 +99,22 @@ def test_base_and_rotors_keep_their_angular_momentum(kind):
     assert abs(x[13] - 200.0) > 600.0
     assert np.abs(np.array(x[10:13]) - [0.5, -1.0, 2.0]).max() > 1.0, "the base was turned by them"
     np.testing.assert_allclose(momentum(vehicle, x), first, rtol=0.0, atol=1e-8)
+
+
+def test_every_accelerometer_feels_it():
+    """The base origin beside the centre of mass: the turning that rotors cause moves it, on each way to ask a plant."""
+    scenario = load_scenario("case1", duration=0.1)
+    vehicle = scenario.world.vehicle
+    base = dataclasses.replace(vehicle.base, com=Vec3(0.1, -0.05, 0.02))
+    rotors = tuple(dataclasses.replace(each, inertia=SPIN) for each in vehicle.rotors)
+    world = dataclasses.replace(scenario.world, vehicle=dataclasses.replace(vehicle, base=base, rotors=rotors))
+    scenario = dataclasses.replace(scenario, world=world)
+    state, command = first_state(scenario), Command(rotor_speeds=(700.0, 300.0, 700.0, 300.0), efforts=(0.0, 0.0))
+    around = Surroundings()
+    numbers = (*flat(state),), (*command.rotor_speeds, *command.efforts), (0.0,)
+    theirs = MujocoPlant(world, around).specific_force(*numbers)
+    still = MujocoPlant(world, around).specific_force(numbers[0], (*state.rotor_speeds, 0.0, 0.0), (0.0,))
+    assert np.abs(np.subtract(theirs, still)).max() > 0.1
+    np.testing.assert_allclose(RigidBodyPlant(world, around).specific_force(*numbers), theirs, rtol=0.0, atol=1e-9)
+    steps = RigidBodySteps(Stages(scenario), lambda seconds: 1)
+    np.testing.assert_allclose([*steps.specific_force(state, command, around)], theirs, rtol=0.0, atol=1e-9)

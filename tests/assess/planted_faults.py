@@ -9,7 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from skyarm.vehicle.vehicle_files import LIBRARY, list_vehicles
+from skyarm.files.write_toml import toml_text
+from skyarm.vehicle.vehicle_files import LIBRARY, list_vehicles, load_vehicle
+from skyarm.vehicle.vehicle_records import Vehicle
 
 Document = dict[str, Any]
 
@@ -32,7 +34,7 @@ class Planted:
     plant: Callable[[Document], None]
     fields: tuple[str, ...]
     vehicles: tuple[str, ...] = HEALTHY
-    first: tuple[str, str] = ("pelican_arm2", "hexarotor12_arm5")
+    first: tuple[str, str] = ("pelican_arm2", "crazyflie_arm1")
 
     def in_file(self, name: str) -> Document:
         """The file of a vehicle with the fault in it."""
@@ -40,6 +42,12 @@ class Planted:
         self.plant(changed)
         changed.pop("sources")
         return changed
+
+    def vehicle(self, name: str, folder: Path) -> Vehicle:
+        """That file, written and read."""
+        file = folder / f"{name}.toml"
+        file.write_text(toml_text(self.in_file(name)), "utf-8")
+        return load_vehicle(file)
 
 
 def _every_base_mass(d: Document, factor: float) -> None:
@@ -58,6 +66,15 @@ def _rotors(d: Document, field: str, factor: float) -> None:
     for table in [d["rotor_defaults"], *d["rotors"]]:
         if field in table:
             table[field] *= factor
+    for column in COLUMNS.get(field, ()) if "thrust_table" in d["rotor_defaults"] else ():
+        d["rotor_defaults"]["thrust_table"][column] = [factor * v for v in d["rotor_defaults"]["thrust_table"][column]]
+
+
+COLUMNS = {
+    "thrust_coefficient": ("thrust", "torque"),
+    "moment_coefficient": ("torque",),
+}
+"""What a coefficient is where a rotor has a table."""
 
 
 def _first_link(d: Document, field: str, value: Any) -> None:

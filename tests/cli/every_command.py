@@ -13,6 +13,10 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "attach": ("hummingbird", "arm.urdf", "-o", "mine.toml"),
     "export-mjcf": ("hummingbird_arm2_rotors", "-o", "x.xml"),
     "cache": (),
+    "check": ("hummingbird", "--arm-poses", "8"),
+    "new": ("law", "fresh"),
+    "doctor": (),
+    "completion": ("bash",),
     "run": ("case3", "--duration", "0.5"),
     "replay": ("flight.npz",),
     "diff": ("flight.npz", "flight.npz"),
@@ -29,6 +33,9 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "reproduce": (),
 }
 """Command -> words after its name; in this order, the rows of the sweep are there for the statistics."""
+
+KEPT: Mapping[str, tuple[str, ...]] = {"new": ("fresh.py", "test_fresh.py")}
+"""Command that never overwrites -> its files, which are removed before it runs again."""
 
 NEEDS = {"sweep": "pyarrow", "stats": "pyarrow", "film": "viser"}
 """Command -> the library without which it is not tried."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import typer
-from every_command import COMMANDS, NEEDS, SERVES
+from every_command import COMMANDS, KEPT, NEEDS, SERVES
 
 import skyarm as package
 from added_components import registry_kept
@@ -23,6 +23,7 @@ from skyarm.cli.app import Program, app
 from skyarm.cli.old_options import with_new_options
 from skyarm.files.old_names import OldNameWarning
 from skyarm.paper.published import PAPER
+from urdf_texts import joint, limits, link, robot
 
 assert commands.JOINED
 
@@ -97,6 +98,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("commands")
     (path / "short.toml").write_text(SHORT)
     (path / "study.toml").write_text(STUDY)
+    arm = link("mount"), link("a"), joint("j", "mount", "a", limits())
+    (path / "arm.urdf").write_text(robot(*arm))
     package.save_log(package.run(package.load_scenario("case3", duration=0.25)), path / "flight.npz")
     return path
 
@@ -107,6 +110,7 @@ def _in_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("skyarm.bench.bench_report.measure", measured)
     monkeypatch.setattr("skyarm.bench.bench_report.text", lambda _found: "measured")
     monkeypatch.setattr("skyarm.paper.reproduce.reproduce", reproduced)
+    monkeypatch.setattr("skyarm.cli.doctor.TRIALS", {})  # tried in test_doctor.py
 
 
 def test_every_command_is_tried_here_and_documented() -> None:
@@ -142,6 +146,8 @@ def test_a_command_gives_one_document_with_the_keys_that_are_documented(command:
 def test_a_quiet_command_says_nothing(command: str) -> None:
     if command in NEEDS and importlib.util.find_spec(NEEDS[command]) is None:
         pytest.skip(f"{NEEDS[command]} is not installed")
+    for file in KEPT.get(command, ()):
+        Path(file).unlink(missing_ok=True)
     ended = skyarm(command, *COMMANDS[command], "--quiet")
     assert (ended.code, ended.out, ended.err) == (0, "", "")
 

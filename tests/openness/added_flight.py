@@ -36,7 +36,7 @@ DOCUMENT: dict[str, Any] = {
     "environment": {
         "wind": {"mode": "moving_air", "velocity": [0.5, 0.0, 0.0]},
         "air": [{"kind": "gusty", "sigma": 0.4}],
-        "forces": [{"kind": "ground_effect", "radius": 0.1}],
+        "forces": [{"kind": "near_ground", "radius": 0.1}],
     },
     "sensors": {"position": 0.001, "gps": {"kind": "gps"}},
     "estimator": {"kind": "gps_corrected"},

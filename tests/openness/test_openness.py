@@ -112,7 +112,7 @@ def test_a_word_that_is_not_there_names_what_was_meant() -> None:
 def test_every_added_thing_names_where_it_came_from() -> None:
     from skyarm.registry import registrations
 
-    for kind, name in (("air", "gusty"), ("force", "ground_effect"), ("sensor", "gps"), ("law", "angles")):
+    for kind, name in (("air", "gusty"), ("force", "near_ground"), ("sensor", "gps"), ("law", "angles")):
         assert registrations(kind)[name].source.startswith(str(EXAMPLES))
 
 

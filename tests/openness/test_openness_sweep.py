@@ -30,7 +30,7 @@ EVERY = (*PLUGINS, EXAMPLES / "own_metric.py")
 
 VARY = {
     "environment.air.gusty.sigma": {"uniform": [0.2, 0.8]},
-    "environment.forces.ground_effect.radius": {"uniform": [0.05, 0.15]},
+    "environment.forces.near_ground.radius": {"uniform": [0.05, 0.15]},
     "sensors.gps.walk": {"uniform": [0.0, 0.01]},
     "estimator.gain": {"uniform": [0.001, 0.02]},
     "plant.drives.joint1.stiffness": {"uniform": [6.0, 10.0]},

@@ -137,7 +137,7 @@ def test_a_thing_of_another_base_is_refused_where_its_name_stands(plugin):
 
 
 def test_without_the_plugin_its_names_are_not_there():
-    words = r"\.air\[0\]\.kind = 'own_turbulence': must be one of moving_air"
+    words = r"\.air\[0\]\.kind = 'own_turbulence': must be one of moving_air, air_signals"
     words += r"; names of one's own come by --plugin FILE\.py$"
     with pytest.raises(ScenarioError, match=words):
         described(sensors={}, estimator={"kind": "pass_through"}, plant__drives={}, endings=[])

@@ -9,7 +9,7 @@ import pytest
 from added_components import Blend, Ceiling, Fix, Lag, RandomPush, Shear, SteadyWrench
 from simulate_flights import document
 from skyarm.algebra import Vec3
-from skyarm.environment import Fault
+from skyarm.environment import Fault, TimedPayload
 from skyarm.scenario.changes import Change
 from skyarm.scenario.numbers import number_at, require_apart, with_numbers
 from skyarm.scenario.places import ROOTS, roots
@@ -29,6 +29,7 @@ def scenario():
         endings=(Ceiling(height=7.0),),
         faults=(Fault(rotor="front", effectiveness=0.9, start=2.0),),
         changes=(Change(at=0.02, path="environment.wind.gust.start", value=0.03),),
+        payloads=(TimedPayload(mass=0.05, pick=0.01, name="parcel"),),
     )
 
 
@@ -54,6 +55,7 @@ EXAMPLES = {
     "sensors.fix.sigma": 0.01,
     "plant.drives.joint2.lag": 0.04,
     "changes.0.value": 0.03,
+    "payloads.parcel.pick": 0.01,
 }
 
 

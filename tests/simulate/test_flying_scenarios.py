@@ -13,6 +13,7 @@ from simulate_flights import FULL, document
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.simulate import Rates, run
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
+from thorough import sampled
 
 FLYABLE = [name for name in list_vehicles() if not load_vehicle(name).planar]
 
@@ -33,8 +34,17 @@ def _hover(vehicle: str, plant: str, law: str) -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
-@pytest.mark.parametrize("vehicle", FLYABLE)
+HEAVY = ("hexarotor12_arm5", "quadrotor_roll_arm2", "hummingbird_arm2_twin")
+"""Whose flights are like those of others, or take seconds to make into code."""
+
+
+def on_both_plants() -> list[Any]:
+    """(vehicle, plant); of the heavy ones a plant in ``make test``, or none, and the other in ``make thorough``."""
+    pairs = [(vehicle, plant) for vehicle in FLYABLE for plant in ("rigid_body", "mujoco")]
+    return sampled(pairs, len(pairs), keep=[(v, p) for v, p in pairs if v not in HEAVY] + [(HEAVY[1], "rigid_body")])
+
+
+@pytest.mark.parametrize(("vehicle", "plant"), on_both_plants())
 def test_every_shipped_vehicle_flies_a_circle_with_moving_arms(vehicle: str, plant: str) -> None:
     log = run(scenario_from(_hover(vehicle, plant, "hybrid_computed_torque")))
     assert log.status == "completed", log.info["cause"]
@@ -46,7 +56,16 @@ def test_every_shipped_vehicle_flies_a_circle_with_moving_arms(vehicle: str, pla
         assert np.abs(log.joints - log.joints_reference)[last].max() < 0.01
 
 
-@pytest.mark.parametrize("vehicle", FLYABLE)
+@pytest.mark.parametrize("vehicle", sampled(FLYABLE, len(FLYABLE), keep=["crazyflie_arm1"]))
+def test_the_general_law_flies_every_shipped_vehicle_on_a_circle(vehicle: str) -> None:
+    log = run(scenario_from(_hover(vehicle, "rigid_body", "centroidal"), replaced={"duration": 5.0}))
+    assert log.status == "completed", log.info["cause"]
+    last = log.time > 4.0
+    assert np.linalg.norm(log.position - log.position_reference, axis=1)[last].max() < 0.005
+    assert np.abs(log.joints - log.joints_reference)[last].max(initial=0.0) < 0.001
+
+
+@pytest.mark.parametrize("vehicle", sampled(FLYABLE, len(FLYABLE), keep=[v for v in FLYABLE if v not in HEAVY]))
 def test_hover_trim_is_an_equilibrium_of_the_closed_loop(vehicle: str) -> None:
     still = _hover(vehicle, "rigid_body", "hybrid_computed_torque")
     still["reference"] = {"base": {"kind": "hover", "position": [0.0, 0.0, 3.0]}, "yaw": 0.4}

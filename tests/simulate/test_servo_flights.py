@@ -20,7 +20,7 @@ from skyarm.metrics.score import score
 from skyarm.scenario.law_by_name import under_law
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
-from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.simulate import run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.loop import run_in_python
@@ -163,3 +163,42 @@ def test_a_drive_of_no_joint_of_the_vehicle_is_refused(tmp_path):
     (tmp_path / "v.toml").write_text(text)
     with pytest.raises(VehicleError, match=r"drives = 'wrist': must be one of shoulder, elbow, once"):
         load_vehicle(tmp_path / "v.toml")
+
+
+def test_the_layer_knows_the_believed_servo_only():
+    """Another true servo leaves the first command as it is; another believed one, half as stiff, bends twice as far."""
+    scenario = dataclasses.replace(flight(duration=0.05), ground=False)
+    out = dataclasses.replace(scenario, initial=dataclasses.replace(first_state(scenario), joints=(0.6, -0.4)))
+    first = run(out).efforts[0]
+    true = run(with_numbers(out, {"plant.drives.shoulder.stiffness": 3.45})).efforts[0]
+    believed = run(with_numbers(out, {"model.vehicle.drives.shoulder.drive.stiffness": 3.45})).efforts[0]
+    np.testing.assert_array_equal(true, first)
+    assert believed[1] == first[1]
+    # what is left of the position is the prediction of a few milliseconds
+    assert believed[0] - 0.6 == pytest.approx(2.0 * (first[0] - 0.6), rel=0.05)
+
+
+def test_a_believed_integral_is_taken_off_again():
+    """A servo with an integral gives the law's torque, too, as long as the belief follows it."""
+    centroidal = under_law(CASE, "centroidal_tip")
+    lasting = dataclasses.replace(IDEAL, stiffness=10.0, damping=0.3)
+    plain = tip_error(on_servos(centroidal, lasting))
+    integrating = tip_error(on_servos(centroidal, dataclasses.replace(lasting, integral=100.0)))
+    assert integrating == pytest.approx(plain, rel=0.1)
+
+
+def test_a_belief_without_the_servos_must_be_meant(tmp_path):
+    """Torques would reach them as angles."""
+    text = (DATA / "servo_arm.toml").read_text()
+    bare = text.split("[drives.shoulder]")[0] + "[rotor" + text.split("\n[rotor", 1)[1]
+    (tmp_path / "bare.toml").write_text(bare.split("[sources]")[0])
+    (tmp_path / "servo_arm.toml").write_text(text)
+    tables = document() | {"model": {"vehicle": "bare.toml"}}
+    with pytest.raises(ScenarioError, match=r"^controller\.servos: is missing; plant\.vehicle = 'servo_arm'"):
+        scenario_from(tables, tmp_path)
+    meant = scenario_from(tables | {"controller": {"law": "centroidal", "servos": False}}, tmp_path)
+    assert not isinstance(meant.controller.par, ActuatorParameters)
+    said = dict(tomllib.loads(text)["drives"]["elbow"])
+    half = tables | {"model": {"vehicle": "bare.toml", "drives": {"shoulder": said, "elbow": said}}}
+    believed = scenario_from(half, tmp_path)
+    assert number_at(believed, "model.vehicle.drives.shoulder.drive.inertia") == 5e-4

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
 
+from skyarm.files.write_toml import toml_text
 from skyarm.vehicle import VehicleError
 from skyarm.vehicle.vehicle_files import load_vehicle
 from urdf_texts import agrees, joint, limits, link, pinocchio_of, robot, saved
@@ -105,6 +107,49 @@ def test_an_arm_of_toml_is_attached_and_its_followers_follow(tmp_path):
     (follower,) = vehicle.followers
     assert (follower.name, follower.link.joint.name, follower.leader, follower.ratio) == ("x_b", "x_jb", 0, -1.0)
     assert vehicle.frame().link == 0
+
+
+def test_a_frame_of_the_arm_may_be_called_base_and_means_none_but_itself(tmp_path):
+    """Universal Robots' files have one; 'base' in a vehicle file stays the airframe."""
+    own = '<link name="base"/><joint name="o" type="fixed"><parent link="mount"/><child link="base"/></joint>'
+    text = TOML + AT.format(to="leg") + '[[frames]]\nname = "eye"\nlink = "base"\n'
+    vehicle = attached(tmp_path, text, (*ARM, own))
+    assert (vehicle.frame("base").link, vehicle.frame("eye").link) == (0, -1)
+
+
+@pytest.mark.parametrize(
+    ("file", "arm", "followers"), [("couple", "", 1), ("couple", "lock", 0), ("lock", "couple", 1)]
+)
+def test_an_arm_may_say_itself_what_becomes_of_its_followers(tmp_path, file, arm, followers):
+    tied = (*ARM[:-2], joint("grip", "upper", "claw", limits() + '<mimic joint="shoulder"/>', "prismatic"))
+    own = f'mimic = "{arm}"\n' if arm else ""
+    vehicle = attached(tmp_path, f'{TOML}mimic = "{file}"\n{AT.format(to="base")}{own}', tied)
+    assert len(vehicle.followers) == followers
+
+
+def test_the_armature_of_a_table_is_that_of_the_arms_revolute_joints(tmp_path):
+    vehicle = attached(tmp_path, TOML + AT.format(to="base") + "armature = 0.02\n")
+    assert {each.joint.name: each.joint.armature for each in vehicle.links} == {"hip": 0, "shoulder": 0.02, "grip": 0}
+
+
+def test_drives_of_an_arm_and_of_an_airframe_come_with_them_and_the_file_may_state_others(tmp_path):
+    servo = Path(__file__).resolve().parents[1] / "data" / "servo_arm.toml"
+    text = servo.read_text("utf-8")
+    saved(tmp_path, text, "whole.toml")
+    whole = load_vehicle(tmp_path / "whole.toml")
+    arm = 'schema = 1\nname = "v"\nairframe = "hummingbird"\n[[attach]]\narm = "bare.toml"\nprefix = "x_"\n'
+    document = tomllib.loads(text)
+    airframes = ("rotors", "rotor_defaults", "sources", "battery")
+    bare = {name: value for name, value in document.items() if name not in airframes}
+    saved(tmp_path, toml_text(bare), "bare.toml")
+    vehicle = load_vehicle(saved(tmp_path, arm, "v.toml"))
+    assert [(each.name, each.drive) for each in vehicle.drives] == [(f"x_{d.name}", d.drive) for d in whole.drives]
+    on_top = 'schema = 1\nname = "v"\nairframe = "whole.toml"\n'
+    assert load_vehicle(saved(tmp_path, on_top, "v.toml")).drives == whole.drives
+    table = toml_text({"drives": {"elbow": document["drives"]["shoulder"]}})
+    other = load_vehicle(saved(tmp_path, f"{on_top}{table}", "v.toml"))
+    found = {each.name: each.drive for each in other.drives}
+    assert found == {"shoulder": whole.drives[0].drive, "elbow": whole.drives[0].drive}
 
 
 REFUSED = {

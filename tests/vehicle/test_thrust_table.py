@@ -11,13 +11,17 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
+from skyarm.actuation import Command, make_mixer
 from skyarm.actuation.hover import highest_thrust, hover_trim
 from skyarm.actuation.rotor import push, rotor_force, speed_of_push
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.algebra.monotone_curve import curve, inverse_curve
 from skyarm.compile.llvm.quick_function import Quick
+from skyarm.control.actuator_layer import plain_model, with_actuators
+from skyarm.control.catalogue import make_controller
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
+from skyarm.sensors.measurement import blank_measurement
 from skyarm.simulate import run
 from skyarm.simulate.loop import run_in_python
 from skyarm.vehicle.check import VehicleError
@@ -162,3 +166,34 @@ def test_a_table_that_is_none_is_refused_in_one_line(tmp_path, change, words):
         load_vehicle(tabled(tmp_path, {"speed": list(SPEED), "thrust": list(THRUST), "torque": list(TORQUE)} | change))
     assert "\n" not in str(found.value)
     assert str(found.value).startswith(str(tmp_path))
+
+
+def test_a_law_thinks_in_k_f_and_its_rotors_turn_as_the_table_has_it(tmp_path):
+    """What it is told and what it asks for are speeds at which k_f W^2 is the table's thrust."""
+    scenario = hovering(tmp_path, load_vehicle(tabled(tmp_path)))
+    model = scenario.controller.par.model
+    plain = plain_model(model)
+    k = plain.vehicle.rotors[0].thrust_coefficient
+    assert k * plain.vehicle.rotors[0].max_speed ** 2 == pytest.approx(2.0 * 5.72)
+    seen = []
+
+    def law(memory: Any, measurement: Any, reference: Any, dt: Any, *, par: Any) -> Any:
+        seen.append((measurement.rotor_speeds, par.model))
+        return memory, Command(rotor_speeds=(500.0,) * 6, efforts=(0.0, 0.0))
+
+    inner = dataclasses.replace(make_controller("decoupled_pd", plain), law=law, memory=())
+    made = with_actuators(inner, model, 0.005)
+    reading = dataclasses.replace(blank_measurement(2, 6), rotor_speeds=(705.0,) * 6)
+    _, command = made.law(made.memory, reading, scenario.trajectory.at(0.0), 0.005, par=made.par)
+    told, believed = seen[-1]
+    assert believed.vehicle.rotors[0].table is None
+    assert k * told[0] ** 2 == pytest.approx(2.0 * 3.52), "the row of 705 rad/s"
+    turned = rotor_force(model.vehicle.rotors[0], command.rotor_speeds[0], ZERO3).force.z
+    assert turned == pytest.approx(k * 500.0**2)
+    assert command.rotor_speeds[0] != pytest.approx(500.0, rel=1e-3)
+
+
+def test_the_mixers_limit_is_the_tables_highest_thrust(tmp_path):
+    vehicle = load_vehicle(tabled(tmp_path))
+    rotor = vehicle.rotors[0]
+    assert rotor.thrust_coefficient * make_mixer(vehicle).highest[0] == pytest.approx(2.0 * 5.72)

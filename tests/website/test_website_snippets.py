@@ -101,7 +101,16 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-SLOW = {"first_flight.md", "reading_margins.md", "scenario_files.md", "sweeps.md", "troubleshooting.md", "your_law.md"}
+SLOW = {
+    "actuators.md",
+    "can_it_fly.md",
+    "first_flight.md",
+    "reading_margins.md",
+    "scenario_files.md",
+    "sweeps.md",
+    "troubleshooting.md",
+    "your_law.md",
+}
 SLOW |= {name for name in WITH_CODE if name.startswith("laws/")} - {"laws/indi.md"}
 """Seconds each: `make docs` runs them."""
 

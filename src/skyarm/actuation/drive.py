@@ -26,6 +26,10 @@ class Drive:
         """First memory of a drive that needs to know more: the setpoint before the first command, the period (s)."""
         return self.start(position)
 
+    def settled(self, memory: Any, position: Any, setpoint: Any) -> Any:
+        """A memory like ``memory``, of a drive that has heard a setpoint long ago: what a belief of it starts from."""
+        return memory
+
     def advance(self, memory: Any, setpoint: Any, position: Any, rate: Any, dt: float) -> Any:
         """Memory for the period of ``dt`` (s) that begins with this setpoint, position and rate."""
         return memory

@@ -29,10 +29,10 @@ class ServoMemory:
         waiting: setpoints on their way, oldest first.
     """
 
-    goal: Scalar
-    integral: Scalar
-    rounding: Scalar
-    waiting: tuple[Scalar, ...]
+    goal: Annotated[Scalar, Unit("rad or m, or per s", "setpoint that the loop holds")]
+    integral: Annotated[Scalar, Unit("rad s or rad", "of the loop's error")]
+    rounding: Annotated[Scalar, Unit("rad or m", "added to the position when it was read")]
+    waiting: Annotated[tuple[Scalar, ...], Unit("rad or m, or per s", "setpoints on their way, oldest first")]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -95,28 +95,32 @@ class Servo(Drive):
         motor = per_ampere**2 * float(self.efficiency) / (float(self.resistance) * J)
         return 0.5 / max(loop, motor if math.isfinite(self.voltage) else 0.0)
 
-    def _begun(self, goal: Any, setpoint: Any, dt: float) -> ServoMemory:
-        whole, part = self._delay(dt)
-        return ServoMemory(
-            goal=goal, integral=0.0, rounding=0.0, waiting=(setpoint,) * (whole + (1 if part > 0.0 else 0))
-        )
+    def settled(self, memory: ServoMemory, position: Any, setpoint: Any) -> ServoMemory:
+        """A loop that has heard the setpoint long ago."""
+        waiting = (setpoint,) * len(memory.waiting)
+        return ServoMemory(goal=self._told(setpoint), integral=0.0, rounding=0.0, waiting=waiting)
 
-    def _delay(self, dt: float) -> tuple[int, float]:
-        """Latency as whole control periods and the part of one that is left."""
+    def begin(self, position: Any, setpoint: Any, dt: float) -> ServoMemory:
+        """A loop that has heard the setpoint long ago; the latency says how many more are on their way."""
         if not concrete(self.latency):
             raise RecordError("latency: must be the same in all episodes: it says how many setpoints are on their way")
-        whole = math.floor(self.latency / dt + 1e-9)
-        part = self.latency / dt - whole
-        return whole, part if part > 1e-9 else 0.0
+        count = math.ceil(self.latency / dt - 1e-9)
+        empty = ServoMemory(goal=0.0, integral=0.0, rounding=0.0, waiting=(0.0,) * count)
+        return self.settled(empty, position, setpoint)
+
+    def _told(self, setpoint: Any) -> Any:
+        """The setpoint as the loop holds it."""
+        return setpoint
 
     def _heard(self, memory: ServoMemory, setpoint: Any, dt: float) -> tuple[Any, tuple[Any, ...]]:
         """The setpoint that the loop hears in this period on average, and those still on their way."""
-        whole, part = self._delay(dt)
+        count = len(memory.waiting)
+        if count == 0:
+            return setpoint, ()
         seen = (*memory.waiting, setpoint)
-        heard = seen[-1 - whole]
-        if part > 0.0:
-            heard = heard + (seen[-2 - whole] - heard) * part
-        return heard, seen[1:]
+        # the older of the two between which the latency lies, and its share of the period
+        older, newer, share = seen[0], seen[1], clip(self.latency / dt - (count - 1), 0.0, 1.0)
+        return newer + (older - newer) * share, seen[1:]
 
     def _integrated(self, memory: ServoMemory, error: Any, asked: Any, rate: Any, dt: float) -> Any:
         """The integral after a period; it stands still while a bound holds the torque that it asks for more of.
@@ -158,9 +162,8 @@ class PositionServo(Servo):
         """Half the time in which loop and motor change, s."""
         return self._half_time(float(self.damping), float(self.stiffness))
 
-    def begin(self, position: Any, setpoint: Any, dt: float) -> ServoMemory:
-        """A loop that has heard the setpoint long ago."""
-        return self._begun(self._rounded(setpoint), setpoint, dt)
+    def _told(self, setpoint: Any) -> Any:
+        return self._rounded(setpoint)
 
     def advance(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any, dt: float) -> ServoMemory:
         """The next setpoint is heard, the goal moves, the encoder is read, the error is integrated."""
@@ -208,10 +211,6 @@ class VelocityServo(Servo):
     def largest_step(self) -> float | None:  # type: ignore[override]
         """Half the time in which loop and motor change, s."""
         return self._half_time(float(self.gain), 0.0)
-
-    def begin(self, position: Any, setpoint: Any, dt: float) -> ServoMemory:
-        """A loop that has heard the setpoint long ago."""
-        return self._begun(setpoint, setpoint, dt)
 
     def advance(self, memory: ServoMemory, setpoint: Any, position: Any, rate: Any, dt: float) -> ServoMemory:
         """The next setpoint is heard, the error is integrated."""

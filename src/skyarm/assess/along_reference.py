@@ -14,6 +14,7 @@ from skyarm.actuation import make_mixer
 from skyarm.algebra import Mat3, Vec3
 from skyarm.assess.arm_poses import Array
 from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
+from skyarm.assess.joint_torques import effort_limits
 from skyarm.assess.level_hover import WRENCH, Allocation
 from skyarm.dynamics.state import proper_acceleration
 from skyarm.environment import ForceWind
@@ -21,6 +22,9 @@ from skyarm.scenario.scenario_record import Scenario
 
 INSTANTS, FEWEST = 2000, 9
 """Instants of a flight, and the least of a stretch between two jumps of the reference."""
+
+SHORTEST = 1e-3
+"""s: of a stretch."""
 
 OFTEN = 0.05
 """Share of the flight in saturation above which the reference cannot be followed."""
@@ -53,11 +57,11 @@ def along_reference(scenario: Scenario) -> list[Finding]:
     demand = demand_of(scenario)
     vehicle = scenario.world.vehicle
     found = [*_jumps(scenario), *_joint_limits(scenario, demand)]
-    top = np.array([float(rotor.max_speed) ** 2 for rotor in vehicle.rotors])[:, None]
+    top = Allocation.of(make_mixer(vehicle)).highest[:, None]
     parts = [(f"rotors[{rotor.name}]", "max_speed") for rotor in vehicle.rotors]
     found.append(_saturation("rotors along the reference", demand, demand.squared / top, parts, demand.squared < 0.0))
     if vehicle.n:
-        limits = np.array([float(link.joint.effort_limit) or math.inf for link in vehicle.links])[:, None]
+        limits = effort_limits(vehicle)[:, None]
         parts = [(f"joints[{link.joint.name}]", "effort_limit") for link in vehicle.links]
         found.append(_saturation("joints along the reference", demand, np.abs(demand.efforts) / limits, parts))
     return found
@@ -75,6 +79,8 @@ def _stretches(scenario: Scenario) -> list[Array]:
     cuts = [0.0, *(t for t in scenario.trajectory.switch_times() if 0.0 < t < end), end]
     found = []
     for a, b in pairwise(cuts):
+        if b - a < SHORTEST and end > SHORTEST:
+            continue  # no rates can be had of it
         count = max(FEWEST, round(INSTANTS * (b - a) / end))
         found.append(a + (b - a) * (np.arange(count) + 0.5) / count)
     return found
@@ -94,13 +100,17 @@ def _stretch(scenario: Scenario, time: Array) -> tuple[Array, Array, Array, Arra
     if isinstance(scenario.wind, ForceWind):
         wind = np.array([[float(c)] for c in scenario.wind.force_W])
     needed = float(vehicle.mass) * (a + np.array([[0.0], [0.0], [gravity]])) - wind
-    for _ in range(3):  # the arm's own motion turns the force that the base must give, and that the arm's motion
+    still = Vec3(0.0, 0.0, 0.0)
+    for _ in range(2):  # the reaction of the arm's own motion turns the force that the base must give
         R = _attitude(needed, yaw)
-        rate, turning = _rates(R, time)
-        base = proper_acceleration(_matrix(R), Vec3(*a), Vec3(*turning), gravity)
-        force, efforts = dynamics.inverse_dynamics(vehicle, tuple(q), Vec3(*rate), tuple(qd), base, tuple(qdd))
-        body = lanes(force.force)
-        needed = np.einsum("ijk,jk->ik", R, body) - wind
+        base = proper_acceleration(_matrix(R), Vec3(*a), still, gravity)
+        force, _ = dynamics.inverse_dynamics(vehicle, tuple(q), still, tuple(qd), base, tuple(qdd))
+        needed = np.einsum("ijk,jk->ik", R, lanes(force.force)) - wind
+    R = _attitude(needed, yaw)
+    rate, turning = _rates(R, time)
+    base = proper_acceleration(_matrix(R), Vec3(*a), Vec3(*turning), gravity)
+    force, efforts = dynamics.inverse_dynamics(vehicle, tuple(q), Vec3(*rate), tuple(qd), base, tuple(qdd))
+    needed = np.einsum("ijk,jk->ik", R, lanes(force.force)) - wind
     wrench = np.vstack([lanes(force.torque), np.einsum("ik,ik->k", R[:, 2], needed)[None]])
     squared = Allocation.of(make_mixer(vehicle)).squared(wrench[:WRENCH])
     friction = [

@@ -7,19 +7,19 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.actuation import AllocationError, make_mixer
-from skyarm.assess.agreement import certificate
 from skyarm.assess.along_reference import along_reference
 from skyarm.assess.arm_poses import POSES, ArmPoses, arm_poses
 from skyarm.assess.arm_workspace import arm_workspace
 from skyarm.assess.endurance import time_aloft
 from skyarm.assess.finding import FAULT, WARNING, Finding, worst_level
 from skyarm.assess.joint_torques import joint_torques
+from skyarm.assess.lag_margin import motor_lag
 from skyarm.assess.largest_payload import largest_payload
 from skyarm.assess.largest_wind import largest_wind
 from skyarm.assess.level_hover import Allocation
 from skyarm.assess.likely_units import units_of_scenario, units_of_vehicle
 from skyarm.assess.mass_balance import center_of_mass_shift, mass_and_inertia
-from skyarm.assess.motor_lag import motor_lag
+from skyarm.assess.mujoco_certificate import certificate
 from skyarm.assess.rotor_layout import rotor_layout
 from skyarm.assess.thrust_margin import thrust_margin
 from skyarm.assess.torque_authority import torque_authority
@@ -134,4 +134,5 @@ def _of_vehicle(vehicle: Vehicle, gravity: float, payload: float, poses: ArmPose
         found += torque_authority(loads[-1][0], allocation, poses, gravity)
         found += largest_payload(vehicle, allocation, poses, gravity, payload)
         found += largest_wind(vehicle, gravity, payload)
-    return [*found, *arm_workspace(vehicle, poses), *motor_lag(vehicle), *time_aloft(vehicle)]
+    endurance = [each for held, words in loads for each in time_aloft(held, gravity, words)]
+    return [*found, *arm_workspace(vehicle, poses), *motor_lag(vehicle), *endurance]

@@ -1,12 +1,40 @@
-"""The time that a vehicle can stay aloft."""
+"""The time that a vehicle can stay aloft on its battery."""
 
 from __future__ import annotations
 
-from skyarm.assess.finding import NOTE, Finding
+from skyarm.actuation.time_aloft import time_aloft as hover_time
+from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
+from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
 
+SHORTEST = 120.0
+"""s: hardly a take-off and a landing."""
 
-def time_aloft(vehicle: Vehicle) -> list[Finding]:
-    """Time in hover from the vehicle's battery; a note where its file describes none."""
-    del vehicle
-    return [Finding(question="time aloft", level=NOTE, text="not known: the vehicle's file describes no battery")]
+
+def time_aloft(vehicle: Vehicle, gravity: float, held: str = "") -> list[Finding]:
+    """Time in a level hover, arm at zero; a note where the vehicle's file describes no battery."""
+    question = f"time aloft{held}"
+    if vehicle.battery is None:
+        text = "not known: the vehicle's file describes no battery"
+        return [Finding(question=question, level=NOTE, text=text, field="battery")]
+    remedy = "more capacity, more cells, or less mass"
+    try:
+        found = hover_time(vehicle, gravity)
+    except VehicleError as error:
+        text = str(error).rpartition(": ")[2]
+        field = "battery.charge"
+        return [Finding(question=question, level=FAULT, text=text, field=field, remedy=remedy)]
+    level = OK if found.seconds >= SHORTEST else WARNING
+    left = f", {found.charge:.0%} of the charge left" if found.charge > 0.01 else ""
+    return [
+        Finding(
+            question=question,
+            level=level,
+            text=f"{found.seconds / 60.0:.3g} min of hover at {found.power:.3g} W{left}",
+            field="battery.capacity",
+            value=found.seconds,
+            limit=SHORTEST,
+            unit="s",
+            remedy="" if level == OK else remedy,
+        )
+    ]

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from skyarm.actuation.servo import Servo
 from skyarm.assess.arm_poses import ArmPoses, Array, in_parts
 from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
 from skyarm.assess.level_hover import WRENCH, hover_efforts
@@ -39,12 +40,13 @@ def joint_torques(vehicle: Vehicle, poses: ArmPoses, gravity: float, held: str =
     moving = np.vstack([at, poses.joints])
     dynamic = np.max(_dynamic(vehicle, moving, gravity), axis=1)
     found = []
+    limits = effort_limits(vehicle)
     for i, link in enumerate(vehicle.links):
         joint = link.joint
-        unit, limit = ("N m" if joint.kind == "revolute" else "N"), float(joint.effort_limit)
+        unit, limit = ("N m" if joint.kind == "revolute" else "N"), float(limits[i])
         name = f"joints[{joint.name}]"
         pose = tuple(map(float, at[i]))
-        if limit == 0.0:
+        if float(joint.effort_limit) == 0.0:
             text = "passive: no drive holds it"
             found.append(Finding(question=f"{name} static effort{held}", level=NOTE, text=text, field=name))
             continue
@@ -65,6 +67,19 @@ def joint_torques(vehicle: Vehicle, poses: ArmPoses, gravity: float, held: str =
                 )
             )
     return found
+
+
+def effort_limits(vehicle: Vehicle) -> Array:
+    """Largest effort (n,) of each joint, N m or N: its own, or what its servo gives at rest; infinite if passive."""
+    servos = {each.name: each.drive for each in vehicle.drives}
+    found = []
+    for link in vehicle.links:
+        limit = float(link.joint.effort_limit) or math.inf
+        servo = servos.get(link.joint.name)
+        if isinstance(servo, Servo):
+            limit = min(limit, float(servo.bounds(0.0)[1]))
+        found.append(limit)
+    return np.array(found)
 
 
 def _dynamic(vehicle: Vehicle, joints: Array, gravity: float) -> Array:

@@ -8,6 +8,7 @@ import numpy as np
 
 from skyarm.assess.arm_poses import ArmPoses, Array
 from skyarm.assess.finding import FAULT, NOTE, OK, Finding
+from skyarm.assess.joint_torques import effort_limits
 from skyarm.assess.level_hover import WRENCH, Allocation, hover_efforts
 from skyarm.assess.thrust_margin import ENOUGH
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -64,7 +65,7 @@ def _largest_by_part(vehicle: Vehicle, loaded: Vehicle, allocation: Allocation, 
     with np.errstate(divide="ignore", invalid="ignore"):
         top = allocation.highest[:, None] / ENOUGH
         rotors = np.where(more > 0.0, (top - squared) / more, np.where(more < 0.0, -squared / more, np.inf))
-        limits = np.array([float(link.joint.effort_limit) or math.inf for link in vehicle.links])[:, None]
+        limits = effort_limits(vehicle)[:, None]
         effort, step = bare[WRENCH:], per_kilogram[WRENCH:]
         efforts = np.where(np.abs(step) > 1e-12, (limits - np.sign(step) * effort) / np.abs(step), np.inf)
     return np.vstack([rotors, efforts])

@@ -24,7 +24,7 @@ BREEZE = 2.0
 HEADINGS = 12
 """Horizontal directions from which the wind is tried."""
 
-SPEEDS, REFINED, ITERATIONS = 31, 4, 40
+SPEEDS, REFINED, ITERATIONS = 31, 4, 30
 """Speeds of a grid, grids one within a step of the other, and iterations on the tilt (halved each time)."""
 
 

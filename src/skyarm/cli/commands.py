@@ -27,6 +27,7 @@ from skyarm.cli import (
 )
 from skyarm.cli.app import app, console
 from skyarm.cli.arguments import without_plugins
+from skyarm.cli.completion_requests import asked_for, complete
 from skyarm.cli.lines import INTERRUPTED, WRONG_INPUT, say, say_warning
 from skyarm.cli.old_options import with_new_options
 from skyarm.files import shown
@@ -74,6 +75,8 @@ def perform() -> int:
             arguments = with_new_options(without_plugins(sys.argv[1:]))
             for name, row in registrations("command").items():
                 app.command(name, help=row.title)(row.load())
+            if asked_for():
+                return complete(app, arguments)
             return int(app(arguments, standalone_mode=False) or 0)
     except USAGE_ERROR as error:
         return say(f"{error.format_message().rstrip('.')}; see '{_command(error)} --help'", WRONG_INPUT)

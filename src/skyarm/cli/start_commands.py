@@ -68,3 +68,44 @@ def new(
     give(kind=kind, name=name, files=files, next=first)
     tell(f"written: {', '.join(map(str, files))}")
     tell(f"fly it: {first}")
+
+
+@app.command()
+def doctor() -> None:
+    """Look at the installation: what works, what is missing.
+
+    Versions, engines, machine code, OpenGL for films, GPU, extras and the command that adds each. Exit code: 0 if all
+    that flights need works, 1 if not.
+    """
+    from skyarm.cli.doctor import BROKEN, BROKEN_CODE, MISSING, examine, works
+    from skyarm.cli.terminal_tables import add, table_of
+
+    with waiting("looking", console):
+        parts = examine()
+    give(works=works(parts), parts=[part.plain() for part in parts])
+    table = table_of("", "", "", left=3)
+    for part in parts:
+        add(table, part.state, part.name, part.found)
+    console.print(table)
+    for part in parts:
+        if part.state in (MISSING, BROKEN) and part.remedy:
+            tell(f"{part.name}: {part.remedy}")
+    tell("all that flights need works" if works(parts) else "something that flights need does not work")
+    if not works(parts):
+        raise typer.Exit(BROKEN_CODE)
+
+
+@app.command()
+def completion(
+    shell: Annotated[str, typer.Argument(metavar="SHELL", help="bash, zsh or fish")],
+) -> None:
+    """Print the script with which a shell completes words.
+
+    Commands, options and names of vehicles, scenarios, studies and laws. For bash:
+    skyarm completion bash > ~/.local/share/bash-completion/completions/skyarm
+    """
+    from skyarm.cli.completion import WHERE, script
+
+    text = script(shell)
+    give(shell=shell, script=text, install=WHERE[shell])
+    print(text)

@@ -178,7 +178,7 @@ def _setpoints(
         strict=True,
     )
     for drive, held, effort, q, qd, qdd in rows:
-        begun = drive.begin(q, drive.standing(effort, q), dt)
+        begun = drive.settled(held, q, drive.standing(effort, q))
         now = _blend(memory.started > 0.5, held, begun)
         # means of the motion from where the setpoint is heard to one period later
         ahead = add(getattr(drive, "latency", 0), 0.5 * dt)

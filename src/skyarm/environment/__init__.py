@@ -2,16 +2,17 @@
 
 from skyarm.environment.aerodynamic_forces import GroundEffect, LinkDrag, RotorDrag
 from skyarm.environment.component import Air, Component, Force, Wrench
-from skyarm.environment.disturbance import AirSignals, Disturbance
+from skyarm.environment.disturbance_signals import AirSignals, Disturbance
 from skyarm.environment.drag import body_drag
 from skyarm.environment.dryden import Dryden, DrydenMemory, low_altitude
 from skyarm.environment.effectiveness import Effectiveness
 from skyarm.environment.environment_tables import payload_from, wind_from
 from skyarm.environment.faults import Fault, effectiveness_at, faults_from
 from skyarm.environment.gust import Gust
+from skyarm.environment.hanging_payload import HangingPayload
 from skyarm.environment.payload import Payload
 from skyarm.environment.signal_vector import ColouredNoise, SignalVector
-from skyarm.environment.timed_payload import PayloadMemory, Reach, TimedPayload
+from skyarm.environment.timed_payload import Grasp, PayloadMemory, Reach, TimedPayload
 from skyarm.environment.wind import NO_WIND, ForceWind, MovingAir, Wind, WindSample
 
 __all__ = [
@@ -27,8 +28,10 @@ __all__ = [
     "Fault",
     "Force",
     "ForceWind",
+    "Grasp",
     "GroundEffect",
     "Gust",
+    "HangingPayload",
     "LinkDrag",
     "MovingAir",
     "Payload",

@@ -52,7 +52,8 @@ class GroundEffect(Force):
                     away = other.position - rotor.position
                     square = away.dot(away) + 4.0 * z * z
                     ratio = ratio + 0.5 * self.radius * self.radius * z / (square * sqrt(square))
-            extra = rotor.thrust_coefficient * (speed * speed) * (ratio / (1.0 - ratio))
+            push = speed * speed if rotor.table is None else rotor.table.push(speed)
+            extra = rotor.thrust_coefficient * push * (ratio / (1.0 - ratio))
             found.append(Wrench(force_W=motion.rotation.apply(rotor.axis * extra), point=rotor.position))
         return found
 

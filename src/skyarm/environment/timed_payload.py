@@ -56,11 +56,25 @@ class PayloadMemory:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Grasp:
+    """What holds a payload at the beginning of a period.
+
+    Attributes:
+        position, velocity: of the frame, m and m/s, world axes. period: its length, s. gravity: m/s^2.
+    """
+
+    position: Vec3
+    velocity: Vec3
+    period: float
+    gravity: Scalar
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class TimedPayload(Component):
     """A timed payload is a rigid load that is held from ``pick`` to ``drop``.
 
-    With a place, the instant beside it is the earliest. What happens, happens in the first control period that does not
-    begin before: a load is held for whole control periods.
+    With a place, the instant beside it is the earliest (0 if left out). What happens, happens in the first control
+    period that does not begin before: a load is held for whole control periods.
 
     Attributes:
         name: for logs and pictures; empty for its number.
@@ -78,8 +92,15 @@ class TimedPayload(Component):
     drop: Annotated[Scalar, Unit("s", low=0.0, infinite=True)] = math.inf
     drop_place: Reach | None = None
 
+    @property
+    def rigid(self) -> bool:
+        """Whether it is a part of the body that holds it."""
+        return True
+
     def __post_init__(self) -> None:
         accept_fields(self, "payload")
+        if self.drop_place is not None and isinstance(self.drop, float) and math.isinf(self.drop):
+            object.__setattr__(self, "drop", 0.0)  # at any time within its reach
         moments = tuple(self.inertia)
         if all(isinstance(each, (int, float)) for each in moments) and 2.0 * max(moments) > sum(moments) * (1.0 + 1e-9):
             raise ValueError(f"inertia = {list(moments)}: no moment may be larger than the sum of the other two")
@@ -87,32 +108,29 @@ class TimedPayload(Component):
         if instants and self.drop_place is None and not self.pick < self.drop:
             raise ValueError(f"drop = {self.drop!r}: must be after pick = {self.pick!r} s")
 
-    def start(self, period: float, draws: Any) -> PayloadMemory:
+    def start(self, period: float, draws: Any) -> Any:
         """Not held yet."""
         place = (0.0, 0.0, 0.0) if self.pick_place is None else tuple(1.0 * c for c in self.pick_place.of)
         return PayloadMemory(held=0.0, caught=0.0, gone=0.0, place=Vec3(*place))
 
-    def follow(self, memory: PayloadMemory, t: Any, position_W: Vec3) -> PayloadMemory:
-        """Memory for the period that begins at ``t`` (s) with the frame at a place (m, world axes)."""
+    def follow(self, memory: Any, t: Any, tip: Grasp) -> Any:
+        """Memory for the period that begins at ``t`` (s); ``tip`` is the frame that holds it, as it is then."""
+        held, caught, gone, place = self.passed(memory, t, tip.position)
+        return PayloadMemory(held=held, caught=caught, gone=gone, place=place)
+
+    def passed(self, memory: Any, t: Any, position_W: Vec3) -> tuple[Any, Any, Any, Vec3]:
+        """Held, caught, gone and the place where it lies, with the frame at a place (m, world axes)."""
         held, gone = memory.held > 0.5, memory.gone > 0.5
-        pick = (
-            t >= self.pick
-            if self.pick_place is None
-            else logical_and(t >= self.pick, self.pick_place.holds(position_W))
-        )
-        drop = (
-            t >= self.drop
-            if self.drop_place is None
-            else logical_and(t >= self.drop, self.drop_place.holds(position_W))
-        )
+        pick, drop = t >= self.pick, t >= self.drop
+        if self.pick_place is not None:
+            pick = logical_and(pick, self.pick_place.holds(position_W))
+        if self.drop_place is not None:
+            drop = logical_and(drop, self.drop_place.holds(position_W))
         caught = where(held, 0.0, where(gone, 0.0, where(pick, 1.0, 0.0)))
         dropped = where(held, where(drop, 1.0, 0.0), 0.0)
-        return PayloadMemory(
-            held=where(dropped > 0.5, 0.0, where(caught > 0.5, 1.0, memory.held)),
-            caught=caught,
-            gone=where(dropped > 0.5, 1.0, memory.gone),
-            place=Vec3(*(where(dropped > 0.5, p, q) for p, q in zip(position_W, memory.place, strict=True))),
-        )
+        now = where(dropped > 0.5, 0.0, where(caught > 0.5, 1.0, memory.held))
+        place = Vec3(*(where(dropped > 0.5, p, q) for p, q in zip(position_W, memory.place, strict=True)))
+        return now, caught, where(dropped > 0.5, 1.0, memory.gone), place
 
     def body(self, vehicle: Vehicle, share: Any = 1) -> tuple[int, Body]:
         """(index of the link, the load as a body in that link's axes), its mass and inertia times ``share``."""

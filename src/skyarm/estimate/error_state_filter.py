@@ -86,8 +86,8 @@ class ErrorStateFilter(Estimator):
     gyro_walk: Annotated[Scalar, Unit("rad/s^2/sqrt(Hz)", "walk of the bias", low=0.0)] = 1e-4
     accelerometer: Annotated[Scalar, Unit("m/s^2/sqrt(Hz)", "noise", low=0.0)] = 0.02
     accelerometer_walk: Annotated[Scalar, Unit("m/s^3/sqrt(Hz)", "walk of the bias", low=0.0)] = 1e-3
-    push_walk: Annotated[Scalar, Unit("m/s^3/sqrt(Hz)", "walk of what the model lacks", low=0.0)] = 0.01
-    push_turn: Annotated[Scalar, Unit("s", "memory of a push that turns with the base", low=0.0)] = 0.05
+    push_walk: Annotated[Scalar, Unit("m/s^3/sqrt(Hz)", "walk of what the model lacks", low=0.0)] = 0.02
+    push_turn: Annotated[Scalar, Unit("s", "memory of a push that turns with the base", low=0.0)] = 0.2
     position: Annotated[Scalar, Unit("m", "deviation of a reading", low=0.0, strict=True)] = 0.005
     attitude: Annotated[Scalar, Unit("rad", "deviation of a reading", low=0.0, strict=True)] = 0.005
     heading: Annotated[Scalar, Unit("rad", "deviation of a reading", low=0.0, strict=True)] = 0.02

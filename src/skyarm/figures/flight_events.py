@@ -1,4 +1,4 @@
-"""What happened to a flight and when: gusts, faults, and what was changed while it flew."""
+"""What happened to a flight and when: gusts, faults, payloads, and what was changed while it flew."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ class Event:
 
 
 def events_in(scenario: Scenario, end: float) -> tuple[Event, ...]:
-    """Gusts, faults and changes that a flight met until ``end`` (s), each kind in its order.
+    """Gusts, faults, payloads and changes that a flight met until ``end`` (s), each kind in its order.
 
     What goes on behind the end of a flight has its own: flights that were lost at other times met the same gust.
     """
     found: list[Event] = []
     for start, stop, now in _settings(scenario, end):
-        for event in (*_gusts(now), *_faults(now)):
+        for event in (*_gusts(now), *_faults(now), *_payloads(now)):
             cut = dataclasses.replace(event, start=max(event.start, start), stop=min(event.stop, stop))
             if cut.start < min(cut.stop, end):
                 found.append(cut)
@@ -70,9 +70,18 @@ def _gusts(scenario: Scenario) -> Iterator[Event]:
 
 def _faults(scenario: Scenario) -> Iterator[Event]:
     for fault in scenario.faults:
-        if float(fault.effectiveness) < 1.0:
-            what = f"rotor {fault.rotor}" if fault.rotor else f"joint {fault.joint}"
+        what = f"rotor {fault.rotor}" if fault.rotor else f"joint {fault.joint}"
+        if fault.stuck or fault.signal is not None:
+            yield Event(f"{what} {'stuck' if fault.stuck else 'varies'}", float(fault.start), float("inf"))
+        elif float(fault.effectiveness) < 1.0:
             yield Event(f"{what} at {100.0 * float(fault.effectiveness):.3g} %", float(fault.start), float("inf"))
+
+
+def _payloads(scenario: Scenario) -> Iterator[Event]:
+    """While a payload is held whose instants are given; where a place decides, the log's ``payload_mass`` tells."""
+    for payload in scenario.payloads:
+        if payload.pick_place is None and payload.drop_place is None:
+            yield Event(f"holds {float(payload.mass):.3g} kg", float(payload.pick), float(payload.drop))
 
 
 def _joined(events: Iterable[Event]) -> list[Event]:

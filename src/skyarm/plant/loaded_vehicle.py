@@ -17,11 +17,11 @@ rounding leaves of a joint's angle, and both plants solve for the other accelera
 
 
 def payloads_of(around: Around) -> list[tuple[TimedPayload, PayloadMemory]]:
-    """Payloads with a time, and what has become of each."""
+    """Rigid payloads with a time, and what has become of each."""
     if not isinstance(around, Surroundings):
         return []
     pairs = zip(around.components, around.memories, strict=True)
-    return [(each, memory) for each, memory in pairs if isinstance(each, TimedPayload)]
+    return [(each, memory) for each, memory in pairs if isinstance(each, TimedPayload) and each.rigid]
 
 
 def stuck_of(around: Around) -> Sequence[Any]:

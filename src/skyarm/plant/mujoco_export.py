@@ -15,14 +15,16 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from skyarm.actuation import AllocationError
 from skyarm.actuation.hover import hover_trim
+from skyarm.actuation.rotor import push
 from skyarm.drawing.vehicle_shapes import longest_boom
 from skyarm.dynamics.followers import every_joint
 from skyarm.dynamics.state import State
 from skyarm.plant.mujoco_digits import exact_xml
 from skyarm.plant.mujoco_model import build_spec, joint_addresses, site_of_rotor
 from skyarm.vehicle.check import require_plant
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 START = "start"
 """Keyframe of the first state, rotors in hover."""
@@ -117,8 +119,7 @@ def _add_actuators(spec: Any, vehicle: Vehicle) -> tuple[str, ...]:
         actuator = spec.add_actuator(name=rotor.name, trntype=mujoco.mjtTrn.mjTRN_SITE, target=site)
         # drag torque acts against the rotation, along the axis
         actuator.gear = [0.0, 0.0, 1.0, 0.0, 0.0, -float(rotor.direction) * float(rotor.moment_coefficient)]
-        top = float(rotor.thrust_coefficient) * float(rotor.max_speed) ** 2
-        _bound(actuator, 0.0, top)
+        _bound(actuator, 0.0, _thrust(rotor, float(rotor.max_speed)))
         names.append(rotor.name)
     for link in vehicle.links:
         effort = float(link.joint.effort_limit)
@@ -131,6 +132,11 @@ def _add_actuators(spec: Any, vehicle: Vehicle) -> tuple[str, ...]:
         _bound(actuator, -effort, effort)
         names.append(name)
     return tuple(names)
+
+
+def _thrust(rotor: Rotor, speed: float) -> float:
+    """N at a speed, rad/s, along the axis in still air."""
+    return float(rotor.thrust_coefficient) * float(push(rotor, speed)) if math.isfinite(speed) else math.inf
 
 
 def _bound(actuator: Any, low: float, high: float) -> None:
@@ -180,17 +186,24 @@ def _add_start(spec: Any, vehicle: Vehicle, model: Any, start: State | None, gra
     qpos[:7] = (0.0, 0.0, HEIGHT, 1.0, 0.0, 0.0, 0.0)
     at, rates = joint_addresses(vehicle, model)
     qpos[at] = [float(each) for each in every_joint(vehicle, joints)]
+    speeds = _hover_speeds(vehicle, joints, gravity)
     if start is not None:
         qpos[:3], qpos[3:7] = list(map(float, start.position)), list(map(float, start.quaternion))
         qvel[:3], qvel[3:6] = list(map(float, start.velocity)), list(map(float, start.rate))
         qvel[rates[: vehicle.n]] = [float(each) for each in start.joint_rates]
-        squares = [float(speed) ** 2 for speed in start.rotor_speeds]
-    else:
-        trim = hover_trim(vehicle, joints, gravity) if vehicle.rotors else None
-        squares = [] if trim is None else [max(0.0, float(each)) for each in trim.squared]
-    thrusts = [float(r.thrust_coefficient) * each for r, each in zip(vehicle.rotors, squares, strict=True)]
-    ctrl[: len(thrusts)] = thrusts
+        speeds = [float(speed) for speed in start.rotor_speeds]
+    ctrl[: len(speeds)] = [_thrust(rotor, speed) for rotor, speed in zip(vehicle.rotors, speeds, strict=True)]
     spec.add_key(name=START, qpos=qpos, qvel=qvel, ctrl=ctrl)
+
+
+def _hover_speeds(vehicle: Vehicle, joints: tuple[float, ...], gravity: float) -> list[float]:
+    """Rotor speeds that hold the vehicle level, rad/s; zeros where no speeds do."""
+    still = [0.0] * len(vehicle.rotors)
+    try:
+        trim = hover_trim(vehicle, joints, gravity)
+    except AllocationError:
+        return still
+    return [float(speed) for speed in trim.speeds] if all(float(each) >= 0.0 for each in trim.squared) else still
 
 
 def _next_to_zero(vehicle: Vehicle) -> tuple[float, ...]:

@@ -1,8 +1,8 @@
 """Payloads with a time and stuck joints on MuJoCo's plant.
 
 Each payload is a body of MuJoCo's own, welded to the link that may hold it, at its centre of mass and along its
-principal axes; only its mass and its moments change, and the masses of the trees that it is part of. A stuck joint has
-a large armature. Velocities after a grasp or when a joint gets stuck come from MuJoCo's mass matrices before and after.
+principal axes; only its mass and its moments change. A stuck joint has a large armature. Velocities after a grasp, or
+when a joint gets stuck, come from MuJoCo's mass matrices before and after.
 """
 
 from __future__ import annotations
@@ -36,8 +36,7 @@ class Loads:
         self._model, self._data, self._dofs = model, data, np.array(dofs[: vehicle.n], dtype=int)
         self._count = len(payloads_of(around))
         self._bodies = [model.body(load_name(i)).id for i in range(self._count)]
-        self._above = [_ancestors(model, body) for body in self._bodies]
-        self._trees, self._armature = model.body_subtreemass.copy(), model.dof_armature.copy()
+        self._armature = model.dof_armature.copy()
         self._numbers = Quick(_numbers, around)
         self._given: tuple[float, ...] = ()
         self._set: Any = None
@@ -67,10 +66,9 @@ class Loads:
         if key == self._set:
             return
         self._set, model = key, self._model
-        model.body_subtreemass[:] = self._trees
-        for body, above, (mass, *moments) in zip(self._bodies, self._above, loads, strict=True):
+        # MuJoCo's masses of whole trees only choose the point about which it sums: they stay
+        for body, (mass, *moments) in zip(self._bodies, loads, strict=True):
             model.body_mass[body], model.body_inertia[body] = mass, moments
-            model.body_subtreemass[above] += mass
         model.dof_armature[:] = self._armature
         if len(stuck):
             model.dof_armature[self._dofs] += LOCKED * stuck
@@ -104,11 +102,3 @@ def _numbers(around: Around) -> tuple[Any, ...]:
     for payload, memory in payloads_of(around):
         found += [payload.mass * memory.held, *(each * memory.held for each in payload.inertia), memory.caught]
     return tuple(number(value) for value in (*found, *stuck_of(around)))
-
-
-def _ancestors(model: Any, body: int) -> list[int]:
-    """A body and all above it, the world too."""
-    found = [body]
-    while found[-1] != 0:
-        found.append(int(model.body_parentid[found[-1]]))
-    return found

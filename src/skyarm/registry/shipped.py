@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 _WIND = "skyarm.environment.wind"
-_DISTURBANCE = "skyarm.environment.disturbance"
+_DISTURBANCE = "skyarm.environment.disturbance_signals"
 _AERODYNAMIC = "skyarm.environment.aerodynamic_forces"
 _MOTION = "skyarm.reference.reference_tables"
 _TASKS = "skyarm.reference.task_tables"

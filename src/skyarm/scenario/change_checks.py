@@ -19,7 +19,7 @@ from skyarm.scenario.whole_parts import WHOLE_PARTS
 
 NUMBERS = (
     "plant", "model", "controller", "environment.wind", "environment.air", "environment.forces", "environment.faults",
-    "sensors", "reference", "endings", "estimator",
+    "sensors", "reference", "endings", "estimator", "payloads",
 )  # fmt: skip
 """Beginnings of the paths of numbers that may change in flight."""
 

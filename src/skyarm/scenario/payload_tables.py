@@ -11,6 +11,8 @@
     pick = 8.0                                       # s, or
     pick = { within = 0.05, of = [1, 0, 0.5] }       # m, world axes: as soon as the frame is there; after (s, 0)
     drop = 14.0                                      # the same; left out: it is held to the end
+    kind = "rigid"                                   # or "hanging", a point mass on a cord: cord (m, 0.5), stretch (by
+                                                     # its weight, of its length, 0.02), damping_ratio (0.2)
     believed = true                                  # the law's belief is told at both instants (default false)
 
 What is believed is a point mass at the frame, told by changes of ``model.payload.FRAME.mass``
@@ -24,9 +26,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.algebra import Vec3
-from skyarm.environment import Reach, TimedPayload
+from skyarm.environment import HangingPayload, Reach, TimedPayload
 from skyarm.files import Fields, shown
 from skyarm.scenario.changes import Change
+
+OF_KIND = {"rigid": ("inertia", "com"), "hanging": ("cord", "stretch", "damping_ratio")}
+"""Numbers of a payload that others have not."""
 
 
 def payloads_from(tables: Any, where: str = "payloads") -> tuple[tuple[TimedPayload, ...], tuple[bool, ...]]:
@@ -47,9 +52,10 @@ def _payload(fields: Fields) -> tuple[TimedPayload, bool]:
     if not isinstance(believed, bool):
         raise ValueError(f"{fields.at('believed')} = {shown(believed)}: must be true or false")
     values: dict[str, Any] = {"mass": fields.number("mass", low=0.0), **texts}
-    for name in ("inertia", "com"):
+    kind = fields.choice("kind", ("rigid", "hanging"), "rigid")
+    for name in OF_KIND[kind]:
         if name in fields.table:
-            values[name] = fields.vector(name)
+            values[name] = fields.vector(name) if kind == "rigid" else fields.number(name, low=0.0)
     values["pick"], values["pick_place"] = _when(fields, "pick")
     values["drop"], values["drop_place"] = _when(fields, "drop") if "drop" in fields.table else (math.inf, None)
     fields.done()
@@ -57,7 +63,7 @@ def _payload(fields: Fields) -> tuple[TimedPayload, bool]:
     if believed and places is not None:
         raise ValueError(f"{fields.at('believed')} = true: must be false where a place decides; its instant is unknown")
     try:
-        return TimedPayload(**values), believed
+        return (HangingPayload if kind == "hanging" else TimedPayload)(**values), believed
     except ValueError as error:
         raise ValueError(f"{fields.where}: {error}") from None
 

@@ -19,6 +19,7 @@ from skyarm.records.coerce import TOLERANCE, concrete
 from skyarm.records.directions import near_unit_quaternion
 from skyarm.records.leaves import named_leaves
 from skyarm.scalars import data
+from skyarm.scenario.check_frames import check_frames
 from skyarm.scenario.scenario_parts import ScenarioError
 from skyarm.vehicle.check import require_plant
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -154,11 +155,7 @@ def check_vehicles(scenario: Scenario) -> None:
             fault.check(truth)
         except ValueError as error:
             raise ValueError(f"environment.faults[{i}].{error}") from None
-    for i, payload in enumerate(scenario.payloads):
-        try:
-            truth.frame(payload.frame or None)
-        except ValueError as error:
-            raise ValueError(f"payloads[{i}].frame = {payload.frame!r}: {error}") from None
+    check_frames(scenario)
     check_law(scenario.controller.par, belief.n, len(belief.rotors))
     found = len(scenario.trajectory.joints)
     if found != truth.n:

@@ -20,6 +20,9 @@ from skyarm.scenario.scenario_record import Rates, ScenarioError
 HEAD = re.compile(r"[ \t]*\[[ \t]*\[[ \t]*changes[ \t]*\][ \t]*\][ \t]*(#.*)?")
 """Line that begins one table of ``[[changes]]``."""
 
+LAYERS = ("safety", "servos")
+"""Words of a controller's table that stay when another law takes its place."""
+
 REPLACED = ("name", "title", "plant", "controller", "seed", "episode", "duration")
 """What a saved scenario may say other than the file that it came from."""
 
@@ -118,14 +121,14 @@ def _ends(window: Any) -> float:
 
 
 def _controller(name: str, before: Mapping[str, Any]) -> dict[str, Any]:
-    """The table of a controller by one name, under the safety layer of the file's."""
-    safety = {"safety": before["safety"]} if "safety" in before else {}
+    """The table of a controller by one name, under the layers of the file's."""
+    layers = {word: before[word] for word in LAYERS if word in before}
     full = full_name(name)
     if full in PRESETS:
-        return {"preset": full, **safety}
+        return {"preset": full, **layers}
     if full.endswith(TUNED):
-        return {"law": full.removesuffix(TUNED), "tuned": True, **safety}
-    return {"law": full, **safety}
+        return {"law": full.removesuffix(TUNED), "tuned": True, **layers}
+    return {"law": full, **layers}
 
 
 def _table_of(document: Mapping[str, Any], name: str) -> Mapping[str, Any]:

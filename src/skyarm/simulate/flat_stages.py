@@ -228,11 +228,12 @@ def impact_of(plant: Any, stages: Stages) -> Callable[[Flat, Flat], Flat] | None
     """
     scenario = stages.scenario
     stuck = any(fault.stuck for fault in scenario.faults)
-    if not scenario.payloads and not stuck:
+    rigid = any(payload.rigid for payload in scenario.payloads)
+    if not rigid and not stuck:
         return None
     found: Callable[[Flat, Flat], Flat] | None = getattr(plant, "after_impact", None)
     if found is None:
-        what = "payloads" if scenario.payloads else "environment.faults with stuck"
+        what = "rigid payloads" if rigid else "environment.faults with stuck"
         raise ScenarioError(f"plant.kind = {scenario.plant!r}: does not know {what}; it has no after_impact")
     return found
 

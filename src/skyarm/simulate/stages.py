@@ -18,7 +18,7 @@ from skyarm.compile.tracing.repeat import repeat
 from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.environment import TimedPayload, WindSample, effectiveness_at
+from skyarm.environment import Grasp, TimedPayload, WindSample, effectiveness_at
 from skyarm.estimate.estimator import FULL_STATE
 from skyarm.plant.impact import after_impact
 from skyarm.plant.rigid_body import STEP, accelerate
@@ -74,14 +74,22 @@ class Stages:
 
     def surround(self, memories: Sequence[Any], drives: Sequence[Any], state: State, time: Any, uniforms: Any) -> Any:
         """Air, forces and faults of the period: memories as they go on, and what the plant is told."""
-        motion = PointMotion(self.scenario.world.vehicle, state)
         going = tuple(
-            component.follow(memory, time, motion.position(*motion.frame(component.frame or None)))
+            component.follow(memory, time, self._grasp(component, state))
             if isinstance(component, TimedPayload)
             else component.advance(memory, time, self.period, state, self.draws.of_component(i, uniforms))
             for i, (component, memory) in enumerate(zip(self.components, memories, strict=True))
         )
         return going, self.surroundings(going, drives, time)
+
+    def _grasp(self, payload: TimedPayload, state: State) -> Grasp:
+        """The frame that holds a payload."""
+        world = self.scenario.world
+        motion = PointMotion(world.vehicle, state)
+        at = motion.frame(payload.frame or None)
+        return Grasp(
+            position=motion.position(*at), velocity=motion.velocity(*at), period=self.period, gravity=world.gravity
+        )
 
     def surroundings(self, memories: tuple[Any, ...], drives: Sequence[Any], time: Any) -> Surroundings:
         """What the plant is told of one period."""

@@ -17,6 +17,7 @@ from skyarm.control.catalogue import LAWS, PRESETS, TUNED, full_name
 from skyarm.files import read_toml, shown
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios, load_scenario, scenario_from
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.scenario.scenario_text import LAYERS
 from skyarm.vehicle.vehicle_files import list_vehicles
 
 LONGEST = 600.0
@@ -139,10 +140,10 @@ def flown_document(
 
 
 def under_law(document: Mapping[str, Any], law: str | None) -> dict[str, Any]:
-    """The tables with a law by name in place of their own, if one is given; a safety layer stays."""
+    """The tables with a law by name in place of their own, if one is given; its layers stay."""
     if law is None:
         return dict(document)
-    safety = {word: value for word, value in document["controller"].items() if word == "safety"}
+    layers = {word: value for word, value in document["controller"].items() if word in LAYERS}
     name = full_name(law)
     if name in PRESETS:
         chosen = {"preset": name}
@@ -150,7 +151,7 @@ def under_law(document: Mapping[str, Any], law: str | None) -> dict[str, Any]:
         chosen = {"law": name}
     else:
         chosen = {"law": name.removesuffix(TUNED), "tuned": True}
-    return {**document, "controller": {**chosen, **safety}}
+    return {**document, "controller": {**chosen, **layers}}
 
 
 def _ends(windows: Mapping[str, Any]) -> list[float]:

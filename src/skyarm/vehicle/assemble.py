@@ -13,6 +13,7 @@ from skyarm.vehicle.battery import Battery, CellCurve
 from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.couple import Mimic, couple
+from skyarm.vehicle.dry_friction import with_smooth_friction
 from skyarm.vehicle.mounted_drives import mounted_drives
 from skyarm.vehicle.nearest_inertia import with_real_inertias
 from skyarm.vehicle.schema import (
@@ -31,7 +32,7 @@ from skyarm.vehicle.schema import (
 )
 from skyarm.vehicle.stops import with_stops
 from skyarm.vehicle.thrust_table import COLUMNS, ThrustTable
-from skyarm.vehicle.vehicle_records import BASE, Body, BodyDrag, Frame, Joint, Link, Rotor, Vehicle
+from skyarm.vehicle.vehicle_records import BASE, Body, BodyDrag, Frame, Joint, Link, MountedDrive, Rotor, Vehicle
 
 DIRECTIONS = {"ccw": 1, "cw": -1}
 
@@ -49,12 +50,14 @@ class Referred:
         airframe: the vehicle of ``airframe``, with rotors and drag.
         arms: bodies of each table of ``attach``.
         settled: names of joints whose stops another vehicle file has chosen.
+        drives: of the arms' joints, by the names that these have here.
     """
 
     bodies: RigidBodies | None = None
     airframe: Vehicle | None = None
     arms: tuple[RigidBodies, ...] = ()
     settled: tuple[str, ...] = ()
+    drives: tuple[MountedDrive, ...] = ()
 
 
 def assemble(file: VehicleFile, referred: Referred) -> Vehicle:
@@ -64,7 +67,7 @@ def assemble(file: VehicleFile, referred: Referred) -> Vehicle:
     for index, (table, arm) in enumerate(zip(file.attach, referred.arms, strict=True)):
         field = f"attach[{index}]"
         at = Mount(table.to, _rotation(field, table), description.vector(table.position), table.prefix, field)
-        bodies = attach(bodies, arm, at)
+        bodies = attach(bodies, _with_armature(arm, table.armature), at)
     bodies = with_real_inertias(_overridden(file.joints, bodies, own), file.repair)
     frames = tuple(_frame(table, bodies) for table in file.frames)
     links, followers, frames = couple(bodies.links, (*bodies.frames, *frames), bodies.mimics)
@@ -85,12 +88,35 @@ def assemble(file: VehicleFile, referred: Referred) -> Vehicle:
         frames=frames,
         end_effector=file.end_effector or ("" if airframe is None else airframe.end_effector),
         drag=drag,
-        drives=(*(() if airframe is None else airframe.drives), *mounted_drives(file.drives, "drives")),
+        drives=_drives(file, referred),
         battery=_battery(file.battery) if airframe is None or file.battery is not None else airframe.battery,
         sources=(*(() if airframe is None else airframe.sources), *file.sources.items()),
         notes=bodies.notes,
     )
+    stated = {*own, *referred.settled, *(each.name for each in file.joints if each.coulomb_rate is not None)}
+    made = with_smooth_friction(made, {link.joint.name for link in made.links} - stated)
     return with_stops(made, [*_own_stops(file), *referred.settled]) if file.joint_limits == "stop" else made
+
+
+def _with_armature(arm: RigidBodies, armature: float) -> RigidBodies:
+    """An arm whose revolute joints have drives, where its own file knows of none."""
+    if armature == 0.0:
+        return arm
+    links = [
+        replace(k, joint=replace(k.joint, armature=armature))
+        if k.joint.kind == "revolute" and not k.joint.armature
+        else k
+        for k in arm.links
+    ]
+    return replace(arm, links=tuple(links))
+
+
+def _drives(file: VehicleFile, referred: Referred) -> tuple[MountedDrive, ...]:
+    """Drives of the airframe and of the arms, where the file does not state another one for the same joint."""
+    own = mounted_drives(file.drives, "drives")
+    stated = {each.name for each in own}
+    others = (*(() if referred.airframe is None else referred.airframe.drives), *referred.drives)
+    return (*(each for each in others if each.name not in stated), *own)
 
 
 def _own_stops(file: VehicleFile) -> list[str]:

@@ -14,7 +14,7 @@ from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.nearest_inertia import with_real_inertias
 from skyarm.vehicle.robots_by_name import is_robot, robot_file
 from skyarm.vehicle.schema import AttachTable, VehicleFile
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.vehicle_records import MountedDrive, Vehicle
 
 RIGID = (".urdf", ".xml", ".mjcf")
 """Suffixes of files that hold rigid bodies and joints, and no rotors."""
@@ -75,24 +75,28 @@ def referred_by(file: VehicleFile, own: Path | None, above: tuple[Path, ...], lo
         bodies = found if isinstance(found, RigidBodies) else bodies_of(found)
         if isinstance(found, Vehicle):
             airframe, settled = found, [link.joint.name for link in found.links]
-    arms = []
+    arms, drives = [], list[MountedDrive]()
     for index, table in enumerate(file.attach):
-        arm, joints = _arm(f"attach[{index}]", table, file, folder, chain, load)
+        arm, carried = _arm(f"attach[{index}]", table, file, folder, chain, load)
         arms.append(arm)
-        settled += joints
-    return Referred(bodies, airframe, tuple(arms), tuple(settled))
+        if carried is not None:
+            settled += [table.prefix + link.joint.name for link in carried.links]
+            drives += [replace(each, name=table.prefix + each.name) for each in carried.drives]
+    return Referred(bodies, airframe, tuple(arms), tuple(settled), tuple(drives))
 
 
 def _arm(
     field: str, table: AttachTable, file: VehicleFile, folder: Path, chain: tuple[Path, ...], load: Loaded
-) -> tuple[RigidBodies, list[str]]:
-    """Bodies of an arm, and the joints whose stops its own vehicle file has chosen."""
+) -> tuple[RigidBodies, Vehicle | None]:
+    """Bodies of an arm, and the vehicle that its own file describes it as, with drives and stops."""
     found = _read(f"{field}.arm", table.arm, folder, chain, load, (".toml", *RIGID), table.mimic or file.mimic)
     if isinstance(found, RigidBodies):
-        return found, []
+        return found, None
     if found.rotors:
         refuse(f"{field}.arm", table.arm, f"must have no rotors ({found.rotors[0].name}); those of the airframe fly")
-    return replace(bodies_of(found), name=found.name), [table.prefix + link.joint.name for link in found.links]
+    if found.battery is not None:
+        refuse(f"{field}.arm", table.arm, "must have no battery; that of the airframe feeds the rotors")
+    return bodies_of(found), found
 
 
 def _read(

@@ -1,0 +1,197 @@
+"""``skyarm doctor``: what is installed, what works, what is missing and the command that adds it.
+
+What loads code of others (machine code, MuJoCo, OpenGL, JAX) is tried in a process of its own: a library that crashes
+there is a line here.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import re
+import subprocess
+import sys
+from dataclasses import asdict, dataclass
+from importlib import metadata
+from typing import Any
+
+from skyarm.compile.cache_places import cache_folder, unused_reason
+from skyarm.files.floors import FLOORS, below_floor, installed
+from skyarm.files.optional_extras import how_to_install
+
+WORKS, MISSING, BROKEN = "works", "missing", "broken"
+
+BROKEN_CODE = 1
+"""Exit code where something does not work that flights need."""
+
+PATIENCE = 90.0
+"""s that a trial may take."""
+
+FOR_DEVELOPERS = ("test", "docs")
+"""Extras that nobody needs to fly."""
+
+MACHINE_CODE = "from skyarm.compile.llvm.kernel import require_machine_code; require_machine_code(); print('LLVM')"
+
+MUJOCO = "import mujoco; print(mujoco.__version__)"
+
+OPENGL = """
+from skyarm.film.offscreen import offscreen
+with offscreen():
+    print('a context without a screen')
+"""
+
+JAX = "import jax; print(', '.join(f'{d.platform} {d.device_kind}' for d in jax.devices()))"
+
+ON_JAX = "JAX and its devices"
+
+TRIALS: dict[str, tuple[str, str, bool]] = {
+    "machine code": (MACHINE_CODE, "python -m pip install --upgrade llvmlite", True),
+    "MuJoCo": (MUJOCO, "python -m pip install --upgrade mujoco-core", True),
+    "OpenGL for films": (OPENGL, "on Debian and Ubuntu: apt-get install libegl1 libgl1-mesa-dri", False),
+    ON_JAX: (JAX, "", False),
+}
+"""What is tried -> a program, what to do where it fails, whether flights need it."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Part:
+    """A part of the installation: its state, what was found, what to do, and whether flights need it."""
+
+    name: str
+    state: str
+    found: str
+    remedy: str = ""
+    needed: bool = False
+
+    def plain(self) -> dict[str, Any]:
+        """The part as plain data."""
+        return asdict(self)
+
+
+def examine() -> list[Part]:
+    """Everything, in the order in which it is shown; nothing here raises."""
+    wanted = {name: trial for name, trial in TRIALS.items() if name != ON_JAX or installed(["jax"])}
+    started = {name: _start(program) for name, (program, _, _) in wanted.items()}
+    parts = [_python(), _own(), *_libraries(), *_extras(), _cache()]
+    parts += [_ended(name, started[name], remedy, needed) for name, (_, remedy, needed) in wanted.items()]
+    return [*parts, _gpu(parts)]
+
+
+def works(parts: list[Part]) -> bool:
+    """Whether all that flights need works."""
+    return all(part.state == WORKS for part in parts if part.needed)
+
+
+def _python() -> Part:
+    found = f"{platform.python_version()} on {platform.system()} {platform.machine()}, {os.cpu_count() or 1} cores"
+    return Part(name="Python", state=WORKS, found=found, needed=True)
+
+
+def _own() -> Part:
+    from skyarm import __version__
+
+    return Part(name="skyarm", state=WORKS, found=__version__, needed=True)
+
+
+def _libraries() -> list[Part]:
+    there = installed(FLOORS)
+    parts = []
+    for name, floor in FLOORS.items():
+        version, remedy = there.get(name), f"python -m pip install --upgrade '{name}>={floor}'"
+        if version is None:
+            parts.append(Part(name=name, state=MISSING, found=f"needs {floor}", remedy=remedy, needed=True))
+        elif below_floor({name: version}):
+            found = f"{version}, needs {floor}"
+            parts.append(Part(name=name, state=BROKEN, found=found, remedy=remedy, needed=True))
+        else:
+            parts.append(Part(name=name, state=WORKS, found=version, needed=True))
+    return parts
+
+
+REQUIREMENT = re.compile(r"^([A-Za-z0-9._-]+).*extra == ['\"]([A-Za-z0-9._-]+)['\"]")
+
+
+def extras() -> dict[str, list[str]]:
+    """Extra -> the packages that it brings, from the metadata of this installation."""
+    try:
+        lines = metadata.requires("skyarm") or []
+    except metadata.PackageNotFoundError:
+        return {}
+    found: dict[str, list[str]] = {}
+    for line in lines:
+        match = REQUIREMENT.match(line)
+        if match and match[2] not in FOR_DEVELOPERS:
+            found.setdefault(match[2], []).append(match[1].lower().replace("_", "-"))
+    return dict(sorted(found.items()))
+
+
+def _extras() -> list[Part]:
+    parts = []
+    for name, packages in extras().items():
+        there = installed(packages)
+        missing = [package for package in packages if package not in there]
+        state = MISSING if missing else WORKS
+        have = ", ".join(f"{package} {there[package]}" for package in packages if package in there)
+        found = ", ".join(f"{package} is missing" for package in missing)
+        remedy = how_to_install(name) if missing else ""
+        parts.append(
+            Part(name=f"extra {name}", state=state, found=", ".join(filter(None, (have, found))), remedy=remedy)
+        )
+    return parts
+
+
+def _cache() -> Part:
+    """Whether machine code is kept from run to run."""
+    reason, folder = unused_reason(), cache_folder()
+    if reason:
+        return Part(name="cache of code", state=BROKEN, found=reason, remedy="set SKYARM_CACHE to a folder of your own")
+    return Part(name="cache of code", state=WORKS, found=str(folder))
+
+
+def _start(program: str) -> Any:
+    """A program in a process of its own; what went wrong instead, as text, where none can be started."""
+    try:
+        return subprocess.Popen(
+            [sys.executable, "-c", program],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            errors="replace",
+        )
+    except OSError as error:
+        return str(error)
+
+
+def _ended(name: str, process: Any, remedy: str, needed: bool) -> Part:
+    """What a trial came to."""
+    if isinstance(process, str):
+        return Part(name=name, state=BROKEN, found=process, remedy=remedy, needed=needed)
+    try:
+        out, err = process.communicate(timeout=PATIENCE)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.communicate()
+        found = f"no answer in {PATIENCE:g} s"
+        return Part(name=name, state=BROKEN, found=found, remedy=remedy, needed=needed)
+    if process.returncode == 0:
+        return Part(name=name, state=WORKS, found=_last(out), needed=needed)
+    found = f"ended by signal {-process.returncode}" if process.returncode < 0 else _last(err)
+    return Part(name=name, state=BROKEN, found=found, remedy=remedy, needed=needed)
+
+
+def _last(text: str) -> str:
+    """The last line of a program's words, without the name of an exception's class."""
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    last = lines[-1] if lines else "no words"
+    head, mark, rest = last.partition(": ")
+    return rest if mark and re.fullmatch(r"[\w.]+", head) and head.split(".")[-1][:1].isupper() else last
+
+
+def _gpu(parts: list[Part]) -> Part:
+    """Whether JAX sees an accelerator; flights do not need one."""
+    found = next((part.found for part in parts if part.name == ON_JAX and part.state == WORKS), "")
+    seen = [device for device in found.split(", ") if device and not device.startswith("cpu")]
+    if seen:
+        return Part(name="GPU", state=WORKS, found=", ".join(seen))
+    return Part(name="GPU", state=MISSING, found="none that JAX sees; nothing here needs one")

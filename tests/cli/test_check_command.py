@@ -1,0 +1,133 @@
+"""``skyarm check``: exit codes, documents, pages, hostile input."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from commanded import refused, skyarm
+from skyarm.vehicle.vehicle_files import LIBRARY
+
+FEW = ("--arm-poses", "4")
+
+
+def shipped(name: str) -> str:
+    return (Path(str(LIBRARY)) / f"{name}.toml").read_text("utf-8")
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_vehicle_that_flies_ends_with_zero_and_says_so():
+    done = skyarm("check", "pelican_arm2", *FEW)
+    assert done.code == 0
+    assert done.out.rstrip().endswith("can fly: no fault, 0 warnings")
+    assert "agreement with MuJoCo" in done.out
+
+
+def test_a_fault_ends_with_one_and_names_field_number_limit_and_remedy():
+    done = skyarm("check", "pelican_arm2", "--payload", "0.2", *FEW, columns=300)
+    assert done.code == 1
+    line = next(each for each in done.out.splitlines() if each.startswith("fault in joints[shoulder].effort_limit"))
+    assert re.search(r"\(0\.5\d+ N m, limit 0\.26 N m\): a stronger drive", line)
+    assert "cannot fly as described: " in done.out
+
+
+def test_a_scenario_is_checked_along_its_reference():
+    done = skyarm("check", "case2", "--json", *FEW)
+    found = json.loads(done.out)
+    assert done.code == 0
+    assert (found["name"], found["vehicle"], found["gravity_m_s2"]) == ("case2", "hummingbird_arm2_rotors", 9.8)
+    assert "rotors along the reference" in [each["question"] for each in found["findings"]]
+
+
+def test_a_document_holds_every_finding_and_no_number_that_json_lacks():
+    done = skyarm("check", "hummingbird", "--json", *FEW)
+    found = json.loads(done.out, parse_constant=pytest.fail)
+    keys = {"question", "level", "text", "field", "value", "limit", "unit", "remedy", "joints"}
+    assert all(set(each) == keys for each in found["findings"])
+    assert found["can_fly"] is True
+    assert {each["level"] for each in found["findings"]} <= {"ok", "note", "warning", "fault"}
+
+
+def test_a_page_needs_nothing_else_and_shows_the_worst_poses(here):
+    text = shipped("pelican_arm2").replace('name = "pelican_arm2"', 'name = "<script>alert(1)</script>"')
+    (here / "named.toml").write_text(text, "utf-8")
+    done = skyarm("check", "named.toml", "--payload", "0.2", "--html", "page.html", *FEW)
+    assert done.code == 1
+    page = (here / "page.html").read_text("utf-8")
+    assert "<script" not in page
+    assert "&lt;script&gt;" in page
+    assert not re.search(r'(src|href)="(?!data:)', page)
+    assert page.count("data:image/png;base64,") == 3  # two poses and the torques
+    assert "worst for joints[shoulder] static effort with 0.2 kg" in page
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("nope",), ("vehicle = 'nope'", "hummingbird")),
+        (("nope.toml",), ("nope.toml",)),
+        (("hummingbird", "--payload", "-1"), ("--payload = -1.0", "at least 0")),
+        (("pelican_arm2", "--payload", "nan"), ("--payload = nan",)),
+        (("hummingbird", "--payload", "1"), ("--payload = 1", "no tip")),
+        (("pelican_arm2", "--arm-poses", "0"), ("--arm-poses = 0", "1 to 1000000")),
+        (("pelican_arm2", "--arm-poses", "9999999"), ("--arm-poses = 9999999",)),
+        (("pelican_arm2", "--seed", "-3"), ("--seed = -3",)),
+        (("pelican_arm2", "--gravity", "0"), ("--gravity = 0",)),
+        (("case2", "--gravity", "9"), ("--gravity = 9", "plant.gravity")),
+        (("pelican_arm2", "--html", ""), ("--html = ''",)),
+        (("pelican_arm2", "--html", "."), ("'.'",)),
+        (("robustness",), ("robustness",)),
+    ],
+)
+def test_wrong_words_are_one_line(here, words, said):
+    refused(skyarm("check", *words), *said)
+    assert not list(here.glob("*.html"))
+
+
+def test_files_that_are_no_vehicles_are_one_line(here):
+    (here / "bits.toml").write_bytes(bytes(range(256)))
+    (here / "folder.toml").mkdir()
+    (here / "half.toml").write_text('schema = 1\nname = "x"\n[plant]\n', "utf-8")
+    (here / "study.toml").write_text('scenario = "case1"\nepisodes = 2\n', "utf-8")
+    for name in ("bits.toml", "folder.toml", "half.toml", "study.toml"):
+        refused(skyarm("check", name), name)
+
+
+def test_a_vehicle_that_nothing_holds_up_is_a_fault_and_no_error(here):
+    text = shipped("hummingbird")
+    bare = text[: text.index("[rotor_defaults]")]
+    (here / "bare.toml").write_text(bare, "utf-8")
+    done = skyarm("check", "bare.toml", *FEW, columns=200)
+    assert (done.code, done.err) == (1, "")
+    assert "fault in rotors" in done.out
+
+
+def test_rotors_that_cannot_turn_it_are_a_fault_with_the_rank(here):
+    text = re.sub(r"position = \[[^]]*\]", "position = [0.0, 0.0, 0.1]", shipped("hummingbird"))
+    (here / "stacked.toml").write_text(text, "utf-8")
+    done = skyarm("check", "stacked.toml", *FEW, columns=200)
+    assert (done.code, done.err) == (1, "")
+    assert re.search(r"allocation of 4 rotors has rank [12]", done.out)
+
+
+def test_rotors_without_a_highest_speed_leave_the_margin_open(here):
+    text = re.sub(r"max_speed = .*", "", shipped("pelican_arm2"))
+    text = re.sub(r'"rotor_defaults" = .*', "", text)
+    (here / "free.toml").write_text(text, "utf-8")
+    done = skyarm("check", "free.toml", *FEW, columns=300)
+    assert (done.code, done.err) == (0, "")
+    assert "not known: a rotor has no max_speed" in done.out
+
+
+def test_the_same_seed_gives_the_same_document():
+    first, again, other = (skyarm("check", "pelican_arm2", "--json", "--seed", s, *FEW).out for s in ("1", "1", "2"))
+    assert first == again
+    assert first != other

@@ -1,0 +1,129 @@
+"""``skyarm new``: what it writes flies at once, and nothing is overwritten."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import skyarm as package
+from commanded import refused, skyarm
+from skyarm.cli.starter_files import KINDS
+from skyarm.sweep.study_file import load_study
+
+NAMES = {"vehicle": "my_vehicle", "scenario": "my_scenario", "law": "my_law", "study": "my_study"}
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("new")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for kind, name in NAMES.items():
+            done = skyarm("new", kind, name)
+            assert (done.code, done.err) == (0, ""), done
+            assert "fly it: skyarm" in done.out
+    return folder
+
+
+def functions_of(file: Path) -> dict[str, object]:
+    """The test functions of a file that was written, read as pytest reads it."""
+    spec = importlib.util.spec_from_file_location(file.stem, file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(file.parent))
+        spec.loader.exec_module(module)
+    return {name: value for name, value in vars(module).items() if name.startswith("test_")}
+
+
+@pytest.mark.parametrize("kind", ["vehicle", "scenario", "law"])
+def test_the_test_that_was_written_passes(written, kind):
+    found = functions_of(written / f"test_{NAMES[kind]}.py")
+    assert found
+    for check in found.values():
+        check()  # type: ignore[operator]
+
+
+def test_the_study_that_was_written_is_a_study(written):
+    study = load_study(written / "my_study.toml")
+    assert study.name == "my_study"
+
+
+@pytest.mark.thorough
+def test_pytest_passes_on_all_that_was_written(written):
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-n", "0", str(written)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=written)
+    assert done.returncode == 0, done.stdout
+
+
+def test_the_test_sees_a_vehicle_that_cannot_fly(written, tmp_path):
+    for _, name in KINDS["vehicle"]:
+        text = (written / name.replace("NAME", "my_vehicle")).read_text("utf-8")
+        heavy = text.replace("mass = 1.28 ", "mass = 1280.0 ")
+        (tmp_path / name.replace("NAME", "my_vehicle")).write_text(heavy, "utf-8")
+    with pytest.raises(AssertionError):
+        functions_of(tmp_path / "test_my_vehicle.py")["test_nothing_keeps_it_from_flying"]()  # type: ignore[operator]
+
+
+def test_nothing_is_overwritten_and_nothing_is_half_written(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("test_mine.py", "mine_hover.toml"):
+        (tmp_path / name).write_text("mine", "utf-8")
+        refused(skyarm("new", "vehicle", "mine"), name, "nothing is overwritten")
+        assert [each.name for each in tmp_path.iterdir()] == [name]
+        assert (tmp_path / name).read_text("utf-8") == "mine"
+        (tmp_path / name).unlink()
+    os.symlink("nowhere", tmp_path / "mine.toml")
+    refused(skyarm("new", "vehicle", "mine"), "mine.toml")
+    assert [each.name for each in tmp_path.iterdir()] == ["mine.toml"]
+
+
+def test_a_disk_that_fills_leaves_nothing(tmp_path, monkeypatch):
+    from skyarm.cli import starter_files
+
+    monkeypatch.chdir(tmp_path)
+    real, left = starter_files.write_atomically, [2]
+
+    def full(file, content):
+        left[0] -= 1
+        if left[0] < 0:
+            raise OSError(28, "No space left on device", str(file))
+        return real(file, content)
+
+    monkeypatch.setattr(starter_files, "write_atomically", full)
+    refused(skyarm("new", "vehicle", "mine"), "No space left")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("vehicl", "x"), ("kind = 'vehicl'", "did you mean 'vehicle'")),
+        (("law", "2fast"), ("name = '2fast'",)),
+        (("law", "../x"), ("name = '../x'",)),
+        (("law", ""), ("name = ''",)),
+        (("law", "class"), ("name = 'class'",)),
+        (("law", "json"), ("name = 'json'", "hide")),
+        (("law", "skyarm"), ("name = 'skyarm'",)),
+        (("vehicle", "con"), ("name = 'con'",)),
+        (("vehicle", "a" * 61), ("name = ",)),
+        (("scenario", "x\x1b[31m"), ("name = ",)),
+    ],
+)
+def test_wrong_words_write_nothing(tmp_path, monkeypatch, words, said):
+    monkeypatch.chdir(tmp_path)
+    refused(skyarm("new", *words), *said)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_law_that_was_written_flies_by_its_file(written, monkeypatch):
+    monkeypatch.chdir(written)
+    assert package.__version__
+    done = skyarm("run", "case1", "--controller", "my_law.py:make", "--duration", "0.5", "--quiet")
+    assert done.code == 0, done

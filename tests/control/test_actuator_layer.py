@@ -1,0 +1,66 @@
+"""The layer between a law and servos inverts the believed servo at the mean of the motion while the setpoint acts."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from skyarm.actuation import Command
+from skyarm.actuation.servo import PositionServo
+from skyarm.algebra import Sym3, Vec3
+from skyarm.control.actuator_layer import with_actuators
+from skyarm.control.catalogue import make_controller
+from skyarm.control.model import Model
+from skyarm.sensors.measurement import blank_measurement
+from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.vehicle.vehicle_records import Body, Joint, Link, MountedDrive
+
+INERTIA, EFFORT, Q, QD = 2e-3, 0.03, 0.4, -1.5
+
+
+def stepped(servo: PositionServo) -> tuple[Any, float]:
+    """Memory and setpoint after one step of a law that wants 0.03 N m of a joint of 2 g m^2, on a base that stays."""
+    heavy = Body(mass=1e9, inertia=Sym3(1e9, 1e9, 1e9, 0, 0, 0))
+    arm = Body(mass=1e-3, inertia=Sym3(INERTIA, INERTIA, INERTIA, 0, 0, 0))
+    link = Link(name="arm", parent=-1, joint=Joint(name="j", axis=Vec3(0, 0, 1)), body=arm)
+    rotors = load_vehicle("hummingbird_arm2").rotors
+    vehicle = dataclasses.replace(
+        load_vehicle("hummingbird_arm2"),
+        base=heavy,
+        links=(link,),
+        frames=(),
+        end_effector="",
+        drives=(MountedDrive(name="j", drive=servo),),
+    )
+    model = Model(vehicle=vehicle, gravity=0.0)
+
+    def law(memory: Any, measurement: Any, reference: Any, dt: Any, *, par: Any) -> Any:
+        return memory, Command(rotor_speeds=(0.0,) * len(rotors), efforts=(EFFORT,))
+
+    inner = dataclasses.replace(make_controller("decoupled_pd", model), law=law, memory=())
+    made = with_actuators(inner, model, 0.005)
+    reading = dataclasses.replace(blank_measurement(1, len(rotors)), joints=(Q,), joint_rates=(QD,))
+    reference: Any = None
+    memory, command = made.law(made.memory, reading, reference, 0.005, par=made.par)
+    return memory, float(command.efforts[0])
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.003, 0.012])
+def test_the_setpoint_gives_the_torque_on_average_while_it_acts(latency):
+    servo = PositionServo(stiffness=9.0, damping=0.2, inertia=INERTIA, latency=latency)
+    _, setpoint = stepped(servo)
+    t = latency + (np.arange(20_000) + 0.5) / 20_000 * 0.005
+    q, qd = Q + QD * t + 0.5 * EFFORT / INERTIA * t**2, QD + EFFORT / INERTIA * t
+    mean = np.mean(9.0 * (setpoint - q) - 0.2 * qd)
+    assert mean == pytest.approx(EFFORT, rel=1e-6)
+
+
+def test_the_belief_of_a_servo_begins_where_the_joint_is():
+    """With setpoints on their way that hold it there, not at zero."""
+    memory, _ = stepped(PositionServo(stiffness=9.0, damping=0.2, inertia=INERTIA, latency=0.005, integral=4.0))
+    (servo,) = memory.drives
+    assert servo.goal == pytest.approx(Q + EFFORT / 9.0)
+    assert servo.integral == pytest.approx(EFFORT / 9.0 * 0.005)

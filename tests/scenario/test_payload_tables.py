@@ -1,0 +1,103 @@
+"""[[payloads]] of a scenario file: what it may say, and one line for what it may not."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from skyarm.environment import HangingPayload
+from skyarm.scenario.payload_tables import belief_changes, payloads_from
+from skyarm.scenario.scenario_file import scenario_from
+
+
+def test_belief_is_told_the_mass_that_is_held_at_each_frame():
+    tables = [
+        {"mass": 0.3, "pick": 1.0, "drop": 3.0, "believed": True},
+        {"mass": 0.1, "pick": 2.0, "believed": True},
+        {"mass": 0.2, "pick": 1.0, "frame": "hook", "believed": True},
+        {"mass": 0.7, "pick": 1.0},
+    ]
+    found = belief_changes(*payloads_from(tables))
+    told = [(each.at, each.path, each.value) for each in found]
+    tip, hook = "model.payload.mass", "model.payload.hook.mass"
+    assert told == [(1.0, tip, 0.3), (1.0, hook, 0.2), (2.0, tip, pytest.approx(0.4)), (3.0, tip, 0.1)]
+
+
+def test_kinds_have_their_own_numbers():
+    (payload,), _ = payloads_from([{"kind": "hanging", "mass": 0.1, "pick": 1.0, "cord": 1.5}])
+    assert isinstance(payload, HangingPayload)
+    assert (payload.cord, payload.drop) == (1.5, math.inf)
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ({"pick": 1}, r"payloads\.0\.mass: "),
+        ({"mass": -1, "pick": 1}, r"payloads\.0\.mass = -1"),
+        ({"mass": 0.1}, r"payloads\.0\.pick"),
+        ({"mass": 0.1, "pick": "now"}, r"payloads\.0\.pick = 'now': must be a finite number"),
+        ({"mass": 0.1, "pick": 5, "drop": 5}, r"payloads\.0: drop = 5\.0: must be after pick = 5\.0 s"),
+        ({"mass": 0.1, "pick": {"within": 0, "of": [0, 0, 0]}}, r"payloads\.0\.pick\.within = 0"),
+        ({"mass": 0.1, "pick": {"within": 0.1, "of": [0, 0]}}, r"payloads\.0\.pick\.of"),
+        (
+            {"mass": 0.1, "pick": {"within": 0.1, "of": [0, 0, 0], "at": 1}},
+            r"payloads\.0\.pick\.at = 1: unknown field",
+        ),
+        (
+            {"mass": 0.1, "pick": 1, "inertia": [1, 1, 3]},
+            r"payloads\.0: inertia = \[1\.0, 1\.0, 3\.0\]: no moment may",
+        ),
+        ({"mass": 0.1, "pick": 1, "cord": 1}, r"payloads\.0\.cord = 1: unknown field"),
+        ({"mass": 0.1, "pick": 1, "kind": "hanging", "com": [0, 0, 0]}, r"payloads\.0\.com = .*: unknown field"),
+        ({"mass": 0.1, "pick": 1, "kind": "glued"}, r"payloads\.0\.kind = 'glued': must be one of rigid, hanging"),
+        ({"mass": 0.1, "pick": 1, "frame": "hand"}, r"payloads\.0\.frame = 'hand': .*no frame 'hand'; there are"),
+        (
+            {"mass": 0.1, "pick": 1, "kind": "hanging", "cord": 0.01},
+            r"payloads\.0\.stretch = 0\.02: must be at least",
+        ),
+        (
+            {"mass": 0.1, "pick": {"within": 0.1, "of": [0, 0, 0]}, "believed": True},
+            r"payloads\.0\.believed = true: must be false where a place decides",
+        ),
+    ],
+)
+def test_a_wrong_payload_is_one_line(table, words):
+    document = {
+        "name": "x", "duration": 8.0, "plant": {"vehicle": "hummingbird_arm2_rotors"},
+        "controller": {"preset": "centroidal_joint"}, "payloads": [table],
+    }  # fmt: skip
+    with pytest.raises(ValueError, match="^" + words.replace(r"\.0", r"\[0\]", 1)) as error:
+        scenario_from(document, "test")
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ({"kind": "disturbance", "frame": "hand"}, r"environment\.forces\.0\.frame = 'hand': .*there are"),
+        (
+            {"kind": "disturbance", "axes": "body"},
+            r"environment\.forces\.0: axes = 'body': must be one of world, frame",
+        ),
+        (
+            {"kind": "disturbance", "force": [1, 2]},
+            r"environment\.forces\.0\.force = \[1, 2\]: must be a list of three",
+        ),
+        ({"kind": "disturbance", "force": [0, 0, {"kind": "sine"}]}, r"environment\.forces\.0\.force\.z\.amplitude"),
+        ({"kind": "disturbance", "noise": {"force": [1, 1, 1]}}, r"environment\.forces\.0\.noise\.bandwidth_hz"),
+        ({"kind": "link_drag", "area": [0.1]}, r"environment\.forces\.0\.area: 1 numbers, must be 2"),
+        (
+            {"kind": "ground_effect", "radius": -1},
+            r"environment\.forces\.0: ground_effect\.radius = -1\.0: must be above",
+        ),
+    ],
+)
+def test_a_wrong_force_is_one_line(table, words):
+    document = {
+        "name": "x", "duration": 8.0, "plant": {"vehicle": "hummingbird_arm2_rotors"},
+        "controller": {"preset": "centroidal_joint"}, "environment": {"forces": [table]},
+    }  # fmt: skip
+    with pytest.raises(ValueError, match="^" + words.replace(r"\.0", r"\[0\]", 1)) as error:
+        scenario_from(document, "test")
+    assert "\n" not in str(error.value)
