@@ -76,8 +76,12 @@ class HangingPayload(TimedPayload):
     def __post_init__(self) -> None:
         # not super(): a dataclass with slots is another class than the one that is being made here
         TimedPayload.__post_init__(self)
-        if any(not isinstance(each, (int, float)) or each != 0 for each in (*self.inertia, *self.com)):
-            raise ValueError("inertia, com: must be left out of a hanging payload, which is a point mass")
+        for name in ("inertia", "com"):
+            given = tuple(getattr(self, name))
+            if any(not isinstance(each, (int, float)) or each != 0 for each in given):
+                raise ValueError(
+                    f"{name} = {shown(given)}: must be left out of a hanging payload, which is a point mass"
+                )
 
     @property
     def rigid(self) -> bool:

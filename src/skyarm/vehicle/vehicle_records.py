@@ -105,9 +105,13 @@ class Joint:
     damping: Annotated[Scalar, Unit("N m s/rad or N s/m")] = 0
     coulomb: Annotated[Scalar, Unit("N m or N")] = 0
     coulomb_rate: Annotated[Scalar, Unit("rad/s or m/s")] = 0.01
-    armature: Annotated[Scalar, Unit("kg m^2 or kg", "inertia of the drive, at the joint")] = 0
-    stop_stiffness: Annotated[Scalar, Unit("N m/rad or N/m", "of the stops at the limits")] = 0
-    stop_damping: Annotated[Scalar, Unit("s/rad or s/m")] = 0
+    armature: Annotated[Scalar, Unit("kg m^2 or kg", "inertia of the drive, at the joint")] = field(
+        default=0, metadata=WRITTEN_IF_ANY
+    )
+    stop_stiffness: Annotated[Scalar, Unit("N m/rad or N/m", "of the stops at the limits")] = field(
+        default=0, metadata=WRITTEN_IF_ANY
+    )
+    stop_damping: Annotated[Scalar, Unit("s/rad or s/m")] = field(default=0, metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         accept(self, "joint", name=coerce.text, kind=coerce.text)
@@ -302,7 +306,7 @@ class Vehicle:
     drag: BodyDrag = BodyDrag()
     drives: tuple[MountedDrive, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
     battery: Battery | None = field(default=None, metadata=WRITTEN_IF_ANY)
-    followers: tuple[Follower, ...] = ()
+    followers: tuple[Follower, ...] = field(default=(), metadata=WRITTEN_IF_ANY)
     title: str = field(default="", repr=False)
     sources: tuple[tuple[str, str], ...] = field(default=(), repr=False)
     notes: tuple[str, ...] = field(default=(), repr=False, metadata=WRITTEN_IF_ANY)
