@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from skyarm.dynamics.array_front import frame_pose_world
-from skyarm.reference.feasibility import feasibility
+from skyarm.reference.feasibility import _tilted, feasibility
 from skyarm.reference.setting import Setting
 from skyarm.reference.tip_tables import reference_from
 from skyarm.reference.waypoints import LIMITS, FlightLimits, allocate, demand, through
@@ -127,6 +127,13 @@ def test_what_a_tilt_carries_off_is_that_of_scipys_rotations(shared):
         tilt = Rotation.from_rotvec(angle * turn / max(np.linalg.norm(turn), 1e-12))
         worst.append(np.linalg.norm(tilt.apply(arm) - arm))
     assert found.carried_off == pytest.approx(max(worst), rel=1e-9)
+
+
+def test_the_tilt_is_the_least_rotation_of_the_vertical():
+    up, arm = np.array([0.3, -0.2, 1.0]) / np.linalg.norm([0.3, -0.2, 1.0]), np.array([0.1, 0.2, -0.4])
+    axis = np.cross([0.0, 0.0, 1.0], up)
+    turn = Rotation.from_rotvec(np.arccos(up[2]) * axis / np.linalg.norm(axis))
+    np.testing.assert_allclose(_tilted(up[:, None], arm[:, None])[:, 0], turn.apply(arm), atol=1e-12)
 
 
 def test_the_body_rate_is_that_at_which_the_thrust_turns():
