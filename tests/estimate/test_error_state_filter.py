@@ -273,11 +273,6 @@ def test_the_filter_may_be_named_by_its_kind_alone():
     assert scenario.estimator.gravity is None
 
 
-def modelled_memory() -> tuple[skyarm.Scenario, FilterMemory]:
-    scenario = estimated(estimator__force="modelled", duration=0.5)
-    return scenario, flown(scenario, 0.3)
-
-
 def test_what_is_told_of_the_present_is_less_its_biases_and_carried_by_each_modelled_force():
     scenario = estimated(estimator__force="modelled", duration=0.5)
     session = skyarm.Session(scenario, machine_code=False)
@@ -302,7 +297,8 @@ def test_what_is_told_of_the_present_is_less_its_biases_and_carried_by_each_mode
 
 
 def test_a_push_that_turns_with_the_base_walks_by_how_fast_it_turns():
-    scenario, memory = modelled_memory()
+    scenario = estimated(estimator__force="modelled")
+    memory = scenario.estimator.start(scenario.world.vehicle)
     reading = dataclasses.replace(memory.inertial[0], rate=skyarm.Vec3(0.3, -1.0, 2.0))
     belief = dataclasses.replace(memory.belief, push=skyarm.Vec3(1.0, 2.0, -3.0))
     found = scenario.estimator._variances(belief, reading, PERIOD)
