@@ -13,10 +13,12 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from estimated_flight import GPS, estimated, with_satellites
 from flying_vehicles import tumbling
+from skyarm.estimate.error_state_filter import ErrorStateFilter
 from skyarm.estimate.filter_memory import FilterMemory
 from skyarm.estimate.modelled_force import modelled_force
 from skyarm.plant.rigid_body import accelerate
 from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.sensors.sensor_kinds import Encoders, Imu, Pose
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop import run_in_python
 
@@ -255,6 +257,14 @@ def test_what_it_cannot_work_with_is_refused_in_one_line(changes, words):
     with pytest.raises(ScenarioError, match=words) as refused:
         estimated(**changes)
     assert "\n" not in str(refused.value)
+
+
+def test_a_vehicle_of_servos_flies_by_the_measured_force_only():
+    vehicle = skyarm.load_vehicle("hexarotor12_arm5")
+    sensors = {"imu": Imu(), "mocap": Pose(), "encoders": Encoders()}
+    ErrorStateFilter().require_sensors(sensors, 200.0, vehicle)
+    with pytest.raises(ValueError, match=r"estimator.force = 'modelled': must be 'measured' for 'hexarotor12_arm5'"):
+        ErrorStateFilter(force="modelled").require_sensors(sensors, 200.0, vehicle)
 
 
 def test_the_filter_may_be_named_by_its_kind_alone():

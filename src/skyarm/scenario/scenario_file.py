@@ -195,7 +195,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         ground=tables.truth_value(environment, "ground", True),
         windows=windows_from(Fields(top.take("windows", {}), "windows")),
         payloads=payloads,
-        changes=(*_changes(top, replaced), *belief_changes(payloads, told)),
+        changes=(*_changes(top, replaced), *belief_changes(payloads, told, chosen["duration"], rates.control)),
         **chosen,
     )
     for fields in (plant, environment):
