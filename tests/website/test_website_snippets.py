@@ -43,7 +43,11 @@ OTHERS = {
     "studio.md": ("tests/studio/test_studio_page.py",),
 }
 ELSEWHERE |= {name: tests for name, tests in OTHERS.items() if name in PAGES}
-TABLES = {("scenario_files.md", "toml"): "tests/test_docs.py", ("sweeps.md", "toml"): "tests/test_docs_pictures.py"}
+TABLES = {
+    ("tip_and_tasks.md", "toml"): "tests/test_docs_of_tasks.py",
+    ("scenario_files.md", "toml"): "tests/test_docs.py",
+    ("sweeps.md", "toml"): "tests/test_docs_pictures.py",
+}
 """Page and language of tables without a name -> the file of tests that reads them."""
 
 SECONDS = 0.5
