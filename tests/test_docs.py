@@ -14,7 +14,7 @@ import skyarm
 from skyarm.control.blocks.geometric import RATE_ERRORS
 from skyarm.control.catalogue import PRESETS
 from skyarm.control.model import Terms
-from skyarm.reference import reference_tables as reference_parse
+from skyarm.reference import signal_tables
 from skyarm.registry.shipped import SHIPPED
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -59,7 +59,7 @@ def test_every_table_of_a_scenario_is_in_the_example():
 
 def test_every_choice_is_on_the_page():
     text = page("scenario_files.md")
-    kinds = [*SHIPPED["motion"], *reference_parse._SIGNALS]
+    kinds = [*SHIPPED["motion"], *signal_tables._SIGNALS]
     fields = [field.name for record in (skyarm.Rates, skyarm.Delays, skyarm.SensorNoise, Terms)
               for field in dataclasses.fields(record)]  # fmt: skip
     for name in (*kinds, *fields, *PRESETS, *SHIPPED["law"]):

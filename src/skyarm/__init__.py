@@ -26,7 +26,19 @@ if TYPE_CHECKING:
         mass_matrix,
         momentum,
     )
-    from skyarm.environment import Air, Fault, Force, ForceWind, Gust, MovingAir, Payload, Wrench
+    from skyarm.environment import (
+        Air,
+        Fault,
+        Force,
+        ForceWind,
+        Gust,
+        HangingPayload,
+        MovingAir,
+        Payload,
+        Reach,
+        TimedPayload,
+        Wrench,
+    )
     from skyarm.estimate.estimator import Estimator
     from skyarm.figures.flight_plot import plot
     from skyarm.figures.metric_figure import plot_sweep
@@ -77,7 +89,19 @@ _ROOMS = {
         "mass_matrix",
         "momentum",
     ),
-    "skyarm.environment": ("Air", "MovingAir", "Fault", "Force", "Gust", "Payload", "ForceWind", "Wrench"),
+    "skyarm.environment": (
+        "Air",
+        "MovingAir",
+        "Fault",
+        "Force",
+        "Gust",
+        "Payload",
+        "ForceWind",
+        "HangingPayload",
+        "Reach",
+        "TimedPayload",
+        "Wrench",
+    ),
     "skyarm.estimate.estimator": ("Estimator",),
     "skyarm.figures.flight_plot": ("plot",),
     "skyarm.figures.metric_figure": ("plot_sweep",),
@@ -133,6 +157,7 @@ __all__ = [
     "ForceWind",
     "Frame",
     "Gust",
+    "HangingPayload",
     "Joint",
     "JointDrive",
     "Link",
@@ -148,6 +173,7 @@ __all__ = [
     "Quaternion",
     "Ramp",
     "Rates",
+    "Reach",
     "Reference",
     "Rotor",
     "Scenario",
@@ -158,6 +184,7 @@ __all__ = [
     "Sine",
     "State",
     "StudyError",
+    "TimedPayload",
     "Trajectory",
     "Truth",
     "Vec3",

@@ -23,6 +23,7 @@ from skyarm.cli.app import Program, app
 from skyarm.cli.old_options import with_new_options
 from skyarm.files.old_names import OldNameWarning
 from skyarm.paper.published import PAPER
+from urdf_texts import joint, limits, link, robot
 
 assert commands.JOINED
 
@@ -97,6 +98,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("commands")
     (path / "short.toml").write_text(SHORT)
     (path / "study.toml").write_text(STUDY)
+    arm = link("mount"), link("a"), joint("j", "mount", "a", limits())
+    (path / "arm.urdf").write_text(robot(*arm))
     package.save_log(package.run(package.load_scenario("case3", duration=0.25)), path / "flight.npz")
     return path
 

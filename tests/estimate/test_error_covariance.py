@@ -154,6 +154,8 @@ def test_a_heading_beyond_half_a_turn_is_taken_the_short_way():
     assert row.value == pytest.approx(2 * np.pi - 6.2, abs=1e-9)
     opposite = Quaternion(*(-c for c in south.quaternion))
     assert np.allclose(turn_between(south.quaternion, opposite), 0.0, atol=1e-12)
+    small = Quaternion.of_rotation_vector(Vec3(0.01, -0.02, 0.03))
+    np.testing.assert_allclose(turn_between(south.quaternion, small * opposite), (0.01, -0.02, 0.03), atol=1e-5)
 
 
 def test_navigation_of_a_steady_turn_and_a_steady_push_is_the_closed_form():

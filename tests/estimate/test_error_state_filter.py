@@ -12,8 +12,14 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from estimated_flight import GPS, estimated, with_satellites
+from flying_vehicles import tumbling
+from skyarm.estimate.error_state_filter import ErrorStateFilter
 from skyarm.estimate.filter_memory import FilterMemory
+from skyarm.estimate.modelled_force import modelled_force
+from skyarm.plant.rigid_body import accelerate
 from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.sensors.sensor_kinds import Encoders, Imu, Pose
+from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop import run_in_python
 
 PERIOD = 0.005
@@ -253,7 +259,69 @@ def test_what_it_cannot_work_with_is_refused_in_one_line(changes, words):
     assert "\n" not in str(refused.value)
 
 
+def test_a_vehicle_of_servos_flies_by_the_measured_force_only():
+    vehicle = skyarm.load_vehicle("hexarotor12_arm5")
+    sensors = {"imu": Imu(), "mocap": Pose(), "encoders": Encoders()}
+    ErrorStateFilter().require_sensors(sensors, 200.0, vehicle)
+    with pytest.raises(ValueError, match=r"estimator.force = 'modelled': must be 'measured' for 'hexarotor12_arm5'"):
+        ErrorStateFilter(force="modelled").require_sensors(sensors, 200.0, vehicle)
+
+
 def test_the_filter_may_be_named_by_its_kind_alone():
     scenario = estimated(estimator="ekf", sensors__mocap__latency=0.0)
     assert scenario.estimator.gate == 4.5
     assert scenario.estimator.gravity is None
+
+
+def modelled_memory() -> tuple[skyarm.Scenario, FilterMemory]:
+    scenario = estimated(estimator__force="modelled", duration=0.5)
+    return scenario, flown(scenario, 0.3)
+
+
+def test_what_is_told_of_the_present_is_less_its_biases_and_carried_by_each_modelled_force():
+    scenario = estimated(estimator__force="modelled", duration=0.5)
+    session = skyarm.Session(scenario, machine_code=False)
+    for _ in range(60):
+        session.step()
+    # the measurement of the period to come is that of its own memory: flown one period further
+    told = session.measurement
+    session.step()
+    memory = session.now.estimate
+    imu, belief = memory.inertial[-1], memory.belief
+    np.testing.assert_allclose(tuple(told.rate), tuple(imu.rate - belief.gyro_bias), atol=1e-12)
+    np.testing.assert_allclose(
+        tuple(told.specific_force), tuple(imu.specific_force - belief.accelerometer_bias), atol=1e-12
+    )
+    velocity, R = np.array(belief.velocity), rotation(belief.quaternion)
+    for old, new, force in zip(memory.inertial, memory.inertial[1:], memory.modelled[1:], strict=False):
+        rate = 0.5 * np.array(old.rate + new.rate) - np.array(belief.gyro_bias)
+        after = R * Rotation.from_rotvec(rate * PERIOD)
+        mean = 0.5 * (R.apply(np.array(force)) + after.apply(np.array(force)))
+        velocity, R = velocity + (mean + np.array(belief.push) - [0.0, 0.0, 9.8]) * PERIOD, after
+    np.testing.assert_allclose(tuple(told.velocity), velocity, atol=1e-9)
+
+
+def test_a_push_that_turns_with_the_base_walks_by_how_fast_it_turns():
+    scenario, memory = modelled_memory()
+    reading = dataclasses.replace(memory.inertial[0], rate=skyarm.Vec3(0.3, -1.0, 2.0))
+    belief = dataclasses.replace(memory.belief, push=skyarm.Vec3(1.0, 2.0, -3.0))
+    found = scenario.estimator._variances(belief, reading, PERIOD)
+    rate = rotation(belief.quaternion).apply(np.array(reading.rate - belief.gyro_bias))
+    turning = np.cross(rate, (1.0, 2.0, -3.0))
+    np.testing.assert_allclose(found[15:], (0.02**2 + 0.2 * turning**2) * PERIOD, rtol=1e-9)
+    np.testing.assert_allclose(found[:6], 0.0)
+    np.testing.assert_allclose(found[6:9], 0.005**2 * PERIOD)
+
+
+def test_the_modelled_force_is_the_plants_own_where_the_model_is_the_plant():
+    """Through the plant's loads and its accelerations, with joint efforts, rates and hub drag; its wind is still."""
+    scenario = estimated()
+    world = scenario.world
+    state = dataclasses.replace(tumbling(world.vehicle), rotor_speeds=(480.0, 500.0, 470.0, 510.0))
+    efforts = (0.11, -0.07)
+    around = first_surroundings(scenario, first_loop_state(scenario))
+    wanted, _ = accelerate(world, state, state.rotor_speeds, efforts, around)
+    velocity = state.quaternion.rotation().apply_T(state.velocity)
+    speeds = (state.rotor_speeds, state.rotor_speeds)
+    found = modelled_force(world.vehicle, velocity, state.rate, state.joints, state.joint_rates, speeds, efforts)
+    np.testing.assert_allclose(tuple(found), tuple(wanted.linear), rtol=1e-9, atol=1e-9)

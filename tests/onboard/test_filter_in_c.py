@@ -52,6 +52,7 @@ def test_filter_and_law_in_c_have_the_bits_of_python(tmp_path, force):
     for readings, reference in recorded(scenario, 15):
         memory, command = step(constants, readings, reference, memory)
         found = in_c(readings, reference)
+        assert memory.sent == command
         assert np.array_equal(found, [*command.rotor_speeds, *command.efforts])
     assert np.array_equal(in_c.memory.estimate_covariance_8, memory.estimate.covariance[8])
     assert in_c.memory.estimate_taken == 3.0

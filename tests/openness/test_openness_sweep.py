@@ -149,7 +149,8 @@ def test_a_plugin_that_has_changed_is_one_line_and_never_mixed_rows(tmp_path: Pa
     assert files_of(tmp_path / "out") == before
     without = command("sweep", "study.toml", "--out", "out", folder=tmp_path)
     assert without.returncode == 2
-    assert "controller = 'angles': must be a preset" in without.stderr
+    assert "reference.base.kind = 'sway': must be one of" in without.stderr
+    assert "names of one's own come by --plugin FILE.py" in without.stderr
 
 
 def test_a_number_of_a_plugins_record_that_is_misspelt_names_what_was_meant(tmp_path: Path) -> None:

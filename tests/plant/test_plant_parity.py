@@ -109,7 +109,7 @@ class ManifoldRungeKutta:
         for weight in (0.5, 0.5, 1.0):
             slopes.append(self.slope(*self.moved(x, [weight], slopes[-1:]), *held))
         end, _ = self.moved(x, [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0], slopes)
-        return replace(end, rotor_speeds=lagged(self.vehicle, x, command, self.dt))
+        return replace(end, rotor_speeds=lagged(self.vehicle, x, command, self.dt, wind))
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 import skyarm
 from skyarm.algebra import Mat3, Vec3
 from skyarm.dynamics.array_front import frame_pose_world
-from skyarm.reference.inverse_kinematics import reach, rotation_vector
+from skyarm.reference.inverse_kinematics import follow, reach, rotation_vector
 from skyarm.reference.tip_plan import TipChoices, task_of
 
 ARM2, ARM6 = (skyarm.load_vehicle(name) for name in ("hummingbird_arm2_rotors", "hexarotor_arm6"))
@@ -70,6 +70,14 @@ def test_limits_hold_and_the_other_joints_do_what_is_left():
     assert (found <= np.array(held.upper)).all()
     assert (found >= np.array(held.lower)).all()
     np.testing.assert_allclose(tip(ARM6, found)[0], p, atol=1e-5)
+
+
+def test_no_joint_moves_faster_than_it_may_from_instant_to_instant():
+    slow = dataclasses.replace(TASK2, rates=(0.5, 0.5))
+    path = [Vec3(0.05, 0.0, -0.25)] * 3 + [Vec3(-0.1, 0.0, -0.2)] * 30
+    steps = np.diff(follow(slow, path, None, 0.1), axis=0)
+    assert np.abs(steps).max() == pytest.approx(0.05, rel=1e-9)
+    np.testing.assert_allclose(tip(ARM2, follow(slow, path, None, 0.1)[-1])[0], [-0.1, 0.0, -0.2], atol=1e-5)
 
 
 def test_the_rotation_vector_is_scipys():

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from skyarm.dynamics.array_front import frame_pose_world
-from skyarm.reference.feasibility import feasibility
+from skyarm.reference.feasibility import _tilted, feasibility
 from skyarm.reference.setting import Setting
 from skyarm.reference.tip_tables import reference_from
 from skyarm.reference.waypoints import LIMITS, FlightLimits, allocate, demand, through
@@ -19,7 +19,7 @@ TWO, SIX = (Setting(vehicle=v, duration=4.0, thrust_to_weight=2.5) for v in (ARM
 CIRCLE = {"kind": "circle", "radius": 0.2, "frequency_hz": 0.2, "center": [0.0, 0.1, 0.7]}
 TURNING = {"kind": "sine", "amplitude": 0.4, "frequency_hz": 0.1}
 POSTURE6 = [0.0, 0.6, -1.0, 0.0, 0.5, 0.0]
-WORLD = {"yaw": TURNING, "tip": {"path": CIRCLE, "posture": POSTURE6, "base_share": 0.5}}
+WORLD = {"yaw": TURNING, "tip": {"path": CIRCLE, "posture": POSTURE6, "base_share": 0.4}}
 TIMES = np.linspace(0.0, 3.9, 40)
 
 
@@ -55,8 +55,8 @@ def test_each_derivative_of_the_base_is_the_difference_of_the_one_below(shared):
 
 def test_base_and_arm_share_the_way(shared):
     base = np.array([[*shared.at(t).position][:2] for t in TIMES])
-    # half a turn is a way of 0.4 m; half of it is the arm's, 0.2 m, which arm_range = 0.1 m bounds
-    assert np.ptp(base[:, 0]) == pytest.approx(0.4 - 0.2 / np.sqrt(1.0 + 2.0**2), rel=5e-3)
+    # half a turn is a way of 0.4 m; 0.6 of it is the arm's, 0.24 m, which arm_range = 0.1 m bounds
+    assert np.ptp(base[:, 0]) == pytest.approx(0.4 - 0.24 / np.sqrt(1.0 + 2.4**2), rel=5e-3)
     alone = reference_from({"tip": WORLD["tip"] | {"base_share": 1.0}}, 6, "reference", SIX)
     assert {alone.at(t).joints for t in TIMES} == {tuple(POSTURE6)}
 
@@ -83,7 +83,7 @@ def test_a_tip_relative_to_the_base_is_the_arms_alone():
 
 
 def test_the_tip_keeps_an_orientation():
-    table = {"tip": {"path": CIRCLE, "posture": POSTURE6, "orientation": [0.0, 0.3, TURNING]}}
+    table = {"yaw": 0.1, "tip": {"path": CIRCLE, "posture": POSTURE6, "orientation": [0.0, 0.3, TURNING]}}
     found = reference_from(table, 6, "reference", SIX)
     for t in TIMES:
         at = found.at(t)
@@ -104,7 +104,51 @@ def test_what_the_arm_cannot_do_is_told():
     plan = reference_from(WORLD, 6, "reference", held)
     joints = np.array([plan.at(t).joints for t in TIMES])
     assert joints[:, 1].max() <= 0.61
-    assert [name for name, _ in feasibility(plan, held).at_limits] == [narrow.name]
+    ((name, seconds),) = feasibility(plan, held).at_limits
+    at_limit = np.mean([plan.at(t).joints[1] > 0.608 for t in np.linspace(0.0, 4.0, 1000)])
+    assert (name, seconds) == (narrow.name, pytest.approx(4.0 * at_limit, abs=0.05))
+
+
+def test_no_joint_is_planned_faster_than_it_may_be():
+    table = {"tip": WORLD["tip"] | {"joint_speed": 0.1}}
+    plan = reference_from(table, 6, "reference", SIX)
+    speeds = np.abs([plan.at(t).joint_rates for t in TIMES])
+    assert 0.099 < speeds.max() <= 0.1 + 1e-12
+
+
+def test_what_a_tilt_carries_off_is_that_of_scipys_rotations(shared):
+    found, worst = feasibility(shared, SIX), []
+    for t in np.arange(200) * 0.02:
+        at = shared.at(float(t))
+        up = np.add([*at.acceleration], [0.0, 0.0, 9.81])
+        turn = np.cross([0.0, 0.0, 1.0], up)
+        angle = np.arctan2(np.linalg.norm(turn), up[2])
+        arm = np.array(at.tip) - [*at.position]
+        tilt = Rotation.from_rotvec(angle * turn / max(np.linalg.norm(turn), 1e-12))
+        worst.append(np.linalg.norm(tilt.apply(arm) - arm))
+    assert found.carried_off == pytest.approx(max(worst), rel=1e-9)
+
+
+def test_the_tilt_is_the_least_rotation_of_the_vertical():
+    up, arm = np.array([0.3, -0.2, 1.0]) / np.linalg.norm([0.3, -0.2, 1.0]), np.array([0.1, 0.2, -0.4])
+    axis = np.cross([0.0, 0.0, 1.0], up)
+    turn = Rotation.from_rotvec(np.arccos(up[2]) * axis / np.linalg.norm(axis))
+    np.testing.assert_allclose(_tilted(up[:, None], arm[:, None])[:, 0], turn.apply(arm), atol=1e-12)
+
+
+def test_the_body_rate_is_that_at_which_the_thrust_turns():
+    points, times = [(0.0, 0.0, 1.0), (1.0, 0.5, 1.2), (2.0, 0.0, 1.0)], (0.0, 1.5, 3.0)
+    motion, h = through(points, times), 1e-5
+    found = demand(motion, times, 9.81)
+
+    def up(t):
+        force = np.add([*motion.at(t).acceleration], [0.0, 0.0, 9.81])
+        return force / np.linalg.norm(force)
+
+    inside = np.linspace(0.0, 3.0, 400)[1:-1]
+    rates = [np.linalg.norm(up(t + h) - up(t - h)) / (2.0 * h) for t in inside]
+    assert found.rate == pytest.approx(max(rates), rel=1e-3)
+    assert found.tilt == pytest.approx(max(np.arccos(up(t)[2]) for t in inside), rel=1e-3)
 
 
 def test_the_fastest_motion_meets_a_limit_and_no_faster_one_does():

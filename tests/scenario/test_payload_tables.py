@@ -18,9 +18,10 @@ def test_belief_is_told_the_mass_that_is_held_at_each_frame():
         {"mass": 0.2, "pick": 1.0, "frame": "hook", "believed": True},
         {"mass": 0.7, "pick": 1.0},
     ]
-    found = belief_changes(*payloads_from(tables))
+    found = belief_changes(*payloads_from(tables), 10.0, 200)
     told = [(each.at, each.path, each.value) for each in found]
     tip, hook = "model.payload.mass", "model.payload.hook.mass"
+    assert len(belief_changes(*payloads_from(tables), 2.5, 200)) == 3  # what comes behind the end is left out
     assert told == [(1.0, tip, 0.3), (1.0, hook, 0.2), (2.0, tip, pytest.approx(0.4)), (3.0, tip, 0.1)]
 
 
@@ -101,3 +102,13 @@ def test_a_wrong_force_is_one_line(table, words):
     with pytest.raises(ValueError, match="^" + words.replace(r"\.0", r"\[0\]", 1)) as error:
         scenario_from(document, "test")
     assert "\n" not in str(error.value)
+
+
+def test_two_payloads_of_one_name_are_one_line():
+    document = {
+        "name": "x", "duration": 8.0, "plant": {"vehicle": "hummingbird_arm2_rotors"},
+        "controller": {"preset": "centroidal_joint"},
+        "payloads": [{"mass": 0.1, "pick": 1, "name": "a"}, {"mass": 0.2, "pick": 2, "name": "a"}],
+    }  # fmt: skip
+    with pytest.raises(ValueError, match=r"^payloads\[0\]\.name = 'a': must be of one payload only$"):
+        scenario_from(document, "test")

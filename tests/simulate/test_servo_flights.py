@@ -20,7 +20,7 @@ from skyarm.metrics.score import score
 from skyarm.scenario.law_by_name import under_law
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
-from skyarm.scenario.scenario_record import Scenario, first_state
+from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.simulate import run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.loop import run_in_python
@@ -185,3 +185,20 @@ def test_a_believed_integral_is_taken_off_again():
     plain = tip_error(on_servos(centroidal, lasting))
     integrating = tip_error(on_servos(centroidal, dataclasses.replace(lasting, integral=100.0)))
     assert integrating == pytest.approx(plain, rel=0.1)
+
+
+def test_a_belief_without_the_servos_must_be_meant(tmp_path):
+    """Torques would reach them as angles."""
+    text = (DATA / "servo_arm.toml").read_text()
+    bare = text.split("[drives.shoulder]")[0] + "[rotor" + text.split("\n[rotor", 1)[1]
+    (tmp_path / "bare.toml").write_text(bare.split("[sources]")[0])
+    (tmp_path / "servo_arm.toml").write_text(text)
+    tables = document() | {"model": {"vehicle": "bare.toml"}}
+    with pytest.raises(ScenarioError, match=r"^controller\.servos: is missing; plant\.vehicle = 'servo_arm'"):
+        scenario_from(tables, tmp_path)
+    meant = scenario_from(tables | {"controller": {"law": "centroidal", "servos": False}}, tmp_path)
+    assert not isinstance(meant.controller.par, ActuatorParameters)
+    said = dict(tomllib.loads(text)["drives"]["elbow"])
+    half = tables | {"model": {"vehicle": "bare.toml", "drives": {"shoulder": said, "elbow": said}}}
+    believed = scenario_from(half, tmp_path)
+    assert number_at(believed, "model.vehicle.drives.shoulder.drive.inertia") == 5e-4

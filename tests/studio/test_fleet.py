@@ -1,14 +1,17 @@
 """The studio's loop without a page: time, the way back, laws beside each other, pushes, and what is saved."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import skyarm
+from skyarm.environment import TimedPayload
 from skyarm.studio.documents import prepare, read_document
 from skyarm.studio.fleet import Fleet, load_fleet, make_flight
 from skyarm.studio.flight import Flight
+from skyarm.studio.knobs import knobs_of
 
 
 @pytest.fixture(scope="module")
@@ -228,3 +231,16 @@ def test_mujocos_plant_flies_in_the_studio_too() -> None:
     assert (states(flight) == flown).all()
     plain = skyarm.run(skyarm.load_scenario("case1", controller="paper_pd", plant="mujoco", duration=0.15))
     assert (flown[:30, :3] == plain.position).all()
+
+
+def test_a_payload_is_drawn_while_it_is_held() -> None:
+    load = TimedPayload(mass=0.02, pick=0.01, drop=0.03)
+    scenario = dataclasses.replace(skyarm.load_scenario("case2"), payloads=(load,))
+    session = skyarm.Session(scenario, machine_code=False)
+    seen = SimpleNamespace(session=session, values={"plant.payload.mass": 0.1})
+    held = []
+    for _ in range(8):
+        session.step()
+        held.append(Flight.payload.fget(seen))  # type: ignore[attr-defined]
+    assert held == pytest.approx([0.1, 0.1, 0.12, 0.12, 0.12, 0.12, 0.1, 0.1])
+    assert "payloads.0.mass" in [knob.path for knob in knobs_of(scenario)]

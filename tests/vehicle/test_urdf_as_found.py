@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Sym3
+from skyarm.plant.friction_rate import friction_rate
 from skyarm.vehicle import Body, VehicleError
 from skyarm.vehicle.nearest_inertia import nearest_inertia
 from skyarm.vehicle.vehicle_files import load_vehicle
@@ -189,6 +190,28 @@ def test_the_nearest_inertia_is_no_farther_than_any_other_real_one():
         assert np.linalg.norm(near @ near.T - second(given)) >= best * (1.0 - 1e-9)
     real = Sym3(0.02, 0.03, 0.045, 0.001, 0.0, -0.002)
     np.testing.assert_allclose(nearest_inertia(real).entries, real.entries, atol=1e-17)
+
+
+def test_dry_friction_of_a_light_link_is_bent_until_both_plants_take_it(tmp_path):
+    """xArm7's 1 N m on a last link of 1e-4 kg m^2, which has a drive of which its file says nothing."""
+    more = limits() + '<dynamics damping="0.1" friction="1.0"/>'
+    light = link("a", (1e-4, 1e-4, 1e-4), 0.01).replace('ixy="0.0002"', 'ixy="0"')
+    text = robot(link("b"), light, joint("j", "b", "a", more))
+    vehicle = loaded(tmp_path, text)
+    found = vehicle.links[0].joint
+    assert 1.0 < found.coulomb_rate < 10.0
+    assert any(note.startswith("joint j: dry friction too stiff to integrate") for note in vehicle.notes)
+    assert 1500.0 < friction_rate(vehicle) < 10000.0
+    chain = robot(link("b"), light, light.replace('"a"', '"c"'), joint("j", "b", "a", more), joint("k", "a", "c", more))
+    assert 1500.0 < friction_rate(loaded(tmp_path, chain)) < 10000.0
+    stated = '[[joints]]\nname = "j"\ncoulomb_rate = 0.5'
+    assert in_toml(tmp_path, text, stated).links[0].joint.coulomb_rate == 0.5
+    driven = in_toml(tmp_path, text, '[[joints]]\nname = "j"\narmature = 0.1')
+    assert (driven.links[0].joint.coulomb_rate, driven.notes) == (0.01, ())
+    absurd = loaded(tmp_path, text.replace('friction="1.0"', 'friction="1e308"'))
+    assert absurd.links[0].joint.coulomb == 1e308, "left to the plants, which refuse it"
+    soft = loaded(tmp_path, text.replace('friction="1.0"', 'friction="0.001"'))
+    assert (soft.links[0].joint.coulomb_rate, soft.notes) == (0.01, ())
 
 
 REFUSED = {

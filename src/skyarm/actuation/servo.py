@@ -29,10 +29,10 @@ class ServoMemory:
         waiting: setpoints on their way, oldest first.
     """
 
-    goal: Scalar
-    integral: Scalar
-    rounding: Scalar
-    waiting: tuple[Scalar, ...]
+    goal: Annotated[Scalar, Unit("rad or m, or per s", "setpoint that the loop holds")]
+    integral: Annotated[Scalar, Unit("rad s or rad", "of the loop's error")]
+    rounding: Annotated[Scalar, Unit("rad or m", "added to the position when it was read")]
+    waiting: Annotated[tuple[Scalar, ...], Unit("rad or m, or per s", "setpoints on their way, oldest first")]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -35,7 +35,7 @@ def write_attached(
         airframe: a vehicle file, or a name of the library.
         arm: its file, or ``robot:NAME``.
         file: to write.
-        mount: fields of its table ``attach`` but the arm: to, position (m), rpy (rad), prefix.
+        mount: fields of its table ``attach`` but the arm: to, position (m), rpy (rad), prefix, armature (kg m^2).
         tip: frame or link of the arm that becomes the vehicle's tip; None for its own tip, a frame with a usual name
             (``TIPS``), or, if it is one chain, its last link's last frame.
         mimic: "lock" or "couple".
@@ -51,7 +51,7 @@ def write_attached(
     document |= {name: value for name, value in (("mimic", mimic), ("repair", repair)) if value not in ("lock", False)}
     alone = vehicle_of_text(toml_text(document), written)
     given = {name: list(value) if isinstance(value, tuple) else value for name, value in mount.items()}
-    table = {name: value for name, value in given.items() if value not in ("", "base", [0.0, 0.0, 0.0])}
+    table = {name: value for name, value in given.items() if value not in ("", "base", 0.0, [0.0, 0.0, 0.0])}
     document["attach"] = [{"arm": _named_from(written, arm), **table}]
     vehicle = vehicle_of_text(toml_text(document), written)
     found = _tip(_Arm(alone, vehicle, str(mount["prefix"])), tip, arm)

@@ -26,6 +26,7 @@ def attach(
     prefix: Annotated[str, typer.Option(help="put before the arm's names")] = "",
     tip: Annotated[str | None, typer.Option(help="the arm's frame or link that tasks mean; its last one")] = None,
     mimic: Annotated[str, typer.Option(help="joints that follow others: lock or couple")] = "lock",
+    armature: Annotated[float, typer.Option(help="kg m^2, of the drives of the arm's revolute joints")] = 0.0,
     repair: Annotated[bool, typer.Option("--repair", help="inertias a little beyond what a body has: nearest")] = False,
 ) -> None:
     """Put an arm on an airframe: write a vehicle file.
@@ -35,7 +36,7 @@ def attach(
     """
     from skyarm.cli.attach_command import write_attached
 
-    mount = {"to": to, "position": position, "rpy": rpy, "prefix": prefix}
+    mount = {"to": to, "position": position, "rpy": rpy, "prefix": prefix, "armature": armature}
     tell(write_attached(airframe, arm, file, mount, tip=tip, mimic=mimic, repair=repair))
 
 

@@ -121,6 +121,12 @@ class ErrorStateFilter(Estimator):
 
     def require_sensors(self, sensors: Mapping[str, Sensor], rate: float, vehicle: Vehicle) -> None:
         """An inertial unit, the aiding sensors and, with joints, encoders; none older than the filter lags."""
+        if self.modelled and vehicle.drives:
+            joint = vehicle.drives[0].name
+            raise ValueError(
+                f"estimator.force = 'modelled': must be 'measured' for {vehicle.name!r}, whose joint {joint!r} has a "
+                "drive: its setpoint is no torque"
+            )
         require_filter_sensors(sensors, self.aiding, self.delay_periods / rate, vehicle.n)
 
     def start(self, vehicle: Vehicle) -> FilterMemory:

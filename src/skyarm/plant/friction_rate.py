@@ -82,9 +82,9 @@ def _configurations(joints: list[Joint]) -> Array:
 
 def _blame(joint: Joint, rate: float) -> str:
     """What to say of the joint that moves most in the fastest mode."""
-    field, remedy = "damping", "lower damping"
+    field, remedy = "damping", "lower damping, or state the armature"
     if _steepest(joint) > joint.damping:
-        field, remedy = "coulomb", "raise coulomb_rate or lower coulomb"
+        field, remedy = "coulomb", "raise coulomb_rate or lower coulomb, or state the armature"
     return (
         f"joints[{joint.name}].{field} = {getattr(joint, field)!r}: joint friction decays at {rate:.3g} 1/s: "
         f"must be at most {FASTEST:g}; {remedy}"

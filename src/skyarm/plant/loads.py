@@ -11,7 +11,7 @@ from skyarm.algebra import ZERO3, Force
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.environment import Effectiveness, Wrench, body_drag
-from skyarm.plant.surroundings import Around, surroundings_of
+from skyarm.plant.surroundings import Around, Surroundings, surroundings_of
 from skyarm.scalars import add, minimum
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -62,7 +62,11 @@ def _outside(wrenches: Sequence[Wrench], motion: PointMotion) -> tuple[Force, Se
     return total, pushed
 
 
-def lagged(vehicle: Vehicle, state: State, command: Command, dt: Any, around: Around) -> tuple[Any, ...]:
+STEADY = Surroundings()
+"""Surroundings whose supply never sags."""
+
+
+def lagged(vehicle: Vehicle, state: State, command: Command, dt: Any, around: Around = STEADY) -> tuple[Any, ...]:
     """Rotor speeds after ``dt`` seconds of a held command under the period's supply."""
     return speeds_after(vehicle.rotors, state.rotor_speeds, supplied(vehicle, command.rotor_speeds, around), dt)
 

@@ -18,7 +18,6 @@ import numpy as np
 from skyarm.actuation import AllocationError
 from skyarm.actuation.hover import hover_trim
 from skyarm.actuation.rotor import push
-from skyarm.drawing.vehicle_shapes import longest_boom
 from skyarm.dynamics.followers import every_joint
 from skyarm.dynamics.state import State
 from skyarm.plant.mujoco_digits import exact_xml
@@ -35,7 +34,10 @@ HEIGHT = 1.0
 """m above the floor, where nobody says where to start."""
 
 AWAY = (-4.0, -3.0, 2.0)
-"""Of the camera from the vehicle's centre of mass, in its sizes."""
+"""Direction of the camera from the vehicle's centre of mass."""
+
+FIELD = 45.0
+"""Degrees that the camera sees, upright."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,9 +72,9 @@ def mjcf_text(vehicle: Vehicle, gravity: float, start: State | None = None, *, t
         leader = vehicle.links[each.leader].joint.name
         _tie(spec, each.link.joint.name, leader, float(each.offset), float(each.ratio))
     names = _add_actuators(spec, vehicle)
-    _add_looks(spec, bodies[spec.worldbody.first_body().name], longest_boom(vehicle))
     model = spec.compile()
-    _add_start(spec, vehicle, model, start, gravity)
+    qpos = _add_start(spec, vehicle, model, start, gravity)
+    _add_looks(spec, bodies[spec.worldbody.first_body().name], _extent(model, qpos))
     spec.compile()
     return Exported(exact_xml(spec), len(vehicle.bodies), len(vehicle.moving), names)
 
@@ -145,21 +147,32 @@ def _bound(actuator: Any, low: float, high: float) -> None:
         actuator.ctrllimited, actuator.ctrlrange = mujoco.mjtLimited.mjLIMITED_TRUE, [low, high]
 
 
+def _extent(model: Any, qpos: Any) -> float:
+    """Radius of the ball about the centre of mass that holds every shape, m."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_forward(model, data)
+    distances = np.linalg.norm(data.geom_xpos - data.subtree_com[0], axis=1) + model.geom_rbound
+    return float(distances.max())
+
+
 def _add_looks(spec: Any, base: Any, size: float) -> None:
     """A sun, a lamp and a camera that follow, and a floor that nothing touches."""
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 720
     sun, lamp = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, mujoco.mjtLightType.mjLIGHT_SPOT
-    spec.worldbody.add_light(name="sun", type=sun, pos=[0.0, 0.0, 10.0], dir=[0.3, 0.2, -1.0], diffuse=[0.7] * 3)
+    spec.worldbody.add_light(name="sun", type=sun, pos=[0.0, 0.0, 10.0], dir=[0.3, 0.2, -1.0], diffuse=[0.6] * 3)
     follow = mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM
-    above = [0.0, 0.0, 10.0 * size]
-    base.add_light(name="lamp", type=lamp, mode=follow, pos=above, dir=[0.0, 0.0, -1.0], diffuse=[0.4] * 3, cutoff=60.0)
-    away = 1.5 * size * np.array(AWAY)
-    back = away / np.linalg.norm(away)
+    above = [0.0, 0.0, 5.0 * size]
+    base.add_light(
+        name="lamp", type=lamp, mode=follow, pos=above, dir=[0.0, 0.0, -1.0], diffuse=[0.15] * 3, cutoff=60.0
+    )
+    back = np.array(AWAY) / np.linalg.norm(AWAY)
+    away = 1.05 * size / math.sin(0.5 * math.radians(FIELD)) * back
     right = np.cross([0.0, 0.0, 1.0], back)
     right /= np.linalg.norm(right)
     quaternion = np.zeros(4)
     mujoco.mju_mat2Quat(quaternion, np.column_stack([right, np.cross(back, right), back]).ravel())
-    base.add_camera(name=CAMERA, mode=follow, pos=away, quat=quaternion, fovy=45.0)
+    base.add_camera(name=CAMERA, mode=follow, pos=away, quat=quaternion, fovy=FIELD)
     grid = spec.add_texture(
         name="grid",
         type=mujoco.mjtTexture.mjTEXTURE_2D,
@@ -179,8 +192,8 @@ def _add_looks(spec: Any, base: Any, size: float) -> None:
     )
 
 
-def _add_start(spec: Any, vehicle: Vehicle, model: Any, start: State | None, gravity: float) -> None:
-    """A keyframe: the first state, each rotor at the thrust that hovers with the joints there."""
+def _add_start(spec: Any, vehicle: Vehicle, model: Any, start: State | None, gravity: float) -> Any:
+    """A keyframe: the first state, each rotor at the thrust that hovers with the joints there; its qpos."""
     joints = tuple(float(each) for each in start.joints) if start is not None else _next_to_zero(vehicle)
     qpos, qvel, ctrl = np.array(model.qpos0), np.zeros(model.nv), np.zeros(model.nu)
     qpos[:7] = (0.0, 0.0, HEIGHT, 1.0, 0.0, 0.0, 0.0)
@@ -194,6 +207,7 @@ def _add_start(spec: Any, vehicle: Vehicle, model: Any, start: State | None, gra
         speeds = [float(speed) for speed in start.rotor_speeds]
     ctrl[: len(speeds)] = [_thrust(rotor, speed) for rotor, speed in zip(vehicle.rotors, speeds, strict=True)]
     spec.add_key(name=START, qpos=qpos, qvel=qvel, ctrl=ctrl)
+    return qpos
 
 
 def _hover_speeds(vehicle: Vehicle, joints: tuple[float, ...], gravity: float) -> list[float]:

@@ -1,9 +1,9 @@
 """The plan of a tip's motion: joints by inverse kinematics at equal steps, a smooth curve through them.
 
-The joints' curve has four continuous derivatives and lies within the hull of its control points, which are held within
-the limits: so is the curve. Of a tip in the world the base takes exactly what the arm leaves
-(:mod:`skyarm.reference.tip_motion`); of a tip that is relative to the base the arm has to do all of it, and where it
-cannot, :mod:`skyarm.reference.feasibility` says how far it stays behind.
+The joints' curve has four continuous derivatives and lies within the hull of its control points, as its speed does
+within that of their differences; both are held within the limits. Of a tip in the world the base takes exactly what the
+arm leaves (:mod:`skyarm.reference.tip_motion`); of a tip that is relative to the base the arm has to do all of it, and
+where it cannot, :mod:`skyarm.reference.feasibility` says how far it stays behind.
 """
 
 from __future__ import annotations
@@ -89,8 +89,17 @@ def plan(vehicle: Vehicle, tip: TipMotion, yaw: Signal, choices: TipChoices, dur
             found.append(Constant(choices.posture[i]))
             continue
         points = interpolating_points([row[i] for row in samples])[BEYOND - 2 : len(times) - BEYOND + 2]
-        found.append(uniform_curve([min(max(p, low), high) for p in points], 0.0, step))
+        found.append(uniform_curve(_held_within(points, low, high, choices.joint_speed * step), 0.0, step))
     return tuple(found)
+
+
+def _held_within(points: Sequence[float], low: float, high: float, most: float) -> list[float]:
+    """Control points within limits, none further than ``most`` from the one before: so are the curve and its speed."""
+    found: list[float] = []
+    for point in points:
+        within = min(max(point, low), high)
+        found.append(min(max(within, found[-1] - most), found[-1] + most) if found else within)
+    return found
 
 
 def task_of(vehicle: Vehicle, carriers: tuple[int, ...], choices: TipChoices) -> ArmTask:

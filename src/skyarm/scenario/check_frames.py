@@ -17,6 +17,10 @@ def check_frames(scenario: Scenario) -> None:
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
+    taken = [payload.name for payload in scenario.payloads if payload.name]
+    for i, payload in enumerate(scenario.payloads):
+        if payload.name and taken.count(payload.name) > 1:
+            raise ValueError(f"payloads[{i}].name = {payload.name!r}: must be of one payload only")
     vehicle, period = scenario.world.vehicle, 1.0 / scenario.rates.control
     named = [(f"payloads[{i}]", each) for i, each in enumerate(scenario.payloads)]
     for where, each in [*named, *((f"environment.forces[{i}]", each) for i, each in enumerate(scenario.forces))]:

@@ -79,8 +79,17 @@ def _when(fields: Fields, name: str) -> tuple[float, Reach | None]:
     return after, reach
 
 
-def belief_changes(payloads: Sequence[TimedPayload], told: Sequence[bool]) -> tuple[Change, ...]:
-    """Changes that tell the law's belief the mass that is held at each frame, as it changes."""
+def belief_changes(
+    payloads: Sequence[TimedPayload], told: Sequence[bool], duration: float, rate: int
+) -> tuple[Change, ...]:
+    """Changes that tell the law's belief the mass that is held at each frame, as it changes.
+
+    Args:
+        payloads: of the flight.
+        told: of which of them the law is told.
+        duration: of the flight, s; what comes behind its end is left out.
+        rate: of control, Hz.
+    """
     known = [payload for payload, believed in zip(payloads, told, strict=True) if believed]
     found: list[Change] = []
     for frame in dict.fromkeys(payload.frame for payload in known):
@@ -90,4 +99,5 @@ def belief_changes(payloads: Sequence[TimedPayload], told: Sequence[bool]) -> tu
         for t in instants:
             mass = math.fsum(float(each.mass) for each in here if each.pick <= t < each.drop)
             found.append(Change(at=t, path=path, value=mass))
-    return tuple(sorted(found, key=lambda change: change.at))
+    steps = round(duration * rate)
+    return tuple(sorted((each for each in found if each.tick(rate) < steps), key=lambda change: change.at))

@@ -170,15 +170,15 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
     setting = setting_of(world, longest)
     trajectory = reference_from(in_folder(motion, folder), world.vehicle.n, "reference", setting)
     payloads, told = payloads_from(with_instants(top.take("payloads", []), setting.events, rates.control))
+    model = _model(top, plant, world, folder)
+    tables.require_servos_said(controller, world.vehicle, model)
     scenario = Scenario(
         name=top.take("name"),
         title=tables.text(top, "title", ""),
         rates=rates,
         world=world,
         integrator=plant.take("integrator", "rk4"),
-        controller=tables.controller(
-            controller, _model(top, plant, world, folder), replaced.get("controller"), loop_facts(rates, delays)
-        ),
+        controller=tables.controller(controller, model, replaced.get("controller"), loop_facts(rates, delays)),
         trajectory=trajectory,
         joined=joined,
         wind=wind_from(environment.take("wind"), "environment.wind") if "wind" in environment.table else NO_WIND,
@@ -195,7 +195,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         ground=tables.truth_value(environment, "ground", True),
         windows=windows_from(Fields(top.take("windows", {}), "windows")),
         payloads=payloads,
-        changes=(*_changes(top, replaced), *belief_changes(payloads, told)),
+        changes=(*_changes(top, replaced), *belief_changes(payloads, told, chosen["duration"], rates.control)),
         **chosen,
     )
     for fields in (plant, environment):

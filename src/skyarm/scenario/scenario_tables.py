@@ -151,6 +151,19 @@ def controller(fields: Fields, model: Model, replaced: str | None, known: Mappin
         raise ValueError(f"controller.{error}") from None
 
 
+def require_servos_said(fields: Fields, carrier: Vehicle, model: Model) -> None:
+    """Refuse a belief without the servos of the true vehicle, unless the file says what the law's efforts are.
+
+    Raises:
+        ValueError: one line: torques would reach the servos as angles.
+    """
+    if carrier.drives and not model.vehicle.drives and "servos" not in fields.table:
+        raise ValueError(
+            f"{fields.at('servos')}: is missing; plant.vehicle = {carrier.name!r} has servos and model.vehicle = "
+            f"{model.vehicle.name!r} none: give it [model.drives.JOINT], or say false for a law of setpoints"
+        )
+
+
 def _preset(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
     """The preset of a table, which takes no options."""
     name = fields.take("preset", None)

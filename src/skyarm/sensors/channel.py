@@ -9,12 +9,14 @@ Sources: IEEE Std 952-1997, annex B and C (noise density, rate random walk, thei
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
+from skyarm.reference.signal_list import SignalList
 from skyarm.scalars import Scalar, add, data, divide, floor, logical_and, logical_or, minimum, mul, sqrt, where
 
 
@@ -34,6 +36,7 @@ class Channel:
         sigma: deviation of the white noise of a reading. density: of white noise; adds density^2 / dt to its variance.
         bias: fixed, one number for each component; none for no bias.
         turn_on: deviation of the bias with which an episode begins. walk: density of the bias's random walk.
+        offset: bias as signals of time, one for each component, on top of the others; None for none.
         scale: error of the scale factor. resolution: step of the reading, which is rounded to the nearest.
     """
 
@@ -44,6 +47,7 @@ class Channel:
     walk: Annotated[Scalar, Unit("u/s/sqrt(Hz)", "random walk of the bias", low=0.0)] = 0
     scale: Annotated[Scalar, Unit("", "error of the scale factor")] = 0
     resolution: Annotated[Scalar, Unit("u", "step of the reading", low=0.0)] = 0
+    offset: SignalList | None = field(default=None, metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         accept_fields(self, "")
@@ -81,7 +85,7 @@ class Channel:
         )
 
     def read(
-        self, truth: Sequence[Any], drift: Sequence[Any], draws: Sequence[Any], dt: float, where_is: str
+        self, truth: Sequence[Any], drift: Sequence[Any], draws: Sequence[Any], dt: float, where_is: str, t: Any = 0.0
     ) -> tuple[Any, ...]:
         """A reading.
 
@@ -91,14 +95,20 @@ class Channel:
             draws: standard normal numbers of :meth:`normals`.
             dt: s between readings.
             where_is: name of the channel in messages.
+            t: s, of the reading.
         """
         if self.bias and len(self.bias) != len(truth):
             raise RecordError(f"{where_is}.bias = {len(self.bias)} numbers: must be {len(truth)}, or none")
+        if self.offset is not None and len(self.offset.signals) != len(truth):
+            count = len(self.offset.signals)
+            raise RecordError(f"{where_is}.offset = {count} signals: must be {len(truth)}, or none")
+        moved = () if self.offset is None else self.offset.at(t)
         noise = draws[len(drift) :]
         deviation = self.deviation(dt)
         found = []
         for i, value in enumerate(truth):
             off = self.bias[i] if self.bias else 0
+            off = add(off, moved[i]) if moved else off
             off = add(off, drift[i]) if drift else off
             off = add(off, mul(deviation, noise[i])) if self.noisy else off
             scaled = value if absent(self.scale) else value * add(1.0, self.scale)

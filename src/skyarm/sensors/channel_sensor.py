@@ -105,7 +105,7 @@ class ChannelSensor(Sensor):
         for (name, channel, truth), before in zip(quantities, memory.drifts, strict=True):
             share = [next(numbers) for _ in range(channel.normals(len(truth)))]
             drifts.append(channel.drift(before, share, first, dt))
-            values.append(channel.read(truth, drifts[-1], share, dt, name))
+            values.append(channel.read(truth, drifts[-1], share, dt, name, t))
         own, reading = self.reading(t, values, state, memory.own, first, dt)
         lost = memory.lost
         if loss:

@@ -11,6 +11,7 @@ from typing import Any
 from skyarm.compile.machine_code import NoMachineCodeError
 from skyarm.drawing.pose_program import Placed, PoseProgram
 from skyarm.dynamics import State
+from skyarm.environment import TimedPayload
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.live_session import LiveSession
 from skyarm.simulate.session import Session
@@ -82,8 +83,12 @@ class Flight:
 
     @property
     def payload(self) -> float:
-        """Mass that a hand has hung at the tip, kg."""
-        return self.values.get("plant.payload.mass", 0.0)
+        """Mass that a hand has hung at the tip, and of the payloads that are held, kg."""
+        scenario, mass = self.session.scenario, self.values.get("plant.payload.mass", 0.0)
+        if not scenario.payloads:
+            return mass
+        pairs = zip(scenario.components, self.session.now.components, strict=True)
+        return mass + sum(float(c.mass) * float(m.held) for c, m in pairs if isinstance(c, TimedPayload))
 
     def placed(self, state: State) -> Placed:
         """Where the bodies are in a state."""

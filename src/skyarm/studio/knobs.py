@@ -20,7 +20,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     "law": ("controller",),
     "reference": ("reference",),
     "wind and forces": ("environment.wind", "environment.air", "environment.forces"),
-    "payload": ("plant.payload", "model.payload"),
+    "payload": ("plant.payload", "model.payload", "payloads"),
     "sensors": ("sensors",),
     "delay": ("delays",),
     "faults": ("environment.faults",),
@@ -122,6 +122,8 @@ def _paths(scenario: Scenario, root: str) -> Iterator[str]:
         for word, value in parts(scenario.controller.par).items():
             if word not in DERIVED_PARTS and not isinstance(value, (bool, int, str)):
                 yield from _below(value, f"{root}.{word}")
+    elif root == "payloads":
+        yield from (f"{root}.{i}.mass" for i in range(len(scenario.payloads)))
     elif root == "reference":
         yield from _of_motion(scenario.trajectory)
     elif root == "sensors":

@@ -13,6 +13,7 @@ from skyarm.vehicle.battery import Battery, CellCurve
 from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.couple import Mimic, couple
+from skyarm.vehicle.dry_friction import with_smooth_friction
 from skyarm.vehicle.mounted_drives import mounted_drives
 from skyarm.vehicle.nearest_inertia import with_real_inertias
 from skyarm.vehicle.schema import (
@@ -66,7 +67,7 @@ def assemble(file: VehicleFile, referred: Referred) -> Vehicle:
     for index, (table, arm) in enumerate(zip(file.attach, referred.arms, strict=True)):
         field = f"attach[{index}]"
         at = Mount(table.to, _rotation(field, table), description.vector(table.position), table.prefix, field)
-        bodies = attach(bodies, arm, at)
+        bodies = attach(bodies, _with_armature(arm, table.armature), at)
     bodies = with_real_inertias(_overridden(file.joints, bodies, own), file.repair)
     frames = tuple(_frame(table, bodies) for table in file.frames)
     links, followers, frames = couple(bodies.links, (*bodies.frames, *frames), bodies.mimics)
@@ -92,7 +93,22 @@ def assemble(file: VehicleFile, referred: Referred) -> Vehicle:
         sources=(*(() if airframe is None else airframe.sources), *file.sources.items()),
         notes=bodies.notes,
     )
+    stated = {*own, *referred.settled, *(each.name for each in file.joints if each.coulomb_rate is not None)}
+    made = with_smooth_friction(made, {link.joint.name for link in made.links} - stated)
     return with_stops(made, [*_own_stops(file), *referred.settled]) if file.joint_limits == "stop" else made
+
+
+def _with_armature(arm: RigidBodies, armature: float) -> RigidBodies:
+    """An arm whose revolute joints have drives, where its own file knows of none."""
+    if armature == 0.0:
+        return arm
+    links = [
+        replace(k, joint=replace(k.joint, armature=armature))
+        if k.joint.kind == "revolute" and not k.joint.armature
+        else k
+        for k in arm.links
+    ]
+    return replace(arm, links=tuple(links))
 
 
 def _drives(file: VehicleFile, referred: Referred) -> tuple[MountedDrive, ...]:

@@ -130,6 +130,7 @@ class AttachTable(PoseTable):
     to: Name = Field(default="base", description="'base', or the name of a link or a frame")
     prefix: str = Field(default="", description="text, put before every name of the arm")
     mimic: Literal["lock", "couple"] | None = Field(default=None, description="'lock' or 'couple'")
+    armature: NotNegative = Field(default=0.0, description=COEFFICIENT + ", kg m^2")
 
 
 class ThrustTableTable(Table):

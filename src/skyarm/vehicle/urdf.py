@@ -20,6 +20,7 @@ from skyarm.vehicle import description
 from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import refuse
 from skyarm.vehicle.couple import Mimic
+from skyarm.vehicle.dry_friction import with_smooth_friction
 from skyarm.vehicle.notes import Notes
 from skyarm.vehicle.stops import with_stops
 from skyarm.vehicle.urdf_joints import displaced, fixed_at, kind_of_joint, read_joint, read_mimics, resting
@@ -98,7 +99,7 @@ def urdf_vehicle(bodies: RigidBodies) -> Vehicle:
         end_effector=tip,
         notes=bodies.notes,
     )
-    return with_stops(made)
+    return with_stops(with_smooth_friction(made, [link.joint.name for link in made.links]))
 
 
 def _bodies(robot: ET.Element, mimic: str, notes: Notes) -> RigidBodies:

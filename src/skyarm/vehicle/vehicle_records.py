@@ -16,6 +16,7 @@ from typing import Annotated, Any
 from skyarm.algebra import ZERO3, Mat3, Sym3, Vec3
 from skyarm.records import coerce
 from skyarm.records.directions import near_rotation, near_unit_vector
+from skyarm.records.leaves import field_names
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, add, divide, where
@@ -333,8 +334,8 @@ class Vehicle:
     def untied(self) -> Vehicle:
         """The vehicle with its followers as links that have joints of their own."""
         made = object.__new__(Vehicle)  # every number of it is checked already
-        for each in dataclasses.fields(self):
-            object.__setattr__(made, each.name, getattr(self, each.name))
+        for name in field_names(Vehicle) or ():
+            object.__setattr__(made, name, getattr(self, name))
         object.__setattr__(made, "links", self.moving)
         object.__setattr__(made, "followers", ())
         return made
