@@ -34,7 +34,7 @@ class Planted:
     plant: Callable[[Document], None]
     fields: tuple[str, ...]
     vehicles: tuple[str, ...] = HEALTHY
-    first: tuple[str, str] = ("pelican_arm2", "crazyflie_arm1")
+    first: tuple[str, str] = ("crazyflie_arm1", "pelican_arm2")
 
     def in_file(self, name: str) -> Document:
         """The file of a vehicle with the fault in it."""

@@ -128,6 +128,6 @@ def test_rotors_without_a_highest_speed_leave_the_margin_open(here):
 
 
 def test_the_same_seed_gives_the_same_document():
-    first, again, other = (skyarm("check", "pelican_arm2", "--json", "--seed", s, *FEW).out for s in ("1", "1", "2"))
+    first, again, other = (skyarm("check", "crazyflie_arm1", "--json", "--seed", s, *FEW).out for s in ("1", "1", "2"))
     assert first == again
     assert first != other

@@ -26,8 +26,8 @@ LANES = 4096
 CORNERS = 6
 """Joints up to which every corner of the joint ranges is tried, too."""
 
-ROUNDS, AROUND = 24, 24
-"""Rounds of the local search, and tries of each around the worst pose so far."""
+ROUNDS, AROUND, CLOSER = 16, 24, 0.65
+"""Rounds of the local search, tries of each around the worst pose so far, and how their steps shrink."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ class ArmPoses:
             better = tried < least
             least = np.where(better, tried, least)
             best = np.where(better[:, None], near[np.arange(count), at], best)
-            spread *= 0.75
+            spread *= CLOSER
         return least, best
 
 

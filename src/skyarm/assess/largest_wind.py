@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -109,6 +110,8 @@ def drag_in_wind(vehicle: Vehicle, speed: Array, heading: Array, tilt: Array, th
     along, up = Vec3(c * cos, s * cos, -sin), Vec3(c * sin, s * sin, cos)
     share = np.sqrt(np.clip(thrust / float(highest_thrust(vehicle)), 0.0, 1.0))
     speeds = [float(rotor.max_speed) * share for rotor in vehicle.rotors]
-    total = body_drag(vehicle.drag, along * -speed) + rotor_forces(vehicle.rotors, speeds, along * -speed, ZERO3).force
-    total = total - rotor_forces(vehicle.rotors, speeds, ZERO3, ZERO3).force
+    # a table changes the thrust, which is taken out again, and not the drag
+    rotors = tuple(dataclasses.replace(rotor, table=None) for rotor in vehicle.rotors)
+    moving, still = (rotor_forces(rotors, speeds, velocity, ZERO3).force for velocity in (along * -speed, ZERO3))
+    total = body_drag(vehicle.drag, along * -speed) + moving - still
     return np.asarray(total.dot(along), dtype=float) + 0.0 * speed, np.asarray(total.dot(up), dtype=float) + 0.0 * speed
