@@ -20,6 +20,7 @@ from skyarm.compile.tracing.repeat import repeat
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.environment.component import Wrench
 from skyarm.environment.timed_payload import Grasp, TimedPayload
+from skyarm.files import shown
 from skyarm.records.coerce import concrete
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, maximum, mul, sqrt, where
@@ -79,9 +80,7 @@ class HangingPayload(TimedPayload):
         for name in ("inertia", "com"):
             given = tuple(getattr(self, name))
             if any(not isinstance(each, (int, float)) or each != 0 for each in given):
-                raise ValueError(
-                    f"{name} = {shown(given)}: must be left out of a hanging payload, which is a point mass"
-                )
+                raise ValueError(f"{name} = {shown(given)}: must be left out of a hanging payload, a point mass")
 
     @property
     def rigid(self) -> bool:
