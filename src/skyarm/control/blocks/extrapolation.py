@@ -55,14 +55,20 @@ def extrapolate(
     for channel, sample in zip(channels, held, strict=True):
         for old, value in zip((channel.value, channel.rate, channel.acceleration), sample, strict=True):
             new = logical_or(new, absolute(data(value) - old) > 0.0)
+    due = age + dt > period * (1.0 - 1e-6)
     age = where(new, 0.0, minimum(age + dt, period))
-    moved = tuple(_after(channel, sample, new, started, period) for channel, sample in zip(channels, held, strict=True))
+    moved = tuple(
+        _after(channel, sample, new, due, started, period) for channel, sample in zip(channels, held, strict=True)
+    )
     series = [_series(channel, sample, mul(share, age), period) for channel, sample in zip(moved, held, strict=True)]
     return series, moved, age
 
 
-def _after(channel: Channel, sample: Sample, new: Any, started: Any, period: Any) -> Channel:
-    """The channel with the held sample in it."""
+def _after(channel: Channel, sample: Sample, new: Any, due: Any, started: Any, period: Any) -> Channel:
+    """The channel with the held sample in it.
+
+    Where one is due and nothing has changed, the motion is over: what jerk and snap it ended with do not go on.
+    """
     value, rate, acceleration = (data(c) for c in sample)
     change = acceleration - channel.acceleration
     missed = absolute(rate - channel.rate - (0.5 * period) * (acceleration + channel.acceleration))
@@ -75,7 +81,7 @@ def _after(channel: Channel, sample: Sample, new: Any, started: Any, period: Any
         acceleration=acceleration,
         before=where(new, channel.acceleration, channel.before),
         earlier=where(new, channel.before, channel.earlier),
-        count=where(new, count, channel.count),
+        count=where(new, count, where(due, 0.0, channel.count)),
     )
 
 
