@@ -18,8 +18,8 @@ NOTHING = 1e-9
 PROBED = 16
 """Poses in which Jacobians are looked at."""
 
-SMALLEST_RANGE = 0.05
-"""rad or m."""
+SMALLEST_RANGE = {"revolute": 0.05, "prismatic": 0.005}
+"""rad or m; fingers slide by some millimetres."""
 
 
 def arm_workspace(vehicle: Vehicle, poses: ArmPoses) -> list[Finding]:
@@ -48,7 +48,8 @@ def _ranges(vehicle: Vehicle) -> list[Finding]:
     for link in vehicle.links:
         joint, name = link.joint, f"joints[{link.joint.name}]"
         width = float(joint.upper) - float(joint.lower)
-        if width < SMALLEST_RANGE:
+        smallest = SMALLEST_RANGE[joint.kind]
+        if width < smallest:
             text = f"moves by {width:.3g} only"
             remedy = f"check {name}.lower and {name}.upper (rad or m)"
             found.append(
@@ -58,7 +59,7 @@ def _ranges(vehicle: Vehicle) -> list[Finding]:
                     text=text,
                     field=f"{name}.lower",
                     value=width,
-                    limit=SMALLEST_RANGE,
+                    limit=smallest,
                     remedy=remedy,
                 )
             )
@@ -95,10 +96,11 @@ def _joints_without_effect(vehicle: Vehicle, poses: ArmPoses) -> list[Finding]:
     tip = vehicle.frame() if vehicle.end_effector else None
     jacobian = None if tip is None else frame_jacobian(vehicle, still, level, probed)[:, :, 6:]
     found = []
+    leaders = {each.leader for each in vehicle.followers}  # of fingers that close evenly nothing else moves
     for i, link in enumerate(vehicle.links):
         name = f"joints[{link.joint.name}]"
         turns = jacobian is not None and np.abs(jacobian[:, :3, i]).max() > NOTHING
-        if moved[i] < 1e-7 and not turns:
+        if moved[i] < 1e-7 and not turns and i not in leaders:
             text = f"{name} moves neither the tip nor the centre of mass: its axis lies along its own link"
             found.append(_axis(name, text))
         if jacobian is None:
