@@ -34,7 +34,7 @@ from skyarm.simulate.lane_arguments import (
     require_values,
     require_width,
 )
-from skyarm.simulate.lane_rules import LaneRules
+from skyarm.simulate.lane_rules import LaneRules, require_draws
 from skyarm.simulate.lanes_and_changes import require_apart_from_changes
 from skyarm.simulate.outcome import Outcome
 from skyarm.simulate.own_code_trials import try_own_code
@@ -102,6 +102,7 @@ class Batch:
         require_apart(scenario, self.paths)
         require_changes(scenario)
         self._rules = LaneRules(scenario, self.paths)
+        require_draws(scenario, self.paths)
         require_apart_from_changes(scenario, self.paths)
         self._wanted = needed(self.names, scenario.world.vehicle.n)
         self._log_every, self._times = log_every, np.arange(scenario.steps) / scenario.rates.control

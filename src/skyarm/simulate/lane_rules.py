@@ -10,9 +10,28 @@ import numpy as np
 from skyarm.scenario.change_checks import require_changes
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.simulate.draws import draws_needed
+
+TRIED = 1e-3
+"""A noise that no field refuses."""
 
 REFUSALS = (ValueError, ArithmeticError)
 """What records raise of a number that they do not take."""
+
+
+def require_draws(scenario: Scenario, paths: Sequence[str]) -> None:
+    """Refuse to vary noise that the scenario has not: no random numbers were put by for it.
+
+    Raises:
+        ScenarioError: names the path.
+    """
+    drawn = draws_needed(scenario)
+    for path in paths:
+        if path.startswith("sensors.") and draws_needed(with_numbers(scenario, {path: TRIED})) != drawn:
+            raise ScenarioError(
+                f"paths: {path}: is 0 in this scenario, and a batch draws no numbers for noise that is not there; give "
+                "it a small one there"
+            )
 
 
 class LaneRules:
