@@ -297,6 +297,8 @@ def test_two_controllers_link_into_one_program_by_their_declarations(tmp_path):
             rows = []
             for field in dataclasses.fields(record):
                 held = getattr(record, field.name)
+                if field.name == "tip" and not held:
+                    continue  # a reference without a tip has no member for it
                 rows.append(
                     "{" + (", ".join(map(repr, held)) or "0.0") + "}" if hasattr(held, "__iter__") else repr(held)
                 )

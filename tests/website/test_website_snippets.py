@@ -46,6 +46,7 @@ ELSEWHERE |= {name: tests for name, tests in OTHERS.items() if name in PAGES}
 TABLES = {
     ("tip_and_tasks.md", "toml"): "tests/test_docs_of_tasks.py",
     ("scenario_files.md", "toml"): "tests/test_docs.py",
+    ("arm_from_urdf.md", "toml"): "tests/cli/test_attach_command.py",
     ("sweeps.md", "toml"): "tests/test_docs_pictures.py",
 }
 """Page and language of tables without a name -> the file of tests that reads them."""

@@ -20,6 +20,11 @@ def say(message: str, code: int = 0) -> int:
     return code
 
 
+def print_script(text: str) -> None:
+    """A program of ours for standard output, as it is: a shell reads it."""
+    print(text)
+
+
 MANY_JOINTS = 50
 """A flight of so many needs code that takes some seconds to make; the time grows with their number."""
 

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from skyarm.cli.app import app, console, tell
+from skyarm.cli.lines import print_script
 from skyarm.cli.machine_output import give
 from skyarm.cli.progress import waiting
 
@@ -108,4 +109,4 @@ def completion(
 
     text = script(shell)
     give(shell=shell, script=text, install=WHERE[shell])
-    print(text)
+    print_script(text)
