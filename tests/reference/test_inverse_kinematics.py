@@ -85,3 +85,38 @@ def test_the_rotation_vector_is_scipys():
         R = Rotation.from_rotvec(vector).as_matrix()
         found = rotation_vector(Mat3.columns(*(Vec3(*map(float, c)) for c in R.T)))
         np.testing.assert_allclose(Rotation.from_rotvec([*found]).as_matrix(), R, atol=1e-12)
+
+
+@pytest.mark.parametrize("exact", [True, False])
+@pytest.mark.parametrize("beside", [0.0, 0.1])
+def test_a_goal_that_moves_evenly_moves_the_joints_evenly_to_the_stretched_arm_and_beyond(beside, exact):
+    """A planar arm cannot follow sideways, and a stretched one no further: neither may make it chatter."""
+    task = dataclasses.replace(task_of(ARM2, (0, 1), TipChoices(posture=(0.3, -0.6)), exact=exact), rates=(2.0, 2.0))
+    path = [Vec3(0.02 + 0.001 * k, beside * k / 60, -0.27 - 0.001 * k) for k in range(60)]
+    joints = np.array(follow(task, path, None, 0.1))
+    steps = np.diff(joints, axis=0)[3:]
+    turns = np.sum(np.diff(np.sign(np.where(np.abs(steps) < 1e-6, 0.0, steps)), axis=0) != 0.0, axis=0)
+    assert turns.max() <= 3, steps
+    assert np.abs(np.diff(steps, axis=0)).max() < 0.2
+    still = np.array(follow(task, [path[-1]] * 12, None, 0.1))
+    np.testing.assert_allclose(still[-4:], still[-5:-1], atol=1e-5)
+
+
+def test_a_tip_in_the_world_asks_for_no_violent_arm():
+    """Sideways motion of a planar arm, most of it the base's: joint accelerations stay those of the path."""
+    from skyarm.reference import Constant, Trajectory
+    from skyarm.reference.signals import Ramp
+    from skyarm.reference.tip_plan import with_tip
+
+    choices = TipChoices(posture=(0.3, -0.6), base_share=0.8, arm_range=0.08)
+    path = Trajectory(
+        x=Ramp(start=1.0, duration=2.0, height=0.6, shape="quintic"),
+        y=Ramp(start=1.0, duration=2.0, height=0.2, shape="quintic"),
+        z=Constant(1.0),
+    )
+    planned = with_tip(Trajectory(), ARM2, path, choices, 5.0, relative=False)
+    times = np.arange(0.0, 5.0, 0.02)
+    fastest = [max(abs(float(joint.derivatives(float(t))[2])) for t in times) for joint in planned.joints]
+    assert max(fastest) < 12.0, fastest
+    late = [[float(joint.derivatives(t)[2]) for t in (4.0, 4.5)] for joint in planned.joints]
+    np.testing.assert_allclose(late, 0.0, atol=0.05)

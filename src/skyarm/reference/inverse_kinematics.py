@@ -1,10 +1,11 @@
 """Joints that put the tip where it is wanted, instant after instant: inverse kinematics of the arm below a level base.
 
-One step solves (J^T J + (|e|^2 / 2 + d) I) dq = J^T e with the error e of the tip's position (and, as a length, of its
-orientation): the damping is large where the goal is out of reach and vanishes with the error, so that singularities
-neither stop nor throw the arm. What is redundant goes to the posture; a joint at its limit or at its largest rate
-stays there and the others go on without it.
-Sources: Sugihara 2011 (damping by the error); Liegeois 1977 (posture in the null space).
+The joints are those of the least |e|^2 + s^2 |q - q_p|^2, with the error e of the tip's position (and, as a length, of
+its orientation), the posture q_p and a small length s. The posture takes what is redundant, and where a goal is out of
+reach or the arm stretched, the smallest sum is still one place, which moves smoothly with the goal. It is sought by
+damped steps that are taken only where the sum falls; a joint at its limit or at its largest rate stays there and the
+others go on without it.
+Sources: Levenberg 1944, Marquardt 1963 (damped least squares); Wampler 1986 (of arms).
 """
 
 from __future__ import annotations
@@ -17,19 +18,17 @@ from skyarm.algebra import ZERO3, Mat3, Motion, Vec3, ldl_solve
 from skyarm.dynamics.kinematics import Pose, link_poses
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
 
-FIRST_STEPS, STEPS = 100, 8
+FIRST_STEPS, STEPS = 100, 40
 """Most steps of the first instant, and of a later one, which starts near; the next instant goes on from there."""
 
 ENOUGH = 1e-8
 """rad or m: a step shorter than this ends the search."""
 
-LEAST_DAMPING = 1e-6
-"""Of the squared length of the arm: leaves 1e-6 of an error where the Jacobian is as long as the arm."""
+DAMPING, EASIER, HARDER = 1e-6, 0.2, 6.0
+"""First damping, of the squared length of the arm; what a step leaves of it, and what one that is not taken makes."""
 
-PULL, NEAR = 0.5, 1e-2
-"""Share of the way back to the posture that a step takes, and the error over the arm's length at which it is half that:
-what is out of reach is approached first.
-"""
+EXACT, SMOOTH = 5e-4, 0.03
+"""s over the arm's length: of a tip that nothing else moves, and of one whose base takes what the arm leaves."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -40,6 +39,7 @@ class ArmTask:
         vehicle, frame: whose tip. carriers: joints that carry it. posture: joints that it prefers.
         lower, upper: limits of the joints. rates: their largest speeds, per second.
         length: m, that weighs a radian of orientation.
+        ease: m, that weighs a radian or metre away from the posture.
     """
 
     vehicle: Vehicle
@@ -50,6 +50,7 @@ class ArmTask:
     upper: tuple[float, ...]
     rates: tuple[float, ...]
     length: float
+    ease: float
 
 
 def follow(
@@ -91,12 +92,13 @@ def reach(
     steps: int = FIRST_STEPS,
 ) -> list[float]:
     """Joints within bounds that put the tip nearest to a pose, sought from ``start`` on."""
-    q = list(start)
+    q, damping = list(start), DAMPING * task.length * task.length
+    rows, errors = _errors(task, q, position, orientation)
+    cost = _cost(task, q, errors)
     for _ in range(steps):
-        rows, errors = _errors(task, q, position, orientation)
         held: set[int] = set()
         while True:
-            dq = _step(task, q, rows, errors, held)
+            dq = _step(task, q, rows, errors, held, damping)
             past = {
                 i for i, d in enumerate(dq) if (q[i] <= lower[i] and d < 0.0) or (q[i] >= upper[i] and d > 0.0)
             } - held
@@ -104,11 +106,21 @@ def reach(
                 break
             held |= past
         new = [min(max(x + d, a), b) for x, d, a, b in zip(q, dq, lower, upper, strict=True)]
+        tried = _errors(task, new, position, orientation)
+        found = _cost(task, new, tried[1])
         moved = max((abs(a - b) for a, b in zip(new, q, strict=True)), default=0.0)
-        q = new
+        if found <= cost:
+            q, cost, (rows, errors), damping = new, found, tried, damping * EASIER
+        else:
+            damping *= HARDER
         if moved < ENOUGH:
             break
     return q
+
+
+def _cost(task: ArmTask, q: Sequence[float], errors: Sequence[float]) -> float:
+    away = sum((q[i] - task.posture[i]) ** 2 for i in task.carriers)
+    return sum(e * e for e in errors) + task.ease * task.ease * away
 
 
 def _errors(
@@ -141,21 +153,28 @@ def _columns(task: ArmTask, poses: Sequence[Pose], tip: Vec3) -> list[Motion]:
 
 
 def _step(
-    task: ArmTask, q: Sequence[float], rows: Sequence[Sequence[float]], errors: Sequence[float], held: set[int]
+    task: ArmTask,
+    q: Sequence[float],
+    rows: Sequence[Sequence[float]],
+    errors: Sequence[float],
+    held: set[int],
+    damping: float,
 ) -> list[float]:
-    """One damped step, and with what it leaves free one towards the posture."""
+    """One damped step of the joints that are not held."""
     free = [i for i in task.carriers if i not in held]
-    square = sum(e * e for e in errors)
-    damping = 0.5 * square + LEAST_DAMPING * task.length * task.length
-    pull = PULL / (1.0 + square / (NEAR * task.length) ** 2)
+    own = task.ease * task.ease
     J = [[row[i] for i in free] for row in rows]
-    back = [pull * (task.posture[i] - q[i]) for i in free]
-    A = [[sum(row[a] * row[b] for row in J) + damping * (a == b) for b in range(len(free))] for a in range(len(free))]
-    left = [e - sum(c * w for c, w in zip(row, back, strict=True)) for row, e in zip(J, errors, strict=True)]
-    b = [sum(row[a] * e for row, e in zip(J, left, strict=True)) for a in range(len(free))]
+    A = [
+        [sum(row[a] * row[b] for row in J) + (own + damping) * (a == b) for b in range(len(free))]
+        for a in range(len(free))
+    ]
+    b = [
+        sum(row[a] * e for row, e in zip(J, errors, strict=True)) + own * (task.posture[i] - q[i])
+        for a, i in enumerate(free)
+    ]
     dq = [0.0] * len(q)
-    for i, x, w in zip(free, ldl_solve(A, b), back, strict=True):
-        dq[i] = float(x) + w
+    for i, x in zip(free, ldl_solve(A, b), strict=True):
+        dq[i] = float(x)
     return dq
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from skyarm.algebra import Mat3, Vec3
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.dynamics.workspace import reach
-from skyarm.reference.inverse_kinematics import ArmTask, follow
+from skyarm.reference.inverse_kinematics import EXACT, SMOOTH, ArmTask, follow
 from skyarm.reference.polynomials import interpolating_points, uniform_curve
 from skyarm.reference.signals import Constant, Signal
 from skyarm.reference.tip_motion import TipMotion, arm_of
@@ -71,7 +71,7 @@ def plan(vehicle: Vehicle, tip: TipMotion, yaw: Signal, choices: TipChoices, dur
             f"rate = {choices.rate!r}: makes {count} samples of {duration:g} s, must be at most {MOST_SAMPLES}"
         )
     times = (np.arange(-BEYOND, count + BEYOND) * step).tolist()
-    task = task_of(vehicle, tip.arm.carriers, choices)
+    task = task_of(vehicle, tip.arm.carriers, choices, exact=tip.relative or choices.orientation is not None)
     headings = [float(yaw.derivatives(t)[0]) for t in times]
     positions = _arm_goals(task, tip, choices, times, headings) if needed else None
     turns = None
@@ -102,8 +102,9 @@ def _held_within(points: Sequence[float], low: float, high: float, most: float) 
     return found
 
 
-def task_of(vehicle: Vehicle, carriers: tuple[int, ...], choices: TipChoices) -> ArmTask:
-    """What inverse kinematics are told of a vehicle's arm."""
+def task_of(vehicle: Vehicle, carriers: tuple[int, ...], choices: TipChoices, *, exact: bool = True) -> ArmTask:
+    """What inverse kinematics are told of a vehicle's arm; ``exact`` where nothing else moves the tip."""
+    length = max(float(reach(vehicle)), 1e-3)
     limits = [(float(link.joint.lower), float(link.joint.upper)) for link in vehicle.links]
     kept = [(low + min(MARGIN, 0.1 * (high - low)), high - min(MARGIN, 0.1 * (high - low))) for low, high in limits]
     return ArmTask(
@@ -114,7 +115,8 @@ def task_of(vehicle: Vehicle, carriers: tuple[int, ...], choices: TipChoices) ->
         lower=tuple(low for low, _ in kept),
         upper=tuple(high for _, high in kept),
         rates=(choices.joint_speed,) * vehicle.n,
-        length=max(float(reach(vehicle)), 1e-3),
+        length=length,
+        ease=length * (EXACT if exact else SMOOTH),
     )
 
 
