@@ -159,7 +159,7 @@ def test_lanes_are_flights_of_their_own_and_every_number_is_a_path():
         "estimator.joint_bandwidth": [300.0, 0.0],
     }
     absent = estimated(duration=0.5)
-    with pytest.raises(ValueError, match="pose: a number that is absent varies; make it data first"):
+    with pytest.raises(ValueError, match="dropouts.share: is 0 in this scenario"):
         skyarm.Batch(absent, ["sensors.mocap.dropouts.share"])
     scenario = skyarm.with_numbers(absent, {path: column[0] for path, column in paths.items()})
     batch = skyarm.Batch(scenario, list(paths), bit_exact=True, log_every=1)
