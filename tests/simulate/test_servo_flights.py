@@ -21,7 +21,7 @@ from skyarm.scenario.law_by_name import under_law
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
-from skyarm.simulate import run
+from skyarm.simulate import Delays, run
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.loop import run_in_python
 from skyarm.vehicle.check import VehicleError
@@ -202,3 +202,41 @@ def test_a_belief_without_the_servos_must_be_meant(tmp_path):
     half = tables | {"model": {"vehicle": "bare.toml", "drives": {"shoulder": said, "elbow": said}}}
     believed = scenario_from(half, tmp_path)
     assert number_at(believed, "model.vehicle.drives.shoulder.drive.inertia") == 5e-4
+
+
+def hearing_late(latency: float, duration: float = 0.15, **replaced: Any) -> Scenario:
+    """The arm out of its place, with true servos of some latency."""
+    scenario = dataclasses.replace(flight(duration=duration), ground=False, **replaced)
+    paths = {f"plant.drives.{joint}.latency": latency for joint in ("shoulder", "elbow")}
+    out = dataclasses.replace(first_state(scenario), joints=(0.6, -0.4))
+    return with_numbers(dataclasses.replace(scenario, initial=out), paths)
+
+
+@pytest.mark.parametrize(
+    ("plant", "delays"), [("rigid_body", Delays(command=0.008)), ("mujoco", Delays(joints=0.002))], ids=["all", "joints"]
+)
+def test_a_servo_hears_a_late_command_as_it_hears_with_a_latency(plant, delays):
+    """Parts of a period count on the way to the servo, too."""
+    late, rotors = delays.command + delays.joints, Delays(rotors=delays.command)
+    log = run_in_python(hearing_late(0.0, plant=plant, delays=delays))
+    latent = run_in_python(hearing_late(late, plant=plant, delays=rotors))
+    np.testing.assert_allclose(log.joints, latent.joints, rtol=0.0, atol=1e-9)
+    assert np.ptp(latent.joints, axis=0).min() > 0.01
+
+
+def test_a_law_that_is_called_reaches_its_servos_as_late():
+    traced = hearing_late(0.0, delays=Delays(joints=0.002))
+    called = dataclasses.replace(traced, controller=dataclasses.replace(traced.controller, compiled=False))
+    np.testing.assert_allclose(run(called).joints, run(traced).joints, rtol=0.0, atol=1e-9)
+
+
+def test_varied_delays_reach_the_servos_of_a_batch():
+    lanes = (0.0, 0.002, 0.007)
+    scenario = hearing_late(0.0, 0.05, delays=Delays(longest_command=0.01))
+    flown = Batch(scenario, ("delays.joints",), metrics=(), effort=0).fly({"delays.joints": np.array(lanes)})
+    found = np.array(flown.state.joints)
+    for lane, late in enumerate(lanes):
+        latent = Batch(hearing_late(late, 0.05), metrics=(), effort=0).fly({}).state.joints
+        # other lengths of integration steps
+        np.testing.assert_allclose(found[:, lane], np.ravel(latent), rtol=0.0, atol=5e-6)
+    assert np.abs(np.diff(found[0])).min() > 1e-4

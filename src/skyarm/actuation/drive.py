@@ -31,7 +31,7 @@ class Drive:
         return memory
 
     def advance(self, memory: Any, setpoint: Any, position: Any, rate: Any, dt: float) -> Any:
-        """Memory for the period of ``dt`` (s) that begins with this setpoint, position and rate."""
+        """Memory for the period of ``dt`` (s) that begins with this position and rate; the setpoint is its mean."""
         return memory
 
     def effort(self, memory: Any, setpoint: Any, position: Any, rate: Any) -> Any:

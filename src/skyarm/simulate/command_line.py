@@ -73,6 +73,17 @@ def issued(queue: tuple[Command, ...], whole: Any) -> Command:
     return found
 
 
+def mean_efforts(before: Command, after: Command, late: Any, period: float) -> tuple[Any, ...]:
+    """Setpoints of the joints on average over a period, in which they hear of ``after`` when ``late`` seconds are over.
+
+    A drive's memory is stepped once per period: what it hears of two setpoints is their mean, as of its own latency.
+    """
+    if type(late) is float and late == 0.0:
+        return tuple(after.efforts)
+    share = late / period
+    return tuple(new + (old - new) * share for old, new in zip(before.efforts, after.efforts, strict=True))
+
+
 def _mixed(rotors: Command, joints: Command) -> Command:
     """Rotor speeds of one command, efforts of another."""
     return Command(rotor_speeds=rotors.rotor_speeds, efforts=joints.efforts)
