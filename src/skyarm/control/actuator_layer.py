@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any
@@ -118,9 +119,23 @@ def with_actuators(controller: Controller, model: Model, control_period: float, 
         memory=ActuatorMemory(
             inner=controller.memory,
             started=0.0,
-            drives=tuple(drive.begin(0.0, 0.0, control_period) for drive in drives),
+            drives=_first_memories(drives, control_period),
         ),
     )
+
+
+def _first_memories(drives: Sequence[Any], control_period: float) -> tuple[Any, ...]:
+    """Memories of believed drives, which settle where the joints are in the first period."""
+    return tuple(drive.begin(0.0, 0.0, control_period) for drive in drives)
+
+
+def with_believed_queues(controller: Controller, control_period: float) -> Controller:
+    """The law with believed drives at rest in its first memory, whose numbers may have changed since it was made."""
+    memory = controller.memory
+    if not isinstance(memory, ActuatorMemory) or not memory.drives:
+        return controller
+    drives = _first_memories(believed_drives(controller.par.model), control_period)
+    return dataclasses.replace(controller, memory=dataclasses.replace(memory, drives=drives))
 
 
 def inner_parameters(par: ActuatorParameters) -> Any:
