@@ -199,7 +199,7 @@ def _setpoints(
         ahead = add(getattr(drive, "latency", 0), 0.5 * dt)
         square = add(mul(ahead, ahead), dt * dt / 12.0)
         mean = add(add(q, mul(qd, ahead)), mul(qdd, mul(0.5, square)))
-        setpoint = data(drive.setpoint(now, effort, mean, add(qd, mul(qdd, ahead))))
+        setpoint = data(drive.setpoint(now, effort, mean, add(qd, mul(qdd, ahead)), dt))
         setpoints.append(setpoint)
         kept.append(drive.advance(now, setpoint, q, qd, dt))
     return tuple(setpoints), tuple(kept)
