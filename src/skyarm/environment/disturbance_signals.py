@@ -54,6 +54,8 @@ class Disturbance(Force):
         accept_fields(self, "disturbance")
         if self.axes not in AXES:
             raise ValueError(f"axes = {self.axes!r}: must be one of {', '.join(AXES)}")
+        if self.noise is not None:
+            self.noise.require_only("force", "torque")
 
     @property
     def uniforms(self) -> int:
@@ -93,6 +95,8 @@ class AirSignals(Air):
 
     def __post_init__(self) -> None:
         accept_fields(self, "air")
+        if self.noise is not None:
+            self.noise.require_only("velocity")
 
     @property
     def uniforms(self) -> int:
