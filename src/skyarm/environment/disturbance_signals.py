@@ -16,6 +16,9 @@
     noise = { velocity = [0.5, 0.5, 0.2], bandwidth_hz = 0.5 }
 
 Signals are those of references (:mod:`skyarm.reference.reference_tables`). They are held for each control period.
+Noise is a first-order Gauss-Markov process of each component (Brown, Hwang 2012, section 3.9); it has the deviations
+of what its record has: force and torque, or velocity. A wrench moves base and joints by the principle of virtual work
+(Siciliano, Sciavicco, Villani, Oriolo 2009, Robotics, section 3.8).
 """
 
 from __future__ import annotations
