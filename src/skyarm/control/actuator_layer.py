@@ -13,14 +13,14 @@ from skyarm.actuation import Command, Mixer, joint_force
 from skyarm.actuation.drive import TORQUE_DRIVE
 from skyarm.actuation.rotor import push, speed_of_push
 from skyarm.algebra import Force
-from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks.common import rotor_thrust
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.law_checks import check_controller, checked_law, wrong
 from skyarm.control.model import Model
+from skyarm.records.blend import blend
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar, add, data, maximum, mul, sqrt, where
+from skyarm.scalars import Scalar, add, data, maximum, mul, sqrt
 from skyarm.sensors.measurement import Measurement
 from skyarm.vehicle.vehicle_records import Rotor
 
@@ -194,7 +194,7 @@ def _setpoints(
     )
     for drive, held, effort, q, qd, qdd in rows:
         begun = drive.settled(held, q, drive.standing(effort, q))
-        now = _blend(memory.started > 0.5, held, begun)
+        now = blend(memory.started > 0.5, held, begun)
         # means of the motion from where the setpoint is heard to one period later
         ahead = add(getattr(drive, "latency", 0), 0.5 * dt)
         square = add(mul(ahead, ahead), dt * dt / 12.0)
@@ -215,7 +215,3 @@ def _accelerations(model: Model, measurement: Measurement, efforts: Any) -> tupl
         vehicle, measurement.joints, measurement.rate, rates, Force(torque, force), torques
     )
     return found[1]
-
-
-def _blend(condition: Any, new: Any, old: Any) -> Any:
-    return rebuild(old, (where(condition, a, b) for a, b in zip(leaves(new), leaves(old), strict=True)))

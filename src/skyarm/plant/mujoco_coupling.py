@@ -20,7 +20,9 @@ def own_to_mujoco(vehicle: Vehicle, model: Any, dofs: Sequence[int]) -> Any:
     """The matrix G, shape (nv, 6 + joints): MuJoCo's velocities from those of the vehicle's base and links.
 
     Args:
-        vehicle: with or without followers. model: MuJoCo's. dofs: of links and followers, in ``model``.
+        vehicle: with or without followers.
+        model: MuJoCo's.
+        dofs: of links and followers, in ``model``.
     """
     G = np.zeros((int(model.nv), 6 + vehicle.n))
     G[:6, :6] = np.eye(6)

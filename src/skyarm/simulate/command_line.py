@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from skyarm.actuation import Command
+from skyarm.records.blend import blend
 from skyarm.records.coerce import concrete
 from skyarm.scalars import add, floor, maximum, minimum
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.loop_state import blend
 
 
 def command_delay(scenario: Scenario) -> tuple[Any, Any]:

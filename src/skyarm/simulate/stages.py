@@ -23,6 +23,7 @@ from skyarm.estimate.estimator import FULL_STATE
 from skyarm.plant.impact import after_impact
 from skyarm.plant.rigid_body import STEP, accelerate
 from skyarm.plant.surroundings import Surroundings, felt
+from skyarm.records.blend import blend
 from skyarm.reference import Reference
 from skyarm.scalars import absolute, floor, logical_and, where
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -31,7 +32,7 @@ from skyarm.simulate.check_endings import healthy
 from skyarm.simulate.command_line import command_delay, issued, mean_efforts, rotor_and_joint_delays, switches
 from skyarm.simulate.draws import Draws, draw_plan
 from skyarm.simulate.joined_reference import joined_reference
-from skyarm.simulate.loop_state import LoopState, SensorState, blend, ended
+from skyarm.simulate.loop_state import LoopState, SensorState, ended
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
