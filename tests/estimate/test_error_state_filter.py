@@ -124,6 +124,12 @@ def test_readings_arrive_as_many_periods_late_as_stated_and_none_is_used_twice()
     assert memory.time == pytest.approx(117 * PERIOD)
 
 
+def test_an_inertial_unit_as_late_as_the_pose_leaves_every_pose_to_be_used():
+    late = {"sensors__imu__latency": 0.005, "sensors__mocap__latency": 0.005, "estimator__delay_periods": 1}
+    memory = flown(estimated(**late), 0.5)
+    assert memory.taken + memory.refused == 24
+
+
 def test_the_law_is_told_the_belief_carried_to_the_present():
     """With a lag of two periods, and the present as near the truth as its deviations say."""
     session = skyarm.Session(estimated(), machine_code=False)
@@ -261,6 +267,10 @@ def test_the_push_that_the_model_lacks_is_found():
         (
             {"estimator__delay_periods": 1},
             r"delay_periods: lags 0.005 s, must be at least sensors.mocap.latency = 0.01",
+        ),
+        (
+            {"sensors__imu__latency": 0.015},
+            r"sensors.imu.latency = 0.015 s: must be at most sensors.mocap.latency = 0.01 s, or the filter never uses",
         ),
         ({"estimator__aiding": "compass"}, r"aiding = 'compass': must be one of pose, position, position_heading"),
         ({"estimator__force": "both"}, r"force = 'both': must be one of measured, modelled"),
