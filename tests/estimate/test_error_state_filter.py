@@ -16,11 +16,14 @@ from flying_vehicles import tumbling
 from skyarm.estimate.error_state_filter import ErrorStateFilter
 from skyarm.estimate.filter_memory import FilterMemory
 from skyarm.estimate.modelled_force import modelled_force
+from skyarm.plant.interface import Truth
 from skyarm.plant.rigid_body import accelerate
+from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.sensors.sensor_kinds import Encoders, Imu, Pose
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop import run_in_python
+from skyarm.vehicle.vehicle_records import BodyDrag
 
 PERIOD = 0.005
 
@@ -181,7 +184,7 @@ def test_lanes_are_flights_of_their_own_and_every_number_is_a_path():
         "estimator.joint_bandwidth": [300.0, 0.0],
     }
     absent = estimated(duration=0.5)
-    with pytest.raises(ValueError, match="dropouts.share: is 0 in this scenario"):
+    with pytest.raises(ValueError, match=r"dropouts\.share: is 0 in this scenario"):
         skyarm.Batch(absent, ["sensors.mocap.dropouts.share"])
     scenario = skyarm.with_numbers(absent, {path: column[0] for path, column in paths.items()})
     batch = skyarm.Batch(scenario, list(paths), bit_exact=True, log_every=1)
@@ -346,4 +349,32 @@ def test_the_modelled_force_is_the_plants_own_where_the_model_is_the_plant():
     velocity = state.quaternion.rotation().apply_T(state.velocity)
     speeds = (state.rotor_speeds, state.rotor_speeds)
     found = modelled_force(world.vehicle, velocity, state.rate, state.joints, state.joint_rates, speeds, efforts)
+    np.testing.assert_allclose(tuple(found), tuple(wanted.linear), rtol=1e-9, atol=1e-9)
+
+
+def test_the_modelled_force_has_the_drag_of_the_airframe():
+    """As the plant has it; it slows the vehicle."""
+    vehicle = skyarm.load_vehicle("hexarotor_arm6")
+    still, flown = (0.0,) * 6, (400.0,) * 6
+    state = dataclasses.replace(tumbling(vehicle), joints=still, joint_rates=still, rotor_speeds=flown)
+    world = Truth(vehicle=vehicle, gravity=9.8)
+    wanted, _ = accelerate(world, state, flown, still, Surroundings())
+    velocity = state.quaternion.rotation().apply_T(state.velocity)
+    found = modelled_force(vehicle, velocity, state.rate, still, still, (flown, flown), still)
+    bare = dataclasses.replace(vehicle, drag=BodyDrag())
+    without = modelled_force(bare, velocity, state.rate, still, still, (flown, flown), still)
+    np.testing.assert_allclose(tuple(found), tuple(wanted.linear), rtol=1e-9, atol=1e-9)
+    assert (found - without).dot(velocity) < 0.0
+
+
+def test_the_modelled_force_has_the_stops_of_the_joints():
+    vehicle = skyarm.load_vehicle("pelican_arm2")
+    joint = vehicle.links[0].joint
+    joints, still = (joint.upper + 0.005, 0.0), (0.0, 0.0)
+    state = dataclasses.replace(tumbling(vehicle), joints=joints, joint_rates=still, rotor_speeds=(400.0,) * 4)
+    world = Truth(vehicle=vehicle, gravity=9.8)
+    wanted, _ = accelerate(world, state, state.rotor_speeds, still, Surroundings())
+    velocity = state.quaternion.rotation().apply_T(state.velocity)
+    speeds = (state.rotor_speeds, state.rotor_speeds)
+    found = modelled_force(vehicle, velocity, state.rate, joints, still, speeds, still)
     np.testing.assert_allclose(tuple(found), tuple(wanted.linear), rtol=1e-9, atol=1e-9)
