@@ -296,6 +296,15 @@ def test_a_vehicle_of_servos_flies_by_the_measured_force_only():
         ErrorStateFilter(force="modelled").require_sensors(sensors, 200.0, vehicle)
 
 
+def test_drives_of_the_scenario_alone_are_refused_too_but_for_one_that_takes_its_torque():
+    """The belief has none, and the law may send setpoints."""
+    servo = {"kind": "position_servo", "stiffness": 1.0, "inertia": 0.01}
+    estimated(plant__drives={"joint1": servo})
+    estimated(plant__drives={"joint1": {"kind": "torque"}}, estimator__force="modelled")
+    with pytest.raises(ScenarioError, match=r"must be 'measured' for .*, whose joint 'joint1' has a drive \(Posit"):
+        estimated(plant__drives={"joint1": servo}, estimator__force="modelled")
+
+
 def test_the_filter_may_be_named_by_its_kind_alone():
     scenario = estimated(estimator="ekf", sensors__mocap__latency=0.0)
     assert scenario.estimator.gate == 4.5

@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 from skyarm.actuation import Command
+from skyarm.actuation.drive import TorqueDrive
 from skyarm.actuation.rotor import speeds_after
 from skyarm.algebra import Vec3
 from skyarm.estimate.error_covariance import (
@@ -121,13 +122,21 @@ class ErrorStateFilter(Estimator):
 
     def require_sensors(self, sensors: Mapping[str, Sensor], rate: float, vehicle: Vehicle) -> None:
         """An inertial unit, the aiding sensors and, with joints, encoders; none older than the filter lags."""
-        if self.modelled and vehicle.drives:
-            joint = vehicle.drives[0].name
-            raise ValueError(
-                f"estimator.force = 'modelled': must be 'measured' for {vehicle.name!r}, whose joint {joint!r} has a "
-                "drive: its setpoint is no torque"
-            )
+        self.require_torques(vehicle.name, {each.name: each.drive for each in vehicle.drives})
         require_filter_sensors(sensors, self.aiding, self.delay_periods / rate, vehicle.n)
+
+    def require_torques(self, vehicle: str, drives: Mapping[str, Any]) -> None:
+        """Refuse the modelled force where a joint's setpoint is no torque; ``drives`` by joint, of the vehicle named.
+
+        Raises:
+            ValueError: one line with the joint.
+        """
+        for joint, drive in drives.items() if self.modelled else ():
+            if not isinstance(drive, TorqueDrive):
+                raise ValueError(
+                    f"estimator.force = 'modelled': must be 'measured' for {vehicle!r}, whose joint {joint!r} has a "
+                    f"drive ({type(drive).__name__}): the model takes setpoints for torques"
+                )
 
     def start(self, vehicle: Vehicle) -> FilterMemory:
         """Blank but for the covariance; the first readings begin the belief."""

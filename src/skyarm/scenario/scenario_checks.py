@@ -12,6 +12,7 @@ from skyarm.actuation import Mixer, make_mixer
 from skyarm.control.law_checks import check_controller
 from skyarm.control.model import JointGains
 from skyarm.dynamics import State
+from skyarm.estimate.error_state_filter import ErrorStateFilter
 from skyarm.files import number, shown
 from skyarm.plant.largest_step import check_largest_step
 from skyarm.plant.stop_rate import joint_rate
@@ -97,6 +98,10 @@ def check_additions(scenario: Scenario) -> None:
         require_whole(f"{where}.latency", delay, rates.control, "control periods")
     sensors = {each.name: each.sensor for each in scenario.instruments}
     scenario.estimator.require_sensors(sensors, rates.control, scenario.controller.par.model.vehicle)
+    if isinstance(scenario.estimator, ErrorStateFilter):
+        # the scenario's own drives, too, of which the belief need not know
+        given = {each.joint: each.drive for each in scenario.joint_drives}
+        scenario.estimator.require_torques(scenario.world.vehicle.name, given)
     joints = [link.joint.name for link in scenario.world.vehicle.links]
     driven = [each.joint for each in scenario.drives]
     added = [(f"environment.{at}[{i}]", c) for at in ("air", "forces") for i, c in enumerate(getattr(scenario, at))]
