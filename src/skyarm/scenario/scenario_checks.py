@@ -96,6 +96,10 @@ def check_additions(scenario: Scenario) -> None:
             raise ValueError(f"{where}.frequency = {rate:g}: must divide rates.control = {rates.control} Hz")
         delay = number(each.sensor.latency, f"{where}.latency", low=0.0)
         require_whole(f"{where}.latency", delay, rates.control, "control periods")
+        try:
+            each.sensor.require_vehicle(scenario.world.vehicle)
+        except ValueError as error:
+            raise ValueError(f"{where}.{error}") from None
     sensors = {each.name: each.sensor for each in scenario.instruments}
     scenario.estimator.require_sensors(sensors, rates.control, scenario.controller.par.model.vehicle)
     if isinstance(scenario.estimator, ErrorStateFilter):
