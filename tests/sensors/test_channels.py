@@ -182,3 +182,29 @@ def test_a_wrong_number_is_refused_in_one_line(sensor, words):
     with pytest.raises(skyarm.ScenarioError, match=words) as refused:
         skyarm.scenario_from(document)
     assert "\n" not in str(refused.value)
+
+
+def test_noise_of_a_channel_changes_the_noise_of_those_after_it_in_its_sensor_and_of_no_other():
+    """Readings of an inertial unit and of a compass after three periods, with noise of one channel more or less."""
+
+    def read(**channels):
+        imu = {"kind": "imu", "frequency": 100.0, "gyro": {"sigma": 0.01}, "accelerometer": {"sigma": 0.01}, **channels}
+        document = {
+            "schema": 1,
+            "name": "x",
+            "duration": 1.0,
+            "plant": {"vehicle": "hummingbird_arm2_rotors"},
+            "controller": {"preset": "paper_ct"},
+            "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}},
+            "sensors": {"imu": imu, "compass": {"kind": "heading", "frequency": 100.0}},
+        }
+        session = skyarm.Session(skyarm.scenario_from(document), machine_code=False)
+        for _ in range(3):
+            session.step()
+        held = [sensor.held for sensor in session.now.sensors[1:]]
+        return held[0].rate, held[0].specific_force, held[1].heading
+
+    both, without, quiet = read(), read(accelerometer={}), read(gyro={})
+    assert both[0] == without[0]
+    assert both[1] != quiet[1]
+    assert both[2] == without[2] == quiet[2]
