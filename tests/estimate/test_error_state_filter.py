@@ -339,7 +339,7 @@ def test_a_push_that_turns_with_the_base_walks_by_how_fast_it_turns():
     memory = scenario.estimator.start(scenario.world.vehicle)
     reading = dataclasses.replace(memory.inertial[0], rate=skyarm.Vec3(0.3, -1.0, 2.0))
     belief = dataclasses.replace(memory.belief, push=skyarm.Vec3(1.0, 2.0, -3.0))
-    found = scenario.estimator._variances(belief, reading, PERIOD)
+    found = scenario.estimator.added_variances(belief, reading, PERIOD)
     rate = rotation(belief.quaternion).apply(np.array(reading.rate - belief.gyro_bias))
     turning = np.cross(rate, (1.0, 2.0, -3.0))
     np.testing.assert_allclose(found[15:], (0.02**2 + 0.2 * turning**2) * PERIOD, rtol=1e-9)
