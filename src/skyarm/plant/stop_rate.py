@@ -14,9 +14,9 @@ from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Joint, Vehicle
 
 STOP_STEP = 1.05
-"""Largest product of a stop's natural frequency (rad/s) and an RK4 step. The method is stable to 2.78 within a stop, but
-a step that enters or leaves it sees the bend of its force at four instants only: an elastic touch then keeps its energy
-to 8 % (measured), where 2.2 gave it 63 % more at worst."""
+"""Largest product of a stop's natural frequency (rad/s) and an RK4 step. Within a stop the method is stable to 2.78,
+but a step that enters or leaves it sees the bend of its force at four instants only. An elastic touch keeps its energy
+to 8 % (measured); at 2.2 it gained 63 % at worst."""
 
 FASTEST = 3e4
 """rad/s. A stiffer stop would need over 140 integration steps per control period of 5 ms."""
