@@ -35,11 +35,10 @@ def center_of_mass_shift(vehicle: Vehicle, poses: ArmPoses, gravity: float, held
 
     (least, shift), at = poses.worst(inside)
     width = float(_inside(hubs, *hubs.mean(axis=0)[:, None])[0])
-    base = _base_outside(vehicle, hubs)
     level = FAULT if least < 0.0 else WARNING if least < 0.25 * width else OK
     off, within = 1e3 * -float(shift), 1e3 * float(least)
     text = f"at most {off:.3g} mm from the rotors' middle, {within:.3g} mm within their polygon"
-    field = "base.com" if base or not vehicle.n else "links.com"
+    field = field_of_mass(vehicle)
     return [
         Finding(
             question=f"centre of mass{held}",
@@ -153,6 +152,12 @@ def _inside(hubs: Array, x: Array, y: Array) -> Array:
     along = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)
     beside = along[:, 0, None] * (y - a[:, 1, None]) - along[:, 1, None] * (x - a[:, 0, None])
     return np.asarray(beside.min(axis=0), dtype=float)
+
+
+def field_of_mass(vehicle: Vehicle) -> str:
+    """Whose centre of mass is to blame for one beside the rotors' middle: the base's, or those of the arm's links."""
+    hubs = rotor_polygon(vehicle)
+    return "base.com" if not vehicle.n or (len(hubs) > 2 and _base_outside(vehicle, hubs)) else "links.com"
 
 
 def _base_outside(vehicle: Vehicle, hubs: Array) -> bool:

@@ -63,7 +63,7 @@ def sheet(found: Assessment) -> RenderableType:
     parts: list[RenderableType] = [Text(printable(title(found)), style="bold"), table, Text("")]
     alarms = found.alarms()
     for each in alarms:
-        numbers = f" ({number(each.value, each)}, limit {number(each.limit, each)})" if each.field else ""
+        numbers = "" if math.isnan(each.value) or not each.field else f" ({_against_limit(each)})"
         line = f"{each.level} in {each.field or each.question}{numbers}: {each.remedy or each.text}"
         parts.append(Text(printable(line), style=STYLES[each.level]))
     if alarms:
@@ -86,6 +86,12 @@ def verdict(found: Assessment) -> str:
     if faults:
         return f"cannot fly as described: {faults} fault{'s' if faults != 1 else ''}, {counted}"
     return f"can fly: no fault, {counted}"
+
+
+def _against_limit(each: Finding) -> str:
+    """A finding's number, and what it is held against where there is such a thing."""
+    found = number(each.value, each)
+    return found if math.isnan(each.limit) else f"{found}, limit {number(each.limit, each)}"
 
 
 def number(value: float, finding: Finding) -> str:
