@@ -109,6 +109,15 @@ def test_what_the_arm_cannot_do_is_told():
     assert (name, seconds) == (narrow.name, pytest.approx(4.0 * at_limit, abs=0.05))
 
 
+def test_a_joint_that_does_not_carry_the_tip_may_rest_at_its_limit():
+    last = ARM6.links[-1]
+    joint = dataclasses.replace(last.joint, name="finger", lower=0.0, upper=0.04)
+    finger = dataclasses.replace(last, name="finger", joint=joint)
+    held = Setting(vehicle=dataclasses.replace(ARM6, links=(*ARM6.links, finger)), duration=4.0, thrust_to_weight=2.5)
+    table = {"tip": WORLD["tip"] | {"posture": [*POSTURE6, 0.0]}}
+    assert feasibility(reference_from(table, 7, "reference", held), held).at_limits == ()
+
+
 def test_no_joint_is_planned_faster_than_it_may_be():
     table = {"tip": WORLD["tip"] | {"joint_speed": 0.1}}
     plan = reference_from(table, 6, "reference", SIX)

@@ -12,7 +12,7 @@ from skyarm.vehicle.attach import Mount, attach, place_in, posed_in
 from skyarm.vehicle.battery import Battery, CellCurve
 from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
-from skyarm.vehicle.couple import Mimic, couple
+from skyarm.vehicle.couple import Mimic, couple, limits_that_contradict
 from skyarm.vehicle.dry_friction import with_smooth_friction
 from skyarm.vehicle.mounted_drives import mounted_drives
 from skyarm.vehicle.nearest_inertia import with_real_inertias
@@ -91,7 +91,7 @@ def assemble(file: VehicleFile, referred: Referred) -> Vehicle:
         drives=_drives(file, referred),
         battery=_battery(file.battery) if airframe is None or file.battery is not None else airframe.battery,
         sources=(*(() if airframe is None else airframe.sources), *file.sources.items()),
-        notes=bodies.notes,
+        notes=(*bodies.notes, *limits_that_contradict(links, followers)),
     )
     stated = {*own, *referred.settled, *(each.name for each in file.joints if each.coulomb_rate is not None)}
     made = with_smooth_friction(made, {link.joint.name for link in made.links} - stated)
