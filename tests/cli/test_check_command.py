@@ -83,6 +83,7 @@ def test_a_page_needs_nothing_else_and_shows_the_worst_poses(here):
         (("pelican_arm2", "--gravity", "0"), ("--gravity = 0",)),
         (("case2", "--gravity", "9"), ("--gravity = 9", "plant.gravity")),
         (("pelican_arm2", "--html", ""), ("--html = ''",)),
+        (("pelican_arm2", "--html", "page.txt"), ("--html = 'page.txt'", "must end in .html")),
         (("pelican_arm2", "--html", "."), ("'.'",)),
         (("robustness",), ("robustness",)),
     ],

@@ -52,7 +52,9 @@ def test_waypoints_with_given_times_and_samples_of_a_file_are_looked_at_too(tmp_
     points = {"kind": "waypoints", "points": [[0, 0, 1], [0.1, 0, 1], [1, 0, 1]], "times": [0.0, 0.5, 60.0]}
     with pytest.raises(ValueError, match=r"^reference\.base\.times: the smooth motion"):
         reference_from({"base": points}, 0, "reference", Setting(duration=60.0))
-    assert reference_from({"base": {k: v for k, v in points.items() if k != "times"}}, 0, "reference", Setting(duration=60.0))
+    assert reference_from(
+        {"base": {k: v for k, v in points.items() if k != "times"}}, 0, "reference", Setting(duration=60.0)
+    )
     (tmp_path / "path.csv").write_text("time,x,y,z\n0,0,0,1\n0.5,0.1,0,1\n60,1,0,1\n", "utf-8")
     table = {"kind": "samples", "file": str(tmp_path / "path.csv")}
     with pytest.raises(ValueError, match=r"^reference\.base\.file: x: the smooth motion"):
