@@ -10,17 +10,20 @@ import pytest
 
 import skyarm
 from skyarm.actuation import make_mixer
+from skyarm.actuation.servo import VelocityServo
 from skyarm.actuation.time_aloft import time_aloft as hover_time
 from skyarm.algebra import Vec3
 from skyarm.assess.arm_poses import arm_poses, joint_range
 from skyarm.assess.assessment import Assessment, assess_vehicle
 from skyarm.assess.assessment_page import assessment_page
-from skyarm.assess.finding import FAULT, NOTE, WARNING, Finding
+from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
 from skyarm.assess.joint_torques import joint_torques
 from skyarm.assess.level_hover import Allocation, hover_efforts
 from skyarm.assess.likely_units import _finding
+from skyarm.assess.servo_stiffness import frequency, servo_stiffness
 from skyarm.assess.torque_authority import locked_inertia, torque_authority
 from skyarm.cli.check_command import sheet
+from skyarm.dynamics.array_front import mass_matrix
 from skyarm.vehicle.vehicle_records import Joint
 
 PELICAN = skyarm.load_vehicle("pelican_arm2")
@@ -201,3 +204,38 @@ def test_a_remedy_names_each_field_once():
     told = [each for each in found.alarms() if "authority" in each.question]
     assert told
     assert all(each.remedy.count("base.inertia") == 1 for each in told)
+
+
+def with_servo(armature, stiffness):
+    """A shipped vehicle whose servos have another stiffness, and whose joints another armature."""
+    vehicle = skyarm.load_vehicle("quadrotor_roll_arm2").with_joints(armature=armature)
+    drives = (
+        dataclasses.replace(each, drive=dataclasses.replace(each.drive, stiffness=stiffness)) for each in vehicle.drives
+    )
+    return dataclasses.replace(vehicle, drives=tuple(drives))
+
+
+def test_a_stiff_servo_on_a_joint_without_armature_is_warned_of_and_with_it_is_not():
+    stiff = [each for each in servo_stiffness(with_servo(0.0, 600.0)) if each.level == WARNING]
+    assert [each.field for each in stiff] == ["joints[roll].armature", "joints[pitch].armature"]
+    assert all("armature" in each.remedy for each in stiff)
+    assert {each.level for each in servo_stiffness(with_servo(0.045, 600.0))} == {OK}
+    assert {each.level for each in servo_stiffness(with_servo(0.0, 60.0))} == {OK}
+    (roll, _) = servo_stiffness(with_servo(0.045, 6000.0))
+    assert (roll.level, roll.field) == (WARNING, "drives.roll")
+    assert servo_stiffness(PELICAN) == []
+
+
+def test_the_frequency_of_a_servo_is_that_of_its_joint_let_go_on_its_spring():
+    vehicle = with_servo(0.0, 600.0)
+    frequencies = {}
+    for found in servo_stiffness(vehicle):
+        frequencies[found.question] = found.value
+    # the stiffest joint of the poses at zero: accelerations of the free vehicle under the spring's torque by 1 rad
+    M = mass_matrix(vehicle, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(2))
+    for i, name in enumerate(("roll", "pitch")):
+        acceleration = np.linalg.solve(M, 600.0 * np.eye(8)[6 + i])[6 + i]
+        assert frequencies[f"joints[{name}] servo"] >= math.sqrt(acceleration) * (1.0 - 1e-9)
+        assert frequencies[f"joints[{name}] servo"] < 2.0 * math.sqrt(acceleration)
+    velocity = VelocityServo(gain=3.0, inertia=1e-3)
+    assert frequency(velocity, 0.01) == pytest.approx(300.0)
