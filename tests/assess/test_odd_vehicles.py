@@ -59,6 +59,12 @@ def test_a_vehicle_too_heavy_to_hover_does_not_lack_charge():
     assert (aloft.level, aloft.field) == (NOTE, "rotors")
 
 
+def test_a_vehicle_of_which_a_rotor_would_pull_down_does_not_lack_charge():
+    found = assess_vehicle(with_base(HEXAROTOR12, mass=3.0, com=Vec3(-0.8, 0.0, 0.0)), poses=FEW)
+    assert answer(found, "balance of the rotors").level == FAULT
+    assert answer(found, "time aloft").level == NOTE
+
+
 def test_an_empty_battery_is_to_blame_where_the_rotors_hover():
     empty = dataclasses.replace(HEXAROTOR12, battery=dataclasses.replace(HEXAROTOR12.battery, charge=0.0))
     with pytest.raises(ValueError, match="battery"):
