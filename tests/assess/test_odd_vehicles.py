@@ -20,6 +20,7 @@ from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
 from skyarm.assess.joint_torques import joint_torques
 from skyarm.assess.level_hover import Allocation, hover_efforts
 from skyarm.assess.likely_units import _finding
+from skyarm.assess.mass_balance import field_of_mass
 from skyarm.assess.servo_stiffness import frequency, servo_stiffness
 from skyarm.assess.torque_authority import locked_inertia, torque_authority
 from skyarm.cli.check_command import sheet
@@ -79,6 +80,22 @@ def test_a_base_far_ahead_within_the_polygon_is_named_and_not_said_to_be_outside
     assert (found.level, found.field) == (FAULT, "base.com")
     assert "base.com" in found.remedy
     assert "outside" not in found.text
+
+
+def test_the_base_is_to_blame_where_more_than_half_of_the_moment_is_its_own():
+    # arm held out: 1 kg at 0.2 m of 2 kg, so 0.1 m; the base's share is a half of its own offset
+    def field(base_x, swing):
+        forearm = PELICAN.links[0]
+        body = dataclasses.replace(forearm.body, mass=1.0, com=Vec3(0.0, 0.0, -0.2))
+        joint = dataclasses.replace(forearm.joint, position=Vec3(0.0, 0.0, 0.0))
+        arm = dataclasses.replace(forearm, body=body, joint=joint)
+        vehicle = dataclasses.replace(PELICAN, links=(arm,), frames=(), end_effector="")
+        return field_of_mass(with_base(vehicle, mass=1.0, com=Vec3(base_x, 0.0, 0.0)), np.array([swing]))
+
+    # on the arm's side or on the other one, 0.25 m of the base is more than the arm's 0.2 m
+    assert {field(x, s * math.pi / 2.0) for x in (0.25, -0.25) for s in (1.0, -1.0)} == {"base.com"}
+    assert field(0.15, 0.0) == "base.com"
+    assert {field(x, s * math.pi / 2.0) for x in (0.15, -0.15) for s in (1.0, -1.0)} == {"links.com"}
 
 
 def test_nothing_that_can_be_held_is_an_alarm():

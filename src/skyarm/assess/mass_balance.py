@@ -38,7 +38,7 @@ def center_of_mass_shift(vehicle: Vehicle, poses: ArmPoses, gravity: float, held
     level = FAULT if least < 0.0 else WARNING if least < 0.25 * width else OK
     off, within = 1e3 * -float(shift), 1e3 * float(least)
     text = f"at most {off:.3g} mm from the rotors' middle, {within:.3g} mm within their polygon"
-    field = field_of_mass(vehicle)
+    field = field_of_mass(vehicle, at[0])
     return [
         Finding(
             question=f"centre of mass{held}",
@@ -154,13 +154,15 @@ def _inside(hubs: Array, x: Array, y: Array) -> Array:
     return np.asarray(beside.min(axis=0), dtype=float)
 
 
-def field_of_mass(vehicle: Vehicle) -> str:
-    """Whose centre of mass is to blame for one beside the rotors' middle: the base's, or those of the arm's links."""
-    hubs = rotor_polygon(vehicle)
-    return "base.com" if not vehicle.n or (len(hubs) > 2 and _base_outside(vehicle, hubs)) else "links.com"
+def field_of_mass(vehicle: Vehicle, joints: Array) -> str:
+    """Whose centre of mass is to blame for one beside the rotors' middle in a pose (n,): the base's or the links'.
 
-
-def _base_outside(vehicle: Vehicle, hubs: Array) -> bool:
-    """Whether the base's own centre of mass is near the edge already, so that no arm is to blame."""
-    x, y = (np.array([float(c)]) for c in (vehicle.base.com.x, vehicle.base.com.y))
-    return bool(_inside(hubs, x, y)[0] < 0.5 * _inside(hubs, *hubs.mean(axis=0)[:, None])[0])
+    It is the base's where its share of the whole moment is more than half.
+    """
+    if not vehicle.n:
+        return "base.com"
+    middle = np.mean([[float(rotor.position.x), float(rotor.position.y)] for rotor in vehicle.rotors], axis=0)
+    mass = float(vehicle.mass)
+    whole = np.ravel(center_of_mass(hover_efforts(vehicle, 1.0, np.reshape(joints, (1, -1))), mass, 1.0)) - middle
+    own = np.array([float(vehicle.base.com.x), float(vehicle.base.com.y)]) - middle
+    return "base.com" if float(vehicle.base.mass) / mass * own @ whole > 0.5 * whole @ whole else "links.com"

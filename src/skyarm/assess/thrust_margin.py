@@ -73,6 +73,7 @@ def _margin(vehicle: Vehicle, gravity: float, busiest: float, joints: tuple[floa
 
 def _idlest(vehicle: Vehicle, share: float, joints: tuple[float, ...], held: str) -> Finding:
     level = FAULT if share < 0.0 else WARNING if share < LEAST_SHARE else OK
+    field = field_of_mass(vehicle, np.array(joints))
     text = f"the idlest rotor carries {share:.2g} of the mean in the worst arm pose"
     if level == FAULT:
         text = f"a rotor would have to pull down: {text}; the centre of mass lies too far from the rotors' middle"
@@ -80,9 +81,9 @@ def _idlest(vehicle: Vehicle, share: float, joints: tuple[float, ...], held: str
         question=f"balance of the rotors{held}",
         level=level,
         text=text,
-        field=field_of_mass(vehicle),
+        field=field,
         value=share,
         limit=0.0 if level == FAULT else LEAST_SHARE,
-        remedy="" if level == OK else f"move mass towards the rotors' middle ({field_of_mass(vehicle)}; m, not mm?)",
+        remedy="" if level == OK else f"move mass towards the rotors' middle ({field}; m, not mm?)",
         joints=joints,
     )
