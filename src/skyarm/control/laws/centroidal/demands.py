@@ -60,7 +60,7 @@ class Demand:
     alpha: Vec3
     joints: tuple[Any, ...]
     planned: Planned
-    following: Following
+    following: Following = Following()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
