@@ -90,7 +90,8 @@ def test_links_stay_level_while_the_base_turns():
     """Joints moved by the rates and accelerations found keep every link turned as that of a level base."""
     vehicle = random_vehicle(np.random.default_rng(5), 3, prismatic=False, branching=False)
     gains = dataclasses.replace(make_centroidal(MODEL, mode="tip").par.tip, posture=1e-9)
-    joints = moving(*(RNG.normal(size=3).tolist() for _ in range(3)), (0.0,) * 3, (0.0,) * 3)
+    values = (size * np.random.default_rng(6).normal(size=3) for size in (1.0, 3.0, 3.0))
+    joints = moving(*(each.tolist() for each in values), (0.0,) * 3, (0.0,) * 3)
     yaw = Taylor.of_derivatives([0.0, 0.0, 0.0, 0.0, 0.0])
     wanted = goal(vehicle, [Vec3(0.0, 0.0, 0.0)] * 5, yaw, joints, posture(vehicle, joints, 4))
     told = [[q.derivative(k) for q in joints] for k in (1, 2)]
@@ -100,24 +101,26 @@ def test_links_stay_level_while_the_base_turns():
     rate, alpha = 0.7 * axis, -1.3 * axis
     still = Attitude(Mat3.identity(), vec(rate), vec(alpha))
     rates, accelerations = level_motion(vehicle, gains, wanted, still, poses, told)
-    e = 1e-3
+    e = 3e-3
     later = [q.derivative(0) + r * e + 0.5 * a * e * e for q, r, a in zip(joints, rates, accelerations, strict=True)]
     level = [q.derivative(0) + q.derivative(1) * e + 0.5 * q.derivative(2) * e * e for q in joints]
     R = turned(rate, alpha, e)
     base = Mat3(*(vec(row) for row in R))
     for found, kept in zip(link_poses(vehicle, later), link_poses(vehicle, level), strict=True):
-        assert orientation_error(base @ found.R, kept.R).norm() < 1e-7
+        assert orientation_error(base @ found.R, kept.R).norm() < 1e-6
 
 
 def test_the_arms_motion_is_made_good_in_full_below_the_limit():
     h = [vec(x) for x in RNG.normal(size=(5, 3))]
-    slow = ArmMotion(size=3.0, mean=Vec3(0.0, 0.0, 0.0))
+    slow = ArmMotion(size=3.0, mean=Vec3(0.3, 0.0, 0.0))
     assert made_good(slow, 20.0, h) == h
     halved = made_good(dataclasses.replace(slow, size=40.0), 20.0, h)
     assert [v.z for v in halved] == [v.z for v in h]
-    assert halved[0].x == pytest.approx(0.5 * h[0].x)
+    assert halved[0].x == pytest.approx(0.5 * (h[0].x + 0.3))
     none = made_good(dataclasses.replace(slow, size=1e12), 20.0, h)
-    assert [none[0].x, none[1].x] == pytest.approx([0.0, h[0].x], abs=1e-6)  # the mean, and how its filter moves it
+    # the mean, and how its filter of 1 rad/s moves it
+    moved = [0.3, h[0].x - 0.3, h[1].x - h[0].x + 0.3]
+    assert [v.x for v in none[:3]] == pytest.approx(moved, abs=1e-6)
 
 
 def test_the_size_of_the_arms_motion_is_that_of_its_snap():
@@ -148,6 +151,7 @@ def test_two_differentiators_give_jerk_and_snap():
 NOISE = SensorNoise(position=0.001, velocity=0.01, attitude=0.002, rate=0.01, joints=0.001, joint_rates=0.01)
 
 
+TIP = "ee_error_mean_continuous"
 CASE3 = skyarm.load_scenario("case3")
 
 
@@ -158,7 +162,7 @@ def tip_error(preset, **changes):
     law = skyarm.make_controller("centroidal", CASE3.controller.par.model, mode="tip", preset=preset, delay=delay)
     windows = dataclasses.replace(scenario.windows, steady=Window(4.0, 6.0))
     log = skyarm.run(dataclasses.replace(scenario, controller=law, windows=windows))
-    return 1e3 * skyarm.score(log)["ee_error_mean"] if log.status == "completed" else np.inf
+    return 1e3 * skyarm.score(log, [TIP])[TIP] if log.status == "completed" else np.inf
 
 
 def still(**signals):
@@ -181,6 +185,14 @@ def test_it_bears_commands_20_ms_late_that_nobody_told():
     late = {"sensors": NOISE, "delays": Delays(measurement=0.005, command=0.02)}
     assert tip_error("adaptive", **late) < 8.0
     assert tip_error("robust", **late) > 50.0
+
+
+@pytest.mark.parametrize(("hertz", "most"), [(0.16, 1.0), (0.3, 5.5)])
+def test_a_fast_circle_is_flown_with_the_motion_of_the_bases_shift(hertz, most):
+    """1 and 1.9 m/s on a circle of 1 m: without its jerk and snap, or without the links' turning, twice as much."""
+    joints = (Sine(amplitude=0.2, frequency_hz=0.5, phase=np.pi / 2), Sine(amplitude=0.15, frequency_hz=0.5))
+    x, y = (Sine(amplitude=1.0, frequency_hz=hertz, phase=phase) for phase in (np.pi / 2, 0.0))
+    assert tip_error("adaptive", trajectory=still(x=x, y=y, joints=joints)) < most
 
 
 @pytest.mark.thorough

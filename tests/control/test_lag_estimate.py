@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import skyarm
+from skyarm.actuation import Command
 from skyarm.algebra import Vec3
-from skyarm.control.blocks.disturbance_observer import Told
+from skyarm.control.blocks.disturbance_observer import Told, disturbance, first_observed, observe_and_tell
 from skyarm.control.blocks.lag_estimate import (
     CANDIDATES,
     IGNORED,
@@ -24,6 +25,7 @@ from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.bandwidth import at_shares
 from skyarm.control.laws.centroidal.make import make_centroidal
 from skyarm.control.model import Model
+from skyarm.sensors.measurement import Measurement
 
 DT = 0.005
 GAINS = LagGains(base=0.02, joints=0.012, stride=1)
@@ -38,19 +40,40 @@ class Rates:
     joint_rates: tuple[float, ...]
 
 
-def flown(late, *, seconds=8.0, active=3.0, noise=0.0, gust=None, free=(1.0, 1.0, 1.0), dt=DT, gains=GAINS, seed=4):
+def flown(
+    late,
+    arm_late=None,
+    *,
+    seconds=8.0,
+    active=3.0,
+    noise=0.0,
+    gust=None,
+    free=(1.0, 1.0, 1.0),
+    dt=DT,
+    gains=GAINS,
+    seed=4,
+    disturbance=0.0,
+):
     """The memory after accelerations of white noise that arrive ``late`` periods later; a gust is one push a second."""
     rng = np.random.default_rng(seed)
     n = round(seconds / dt)
     a = active * rng.normal(size=(n, 5))
     y = np.vstack([np.zeros((late, 5)), a[: n - late]])
+    if arm_late is not None:
+        y[:, 3:] = np.vstack([np.zeros((arm_late, 2)), a[: n - arm_late, 3:]])
+    # what the observer believes to disturb: part of what the model says, and told by its changes
+    steps = disturbance * rng.normal(size=(n, 5))
+    believed = np.cumsum(steps, axis=0)
     if gust is not None:
         y[:: round(1.0 / dt)] += gust
     rates = np.cumsum(y * dt, axis=0) + noise * rng.normal(size=(n, 5))
-    memory, still = first_lag(2, gains.stride), Vec3(0.0, 0.0, 0.0)
+    memory = first_lag(2, gains.stride)
     for k in range(n):
         told = Told(
-            angular=Vec3(*a[k, :3]), joints=tuple(a[k, 3:]), angular_correction=still, joint_corrections=(0.0, 0.0)
+            angular=Vec3(*(a[k, :3] + believed[k, :3] - steps[k, :3])),
+            joints=tuple(a[k, 3:] + believed[k, 3:] - steps[k, 3:]),
+            angular_correction=Vec3(*steps[k, :3]),
+            joint_corrections=tuple(steps[k, 3:]),
         )
         measured = Rates(rate=Vec3(*rates[k, :3]), joint_rates=tuple(rates[k, 3:]))
         memory = learn(gains, memory, told, measured, 0.0 if k == 0 else 1.0, free, dt)
@@ -64,6 +87,15 @@ def lags(memory: LagMemory, dt=DT, gains=GAINS):
 @pytest.mark.parametrize("late", range(CANDIDATES))
 def test_a_whole_number_of_periods_is_found(late):
     assert lags(flown(late, seconds=4.0)) == pytest.approx((late * DT, late * DT), abs=2e-4)
+
+
+def test_rotors_and_joints_have_a_lag_of_their_own():
+    assert lags(flown(2, 6, seconds=4.0)) == pytest.approx((2 * DT, 6 * DT), abs=2e-4)
+
+
+def test_what_the_observer_believes_to_disturb_is_left_out():
+    """It is an answer to what was measured, and would look like one: the first correction is not learned from."""
+    assert lags(flown(3, seconds=4.0, disturbance=20.0)) == pytest.approx((3 * DT, 3 * DT), abs=5e-4)
 
 
 def test_it_is_found_under_the_noise_of_the_bench():
@@ -134,3 +166,32 @@ def test_the_bandwidth_is_one_number():
 def test_a_lag_is_two_lengths():
     with pytest.raises(ControllerError, match="must be two lengths above 0, or twice 0"):
         make_centroidal(MODEL, lag=(0.02, 0.0))
+
+
+def test_the_observer_tells_by_how_much_its_disturbance_changes():
+    """The innovation of the rates times L2 / dt, and the model's acceleration that they were foretold with."""
+    par = make_centroidal(MODEL, mode="tip").par
+    before = dataclasses.replace(first_observed(2, (500.0,) * 4), rate=Vec3(0.1, -0.2, 0.3), joint_rates=(0.2, -0.1))
+    measured = Measurement(
+        **{**{name: getattr(before, name) for name in ("position", "quaternion", "velocity", "joints")}},
+        rate=Vec3(0.4, 0.1, 0.2),
+        specific_force=Vec3(0.0, 0.0, 9.81),
+        joint_rates=(0.5, 0.3),
+        rotor_speeds=(500.0,) * 4,
+        time=0.0,
+    )
+    nothing = disturbance(before)
+    command = Command(rotor_speeds=(500.0,) * 4, efforts=(0.0, 0.0))
+    _, told = observe_and_tell(MODEL, par.observer, before, measured, command, nothing, 1.0, (1.0,) * 3, DT)
+    for gain, rate, foretold, correction in (
+        (par.observer.torque, measured.rate, before.rate + told.angular * DT, told.angular_correction),
+        (
+            par.observer.joints,
+            measured.joint_rates,
+            [r + a * DT for r, a in zip(before.joint_rates, told.joints, strict=True)],
+            told.joint_corrections,
+        ),
+    ):
+        share = (1.0 - math.exp(-gain * DT)) ** 2 / DT
+        wanted = [share * (m - f) for m, f in zip(rate, foretold, strict=True)]
+        assert list(correction) == pytest.approx(wanted)
