@@ -30,6 +30,7 @@ from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.rigid_body import STEP, accelerate
 from skyarm.plant.surroundings import Surroundings
 from skyarm.scalars import data
+from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, Scenario, ScenarioError
 from skyarm.sensors.measurement import Measurement, measurement_of
 from skyarm.sensors.noise import measure, noise_count
@@ -120,10 +121,12 @@ class Differentiator:
 
     Args:
         scenario: on the rigid-body plant; noise and turbulence are left out.
+        paths: numbers that :meth:`at` may be given others of, as those of a batch; the code is made once for all.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
-        self.scenario = nominal(scenario)
+    def __init__(self, scenario: Scenario, paths: Sequence[str] = ()) -> None:
+        self.scenario, self._paths = nominal(scenario), tuple(paths)
+        self._numbers = tuple(number_at(self.scenario, path) for path in self._paths)
         inputs = episode_inputs(self.scenario)
         first = first_loop_state(self.scenario)
         _require_no_memory(self.scenario, first)
@@ -147,15 +150,18 @@ class Differentiator:
         def step(point: _Point, given: tuple[Any, ...], fed: Row, _uniforms: Any) -> tuple[_Point, Any]:
             return point, self._outputs(point, given, fed)
 
-        given = (0.0, 0.0) if self._ages is None else (0.0, 0.0, 0.0)
+        given = ((0.0, 0.0) if self._ages is None else (0.0, 0.0, 0.0), self._numbers)
         loop = trace_loop(step, structure_of(self._point), given, row, loops=True)
         self._kernel = Kernel(loop, Lanes(host_width(), contract=False), logging=True)
         self._row = len(leaves(row))
 
     def _outputs(self, point: _Point, given: tuple[Any, ...], row: Row) -> tuple[Any, ...]:
-        """Next state, measurement now, next memory, command; given when rotors (and joints) hear, and the lag."""
-        *lates, lag = given
-        scenario = with_lag(self.scenario, lag)
+        """Next state, measurement now, next memory, command; given when rotors (and joints) hear, lag, numbers."""
+        (*lates, lag), numbers = given
+        own = self.scenario
+        if self._paths:
+            own = with_numbers(own, dict(zip(self._paths, numbers, strict=True)))
+        scenario = with_lag(own, lag)
         stages = Stages(scenario)
         air = stages.surroundings(self._components, (), row.time)
         force, _ = accelerate(
@@ -179,22 +185,25 @@ class Differentiator:
         step = STEP[scenario.integrator]
         return repeat(count, lambda x: step(scenario.world, x, command, air, seconds / count), state)
 
-    def at(self, carry: LoopState, row: Sequence[float], lag: str) -> OpenLoop:
+    def at(
+        self, carry: LoopState, row: Sequence[float], lag: str, numbers: Sequence[float] | None = None
+    ) -> OpenLoop:
         """The linearised open loop where the flight is at ``carry``.
 
         Args:
             carry: of the nominal flight.
             row: leaves of what the instant is fed.
             lag: one of ``LAGS``.
+            numbers: of the paths; the scenario's own if left out.
         """
+        given = (float(LAGS.index(lag)), *(self._numbers if numbers is None else numbers))
         point = _point(carry, self._ages)
         sizes = [len(leaves(part)) for part in (point.state, point.old, point.new, point.memory, point.seen)]
-        share = float(LAGS.index(lag))
-        base = self._completed(carry, point, sizes, row, share)
+        base = self._completed(carry, point, sizes, row, given)
         moved, widths = stencil_points(base, point.state.quaternion)
         lates = range(len(self.lates))
-        results = [self._outputs_of(moved, row, late, share) for late in lates]
-        still = [self._outputs_of(base[:, None], row, late, share)[:, 0] for late in lates]
+        results = [self._outputs_of(moved, row, late, given) for late in lates]
+        still = [self._outputs_of(base[:, None], row, late, given)[:, 0] for late in lates]
         outs = [sizes[0], sizes[4], sizes[3], sizes[1]]
         parts = [derivatives(result, at, widths, outs) for result, at in zip(results, still, strict=True)]
         columns = np.cumsum([0, sizes[0] - 1, *sizes[1:]])
@@ -220,27 +229,30 @@ class Differentiator:
         )
 
     def _completed(
-        self, carry: LoopState, point: _Point, sizes: list[int], row: Sequence[float], share: float
+        self, carry: LoopState, point: _Point, sizes: list[int], row: Sequence[float], given: Sequence[float]
     ) -> Array:
         """Numbers of the point, with what the period itself makes: the measurement now, and the command it leads to."""
         base = np.array([float(leaf) for leaf in leaves(point)])
         ends = np.cumsum([sizes[0], sizes[4], sizes[3], sizes[1]])
         if not carry.sensors[0].waiting:
-            made = self._outputs_of(base[:, None], row, 0, share)[:, 0]
+            made = self._outputs_of(base[:, None], row, 0, given)[:, 0]
             base[sum(sizes[:4]) :] = made[ends[0] : ends[1]]
         ages = self._ages or (len(carry.queue) - 1,) * 2
         at_once = np.repeat(np.array(ages) == 0, [len(point.new.rotor_speeds), len(point.new.efforts)])
         if at_once.any():
-            made = self._outputs_of(base[:, None], row, 0, share)[:, 0]
+            made = self._outputs_of(base[:, None], row, 0, given)[:, 0]
             following = base[sizes[0] + sizes[1] : sum(sizes[:3])]
             following[at_once] = made[ends[2] : ends[3]][at_once]
         return base
 
-    def _outputs_of(self, points: Array, row: Sequence[float], late: int, share: float) -> Array:
-        """Outputs of points, (numbers, lanes), where the command arrives at one of ``lates``, by its number."""
+    def _outputs_of(self, points: Array, row: Sequence[float], late: int, numbers: Sequence[float]) -> Array:
+        """Outputs of points, (numbers, lanes), where the command arrives at one of ``lates``, by its number.
+
+        ``numbers`` are the lag's share and those of the paths.
+        """
         lanes = points.shape[1]
         when = [self.lates[late]] if self._ages is None else [self.lates[late], self._joints_lates[late]]
-        given = np.repeat(np.array([*when, share])[:, None], lanes, axis=1)
+        given = np.repeat(np.array([*when, *numbers])[:, None], lanes, axis=1)
         _, log = self._kernel.run(points, given, np.array(row, dtype=float).reshape(1, self._row))
         return np.asarray(log[0], dtype=float)
 

@@ -1,0 +1,70 @@
+"""Margins in hover of a law with other gains."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.control.controller import Controller
+from skyarm.records.replace_parts import replaced
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.stability.along import evidence
+from skyarm.tune.front import LoopMargins, Required
+from skyarm.tune.knobs import Knob, inner_place
+
+Array = npt.NDArray[np.float64]
+
+DELAY_SHARE, PERIODS = 1.5, 2
+"""Required delay margin: this share of the delay that the law knows, and at least so many control periods."""
+
+GAIN = 1.5
+"""Required gain margin of all rotors, and of all joints, up and down: 3.5 dB."""
+
+
+def required(scenario: Scenario) -> Required:
+    """Margins that a scenario's gains must have."""
+    told = float(scenario.delays.measurement) + float(scenario.delays.command)
+    return Required(delay=max(DELAY_SHARE * told, PERIODS / scenario.rates.control), gain=GAIN)
+
+
+def with_gains(controller: Controller, knobs: Sequence[Knob], logs: Sequence[float]) -> Controller:
+    """The controller with every knob's numbers times its factor."""
+    numbers = {
+        place: value * math.exp(log)
+        for knob, log in zip(knobs, logs, strict=True)
+        for place, value in knob.numbers
+    }
+    return dataclasses.replace(controller, par=replaced(controller.par, numbers))
+
+
+def hover_margins(scenario: Scenario, knobs: Sequence[Knob], logs: Sequence[float]) -> LoopMargins:
+    """Margins of a scenario's loop in hover with some gains; why there are none where they cannot be computed."""
+    controller = without_adaptation(with_gains(scenario.controller, knobs, logs))
+    calm = dataclasses.replace(
+        scenario,
+        controller=controller,
+        forces=scenario.forces[:-1],  # without the wind that is drawn
+        delays=dataclasses.replace(scenario.delays, longest_command=None),
+    )
+    try:
+        found = evidence(calm, 0)
+    except ValueError as error:
+        return LoopMargins(delay=0.0, rotors=(1.0, 1.0), joints=(1.0, 1.0), why_none=str(error))
+    if not found.instants:
+        return LoopMargins(delay=0.0, rotors=(1.0, 1.0), joints=(1.0, 1.0))
+    hover = found.instants[0]
+    return LoopMargins(delay=hover.delay, rotors=hover.gain("rotor_gain"), joints=hover.gain("joint_gain"))
+
+
+def without_adaptation(controller: Controller) -> Controller:
+    """The controller with its slow adaptation held: at the bound of its projection a derivative means nothing."""
+    place, par = inner_place(controller), controller.par
+    for name in place:
+        par = getattr(par, name)
+    adapting = [name for name in ("adapts_load", "adapts_friction") if getattr(par, name, False)]
+    numbers = {(*place, name): False for name in adapting}
+    return dataclasses.replace(controller, par=replaced(controller.par, numbers)) if numbers else controller

@@ -1,0 +1,192 @@
+"""Tuning of a law's gains for one vehicle and its loop, from a scenario to a front and a pick.
+
+The search flies :func:`skyarm.tune.excitation.excited` through wrong plants; its best candidates from calm to stiff
+then fly plants that it has not seen, along the scenario's own motion where there is one, and have their margins
+computed in hover. What is picked follows from :data:`skyarm.tune.front.RULE`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.files.one_writer import one_writer
+from skyarm.records.identity import identity
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.tune.archive import Archive
+from skyarm.tune.candidate_flights import CandidateFlights, Flown
+from skyarm.tune.front import LoopMargins, Point, Required, finalists, pick, undominated
+from skyarm.tune.hover_margins import hover_margins, required
+from skyarm.tune.knobs import Knob
+from skyarm.tune.objective import Scores, scores
+from skyarm.tune.plant_spread import Plants, draw_plants
+from skyarm.tune.search import Effort, search
+
+Array = npt.NDArray[np.float64]
+
+Progress = Callable[[int, int, str], object]
+"""(flights done, flights in all, what is flown)."""
+
+UNSEEN = 100
+"""Plants by which the front is judged: none of the search's."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What is tuned.
+
+    Attributes:
+        flight: that judges candidates. check: that judges the front; the same but for its motion.
+        knobs: what may change. effort: how much is flown. seed: of plants, noise and search.
+        label: of the law, as it was asked for.
+    """
+
+    flight: Scenario
+    check: Scenario
+    knobs: tuple[Knob, ...]
+    effort: Effort
+    seed: int
+    label: str
+    unseen: int = UNSEEN
+
+    def facts(self) -> dict[str, Any]:
+        """Plain values on which all scores depend."""
+        from skyarm import __version__
+
+        return {
+            "skyarm": __version__,
+            "law": self.label,
+            "flight": identity(self.flight),
+            "knobs": [knob.path for knob in self.knobs],
+            "seed": self.seed,
+            "scatter": self.effort.scatter,
+            "rounds": self.effort.rounds,
+            "population": self.effort.population,
+            "plants": self.effort.plants,
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tuning:
+    """What tuning found.
+
+    Attributes:
+        plan: what was tuned. before: the beginning, flown as the front was. points: from calm to stiff.
+        picked: number of the pick among them. required: margins. plants: by which the search judged.
+    """
+
+    plan: Plan
+    before: Point
+    points: tuple[Point, ...]
+    picked: int
+    required: Required
+    plants: Plants
+
+    @property
+    def pick(self) -> Point:
+        """The point that the rule picks."""
+        return self.points[self.picked]
+
+
+def tune(plan: Plan, folder: Path, *, threads: int = 1, progress: Progress | None = None) -> Tuning:
+    """Tune, or go on with a search that the folder holds a part of.
+
+    Args:
+        plan: what is tuned. folder: of the archive; it is there.
+        threads: results do not depend on it.
+        progress: told of every round.
+
+    Raises:
+        ValueError: the folder holds a search of something else, or is written by another process.
+    """
+    with one_writer(folder):
+        archive = Archive(folder, plan.facts())
+        plants = draw_plants(plan.flight, plan.effort.plants, seed=plan.seed)
+        conductor = _Conductor(plan, plants, archive, threads, progress or (lambda *_: None))
+        try:
+            logs, found = search(plan.knobs, plan.effort, conductor.judge, seed=plan.seed)
+            rows = np.vstack([np.zeros((1, len(plan.knobs))), finalists(logs, found)])
+            points = conductor.check(rows)
+        finally:
+            conductor.close()
+    import os
+    if os.environ.get('TT'):
+        for q in points: print('%.4f %.4f jit %.2f eff %.3f lost %.2f act %.2f'%(q.error,q.tip,q.jitter,q.effort,q.lost,q.activity))
+    front = undominated(points[1:])
+    wanted = required(plan.flight)
+    return Tuning(
+        plan=plan,
+        before=points[0],
+        points=tuple(front),
+        picked=pick(front, wanted),
+        required=wanted,
+        plants=plants,
+    )
+
+
+class _Conductor:
+    """Flies what the search asks for and the archive does not hold."""
+
+    def __init__(self, plan: Plan, plants: Plants, archive: Archive, threads: int, progress: Progress) -> None:
+        self._plan, self._plants, self._archive, self._threads = plan, plants, archive, threads
+        self._progress, self._flights, self._done = progress, None, 0
+        effort = plan.effort
+        rounds = effort.scatter * effort.first_plants
+        rounds += (effort.candidates - effort.scatter) * effort.plants
+        self._total = rounds + 10 * plan.unseen
+
+    def judge(self, number: int, asked: Array, plants: int) -> Scores:
+        """Scores of a round."""
+        found = self._archive.get(number, asked)
+        if found is None:
+            if self._flights is None:
+                self._progress(self._done, self._total, "making machine code")
+                self._flights = CandidateFlights(
+                    self._plan.flight, self._plan.knobs, self._plants, threads=self._threads, seed=self._plan.seed
+                )
+            found = scores(self._flights.fly(asked, plants))
+            self._archive.put(number, asked, found)
+        self._done += len(asked) * plants
+        self._progress(self._done, self._total, f"round {number} of {self._plan.effort.rounds}")
+        return found
+
+    def check(self, rows: Array) -> list[Point]:
+        """The beginning and the finalists on unseen plants, with margins."""
+        plan = self._plan
+        unseen = draw_plants(plan.check, plan.unseen, seed=plan.seed + 1)
+        flights = CandidateFlights(
+            plan.check, plan.knobs, unseen, threads=self._threads, seed=plan.seed + 1, saturation=True
+        )
+        try:
+            flown = flights.fly(rows)
+        finally:
+            flights.close()
+        self._progress(self._total, self._total, "margins")
+        return _points(rows, flown, [hover_margins(plan.flight, plan.knobs, row.tolist()) for row in rows])
+
+    def close(self) -> None:
+        """End the threads."""
+        if self._flights is not None:
+            self._flights.close()
+
+
+def _points(rows: Array, flown: Flown, margins: list[LoopMargins]) -> list[Point]:
+    scored = scores(flown)
+    return [
+        Point(
+            logs=tuple(rows[i].tolist()),
+            error=float(scored.error[i]),
+            tip=float(scored.tip[i]),
+            jitter=float(scored.jitter[i]),
+            effort=float(scored.effort[i]),
+            lost=float(scored.lost[i]),
+            saturated=float(np.median(flown.saturated[i])),
+            margins=margins[i],
+        )
+        for i in range(len(rows))
+    ]
