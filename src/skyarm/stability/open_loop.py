@@ -185,9 +185,7 @@ class Differentiator:
         step = STEP[scenario.integrator]
         return repeat(count, lambda x: step(scenario.world, x, command, air, seconds / count), state)
 
-    def at(
-        self, carry: LoopState, row: Sequence[float], lag: str, numbers: Sequence[float] | None = None
-    ) -> OpenLoop:
+    def at(self, carry: LoopState, row: Sequence[float], lag: str, numbers: Sequence[float] | None = None) -> OpenLoop:
         """The linearised open loop where the flight is at ``carry``.
 
         Args:

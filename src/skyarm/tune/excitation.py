@@ -42,8 +42,8 @@ def of_vehicle(vehicle: Vehicle, law: str | None = None, *, gravity: float = 9.8
     """A scenario for a vehicle that its law knows exactly.
 
     Args:
-        vehicle: plant and belief. law: any name of the catalogue; left out, the centroidal law, on the tip if there is
-            one.
+        vehicle: plant and belief.
+        law: any name of the catalogue; left out, the centroidal law, on the tip if there is one.
         gravity: m/s^2.
     """
     named = law or ("centroidal_tip" if vehicle.end_effector else "centroidal_joint")

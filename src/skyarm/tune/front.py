@@ -136,7 +136,7 @@ def undominated(points: Sequence[Point]) -> list[Point]:
 
 def pick(points: Sequence[Point], required: Required) -> int:
     """Number of the point that :data:`RULE` picks; where none meets the constraints, the one that is least short."""
-    allowed = [i for i, p in enumerate(points) if _calm_enough(p) and p.margins.meet(required)]
+    allowed = [i for i, point in enumerate(points) if is_allowed(point, required)]
     if not allowed:
         return min(range(len(points)), key=lambda i: (points[i].lost, points[i].margins.shortness(required)))
     least = min(points[i].error for i in allowed)
@@ -144,5 +144,6 @@ def pick(points: Sequence[Point], required: Required) -> int:
     return min(good, key=lambda i: points[i].activity)
 
 
-def _calm_enough(point: Point) -> bool:
-    return point.lost <= 0.0 and not point.saturated > SATURATED
+def is_allowed(point: Point, required: Required) -> bool:
+    """Whether a point loses no plant, stays below saturation and meets the margins."""
+    return point.lost <= 0.0 and not point.saturated > SATURATED and point.margins.meet(required)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.compile import rebuild
 from skyarm.compile.llvm.kernel import host_width
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.scenario.in_flight import stretches
@@ -16,7 +17,7 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.batch_leg import Leg, LegOptions
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.stability.along import hovering
-from skyarm.stability.open_loop import Differentiator, OpenLoop, carry_of, nominal
+from skyarm.stability.open_loop import Differentiator, OpenLoop, nominal
 
 Array = npt.NDArray[np.float64]
 
@@ -62,7 +63,8 @@ class HoverLoops:
         carry = self._leg.begin(parameters, 0, np.zeros(count, dtype=int), None)
         with np.errstate(all="ignore"):
             carry, _ = self._leg.fly(carry, parameters, keys, threads)
-        settled = [carry_of(self._leg.first, column.tolist())[0] for column in carry.T]
+        first: Any = self._leg.first
+        settled = [rebuild(first, iter(column.tolist()))[0] for column in carry.T]
         return [each if _is_hover(each) else None for each in settled]
 
     def linearised(self, settled: Any, numbers: Sequence[float], lag: str) -> OpenLoop:

@@ -34,9 +34,7 @@ def required(scenario: Scenario) -> Required:
 def with_gains(controller: Controller, knobs: Sequence[Knob], logs: Sequence[float]) -> Controller:
     """The controller with every knob's numbers times its factor."""
     numbers = {
-        place: value * math.exp(log)
-        for knob, log in zip(knobs, logs, strict=True)
-        for place, value in knob.numbers
+        place: value * math.exp(log) for knob, log in zip(knobs, logs, strict=True) for place, value in knob.numbers
     }
     return dataclasses.replace(controller, par=replaced(controller.par, numbers))
 

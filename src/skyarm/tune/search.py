@@ -84,7 +84,8 @@ def search(knobs: Sequence[Knob], effort: Effort, judge: Judge, *, seed: int) ->
     """Look for gains.
 
     Args:
-        knobs: what may change. effort: how much is flown.
+        knobs: what may change.
+        effort: how much is flown.
         judge: scores of a round's candidates.
         seed: key of the search.
 
@@ -136,7 +137,8 @@ def scatter(knobs: Sequence[Knob], count: int, seed: int) -> Array:
     reach = np.array(REACHES)[np.arange(rest) % len(REACHES)]
     around = (2.0 * points - 1.0) * (BOX * reach[:, None])
     low, high = _bounds(knobs).T
-    return np.clip(np.vstack([begin, line, around]), low, high)
+    found: Array = np.clip(np.vstack([begin, line, around]), low, high)
+    return found
 
 
 def exponent(knob: Knob) -> float:

@@ -15,12 +15,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.files import versions
 from skyarm.files.one_writer import one_writer
 from skyarm.records.identity import identity
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.tune.archive import Archive
 from skyarm.tune.candidate_flights import CandidateFlights, Flown
-from skyarm.tune.front import LoopMargins, Point, Required, finalists, pick, undominated
+from skyarm.tune.front import LoopMargins, Point, Required, finalists, is_allowed, pick, undominated
 from skyarm.tune.hover_margins import hover_margins, required
 from skyarm.tune.knobs import Knob
 from skyarm.tune.objective import Scores, scores
@@ -56,10 +57,8 @@ class Plan:
 
     def facts(self) -> dict[str, Any]:
         """Plain values on which all scores depend."""
-        from skyarm import __version__
-
         return {
-            "skyarm": __version__,
+            **{name: text for name, text in versions("cmaes").items() if name != "python"},
             "law": self.label,
             "flight": identity(self.flight),
             "knobs": [knob.path for knob in self.knobs],
@@ -92,12 +91,18 @@ class Tuning:
         """The point that the rule picks."""
         return self.points[self.picked]
 
+    @property
+    def meets(self) -> bool:
+        """Whether the pick meets all constraints."""
+        return is_allowed(self.pick, self.required)
+
 
 def tune(plan: Plan, folder: Path, *, threads: int = 1, progress: Progress | None = None) -> Tuning:
     """Tune, or go on with a search that the folder holds a part of.
 
     Args:
-        plan: what is tuned. folder: of the archive; it is there.
+        plan: what is tuned.
+        folder: of the archive; it is there.
         threads: results do not depend on it.
         progress: told of every round.
 
@@ -114,9 +119,6 @@ def tune(plan: Plan, folder: Path, *, threads: int = 1, progress: Progress | Non
             points = conductor.check(rows)
         finally:
             conductor.close()
-    import os
-    if os.environ.get('TT'):
-        for q in points: print('%.4f %.4f jit %.2f eff %.3f lost %.2f act %.2f'%(q.error,q.tip,q.jitter,q.effort,q.lost,q.activity))
     front = undominated(points[1:])
     wanted = required(plan.flight)
     return Tuning(
@@ -134,7 +136,8 @@ class _Conductor:
 
     def __init__(self, plan: Plan, plants: Plants, archive: Archive, threads: int, progress: Progress) -> None:
         self._plan, self._plants, self._archive, self._threads = plan, plants, archive, threads
-        self._progress, self._flights, self._done = progress, None, 0
+        self._progress, self._done = progress, 0
+        self._flights: CandidateFlights | None = None
         effort = plan.effort
         rounds = effort.scatter * effort.first_plants
         rounds += (effort.candidates - effort.scatter) * effort.plants
