@@ -88,7 +88,7 @@ def _controller(top: Fields, model: Model, known: Mapping[str, Any]) -> Controll
     if "tuned" in words.table and isinstance(words.table["tuned"], str):
         raise ValueError(f"law.tuned = {shown(words.table['tuned'])}: must be left out: one file does not name another")
     law = words.table.get("law")
-    if is_law_of_file(law):
+    if isinstance(law, str) and is_law_of_file(law):
         if not register_loaded_law(law):
             raise ValueError(
                 f"law.law = {shown(law)}: must be loaded on the command line: --plugin {law.split(':')[0]}"

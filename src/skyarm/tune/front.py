@@ -98,7 +98,7 @@ def finalists(logs: Array, found: Sequence[Scores], count: int = POINTS) -> Arra
     """Candidates that may be the front (up to ``count``, knobs), from calm to stiff.
 
     The cheapest of each weight, and between them those of the archive that nothing beats in both error and activity,
-    as far apart in activity as may be. Only candidates that flew all plants count.
+    as far apart in activity as may be. Only candidates that flew all plants and meet the margins count there.
     """
     first = len(found[0].error)
     error, lost = (np.concatenate([getattr(each, name) for each in found])[first:] for name in ("error", "lost"))
@@ -106,7 +106,8 @@ def finalists(logs: Array, found: Sequence[Scores], count: int = POINTS) -> Arra
         [activity(float(j), float(e)) for each in found for j, e in zip(each.jitter, each.effort, strict=True)][first:]
     )
     chosen = list(dict.fromkeys(int(costs(found, weight)[first:].argmin()) for weight in WEIGHTS))
-    fewest = lost <= lost.min()
+    short = np.concatenate([each.short for each in found])[first:]
+    fewest = lost + short <= (lost + short).min()
     order = np.flatnonzero(fewest)[np.argsort(active[fewest], kind="stable")]
     least, front = math.inf, []
     for k in order:

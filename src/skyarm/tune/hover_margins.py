@@ -42,20 +42,20 @@ def with_gains(controller: Controller, knobs: Sequence[Knob], logs: Sequence[flo
 def hover_margins(scenario: Scenario, knobs: Sequence[Knob], logs: Sequence[float]) -> LoopMargins:
     """Margins of a scenario's loop in hover with some gains; why there are none where they cannot be computed."""
     controller = without_adaptation(with_gains(scenario.controller, knobs, logs))
-    calm = dataclasses.replace(
-        scenario,
-        controller=controller,
-        forces=scenario.forces[:-1],  # without the wind that is drawn
-        delays=dataclasses.replace(scenario.delays, longest_command=None),
-    )
     try:
-        found = evidence(calm, 0)
+        found = evidence(dataclasses.replace(calm(scenario), controller=controller), 0)
     except ValueError as error:
         return LoopMargins(delay=0.0, rotors=(1.0, 1.0), joints=(1.0, 1.0), why_none=str(error))
     if not found.instants:
         return LoopMargins(delay=0.0, rotors=(1.0, 1.0), joints=(1.0, 1.0))
     hover = found.instants[0]
     return LoopMargins(delay=hover.delay, rotors=hover.gain("rotor_gain"), joints=hover.gain("joint_gain"))
+
+
+def calm(flight: Scenario) -> Scenario:
+    """The flight of candidates without the wind that is drawn, and with no delay but those that are known."""
+    delays = dataclasses.replace(flight.delays, longest_command=None)
+    return dataclasses.replace(flight, forces=flight.forces[:-1], delays=delays)
 
 
 def without_adaptation(controller: Controller) -> Controller:

@@ -30,7 +30,7 @@ class Scores:
 
     Attributes:
         error, tip: m, 90 % quantiles over the plants. jitter: rad/s, effort: N m, medians over the plants.
-        lost: share of the plants.
+        lost: share of the plants. short: cost of falling short of the margins.
     """
 
     error: Array
@@ -38,14 +38,15 @@ class Scores:
     jitter: Array
     effort: Array
     lost: Array
+    short: Array
 
     def cost(self, weight: float) -> Array:
-        """ln error + weight (ln jitter + ln effort) + losses; smaller is better.
+        """ln error + weight (ln jitter + ln effort) + losses + what the margins are short of; smaller is better.
 
         Logarithms make every ratio of improvement count alike, whatever the vehicle's size.
         """
         active = np.log(self.jitter + SMALLEST) + np.where(self.effort > 0.0, np.log(self.effort + SMALLEST), 0.0)
-        total: Array = np.log(self.error + SMALLEST) + weight * active + LOSS * self.lost
+        total: Array = np.log(self.error + SMALLEST) + weight * active + LOSS * self.lost + self.short
         return total
 
 
@@ -57,6 +58,7 @@ def scores(flown: Flown) -> Scores:
         jitter=np.median(flown.jitter, axis=1),
         effort=np.median(flown.effort, axis=1),
         lost=flown.lost.mean(axis=1),
+        short=np.zeros(len(flown.lost)),
     )
 
 

@@ -10,6 +10,7 @@ interrupted asks the same questions again, finds their answers there, and goes o
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -77,7 +78,13 @@ class Effort:
 
 
 Judge = Callable[[int, Array, int], Scores]
-"""(number of the round, logarithms of factors (candidates, knobs), plants) -> scores."""
+"""(number of the round, logarithms of factors (candidates, knobs), plants) -> scores, margins not looked at."""
+
+Shortness = Callable[[Array], Array]
+"""Cost of falling short of the margins (candidates,) of logarithms of factors (candidates, knobs)."""
+
+NOT_LOOKED_AT = 3.0
+"""Cost of margins that nobody looked at, since others were better without."""
 
 
 def search(knobs: Sequence[Knob], effort: Effort, judge: Judge, *, seed: int) -> tuple[Array, list[Scores]]:
@@ -111,6 +118,30 @@ def search(knobs: Sequence[Knob], effort: Effort, judge: Judge, *, seed: int) ->
         logs = np.vstack([logs, asked])
         found.append(scores)
     return logs, found
+
+
+def with_margins(scores: Scores, asked: Array, groups: Sequence[tuple[float, slice, int]], short: Shortness) -> Scores:
+    """Scores with what candidates fall short of the margins, looked at only where it may change who leads.
+
+    Args:
+        scores: of a round, margins not looked at.
+        asked: its candidates.
+        groups: (weight, which candidates, how many of the best of them must be known).
+        short: looks at the margins.
+    """
+    known = np.full(len(asked), np.nan)
+    while True:
+        now = dataclasses.replace(scores, short=np.nan_to_num(known, nan=0.0))
+        leading = [_leaders(now.cost(weight), which, count) for weight, which, count in groups]
+        missing = np.unique([k for each in leading for k in each if np.isnan(known[k])]).astype(int)
+        if not len(missing):
+            return dataclasses.replace(scores, short=np.where(np.isnan(known), NOT_LOOKED_AT, known))
+        known[missing] = short(asked[missing])
+
+
+def _leaders(cost: Array, which: slice, count: int) -> list[int]:
+    first = which.start or 0
+    return [first + int(k) for k in np.argsort(cost[which], kind="stable")[:count]]
 
 
 def costs(found: Sequence[Scores], weight: float) -> Array:

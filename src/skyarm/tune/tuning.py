@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.compile.extras import missing_extra
 from skyarm.files import versions
 from skyarm.files.one_writer import one_writer
 from skyarm.records.identity import identity
@@ -24,14 +25,23 @@ from skyarm.tune.candidate_flights import CandidateFlights, Flown
 from skyarm.tune.front import LoopMargins, Point, Required, finalists, is_allowed, pick, undominated
 from skyarm.tune.hover_margins import hover_margins, required
 from skyarm.tune.knobs import Knob
-from skyarm.tune.objective import Scores, scores
+from skyarm.tune.margin_tests import MarginTests
+from skyarm.tune.objective import WEIGHTS, Scores, scores
 from skyarm.tune.plant_spread import Plants, draw_plants
-from skyarm.tune.search import Effort, search
+from skyarm.tune.search import Effort, Shortness, search, with_margins
+
+try:
+    from threadpoolctl import threadpool_limits
+except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
+    raise missing_extra("tune") from error
 
 Array = npt.NDArray[np.float64]
 
 Progress = Callable[[int, int, str], object]
 """(flights done, flights in all, what is flown)."""
+
+LEADERS = 3
+"""Of the scatter, for each weight: candidates whose margins are looked at."""
 
 UNSEEN = 100
 """Plants by which the front is judged: none of the search's."""
@@ -109,7 +119,8 @@ def tune(plan: Plan, folder: Path, *, threads: int = 1, progress: Progress | Non
     Raises:
         ValueError: the folder holds a search of something else, or is written by another process.
     """
-    with one_writer(folder):
+    # small matrices: threads of the linear algebra would only wait for one another
+    with one_writer(folder), threadpool_limits(1, user_api="blas"):
         archive = Archive(folder, plan.facts())
         plants = draw_plants(plan.flight, plan.effort.plants, seed=plan.seed)
         conductor = _Conductor(plan, plants, archive, threads, progress or (lambda *_: None))
@@ -138,6 +149,7 @@ class _Conductor:
         self._plan, self._plants, self._archive, self._threads = plan, plants, archive, threads
         self._progress, self._done = progress, 0
         self._flights: CandidateFlights | None = None
+        self._tests: Shortness | None = None
         effort = plan.effort
         rounds = effort.scatter * effort.first_plants
         rounds += (effort.candidates - effort.scatter) * effort.plants
@@ -152,11 +164,22 @@ class _Conductor:
                 self._flights = CandidateFlights(
                     self._plan.flight, self._plan.knobs, self._plants, threads=self._threads, seed=self._plan.seed
                 )
-            found = scores(self._flights.fly(asked, plants))
+            if self._tests is None:
+                self._tests = _tests(self._plan, self._threads)
+            found = with_margins(
+                scores(self._flights.fly(asked, plants)), asked, self._groups(number, len(asked)), self._tests
+            )
             self._archive.put(number, asked, found)
         self._done += len(asked) * plants
         self._progress(self._done, self._total, f"round {number} of {self._plan.effort.rounds}")
         return found
+
+    def _groups(self, number: int, count: int) -> list[tuple[float, slice, int]]:
+        """Whose margins count: the best of the scatter for each weight, later the better half of each strategy's."""
+        if number == 0:
+            return [(weight, slice(0, count), LEADERS) for weight in WEIGHTS]
+        each = self._plan.effort.population
+        return [(weight, slice(i * each, (i + 1) * each), (each + 1) // 2) for i, weight in enumerate(WEIGHTS)]
 
     def check(self, rows: Array) -> list[Point]:
         """The beginning and the finalists on unseen plants, with margins."""
@@ -176,6 +199,14 @@ class _Conductor:
         """End the threads."""
         if self._flights is not None:
             self._flights.close()
+
+
+def _tests(plan: Plan, threads: int) -> Shortness:
+    """What looks at margins; where a loop cannot be linearised nothing is asked of them."""
+    try:
+        return MarginTests(plan.flight, plan.knobs, required(plan.flight), threads).costs
+    except ValueError:
+        return lambda logs: np.zeros(len(logs))
 
 
 def _points(rows: Array, flown: Flown, margins: list[LoopMargins]) -> list[Point]:
