@@ -1,4 +1,4 @@
-"""The flight by which gains are tuned: base, heading and arm move at once through a wind with a gust.
+"""The flight by which gains are tuned: base, heading and arm move at once through a wind with a gust; then a step.
 
 Gains belong to the loop (vehicle, delay, noise, wrong beliefs), not to a path: every vehicle flies the same motion,
 scaled to its arm. The scenario keeps its plant, belief, clocks, delays, sensors, drives, estimator and air; its motion,
@@ -25,8 +25,15 @@ from skyarm.scenario.law_by_name import controller_by_name, loop_facts
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, Delays, Rates, Scenario
 from skyarm.vehicle.vehicle_records import Joint, Vehicle
 
-DURATION, SETTLED = 9.0, 2.0
-"""s: of the flight, and from when on its errors count: the motion begins, from a hover in the wind."""
+DURATION, SETTLED, BLOWN, STEPPED = 10.0, 2.0, 5.0, 8.0
+"""s: of the flight; from when on errors count; when the gust comes, and when the step, after which they do not count.
+
+Before the first the vehicle leaves a hover into the wind. The step is there to be survived: what error it leaves is the
+step's own, not that of gains.
+"""
+
+STEP = 0.3
+"""m: of the base at the end; that of the paper's Case 3."""
 
 UNKNOWN_DELAY = 0.010
 """s: longest delay of the commands that the law does not know, as in the README's perturbed plants."""
@@ -90,7 +97,7 @@ def excited(scenario: Scenario, law: str | None = None, *, own_motion: bool = Fa
             found,
             trajectory=motion(scenario.world.vehicle),
             duration=DURATION,
-            windows=Windows(steady=Window(SETTLED, DURATION)),
+            windows=Windows(steady=Window(SETTLED, BLOWN), gust=Window(BLOWN, STEPPED)),
         )
     if law is not None:
         found = dataclasses.replace(found, controller=controller_by_name(found, law))
@@ -99,13 +106,13 @@ def excited(scenario: Scenario, law: str | None = None, *, own_motion: bool = Fa
 
 def _gust(scenario: Scenario) -> Gust:
     weight = float(scenario.world.vehicle.mass) * float(scenario.world.gravity)
-    return Gust(peak=GUST * (GUST_SHARE * weight), start=0.55 * DURATION, duration=1.0)
+    return Gust(peak=GUST * (GUST_SHARE * weight), start=BLOWN, duration=1.0)
 
 
 def motion(vehicle: Vehicle) -> Trajectory:
     """Base on three sines from rest, heading and joints on one each, all of different periods."""
     return Trajectory(
-        x=_swing(0.45, 0.2),
+        x=Sum((_swing(0.45, 0.2), Windowed(Constant(STEP), start=STEPPED))),
         y=_swing(0.35, 0.3),
         z=Sum((Constant(HEIGHT), _swing(0.15, 0.4))),
         yaw=_swing(0.2, 0.15),

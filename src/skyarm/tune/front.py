@@ -95,18 +95,18 @@ def activity(jitter: float, effort: float) -> float:
 
 
 def finalists(logs: Array, found: Sequence[Scores], count: int = POINTS) -> Array:
-    """Candidates that may be the front (up to ``count``, knobs), from calm to stiff.
+    """Candidates that may be the front (up to ``count``, knobs), from calm to stiff, of those that flew all plants.
 
     The cheapest of each weight, and between them those of the archive that nothing beats in both error and activity,
-    as far apart in activity as may be. Only candidates that flew all plants and meet the margins count there.
+    as far apart in activity as may be. Only candidates that meet the margins count there.
     """
-    first = len(found[0].error)
-    error, lost = (np.concatenate([getattr(each, name) for each in found])[first:] for name in ("error", "lost"))
-    active = np.array(
-        [activity(float(j), float(e)) for each in found for j, e in zip(each.jitter, each.effort, strict=True)][first:]
+    error, lost, short = (
+        np.concatenate([getattr(each, name) for each in found]) for name in ("error", "lost", "short")
     )
-    chosen = list(dict.fromkeys(int(costs(found, weight)[first:].argmin()) for weight in WEIGHTS))
-    short = np.concatenate([each.short for each in found])[first:]
+    active = np.array(
+        [activity(float(j), float(e)) for each in found for j, e in zip(each.jitter, each.effort, strict=True)]
+    )
+    chosen = list(dict.fromkeys(int(costs(found, weight).argmin()) for weight in WEIGHTS))
     fewest = lost + short <= (lost + short).min()
     order = np.flatnonzero(fewest)[np.argsort(active[fewest], kind="stable")]
     least, front = math.inf, []
@@ -120,7 +120,7 @@ def finalists(logs: Array, found: Sequence[Scores], count: int = POINTS) -> Arra
             break
         chosen.append(max(spare, key=lambda k: min(abs(active[k] - active[c]) for c in chosen)))
     chosen.sort(key=lambda k: float(active[k]))
-    rows: Array = logs[first:][chosen]
+    rows: Array = logs[chosen]
     return rows
 
 

@@ -55,7 +55,7 @@ class Effort:
     scatter: int = 240
     population: int = 10
     rounds: int = 16
-    plants: int = 16
+    plants: int = 24
     first_plants: int = 8
 
     @property

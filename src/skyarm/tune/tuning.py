@@ -1,12 +1,13 @@
 """Tuning of a law's gains for one vehicle and its loop, from a scenario to a front and a pick.
 
-The search flies :func:`skyarm.tune.excitation.excited` through wrong plants; its best candidates from calm to stiff
-then fly plants that it has not seen, along the scenario's own motion where there is one, and have their margins
-computed in hover. What is picked follows from :data:`skyarm.tune.front.RULE`.
+The search flies :func:`skyarm.tune.excitation.excited` through wrong plants; its best candidates from calm to stiff fly
+further plants, and what is left of them then plants that none of it has seen, along the scenario's own motion where
+there is one, and have their margins computed in hover. What is picked follows from :data:`skyarm.tune.front.RULE`.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +23,7 @@ from skyarm.records.identity import identity
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.tune.archive import Archive
 from skyarm.tune.candidate_flights import CandidateFlights, Flown
-from skyarm.tune.front import LoopMargins, Point, Required, finalists, is_allowed, pick, undominated
+from skyarm.tune.front import POINTS, LoopMargins, Point, Required, finalists, is_allowed, pick, undominated
 from skyarm.tune.hover_margins import hover_margins, required
 from skyarm.tune.knobs import Knob
 from skyarm.tune.margin_tests import MarginTests
@@ -42,6 +43,9 @@ Progress = Callable[[int, int, str], object]
 
 LEADERS = 3
 """Of the scatter, for each weight: candidates whose margins are looked at."""
+
+SEMIFINALISTS, FURTHER = 32, 64
+"""Candidates of the search that fly once more, and the plants that they do: a few plants flatter."""
 
 UNSEEN = 100
 """Plants by which the front is judged: none of the search's."""
@@ -126,7 +130,8 @@ def tune(plan: Plan, folder: Path, *, threads: int = 1, progress: Progress | Non
         conductor = _Conductor(plan, plants, archive, threads, progress or (lambda *_: None))
         try:
             logs, found = search(plan.knobs, plan.effort, conductor.judge, seed=plan.seed)
-            rows = np.vstack([np.zeros((1, len(plan.knobs))), finalists(logs, found)])
+            asked = finalists(logs[plan.effort.scatter :], found[1:], SEMIFINALISTS)
+            rows = np.vstack([np.zeros((1, len(plan.knobs))), finalists(asked, [conductor.again(asked)])])
             points = conductor.check(rows)
         finally:
             conductor.close()
@@ -153,7 +158,7 @@ class _Conductor:
         effort = plan.effort
         rounds = effort.scatter * effort.first_plants
         rounds += (effort.candidates - effort.scatter) * effort.plants
-        self._total = rounds + 10 * plan.unseen
+        self._total = rounds + SEMIFINALISTS * FURTHER + POINTS * plan.unseen
 
     def judge(self, number: int, asked: Array, plants: int) -> Scores:
         """Scores of a round."""
@@ -161,9 +166,7 @@ class _Conductor:
         if found is None:
             if self._flights is None:
                 self._progress(self._done, self._total, "making machine code")
-                self._flights = CandidateFlights(
-                    self._plan.flight, self._plan.knobs, self._plants, threads=self._threads, seed=self._plan.seed
-                )
+                self._flights = self._flown_by(self._plants)
             if self._tests is None:
                 self._tests = _tests(self._plan, self._threads)
             found = with_margins(
@@ -174,12 +177,31 @@ class _Conductor:
         self._progress(self._done, self._total, f"round {number} of {self._plan.effort.rounds}")
         return found
 
+    def _flown_by(self, plants: Plants) -> CandidateFlights:
+        plan = self._plan
+        return CandidateFlights(plan.flight, plan.knobs, plants, threads=self._threads, seed=plan.seed, gust=True)
+
     def _groups(self, number: int, count: int) -> list[tuple[float, slice, int]]:
         """Whose margins count: the best of the scatter for each weight, later the better half of each strategy's."""
         if number == 0:
             return [(weight, slice(0, count), LEADERS) for weight in WEIGHTS]
         each = self._plan.effort.population
         return [(weight, slice(i * each, (i + 1) * each), (each + 1) // 2) for i, weight in enumerate(WEIGHTS)]
+
+    def again(self, asked: Array) -> Scores:
+        """Scores of semifinalists on further plants, each with its margins."""
+        number = self._plan.effort.rounds + 1
+        found = self._archive.get(number, asked)
+        if found is None:
+            plants = draw_plants(self._plan.flight, FURTHER, seed=self._plan.seed + 2)
+            self._progress(self._done, self._total, "the best once more")
+            self._flights = self._flights or self._flown_by(self._plants)
+            self._tests = self._tests or _tests(self._plan, self._threads)
+            flown = scores(self._flights.fly(asked, others=plants))
+            found = dataclasses.replace(flown, short=self._tests(asked))
+            self._archive.put(number, asked, found)
+        self._done += len(asked) * FURTHER
+        return found
 
     def check(self, rows: Array) -> list[Point]:
         """The beginning and the finalists on unseen plants, with margins."""
