@@ -123,6 +123,7 @@ def tune(
     knobs: Annotated[
         list[str] | None, typer.Option(metavar="PATH", help="constants of the law that may change; all gains; repeat")
     ] = None,
+    explain: Annotated[bool, typer.Option("--explain", help="say what is short of margin, and tune nothing")] = False,
     seed: Annotated[int, typer.Option(help="of plants, noise and search")] = 0,
     flying: Annotated[int, typer.Option("--workers", help="threads that fly; 0 takes every core")] = 0,
 ) -> None:
@@ -130,8 +131,12 @@ def tune(
 
     The same command continues what was interrupted. Exit code 3 if no gains meet the margins.
     """
+    from skyarm.cli.tune_command import explain as tell_why
     from skyarm.cli.tune_command import tune as perform
 
+    if explain:
+        tell_why(target, controller, knobs, console)
+        return
     met = perform(
         target,
         controller,

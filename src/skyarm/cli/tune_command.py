@@ -13,7 +13,7 @@ from rich.text import Text
 
 from skyarm.cli.lines import say, say_if_many, say_unlikely
 from skyarm.cli.machine_output import give
-from skyarm.cli.progress import bar
+from skyarm.cli.progress import bar, waiting
 from skyarm.cli.terminal_tables import aligned
 from skyarm.control.catalogue import choices, is_named, meant
 from skyarm.files import read_toml, require_writable, shown, taken_back, write_atomically
@@ -82,11 +82,10 @@ def tune(
     say_unlikely(scenario.name, unlikely_numbers(scenario))
     scenario.controller.require_compiled("skyarm tune")
     flight = excited(scenario)
-    words = None if knobs is None else [word for each in knobs for word in each.split(",") if word]
     plan = Plan(
         flight=flight,
         check=excited(scenario, own_motion=True) if wanted.has_motion else flight,
-        knobs=find_knobs(scenario.controller, scenario.controller.name, words),
+        knobs=find_knobs(scenario.controller, scenario.controller.name, _paths(knobs)),
         effort=Effort().scaled(candidates, plants),
         seed=seed,
         label=wanted.label,
@@ -102,6 +101,32 @@ def tune(
     console.print(f"next: skyarm run {target if wanted.has_motion else 'SCENARIO'} --controller {folder / GAINS}")
     give(_plain(found), folder=folder, gains=folder / GAINS)
     return bool(found.meets)
+
+
+def explain(target: str, controller: str | None, knobs: Sequence[str] | None, console: Console) -> None:
+    """Print which part of the loop is short of margin, and what would help.
+
+    Raises:
+        ValueError: one line.
+    """
+    wanted = wanted_of(target, controller)
+    from skyarm.tune.explain import explain as look
+    from skyarm.tune.explain import plain, words
+    from skyarm.tune.knobs import find_knobs
+
+    scenario = wanted.scenario
+    say_unlikely(scenario.name, unlikely_numbers(scenario))
+    scenario.controller.require_compiled("skyarm tune")
+    with waiting(f"{wanted.label} in {scenario.name}", console):
+        found = look(scenario, find_knobs(scenario.controller, scenario.controller.name, _paths(knobs)))
+    console.print(Text(f"{wanted.label} in {scenario.name}", style="bold"))
+    for line in words(found):
+        console.print(line, soft_wrap=True)
+    give(plain(found), controller=wanted.label, scenario=scenario.name)
+
+
+def _paths(knobs: Sequence[str] | None) -> list[str] | None:
+    return None if knobs is None else [word for each in knobs for word in each.split(",") if word]
 
 
 def wanted_of(target: str, controller: str | None) -> Wanted:

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.compile.extras import missing_extra
 from skyarm.files import versions
 from skyarm.files.one_writer import one_writer
 from skyarm.records.identity import identity
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.tune.archive import Archive
+from skyarm.tune.blas_threads import threadpool_limits
 from skyarm.tune.candidate_flights import CandidateFlights, Flown
 from skyarm.tune.front import POINTS, LoopMargins, Point, Required, finalists, is_allowed, pick, undominated
 from skyarm.tune.hover_margins import hover_margins, required
@@ -30,11 +30,6 @@ from skyarm.tune.margin_tests import MarginTests
 from skyarm.tune.objective import WEIGHTS, Scores, scores
 from skyarm.tune.plant_spread import Plants, draw_plants
 from skyarm.tune.search import Effort, Shortness, search, with_margins
-
-try:
-    from threadpoolctl import threadpool_limits
-except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
-    raise missing_extra("tune") from error
 
 Array = npt.NDArray[np.float64]
 
@@ -123,7 +118,6 @@ def tune(plan: Plan, folder: Path, *, threads: int = 1, progress: Progress | Non
     Raises:
         ValueError: the folder holds a search of something else, or is written by another process.
     """
-    # small matrices: threads of the linear algebra would only wait for one another
     with one_writer(folder), threadpool_limits(1, user_api="blas"):
         archive = Archive(folder, plan.facts())
         plants = draw_plants(plan.flight, plan.effort.plants, seed=plan.seed)
