@@ -118,7 +118,7 @@ def tune(
     ],
     controller: Controller = None,
     out: Annotated[str | None, typer.Option("--out", help="folder of the results; out/tune_... if left out")] = None,
-    candidates: Annotated[int, typer.Option(help="sets of gains that are tried")] = 1040,
+    candidates: Annotated[int, typer.Option(help="sets of gains that are tried")] = 1640,
     plants: Annotated[int, typer.Option(help="wrong plants that each of them flies")] = 24,
     knobs: Annotated[
         list[str] | None, typer.Option(metavar="PATH", help="constants of the law that may change; all gains; repeat")

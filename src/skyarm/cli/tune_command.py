@@ -24,8 +24,8 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.unlikely_numbers import unlikely_numbers
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
 
-GAINS = "tuned.toml"
-"""Name of the file of the pick."""
+GAINS, PAGE = "tuned.toml", "tune.html"
+"""Names of the file of the pick, and of the page."""
 
 FEWEST, MOST = 64, 100_000
 """Candidates."""
@@ -71,9 +71,11 @@ def tune(
             raise ValueError(f"{option} = {value}: must be from {low} to {high}")
     wanted = wanted_of(target, controller)
     from skyarm.tune.excitation import excited
-    from skyarm.tune.gains_result import gains_text
+    from skyarm.tune.front import POINTS
+    from skyarm.tune.gains_result import front_name, gains_text
     from skyarm.tune.knobs import find_knobs
     from skyarm.tune.search import Effort
+    from skyarm.tune.tune_page import tune_page
     from skyarm.tune.tuning import Plan
     from skyarm.tune.tuning import tune as perform
 
@@ -95,11 +97,16 @@ def tune(
     with taken_back(folder), bar(f"{wanted.label} for {scenario.name}", console) as advance:
         require_writable(folder)
         found = perform(plan, folder, threads=threads, progress=advance)
+    for i, point in enumerate(found.points):
+        write_atomically(folder / front_name(i), gains_text(found, point, wanted.words, wanted.kept).encode())
+    for stale in range(len(found.points), POINTS):
+        (folder / front_name(stale)).unlink(missing_ok=True)
+    write_atomically(folder / PAGE, tune_page(found).encode())
     write_atomically(folder / GAINS, gains_text(found, found.pick, wanted.words, wanted.kept).encode())
     _print(found, console, time.perf_counter() - begin)
-    console.print(f"written: {folder / GAINS}", soft_wrap=True)
+    console.print(f"written: {folder / GAINS}; the page of the front: {folder / PAGE}", soft_wrap=True)
     console.print(f"next: skyarm run {target if wanted.has_motion else 'SCENARIO'} --controller {folder / GAINS}")
-    give(_plain(found), folder=folder, gains=folder / GAINS)
+    give(_plain(found), folder=folder, gains=folder / GAINS, page=folder / PAGE)
     return bool(found.meets)
 
 

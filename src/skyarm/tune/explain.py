@@ -1,9 +1,9 @@
 """Why a loop is short of margin, and what would help: each part changed alone, the margins looked at again.
 
-The loop is linearised in hover. First what the plant has otherwise than the law believes, and delays, are taken away one
-at a time: what the margins gain is what that cause costs. Then every group of gains is slowed and quickened alone: the
-group that helps most, and the least change of it that meets the requirement. Thrust is a matter of statics: a vehicle
-that needs most of it to hover saturates before a loop that is linear knows.
+The loop is linearised in hover. First what the plant has otherwise than the law believes, and delays, are taken away,
+one at a time: what the margins gain is what that cause costs. Then every group of gains is slowed and quickened alone:
+the group that helps most, and the least change of it that meets the requirement. Thrust is a matter of statics: a
+vehicle that needs most of it to hover saturates before a loop that is linear knows.
 """
 
 from __future__ import annotations
@@ -38,9 +38,12 @@ WORTH = 1.1
 """Gain in margins from which on a cause is named."""
 
 THRUST = 1.5
-"""Largest thrust over that of a hover: below, wind and turns leave too little for torques (0.8 of the thrust at 1.25)."""
+"""Largest thrust over that of a hover: below, wind and turns leave too little for torques."""
 
 ALL = "all gains"
+
+DeadTimes = tuple[int, float, float, float]
+"""Of measurements, in control periods; of all commands, and on top of it of the rotors' and of the joints', s."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

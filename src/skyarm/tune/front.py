@@ -70,7 +70,8 @@ class Point:
 
     Attributes:
         logs: (knobs,) logarithms of factors.
-        error, tip: m, 90 % quantiles. jitter: rad/s. effort: N m. lost, saturated: shares.
+        error: m, 90 % quantile; the geometric mean of that in the gust and that along the scenario's own motion.
+        tip: m, 90 % quantile along the latter. jitter: rad/s. effort: N m. lost, saturated: shares.
         margins: in hover.
     """
 
@@ -94,8 +95,8 @@ def activity(jitter: float, effort: float) -> float:
     return math.log(jitter + SMALLEST) + (math.log(effort + SMALLEST) if effort > 0.0 else 0.0)
 
 
-def finalists(logs: Array, found: Sequence[Scores], count: int = POINTS) -> Array:
-    """Candidates that may be the front (up to ``count``, knobs), from calm to stiff, of those that flew all plants.
+def finalists(found: Sequence[Scores], count: int = POINTS) -> list[int]:
+    """Numbers of candidates that may be the front, up to ``count`` of them, from calm to stiff.
 
     The cheapest of each weight, and between them those of the archive that nothing beats in both error and activity,
     as far apart in activity as may be. Only candidates that meet the margins count there.
@@ -120,8 +121,7 @@ def finalists(logs: Array, found: Sequence[Scores], count: int = POINTS) -> Arra
             break
         chosen.append(max(spare, key=lambda k: min(abs(active[k] - active[c]) for c in chosen)))
     chosen.sort(key=lambda k: float(active[k]))
-    rows: Array = logs[chosen]
-    return rows
+    return chosen
 
 
 def undominated(points: Sequence[Point]) -> list[Point]:

@@ -20,6 +20,11 @@ DIGITS = 6
 """Of a gain in a file."""
 
 
+def front_name(number: int) -> str:
+    """File of a point of the front, counted from calm to stiff."""
+    return f"front_{number + 1}.toml"
+
+
 def words_of(name: str) -> dict[str, Any]:
     """What a [law] table says of a controller by its name in the catalogue."""
     own = full_name(name)

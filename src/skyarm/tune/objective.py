@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
@@ -39,6 +40,10 @@ class Scores:
     effort: Array
     lost: Array
     short: Array
+
+    def part(self, which: slice | Sequence[int]) -> Scores:
+        """Scores of some of the candidates."""
+        return Scores(**{each.name: getattr(self, each.name)[which] for each in fields(self)})
 
     def cost(self, weight: float) -> Array:
         """ln error + weight (ln jitter + ln effort) + losses + what the margins are short of; smaller is better.

@@ -54,7 +54,7 @@ class Effort:
 
     scatter: int = 240
     population: int = 10
-    rounds: int = 16
+    rounds: int = 28
     plants: int = 24
     first_plants: int = 8
 

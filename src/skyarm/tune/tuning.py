@@ -8,6 +8,7 @@ there is one, and have their margins computed in hover. What is picked follows f
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -124,9 +125,12 @@ def tune(plan: Plan, folder: Path, *, threads: int = 1, progress: Progress | Non
         conductor = _Conductor(plan, plants, archive, threads, progress or (lambda *_: None))
         try:
             logs, found = search(plan.knobs, plan.effort, conductor.judge, seed=plan.seed)
-            asked = finalists(logs[plan.effort.scatter :], found[1:], SEMIFINALISTS)
-            rows = np.vstack([np.zeros((1, len(plan.knobs))), finalists(asked, [conductor.again(asked)])])
-            points = conductor.check(rows)
+            # of the scatter nobody flew all plants; the beginning comes along
+            best = plan.effort.scatter + np.array(finalists(found[1:], SEMIFINALISTS))
+            asked = logs[[0, *best]]
+            again = conductor.again(asked)
+            last = [0, *(1 + k for k in finalists([again.part(slice(1, None))]))]
+            points = conductor.check(asked[last], again.part(last))
         finally:
             conductor.close()
     front = undominated(points[1:])
@@ -197,7 +201,7 @@ class _Conductor:
         self._done += len(asked) * FURTHER
         return found
 
-    def check(self, rows: Array) -> list[Point]:
+    def check(self, rows: Array, again: Scores) -> list[Point]:
         """The beginning and the finalists on unseen plants, with margins."""
         plan = self._plan
         unseen = draw_plants(plan.check, plan.unseen, seed=plan.seed + 1)
@@ -209,7 +213,7 @@ class _Conductor:
         finally:
             flights.close()
         self._progress(self._total, self._total, "margins")
-        return _points(rows, flown, [hover_margins(plan.flight, plan.knobs, row.tolist()) for row in rows])
+        return _points(rows, again, flown, [hover_margins(plan.flight, plan.knobs, row.tolist()) for row in rows])
 
     def close(self) -> None:
         """End the threads."""
@@ -225,12 +229,12 @@ def _tests(plan: Plan, threads: int) -> Shortness:
         return lambda logs: np.zeros(len(logs))
 
 
-def _points(rows: Array, flown: Flown, margins: list[LoopMargins]) -> list[Point]:
+def _points(rows: Array, again: Scores, flown: Flown, margins: list[LoopMargins]) -> list[Point]:
     scored = scores(flown)
     return [
         Point(
             logs=tuple(rows[i].tolist()),
-            error=float(scored.error[i]),
+            error=math.sqrt(float(scored.error[i]) * float(again.error[i])),
             tip=float(scored.tip[i]),
             jitter=float(scored.jitter[i]),
             effort=float(scored.effort[i]),
