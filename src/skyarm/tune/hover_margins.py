@@ -1,4 +1,4 @@
-"""Margins in hover of a law with other gains."""
+"""What margins a scenario's gains must have in hover, and the scenario as its margins are looked at."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ import numpy.typing as npt
 from skyarm.control.controller import Controller
 from skyarm.records.replace_parts import replaced
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.stability.along import evidence
-from skyarm.tune.front import LoopMargins, Required
+from skyarm.tune.front import Required
 from skyarm.tune.knobs import Knob, inner_place
 
 Array = npt.NDArray[np.float64]
@@ -37,19 +36,6 @@ def with_gains(controller: Controller, knobs: Sequence[Knob], logs: Sequence[flo
         place: value * math.exp(log) for knob, log in zip(knobs, logs, strict=True) for place, value in knob.numbers
     }
     return dataclasses.replace(controller, par=replaced(controller.par, numbers))
-
-
-def hover_margins(scenario: Scenario, knobs: Sequence[Knob], logs: Sequence[float]) -> LoopMargins:
-    """Margins of a scenario's loop in hover with some gains; why there are none where they cannot be computed."""
-    controller = without_adaptation(with_gains(scenario.controller, knobs, logs))
-    try:
-        found = evidence(dataclasses.replace(calm(scenario), controller=controller), 0)
-    except ValueError as error:
-        return LoopMargins(delay=0.0, rotors=(1.0, 1.0), joints=(1.0, 1.0), why_none=str(error))
-    if not found.instants:
-        return LoopMargins(delay=0.0, rotors=(1.0, 1.0), joints=(1.0, 1.0))
-    hover = found.instants[0]
-    return LoopMargins(delay=hover.delay, rotors=hover.gain("rotor_gain"), joints=hover.gain("joint_gain"))
 
 
 def calm(flight: Scenario) -> Scenario:

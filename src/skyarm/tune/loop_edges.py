@@ -16,7 +16,7 @@ from skyarm.tune.front import LoopMargins, Required
 LONGEST, WIDEST = 0.05, 8.0
 """s and factor: margins beyond these are not looked for."""
 
-BISECTIONS = 7
+BISECTIONS = 10
 
 UNSTABLE = 10.0
 """Shortness of a loop that is just unstable; a stable one is never shorter."""

@@ -1,6 +1,6 @@
-"""Whether candidates meet the margins in hover, tested where they are asked for and nowhere else.
+"""Whether candidates meet the margins in hover, tested where they are asked for; of a few they are measured.
 
-A margin is not measured here, only tested: the loop with the required extra delay, and with all rotors or all joints
+A test is cheap: the loop with the required extra delay, and with all rotors or all joints
 that much stronger or weaker, must have its eigenvalues inside the unit circle, with the rotors' time constant upward
 and with that downward.
 """
@@ -19,10 +19,11 @@ import numpy.typing as npt
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.stability.margins import radius
 from skyarm.stability.open_loop import LAGS, OpenLoop
-from skyarm.tune.front import Required
+from skyarm.tune.front import LoopMargins, Required
 from skyarm.tune.hover_loops import HoverLoops
 from skyarm.tune.hover_margins import calm, without_adaptation
 from skyarm.tune.knobs import Knob
+from skyarm.tune.loop_edges import edges
 
 Array = npt.NDArray[np.float64]
 
@@ -67,6 +68,17 @@ class MarginTests:
         with ThreadPoolExecutor(self._threads) as pool:
             return np.array(list(pool.map(lambda lane: self._cost(*lane), lanes)))
 
+    def measured(self, logs: Array) -> list[LoopMargins]:
+        """Margins of each candidate, the worse of both linearisations."""
+        numbers = self._values[:, None] * np.exp(logs.T[self._knob])
+        settled = self._loops.settle(dict(zip(self._loops.paths, numbers, strict=True)), self._threads)
+        return [self._measured(*lane) for lane in zip(settled, numbers.T.tolist(), strict=True)]
+
+    def _measured(self, settled: Any, numbers: Sequence[float]) -> LoopMargins:
+        if settled is None:
+            return LoopMargins(delay=0.0, rotors=(1.0, 1.0), joints=(1.0, 1.0))
+        return edges([self._loops.linearised(settled, numbers, lag) for lag in LAGS]).margins
+
     def _cost(self, settled: Any, numbers: Sequence[float]) -> float:
         if settled is None:
             return DIVERGED
@@ -89,3 +101,26 @@ def test(loop: OpenLoop, delay: float, gain: float) -> float:
             # rounded: the last bits of an eigenvalue are the linear algebra's
             total += FAILED + round(min(STEEP * beyond, MOST), 6)
     return total
+
+
+class NoMargins:
+    """Stands for the tests of a loop that cannot be linearised: none is asked for.
+
+    Args:
+        why: in words.
+    """
+
+    def __init__(self, why: str) -> None:
+        self._why = why
+
+    def costs(self, logs: Array) -> Array:
+        """Nothing."""
+        return np.zeros(len(logs))
+
+    def measured(self, logs: Array) -> list[LoopMargins]:
+        """Why there are none, for each candidate."""
+        none = LoopMargins(delay=0.0, rotors=(1.0, 1.0), joints=(1.0, 1.0), why_none=self._why)
+        return [none] * len(logs)
+
+    def close(self) -> None:
+        """Nothing is held."""

@@ -25,17 +25,19 @@ from skyarm.tune.archive import Archive
 from skyarm.tune.blas_threads import threadpool_limits
 from skyarm.tune.candidate_flights import CandidateFlights, Flown
 from skyarm.tune.front import POINTS, LoopMargins, Point, Required, finalists, is_allowed, pick, undominated
-from skyarm.tune.hover_margins import hover_margins, required
+from skyarm.tune.hover_margins import required
 from skyarm.tune.knobs import Knob
-from skyarm.tune.margin_tests import MarginTests
+from skyarm.tune.margin_tests import MarginTests, NoMargins
 from skyarm.tune.objective import WEIGHTS, Scores, scores
 from skyarm.tune.plant_spread import Plants, draw_plants
-from skyarm.tune.search import Effort, Shortness, search, with_margins
+from skyarm.tune.search import Effort, search, with_margins
 
 Array = npt.NDArray[np.float64]
 
 Progress = Callable[[int, int, str], object]
 """(flights done, flights in all, what is flown)."""
+
+Margins = MarginTests | NoMargins
 
 LEADERS = 3
 """Of the scatter, for each weight: candidates whose margins are looked at."""
@@ -152,7 +154,7 @@ class _Conductor:
         self._plan, self._plants, self._archive, self._threads = plan, plants, archive, threads
         self._progress, self._done = progress, 0
         self._flights: CandidateFlights | None = None
-        self._tests: Shortness | None = None
+        self._tests: Margins | None = None
         effort = plan.effort
         rounds = effort.scatter * effort.first_plants
         rounds += (effort.candidates - effort.scatter) * effort.plants
@@ -165,11 +167,8 @@ class _Conductor:
             if self._flights is None:
                 self._progress(self._done, self._total, "making machine code")
                 self._flights = self._flown_by(self._plants)
-            if self._tests is None:
-                self._tests = _tests(self._plan, self._threads)
-            found = with_margins(
-                scores(self._flights.fly(asked, plants)), asked, self._groups(number, len(asked)), self._tests
-            )
+            flown, groups = scores(self._flights.fly(asked, plants)), self._groups(number, len(asked))
+            found = with_margins(flown, asked, groups, self._margins().costs)
             self._archive.put(number, asked, found)
         self._done += len(asked) * plants
         self._progress(self._done, self._total, f"round {number} of {self._plan.effort.rounds}")
@@ -178,6 +177,16 @@ class _Conductor:
     def _flown_by(self, plants: Plants) -> CandidateFlights:
         plan = self._plan
         return CandidateFlights(plan.flight, plan.knobs, plants, threads=self._threads, seed=plan.seed, gust=True)
+
+    def _margins(self) -> Margins:
+        """What looks at margins; where a loop cannot be linearised nothing is asked of them."""
+        if self._tests is None:
+            plan = self._plan
+            try:
+                self._tests = MarginTests(plan.flight, plan.knobs, required(plan.flight), self._threads)
+            except ValueError as error:
+                self._tests = NoMargins(str(error))
+        return self._tests
 
     def _groups(self, number: int, count: int) -> list[tuple[float, slice, int]]:
         """Whose margins count: the best of the scatter for each weight, later the better half of each strategy's."""
@@ -194,9 +203,8 @@ class _Conductor:
             plants = draw_plants(self._plan.flight, FURTHER, seed=self._plan.seed + 2)
             self._progress(self._done, self._total, "the best once more")
             self._flights = self._flights or self._flown_by(self._plants)
-            self._tests = self._tests or _tests(self._plan, self._threads)
             flown = scores(self._flights.fly(asked, others=plants))
-            found = dataclasses.replace(flown, short=self._tests(asked))
+            found = dataclasses.replace(flown, short=self._margins().costs(asked))
             self._archive.put(number, asked, found)
         self._done += len(asked) * FURTHER
         return found
@@ -213,20 +221,13 @@ class _Conductor:
         finally:
             flights.close()
         self._progress(self._total, self._total, "margins")
-        return _points(rows, again, flown, [hover_margins(plan.flight, plan.knobs, row.tolist()) for row in rows])
+        return _points(rows, again, flown, self._margins().measured(rows))
 
     def close(self) -> None:
         """End the threads."""
-        if self._flights is not None:
-            self._flights.close()
-
-
-def _tests(plan: Plan, threads: int) -> Shortness:
-    """What looks at margins; where a loop cannot be linearised nothing is asked of them."""
-    try:
-        return MarginTests(plan.flight, plan.knobs, required(plan.flight), threads).costs
-    except ValueError:
-        return lambda logs: np.zeros(len(logs))
+        for each in (self._flights, self._tests):
+            if each is not None:
+                each.close()
 
 
 def _points(rows: Array, again: Scores, flown: Flown, margins: list[LoopMargins]) -> list[Point]:
