@@ -57,7 +57,7 @@ class Archive:
     def get(self, number: int, asked: Array) -> Scores | None:
         """Scores of a round, if it is there, whole, and of these candidates."""
         try:
-            with np.load(self._file(number), allow_pickle=False) as held:
+            with np.load(io.BytesIO(self._file(number).read_bytes()), allow_pickle=False) as held:
                 if not np.array_equal(held["asked"], asked):
                     return None
                 found = Scores(**{field.name: held[field.name] for field in fields(Scores)})

@@ -28,7 +28,7 @@ from skyarm.tune.loop_edges import Edges, edges, with_dead_time
 from skyarm.tune.loop_parts import differences, groups, slowed
 from skyarm.tune.plant_spread import thrust_margin
 
-SHARES = (0.25, 0.35, 0.5, 0.6, 0.7, 0.8, 0.9, 1.15, 1.3, 1.6, 2.0)
+SHARES = (0.25, 0.4, 0.6, 0.8, 1.25, 1.6, 2.5)
 """Of a group's bandwidth that are tried."""
 
 SETTLING = (1.0, 0.6, 0.35)

@@ -31,8 +31,8 @@ GAIN = re.compile(r"/(s|rad|m)\b|rad/s|\bHz\b")
 BOUNDED = re.compile(r"\b(largest|smallest|least|lowest|highest|most|limits?|bounds?|adapted)\b")
 """Words of a meaning that say that the number is a limit or the rate of a slow adaptation, not a gain."""
 
-LARGEST_FACTOR = 12.0
-"""Factor on a knob, and one over the smallest, as in :mod:`skyarm.tune.procedure`."""
+LARGEST_FACTOR = 30.0
+"""Factor on a knob, and one over the smallest: gains detuned tenfold still have good ones in reach."""
 
 
 class KnobError(ValueError):

@@ -33,13 +33,13 @@ Array = npt.NDArray[np.float64]
 
 BOX = math.log(LARGEST_FACTOR)
 
-FIRST_STEP, SECOND_STEP = 0.35, 0.15
+FIRST_STEP, SECOND_STEP = 0.4, 0.2
 """Standard deviations of the logarithms of the factors where a CMA-ES begins, and where it begins again."""
 
 LINE = 24
 """Candidates on the line of one bandwidth for the whole loop, of the scatter."""
 
-REACHES = (0.2, 0.4, 0.8)
+REACHES = (0.15, 0.3, 0.6)
 """Of the scatter about the beginning, a third of it each, as shares of the box."""
 
 
@@ -87,7 +87,9 @@ NOT_LOOKED_AT = 3.0
 """Cost of margins that nobody looked at, since others were better without."""
 
 
-def search(knobs: Sequence[Knob], effort: Effort, judge: Judge, *, seed: int) -> tuple[Array, list[Scores]]:
+def search(
+    knobs: Sequence[Knob], effort: Effort, judge: Judge, *, seed: int, known: Array | None = None
+) -> tuple[Array, list[Scores]]:
     """Look for gains.
 
     Args:
@@ -95,11 +97,12 @@ def search(knobs: Sequence[Knob], effort: Effort, judge: Judge, *, seed: int) ->
         effort: how much is flown.
         judge: scores of a round's candidates.
         seed: key of the search.
+        known: (starts, knobs) further candidates to begin with.
 
     Returns:
         logarithms of the factors of every candidate (candidates, knobs), the beginning first; scores by round.
     """
-    asked = scatter(knobs, effort.scatter, seed)
+    asked = scatter(knobs, effort.scatter, seed, known)
     found = [judge(0, asked, effort.first_plants)]
     logs = asked
     strategies: list[Any] = []
@@ -157,12 +160,12 @@ def _best(logs: Array, found: Sequence[Scores], weight: float) -> Array:
     return best
 
 
-def scatter(knobs: Sequence[Knob], count: int, seed: int) -> Array:
-    """The first candidates: the beginning, one bandwidth for all, and Sobol points of three widths about it."""
-    begin = np.zeros((1, len(knobs)))
-    speeds = np.linspace(-0.8, 0.8, LINE) * BOX
+def scatter(knobs: Sequence[Knob], count: int, seed: int, known: Array | None = None) -> Array:
+    """The first candidates: the beginning, known ones, one bandwidth for all, Sobol points of three widths about it."""
+    begin = np.vstack([np.zeros((1, len(knobs))), *([] if known is None else [known])])
+    speeds = np.linspace(-0.6, 0.6, LINE) * BOX
     line = speeds[:, None] * np.array([exponent(knob) for knob in knobs]) * 0.5
-    rest = count - 1 - LINE
+    rest = max(count - len(begin) - LINE, 0)
     numbers = np.arange(1 + 4096 * seed, 1 + 4096 * seed + rest)
     points = np.stack([(sobol(numbers, k).astype(float) + 0.5) / 2.0**BITS for k in range(len(knobs))], axis=1)
     reach = np.array(REACHES)[np.arange(rest) % len(REACHES)]

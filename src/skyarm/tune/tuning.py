@@ -27,6 +27,7 @@ from skyarm.tune.candidate_flights import CandidateFlights, Flown
 from skyarm.tune.front import POINTS, LoopMargins, Point, Required, finalists, is_allowed, pick, undominated
 from skyarm.tune.hover_margins import required
 from skyarm.tune.knobs import Knob
+from skyarm.tune.known_gains import known_gains
 from skyarm.tune.margin_tests import MarginTests, NoMargins
 from skyarm.tune.objective import WEIGHTS, Scores, scores
 from skyarm.tune.plant_spread import Plants, draw_plants
@@ -126,9 +127,10 @@ def tune(plan: Plan, folder: Path, *, threads: int = 1, progress: Progress | Non
         plants = draw_plants(plan.flight, plan.effort.plants, seed=plan.seed)
         conductor = _Conductor(plan, plants, archive, threads, progress or (lambda *_: None))
         try:
-            logs, found = search(plan.knobs, plan.effort, conductor.judge, seed=plan.seed)
+            known = known_gains(plan.flight, plan.knobs)
+            logs, found = search(plan.knobs, plan.effort, conductor.judge, seed=plan.seed, known=known)
             # of the scatter nobody flew all plants; the beginning comes along
-            best = plan.effort.scatter + np.array(finalists(found[1:], SEMIFINALISTS))
+            best = len(found[0].error) + np.array(finalists(found[1:], SEMIFINALISTS))
             asked = logs[[0, *best]]
             again = conductor.again(asked)
             last = [0, *(1 + k for k in finalists([again.part(slice(1, None))]))]
