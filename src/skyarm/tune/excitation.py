@@ -13,7 +13,6 @@ import math
 
 from skyarm.algebra import Vec3
 from skyarm.compare.suite import DELAY, NOISE
-from skyarm.control.catalogue import make_named
 from skyarm.control.model import Model
 from skyarm.environment import ForceWind
 from skyarm.environment.gust import Gust
@@ -21,6 +20,7 @@ from skyarm.estimate.estimator import PASS_THROUGH
 from skyarm.metrics.windows import Window, Windows
 from skyarm.plant.interface import Truth
 from skyarm.reference import Constant, Shifted, Signal, Sine, Sum, Trajectory, Windowed
+from skyarm.scenario.gains_file import make_named_or_tuned
 from skyarm.scenario.law_by_name import controller_by_name, loop_facts
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, Delays, Rates, Scenario
 from skyarm.vehicle.vehicle_records import Joint, Vehicle
@@ -55,7 +55,7 @@ def of_vehicle(vehicle: Vehicle, law: str | None = None, *, gravity: float = 9.8
     """
     named = law or ("centroidal_tip" if vehicle.end_effector else "centroidal_joint")
     rates, delays = Rates(), Delays(measurement=DELAY)
-    controller = make_named(named, Model(vehicle=vehicle, gravity=gravity), loop_facts(rates, delays))
+    controller = make_named_or_tuned(named, Model(vehicle=vehicle, gravity=gravity), loop_facts(rates, delays))
     return Scenario(
         name=vehicle.name,
         rates=rates,

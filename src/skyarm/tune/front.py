@@ -14,7 +14,7 @@ from skyarm.tune.search import costs
 
 Array = npt.NDArray[np.float64]
 
-POINTS = 9
+POINTS = 16
 """Of the front."""
 
 WORTH = 1.05

@@ -22,7 +22,7 @@ Array = npt.NDArray[np.float64]
 MASS, ARM = 0.806, 0.3
 """kg and m: the vehicle for which the README's spread was written; Barakou et al. 2026, Table 1."""
 
-FRICTION = 8.0
+FRICTION = 40.0
 """1/s: most joint damping over the joint's inertia at rest; what the README's spread is for the paper's forearm."""
 
 RESERVE = 0.9

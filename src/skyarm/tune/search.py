@@ -2,7 +2,7 @@
 
 One covariance matrix adaptation (Hansen, Ostermeier 2001; the package ``cmaes``) for each weight of
 :data:`skyarm.tune.objective.WEIGHTS`; all of them ask at once, so that their candidates fly in one batch, and all learn
-from one archive: each begins at the best candidate of its weight so far, and once more half-way.
+from one archive: each begins at the best candidate of its weight so far, and twice more on the way.
 
 A round's candidates follow from the seed and the scores before it. The archive keeps scores only: a search that was
 interrupted asks the same questions again, finds their answers there, and goes on with the same bits.
@@ -33,14 +33,14 @@ Array = npt.NDArray[np.float64]
 
 BOX = math.log(LARGEST_FACTOR)
 
-FIRST_STEP, SECOND_STEP = 0.4, 0.2
+STEPS = (0.4, 0.25, 0.15)
 """Standard deviations of the logarithms of the factors where a CMA-ES begins, and where it begins again."""
 
 LINE = 24
 """Candidates on the line of one bandwidth for the whole loop, of the scatter."""
 
 REACHES = (0.15, 0.3, 0.6)
-"""Of the scatter about the beginning, a third of it each, as shares of the box."""
+"""Of the scatter about the beginning and what is known, a third of it each, as shares of the box."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -106,9 +106,10 @@ def search(
     found = [judge(0, asked, effort.first_plants)]
     logs = asked
     strategies: list[Any] = []
+    begins = {1 + i * effort.rounds // len(STEPS): step for i, step in enumerate(STEPS)}
     for number in range(1, effort.rounds + 1):
-        if number in (1, effort.rounds // 2 + 1):
-            step = FIRST_STEP if number == 1 else SECOND_STEP
+        if number in begins:
+            step = begins[number]
             strategies = [
                 _strategy(_best(logs, found, weight), step, effort.population, seed + 1000 * number + i, _bounds(knobs))
                 for i, weight in enumerate(WEIGHTS)
@@ -161,7 +162,7 @@ def _best(logs: Array, found: Sequence[Scores], weight: float) -> Array:
 
 
 def scatter(knobs: Sequence[Knob], count: int, seed: int, known: Array | None = None) -> Array:
-    """The first candidates: the beginning, known ones, one bandwidth for all, Sobol points of three widths about it."""
+    """The first candidates: the beginning, known ones, one bandwidth for all, Sobol points about all of them."""
     begin = np.vstack([np.zeros((1, len(knobs))), *([] if known is None else [known])])
     speeds = np.linspace(-0.6, 0.6, LINE) * BOX
     line = speeds[:, None] * np.array([exponent(knob) for knob in knobs]) * 0.5
@@ -169,7 +170,7 @@ def scatter(knobs: Sequence[Knob], count: int, seed: int, known: Array | None = 
     numbers = np.arange(1 + 4096 * seed, 1 + 4096 * seed + rest)
     points = np.stack([(sobol(numbers, k).astype(float) + 0.5) / 2.0**BITS for k in range(len(knobs))], axis=1)
     reach = np.array(REACHES)[np.arange(rest) % len(REACHES)]
-    around = (2.0 * points - 1.0) * (BOX * reach[:, None])
+    around = begin[np.arange(rest) // len(REACHES) % len(begin)] + (2.0 * points - 1.0) * (BOX * reach[:, None])
     low, high = _bounds(knobs).T
     found: Array = np.clip(np.vstack([begin, line, around]), low, high)
     return found
