@@ -15,7 +15,7 @@ from skyarm.stability.along import evidence
 from skyarm.tune.excitation import excited
 from skyarm.tune.explain import explain, plain, words
 from skyarm.tune.hover_margins import calm, required, with_gains
-from skyarm.tune.knobs import find_knobs
+from skyarm.tune.law_knobs import find_knobs
 from skyarm.tune.loop_parts import differences
 from skyarm.tune.margin_tests import MarginTests
 from skyarm.tune.plant_spread import thrust_margin

@@ -114,9 +114,9 @@ def test_the_extra_is_named_where_the_library_is_missing(monkeypatch):
     import sys
 
     monkeypatch.setitem(sys.modules, "cmaes", None)
-    monkeypatch.delitem(sys.modules, "skyarm.tune.search", raising=False)
+    monkeypatch.delitem(sys.modules, "skyarm.tune.gain_search", raising=False)
     with pytest.raises(ImportError, match="needs the extra 'tune'"):
-        import skyarm.tune.search  # noqa: F401
+        import skyarm.tune.gain_search  # noqa: F401
 
 
 def test_archives_hold_plain_arrays(tuned):

@@ -72,9 +72,9 @@ def tune(
     wanted = wanted_of(target, controller)
     from skyarm.tune.excitation import excited
     from skyarm.tune.front import POINTS
+    from skyarm.tune.gain_search import Effort
     from skyarm.tune.gains_result import front_name, gains_text
-    from skyarm.tune.knobs import find_knobs
-    from skyarm.tune.search import Effort
+    from skyarm.tune.law_knobs import find_knobs
     from skyarm.tune.tune_page import tune_page
     from skyarm.tune.tuning import Plan
     from skyarm.tune.tuning import tune as perform
@@ -119,7 +119,7 @@ def explain(target: str, controller: str | None, knobs: Sequence[str] | None, co
     wanted = wanted_of(target, controller)
     from skyarm.tune.explain import explain as look
     from skyarm.tune.explain import plain, words
-    from skyarm.tune.knobs import find_knobs
+    from skyarm.tune.law_knobs import find_knobs
 
     scenario = wanted.scenario
     say_unlikely(scenario.name, unlikely_numbers(scenario))

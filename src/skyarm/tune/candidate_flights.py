@@ -13,7 +13,7 @@ from skyarm.log.batch_log import BatchLog
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.batch import Batch
-from skyarm.tune.knobs import Knob
+from skyarm.tune.law_knobs import Knob
 from skyarm.tune.plant_spread import Plants, arm_length
 
 Array = npt.NDArray[np.float64]

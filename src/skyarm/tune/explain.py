@@ -23,7 +23,7 @@ from skyarm.tune.blas_threads import threadpool_limits
 from skyarm.tune.front import LoopMargins, Required
 from skyarm.tune.hover_loops import HoverLoops
 from skyarm.tune.hover_margins import required, without_adaptation
-from skyarm.tune.knobs import Knob
+from skyarm.tune.law_knobs import Knob
 from skyarm.tune.loop_edges import Edges, edges, with_dead_time
 from skyarm.tune.loop_parts import differences, groups, slowed
 from skyarm.tune.plant_spread import thrust_margin

@@ -13,7 +13,7 @@ from skyarm.records.leaves import walk
 from skyarm.records.replace_parts import part
 from skyarm.tune.front import RULE, LoopMargins, Point
 from skyarm.tune.hover_margins import with_gains
-from skyarm.tune.knobs import inner_place
+from skyarm.tune.law_knobs import inner_place
 from skyarm.tune.tuning import Tuning
 
 DIGITS = 6

@@ -13,7 +13,7 @@ from skyarm.control.controller import Controller
 from skyarm.records.replace_parts import replaced
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.tune.front import Required
-from skyarm.tune.knobs import Knob, inner_place
+from skyarm.tune.law_knobs import Knob, inner_place
 
 Array = npt.NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from skyarm.control.catalogue import LAWS, PRESETS, TUNED, make_named, tuned_fac
 from skyarm.control.controller import ControllerError
 from skyarm.scenario.law_by_name import loop_facts
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.tune.knobs import Knob, KnobError, find_knobs
+from skyarm.tune.law_knobs import Knob, KnobError, find_knobs
 
 Array = npt.NDArray[np.float64]
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.tune.knobs import Knob
-from skyarm.tune.search import exponent
+from skyarm.tune.gain_search import exponent
+from skyarm.tune.law_knobs import Knob
 
 WORDS: Sequence[tuple[str, str]] = (
     ("observer", r"observ|filter|predict|cutoff|estimat|adapt|trim|answer|switch"),

@@ -22,7 +22,7 @@ from skyarm.stability.open_loop import LAGS, OpenLoop
 from skyarm.tune.front import LoopMargins, Required
 from skyarm.tune.hover_loops import HoverLoops
 from skyarm.tune.hover_margins import calm, without_adaptation
-from skyarm.tune.knobs import Knob
+from skyarm.tune.law_knobs import Knob
 from skyarm.tune.loop_edges import edges
 
 Array = npt.NDArray[np.float64]

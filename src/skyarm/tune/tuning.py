@@ -25,13 +25,13 @@ from skyarm.tune.archive import Archive
 from skyarm.tune.blas_threads import threadpool_limits
 from skyarm.tune.candidate_flights import CandidateFlights, Flown
 from skyarm.tune.front import POINTS, LoopMargins, Point, Required, finalists, is_allowed, pick, undominated
+from skyarm.tune.gain_search import Effort, search, with_margins
 from skyarm.tune.hover_margins import required
-from skyarm.tune.knobs import Knob
 from skyarm.tune.known_gains import known_gains
+from skyarm.tune.law_knobs import Knob
 from skyarm.tune.margin_tests import MarginTests, NoMargins
 from skyarm.tune.objective import WEIGHTS, Scores, scores
 from skyarm.tune.plant_spread import Plants, draw_plants
-from skyarm.tune.search import Effort, search, with_margins
 
 Array = npt.NDArray[np.float64]
 

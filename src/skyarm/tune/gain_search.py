@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from skyarm.compile.extras import missing_extra
 from skyarm.sweep.sobol import BITS, sobol
-from skyarm.tune.knobs import LARGEST_FACTOR, Knob
+from skyarm.tune.law_knobs import LARGEST_FACTOR, Knob
 from skyarm.tune.objective import WEIGHTS, Scores
 
 try:
