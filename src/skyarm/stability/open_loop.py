@@ -150,17 +150,17 @@ class Differentiator:
         def step(point: _Point, given: tuple[Any, ...], fed: Row, _uniforms: Any) -> tuple[_Point, Any]:
             return point, self._outputs(point, given, fed)
 
-        given = ((0.0, 0.0) if self._ages is None else (0.0, 0.0, 0.0), self._numbers)
+        given = (*((0.0, 0.0) if self._ages is None else (0.0, 0.0, 0.0)), *self._numbers)
         loop = trace_loop(step, structure_of(self._point), given, row, loops=True)
         self._kernel = Kernel(loop, Lanes(host_width(), contract=False), logging=True)
         self._row = len(leaves(row))
 
     def _outputs(self, point: _Point, given: tuple[Any, ...], row: Row) -> tuple[Any, ...]:
         """Next state, measurement now, next memory, command; given when rotors (and joints) hear, lag, numbers."""
-        (*lates, lag), numbers = given
+        *lates, lag = given[: len(given) - len(self._paths)]
         own = self.scenario
         if self._paths:
-            own = with_numbers(own, dict(zip(self._paths, numbers, strict=True)))
+            own = with_numbers(own, dict(zip(self._paths, given[-len(self._paths) :], strict=True)))
         scenario = with_lag(own, lag)
         stages = Stages(scenario)
         air = stages.surroundings(self._components, (), row.time)
