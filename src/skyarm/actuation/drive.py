@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,6 +38,10 @@ class Drive:
     def effort(self, memory: Any, setpoint: Any, position: Any, rate: Any) -> Any:
         """Torque (N m) or force (N) on the joint."""
         raise NotImplementedError(f"{type(self).__name__} must say its effort")
+
+    def most(self) -> Any:
+        """Largest torque (N m) or force (N) that it gives a joint at rest; infinite where it has no limit of its own."""
+        return math.inf
 
     def standing(self, effort: Any, position: Any) -> Any:
         """The setpoint that holds the arm before the first command arrives, from the torque that holds it."""

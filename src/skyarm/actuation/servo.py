@@ -80,6 +80,10 @@ class Servo(Drive):
         most = self.torque_limit
         return clip(mul(low, per_ampere), -most, most), clip(mul(high, per_ampere), -most, most)
 
+    def most(self) -> Any:
+        """The stall torque (N m) or force (N), within the current's and the torque's own limit."""
+        return self.bounds(0.0)[1]
+
     def start(self, position: Any) -> ServoMemory:
         """A loop that holds the joint where it is."""
         raise RecordError(f"{type(self).__name__}: begins with a setpoint and a control period")
