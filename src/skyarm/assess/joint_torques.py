@@ -81,7 +81,7 @@ def effort_limits(vehicle: Vehicle) -> Array:
         limit = float(link.joint.effort_limit) or math.inf
         servo = servos.get(link.joint.name)
         if isinstance(servo, Servo):
-            limit = min(limit, float(servo.most()))
+            limit = min(limit, float(servo.largest_effort()))
         found.append(limit)
     return np.array(found)
 

@@ -37,7 +37,7 @@ def with_limits_of_drives(links: Sequence[Link], drives: Sequence[MountedDrive],
     """
     given = {each.name: each.drive for each in drives if each.name not in stated}
     return [
-        replace(link, joint=replace(link.joint, effort_limit=given[link.joint.name].most()))
+        replace(link, joint=replace(link.joint, effort_limit=given[link.joint.name].largest_effort()))
         if link.joint.name in given and concrete(link.joint.effort_limit) and link.joint.effort_limit == 0
         else link
         for link in links
