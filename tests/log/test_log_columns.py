@@ -72,8 +72,10 @@ def test_a_command_that_is_a_setpoint_is_called_one_in_the_unit_of_its_drive():
     found = [(each.name, each.unit) for each in columns(log) if each.array == "efforts"]
     names = names_of(log).joints
     units = ["rad", "rad/s", "m", "N m", "", "N m"]
-    words = [f"joint_{'effort' if unit == 'N m' else 'setpoint'}_{name}" for name, unit in zip(names, units)]
-    assert found == list(zip(words, units))
+    words = [
+        f"joint_{'effort' if unit == 'N m' else 'setpoint'}_{name}" for name, unit in zip(names, units, strict=True)
+    ]
+    assert found == list(zip(words, units, strict=True))
     own = {**log.info["scenario_record"], "drives": [{"joint": names[0], "drive": plain(rate)}]}
     again = columns(dataclasses.replace(log, info={**log.info, "scenario_record": own}))
     assert (words[0], "rad/s") in [(each.name, each.unit) for each in again], "the scenario's own drive wins"

@@ -43,7 +43,7 @@ class Drive:
         raise NotImplementedError(f"{type(self).__name__} must say its effort")
 
     def largest_effort(self) -> Any:
-        """Largest torque (N m) or force (N) that it gives a joint at rest; infinite where it has no limit of its own."""
+        """Largest torque (N m) or force (N) that it gives a joint at rest; infinite where it states none."""
         return math.inf
 
     def standing(self, effort: Any, position: Any) -> Any:

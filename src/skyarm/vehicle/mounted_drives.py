@@ -32,7 +32,8 @@ def with_limits_of_drives(links: Sequence[Link], drives: Sequence[MountedDrive],
     """Links whose joint has a drive and an effort limit of 0, as URDF files write it, limited by what the drive gives.
 
     Args:
-        links: of a vehicle, with joints. drives: of the joints.
+        links: of a vehicle, with joints.
+        drives: of the joints.
         stated: names of joints whose limit someone has stated: it stays.
     """
     given = {each.name: each.drive for each in drives if each.name not in stated}
