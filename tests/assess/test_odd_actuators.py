@@ -96,7 +96,7 @@ def test_a_rotor_s_inertia_is_less_than_the_base_s():
 def test_one_cause_in_all_rotors_is_one_line_and_a_link_without_mass_is_named_by_its_mass():
     slow = [dataclasses.replace(rotor, time_constant_up=40.0) for rotor in arm().rotors]
     (line,) = unlikely_in_vehicle(dataclasses.replace(arm(), rotors=tuple(slow)))
-    assert line.startswith(f"rotors[{slow[0].name}].time_constant_up = 40 s (and of {len(slow) - 1} more): is slow")
+    assert line.startswith(f"rotors[{slow[0].name}].time_constant_up = 40 s: is slow (and {len(slow) - 1} more rotors)")
     links = list(arm().links)
     links[0] = dataclasses.replace(links[0], body=dataclasses.replace(links[0].body, mass=0.0))
     (line,) = unlikely_in_vehicle(dataclasses.replace(arm(), links=tuple(links)))

@@ -114,9 +114,9 @@ def _rotors(vehicle: Vehicle) -> Iterator[str]:
         if beyond:
             # one cause as a rule: said once, with the largest
             worst = max(beyond, key=lambda rotor: float(getattr(rotor, field)))
-            unit, rest = words.split(":", maxsplit=1)
-            others = f" (and of {len(beyond) - 1} more)" if len(beyond) > 1 else ""
-            yield f"rotors[{worst.name}].{field} = {float(getattr(worst, field)):g} {unit}{others}:{rest}"
+            said, hint = words.split("; ")
+            others = f" (and {len(beyond) - 1} more rotors)" if len(beyond) > 1 else ""
+            yield f"rotors[{worst.name}].{field} = {float(getattr(worst, field)):g} {said}{others}; {hint}"
 
 
 def _lengths(vehicle: Vehicle) -> Iterator[str]:
