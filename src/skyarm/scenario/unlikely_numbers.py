@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from skyarm.environment import ForceWind, MovingAir
 from skyarm.environment.wind import all_gusts
+from skyarm.scenario.law_and_undriven import law_of_undriven
 from skyarm.scenario.reference_setting import feasibility_of
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.unlikely_vehicle import EARTH, FARTHEST, TURN, unlikely_in_vehicle
@@ -58,6 +59,7 @@ def unlikely_numbers(scenario: Scenario) -> tuple[str, ...]:
         *_reference(scenario),
         *_plan(scenario),
         *_start(scenario),
+        *law_of_undriven(scenario),
     )
 
 
