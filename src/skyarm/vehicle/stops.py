@@ -78,7 +78,7 @@ def _stiffness(joint: Joint, ease: float) -> float:
 
 
 def _stopped(joint: Joint, ease: float, damped: bool) -> Joint:
-    """A joint with stops, of its own stiffness if it has one, and with the damping that suits them unless it has that."""
+    """A joint with stops, of its own stiffness if it has one, and with the damping that suits them, if it has none."""
     effort = float(joint.effort_limit)
     stiffness = float(joint.stop_stiffness) if joint.has_stops else _stiffness(joint, ease)
     if damped:
