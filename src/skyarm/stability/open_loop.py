@@ -194,14 +194,14 @@ class Differentiator:
             lag: one of ``LAGS``.
             numbers: of the paths; the scenario's own if left out.
         """
-        given = (float(LAGS.index(lag)), *(self._numbers if numbers is None else numbers))
         point = _point(carry, self._ages)
         sizes = [len(leaves(part)) for part in (point.state, point.old, point.new, point.memory, point.seen)]
-        base = self._completed(carry, point, sizes, row, given)
+        share = float(LAGS.index(lag))
+        base = self._completed(carry, point, sizes, row, share, numbers)
         moved, widths = stencil_points(base, point.state.quaternion)
         lates = range(len(self.lates))
-        results = [self._outputs_of(moved, row, late, given) for late in lates]
-        still = [self._outputs_of(base[:, None], row, late, given)[:, 0] for late in lates]
+        results = [self._outputs_of(moved, row, late, share, numbers) for late in lates]
+        still = [self._outputs_of(base[:, None], row, late, share, numbers)[:, 0] for late in lates]
         outs = [sizes[0], sizes[4], sizes[3], sizes[1]]
         parts = [derivatives(result, at, widths, outs) for result, at in zip(results, still, strict=True)]
         columns = np.cumsum([0, sizes[0] - 1, *sizes[1:]])
@@ -227,30 +227,40 @@ class Differentiator:
         )
 
     def _completed(
-        self, carry: LoopState, point: _Point, sizes: list[int], row: Sequence[float], given: Sequence[float]
+        self,
+        carry: LoopState,
+        point: _Point,
+        sizes: list[int],
+        row: Sequence[float],
+        share: float,
+        numbers: Sequence[float] | None = None,
     ) -> Array:
         """Numbers of the point, with what the period itself makes: the measurement now, and the command it leads to."""
         base = np.array([float(leaf) for leaf in leaves(point)])
         ends = np.cumsum([sizes[0], sizes[4], sizes[3], sizes[1]])
         if not carry.sensors[0].waiting:
-            made = self._outputs_of(base[:, None], row, 0, given)[:, 0]
+            made = self._outputs_of(base[:, None], row, 0, share, numbers)[:, 0]
             base[sum(sizes[:4]) :] = made[ends[0] : ends[1]]
         ages = self._ages or (len(carry.queue) - 1,) * 2
         at_once = np.repeat(np.array(ages) == 0, [len(point.new.rotor_speeds), len(point.new.efforts)])
         if at_once.any():
-            made = self._outputs_of(base[:, None], row, 0, given)[:, 0]
+            made = self._outputs_of(base[:, None], row, 0, share, numbers)[:, 0]
             following = base[sizes[0] + sizes[1] : sum(sizes[:3])]
             following[at_once] = made[ends[2] : ends[3]][at_once]
         return base
 
-    def _outputs_of(self, points: Array, row: Sequence[float], late: int, numbers: Sequence[float]) -> Array:
+    def _outputs_of(
+        self, points: Array, row: Sequence[float], late: int, share: float, numbers: Sequence[float] | None = None
+    ) -> Array:
         """Outputs of points, (numbers, lanes), where the command arrives at one of ``lates``, by its number.
 
-        ``numbers`` are the lag's share and those of the paths.
+        ``share`` is the lag's, ``numbers`` are those of the paths.
         """
         lanes = points.shape[1]
         when = [self.lates[late]] if self._ages is None else [self.lates[late], self._joints_lates[late]]
-        given = np.repeat(np.array([*when, *numbers])[:, None], lanes, axis=1)
+        given = np.repeat(
+            np.array([*when, share, *(self._numbers if numbers is None else numbers)])[:, None], lanes, axis=1
+        )
         _, log = self._kernel.run(points, given, np.array(row, dtype=float).reshape(1, self._row))
         return np.asarray(log[0], dtype=float)
 
