@@ -7,6 +7,7 @@ import re
 
 import pytest
 
+from added_components import registry_kept
 from skyarm.files import read_toml
 from skyarm.registry.plugins import load_file
 from skyarm.scenario.gains_file import controller_of_file
@@ -116,5 +117,6 @@ def test_gains_of_a_law_of_ones_own_fly_once_its_file_is_loaded(tmp_path, monkey
     path = write(tmp_path, GAINS.replace('preset = "paper_ct"', 'law = "own_of_gains.py:make"'))
     with pytest.raises(ValueError, match="must be loaded on the command line"):
         load_scenario("case3", controller=path)
-    load_file("own_of_gains.py")
-    assert tuple(load_scenario("case3", controller=path).controller.par.gains.position) == (8.0, 8.0, 8.0)
+    with registry_kept():
+        load_file("own_of_gains.py")
+        assert tuple(load_scenario("case3", controller=path).controller.par.gains.position) == (8.0, 8.0, 8.0)

@@ -17,7 +17,7 @@ from skyarm.cli.progress import bar, waiting
 from skyarm.cli.terminal_tables import aligned
 from skyarm.control.catalogue import choices, is_named, meant
 from skyarm.files import read_toml, require_writable, shown, taken_back, write_atomically
-from skyarm.registry.plugins import identities, law_of_file_name
+from skyarm.registry.plugins import identities, is_law_of_file, law_of_file_name
 from skyarm.scenario.gains_file import is_gains_file
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios, load_scenario
 from skyarm.scenario.scenario_record import Scenario
@@ -105,7 +105,9 @@ def tune(
     write_atomically(folder / GAINS, gains_text(found, found.pick, wanted.words, wanted.kept).encode())
     _print(found, console, time.perf_counter() - begin)
     console.print(f"written: {folder / GAINS}; the page of the front: {folder / PAGE}", soft_wrap=True)
-    console.print(f"next: skyarm run {target if wanted.has_motion else 'SCENARIO'} --controller {folder / GAINS}")
+    loads = f" --plugin {wanted.label.rpartition(':')[0]}" if is_law_of_file(wanted.label) else ""
+    flown = target if wanted.has_motion else "SCENARIO"
+    console.print(f"next: skyarm run {flown}{loads} --controller {folder / GAINS}", soft_wrap=True)
     give(_plain(found), folder=folder, gains=folder / GAINS, page=folder / PAGE)
     return bool(found.meets)
 
@@ -205,9 +207,7 @@ def _print(found: Any, console: Console, seconds: float) -> None:
                 f"{point.effort:.3g}",
                 f"{point.lost:.0%}",
                 f"{point.saturated:.1%}",
-                f"{1e3 * point.margins.delay:.3g} ms",
-                "-".join(f"{k:.2f}" for k in point.margins.rotors),
-                "-".join(f"{k:.2f}" for k in point.margins.joints),
+                *_margins(point.margins),
             )
         )
     plan = found.plan
@@ -219,8 +219,18 @@ def _print(found: Any, console: Console, seconds: float) -> None:
         f"{seconds:.0f} s",
         soft_wrap=True,
     )
+    if found.pick.margins.why_none:
+        say(f"margins are not asked for: {found.pick.margins.why_none}")
     if not found.meets:
         say("no point meets all constraints; the pick is the one that is least short of them")
+
+
+def _margins(margins: Any) -> tuple[str, str, str]:
+    """Delay and factors in cells; dashes where there are none."""
+    if margins.why_none:
+        return "-", "-", "-"
+    rotors, joints = ("-".join(f"{k:.2f}" for k in pair) for pair in (margins.rotors, margins.joints))
+    return f"{1e3 * margins.delay:.3g} ms", rotors, joints
 
 
 def _plain(found: Any) -> dict[str, Any]:
