@@ -183,9 +183,7 @@ class _Probe:
         now = self._edges({})
         causes = [] if now is None else self._causes(now)
         if spare < THRUST:
-            words = (
-                f"a hover takes {1.0 / spare:.0%} of the thrust: {spare:.2f} times it is there, {THRUST:g} are wanted"
-            )
+            words = f"a hover takes {1.0 / spare:.0%} of the thrust; at most {1.0 / THRUST:.0%} are wanted"
             causes.insert(0, Cause(part="thrust margin", words=words, without=None, relief=math.inf))
         remedies = [] if now is None or now.shortness(self._required) <= 1.0 else self._remedies(now)
         return Explanation(
