@@ -24,7 +24,7 @@ from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop_state import Row
 from skyarm.stability import margins
 from skyarm.stability.along import evidence, hovering
-from skyarm.stability.margins import closed_loop, radius
+from skyarm.stability.closed_loop import closed_loop, radius
 from skyarm.stability.open_loop import Differentiator, _point, with_lag
 
 

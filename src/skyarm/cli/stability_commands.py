@@ -12,6 +12,8 @@ from rich.console import Console
 from rich.text import Text
 
 from skyarm.cli.lines import say, say_if_many, say_unlikely
+from skyarm.cli.loop_margin_table import NOTE as LOOP_NOTE
+from skyarm.cli.loop_margin_table import loop_rows
 from skyarm.cli.machine_output import give
 from skyarm.cli.progress import bar, waiting
 from skyarm.cli.shipped_names import require_not_another
@@ -91,8 +93,10 @@ def planned(controller: str, scenario: str, *, safety: bool) -> Scenario:
     return dataclasses.replace(loaded, controller=with_safety_layer(loaded.controller))
 
 
-def margins(scenario: Scenario, instants: int, name: str | None, console: Console) -> bool:
+def margins(scenario: Scenario, instants: int, name: str | None, console: Console, every: bool = False) -> bool:
     """Print margins in hover and along the scenario, write them as JSON; False where the flight ended early.
+
+    ``every`` lists each loop that was cut, not the weakest of each group only.
 
     Raises:
         ValueError, OSError: one line.
@@ -121,6 +125,10 @@ def margins(scenario: Scenario, instants: int, name: str | None, console: Consol
     for line in aligned(rows):
         console.print(line, soft_wrap=True)
     console.print(NOTE, soft_wrap=True)
+    console.print()
+    for line in aligned(loop_rows(found, every=every)):
+        console.print(line, soft_wrap=True)
+    console.print(LOOP_NOTE, soft_wrap=True)
     if held is not scenario:
         console.print("the law's slow adaptation of load and friction is held")
     if scenario.changes:
@@ -193,6 +201,8 @@ def _plain(found: Any) -> dict[str, Any]:
                         "joint_gain": [_finite(k) for k in m.joint_gain],
                         "one_rotor": [_finite(k) for k in m.one_rotor],
                         "one_joint": [_finite(k) for k in m.one_joint],
+                        "loops": [one.plain() for one in m.loops],
+                        "together": [several.plain() for several in m.together],
                     }
                     for lag, m in each.by_lag.items()
                 },

@@ -39,6 +39,7 @@ from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
 from skyarm.simulate.stages import Stages
 from skyarm.stability.finite_differences import derivatives, stencil_points
+from skyarm.stability.loop_channels import Channel, vehicle_channels
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[np.float64]
@@ -59,6 +60,7 @@ class OpenLoop:
         y_x, y_old: of the measurement now. m_m, m_y, u_m, u_y: of the law, by its memory and the measurement it sees.
         measurement_delay: control periods. command_delay: s, of all commands. rotors_delay, joints_delay: s on top of
             it, of the rotors' and of the joints' part.
+        channels: where it is cut for the margins of single loops; none: each number of a command and a measurement.
     """
 
     period: float
@@ -77,6 +79,7 @@ class OpenLoop:
     command_delay: float = 0.0
     rotors_delay: float = 0.0
     joints_delay: float = 0.0
+    channels: tuple[Channel, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -217,7 +220,14 @@ class Differentiator:
             command_delay=float(self.scenario.delays.command),
             rotors_delay=float(self.scenario.delays.rotors),
             joints_delay=float(self.scenario.delays.joints),
+            channels=self._channels(point, base),
         )
+
+    def _channels(self, point: _Point, base: Array) -> tuple[Channel, ...]:
+        """Where the loop is cut, at the command and the measurement of the instant."""
+        at: _Point = rebuild(point, iter(base.tolist()))
+        speeds = [float(speed) for speed in at.new.rotor_speeds]
+        return vehicle_channels(self.scenario.world.vehicle, speeds, at.seen.quaternion)
 
     def _completed(
         self, carry: LoopState, point: _Point, sizes: list[int], row: Sequence[float], share: float
