@@ -122,7 +122,7 @@ def _along(
     """Instants of one flight, and whether it was completed; tells how many are done with those ``before``."""
     inputs = episode_inputs(flight)
     traced = trace_scenario(flight, inputs)
-    kernel = Kernel(traced.loop, Lanes(1))
+    kernel = Kernel(traced.loop, Lanes(1), effort=0)
     differentiator = Differentiator(flight)
     rows = np.column_stack([inputs.times, np.array(inputs.held, dtype=float).reshape(flight.steps, -1)])
     carry = np.array(leaves(traced.carry), dtype=float)[:, None]

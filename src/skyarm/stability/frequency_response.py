@@ -22,8 +22,14 @@ DECADE = 32
 AROUND = (-4.0, -2.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0, 4.0)
 """Frequencies around a resonance, in half its width at half its height."""
 
+WIDE = 0.5
+"""Half the width of a resonance over its frequency above which the even grid, 7 per cent wide, shows all of it."""
+
 DEAD = 1e-2
 """Largest magnitude of an eigenvalue that leaves no resonance: below, it dies out within three periods."""
+
+BLOCK = 16
+"""Rows of the back substitution that are solved at once; the others are products of matrices."""
 
 AT_ONCE = 96
 """Frequencies whose matrices are eliminated together: some ten megabytes."""
@@ -39,7 +45,7 @@ def frequency_grid(z: Complex, period: float) -> Array:
     highest = np.pi / period
     even = np.geomspace(LOWEST, highest, max(2, round(DECADE * np.log10(highest / LOWEST)) + 1))
     s = np.log(z[np.abs(z) > DEAD].astype(complex)) / period
-    s = s[s.imag >= 0.0]
+    s = s[(s.imag > 0.0) & (np.abs(s.real) < WIDE * s.imag)]
     around = s.imag[:, None] + np.maximum(np.abs(s.real), 1e-6)[:, None] * np.array(AROUND)
     found = np.unique(np.concatenate([even, around.ravel()]))
     return np.asarray(found[(found >= LOWEST) & (found <= highest)])
@@ -67,7 +73,7 @@ class Response:
         return np.concatenate(parts) if parts else np.zeros(shape, dtype=complex)
 
     def _at(self, z: Complex) -> Complex:
-        """Gaussian elimination of one subdiagonal with row exchanges, then back substitution; frequencies last."""
+        """Gaussian elimination of one subdiagonal with row exchanges, then back substitution in blocks."""
         n, m, count = len(self.hessenberg), self.enters.shape[1], len(z)
         rows = np.empty((n, n + m, count), dtype=complex)
         rows[:, :n] = -self.hessenberg[:, :, None]
@@ -81,12 +87,23 @@ class Response:
             with np.errstate(all="ignore"):
                 factor = np.where(other[0] == 0.0, 0.0, other[0] / pivot[0])
                 rows[k, k:], rows[k + 1, k:] = pivot, other - factor * pivot
-        found = rows[:, n:]
-        with np.errstate(all="ignore"):
-            for k in range(n - 1, -1, -1):
-                known = np.einsum("jf,jmf->mf", rows[k, k + 1 : n], found[k + 1 :])
-                found[k] = (found[k] - known) / rows[k, k]
-        return np.asarray(np.einsum("on,nmf->fom", self.leaves, found))
+        rows = np.ascontiguousarray(np.moveaxis(rows, 2, 0))
+        upper, found = rows[:, :, :n], rows[:, :, n:]
+        for start in range((n - 1) // BLOCK * BLOCK, -1, -BLOCK):
+            here, after = slice(start, min(start + BLOCK, n)), slice(min(start + BLOCK, n), n)
+            found[:, here] -= upper[:, here, after] @ found[:, after]
+            found[:, here] = _solved(upper[:, here, here], found[:, here])
+        return np.asarray(self.leaves @ found)
+
+
+def _solved(R: Complex, right: Complex) -> Complex:
+    """R^-1 right of each upper triangular R (count, n, n); infinite where a diagonal has a zero."""
+    singular = (np.diagonal(R, axis1=1, axis2=2) == 0.0).any(axis=1)
+    if not singular.any():
+        return np.asarray(np.linalg.solve(R, right))
+    found = np.full(right.shape, np.inf, dtype=complex)
+    found[~singular] = np.linalg.solve(R[~singular], right[~singular])
+    return found
 
 
 def response(A: Array, B: Array, C: Array, period: float) -> Response:

@@ -152,7 +152,8 @@ class Differentiator:
 
         given = (0.0, 0.0) if self._ages is None else (0.0, 0.0, 0.0)
         loop = trace_loop(step, structure_of(self._point), given, row, loops=True)
-        self._kernel = Kernel(loop, Lanes(host_width(), contract=False), logging=True)
+        # few periods are stepped: what compiles five times as fast is quicker in all
+        self._kernel = Kernel(loop, Lanes(host_width(), contract=False), logging=True, effort=0)
         self._row = len(leaves(row))
 
     def _outputs(self, point: _Point, given: tuple[Any, ...], row: Row) -> tuple[Any, ...]:

@@ -24,12 +24,15 @@ STEPS = 60
 
 ENOUGH = 1e-5
 
+CLOSE = 2e-3
+"""A largest bound that exceeds the largest which a descent has reached by this share is good enough."""
+
 SMALLEST = 1e-12
 """Share of its largest entry that is added to a matrix: Perron's vectors are positive where nothing is zero."""
 
 
 def upper_bound(M: Complex) -> Array:
-    """Bound of mu of each matrix (count, n, n); the largest of them are pressed down until the largest is one of these.
+    """Bound of mu of each matrix (count, n, n); the largest of them is as low as a descent gets it, to ``CLOSE``.
 
     Others are bounds, too, though looser ones than they could be.
     """
@@ -37,10 +40,11 @@ def upper_bound(M: Complex) -> Array:
         return np.asarray(np.abs(M[:, 0, 0]))
     scaled = _perron_scaled(M)
     found = np.linalg.norm(scaled, ord=2, axis=(1, 2))
-    pressed = np.zeros(len(M), dtype=bool)
-    while len(found) and not pressed[(worst := int(np.argmax(found)))]:
+    lowest = 0.0
+    while len(found) and found.max() > lowest * (1.0 + CLOSE):
+        worst = int(np.argmax(found))
         found[worst] = min(found[worst], _descended(scaled[worst]))
-        pressed[worst] = True
+        lowest = max(lowest, float(found[worst]))
     return np.asarray(found)
 
 
