@@ -25,7 +25,8 @@ from skyarm.simulate.loop_state import Row
 from skyarm.stability import margins
 from skyarm.stability.along import evidence, hovering
 from skyarm.stability.closed_loop import closed_loop, radius
-from skyarm.stability.open_loop import Differentiator, _point, with_lag
+from skyarm.stability.frozen_scenario import with_lag
+from skyarm.stability.open_period import Differentiator, _point
 
 
 def even(scenario):

@@ -2,6 +2,7 @@
 
 from skyarm.stability.basin import Basin, basin
 from skyarm.stability.margins import Margins, margins
-from skyarm.stability.open_loop import OpenLoop, open_loop
+from skyarm.stability.open_loop import OpenLoop
+from skyarm.stability.open_period import open_loop
 
 __all__ = ["Basin", "Margins", "OpenLoop", "basin", "margins", "open_loop"]

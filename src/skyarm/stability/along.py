@@ -17,8 +17,9 @@ from skyarm.reference import Constant, Trajectory
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.compiled_flight import trace_scenario
 from skyarm.simulate.inputs import episode_inputs
-from skyarm.stability.margins import Margins, margins
-from skyarm.stability.open_loop import LAGS, Differentiator, carry_of, nominal
+from skyarm.stability.frozen_scenario import EITHER, nominal
+from skyarm.stability.margins import Margins, delay_margin, margins
+from skyarm.stability.open_period import Differentiator, carry_of
 
 SETTLING = 5.0
 """s of hover before it is linearised; whole, so that they hold whole periods of any rate."""
@@ -26,11 +27,18 @@ SETTLING = 5.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Instant:
-    """Margins at one time of a flight, for each of ``LAGS``; ``hover`` is True for the flight that only hovers."""
+    """Margins at one time of a flight, for each of ``EITHER``.
+
+    Attributes:
+        hover: True for the flight that only hovers. time: s.
+        by_lag: with the rotors' time constant upward and with that downward.
+        swings: s of further dead time from which on small swings grow, with the lag between both that a swing meets.
+    """
 
     hover: bool
     time: float
     by_lag: dict[str, Margins]
+    swings: float
 
     @property
     def delay(self) -> float:
@@ -136,7 +144,9 @@ def _along(
         now = carry_of(traced.carry, carry[:, 0].tolist())
         if now.alive < 0.5:
             return found, False
-        by_lag = {lag: margins(differentiator.at(now, rows[until].tolist(), lag)) for lag in LAGS}
-        found.append(Instant(hover=hover, time=float(inputs.times[until]), by_lag=by_lag))
+        row = rows[until].tolist()
+        by_lag = {lag: margins(differentiator.at(now, row, lag)) for lag in EITHER}
+        swings = delay_margin(differentiator.at(now, row, "between"))
+        found.append(Instant(hover=hover, time=float(inputs.times[until]), by_lag=by_lag, swings=swings))
         told(before + len(found))
     return found, True

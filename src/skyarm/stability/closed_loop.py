@@ -88,7 +88,7 @@ def closed(loop: OpenLoop, extra_delay: float = 0.0) -> Closed:
     enters[queue[-1]] = np.eye(nu)
     shown = np.zeros((size, ny))
     shown[m] = loop.m_y
-    kept = _in_loop(A, enters, sent, nx)
+    kept = _in_loop(A, enters, sent, loop.states or nx)
     return Closed(A[np.ix_(kept, kept)], enters[kept], sent[:, kept], seen[:, kept], shown[kept], loop.u_y)
 
 
@@ -119,11 +119,11 @@ def _split(loop: OpenLoop, delay: float) -> tuple[int, int]:
     return divmod(count, len(loop.lates))
 
 
-def _in_loop(A: Array, enters: Array, sent: Array, nx: int) -> npt.NDArray[np.bool_]:
+def _in_loop(A: Array, enters: Array, sent: Array, states: int) -> npt.NDArray[np.bool_]:
     """Entries that the state acts on and that act on the state: clocks and bookkeeping are no loop."""
     links = (A != 0.0) | (((enters != 0.0).astype(float) @ (sent != 0.0).astype(float)) > 0.0)
     first = np.zeros(len(A), dtype=bool)
-    first[:nx] = True
+    first[:states] = True
     return _reached(links, first) & _reached(links.T, first)
 
 
