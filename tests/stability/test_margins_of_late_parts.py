@@ -23,7 +23,7 @@ from skyarm.simulate.inputs import episode_inputs
 from skyarm.stability import margins
 from skyarm.stability.along import hovering
 from skyarm.stability.closed_loop import closed_loop
-from skyarm.stability.open_period import Differentiator, carry_of
+from skyarm.stability.open_loop import Differentiator, carry_of
 
 
 def spectrum(*parts):

@@ -9,7 +9,7 @@ import pytest
 import added_components as own
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import NamedSensor, ScenarioError
-from skyarm.stability.open_period import Differentiator
+from skyarm.stability.open_loop import Differentiator
 
 CASE3 = load_scenario("case3")
 

@@ -17,9 +17,9 @@ from skyarm.reference import Constant, Trajectory
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.compiled_flight import trace_scenario
 from skyarm.simulate.inputs import episode_inputs
-from skyarm.stability.frozen_scenario import EITHER, nominal
+from skyarm.stability.frozen_scenario import LAGS, nominal
 from skyarm.stability.margins import Margins, delay_margin, margins
-from skyarm.stability.open_period import Differentiator, carry_of
+from skyarm.stability.open_loop import Differentiator, carry_of
 
 SETTLING = 5.0
 """s of hover before it is linearised; whole, so that they hold whole periods of any rate."""
@@ -27,7 +27,7 @@ SETTLING = 5.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Instant:
-    """Margins at one time of a flight, for each of ``EITHER``.
+    """Margins at one time of a flight, for each of ``LAGS``.
 
     Attributes:
         hover: True for the flight that only hovers. time: s.
@@ -145,7 +145,7 @@ def _along(
         if now.alive < 0.5:
             return found, False
         row = rows[until].tolist()
-        by_lag = {lag: margins(differentiator.at(now, row, lag)) for lag in EITHER}
+        by_lag = {lag: margins(differentiator.at(now, row, lag)) for lag in LAGS}
         swings = delay_margin(differentiator.at(now, row, "between"))
         found.append(Instant(hover=hover, time=float(inputs.times[until]), by_lag=by_lag, swings=swings))
         told(before + len(found))

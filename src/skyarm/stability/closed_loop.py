@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.stability.open_loop import OpenLoop
+from skyarm.stability.loop_derivatives import OpenLoop
 
 Array = npt.NDArray[np.float64]
 

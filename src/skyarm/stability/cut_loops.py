@@ -13,8 +13,8 @@ from skyarm.stability.closed_loop import Closed, gains
 from skyarm.stability.frequency_response import Response, frequency_grid, response
 from skyarm.stability.gain_edges import gain_edges
 from skyarm.stability.loop_channels import COMMANDS, MEASUREMENTS, Channel, numbered_channels
+from skyarm.stability.loop_derivatives import OpenLoop
 from skyarm.stability.loop_margin import LoopMargin, delay_of, disk_of
-from skyarm.stability.open_loop import OpenLoop
 from skyarm.stability.structured_bound import upper_bound
 
 Array = npt.NDArray[np.float64]

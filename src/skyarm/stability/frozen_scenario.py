@@ -13,11 +13,11 @@ from skyarm.scenario.scenario_record import PERFECT_SENSORS, JointDrive, Scenari
 from skyarm.simulate.loop_state import LoopState
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
-LAGS = {"up": 0.0, "down": 1.0, "between": 0.5}
-"""Which time constant of the rotors holds in both directions, as the share of :func:`with_lag`."""
+LAGS = ("up", "down")
+"""Which time constant of the rotors holds in both directions: the two between which every motion lies."""
 
-EITHER = ("up", "down")
-"""The two between which every motion lies."""
+SHARES = {"up": 0.0, "down": 1.0, "between": 0.5}
+"""Share of :func:`with_lag` of each, and of the lag that a small swing meets."""
 
 
 def nominal(scenario: Scenario) -> Scenario:

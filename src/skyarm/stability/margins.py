@@ -11,10 +11,12 @@ import numpy.typing as npt
 
 from skyarm.stability.closed_loop import Closed, Radius, closed, gains, radius, spectral_radius
 from skyarm.stability.cut_loops import CutLoops, cut_loops
+from skyarm.stability.loop_derivatives import OpenLoop
 from skyarm.stability.loop_margin import LoopMargin
-from skyarm.stability.open_loop import OpenLoop
 
 Array = npt.NDArray[np.float64]
+
+__all__ = ["Margins", "delay_margin", "margins", "radius"]
 
 EDGE = 1.0 + 1e-7
 """Spectral radius above which a loop counts as unstable: the differences are good to 1e-9."""
