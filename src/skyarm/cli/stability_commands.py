@@ -102,11 +102,12 @@ def margins(scenario: Scenario, instants: int, name: str | None, console: Consol
         ValueError, OSError: one line.
     """
     from skyarm.stability.along import evidence
+    from skyarm.stability.frozen_scenario import without_adaptation
 
     if not 0 <= instants <= MOST_INSTANTS:
         raise ValueError(f"--instants = {instants}: must be from 0 to {MOST_INSTANTS}")
     file = None if name is None else output_file(name, "--out")
-    held = _without_adaptation(scenario)
+    held = without_adaptation(scenario)
     with bar(scenario.name, console) as advance:
         found = evidence(held, instants, lambda done, total: advance(done, total, "instants"))
     rows = [("at", "max |z|", "slowest", "damping", "delay", *GAINS.values())]
@@ -142,16 +143,6 @@ def margins(scenario: Scenario, instants: int, name: str | None, console: Consol
         write_atomically(file, (json.dumps(_plain(found) | _plugins(), indent=1, allow_nan=False) + "\n").encode())
         console.print(f"written: {file}", soft_wrap=True)
     return bool(found.completed)
-
-
-def _without_adaptation(scenario: Scenario) -> Scenario:
-    """The scenario with what a law adapts held: at the bound of its projection a derivative means nothing."""
-    par = scenario.controller.par
-    adapting = [name for name in ("adapts_load", "adapts_friction") if getattr(par, name, False)]
-    if not adapting:
-        return scenario
-    still = dataclasses.replace(par, **dict.fromkeys(adapting, False))
-    return dataclasses.replace(scenario, controller=dataclasses.replace(scenario.controller, par=still))
 
 
 def _damping(rates: list[complex]) -> float:

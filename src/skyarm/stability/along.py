@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +17,9 @@ from skyarm.reference import Constant, Trajectory
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.compiled_flight import trace_scenario
 from skyarm.simulate.inputs import episode_inputs
+from skyarm.simulate.loop_state import LoopState
 from skyarm.stability.frozen_scenario import LAGS, nominal
+from skyarm.stability.loop_derivatives import OpenLoop
 from skyarm.stability.margins import Margins, delay_margin, margins
 from skyarm.stability.open_loop import Differentiator, carry_of
 
@@ -116,7 +118,7 @@ def evidence(scenario: Scenario, instants: int = 4, progress: Callable[[int, int
     completed = True
     told(0)
     for hover, flight, count in flights:
-        some, whole = _along(dataclasses.replace(flight, plant="rigid_body"), count, hover, told, len(found))
+        some, whole = _along(flight, count, hover, told, len(found))
         found += some
         completed = completed and whole
     return Evidence(
@@ -128,13 +130,42 @@ def _along(
     flight: Scenario, count: int, hover: bool, told: Callable[[int], None], before: int
 ) -> tuple[list[Instant], bool]:
     """Instants of one flight, and whether it was completed; tells how many are done with those ``before``."""
+    found: list[Instant] = []
+    for frozen in frozen_instants(flight, count):
+        by_lag = {lag: margins(frozen.opened(lag)) for lag in LAGS}
+        swings = delay_margin(frozen.opened("between"))
+        found.append(Instant(hover=hover, time=frozen.time, by_lag=by_lag, swings=swings))
+        told(before + len(found))
+    return found, len(found) == count
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Frozen:
+    """A flight at one instant.
+
+    Attributes:
+        time: s. differentiator: of the flight. carry: its loop state. row: leaves of what the instant is fed.
+    """
+
+    time: float
+    differentiator: Differentiator
+    carry: LoopState
+    row: list[float]
+
+    def opened(self, lag: str) -> OpenLoop:
+        """The linearised open loop, with the rotors' time constant upward, downward or between."""
+        return self.differentiator.at(self.carry, self.row, lag)
+
+
+def frozen_instants(flight: Scenario, count: int) -> Iterator[Frozen]:
+    """A flight at ``count`` times, equally far apart, the last at its end; fewer where it ends early."""
+    flight = dataclasses.replace(flight, plant="rigid_body")
     inputs = episode_inputs(flight)
     traced = trace_scenario(flight, inputs)
     kernel = Kernel(traced.loop, Lanes(1), effort=0)
     differentiator = Differentiator(flight)
     rows = np.column_stack([inputs.times, np.array(inputs.held, dtype=float).reshape(flight.steps, -1)])
     carry = np.array(leaves(traced.carry), dtype=float)[:, None]
-    found: list[Instant] = []
     at = 0
     for k in range(1, count + 1):
         # the instant is fed a row, so that the last one is that of the last period
@@ -143,10 +174,7 @@ def _along(
         at = until
         now = carry_of(traced.carry, carry[:, 0].tolist())
         if now.alive < 0.5:
-            return found, False
-        row = rows[until].tolist()
-        by_lag = {lag: margins(differentiator.at(now, row, lag)) for lag in LAGS}
-        swings = delay_margin(differentiator.at(now, row, "between"))
-        found.append(Instant(hover=hover, time=float(inputs.times[until]), by_lag=by_lag, swings=swings))
-        told(before + len(found))
-    return found, True
+            return
+        yield Frozen(
+            time=float(inputs.times[until]), differentiator=differentiator, carry=now, row=rows[until].tolist()
+        )

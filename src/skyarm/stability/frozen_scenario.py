@@ -16,6 +16,9 @@ from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 LAGS = ("up", "down")
 """Which time constant of the rotors holds in both directions: the two between which every motion lies."""
 
+ADAPTS = ("adapts_load", "adapts_friction")
+"""Parameters of laws that say whether they learn a load or a friction in flight."""
+
 SHARES = {"up": 0.0, "down": 1.0, "between": 0.5}
 """Share of :func:`with_lag` of each, and of the lag that a small swing meets."""
 
@@ -35,6 +38,16 @@ def nominal(scenario: Scenario) -> Scenario:
         for each in scenario.joint_drives
     )
     return dataclasses.replace(scenario, sensors=PERFECT_SENSORS, wind=calm, changes=(), drives=drives)
+
+
+def without_adaptation(scenario: Scenario) -> Scenario:
+    """The scenario with what a law adapts held: at the bound of its projection a derivative means nothing."""
+    par = scenario.controller.par
+    adapting = [name for name in ADAPTS if getattr(par, name, False)]
+    if not adapting:
+        return scenario
+    still = dataclasses.replace(par, **dict.fromkeys(adapting, False))
+    return dataclasses.replace(scenario, controller=dataclasses.replace(scenario.controller, par=still))
 
 
 def with_lag(scenario: Scenario, share: Any) -> Scenario:

@@ -33,7 +33,7 @@ from skyarm.scalars import data
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensors.noise import measure, noise_count
-from skyarm.simulate.command_line import switches
+from skyarm.simulate.command_line import mean_efforts, switches
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
@@ -111,8 +111,13 @@ class Differentiator:
         memory, command = checked_law(scenario.controller)(
             point.memory, point.seen, stages.joined(row.reference, row.time), self._period, par=scenario.controller.par
         )
-        # a drive hears of a command once in a period, at its beginning, as it does in flight
-        drives = stages.drive(point.drives, point.new, point.state)
+        # a drive hears the mean of both commands once in a period, as it does in flight
+        heard = mean_efforts(point.old, point.new, lates[-1], self._period)
+        state, given_drives = point.state, zip(scenario.all_drives, point.drives, heard, strict=False)
+        drives = tuple(
+            drive.advance(memory, u, state.joints[i], state.joint_rates[i], self._period)
+            for i, (drive, memory, u) in enumerate(given_drives)
+        )
         air = stages.with_drives(air, drives)
         after, left = point.state, self._period
         pieces = [(lates[0], point.old)] if self._ages is None else switches(point.old, point.new, lates[0], lates[1])
