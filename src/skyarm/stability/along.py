@@ -18,9 +18,10 @@ from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.compiled_flight import trace_scenario
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop_state import LoopState
-from skyarm.stability.frozen_scenario import LAGS, nominal
+from skyarm.stability.frozen_scenario import LAGS, nominal, without_adaptation
 from skyarm.stability.loop_derivatives import OpenLoop
-from skyarm.stability.margins import Margins, delay_margin, margins
+from skyarm.stability.margins import Margins, delay_margin
+from skyarm.stability.margins import margins as margins_of_loop
 from skyarm.stability.open_loop import Differentiator, carry_of
 
 SETTLING = 5.0
@@ -94,6 +95,20 @@ def hovering(scenario: Scenario) -> Scenario:
     )
 
 
+def margins(scenario: Scenario, instants: int = 4, progress: Callable[[int, int], object] | None = None) -> Evidence:
+    """Margins of a scenario's loop, as ``skyarm margins`` prints them; what the law adapts slowly is held.
+
+    Args:
+        scenario: on any plant; the rigid-body plant is linearised.
+        instants: looked at along the scenario, beside hover.
+        progress: told how many instants are done, and of how many.
+
+    Raises:
+        ScenarioError: fewer than 0 instants, or the loop has a memory that its linearisation does not know.
+    """
+    return evidence(without_adaptation(scenario), instants, progress)
+
+
 def evidence(scenario: Scenario, instants: int = 4, progress: Callable[[int, int], object] | None = None) -> Evidence:
     """Margins in hover and at ``instants`` times along the scenario, equally far apart, the last at its end.
 
@@ -132,7 +147,7 @@ def _along(
     """Instants of one flight, and whether it was completed; tells how many are done with those ``before``."""
     found: list[Instant] = []
     for frozen in frozen_instants(flight, count):
-        by_lag = {lag: margins(frozen.opened(lag)) for lag in LAGS}
+        by_lag = {lag: margins_of_loop(frozen.opened(lag)) for lag in LAGS}
         swings = delay_margin(frozen.opened("between"))
         found.append(Instant(hover=hover, time=frozen.time, by_lag=by_lag, swings=swings))
         told(before + len(found))
