@@ -66,13 +66,13 @@ def test_the_spinning_body_bears_everything_in_one_loop_and_little_in_both():
     w = np.linspace(0.0, 1.0, 10001)
     both = 1.0 / np.abs(0.5 - (1.0 + 1j * a) / (1.0 + 1j * np.concatenate([-w, w]))).max()
     A, C = np.array([[0.0, a], [-a, 0.0]]), np.array([[1.0, a], [-a, 1.0]])
-    found = margins(sampled(A, np.eye(2), C, np.eye(2)))
+    found = margins(sampled(A, np.eye(2), C, np.eye(2), 2e-3))
     for name in ("rotor 1", "rotor 2", "measurement 1"):
         # half a period of hold at all frequencies up to Nyquist's
-        assert named(found, name).disk == pytest.approx(2.0, abs=0.02)
+        assert named(found, name).disk == pytest.approx(2.0, abs=0.05)
         assert named(found, name).gain[0] < 0.01
     for name in ("rotors", "measured"):
-        assert named(found, name).disk == pytest.approx(both, rel=2e-3)
+        assert named(found, name).disk == pytest.approx(both, rel=4e-3)
 
 
 def coupled(seed=3, channels=3):
@@ -174,3 +174,18 @@ def test_an_unstable_loop_has_no_disk():
 def test_the_delay_of_one_loop_is_that_of_all_where_there_is_but_one():
     found = margins(double_integrator())
     assert named(found, "rotor 1").delay == pytest.approx(found.delay, rel=2e-3)
+
+
+def test_the_delay_of_one_rotor_is_where_eigenvalues_leave_the_circle():
+    loop = dataclasses.replace(coupled(), rotors=1)
+    foretold = named(margins(loop), "rotor 1").delay
+    assert 0.002 < foretold < 0.06
+    step = loop.period / len(loop.lates)
+    steps = np.arange(0.0, foretold + 10.0 * step, step)
+    radii = [
+        np.abs(np.linalg.eigvals(closed(dataclasses.replace(loop, rotors_delay=d)).matrix(np.ones(3)))).max()
+        for d in steps
+    ]
+    first = int(np.argmax(np.array(radii) > 1.0))
+    # a hold within a period is no pure delay, and the crossing lies between two frequencies of the grid
+    assert foretold == pytest.approx(steps[first] - 0.5 * step, abs=step)

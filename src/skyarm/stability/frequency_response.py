@@ -66,7 +66,7 @@ class Response:
     period: float
 
     def at(self, frequencies: Array) -> Complex:
-        """Responses (frequencies, outputs, inputs) at frequencies in rad/s."""
+        """Responses (frequencies, outputs, inputs) at frequencies in rad/s; infinite on an eigenvalue."""
         z = np.exp(1j * np.asarray(frequencies, dtype=float) * self.period)
         parts = [self._at(z[k : k + AT_ONCE]) for k in range(0, len(z), AT_ONCE)]
         shape = (0, len(self.leaves), self.enters.shape[1])
@@ -89,21 +89,17 @@ class Response:
                 rows[k, k:], rows[k + 1, k:] = pivot, other - factor * pivot
         rows = np.ascontiguousarray(np.moveaxis(rows, 2, 0))
         upper, found = rows[:, :, :n], rows[:, :, n:]
+        infinite = ~(np.abs(np.diagonal(upper, axis1=1, axis2=2)) > 0.0).all(axis=1) | ~np.isfinite(rows).all(
+            axis=(1, 2)
+        )
+        upper[infinite], found[infinite] = np.eye(n), 0.0
         for start in range((n - 1) // BLOCK * BLOCK, -1, -BLOCK):
             here, after = slice(start, min(start + BLOCK, n)), slice(min(start + BLOCK, n), n)
             found[:, here] -= upper[:, here, after] @ found[:, after]
-            found[:, here] = _solved(upper[:, here, here], found[:, here])
-        return np.asarray(self.leaves @ found)
-
-
-def _solved(R: Complex, right: Complex) -> Complex:
-    """R^-1 right of each upper triangular R (count, n, n); infinite where a diagonal has a zero."""
-    singular = (np.diagonal(R, axis1=1, axis2=2) == 0.0).any(axis=1)
-    if not singular.any():
-        return np.asarray(np.linalg.solve(R, right))
-    found = np.full(right.shape, np.inf, dtype=complex)
-    found[~singular] = np.linalg.solve(R[~singular], right[~singular])
-    return found
+            found[:, here] = np.linalg.solve(upper[:, here, here], found[:, here])
+        responses = np.asarray(self.leaves @ found)
+        responses[infinite] = np.inf
+        return responses
 
 
 def response(A: Array, B: Array, C: Array, period: float) -> Response:
