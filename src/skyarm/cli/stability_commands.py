@@ -126,6 +126,10 @@ def margins(scenario: Scenario, instants: int, name: str | None, console: Consol
     for line in aligned(rows):
         console.print(line, soft_wrap=True)
     console.print(NOTE, soft_wrap=True)
+    if found.instants:
+        least = min(each.swings for each in found.instants)
+        borne = "more than 100" if math.isinf(least) else _number(1e3 * least)
+        console.print(f"small swings grow in flight from {borne} ms of further dead time on", soft_wrap=True)
     console.print()
     for line in aligned(loop_rows(found, every=every)):
         console.print(line, soft_wrap=True)
@@ -182,6 +186,7 @@ def _plain(found: Any) -> dict[str, Any]:
             {
                 "hover": each.hover,
                 "time": each.time,
+                "swings_from": _finite(each.swings),
                 "lag": {
                     lag: {
                         "radius": m.radius,
