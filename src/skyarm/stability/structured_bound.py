@@ -22,7 +22,8 @@ ROUNDS = 30
 STEPS = 60
 """Of the descent of one frequency's bound; it ends where a step gains less than ``ENOUGH``."""
 
-ENOUGH = 1e-5
+ENOUGH = 2e-4
+"""Share of the bound."""
 
 CLOSE = 2e-3
 """A largest bound that exceeds the largest which a descent has reached by this share is good enough."""
