@@ -93,10 +93,18 @@ def planned(controller: str, scenario: str, *, safety: bool) -> Scenario:
     return dataclasses.replace(loaded, controller=with_safety_layer(loaded.controller))
 
 
-def margins(scenario: Scenario, instants: int, name: str | None, console: Console, every: bool = False) -> bool:
+def margins(
+    scenario: Scenario,
+    instants: int,
+    name: str | None,
+    console: Console,
+    *,
+    every: bool = False,
+    html: str | None = None,
+) -> bool:
     """Print margins in hover and along the scenario, write them as JSON; False where the flight ended early.
 
-    ``every`` lists each loop that was cut, not the weakest of each group only.
+    ``every`` lists each loop that was cut, not the weakest of each group only; ``html`` is the file of a page.
 
     Raises:
         ValueError, OSError: one line.
@@ -107,6 +115,7 @@ def margins(scenario: Scenario, instants: int, name: str | None, console: Consol
     if not 0 <= instants <= MOST_INSTANTS:
         raise ValueError(f"--instants = {instants}: must be from 0 to {MOST_INSTANTS}")
     file = None if name is None else output_file(name, "--out")
+    page = None if html is None else output_file(html, "--html")
     held = without_adaptation(scenario)
     with bar(scenario.name, console) as advance:
         found = evidence(held, instants, lambda done, total: advance(done, total, "instants"))
@@ -142,7 +151,13 @@ def margins(scenario: Scenario, instants: int, name: str | None, console: Consol
         )
     if not found.completed:
         console.print("the flight ended before its time: no instants beyond")
-    give(_plain(found) | _plugins())
+    give(_plain(found) | _plugins() | ({} if page is None else {"page": page}))
+    if page is not None:
+        from skyarm.cli.loop_margin_page import write_page
+        from skyarm.stability.nyquist_loci import hover_loci
+
+        write_page(found, hover_loci(scenario), page)
+        console.print(f"page: {page}", soft_wrap=True)
     if file is not None:
         write_atomically(file, (json.dumps(_plain(found) | _plugins(), indent=1, allow_nan=False) + "\n").encode())
         console.print(f"written: {file}", soft_wrap=True)

@@ -71,6 +71,9 @@ def margins(
     loops: Annotated[
         bool, typer.Option("--loops", help="list every loop that was cut, not the weakest of each kind")
     ] = False,
+    page: Annotated[
+        str | None, typer.Option("--html", metavar="PAGE", help="write a page with Nyquist diagrams there, too (.html)")
+    ] = None,
 ) -> None:
     """Linearise the closed loop: eigenvalues, margins.
 
@@ -82,7 +85,7 @@ def margins(
     from skyarm.cli.stability_commands import margins as perform
 
     law, name = law_and_scenario(scenario, context.args, controller)
-    completed = perform(planned(law, name, safety=safety), instants, file, console, loops)
+    completed = perform(planned(law, name, safety=safety), instants, file, console, every=loops, html=page)
     say_new_order("margins", scenario, context.args)
     if not completed:
         raise typer.Exit(NOT_COMPLETED)
