@@ -52,6 +52,20 @@ def test_a_hover_that_diverges_has_no_margins(hovers):
     assert hovers.delays(values).tolist() == [0.0, 0.0]
 
 
+def test_what_a_law_learns_is_held_also_under_guard():
+    from skyarm.control.safety import with_safety_layer
+    from skyarm.stability.frozen_scenario import without_adaptation
+
+    learning = skyarm.load_scenario("case3", controller="centroidal_tip")
+    guarded = dataclasses.replace(learning, controller=with_safety_layer(learning.controller))
+    for scenario in (learning, guarded):
+        par = scenario.controller.par
+        assert getattr(par, "inner", par).adapts_load
+        held = without_adaptation(scenario).controller.par
+        held = getattr(held, "inner", held)
+        assert (held.adapts_load, held.adapts_friction) == (False, False)
+
+
 def test_a_hover_says_its_delay_margin_as_its_margins_do(scenario):
     found, whole = skyarm.hover_delay(scenario), skyarm.margins(scenario, 0).instants[0]
     assert (found.margin, found.swings) == (whole.delay, whole.swings)

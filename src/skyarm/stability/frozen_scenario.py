@@ -41,12 +41,19 @@ def nominal(scenario: Scenario) -> Scenario:
 
 
 def without_adaptation(scenario: Scenario) -> Scenario:
-    """The scenario with what a law adapts held: at the bound of its projection a derivative means nothing."""
-    par = scenario.controller.par
-    adapting = [name for name in ADAPTS if getattr(par, name, False)]
+    """The scenario with what a law adapts held: at the bound of its projection a derivative means nothing.
+
+    Of a law under guard, the constants in ``inner`` are looked at.
+    """
+    par: Any = scenario.controller.par
+    inner: Any = getattr(par, "inner", None)
+    own = par if inner is None else inner
+    adapting = [name for name in ADAPTS if getattr(own, name, False)]
     if not adapting:
         return scenario
-    still = dataclasses.replace(par, **dict.fromkeys(adapting, False))
+    still: Any = dataclasses.replace(own, **dict.fromkeys(adapting, False))
+    if inner is not None:
+        still = dataclasses.replace(par, inner=still)
     return dataclasses.replace(scenario, controller=dataclasses.replace(scenario.controller, par=still))
 
 
