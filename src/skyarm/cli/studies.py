@@ -68,17 +68,24 @@ def margins(
     instants: Annotated[int, typer.Option(help="looked at along the scenario, beside hover")] = 4,
     safety: Annotated[bool, typer.Option("--safety", help="with the safety layer")] = False,
     file: Annotated[str | None, typer.Option("--out", help="write eigenvalues and margins there, as JSON")] = None,
+    loops: Annotated[
+        bool, typer.Option("--loops", help="list every loop that was cut, not the weakest of each kind")
+    ] = False,
+    page: Annotated[
+        str | None, typer.Option("--html", metavar="PAGE", help="write a page with Nyquist diagrams there, too (.html)")
+    ] = None,
 ) -> None:
     """Linearise the closed loop: eigenvalues, margins.
 
-    Of the sampled loop as it flies, delays and lags in it, in hover and along the scenario. Exit code 3 if the flight
-    ended before its time.
+    Of the sampled loop as it flies, delays and lags in it, in hover and along the scenario: delay and gain of the
+    actuators; disk margins of every loop, cut at a rotor, a torque, a joint's drive or a number of the measurement,
+    alone and together. Exit code 3 if the flight ended before its time.
     """
     from skyarm.cli.stability_commands import law_and_scenario, planned, say_new_order
     from skyarm.cli.stability_commands import margins as perform
 
     law, name = law_and_scenario(scenario, context.args, controller)
-    completed = perform(planned(law, name, safety=safety), instants, file, console)
+    completed = perform(planned(law, name, safety=safety), instants, file, console, every=loops, html=page)
     say_new_order("margins", scenario, context.args)
     if not completed:
         raise typer.Exit(NOT_COMPLETED)

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skyarm.stability.margins import EDGE, closed_loop, radius
-from skyarm.stability.open_loop import OpenLoop
+from skyarm.stability.closed_loop import closed_loop, radius
+from skyarm.stability.loop_derivatives import OpenLoop
+from skyarm.stability.margins import EDGE
 from skyarm.tune.front import LoopMargins, Required
 
 LONGEST, WIDEST = 0.05, 8.0

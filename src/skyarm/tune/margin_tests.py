@@ -17,8 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.stability.margins import radius
-from skyarm.stability.open_loop import LAGS, OpenLoop
+from skyarm.stability.closed_loop import radius
+from skyarm.stability.frozen_scenario import LAGS
+from skyarm.stability.loop_derivatives import OpenLoop
 from skyarm.tune.front import LoopMargins, Required
 from skyarm.tune.hover_loops import HoverLoops
 from skyarm.tune.hover_margins import calm, without_adaptation
