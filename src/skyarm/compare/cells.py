@@ -108,6 +108,14 @@ class Flights:
         every = self.condition.episodes
         return min(self.one_by_one, every) if self.condition.spread and self.alone(scenario) else every
 
+    def keys(self, count: int) -> Array:
+        """Keys of the noise, one per episode."""
+        return np.arange(count)
+
+    def more(self) -> Mapping[str, Any]:
+        """What else fixes the cell, beside its scenario, its spread and its windows."""
+        return {}
+
 
 def fly(flights: Flights, threads: int = 1) -> Cell:
     """Fly a cell; a law that cannot be traced flies one episode after the other."""
@@ -125,7 +133,7 @@ def fly(flights: Flights, threads: int = 1) -> Cell:
         stiffest=with_numbers(scenario, damping),
         effort=0 if episodes <= FEW else 2,
     )
-    found = batch.fly(values, seed=flights.seed, episodes=np.arange(episodes), threads=threads)
+    found = batch.fly(values, seed=flights.seed, episodes=flights.keys(episodes), threads=threads)
     return Cell(found.metrics, found.status)
 
 
@@ -202,6 +210,7 @@ def key(flights: Flights) -> str:
     }
     counted = own_files([find("metric", name) for name in registered("metric")])
     facts |= {"code": counted} if counted else {}
+    facts |= flights.more()
     return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
 
 

@@ -26,6 +26,7 @@ METRICS = (
     *TRACKING,
     *("gust_peak_x_continuous", "gust_ee_peak_x_continuous"),
     *("ee_error_last_mean_continuous", "ee_error_last_max_continuous"),
+    "x_error_max_continuous",
     *("rotor_jitter", "rate_rms", "tilt_max", "altitude_error_max_continuous"),
 )
 """What the comparison counts, under the names of :mod:`skyarm.metrics.metric_catalogue`; and every joint's effort."""

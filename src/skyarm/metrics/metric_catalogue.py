@@ -78,6 +78,7 @@ TRACKING = _tracking("", "steady") | {
     "iae_position": _integral("whole", "position"),
     "iae_joint": _integral("whole", "joint"),
     "altitude_error_max": _extreme("max", "whole", "altitude"),
+    "x_error_max": _extreme("max", "steady", "x"),
 }
 
 GUST = _tracking("gust_", "gust") | {
