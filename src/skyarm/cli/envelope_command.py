@@ -12,7 +12,7 @@ from skyarm.cli.progress import bar
 from skyarm.compare.comparison import prepare
 from skyarm.compare.envelope_axes import AXES
 from skyarm.compare.envelope_setting import PAPER
-from skyarm.compare.envelope_suite import ENVELOPE, LAWS, Envelope, fly_envelope, planned
+from skyarm.compare.envelope_suite import ENVELOPE, LAWS, TUNED_LAWS, Envelope, fly_envelope, planned
 from skyarm.compare.envelope_tables import envelope_report
 from skyarm.compare.overwrites import require_same_plugins
 from skyarm.control.catalogue import choices, full_name, is_named, meant, require_different
@@ -37,10 +37,11 @@ def envelope(
     Raises:
         ValueError, OSError: one line.
     """
+    flown = PAPER if vehicle is None else vehicle
     asked = Envelope(
-        laws=_laws(laws),
+        laws=_laws(laws, LAWS if flown == PAPER else TUNED_LAWS),
         axes=_axes(axes),
-        vehicle=PAPER if vehicle is None else vehicle,
+        vehicle=flown,
         seed=seed,
         plant=plant,
         quick=quick,
@@ -60,10 +61,10 @@ def envelope(
     console.print(f"envelope in {folder}: {files}", soft_wrap=True)
 
 
-def _laws(words: str | None) -> tuple[str, ...]:
+def _laws(words: str | None, usual: tuple[str, ...]) -> tuple[str, ...]:
     """Controllers by name, aliases resolved."""
     if words is None:
-        return LAWS
+        return usual
     names = _split("--laws", words)
     require_different(names, "--laws")
     for name in names:

@@ -12,19 +12,22 @@ from skyarm.compare.cells import Cell
 from skyarm.compare.envelope_axes import OVERSHOOT, TIP, TIP_MAX, Axis
 from skyarm.compare.envelope_setting import Setting
 
-FLAGSHIP, PAPER_LAW = "centroidal_tip", "paper_ct"
-"""The law that the two rules are about, and the one that it is measured against."""
+FLAGSHIP = "centroidal_tip"
+"""The law that the two rules are about."""
+
+PAPER_LAWS = ("paper_ct", "hybrid_computed_torque_tuned", "hybrid_computed_torque")
+"""What it is measured against: the first of the paper's laws that flies."""
 
 WORSE = 1.1
 """Times the error of the paper's law from which on the flagship violates the second rule."""
 
-GOOD = 0.010
-"""m: a law is good as far as the tip stays within this in the mean."""
+LEVELS = (0.010, 0.100)
+"""m: how far along an axis the error stays within these says where a law is good and where it still serves."""
 
 TILTED = math.radians(80.0)
 """rad: a flight that tilts further is lost, even where it comes to its end."""
 
-JUDGED = {TIP: "tip, mean", OVERSHOOT: "overshoot"}
+JUDGED = {TIP: "tip, mean / largest", OVERSHOOT: "overshoot of the base"}
 """What the numbers of an axis are, in words."""
 
 
@@ -58,11 +61,11 @@ def axis_record(axis: Axis, setting: Setting) -> dict[str, Any]:
     }
 
 
-def good_until(points: Sequence[Mapping[str, Any]]) -> int:
-    """How many of the first values the law flies with an error within :data:`GOOD`."""
+def within(points: Sequence[Mapping[str, Any]], level: float) -> int:
+    """How many of the first values the law flies with an error within a level, m."""
     count = 0
     for point in points:
-        if point["lost"] or point["judged"] > GOOD:
+        if point["lost"] or point["judged"] > level:
             break
         count += 1
     return count
@@ -73,58 +76,54 @@ def lost_at(points: Sequence[Mapping[str, Any]]) -> list[int]:
     return [k for k, point in enumerate(points) if point["lost"]]
 
 
-def violations(axes: Mapping[str, Any], flagship: str = FLAGSHIP, other: str = PAPER_LAW) -> list[dict[str, Any]]:
+def violations(axes: Mapping[str, Any], flagship: str = FLAGSHIP) -> list[dict[str, Any]]:
     """Trials in which the flagship is lost and another law is not, or is over 10 % worse than the paper's law."""
     found = []
     for name, axis in axes.items():
         laws = axis["laws"]
+        paper = next((law for law in PAPER_LAWS if law in laws), None)
         for k, point in enumerate(laws.get(flagship, ())):
             at = {"axis": name, "value": axis["values"][k], "unit": axis["unit"]}
             if point["lost"]:
                 kept = [law for law, points in laws.items() if law != flagship and not points[k]["lost"]]
                 if kept:
-                    found.append({**at, "rule": "lost", "kept_by": kept, "own": point["judged"], "other": None})
-                continue
-            against = laws[other][k] if other in laws else None
-            if against is not None and not against["lost"] and point["judged"] > WORSE * against["judged"]:
-                numbers = {"own": point["judged"], "other": against["judged"]}
-                found.append({**at, "rule": "worse", "kept_by": [other], **numbers})
+                    found.append({**at, "rule": "lost", "kept_by": kept, "own": None, "other": None})
+            elif paper is not None and not laws[paper][k]["lost"]:
+                own, other = point["judged"], laws[paper][k]["judged"]
+                if own > WORSE * other:
+                    found.append({**at, "rule": "worse", "kept_by": [paper], "own": own, "other": other})
     return found
 
 
 def sentence(law: str, axes: Mapping[str, Any]) -> str:
-    """The envelope of a law in a sentence: how far along each axis it is good, and from where on it is lost."""
-    good, never, lost = [], [], []
-    for name, axis in axes.items():
-        points = axis["laws"].get(law)
-        if not points:
-            continue
-        words, values, unit = name.replace("_", " "), axis["values"], axis["unit"]
-        count = good_until(points)
-        if count:
-            good.append(f"{words} {_towards(values)} {values[count - 1]:g}{_rest(values, count)} {unit}")
-        else:
-            never.append(words)
-        gone = lost_at(points)
-        if gone:
-            lost.append(f"{words} {_where(values, gone)} {unit}")
-    parts = [f"within {1e3 * GOOD:g} mm: {', '.join(good) or 'nowhere'}"]
-    parts += [f"beyond it from the first value on: {', '.join(never)}"] if never else []
-    parts.append(f"lost: {', '.join(lost) or 'nowhere'}")
+    """The envelope of a law in a sentence: how far along each axis it is good, and where it is lost."""
+    flown = {name: axis for name, axis in axes.items() if axis["laws"].get(law)}
+    parts = []
+    for level in LEVELS:
+        ends = [_end(name, axis, within(axis["laws"][law], level)) for name, axis in flown.items()]
+        parts.append(f"within {1e3 * level:g} mm: {', '.join(end for end in ends if end) or 'nowhere'}")
+    lost = [_losses(name, axis, lost_at(axis["laws"][law])) for name, axis in flown.items()]
+    parts.append(f"lost: {', '.join(words for words in lost if words) or 'nowhere'}")
     return "; ".join(parts) + "."
 
 
-def _towards(values: Sequence[float]) -> str:
-    return "up to" if values[-1] >= values[0] else "down to"
+def _end(name: str, axis: Mapping[str, Any], count: int) -> str:
+    """The last value of the first ``count``; how far the axis was flown where that is further."""
+    if not count:
+        return ""
+    values = axis["values"]
+    towards = "up to" if values[-1] >= values[0] else "down to"
+    rest = "" if count == len(values) else f" (of {values[-1]:g})"
+    return f"{name.replace('_', ' ')} {towards} {values[count - 1]:g}{rest} {axis['unit']}"
 
 
-def _rest(values: Sequence[float], count: int) -> str:
-    """How far the axis was flown, where that is further."""
-    return "" if count == len(values) else f" (of {values[-1]:g})"
-
-
-def _where(values: Sequence[float], gone: Sequence[int]) -> str:
+def _losses(name: str, axis: Mapping[str, Any], gone: Sequence[int]) -> str:
     """From the first lost value on, or at single ones."""
-    if list(gone) == list(range(gone[0], len(values))):
-        return f"at {values[-1]:g}" if len(gone) == 1 else f"from {values[gone[0]]:g}"
-    return "at " + " and ".join(f"{values[k]:g}" for k in gone)
+    if not gone:
+        return ""
+    values = axis["values"]
+    if len(gone) > 1 and list(gone) == list(range(gone[0], len(values))):
+        where = f"from {values[gone[0]]:g}"
+    else:
+        where = "at " + " and ".join(f"{values[k]:g}" for k in gone)
+    return f"{name.replace('_', ' ')} {where} {axis['unit']}"

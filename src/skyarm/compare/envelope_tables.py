@@ -8,7 +8,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from skyarm.compare.comparison_tables import DASH, markdown, number
-from skyarm.compare.envelope_record import GOOD, WORSE, good_until, lost_at
+from skyarm.compare.envelope_axes import TIP
+from skyarm.compare.envelope_record import JUDGED, LEVELS, WORSE, lost_at, within
 
 LOST = "lost"
 
@@ -18,14 +19,17 @@ RULES = (
 )
 
 MEANING = (
-    "Distance of the tip from where a level base on its reference would carry it, mean in mm; of steps the overshoot "
-    "of the base. A law is lost where a flight ended early or tilted by over 80 degrees."
+    "Errors are distances of the tip from where a level base on its reference would carry it: mean / largest, mm; of "
+    "steps the base's overshoot. A law is lost where its flight ended early or tilted by over 80 degrees."
 )
 
 
-def cell_text(point: Mapping[str, Any]) -> str:
-    """Error in mm, or that the vehicle was lost."""
-    return LOST if point["lost"] else number(1e3 * point["judged"])
+def cell_text(point: Mapping[str, Any], judged: str) -> str:
+    """Mean and largest error in mm, or the one number that the axis is judged by, or that the vehicle was lost."""
+    if point["lost"]:
+        return LOST
+    mean = number(1e3 * point["judged"])
+    return f"{mean} / {number(1e3 * point['tip_max'])}" if judged == JUDGED[TIP] else mean
 
 
 def axis_head(axis: Mapping[str, Any]) -> list[str]:
@@ -35,18 +39,19 @@ def axis_head(axis: Mapping[str, Any]) -> list[str]:
 
 def axis_rows(axis: Mapping[str, Any]) -> list[list[str]]:
     """A row for each law."""
-    return [[law, *map(cell_text, points)] for law, points in axis["laws"].items()]
+    return [[law, *(cell_text(point, axis["judged"]) for point in points)] for law, points in axis["laws"].items()]
 
 
 def axis_title(name: str, axis: Mapping[str, Any]) -> str:
     """Name, what is flown, and with which sensors."""
-    return f"{name.replace('_', ' ')}: {axis['title']}{', noisy' if axis['noisy'] else ''} ({axis['judged']}, mm)"
+    return f"{name.replace('_', ' ')}: {axis['title']}{', with noise' if axis['noisy'] else ''} ({axis['judged']}, mm)"
 
 
 def reach_text(axis: Mapping[str, Any], points: Sequence[Mapping[str, Any]]) -> str:
-    """Value up to which a law is good, and where it is lost if anywhere."""
-    values, count, gone = axis["values"], good_until(points), lost_at(points)
-    good = f"{values[count - 1]:g}" if count else DASH
+    """Values up to which a law stays within each level, and where it is lost if anywhere."""
+    values, gone = axis["values"], lost_at(points)
+    counts = [within(points, level) for level in LEVELS]
+    good = " / ".join(f"{values[count - 1]:g}" if count else DASH for count in counts)
     return f"{good}, lost at {', '.join(f'{values[k]:g}' for k in gone)}" if gone else good
 
 
@@ -63,7 +68,8 @@ def summary_rows(axes: Mapping[str, Any], laws: Sequence[str]) -> list[list[str]
 
 def summary_head(laws: Sequence[str]) -> list[str]:
     """Names of its columns."""
-    return [f"within {1e3 * GOOD:g} mm up to", *laws]
+    levels = " / ".join(f"{1e3 * level:g}" for level in LEVELS)
+    return [f"within {levels} mm up to", *laws]
 
 
 def violation_rows(found: Sequence[Mapping[str, Any]]) -> list[list[str]]:
