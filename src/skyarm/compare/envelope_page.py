@@ -21,7 +21,7 @@ from skyarm.compare.envelope_tables import (
 from skyarm.figures.embed import image_bytes
 from skyarm.figures.envelope_panels import envelope_figure
 from skyarm.files import versions
-from skyarm.pages import image, page, section, table
+from skyarm.pages import details, image, page, section, table
 
 DPI = 160
 
@@ -57,13 +57,22 @@ def envelope_page(found: Mapping[str, Any], picture: bytes) -> str:
     return page(f"The envelope of {found['vehicle']}", f"{facts}; skyarm {versions()['skyarm']}", "\n".join(body))
 
 
+def envelope_section(found: Mapping[str, Any], address: str) -> str:
+    """HTML of sentences, picture and summary for another page; ``address`` of the envelope's own is relative."""
+    axes, laws = found["axes"], found["laws"]
+    link = f'<p><a href="{escape(address)}">Axis by axis, and what violates the rules</a>.</p>'
+    picture = image(CAPTION, CAPTION, envelope_picture(found))
+    told = details("Where each law is good", table(_numbers(summary_head(laws)), summary_rows(axes, laws)))
+    return f'{_sentences(found)}{_note(MEANING)}<div class="single">{picture}</div>{told}{link}'
+
+
 def _numbers(head: list[str], text: int = 1) -> list[str]:
     """Heads of columns of numbers, behind so many of text."""
     return [*head[:text], *(f">{name}" for name in head[text:])]
 
 
 def _sentences(found: Mapping[str, Any]) -> str:
-    told = [f"<p><b>{escape(law)}</b> {escape(words)}</p>" for law, words in found["sentences"].items()]
+    told = [f"<p><b>{escape(law)}</b> keeps the tip {escape(words)}</p>" for law, words in found["sentences"].items()]
     told += [f"<p>{escape(law)} does not fly: {escape(why)}</p>" for law, why in found["not_flown"].items()]
     return "".join(told)
 

@@ -96,25 +96,31 @@ def violations(axes: Mapping[str, Any], flagship: str = FLAGSHIP) -> list[dict[s
 
 
 def sentence(law: str, axes: Mapping[str, Any]) -> str:
-    """The envelope of a law in a sentence: how far along each axis it is good, and where it is lost."""
+    """The envelope of a law in a sentence: how far along each axis it is good, and where it is lost.
+
+    Good is what is within the first level that the law reaches anywhere.
+    """
     flown = {name: axis for name, axis in axes.items() if axis["laws"].get(law)}
-    parts = []
-    for level in LEVELS:
-        ends = [_end(name, axis, within(axis["laws"][law], level)) for name, axis in flown.items()]
-        parts.append(f"within {1e3 * level:g} mm: {', '.join(end for end in ends if end) or 'nowhere'}")
+
+    def counts(level: float) -> dict[str, int]:
+        return {name: within(axis["laws"][law], level) for name, axis in flown.items()}
+
+    level = next((level for level in LEVELS if any(counts(level).values())), LEVELS[-1])
+    ends, whole, never = [], [], []
+    for name, count in counts(level).items():
+        values, words = axes[name]["values"], name.replace("_", " ")
+        if count == len(values):
+            whole.append(words)
+        elif count:
+            towards = "up to" if values[-1] >= values[0] else "down to"
+            ends.append(f"{words} {towards} {values[count - 1]:g} {axes[name]['unit']}")
+        else:
+            never.append(words)
+    parts = [f"within {1e3 * level:g} mm {', '.join(ends) or 'up to no value'}"]
+    parts += [f"all along {', '.join(whole)}"] if whole else []
+    parts += [f"nowhere along {', '.join(never)}"] if never else []
     lost = [_losses(name, axis, lost_at(axis["laws"][law])) for name, axis in flown.items()]
-    parts.append(f"lost: {', '.join(words for words in lost if words) or 'nowhere'}")
-    return "; ".join(parts) + "."
-
-
-def _end(name: str, axis: Mapping[str, Any], count: int) -> str:
-    """The last value of the first ``count``; how far the axis was flown where that is further."""
-    if not count:
-        return ""
-    values = axis["values"]
-    towards = "up to" if values[-1] >= values[0] else "down to"
-    rest = "" if count == len(values) else f" (of {values[-1]:g})"
-    return f"{name.replace('_', ' ')} {towards} {values[count - 1]:g}{rest} {axis['unit']}"
+    return "; ".join([*parts, f"lost: {', '.join(words for words in lost if words) or 'nowhere'}"]) + "."
 
 
 def _losses(name: str, axis: Mapping[str, Any], gone: Sequence[int]) -> str:

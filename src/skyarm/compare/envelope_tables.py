@@ -92,7 +92,7 @@ def envelope_report(found: Mapping[str, Any]) -> str:
     """Every table as Markdown, under the vehicle's name."""
     axes, laws = found["axes"], found["laws"]
     parts = [f"# The envelope of {found['vehicle']}", MEANING]
-    parts += [f"**{law}** {words}" for law, words in found["sentences"].items()]
+    parts += [f"**{law}** keeps the tip {words}" for law, words in found["sentences"].items()]
     parts += [f"{law} does not fly: {why}" for law, why in found["not_flown"].items()]
     parts += [markdown(summary_head(laws), summary_rows(axes, laws))]
     for name, axis in axes.items():
