@@ -3,23 +3,35 @@
 from __future__ import annotations
 
 import csv
-import dataclasses
 import io
 import math
 
 import numpy as np
 
 from skyarm.compare.cells import Cell
-from skyarm.compare.envelope_axes import AXES, OVERSHOOT, TIP, TIP_MAX
+from skyarm.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, TIP, TIP_MAX
 from skyarm.compare.envelope_page import envelope_page, envelope_section
-from skyarm.compare.envelope_record import lost_at, points_of, sentence, violations, within
-from skyarm.compare.envelope_tables import axis_rows, envelope_csv, envelope_report, summary_rows, violation_rows
+from skyarm.compare.envelope_record import JUDGED, lost_at, points_of, sentence, violations, within
+from skyarm.compare.envelope_tables import (
+    axis_rows,
+    cell_text,
+    envelope_csv,
+    envelope_report,
+    summary_rows,
+    violation_rows,
+)
 
 
 def point(error, *, lost=False, judged=None, largest=None):
     """A flight with a mean error in m."""
     status = "ground" if lost else "completed"
-    numbers = {"judged": judged or error, "tip_mean": error, "tip_max": largest or 2.0 * error, "tilt": 0.1}
+    numbers = {
+        "judged": judged or error,
+        "tip_mean": error,
+        "tip_max": largest or 2.0 * error,
+        "outside": 1.5,
+        "tilt": 0.1,
+    }
     return {**numbers, "status": status, "lost": lost}
 
 
@@ -59,6 +71,7 @@ def test_lost_is_what_ended_early_or_tilted_over_or_has_no_number():
     found = {
         TIP: np.array([0.01, 0.01, 0.01, np.nan]),
         TIP_MAX: np.array([0.02, 0.02, 0.02, np.nan]),
+        OUTSIDE: np.array([0.0, 2.5, 0.0, np.nan]),
         "tilt_max": np.radians([79.9, 80.1, 5.0, 5.0]),
     }
     cell = Cell(found, np.array(["completed", "completed", "ground", "completed"]))
@@ -132,8 +145,8 @@ def envelope():
 
 def test_tables_hold_mean_and_largest_error_and_how_far_each_law_is_good():
     assert axis_rows(AXES_FLOWN["circle"])[1] == ["l1_adaptive", "20.0 / 40.0", "lost", "lost"]
-    overshoot = dataclasses.asdict(AXES["step"])["metric"]
-    assert overshoot == OVERSHOOT
+    assert cell_text(point(0.3), JUDGED[OVERSHOOT]) == "300; 1.50 s"
+    assert cell_text(LOST, JUDGED[OVERSHOOT]) == "lost"
     assert summary_rows(AXES_FLOWN, ["paper_ct", "centroidal_tip", "nmpc"]) == [
         ["circle, 1 to 3 m/s", "- / 2", "1 / 2", "-"],
         ["turning wind, 20 to 5 s", "- / -, lost at 5", "20 / 20, lost at 5", "-"],
@@ -147,7 +160,7 @@ def test_the_csv_has_a_row_for_each_flight():
     rows = list(csv.DictReader(io.StringIO(envelope_csv(envelope()))))
     assert len(rows) == 15
     flown = next(row for row in rows if (row["axis"], row["value"], row["law"]) == ("circle", "2", "paper_ct"))
-    assert (flown["judged_mm"], flown["tip_max_mm"], flown["lost"], flown["status"]) == ("90", "180", "0", "completed")
+    assert [flown[key] for key in ("judged_mm", "tip_max_mm", "outside_s", "lost")] == ["90", "180", "1.5", "0"]
     assert math.isclose(float(flown["tilt_deg"]), math.degrees(0.1), rel_tol=1e-5)
     assert sum(int(row["lost"]) for row in rows) == 4
 

@@ -112,6 +112,11 @@ class Flights:
         """Keys of the noise, one per episode."""
         return np.arange(count)
 
+    @property
+    def further_metrics(self) -> tuple[str, ...]:
+        """Metrics beside those that every comparison counts."""
+        return ()
+
     def more(self) -> Mapping[str, Any]:
         """What else fixes the cell, beside its scenario, its spread and its windows."""
         return {}
@@ -123,12 +128,13 @@ def fly(flights: Flights, threads: int = 1) -> Cell:
     values = flights.values(scenario)
     episodes = flights.episodes(scenario)
     if flights.alone(scenario):
-        return Cell(*fly_one_by_one(scenario, values, episodes, flights.case.windows))
+        options: dict[str, Any] = {"keys": flights.keys(episodes), "more": flights.further_metrics}
+        return Cell(*fly_one_by_one(scenario, values, episodes, flights.case.windows, **options))
     damping = {path: float(column.max()) for path, column in values.items() if path.endswith(".damping")}
     batch = Batch(
         scenario,
         tuple(values),
-        metrics=counted_metrics(scenario.world.vehicle.n),
+        metrics=(*counted_metrics(scenario.world.vehicle.n), *flights.further_metrics),
         windows=flights.case.windows,
         stiffest=with_numbers(scenario, damping),
         effort=0 if episodes <= FEW else 2,

@@ -18,7 +18,8 @@ TIP, OVERSHOOT = "ee_error_mean_continuous", "x_error_max_continuous"
 """What an axis is judged by: the mean distance of the tip from where a level base on its reference would carry it, or
 how far the base goes beyond a step along x."""
 
-TIP_MAX = "ee_error_max_continuous"
+TIP_MAX, OUTSIDE = "ee_error_max_continuous", "ee_time_outside_continuous"
+"""The largest such distance, and for how long it was over 5 cm."""
 
 SETTLED, DISTURBED = 7.0, 4.0
 """s: from when on a motion that grows until 5 s is judged; and a hover."""

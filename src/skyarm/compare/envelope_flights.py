@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from skyarm.compare.cells import Cell, Cells, Flights, fly
 from skyarm.compare.entrants import Entrant
-from skyarm.compare.envelope_axes import AXES, Axis
+from skyarm.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, Axis
 from skyarm.compare.envelope_setting import DURATION, PAPER, Setting, setting_of
 from skyarm.compare.suite import Case, Condition
 from skyarm.metrics.windows import Window, Windows
@@ -72,10 +72,15 @@ class AxisFlights(Flights):
         """The noise of the first episode for every value."""
         return np.zeros(count, dtype=int)
 
+    @property
+    def further_metrics(self) -> tuple[str, ...]:
+        """How far beyond a step, and for how long away from the reference."""
+        return (OVERSHOOT, OUTSIDE)
+
     def more(self) -> Mapping[str, Any]:
         """Values are a part of what fixes the cell."""
         found = {path: list(column) for path, column in self.values(self.scenario()).items()}
-        return {"points": list(self.points), "values": found}
+        return {"points": list(self.points), "values": found, "further": self.further_metrics}
 
 
 def axis_flights(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.compare.cells import Cell
-from skyarm.compare.envelope_axes import OVERSHOOT, TIP, TIP_MAX, Axis
+from skyarm.compare.envelope_axes import OUTSIDE, OVERSHOOT, TIP, TIP_MAX, Axis
 from skyarm.compare.envelope_setting import Setting
 
 FLAGSHIP = "centroidal_tip"
@@ -27,7 +27,10 @@ LEVELS = (0.010, 0.100)
 TILTED = math.radians(80.0)
 """rad: a flight that tilts further is lost, even where it comes to its end."""
 
-JUDGED = {TIP: "tip, mean / largest", OVERSHOOT: "overshoot of the base"}
+MEASURED = {"tip_mean": TIP, "tip_max": TIP_MAX, "outside": OUTSIDE, "tilt": "tilt_max"}
+"""Key of a point -> metric, m, s and rad."""
+
+JUDGED = {TIP: "tip, mean / largest", OVERSHOOT: "overshoot of the base; time with the tip over 5 cm away"}
 """What the numbers of an axis are, in words."""
 
 
@@ -36,8 +39,7 @@ def points_of(cell: Cell, axis: Axis) -> list[dict[str, Any]]:
     found = []
     for k, status in enumerate(cell.status):
         numbers = {
-            name: _finite(cell.metrics[metric][k])
-            for name, metric in (("judged", axis.metric), ("tip_mean", TIP), ("tip_max", TIP_MAX), ("tilt", "tilt_max"))
+            name: _finite(cell.metrics[metric][k]) for name, metric in (("judged", axis.metric), *MEASURED.items())
         }
         lost = status != "completed" or numbers["judged"] is None or not (numbers["tilt"] or 0.0) <= TILTED
         found.append({**numbers, "status": str(status), "lost": bool(lost)})

@@ -25,11 +25,13 @@ MEANING = (
 
 
 def cell_text(point: Mapping[str, Any], judged: str) -> str:
-    """Mean and largest error in mm, or the one number that the axis is judged by, or that the vehicle was lost."""
+    """Mean and largest error in mm; of a step overshoot in mm and time away in s; or that the vehicle was lost."""
     if point["lost"]:
         return LOST
-    mean = number(1e3 * point["judged"])
-    return f"{mean} / {number(1e3 * point['tip_max'])}" if judged == JUDGED[TIP] else mean
+    first = number(1e3 * point["judged"])
+    if judged == JUDGED[TIP]:
+        return f"{first} / {number(1e3 * point['tip_max'])}"
+    return f"{first}; {number(point['outside'])} s"
 
 
 def axis_head(axis: Mapping[str, Any]) -> list[str]:
@@ -103,7 +105,18 @@ def envelope_report(found: Mapping[str, Any]) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-COLUMNS = ("axis", "value", "unit", "law", "judged_by", "judged_mm", "tip_mean_mm", "tip_max_mm", "tilt_deg")
+COLUMNS = (
+    "axis",
+    "value",
+    "unit",
+    "law",
+    "judged_by",
+    "judged_mm",
+    "tip_mean_mm",
+    "tip_max_mm",
+    "outside_s",
+    "tilt_deg",
+)
 
 
 def envelope_csv(found: Mapping[str, Any]) -> str:
@@ -116,6 +129,7 @@ def envelope_csv(found: Mapping[str, Any]) -> str:
             for value, point in zip(axis["values"], points, strict=True):
                 numbers = [_scaled(point[key], 1e3) for key in ("judged", "tip_mean", "tip_max")]
                 tilt = _scaled(point["tilt"], 57.29577951308232)
+                numbers.append(_scaled(point["outside"], 1.0))
                 fixed = (name, f"{value:g}", axis["unit"], law, axis["judged"])
                 writer.writerow((*fixed, *numbers, tilt, point["status"], int(point["lost"])))
     return stream.getvalue()

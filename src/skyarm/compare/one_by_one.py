@@ -26,7 +26,6 @@ METRICS = (
     *TRACKING,
     *("gust_peak_x_continuous", "gust_ee_peak_x_continuous"),
     *("ee_error_last_mean_continuous", "ee_error_last_max_continuous"),
-    "x_error_max_continuous",
     *("rotor_jitter", "rate_rms", "tilt_max", "altitude_error_max_continuous"),
 )
 """What the comparison counts, under the names of :mod:`skyarm.metrics.metric_catalogue`; and every joint's effort."""
@@ -37,9 +36,9 @@ def counted_metrics(joints: int) -> tuple[str, ...]:
     return (*METRICS, *(f"tau{i + 1}_rms" for i in range(joints)), *registered("metric"))
 
 
-def of_log(log: Log, windows: Windows) -> dict[str, float]:
-    """The same metrics from a log; those of an episode that ended early are cut."""
-    return score(log, counted_metrics(log.joints.shape[1]), windows)
+def of_log(log: Log, windows: Windows, more: Sequence[str] = ()) -> dict[str, float]:
+    """The same metrics from a log, and ``more``; those of an episode that ended early are cut."""
+    return score(log, (*counted_metrics(log.joints.shape[1]), *more), windows)
 
 
 def _single(scenario: Scenario, numbers: dict[str, float]) -> Scenario:
@@ -58,11 +57,11 @@ def numbers_of(values: Mapping[str, Array], episode: int) -> dict[str, float]:
 
 
 def fly_single(
-    scenario: Scenario, numbers: dict[str, float], episode: int, windows: Windows
+    scenario: Scenario, numbers: dict[str, float], episode: int, windows: Windows, more: Sequence[str] = ()
 ) -> tuple[dict[str, float], str]:
     """Metrics and ending of one flight."""
     log = run(dataclasses.replace(_single(scenario, numbers), episode=episode))
-    return of_log(log, windows), str(log.status)
+    return of_log(log, windows, more), str(log.status)
 
 
 def collected(flown: Sequence[tuple[dict[str, float], str]]) -> tuple[dict[str, Array], Array]:
@@ -73,7 +72,26 @@ def collected(flown: Sequence[tuple[dict[str, float], str]]) -> tuple[dict[str, 
 
 
 def fly_one_by_one(
-    scenario: Scenario, values: Mapping[str, Array], episodes: int, windows: Windows
+    scenario: Scenario,
+    values: Mapping[str, Array],
+    episodes: int,
+    windows: Windows,
+    *,
+    keys: Sequence[int] | None = None,
+    more: Sequence[str] = (),
 ) -> tuple[dict[str, Array], Array]:
-    """Metrics by name and endings, one entry per episode."""
-    return collected([fly_single(scenario, numbers_of(values, k), k, windows) for k in range(episodes)])
+    """Metrics by name and endings, one entry per episode.
+
+    Args:
+        scenario: that each starts from.
+        values: numbers of each, by path.
+        episodes: how many.
+        windows: of the metrics.
+        keys: of the noise, one per episode; its number if left out.
+        more: metrics beside those that every comparison counts.
+    """
+    flown = []
+    for k in range(episodes):
+        key = k if keys is None else int(keys[k])
+        flown.append(fly_single(scenario, numbers_of(values, k), key, windows, more))
+    return collected(flown)
