@@ -128,3 +128,17 @@ def test_a_law_that_does_not_fit_a_vehicle_is_told_and_the_others_fly_on():
 def test_joints_with_servos_do_not_fly_the_lag_of_torques():
     asked = Envelope(vehicle="quadrotor_roll_arm2", quick=True)
     assert set(AXES) - set(asked.flown) == {"joint_lag"}
+
+
+@pytest.mark.thorough
+def test_in_processes_the_numbers_are_the_same(flown, tmp_path):
+    found, _, _ = flown
+    assert fly_envelope(QUICK, tmp_path, threads=2) == found
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("vehicle", ["hexarotor_arm6", "quadrotor_roll_arm2", "octo_coaxial_two_arms"])
+def test_every_axis_flies_on_any_vehicle_with_an_arm(vehicle, tmp_path):
+    found = fly_envelope(Envelope(laws=("centroidal_tip",), vehicle=vehicle, quick=True), tmp_path, threads=2)
+    errors = [axis["laws"]["centroidal_tip"][0] for axis in found["axes"].values()]
+    assert not any(point["lost"] for point in errors), "the easiest value of every axis"

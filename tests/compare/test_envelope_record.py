@@ -114,16 +114,18 @@ def test_on_another_vehicle_the_tuned_form_of_the_paper_s_law_is_the_measure():
 
 def test_the_sentence_of_a_law_says_how_far_and_where_lost():
     assert sentence("centroidal_tip", AXES_FLOWN) == (
-        "within 10 mm circle up to 1 m/s, turning wind down to 20 s; lost: turning wind at 5 s."
+        "within 10 mm: circle up to 1 m/s, turning wind down to 20 s; lost: turning wind at 5 s."
     )
     assert sentence("paper_ct", AXES_FLOWN) == (
-        "within 100 mm circle up to 2 m/s; nowhere along turning wind; lost: turning wind at 5 s."
+        "within 100 mm: circle up to 2 m/s; never on turning wind; lost: turning wind at 5 s."
     )
     assert sentence("l1_adaptive", AXES_FLOWN) == (
-        "within 100 mm circle up to 1 m/s; nowhere along turning wind; lost: circle from 2 m/s."
+        "within 100 mm: circle up to 1 m/s; never on turning wind; lost: circle from 2 m/s."
     )
     calm = {"circle": axis((1.0, 2.0), centroidal_tip=[point(0.001), point(0.002)])}
-    assert sentence("centroidal_tip", calm) == "within 10 mm up to no value; all along circle; lost: nowhere."
+    assert sentence("centroidal_tip", calm) == "within 10 mm: all of circle; lost: nowhere."
+    far = {"circle": axis((1.0, 2.0), indi=[point(0.2), LOST])}
+    assert sentence("indi", far) == "within 100 mm: nowhere; lost: circle at 2 m/s."
 
 
 def envelope():
@@ -156,6 +158,13 @@ def test_tables_hold_mean_and_largest_error_and_how_far_each_law_is_good():
         assert words in written
 
 
+def test_without_the_flagship_nothing_is_said_of_its_rules():
+    calm = {"circle": axis((1.0,), paper_ct=[point(0.1)], centroidal_tip=[point(0.1)])}
+    for laws, words in ((["paper_ct"], "Not known: centroidal_tip did not fly."), (["centroidal_tip"], "None.")):
+        found = envelope() | {"laws": laws, "violations": violations(calm)}
+        assert envelope_report(found).endswith(f"{words}\n")
+
+
 def test_the_csv_has_a_row_for_each_flight():
     rows = list(csv.DictReader(io.StringIO(envelope_csv(envelope()))))
     assert len(rows) == 15
@@ -167,7 +176,7 @@ def test_the_csv_has_a_row_for_each_flight():
 
 def test_the_page_holds_every_number_and_lets_no_name_through_unescaped():
     whole = envelope_page(envelope(), b"picture")
-    for words in ("20.0 / 40.0", "lost; not lost: l1_adaptive", "within 10 mm circle up to 1 m/s", "&lt;v&gt;"):
+    for words in ("20.0 / 40.0", "lost; not lost: l1_adaptive", "within 10 mm: circle up to 1 m/s", "&lt;v&gt;"):
         assert words in whole
     assert "<v>" not in whole
     assert "<fit>" not in whole

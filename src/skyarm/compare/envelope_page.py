@@ -14,6 +14,7 @@ from skyarm.compare.envelope_tables import (
     axis_head,
     axis_rows,
     axis_title,
+    no_violation,
     summary_head,
     summary_rows,
     violation_rows,
@@ -47,7 +48,7 @@ def envelope_page(found: Mapping[str, Any], picture: bytes) -> str:
     axes, laws = found["axes"], found["laws"]
     body.append(section("Where each law is good", table(_numbers(summary_head(laws)), summary_rows(axes, laws))))
     rows = violation_rows(found["violations"])
-    told = table(_numbers(VIOLATION_HEAD, 2), rows) if rows else "<p>None.</p>"
+    told = table(_numbers(VIOLATION_HEAD, 2), rows) if rows else f"<p>{escape(no_violation(laws))}</p>"
     body.append(section("Violations", _note(RULES) + told))
     maps = "".join(
         table(_numbers(axis_head(axis)), axis_rows(axis), axis_title(name, axis)) for name, axis in axes.items()

@@ -9,7 +9,7 @@ from typing import Any
 
 from skyarm.compare.comparison_tables import DASH, markdown, number
 from skyarm.compare.envelope_axes import TIP
-from skyarm.compare.envelope_record import JUDGED, LEVELS, WORSE, lost_at, within
+from skyarm.compare.envelope_record import FLAGSHIP, JUDGED, LEVELS, WORSE, lost_at, within
 
 LOST = "lost"
 
@@ -87,6 +87,14 @@ def violation_rows(found: Sequence[Mapping[str, Any]]) -> list[list[str]]:
     return rows
 
 
+NO_FLAGSHIP, NO_VIOLATION = f"Not known: {FLAGSHIP} did not fly.", "None."
+
+
+def no_violation(laws: Sequence[str]) -> str:
+    """What stands in place of a table of violations."""
+    return NO_VIOLATION if FLAGSHIP in laws else NO_FLAGSHIP
+
+
 VIOLATION_HEAD = ["trial", "rule", "flagship, mm", "other, mm"]
 
 
@@ -101,7 +109,7 @@ def envelope_report(found: Mapping[str, Any]) -> str:
         parts += [f"## {axis_title(name, axis)}", markdown(axis_head(axis), axis_rows(axis))]
     parts += ["## Violations", RULES]
     rows = violation_rows(found["violations"])
-    parts.append(markdown(VIOLATION_HEAD, rows) if rows else "None.")
+    parts.append(markdown(VIOLATION_HEAD, rows) if rows else no_violation(laws))
     return "\n\n".join(parts) + "\n"
 
 
