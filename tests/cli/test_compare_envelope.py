@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from added_components import registry_kept
 from commanded import refused, skyarm
 from skyarm.compare.envelope_axes import AXES
 from skyarm.compare.envelope_suite import LAWS, TUNED_LAWS, Envelope
@@ -71,6 +72,20 @@ def test_what_it_does_not_know_is_refused_in_one_line(
     monkeypatch.chdir(tmp_path)
     refused(skyarm("compare", *options), words)
     assert not list(tmp_path.iterdir()), "nothing is left behind"
+
+
+def test_a_law_of_a_file_flies_and_another_seed_replaces_the_report(tmp_path: Path) -> None:
+    law = f"{Path(__file__).resolve().parents[2] / 'examples' / 'own_law.py'}:make_lqr"
+    options = ("--laws", law, "--axes", "swing_amplitude", "--quick", "--out", str(tmp_path / "x"))
+    with registry_kept():
+        first = skyarm("compare", "envelope-suite", *options)
+        again = skyarm("compare", "envelope-suite", *options, "--seed", "3")
+    assert (first.code, again.code) == (0, 0), first.err + again.err
+    assert "own_law.py:make_lqr" in first.out
+    assert "replaces" not in first.err
+    assert "replaces the report of an envelope of seed 0" in again.err
+    (cell,) = (tmp_path / "x" / "cells").iterdir()
+    assert cell.name.endswith("own_law.py-make_lqr.cell")
 
 
 def test_its_result_is_plain_data_on_standard_output(tmp_path: Path) -> None:

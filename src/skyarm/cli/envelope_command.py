@@ -7,12 +7,13 @@ from pathlib import Path
 
 from rich.console import Console
 
+from skyarm.cli.lines import say
 from skyarm.cli.machine_output import give
 from skyarm.cli.progress import bar
 from skyarm.compare.comparison import prepare
 from skyarm.compare.envelope_axes import AXES
 from skyarm.compare.envelope_setting import PAPER
-from skyarm.compare.envelope_suite import ENVELOPE, LAWS, TUNED_LAWS, Envelope, fly_envelope, planned
+from skyarm.compare.envelope_suite import ENVELOPE, LAWS, TUNED_LAWS, Envelope, fly_envelope, planned, replaced_envelope
 from skyarm.compare.envelope_tables import envelope_report
 from skyarm.compare.overwrites import require_same_plugins
 from skyarm.control.catalogue import choices, full_name, is_named, meant, require_different
@@ -52,6 +53,9 @@ def envelope(
     folder = Path(out)
     with taken_back(folder, folder / "cells"):
         prepare(require_writable(out))
+        other = replaced_envelope(folder, asked)
+        if other:
+            say(f"{folder}: replaces the report of an envelope of {', '.join(other)}", 0)
         require_same_plugins(todo, folder / "cells")
         with bar(ENVELOPE, console, pause=0.0) as advance:
             found = fly_envelope(asked, folder, threads=threads, progress=advance)

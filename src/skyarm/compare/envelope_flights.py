@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass
@@ -45,9 +46,9 @@ class AxisFlights(Flights):
 
     @property
     def label(self) -> str:
-        """Name of its file; of a single value with the value."""
+        """Name of its file, of a single value with the value; a law may be called by the path of a file."""
         at = f"_{self.points[0]:g}" if len(self.points) == 1 else ""
-        return f"{super().label}{at}"
+        return re.sub(r"[^\w.() -]+", "-", f"{super().label}{at}")
 
     def scenario(self) -> Scenario:
         """The trial at the easiest value of the axis, or where values are no data at the one that flies."""

@@ -110,7 +110,7 @@ def with_laws_of(folder: Path, envelope: Envelope) -> Envelope:
     try:
         stored = json.loads((folder / "envelope.json").read_bytes())["laws"]
         others = [law for law in stored if isinstance(law, str) and is_named(law) and law not in envelope.laws]
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         others = []
     cells = Cells(folder / "cells")
     for law in others:
@@ -119,6 +119,19 @@ def with_laws_of(folder: Path, envelope: Envelope) -> Envelope:
             envelope = dataclasses.replace(envelope, laws=(*envelope.laws, law))
     known = [law for law in ORDER if law in envelope.laws]
     return dataclasses.replace(envelope, laws=(*known, *(law for law in envelope.laws if law not in known)))
+
+
+SAID = ("vehicle", "seed", "plant", "quick")
+"""What an envelope and its record have in common."""
+
+
+def replaced_envelope(folder: Path, envelope: Envelope) -> list[str]:
+    """What the envelope that a folder holds was flown with and this one is not, one piece of words each."""
+    try:
+        stored = json.loads((folder / "envelope.json").read_bytes())
+        return [f"{name} {stored[name]}" for name in SAID if stored[name] != getattr(envelope, name)]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return []
 
 
 def envelope_record(
