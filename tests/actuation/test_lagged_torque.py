@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from skyarm.actuation.drive import TorqueDrive
 from skyarm.actuation.lagged_torque import LaggedTorque
 from skyarm.registry import find
 
@@ -38,6 +39,7 @@ def test_it_begins_with_what_holds_the_arm_and_settles_at_its_setpoint():
 
 def test_it_has_a_name_and_refuses_a_lag_of_nothing():
     assert find("drive", "lagged_torque") is LaggedTorque
+    assert issubclass(LaggedTorque, TorqueDrive), "its command is a torque, counted and logged as such"
     for lag in (0.0, -0.1, np.nan):
         with pytest.raises(ValueError, match=r"time_constant"):
             LaggedTorque(time_constant=lag)

@@ -52,3 +52,14 @@ def test_a_law_keeps_its_look_where_others_do_not_fly():
     assert figure.axes[0].lines[0].get_color() != alone.get_color()
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["one", "other", "lost"]
     assert not figure.axes[2].axison, "an empty place shows no frame"
+
+
+def test_a_known_law_looks_the_same_beside_any_others():
+    def color(laws):
+        axis = {"unit": "N", "values": [1.0], "laws": {law: [point(0.02)] for law in laws}}
+        lines = envelope_figure({"x": axis}, laws).axes[0].lines[::2]
+        return dict(zip(laws, [line.get_color() for line in lines], strict=True))
+
+    alone, beside = color(["centroidal_tip"]), color(["mine", "yours", "nmpc", "centroidal_tip"])
+    assert alone["centroidal_tip"] == beside["centroidal_tip"]
+    assert len(set(beside.values())) == 4

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from skyarm.actuation.drive import Drive
+from skyarm.actuation.drive import TorqueDrive
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, exp
@@ -20,11 +20,11 @@ class LaggedTorqueMemory:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class LaggedTorque(Drive):
+class LaggedTorque(TorqueDrive):
     """A lagged torque obeys T d(torque)/dt = setpoint - torque; within a control period its exact mean acts.
 
     The impulse of every period is that of the continuous lag. The joint's own effort limit acts on the torque, not on
-    the setpoint.
+    the setpoint, which is a torque: laws fly it as they are.
     """
 
     time_constant: Annotated[Scalar, Unit("s", "of the first-order lag", low=0.0, strict=True)]
@@ -54,7 +54,3 @@ class LaggedTorque(Drive):
     def effort(self, memory: LaggedTorqueMemory, setpoint: Any, position: Any, rate: Any) -> Any:
         """Mean torque of the period."""
         return memory.mean
-
-    def standing(self, effort: Any, position: Any) -> Any:
-        """The torque that holds the arm."""
-        return effort

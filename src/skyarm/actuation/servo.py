@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from skyarm.actuation.drive import Drive
 from skyarm.records.coerce import RecordError, concrete
@@ -80,6 +80,10 @@ class Servo(Drive):
         most = self.torque_limit
         return clip(mul(low, per_ampere), -most, most), clip(mul(high, per_ampere), -most, most)
 
+    def largest_effort(self) -> Any:
+        """The stall torque (N m) or force (N), within the current's and the torque's own limit."""
+        return self.bounds(0.0)[1]
+
     def start(self, position: Any) -> ServoMemory:
         """A loop that holds the joint where it is."""
         raise RecordError(f"{type(self).__name__}: begins with a setpoint and a control period")
@@ -147,6 +151,8 @@ class PositionServo(Servo):
     reading at the beginning of a control period.
     """
 
+    takes: ClassVar[str] = "rad or m"
+
     stiffness: Annotated[Scalar, Unit("N m/rad or N/m", low=0.0, strict=True)]
     damping: Annotated[Scalar, Unit("N m s/rad or N s/m", "on the measured rate", low=0.0)] = 0.0
     resolution: Annotated[Scalar, Unit("rad or m", "of positions; an int of 0 is structure", low=0.0)] = 0
@@ -205,6 +211,8 @@ class VelocityServo(Servo):
     torque = gain (goal - qd) + integral times the integral of (goal - qd). The goal is the setpoint within
     ``speed_limit``.
     """
+
+    takes: ClassVar[str] = "rad/s or m/s"
 
     gain: Annotated[Scalar, Unit("N m s/rad or N s/m", low=0.0, strict=True)]
 

@@ -10,7 +10,7 @@ from skyarm.actuation import AllocationError, make_mixer
 from skyarm.assess.along_reference import along_reference
 from skyarm.assess.arm_poses import POSES, ArmPoses, arm_poses
 from skyarm.assess.arm_workspace import arm_workspace
-from skyarm.assess.endurance import time_aloft
+from skyarm.assess.endurance import aloft_for, time_aloft
 from skyarm.assess.finding import FAULT, WARNING, Finding, worst_level
 from skyarm.assess.joint_torques import joint_torques
 from skyarm.assess.lag_margin import motor_lag
@@ -108,7 +108,8 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
         along = along_reference(scenario)
     except AllocationError:  # said by the vehicle's own findings
         along = []
-    findings = (*about.findings, *units_of_scenario(scenario), *along)
+    aloft = aloft_for(about.vehicle, about.gravity, scenario.duration)
+    findings = (*about.findings, *units_of_scenario(scenario), *aloft, *along)
     return Assessment(scenario.name, about.vehicle, about.gravity, payload, poses, seed, findings)
 
 

@@ -114,6 +114,10 @@ def check_additions(scenario: Scenario) -> None:
     for joint in driven:
         if joint not in joints or driven.count(joint) > 1:
             raise ValueError(f"drives: joint = {shown(joint)}: must be one of {', '.join(joints) or 'none'}, once")
+        limit = scenario.world.vehicle.links[joints.index(joint)].joint.effort_limit
+        if concrete(limit) and limit == 0:
+            words = f"must be above 0 ([[joints]] of its file): it leaves plant.drives.{joint} no torque"
+            raise ValueError(f"plant.vehicle: joints[{joint}].effort_limit = 0: {words}")
 
 
 def check_clocks(scenario: Scenario) -> None:

@@ -13,7 +13,7 @@ from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.couple import Mimic, couple, limits_that_contradict
 from skyarm.vehicle.dry_friction import with_smooth_friction
-from skyarm.vehicle.mounted_drives import mounted_drives
+from skyarm.vehicle.mounted_drives import mounted_drives, with_limits_of_drives
 from skyarm.vehicle.nearest_inertia import with_real_inertias
 from skyarm.vehicle.rotor_tables import battery_of, rotor_of
 from skyarm.vehicle.schema import VehicleFile
@@ -63,6 +63,8 @@ def assemble(file: VehicleFile, referred: Referred) -> Vehicle:
     bodies = with_real_inertias(_overridden(file.joints, bodies, own), file.repair)
     frames = tuple(_frame(table, bodies) for table in file.frames)
     links, followers, frames = couple(bodies.links, (*bodies.frames, *frames), bodies.mimics)
+    drives = _drives(file, referred)
+    links = tuple(with_limits_of_drives(links, drives, _own_limits(file)))
     airframe = referred.airframe
     drag = BodyDrag() if airframe is None else airframe.drag
     if file.drag is not None:
@@ -80,7 +82,7 @@ def assemble(file: VehicleFile, referred: Referred) -> Vehicle:
         frames=frames,
         end_effector=file.end_effector or ("" if airframe is None else airframe.end_effector),
         drag=drag,
-        drives=_drives(file, referred),
+        drives=drives,
         battery=battery_of(file.battery) if airframe is None or file.battery is not None else airframe.battery,
         sources=(*(() if airframe is None else airframe.sources), *file.sources.items()),
         notes=(*bodies.notes, *limits_that_contradict(links, followers)),
@@ -109,6 +111,12 @@ def _drives(file: VehicleFile, referred: Referred) -> tuple[MountedDrive, ...]:
     stated = {each.name for each in own}
     others = (*(() if referred.airframe is None else referred.airframe.drives), *referred.drives)
     return (*(each for each in others if each.name not in stated), *own)
+
+
+def _own_limits(file: VehicleFile) -> list[str]:
+    """Names of the joints whose effort limit is stated."""
+    tables: list[JointTable | JointOverride] = [*(link.joint for link in file.links), *file.joints]
+    return [table.name for table in tables if table.effort_limit is not None]
 
 
 def _own_stops(file: VehicleFile) -> list[str]:
