@@ -57,7 +57,6 @@ def envelope_figure(axes: Mapping[str, Any], laws: Sequence[str]) -> Figure:
         if panel in panels[:, 0]:
             panel.set_ylabel("error [mm]", **TEXT)
     style.legend(figure, _handles(looks), [*laws, "lost"], size=style.PAGE_SIZE, family=style.PAGE_FONT)
-    figure.legends[0].set_ncols(len(laws) + 1)
     return figure
 
 
