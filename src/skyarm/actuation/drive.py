@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -21,6 +22,18 @@ class Drive:
 
     takes: ClassVar[str] = ""
     """Unit of the setpoint, that of a revolute joint before that of a prismatic one: ``rad or m``; for logs."""
+
+    @classmethod
+    def require_stated(cls, stated: Collection[str]) -> None:
+        """Refuse a file's table that leaves out what others of its numbers need; ``stated`` are those that it has.
+
+        Raises:
+            ValueError: one line that begins with the field.
+        """
+
+    def why_short_steps(self) -> str:
+        """The numbers from which a very short ``largest_step`` follows, in words; empty where that is a field."""
+        return ""
 
     def start(self, position: Any) -> Any:
         """First memory, a record or tuple of scalars; ``position`` is the joint's at the start, rad or m."""

@@ -128,12 +128,13 @@ def _of_vehicle(vehicle: Vehicle, gravity: float, payload: float, poses: ArmPose
     if payload:
         loads.append((vehicle.with_payload(payload), f" with {payload:g} kg"))
     for held, words in loads:
+        hanging = poses.of(held)
         if allocation is not None:
-            found += thrust_margin(held, allocation, poses, gravity, words)
-        found += center_of_mass_shift(held, poses, gravity, words)
-        found += joint_torques(held, poses, gravity, words)
+            found += thrust_margin(held, allocation, hanging, gravity, words)
+        found += center_of_mass_shift(held, hanging, gravity, words)
+        found += joint_torques(held, hanging, gravity, words)
     if allocation is not None:
-        found += torque_authority(loads[-1][0], allocation, poses, gravity)
+        found += torque_authority(loads[-1][0], allocation, poses.of(loads[-1][0]), gravity)
         found += largest_payload(vehicle, allocation, poses, gravity, payload)
         found += largest_wind(vehicle, gravity, payload)
     endurance = [each for held, words in loads for each in time_aloft(held, gravity, words)]

@@ -64,7 +64,7 @@ def assemble(file: VehicleFile, referred: Referred) -> Vehicle:
     frames = tuple(_frame(table, bodies) for table in file.frames)
     links, followers, frames = couple(bodies.links, (*bodies.frames, *frames), bodies.mimics)
     drives = _drives(file, referred)
-    links = tuple(with_limits_of_drives(links, drives, _own_limits(file)))
+    links = tuple(with_limits_of_drives(links, drives, _stating(file, "effort_limit")))
     airframe = referred.airframe
     drag = BodyDrag() if airframe is None else airframe.drag
     if file.drag is not None:
@@ -89,7 +89,11 @@ def assemble(file: VehicleFile, referred: Referred) -> Vehicle:
     )
     stated = {*own, *referred.settled, *(each.name for each in file.joints if each.coulomb_rate is not None)}
     made = with_smooth_friction(made, {link.joint.name for link in made.links} - stated)
-    return with_stops(made, [*_own_stops(file), *referred.settled]) if file.joint_limits == "stop" else made
+    if file.joint_limits == "end":
+        return made
+    stiff, damped = _stating(file, "stop_stiffness"), _stating(file, "stop_damping")
+    settled = {*referred.settled} - {*stiff, *damped}
+    return with_stops(made, settled, stiff=stiff, damped=damped)
 
 
 def _with_armature(arm: RigidBodies, armature: float) -> RigidBodies:
@@ -113,16 +117,10 @@ def _drives(file: VehicleFile, referred: Referred) -> tuple[MountedDrive, ...]:
     return (*(each for each in others if each.name not in stated), *own)
 
 
-def _own_limits(file: VehicleFile) -> list[str]:
-    """Names of the joints whose effort limit is stated."""
+def _stating(file: VehicleFile, field: str) -> list[str]:
+    """Names of the joints of which the file states a number."""
     tables: list[JointTable | JointOverride] = [*(link.joint for link in file.links), *file.joints]
-    return [table.name for table in tables if table.effort_limit is not None]
-
-
-def _own_stops(file: VehicleFile) -> list[str]:
-    """Names of the joints whose stops are stated."""
-    tables: list[JointTable | JointOverride] = [*(link.joint for link in file.links), *file.joints]
-    return [table.name for table in tables if table.stop_stiffness is not None]
+    return [table.name for table in tables if getattr(table, field) is not None]
 
 
 def _own_bodies(file: VehicleFile) -> RigidBodies:
@@ -159,6 +157,9 @@ def _overridden(tables: Sequence[JointOverride], bodies: RigidBodies, own: Seque
     for name in changes:
         if name in own:
             refuse("joints.name", name, "must stand in its link; only another file's joints are changed here")
+        if name in bodies.mimics:
+            what = f"must be left out: it follows {bodies.mimics[name].joint!r} and has nothing of its own to state"
+            refuse("joints.name", name, what)
         if name not in known:
             refuse("joints.name", name, f"must be one of {', '.join(known) or 'none'}")
     if not changes:

@@ -47,5 +47,21 @@ def with_limits_of_drives(links: Sequence[Link], drives: Sequence[MountedDrive],
 
 def _mounted(joint: str, table: Any, where: str) -> MountedDrive:
     fields = Fields(table, where)
-    kind = fields.take("kind")
-    return MountedDrive(name=joint, drive=record_from(find("drive", kind, fields.at("kind")), fields))
+    kind = find("drive", fields.take("kind"), fields.at("kind"))
+    drive = record_from(kind, fields)
+    require_stated(kind, table, where)
+    return MountedDrive(name=joint, drive=drive)
+
+
+def require_stated(kind: Any, table: Mapping[str, Any], where: str) -> None:
+    """Refuse a drive's table that leaves out what others of its numbers need.
+
+    Raises:
+        ValueError: one line with the field.
+    """
+    check = getattr(kind, "require_stated", None)
+    try:
+        if check is not None:
+            check(table.keys())
+    except ValueError as error:
+        raise ValueError(f"{where}.{error}") from None
