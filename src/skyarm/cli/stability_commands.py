@@ -23,6 +23,7 @@ from skyarm.control.safety import with_safety_layer
 from skyarm.control.safety.memory import SafetyParameters
 from skyarm.files import output_file, require_writable, shown, taken_back, write_atomically
 from skyarm.registry.plugins import identities, law_of_file_name
+from skyarm.scenario.gains_file import is_gains_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.unlikely_numbers import unlikely_numbers
@@ -82,7 +83,7 @@ def planned(controller: str, scenario: str, *, safety: bool) -> Scenario:
     Raises:
         ValueError: one line.
     """
-    if controller != OWN and not is_named(controller):
+    if controller != OWN and not is_named(controller) and not is_gains_file(controller):
         raise ValueError(f"controller = {shown(controller)}: {meant(controller)}must be {OWN!r}, {choices()}")
     require_not_another(scenario, "scenario")
     loaded = load_scenario(scenario, controller=None if controller == OWN else controller)

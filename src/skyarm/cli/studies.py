@@ -119,6 +119,47 @@ def basin(
 
 
 @app.command()
+def tune(
+    target: Annotated[
+        str, typer.Argument(metavar="SCENARIO|VEHICLE", help="a file (.toml) or the name of a shipped one")
+    ],
+    controller: Controller = None,
+    out: Annotated[str | None, typer.Option("--out", help="folder of the results; out/tune_... if left out")] = None,
+    candidates: Annotated[int, typer.Option(help="sets of gains that are tried")] = 1640,
+    plants: Annotated[int, typer.Option(help="wrong plants that each of them flies")] = 24,
+    knobs: Annotated[
+        list[str] | None, typer.Option(metavar="PATH", help="constants of the law that may change; all gains; repeat")
+    ] = None,
+    explain: Annotated[bool, typer.Option("--explain", help="say what is short of margin, and tune nothing")] = False,
+    seed: Annotated[int, typer.Option(help="of plants, noise and search")] = 0,
+    flying: Annotated[int, typer.Option("--workers", help="threads that fly; 0 takes every core")] = 0,
+) -> None:
+    """Find a law's gains for a vehicle; a front, a file.
+
+    The same command continues what was interrupted. Exit code 3 if no gains meet the margins.
+    """
+    from skyarm.cli.tune_command import explain as tell_why
+    from skyarm.cli.tune_command import tune as perform
+
+    if explain:
+        tell_why(target, controller, knobs, console)
+        return
+    met = perform(
+        target,
+        controller,
+        out,
+        console,
+        candidates=candidates,
+        plants=plants,
+        seed=seed,
+        threads=workers("--workers", flying),
+        knobs=knobs,
+    )
+    if not met:
+        raise typer.Exit(NOT_COMPLETED)
+
+
+@app.command()
 def bench(
     quick: Annotated[bool, typer.Option("--quick", help="fewer rounds, shorter flights: about a minute")] = False,
     file: Annotated[str | None, typer.Option("--out", help="write the numbers there too, as JSON")] = None,

@@ -178,7 +178,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         rates=rates,
         world=world,
         integrator=plant.take("integrator", "rk4"),
-        controller=tables.controller(controller, model, replaced.get("controller"), loop_facts(rates, delays)),
+        controller=tables.controller(controller, model, replaced.get("controller"), loop_facts(rates, delays), folder),
         trajectory=trajectory,
         joined=joined,
         wind=wind_from(environment.take("wind"), "environment.wind") if "wind" in environment.table else NO_WIND,
