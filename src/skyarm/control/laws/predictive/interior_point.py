@@ -11,7 +11,7 @@ from skyarm.compile import trace
 from skyarm.compile.casadi.casadi_shooting import Shooting
 from skyarm.control.laws.predictive.cost import Weights, input_residuals, state_residuals
 from skyarm.control.laws.predictive.linearise import Stages, examples
-from skyarm.control.laws.predictive.motion_plan import Inputs, advance
+from skyarm.control.laws.predictive.motion_plan import Inputs, carried
 from skyarm.control.laws.predictive.riccati import Linear, policy
 from skyarm.control.laws.predictive.rollout import Bounds
 from skyarm.control.laws.predictive.solve import NoPlanError, Plan, Problem, linear_problem
@@ -43,7 +43,7 @@ class InteriorPoint:
                 *state_residuals(model, weights, x, wanted, mode),
                 *input_residuals(model, weights, x, u, d, wanted),
             )
-            return advance(model, x, u, d, dt[0], wanted.joint_rates), errors
+            return carried(model, x, u, d, dt[0], wanted.joint_rates), errors
 
         def final(x: State, given: tuple[Any, ...]) -> tuple[Any, ...]:
             return state_residuals(model, weights, x, given[2], mode)

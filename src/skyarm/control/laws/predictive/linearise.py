@@ -18,7 +18,7 @@ from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.laws.predictive.cost import Goal, Weights, input_residuals, state_residuals
-from skyarm.control.laws.predictive.motion_plan import Inputs, advance
+from skyarm.control.laws.predictive.motion_plan import Inputs, carried
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 
@@ -63,7 +63,7 @@ class Stages:
         def stage(x: State, par: tuple[Any, ...], _row: Any, _uniforms: Any) -> tuple[State, tuple[Any, ...]]:
             u, dt, d, wanted = par
             errors = state_residuals(model, weights, x, wanted, mode)
-            return advance(model, x, u, d, dt[0], wanted.joint_rates), (
+            return carried(model, x, u, d, dt[0], wanted.joint_rates), (
                 *errors,
                 *input_residuals(model, weights, x, u, d, wanted),
             )
