@@ -20,6 +20,9 @@ from skyarm.dynamics import State
 
 Array = npt.NDArray[np.float64]
 
+MET = 1e-3
+"""Largest gap between two stages of a solution, in the units of the state."""
+
 
 class InteriorPoint:
     """Solutions of the whole nonlinear program, warm started; the feedback in between is that of its linearisation.
@@ -71,4 +74,6 @@ class InteriorPoint:
         if not (np.isfinite(x).all() and np.isfinite(u).all()):
             raise NoPlanError
         found: Linear = linear_problem(self.stages, problem, x, u, self.steps, self.roots)
-        return Plan(x, u, policy(found).K)
+        # stages that do not meet are no motion
+        cost = float(np.sum(found.r * found.r)) if np.abs(found.c).max() < MET else float("nan")
+        return Plan(x, u, policy(found).K, cost=cost)

@@ -29,6 +29,7 @@ from skyarm.compile import leaves
 from skyarm.control.laws.paper.computed_torque import level_joint_gravity
 from skyarm.control.laws.predictive import preview as ahead
 from skyarm.control.laws.predictive.engine import Engine, engine_for
+from skyarm.control.laws.predictive.fallback import Trust, after_period, after_plan, trusted
 from skyarm.control.laws.predictive.motion_plan import command_for
 from skyarm.control.laws.predictive.parameters import PredictiveParameters
 from skyarm.control.laws.predictive.solve import NoPlanError, Plan, Problem, shifted
@@ -40,6 +41,15 @@ Array = npt.NDArray[np.float64]
 LONGEST_ERROR = 0.15
 """m: a base further from its reference is asked to come this near only, so that a step does not saturate everything."""
 
+WIDEST_ERROR = 0.5
+"""rad or m: the same for a joint."""
+
+BEARABLE = 0.8
+"""Share of a drive's limit that a disturbance is foreseen to take at most; the rest moves the arm."""
+
+TRUSTING = Trust()
+"""Trust before the first plan."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PredictiveMemory:
@@ -49,6 +59,7 @@ class PredictiveMemory:
         engine: machine code. estimate: leaves of :class:`skyarm.control.laws.predictive.kalman_observer.Estimate` at
             the last measurement. sent: commands that it does not show yet, oldest first.
         sample: of the reference. plan: the last solution. since: control periods since it was made.
+        trust: in the plans.
     """
 
     engine: Engine | None = None
@@ -57,6 +68,7 @@ class PredictiveMemory:
     sample: ahead.Sample | None = None
     plan: Plan | None = None
     since: int = 0
+    trust: Trust = TRUSTING
 
 
 def nmpc(
@@ -68,11 +80,15 @@ def nmpc(
     nx = len(estimate) - 6 - par.model.vehicle.n
     x = engine.observation.now(estimate, [_row(command) for command in sent])[:nx]
     sample = ahead.taken(reference, memory.sample, dt)
-    plan, since = memory.plan, memory.since
+    plan, since, trust = memory.plan, memory.since, memory.trust
     if plan is None or since >= par.every:
         problem = _problem(engine, x, estimate[nx:], sample, measurement.time + par.delay_periods * dt, par)
         plan, since = _solved(engine, plan, since * dt, problem, par), 0
-    command = _command(engine, plan, since, x, dt)
+        trust = after_plan(trust, trusted(plan, engine.most))
+    if trust.flown:
+        command = _command(engine, plan, since, x, dt)
+    else:
+        command = engine.stabiliser.command(measurement, sample)
     following = PredictiveMemory(
         engine=engine,
         estimate=estimate,
@@ -80,6 +96,7 @@ def nmpc(
         sample=sample,
         plan=plan,
         since=since + 1,
+        trust=after_period(trust, dt),
     )
     return following, command
 
@@ -137,15 +154,30 @@ def _problem(
     distance = float(np.linalg.norm(error))
     if distance > LONGEST_ERROR:
         wanted[:, :3] += error * (1.0 - LONGEST_ERROR / distance)
-    return Problem(x, disturbance, wanted)
+    joints = par.model.vehicle.n
+    beyond = x[13 : 13 + joints] - wanted[0, 7 : 7 + joints]
+    wanted[:, 7 : 7 + joints] += beyond - np.clip(beyond, -WIDEST_ERROR, WIDEST_ERROR)
+    return Problem(x, _bearable(disturbance, engine.bounds.efforts), wanted)
+
+
+def _bearable(disturbance: Array, most: Array) -> Array:
+    """A disturbance whose torques the arm can hold; its force as it is.
+
+    What pushes harder carries the arm away until it lies along the push. A torque foreseen as constant would spin it
+    up over the whole horizon, and no plan would be found.
+    """
+    share = np.max(np.abs(disturbance[6:]) / (BEARABLE * most), initial=1.0)
+    return disturbance if share == 1.0 else np.append(disturbance[:3], disturbance[3:] / share)
 
 
 def _solved(engine: Engine, last: Plan | None, passed: float, problem: Problem, par: PredictiveParameters) -> Plan:
     """A new plan: from the last one, or, if that leads nowhere, from rest."""
     solver = engine.solver
-    if last is not None:
+    if last is not None and trusted(last, engine.most):
         with contextlib.suppress(NoPlanError):
-            return solver.solve(problem, shifted(last, solver.steps, passed))
+            plan = solver.solve(problem, shifted(last, solver.steps, passed))
+            if trusted(plan, engine.most):
+                return plan
     rest = _standing(problem.start, par)
     try:
         return solver.solve(problem, rest)

@@ -1,0 +1,144 @@
+"""What flies while no plan can be trusted: the test of a plan, how long it stays distrusted, and the law in its place.
+
+A plan is trusted if all its numbers are finite and its cost is at most that of errors which no flight that goes well
+has (:func:`worst_cost`). The first plan that is not hands over to the paper's computed torque law, which needs no plan,
+no iterations and no memory. Plans go on being made meanwhile; after enough good ones in a row, and a rest that doubles
+with each hand-over that follows soon, the predictive law takes over again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.actuation import Command
+from skyarm.algebra import Vec3
+from skyarm.compile import leaves
+from skyarm.compile.llvm.kernel import Kernel
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.control.laws.paper.computed_torque import hybrid_computed_torque
+from skyarm.control.laws.paper.make import make_paper_controller
+from skyarm.control.laws.predictive.cost import Weights
+from skyarm.control.laws.predictive.preview import Sample
+from skyarm.control.laws.predictive.solve import Plan
+from skyarm.control.model import Model
+from skyarm.reference import Reference
+from skyarm.sensors.measurement import Measurement, blank_measurement
+
+Array = npt.NDArray[np.float64]
+
+WORST = {"position": 0.15, "velocity": 1.5, "tool": 0.15, "joints": 1.0}
+"""Errors in m, m/s, m, rad or m: a plan that costs more than these over the whole horizon is none."""
+
+GOOD = 10
+"""Plans to be trusted in a row before one is flown again."""
+
+REST = (0.3, 5.0)
+"""s: the computed torque law flies this long at least, at first and after many hand-overs."""
+
+FORGIVEN = 3.0
+"""s of trusted plans after which a hand-over counts as the first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trust:
+    """What is remembered of the plans.
+
+    Attributes:
+        good: plans to be trusted in a row. resting: s for which the plans are not flown yet; 0 while they are.
+        rest: s of the last rest. calm: s of flight by plans since then.
+    """
+
+    good: int = 0
+    resting: float = 0.0
+    rest: float = 0.0
+    calm: float = 0.0
+
+    @property
+    def flown(self) -> bool:
+        """Whether plans are flown."""
+        return self.resting <= 0.0
+
+
+def worst_cost(weights: Weights, mode: str, joints: int, horizon: float) -> float:
+    """Cost of the errors :data:`WORST` over the whole horizon, in mode "tool" with that of the tip."""
+    errors = [float(weights.position) * WORST["position"], float(weights.velocity) * WORST["velocity"]]
+    errors += [float(weights.joints) * WORST["joints"]] * joints
+    if mode == "tool":
+        errors.append(float(weights.tool) * WORST["tool"])
+    return 2.0 * (horizon + float(weights.final)) * sum(error * error for error in errors)
+
+
+def trusted(plan: Plan, most: float) -> bool:
+    """Whether a plan may be flown: finite, and no dearer than ``most``."""
+    # a comparison with NaN is false: a plan without a cost is none
+    return bool(plan.cost <= most and np.isfinite(plan.u).all() and np.isfinite(plan.K).all())
+
+
+def after_plan(trust: Trust, good: bool) -> Trust:
+    """Trust after a plan was made."""
+    if good:
+        count = trust.good + 1
+        resting = 0.0 if trust.resting <= SPENT and count >= GOOD else trust.resting
+        return Trust(count, resting, trust.rest, trust.calm)
+    if not trust.flown:
+        return Trust(0, trust.resting, trust.rest, 0.0)
+    least, most = REST
+    rest = least if trust.calm > FORGIVEN or not trust.rest else min(2.0 * trust.rest, most)
+    return Trust(0, rest, rest, 0.0)
+
+
+def after_period(trust: Trust, dt: float) -> Trust:
+    """Trust after ``dt`` s."""
+    if trust.flown:
+        return trust if not trust.rest else Trust(trust.good, 0.0, trust.rest, trust.calm + dt)
+    # what is left stays above zero until the plans are good
+    return Trust(trust.good, max(trust.resting - dt, SPENT), trust.rest, 0.0)
+
+
+SPENT = 1e-9
+"""s: a rest that is over and waits for good plans."""
+
+
+class Stabiliser:
+    """The paper's computed torque law with RotorS's gains scaled to the belief, as machine code.
+
+    Args:
+        model: the belief.
+    """
+
+    def __init__(self, model: Model) -> None:
+        par = make_paper_controller(model, name="hybrid_computed_torque", mixer_policy="priority").par
+        joints, self.rotors = model.vehicle.n, len(model.vehicle.rotors)
+        signals = ((0.0,) * (4 + joints),) * 3
+
+        def step(carry: tuple[Any, ...], _par: Any, row: Any, _uniforms: Any) -> Any:
+            reading, (values, rates, accelerations) = row
+            wanted = Reference(
+                position=Vec3(*values[:3]),
+                velocity=Vec3(*rates[:3]),
+                acceleration=Vec3(*accelerations[:3]),
+                yaw=values[3],
+                yaw_rate=rates[3],
+                joints=values[4:],
+                joint_rates=rates[4:],
+                joint_accelerations=accelerations[4:],
+            )
+            _, command = hybrid_computed_torque((), reading, wanted, 0.0, par=par)
+            return (*command.rotor_speeds, *command.efforts), ()
+
+        self.zero = np.zeros((self.rotors + joints, 1))
+        row = (blank_measurement(joints, self.rotors), signals)
+        self.kernel = Kernel(trace_loop(step, (0.0,) * len(self.zero), (), row), Lanes(1))
+
+    def command(self, measurement: Measurement, sample: Sample) -> Command:
+        """The law's command for a sample of the reference."""
+        wanted = (sample.values, sample.rates, sample.accelerations)
+        row = np.concatenate([np.array(leaves(measurement), dtype=float), *wanted])
+        found, _ = self.kernel.run(self.zero, np.zeros((0, 1)), row[None])
+        values = found[:, 0].tolist()
+        return Command(rotor_speeds=tuple(values[: self.rotors]), efforts=tuple(values[self.rotors :]))
