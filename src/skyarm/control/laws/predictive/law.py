@@ -28,9 +28,10 @@ from skyarm.actuation import Command
 from skyarm.compile import leaves
 from skyarm.control.laws.paper.computed_torque import level_joint_gravity
 from skyarm.control.laws.predictive import preview as ahead
+from skyarm.control.laws.predictive.command_delay import LONGEST, Lateness, compared, first_lateness
 from skyarm.control.laws.predictive.engine import Engine, engine_for
 from skyarm.control.laws.predictive.fallback import Trust, after_period, after_plan, trusted
-from skyarm.control.laws.predictive.motion_plan import command_for
+from skyarm.control.laws.predictive.motion_plan import command_for, speeds_under
 from skyarm.control.laws.predictive.parameters import PredictiveParameters
 from skyarm.control.laws.predictive.solve import NoPlanError, Plan, Problem, shifted
 from skyarm.reference import Reference, Trajectory
@@ -57,7 +58,8 @@ class PredictiveMemory:
 
     Attributes:
         engine: machine code. estimate: leaves of :class:`skyarm.control.laws.predictive.kalman_observer.Estimate` at
-            the last measurement. sent: commands that it does not show yet, oldest first.
+            the last measurement. sent: commands that it does not show yet, oldest first, if they act at once.
+        shown: the last ones before them. late: what tells how late they really act.
         sample: of the reference. plan: the last solution. since: control periods since it was made.
         trust: in the plans.
     """
@@ -65,6 +67,8 @@ class PredictiveMemory:
     engine: Engine | None = None
     estimate: Array | None = None
     sent: tuple[Command, ...] = ()
+    shown: tuple[Command, ...] = ()
+    late: Lateness | None = None
     sample: ahead.Sample | None = None
     plan: Plan | None = None
     since: int = 0
@@ -76,13 +80,17 @@ def nmpc(
 ) -> tuple[PredictiveMemory, Command]:
     """Whole-body nonlinear model predictive control; see the module. Takes floats only."""
     engine = memory.engine or engine_for(par, dt)
-    estimate, sent = _estimated(engine, memory, measurement, par)
+    seen = _seen(engine, memory, measurement, par, dt)
+    estimate, sent, late = seen.estimate, seen.sent, seen.late.periods
     nx = len(estimate) - 6 - par.model.vehicle.n
-    x = engine.observation.now(estimate, [_row(command) for command in sent])[:nx]
+    # the state in which the command of this period begins to act
+    pending = (*seen.shown[len(seen.shown) - late :], *sent)
+    x = engine.observation.now(estimate, [_row(command) for command in pending])[:nx]
     sample = ahead.taken(reference, memory.sample, dt)
     plan, since, trust = memory.plan, memory.since, memory.trust
     if plan is None or since >= par.every:
-        problem = _problem(engine, x, estimate[nx:], sample, measurement.time + par.delay_periods * dt, par)
+        now = measurement.time + par.delay_periods * dt
+        problem = _problem(engine, x, estimate[nx:], sample, now, late * dt, par)
         plan, since = _solved(engine, plan, since * dt, problem, par), 0
         trust = after_plan(trust, trusted(plan, engine.most))
     if trust.flown:
@@ -93,6 +101,8 @@ def nmpc(
         engine=engine,
         estimate=estimate,
         sent=(*sent, command),
+        shown=seen.shown,
+        late=seen.late,
         sample=sample,
         plan=plan,
         since=since + 1,
@@ -105,20 +115,35 @@ def _row(command: Command) -> Array:
     return np.array([*command.rotor_speeds, *command.efforts], dtype=float)
 
 
-def _estimated(
-    engine: Engine, memory: PredictiveMemory, measurement: Measurement, par: PredictiveParameters
-) -> tuple[Array, tuple[Command, ...]]:
-    """Estimate at the measurement, and the commands that came after it."""
-    if memory.estimate is None:
-        return _first(measurement, par.model.vehicle.n), ()
-    reading = np.array(leaves(measurement), dtype=float)
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What a measurement leaves in memory; see :class:`PredictiveMemory`."""
+
+    estimate: Array
+    sent: tuple[Command, ...]
+    shown: tuple[Command, ...]
+    late: Lateness
+
+
+def _seen(
+    engine: Engine, memory: PredictiveMemory, measurement: Measurement, par: PredictiveParameters, dt: float
+) -> Seen:
+    """Estimate at the measurement, and the commands before and after it."""
+    speeds = np.array(measurement.rotor_speeds, dtype=float)
+    if memory.estimate is None or memory.late is None:
+        return Seen(_first(measurement, par.model.vehicle.n), (), (), first_lateness(speeds))
     if len(memory.sent) <= par.delay_periods:
         # the first measurements are those of the start, seen again
-        return memory.estimate, memory.sent
+        return Seen(memory.estimate, memory.sent, memory.shown, memory.late)
+    shown = (*memory.shown, memory.sent[0])[-1 - LONGEST :]
+    modelled = speeds_under(engine.motors, memory.late.modelled[0], np.array(memory.sent[0].rotor_speeds))
+    late = compared(memory.late, modelled, speeds, dt)
+    reading = np.array(leaves(measurement), dtype=float)
     # of the quaternion's two signs the one that is nearer to the last
     if reading[4:8] @ memory.estimate[3:7] < 0.0:
         reading[4:8] *= -1.0
-    return engine.observation.at(memory.estimate, _row(memory.sent[0]), reading), memory.sent[1:]
+    acted = shown[max(len(shown) - 1 - late.periods, 0)]
+    return Seen(engine.observation.at(memory.estimate, _row(acted), reading), memory.sent[1:], shown, late)
 
 
 def _first(measurement: Measurement, joints: int) -> Array:
@@ -140,10 +165,16 @@ def _standing(x: Array, par: PredictiveParameters) -> Plan:
 
 
 def _problem(
-    engine: Engine, x: Array, disturbance: Array, sample: ahead.Sample, time: float, par: PredictiveParameters
+    engine: Engine,
+    x: Array,
+    disturbance: Array,
+    sample: ahead.Sample,
+    time: float,
+    late: float,
+    par: PredictiveParameters,
 ) -> Problem:
-    """What is to be solved from the state now."""
-    later = np.append(0.0, np.cumsum(engine.solver.steps))
+    """What is to be solved from the state ``late`` s after now, when a command begins to act."""
+    later = late + np.append(0.0, np.cumsum(engine.solver.steps))
     if isinstance(par.preview, Trajectory):
         signals = ahead.known(par.preview, time + later)
     else:

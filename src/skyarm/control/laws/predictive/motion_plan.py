@@ -195,3 +195,9 @@ def command_for(lags: Motors, speed: Any, acceleration: Any, dt: Any) -> Any:
     change = acceleration * dt
     wanted = speed + divide(change, where(change > 0.0, lags.up, lags.down))
     return maximum(0.0, minimum(wanted, lags.most))
+
+
+def speeds_under(lags: Motors, speed: Any, command: Any) -> Any:
+    """Speeds (rad/s) of lagging rotors after the period of the lags under commanded speeds."""
+    change = np.minimum(np.maximum(command, 0.0), lags.most) - speed
+    return speed + change * np.where(change > 0.0, lags.up, lags.down)
