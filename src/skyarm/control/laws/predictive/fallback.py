@@ -14,22 +14,31 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.actuation import Command
-from skyarm.algebra import Vec3
+from skyarm.actuation import Command, mix
+from skyarm.algebra import Motion, Vec3
 from skyarm.compile import leaves
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
-from skyarm.control.laws.paper.computed_torque import hybrid_computed_torque
+from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.saturation import limit_efforts
+from skyarm.control.laws.paper.computed_torque import (
+    generalized_force,
+    geometric_accelerations,
+    joint_accelerations,
+)
 from skyarm.control.laws.paper.make import make_paper_controller
 from skyarm.control.laws.predictive.cost import Weights
 from skyarm.control.laws.predictive.preview import Sample
 from skyarm.control.laws.predictive.solve import Plan
 from skyarm.control.model import Model
 from skyarm.reference import Reference
+from skyarm.scalars import divide, sub
 from skyarm.sensors.measurement import Measurement, blank_measurement
 
 Array = npt.NDArray[np.float64]
+
+ZERO = Vec3(0.0, 0.0, 0.0)
 
 WORST = {"position": 0.15, "velocity": 1.5, "tool": 0.15, "joints": 1.0}
 """Errors in m, m/s, m, rad or m: a plan that costs more than these over the whole horizon is none."""
@@ -117,28 +126,34 @@ class Stabiliser:
         signals = ((0.0,) * (4 + joints),) * 3
 
         def step(carry: tuple[Any, ...], _par: Any, row: Any, _uniforms: Any) -> Any:
-            reading, (values, rates, accelerations) = row
+            reading, unknown, (values, rates, accelerations) = row
             wanted = Reference(
                 position=Vec3(*values[:3]),
                 velocity=Vec3(*rates[:3]),
-                acceleration=Vec3(*accelerations[:3]),
+                # what pushes is leaned against
+                acceleration=Vec3(*accelerations[:3]) - unknown.force * divide(1.0, model.vehicle.mass),
                 yaw=values[3],
                 yaw_rate=rates[3],
                 joints=values[4:],
                 joint_rates=rates[4:],
                 joint_accelerations=accelerations[4:],
             )
-            _, command = hybrid_computed_torque((), reading, wanted, 0.0, par=par)
-            return (*command.rotor_speeds, *command.efforts), ()
+            R, a_d, alpha = geometric_accelerations(par, reading, wanted, feedforward=True)
+            base = Motion(alpha, R.apply_T(-a_d))
+            force, torques = generalized_force(par, R, reading, base, joint_accelerations(par, reading, wanted))
+            speeds, _ = mix(par.mixer, force.torque - unknown.torque, force.force.z)
+            efforts = tuple(sub(a, b) for a, b in zip(torques, unknown.efforts, strict=True))
+            return (*speeds, *limit_efforts(par, efforts)), ()
 
         self.zero = np.zeros((self.rotors + joints, 1))
-        row = (blank_measurement(joints, self.rotors), signals)
+        nothing = Disturbance(force=ZERO, torque=ZERO, efforts=(0.0,) * joints)
+        row = (blank_measurement(joints, self.rotors), nothing, signals)
         self.kernel = Kernel(trace_loop(step, (0.0,) * len(self.zero), (), row), Lanes(1))
 
-    def command(self, measurement: Measurement, sample: Sample) -> Command:
-        """The law's command for a sample of the reference."""
+    def command(self, measurement: Measurement, disturbance: Array, sample: Sample) -> Command:
+        """The law's command for a sample of the reference, under leaves of a disturbance."""
         wanted = (sample.values, sample.rates, sample.accelerations)
-        row = np.concatenate([np.array(leaves(measurement), dtype=float), *wanted])
+        row = np.concatenate([np.array(leaves(measurement), dtype=float), disturbance, *wanted])
         found, _ = self.kernel.run(self.zero, np.zeros((0, 1)), row[None])
         values = found[:, 0].tolist()
         return Command(rotor_speeds=tuple(values[: self.rotors]), efforts=tuple(values[self.rotors :]))

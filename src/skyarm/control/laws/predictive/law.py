@@ -96,7 +96,7 @@ def nmpc(
     if trust.flown:
         command = _command(engine, plan, since, x, dt)
     else:
-        command = engine.stabiliser.command(measurement, sample)
+        command = engine.stabiliser.command(measurement, _bearable(estimate[nx:], engine.bounds.efforts), sample)
     following = PredictiveMemory(
         engine=engine,
         estimate=estimate,
