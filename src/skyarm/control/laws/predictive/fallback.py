@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.actuation import Command, mix
+from skyarm.actuation import AllocationError, Command, mix
 from skyarm.algebra import Motion, Vec3
 from skyarm.compile import leaves
 from skyarm.compile.llvm.kernel import Kernel
@@ -22,18 +22,15 @@ from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.saturation import limit_efforts
-from skyarm.control.laws.paper.computed_torque import (
-    generalized_force,
-    geometric_accelerations,
-    joint_accelerations,
-)
+from skyarm.control.blocks.geometric import attitude_loop, downward_acceleration, yaw_of
+from skyarm.control.laws.paper.computed_torque import generalized_force, joint_accelerations
 from skyarm.control.laws.paper.make import make_paper_controller
 from skyarm.control.laws.predictive.cost import Weights
 from skyarm.control.laws.predictive.preview import Sample
 from skyarm.control.laws.predictive.solve import Plan
-from skyarm.control.model import Model
+from skyarm.control.model import Model, Parameters
 from skyarm.reference import Reference
-from skyarm.scalars import divide, sub
+from skyarm.scalars import atan2, cos, divide, maximum, minimum, mul, sin, sqrt, sub
 from skyarm.sensors.measurement import Measurement, blank_measurement
 
 Array = npt.NDArray[np.float64]
@@ -48,6 +45,18 @@ GOOD = 10
 
 REST = (0.3, 5.0)
 """s: the computed torque law flies this long at least, at first and after many hand-overs."""
+
+FLOOR = 0.4
+"""Share of its weight that the vehicle carries at least while no plan is trusted."""
+
+LEAN = 0.7
+"""Tangent of the largest tilt that it asks for then: 35 degrees."""
+
+TURN = 0.5
+"""rad: a nose further from its yaw is turned as if it were so far."""
+
+SMALL = 1e-9
+"""m/s^2: what is less has no direction."""
 
 FORGIVEN = 3.0
 """s of trusted plans after which a hand-over counts as the first."""
@@ -121,29 +130,12 @@ class Stabiliser:
     """
 
     def __init__(self, model: Model) -> None:
-        par = make_paper_controller(model, name="hybrid_computed_torque", mixer_policy="priority").par
+        par = _parameters(model)
         joints, self.rotors = model.vehicle.n, len(model.vehicle.rotors)
         signals = ((0.0,) * (4 + joints),) * 3
 
-        def step(carry: tuple[Any, ...], _par: Any, row: Any, _uniforms: Any) -> Any:
-            reading, unknown, (values, rates, accelerations) = row
-            wanted = Reference(
-                position=Vec3(*values[:3]),
-                velocity=Vec3(*rates[:3]),
-                # what pushes is leaned against
-                acceleration=Vec3(*accelerations[:3]) - unknown.force * divide(1.0, model.vehicle.mass),
-                yaw=values[3],
-                yaw_rate=rates[3],
-                joints=values[4:],
-                joint_rates=rates[4:],
-                joint_accelerations=accelerations[4:],
-            )
-            R, a_d, alpha = geometric_accelerations(par, reading, wanted, feedforward=True)
-            base = Motion(alpha, R.apply_T(-a_d))
-            force, torques = generalized_force(par, R, reading, base, joint_accelerations(par, reading, wanted))
-            speeds, _ = mix(par.mixer, force.torque - unknown.torque, force.force.z)
-            efforts = tuple(sub(a, b) for a, b in zip(torques, unknown.efforts, strict=True))
-            return (*speeds, *limit_efforts(par, efforts)), ()
+        def step(_carry: Any, _par: Any, row: Any, _uniforms: Any) -> Any:
+            return _computed_torque(par, *row), ()
 
         self.zero = np.zeros((self.rotors + joints, 1))
         nothing = Disturbance(force=ZERO, torque=ZERO, efforts=(0.0,) * joints)
@@ -157,3 +149,68 @@ class Stabiliser:
         found, _ = self.kernel.run(self.zero, np.zeros((0, 1)), row[None])
         values = found[:, 0].tolist()
         return Command(rotor_speeds=tuple(values[: self.rotors]), efforts=tuple(values[self.rotors :]))
+
+
+def _computed_torque(par: Parameters, reading: Measurement, unknown: Disturbance, signals: Any) -> tuple[Any, ...]:
+    """Rotor speeds and efforts: the paper's law, which leans no further than it can climb, less what already pushes."""
+    model, (values, rates, accelerations) = par.model, signals
+    vehicle, R = model.vehicle, reading.quaternion.rotation()
+    wanted = Reference(
+        joints=tuple(values[4:]), joint_rates=tuple(rates[4:]), joint_accelerations=tuple(accelerations[4:])
+    )
+    a_d = downward_acceleration(
+        par.gains,
+        vehicle.mass,
+        model.gravity,
+        position_error=reading.position - Vec3(*values[:3]),
+        velocity_error=reading.velocity - Vec3(*rates[:3]),
+        acceleration=Vec3(*accelerations[:3]) - unknown.force * divide(1.0, vehicle.mass),
+    )
+    a_d = -_climbable(-a_d, model.gravity)
+    alpha = attitude_loop(
+        par.gains,
+        vehicle.base.inertia,
+        a_d=a_d,
+        yaw=_near(values[3], yaw_of(reading.quaternion)),
+        yaw_rate=rates[3],
+        R_WB=R,
+        w_B=reading.rate,
+        rate_form=par.rate_error,
+    )
+    base = Motion(alpha, R.apply_T(-a_d))
+    force, torques = generalized_force(par, R, reading, base, joint_accelerations(par, reading, wanted))
+    speeds, _ = mix(par.mixer, force.torque - unknown.torque, force.force.z)
+    efforts = tuple(sub(a, b) for a, b in zip(torques, unknown.efforts, strict=True))
+    return (*speeds, *limit_efforts(par, efforts))
+
+
+def _near(yaw: Any, heading: Any) -> Any:
+    """A yaw (rad) no further than :data:`TURN` from the heading, on its shorter side.
+
+    The attitude error is the sine of the turn: a nose that points backwards would take the torque from the tilt.
+    """
+    off = yaw - heading
+    off = atan2(sin(off), cos(off))
+    return heading + maximum(-TURN, minimum(off, TURN))
+
+
+def _climbable(force: Vec3, gravity: Any) -> Vec3:
+    """A specific force (m/s^2, world axes) with a share of gravity upwards at least, and no further from the vertical.
+
+    Rotors that carry nothing have no torque to give, and a thrust that lies down does not come up again.
+    """
+    up = maximum(force.z, mul(FLOOR, gravity))
+    across = sqrt(force.x * force.x + force.y * force.y)
+    share = minimum(1.0, divide(mul(LEAN, up), maximum(across, SMALL)))
+    return Vec3(force.x * share, force.y * share, up)
+
+
+def _parameters(model: Model) -> Parameters:
+    """RotorS's gains scaled to the belief; torques before thrust where every rotor lifts."""
+    name = "hybrid_computed_torque"
+    try:
+        made = make_paper_controller(model, name=name, mixer_policy="priority")
+    except AllocationError:
+        made = make_paper_controller(model, name=name)
+    par: Parameters = made.par
+    return par
