@@ -54,16 +54,18 @@ def first_lateness(speeds: Array) -> Lateness:
     return Lateness(np.tile(speeds, (LONGEST + 1, 1)), np.zeros(LONGEST + 1))
 
 
-def compared(before: Lateness, modelled: Array, measured: Array, dt: float) -> Lateness:
+def compared(before: Lateness, modelled: Array, measured: Array | None, dt: float) -> Lateness:
     """The same after ``dt`` s.
 
     Args:
         before: one period earlier.
         modelled: (rotors,) speeds now of rotors that obeyed the commands so far at once.
-        measured: (rotors,) speeds.
+        measured: (rotors,) speeds; None if they are those of the measurement before, which tell nothing.
         dt: s.
     """
     rows = np.vstack([modelled, before.modelled[:-1]])
+    if measured is None:
+        return dataclasses.replace(before, modelled=rows)
     kept = np.exp(-dt / MEMORY)
     squares = kept * before.squares + np.mean((rows - measured) ** 2, axis=1)
     found = Lateness(rows, squares, kept * before.weight + 1.0, before.count + 1, before.periods)

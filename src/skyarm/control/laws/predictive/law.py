@@ -19,6 +19,7 @@ stages and rates of rotor speeds as inputs are our own.
 from __future__ import annotations
 
 import contextlib
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +32,7 @@ from skyarm.control.laws.predictive import preview as ahead
 from skyarm.control.laws.predictive.command_delay import LONGEST, Lateness, compared, first_lateness
 from skyarm.control.laws.predictive.engine import Engine, engine_for
 from skyarm.control.laws.predictive.fallback import Trust, after_period, after_plan, trusted
+from skyarm.control.laws.predictive.frozen_sensors import Fresh, filled, frozen, taken_over
 from skyarm.control.laws.predictive.motion_plan import command_for, speeds_under
 from skyarm.control.laws.predictive.parameters import PredictiveParameters
 from skyarm.control.laws.predictive.solve import NoPlanError, Plan, Problem, shifted
@@ -44,6 +46,9 @@ LONGEST_ERROR = 0.15
 
 WIDEST_ERROR = 0.5
 """rad or m: the same for a joint."""
+
+WIDEST_TURN = 1.0
+"""rad: the same for the heading, whose cost is of the sine."""
 
 BEARABLE = 0.8
 """Share of a drive's limit that a disturbance is foreseen to take at most; the rest moves the arm."""
@@ -60,6 +65,7 @@ class PredictiveMemory:
         engine: machine code. estimate: leaves of :class:`skyarm.control.laws.predictive.kalman_observer.Estimate` at
             the last measurement. sent: commands that it does not show yet, oldest first, if they act at once.
         shown: the last ones before them. late: what tells how late they really act.
+        fresh: the last measurement as it came, and for how long it has been the same.
         sample: of the reference. plan: the last solution. since: control periods since it was made.
         trust: in the plans.
     """
@@ -69,6 +75,7 @@ class PredictiveMemory:
     sent: tuple[Command, ...] = ()
     shown: tuple[Command, ...] = ()
     late: Lateness | None = None
+    fresh: Fresh | None = None
     sample: ahead.Sample | None = None
     plan: Plan | None = None
     since: int = 0
@@ -103,6 +110,7 @@ def nmpc(
         sent=(*sent, command),
         shown=seen.shown,
         late=seen.late,
+        fresh=seen.fresh,
         sample=sample,
         plan=plan,
         since=since + 1,
@@ -123,6 +131,7 @@ class Seen:
     sent: tuple[Command, ...]
     shown: tuple[Command, ...]
     late: Lateness
+    fresh: Fresh | None = None
 
 
 def _seen(
@@ -134,16 +143,25 @@ def _seen(
         return Seen(_first(measurement, par.model.vehicle.n), (), (), first_lateness(speeds))
     if len(memory.sent) <= par.delay_periods:
         # the first measurements are those of the start, seen again
-        return Seen(memory.estimate, memory.sent, memory.shown, memory.late)
+        return Seen(memory.estimate, memory.sent, memory.shown, memory.late, memory.fresh)
     shown = (*memory.shown, memory.sent[0])[-1 - LONGEST :]
     modelled = speeds_under(engine.motors, memory.late.modelled[0], np.array(memory.sent[0].rotor_speeds))
-    late = compared(memory.late, modelled, speeds, dt)
+    stopped = memory.fresh is not None and np.array_equal(memory.fresh.reading[-len(speeds) :], speeds)
+    late = compared(memory.late, modelled, None if stopped else speeds, dt)
     reading = np.array(leaves(measurement), dtype=float)
+    stuck = frozen(memory.fresh, reading, par.model.vehicle.n)
+    fresh = Fresh(reading.copy(), stuck.silent)
+    acted = _row(shown[max(len(shown) - 1 - late.periods, 0)])
     # of the quaternion's two signs the one that is nearer to the last
     if reading[4:8] @ memory.estimate[3:7] < 0.0:
         reading[4:8] *= -1.0
-    acted = shown[max(len(shown) - 1 - late.periods, 0)]
-    return Seen(engine.observation.at(memory.estimate, _row(acted), reading), memory.sent[1:], shown, late)
+    if stuck.parts:
+        foreseen = engine.observation.now(memory.estimate, [acted])
+        reading = filled(reading, foreseen, stuck.parts, par.model.vehicle.n)
+    estimate = engine.observation.at(memory.estimate, acted, reading)
+    if stuck.spoke_again:
+        estimate = taken_over(estimate, memory.estimate, reading, par.model.vehicle.n)
+    return Seen(estimate, memory.sent[1:], shown, late, fresh)
 
 
 def _first(measurement: Measurement, joints: int) -> Array:
@@ -185,10 +203,18 @@ def _problem(
     distance = float(np.linalg.norm(error))
     if distance > LONGEST_ERROR:
         wanted[:, :3] += error * (1.0 - LONGEST_ERROR / distance)
+    off = float(np.angle(np.exp(1j * (_heading(x) - wanted[0, 6]))))
+    wanted[:, 6] += off - np.clip(off, -WIDEST_TURN, WIDEST_TURN)
     joints = par.model.vehicle.n
     beyond = x[13 : 13 + joints] - wanted[0, 7 : 7 + joints]
     wanted[:, 7 : 7 + joints] += beyond - np.clip(beyond, -WIDEST_ERROR, WIDEST_ERROR)
     return Problem(x, _bearable(disturbance, engine.bounds.efforts), wanted)
+
+
+def _heading(x: Array) -> float:
+    """Heading of a state, rad."""
+    w, a, b, c = x[3:7].tolist()
+    return math.atan2(2.0 * (w * c + a * b), 1.0 - 2.0 * (b * b + c * c))
 
 
 def _bearable(disturbance: Array, most: Array) -> Array:
