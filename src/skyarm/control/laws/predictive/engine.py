@@ -22,6 +22,7 @@ from skyarm.control.laws.predictive.motion_plan import Motors, motors
 from skyarm.control.laws.predictive.parameters import PredictiveParameters
 from skyarm.control.laws.predictive.rollout import Bounds, Rollouts
 from skyarm.control.laws.predictive.solve import Riccati, Solver
+from skyarm.control.laws.predictive.stance import Stance
 from skyarm.control.model import Model
 from skyarm.sensors.measurement import blank_measurement
 
@@ -75,6 +76,7 @@ class Engine:
     Attributes:
         solver, observation, motors, bounds: those.
         stabiliser: what flies while no plan is trusted. most: cost of a plan that is trusted.
+        stance: where the base stands aside for the tip.
     """
 
     solver: Solver
@@ -83,6 +85,7 @@ class Engine:
     bounds: Bounds
     stabiliser: Stabiliser
     most: float
+    stance: Stance
 
 
 def engine_for(par: PredictiveParameters, dt: float) -> Engine:
@@ -120,7 +123,7 @@ def _engine(
         made = InteriorPoint(solver, model, weights, mode, compiled, steps, bounds)
     most = worst_cost(weights, mode, vehicle.n, horizon)
     seen = Observation(model, bandwidths, dt)
-    return Engine(made, seen, motors(vehicle.rotors, dt), bounds, Stabiliser(model), most)
+    return Engine(made, seen, motors(vehicle.rotors, dt), bounds, Stabiliser(model), most, Stance(model, mode))
 
 
 def stage_lengths(stages: int, every: int, horizon: float, dt: float) -> Array:

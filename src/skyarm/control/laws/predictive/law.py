@@ -44,7 +44,7 @@ Array = npt.NDArray[np.float64]
 LONGEST_ERROR = 0.15
 """m: a base further from its reference is asked to come this near only, so that a step does not saturate everything."""
 
-WIDEST_ERROR = 0.5
+WIDEST_ERROR = 1.5
 """rad or m: the same for a joint."""
 
 WIDEST_TURN = 1.0
@@ -197,15 +197,18 @@ def _problem(
         signals = ahead.known(par.preview, time + later)
     else:
         signals = ahead.extrapolated(sample, sample.age + later)
-    wanted = ahead.goals(*signals)
+    model = par.model
+    held = np.array([0.0, 0.0, float(model.gravity)]) - disturbance[:3] / float(model.vehicle.mass)
+    shift = engine.stance.at(signals[2][:, :3] + held, signals[0])
+    wanted = ahead.goals(*signals, shift)
     # a step of the reference is approached as one of this size, which moves along
-    error = x[:3] - wanted[0, :3]
+    error = x[:3] - wanted[0, :3] - shift[0]
     distance = float(np.linalg.norm(error))
     if distance > LONGEST_ERROR:
         wanted[:, :3] += error * (1.0 - LONGEST_ERROR / distance)
     off = float(np.angle(np.exp(1j * (_heading(x) - wanted[0, 6]))))
     wanted[:, 6] += off - np.clip(off, -WIDEST_TURN, WIDEST_TURN)
-    joints = par.model.vehicle.n
+    joints = model.vehicle.n
     beyond = x[13 : 13 + joints] - wanted[0, 7 : 7 + joints]
     wanted[:, 7 : 7 + joints] += beyond - np.clip(beyond, -WIDEST_ERROR, WIDEST_ERROR)
     return Problem(x, _bearable(disturbance, engine.bounds.efforts), wanted)

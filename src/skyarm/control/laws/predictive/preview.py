@@ -136,6 +136,7 @@ def known(trajectory: Trajectory, times: Array) -> tuple[Array, Array, Array]:
     return values, rates, accelerations
 
 
-def goals(values: Array, rates: Array, accelerations: Array) -> Array:
-    """Leaves of a :class:`skyarm.control.laws.predictive.cost.Goal` per instant."""
-    return np.concatenate([values[:, :3], rates[:, :3], values[:, 3:], rates[:, 4:], accelerations[:, 4:]], axis=1)
+def goals(values: Array, rates: Array, accelerations: Array, shift: Array) -> Array:
+    """Leaves of a :class:`skyarm.control.laws.predictive.cost.Goal` per instant; shift (T, 3) is its own."""
+    parts = values[:, :3], rates[:, :3], values[:, 3:], rates[:, 4:], accelerations[:, 4:], shift
+    return np.concatenate(parts, axis=1)
