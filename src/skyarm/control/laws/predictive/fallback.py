@@ -16,7 +16,6 @@ import numpy.typing as npt
 
 from skyarm.actuation import AllocationError, Command, mix
 from skyarm.algebra import Motion, Vec3
-from skyarm.compile import leaves
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
@@ -38,7 +37,10 @@ Array = npt.NDArray[np.float64]
 ZERO = Vec3(0.0, 0.0, 0.0)
 
 WORST = {"position": 0.15, "velocity": 1.5, "tool": 0.15, "joints": 1.0}
-"""Errors in m, m/s, m, rad or m: a plan that costs more than these over the whole horizon is none."""
+"""Errors in m, m/s, m, rad or m that a flight may have for a moment."""
+
+TIMES = 10.0
+"""Cost of a plan that is flown at most, as a multiple of that of these errors; plans that lead nowhere cost 1e5 and more."""
 
 GOOD = 10
 """Plans to be trusted in a row before one is flown again."""
@@ -83,12 +85,12 @@ class Trust:
 
 
 def worst_cost(weights: Weights, mode: str, joints: int, horizon: float) -> float:
-    """Cost of the errors :data:`WORST` over the whole horizon, in mode "tool" with that of the tip."""
+    """Cost from which a plan is none: :data:`TIMES` that of the errors :data:`WORST` all along, of the tip in mode "tool"."""
     errors = [float(weights.position) * WORST["position"], float(weights.velocity) * WORST["velocity"]]
     errors += [float(weights.joints) * WORST["joints"]] * joints
     if mode == "tool":
         errors.append(float(weights.tool) * WORST["tool"])
-    return 2.0 * (horizon + float(weights.final)) * sum(error * error for error in errors)
+    return TIMES * (horizon + float(weights.final)) * sum(error * error for error in errors)
 
 
 def trusted(plan: Plan, most: float) -> bool:
@@ -142,10 +144,10 @@ class Stabiliser:
         row = (blank_measurement(joints, self.rotors), nothing, signals)
         self.kernel = Kernel(trace_loop(step, (0.0,) * len(self.zero), (), row), Lanes(1))
 
-    def command(self, measurement: Measurement, disturbance: Array, sample: Sample) -> Command:
-        """The law's command for a sample of the reference, under leaves of a disturbance."""
+    def command(self, reading: Array, disturbance: Array, sample: Sample) -> Command:
+        """The law's command for leaves of a measurement and of a disturbance, and a sample of the reference."""
         wanted = (sample.values, sample.rates, sample.accelerations)
-        row = np.concatenate([np.array(leaves(measurement), dtype=float), disturbance, *wanted])
+        row = np.concatenate([reading, disturbance, *wanted])
         found, _ = self.kernel.run(self.zero, np.zeros((0, 1)), row[None])
         values = found[:, 0].tolist()
         return Command(rotor_speeds=tuple(values[: self.rotors]), efforts=tuple(values[self.rotors :]))

@@ -103,7 +103,8 @@ def nmpc(
     if trust.flown:
         command = _command(engine, plan, since, x, dt)
     else:
-        command = engine.stabiliser.command(measurement, _bearable(estimate[nx:], engine.bounds.efforts), sample)
+        known = _bearable(estimate[nx:], engine.bounds.efforts)
+        command = engine.stabiliser.command(seen.reading, known, sample)
     following = PredictiveMemory(
         engine=engine,
         estimate=estimate,
@@ -125,30 +126,31 @@ def _row(command: Command) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What a measurement leaves in memory; see :class:`PredictiveMemory`."""
+    """What a measurement leaves in memory, see :class:`PredictiveMemory`, and itself with frozen parts foreseen."""
 
     estimate: Array
     sent: tuple[Command, ...]
     shown: tuple[Command, ...]
     late: Lateness
-    fresh: Fresh | None = None
+    fresh: Fresh | None
+    reading: Array
 
 
 def _seen(
     engine: Engine, memory: PredictiveMemory, measurement: Measurement, par: PredictiveParameters, dt: float
 ) -> Seen:
     """Estimate at the measurement, and the commands before and after it."""
+    reading = np.array(leaves(measurement), dtype=float)
     speeds = np.array(measurement.rotor_speeds, dtype=float)
     if memory.estimate is None or memory.late is None:
-        return Seen(_first(measurement, par.model.vehicle.n), (), (), first_lateness(speeds))
+        return Seen(_first(measurement, par.model.vehicle.n), (), (), first_lateness(speeds), None, reading)
     if len(memory.sent) <= par.delay_periods:
         # the first measurements are those of the start, seen again
-        return Seen(memory.estimate, memory.sent, memory.shown, memory.late, memory.fresh)
+        return Seen(memory.estimate, memory.sent, memory.shown, memory.late, memory.fresh, reading)
     shown = (*memory.shown, memory.sent[0])[-1 - LONGEST :]
     modelled = speeds_under(engine.motors, memory.late.modelled[0], np.array(memory.sent[0].rotor_speeds))
     stopped = memory.fresh is not None and np.array_equal(memory.fresh.reading[-len(speeds) :], speeds)
     late = compared(memory.late, modelled, None if stopped else speeds, dt)
-    reading = np.array(leaves(measurement), dtype=float)
     stuck = frozen(memory.fresh, reading, par.model.vehicle.n)
     fresh = Fresh(reading.copy(), stuck.silent)
     acted = _row(shown[max(len(shown) - 1 - late.periods, 0)])
@@ -161,7 +163,7 @@ def _seen(
     estimate = engine.observation.at(memory.estimate, acted, reading)
     if stuck.spoke_again:
         estimate = taken_over(estimate, memory.estimate, reading, par.model.vehicle.n)
-    return Seen(estimate, memory.sent[1:], shown, late, fresh)
+    return Seen(estimate, memory.sent[1:], shown, late, fresh, reading)
 
 
 def _first(measurement: Measurement, joints: int) -> Array:

@@ -40,9 +40,7 @@ def examples(joints: int, rotors: int) -> tuple[State, Inputs, Disturbance, Goal
         joint_rates=arm,
         rotor_speeds=(0.0,) * rotors,
     )
-    goal = Goal(
-        position=zero, velocity=zero, yaw=0.0, joints=arm, joint_rates=arm, joint_accelerations=arm, shift=zero
-    )
+    goal = Goal(position=zero, velocity=zero, yaw=0.0, joints=arm, joint_rates=arm, joint_accelerations=arm, shift=zero)
     inputs = Inputs(rotor_accelerations=(0.0,) * rotors, efforts=arm)
     return state, inputs, Disturbance(force=zero, torque=zero, efforts=arm), goal
 
