@@ -10,7 +10,7 @@ from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.laws.predictive.motion_plan import Inputs, accelerations
 from skyarm.control.model import Model
 from skyarm.dynamics import State, frame_pose
-from skyarm.scalars import Scalar, add, cos, mul, sin, sub
+from skyarm.scalars import Scalar, cos, mul, sin, sub
 from skyarm.vehicle.vehicle_records import BASE, Vehicle
 
 MODES = ("tool", "joints")

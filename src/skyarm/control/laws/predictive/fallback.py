@@ -1,9 +1,9 @@
 """What flies while no plan can be trusted: the test of a plan, how long it stays distrusted, and the law in its place.
 
-A plan is trusted if all its numbers are finite and its cost is at most that of errors which no flight that goes well
-has (:func:`worst_cost`). The first plan that is not hands over to the paper's computed torque law, which needs no plan,
-no iterations and no memory. Plans go on being made meanwhile; after enough good ones in a row, and a rest that doubles
-with each hand-over that follows soon, the predictive law takes over again.
+A plan is trusted if all its numbers are finite and it costs at most :func:`worst_cost`, which no flight that goes well
+reaches. The first one that is not hands over to the paper's computed torque law, which needs no plan, no iterations and
+no memory; it is given the observer's disturbance and leans 35 degrees at most. Plans go on being made meanwhile; after
+enough good ones in a row, and a rest that doubles with each hand-over that follows soon, they are flown again.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.blocks.saturation import limit_efforts
 from skyarm.control.blocks.geometric import attitude_loop, downward_acceleration, yaw_of
+from skyarm.control.blocks.saturation import limit_efforts
 from skyarm.control.laws.paper.computed_torque import generalized_force, joint_accelerations
 from skyarm.control.laws.paper.make import make_paper_controller
 from skyarm.control.laws.predictive.cost import Weights
@@ -40,7 +40,7 @@ WORST = {"position": 0.15, "velocity": 1.5, "tool": 0.15, "joints": 1.0}
 """Errors in m, m/s, m, rad or m that a flight may have for a moment."""
 
 TIMES = 10.0
-"""Cost of a plan that is flown at most, as a multiple of that of these errors; plans that lead nowhere cost 1e5 and more."""
+"""Most that a plan may cost, as a multiple of these errors' cost; plans that lead nowhere cost 1e5 and more."""
 
 GOOD = 10
 """Plans to be trusted in a row before one is flown again."""
@@ -85,7 +85,7 @@ class Trust:
 
 
 def worst_cost(weights: Weights, mode: str, joints: int, horizon: float) -> float:
-    """Cost from which a plan is none: :data:`TIMES` that of the errors :data:`WORST` all along, of the tip in mode "tool"."""
+    """Most that a plan may cost: :data:`TIMES` the errors :data:`WORST` all along, the tip's in mode "tool" only."""
     errors = [float(weights.position) * WORST["position"], float(weights.velocity) * WORST["velocity"]]
     errors += [float(weights.joints) * WORST["joints"]] * joints
     if mode == "tool":

@@ -3,7 +3,8 @@
 Law: every so many control periods (option ``every``) the motion of base, arm and rotors over a short horizon of growing
 stages is chosen so that base, joints and tool follow the reference at little rotor acceleration; in between the
 feedback u = u* + K (x - x*) of the solution acts. A disturbance observer makes it free of offset. The solution is warm
-started from the last one, moved on in time.
+started from the last one, moved on in time. Commands that act late, frozen sensors and plans that lead nowhere are
+noticed (:mod:`.command_delay`, :mod:`.frozen_sensors`, :mod:`.fallback`).
 
 Assumptions: rigid bodies, rotors that lag, still air; what else pushes is one force and torque at the base and one
 torque a joint, constant over the horizon. Position, velocity, acceleration of the *held samples* are extrapolated, as
@@ -19,7 +20,6 @@ stages and rates of rotor speeds as inputs are our own.
 from __future__ import annotations
 
 import contextlib
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,26 +35,12 @@ from skyarm.control.laws.predictive.fallback import Trust, after_period, after_p
 from skyarm.control.laws.predictive.frozen_sensors import Fresh, filled, frozen, taken_over
 from skyarm.control.laws.predictive.motion_plan import command_for, speeds_under
 from skyarm.control.laws.predictive.parameters import PredictiveParameters
+from skyarm.control.laws.predictive.problem import bearable, problem_at
 from skyarm.control.laws.predictive.solve import NoPlanError, Plan, Problem, shifted
-from skyarm.reference import Reference, Trajectory
+from skyarm.reference import Reference
 from skyarm.sensors.measurement import Measurement
 
 Array = npt.NDArray[np.float64]
-
-LONGEST_ERROR = 0.15
-"""m: a base further from its reference is asked to come this near only, so that a step does not saturate everything."""
-
-WIDEST_ERROR = 1.5
-"""rad or m: the same for a joint."""
-
-WIDEST_TURN = 1.0
-"""rad: the same for the heading, whose cost is of the sine."""
-
-BEARABLE = 0.8
-"""Share of a drive's limit that a disturbance is foreseen to take at most; the rest moves the arm."""
-
-TRUSTING = Trust()
-"""Trust before the first plan."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -79,7 +65,7 @@ class PredictiveMemory:
     sample: ahead.Sample | None = None
     plan: Plan | None = None
     since: int = 0
-    trust: Trust = TRUSTING
+    trust: Trust | None = None
 
 
 def nmpc(
@@ -94,16 +80,16 @@ def nmpc(
     pending = (*seen.shown[len(seen.shown) - late :], *sent)
     x = engine.observation.now(estimate, [_row(command) for command in pending])[:nx]
     sample = ahead.taken(reference, memory.sample, dt)
-    plan, since, trust = memory.plan, memory.since, memory.trust
+    plan, since, trust = memory.plan, memory.since, memory.trust or Trust()
     if plan is None or since >= par.every:
         now = measurement.time + par.delay_periods * dt
-        problem = _problem(engine, x, estimate[nx:], sample, now, late * dt, par)
+        problem = problem_at(engine, x, estimate[nx:], sample, now, late * dt, par)
         plan, since = _solved(engine, plan, since * dt, problem, par), 0
         trust = after_plan(trust, trusted(plan, engine.most))
     if trust.flown:
         command = _command(engine, plan, since, x, dt)
     else:
-        known = _bearable(estimate[nx:], engine.bounds.efforts)
+        known = bearable(estimate[nx:], engine.bounds.efforts)
         command = engine.stabiliser.command(seen.reading, known, sample)
     following = PredictiveMemory(
         engine=engine,
@@ -142,15 +128,16 @@ def _seen(
     """Estimate at the measurement, and the commands before and after it."""
     reading = np.array(leaves(measurement), dtype=float)
     speeds = np.array(measurement.rotor_speeds, dtype=float)
-    if memory.estimate is None or memory.late is None:
-        return Seen(_first(measurement, par.model.vehicle.n), (), (), first_lateness(speeds), None, reading)
+    known = memory.late or first_lateness(speeds)
+    if memory.estimate is None:
+        return Seen(_first(measurement, par.model.vehicle.n), (), (), known, None, reading)
     if len(memory.sent) <= par.delay_periods:
         # the first measurements are those of the start, seen again
-        return Seen(memory.estimate, memory.sent, memory.shown, memory.late, memory.fresh, reading)
+        return Seen(memory.estimate, memory.sent, memory.shown, known, memory.fresh, reading)
     shown = (*memory.shown, memory.sent[0])[-1 - LONGEST :]
-    modelled = speeds_under(engine.motors, memory.late.modelled[0], np.array(memory.sent[0].rotor_speeds))
+    modelled = speeds_under(engine.motors, known.modelled[0], np.array(memory.sent[0].rotor_speeds))
     stopped = memory.fresh is not None and np.array_equal(memory.fresh.reading[-len(speeds) :], speeds)
-    late = compared(memory.late, modelled, None if stopped else speeds, dt)
+    late = compared(known, modelled, None if stopped else speeds, dt)
     stuck = frozen(memory.fresh, reading, par.model.vehicle.n)
     fresh = Fresh(reading.copy(), stuck.silent)
     acted = _row(shown[max(len(shown) - 1 - late.periods, 0)])
@@ -182,54 +169,6 @@ def _standing(x: Array, par: PredictiveParameters) -> Plan:
     still[7:13], still[13 + vehicle.n : 13 + 2 * vehicle.n] = 0.0, 0.0
     nu = len(held)
     return Plan(np.tile(still, (stages + 1, 1)), np.tile(held, (stages, 1)), np.zeros((stages, nu, len(x))))
-
-
-def _problem(
-    engine: Engine,
-    x: Array,
-    disturbance: Array,
-    sample: ahead.Sample,
-    time: float,
-    late: float,
-    par: PredictiveParameters,
-) -> Problem:
-    """What is to be solved from the state ``late`` s after now, when a command begins to act."""
-    later = late + np.append(0.0, np.cumsum(engine.solver.steps))
-    if isinstance(par.preview, Trajectory):
-        signals = ahead.known(par.preview, time + later)
-    else:
-        signals = ahead.extrapolated(sample, sample.age + later)
-    model = par.model
-    held = np.array([0.0, 0.0, float(model.gravity)]) - disturbance[:3] / float(model.vehicle.mass)
-    shift = engine.stance.at(signals[2][:, :3] + held, signals[0])
-    wanted = ahead.goals(*signals, shift)
-    # a step of the reference is approached as one of this size, which moves along
-    error = x[:3] - wanted[0, :3] - shift[0]
-    distance = float(np.linalg.norm(error))
-    if distance > LONGEST_ERROR:
-        wanted[:, :3] += error * (1.0 - LONGEST_ERROR / distance)
-    off = float(np.angle(np.exp(1j * (_heading(x) - wanted[0, 6]))))
-    wanted[:, 6] += off - np.clip(off, -WIDEST_TURN, WIDEST_TURN)
-    joints = model.vehicle.n
-    beyond = x[13 : 13 + joints] - wanted[0, 7 : 7 + joints]
-    wanted[:, 7 : 7 + joints] += beyond - np.clip(beyond, -WIDEST_ERROR, WIDEST_ERROR)
-    return Problem(x, _bearable(disturbance, engine.bounds.efforts), wanted)
-
-
-def _heading(x: Array) -> float:
-    """Heading of a state, rad."""
-    w, a, b, c = x[3:7].tolist()
-    return math.atan2(2.0 * (w * c + a * b), 1.0 - 2.0 * (b * b + c * c))
-
-
-def _bearable(disturbance: Array, most: Array) -> Array:
-    """A disturbance whose torques the arm can hold; its force as it is.
-
-    What pushes harder carries the arm away until it lies along the push. A torque foreseen as constant would spin it
-    up over the whole horizon, and no plan would be found.
-    """
-    share = np.max(np.abs(disturbance[6:]) / (BEARABLE * most), initial=1.0)
-    return disturbance if share == 1.0 else np.append(disturbance[:3], disturbance[3:] / share)
 
 
 def _solved(engine: Engine, last: Plan | None, passed: float, problem: Problem, par: PredictiveParameters) -> Plan:

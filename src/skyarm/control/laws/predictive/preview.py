@@ -107,7 +107,7 @@ def taken(reference: Reference, before: Sample | None, dt: float) -> Sample:
         return Sample(values, rates, accelerations, still, 0.0, still, still)
     jerks = (accelerations - before.accelerations) / age
     pull, weight, foretold = before.pull, before.weight, before.foretold + 1
-    if foretold > SETTLED:
+    if foretold > SETTLED and before.secants is not None:
         # the second derivative of the acceleration, at the sample before
         bend = (jerks - before.secants) / (0.5 * (age + before.gap))
         kept = np.exp(-age / KEPT)
