@@ -104,6 +104,11 @@ def _along_its_link(d: Document) -> None:
         part["com"] = [0.0, 0.0, part["com"][2]]
 
 
+def _touching(joint: Document) -> None:
+    """Limits 0.01 rad apart, or 1 mm: fingers slide by some millimetres."""
+    joint.update(lower=0.0, upper=0.001 if joint.get("kind") == "prismatic" else 0.01)
+
+
 def _twice(d: Document) -> None:
     """The last joint about the axis of the one before it, in its place."""
     last, before = d["links"][-1]["joint"], d["links"][-2]["joint"]
@@ -143,7 +148,7 @@ PLANTED = (
         (".lower", ".upper"),
         ARMS,
     ),
-    Planted("limits that touch", lambda d: d["links"][-1]["joint"].update(lower=0.0, upper=0.01), (".lower",), ARMS),
+    Planted("limits that touch", lambda d: _touching(d["links"][-1]["joint"]), (".lower",), ARMS),
     Planted("axis along its link", _along_its_link, (".axis",), ALONG, ("crazyflie_arm1", "pelican_arm2")),
     Planted("axis twice", _twice, (".axis",), TWO_JOINTS),
     Planted(

@@ -247,7 +247,7 @@ def test_the_locked_inertia_is_that_of_the_bodies_by_steiner():
     places = [h + float(b.com.z) for h, b in zip(heights, bodies, strict=True)]
     middle = sum(m * z for m, z in zip(masses, places, strict=True)) / sum(masses)
     expected = sum(float(b.inertia.xx) + m * (z - middle) ** 2 for b, m, z in zip(bodies, masses, places, strict=True))
-    assert locked_inertia(ARM2, np.zeros(2))[0, 0] == pytest.approx(expected, rel=1e-12)
+    assert locked_inertia(ARM2, np.zeros((1, 2)))[0, 0, 0] == pytest.approx(expected, rel=1e-12)
 
 
 def test_attitude_and_rates_along_a_reference_are_a_rotation_s():

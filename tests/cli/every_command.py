@@ -34,7 +34,7 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
 }
 """Command -> words after its name; in this order, the rows of the sweep are there for the statistics."""
 
-KEPT: Mapping[str, tuple[str, ...]] = {"new": ("fresh.py", "test_fresh.py")}
+KEPT: Mapping[str, tuple[str, ...]] = {"new": ("fresh.py", "test_fresh.py"), "attach": ("mine.toml",)}
 """Command that never overwrites -> its files, which are removed before it runs again."""
 
 NEEDS = {"sweep": "pyarrow", "stats": "pyarrow", "film": "viser"}

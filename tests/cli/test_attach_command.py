@@ -71,8 +71,16 @@ def test_an_arm_of_two_ends_has_no_tip_of_itself_and_one_chain_its_last(here):
     assert "no tip (--tip)" in done.out
     assert load_vehicle(here / "v.toml").end_effector == ""
     saved(here, robot(*ARM), "chain.urdf")
-    assert "tip 'tip'" in skyarm("attach", "hummingbird", "chain.urdf", "-o", "v.toml").out
-    assert load_vehicle(here / "v.toml").frame().link == 1
+    assert "tip 'tip'" in skyarm("attach", "hummingbird", "chain.urdf", "-o", "w.toml").out
+    assert load_vehicle(here / "w.toml").frame().link == 1
+
+
+def test_a_vehicle_file_that_is_there_stays_as_it_is(here):
+    (here / "mine.toml").write_text("# by hand\n", "utf-8")
+    refused(
+        skyarm("attach", "hummingbird", "arm.urdf", "-o", "mine.toml"), "--out = 'mine.toml': must not be there yet"
+    )
+    assert (here / "mine.toml").read_text("utf-8") == "# by hand\n"
 
 
 def test_another_arm_on_what_was_written(here):

@@ -65,7 +65,7 @@ def test_a_page_needs_nothing_else_and_shows_the_worst_poses(here):
     assert "<script" not in page
     assert "&lt;script&gt;" in page
     assert not re.search(r'(src|href)="(?!data:)', page)
-    assert page.count("data:image/png;base64,") == 3  # two poses and the torques
+    assert page.count("data:image/png;base64,") == 4  # three poses and the torques
     assert "worst for joints[shoulder] static effort with 0.2 kg" in page
 
 
@@ -83,6 +83,7 @@ def test_a_page_needs_nothing_else_and_shows_the_worst_poses(here):
         (("pelican_arm2", "--gravity", "0"), ("--gravity = 0",)),
         (("case2", "--gravity", "9"), ("--gravity = 9", "plant.gravity")),
         (("pelican_arm2", "--html", ""), ("--html = ''",)),
+        (("pelican_arm2", "--html", "page.txt"), ("--html = 'page.txt'", "must end in .html")),
         (("pelican_arm2", "--html", "."), ("'.'",)),
         (("robustness",), ("robustness",)),
     ],

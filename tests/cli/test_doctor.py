@@ -35,6 +35,18 @@ def test_all_that_flights_need_works_here(monkeypatch):
     assert set(FLOORS) <= set(found)
 
 
+def test_a_folder_that_is_gone_or_holds_a_namesake_is_not_the_installation_s_fault(quick, tmp_path):
+    quick.setattr(doctor, "TRIALS", {"MuJoCo": (doctor.MUJOCO, "", True)})
+    (tmp_path / "mujoco.py").write_text("raise ValueError('not the library')\n", "utf-8")
+    quick.chdir(tmp_path)
+    assert states(doctor.examine())["MuJoCo"] == "works"
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    quick.chdir(gone)
+    gone.rmdir()
+    assert states(doctor.examine())["MuJoCo"] == "works"
+
+
 def test_extras_are_those_of_the_package():
     found = doctor.extras()
     assert {"jax", "sweep", "film", "studio", "logs"} <= set(found)

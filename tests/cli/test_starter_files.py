@@ -111,6 +111,8 @@ def test_a_disk_that_fills_leaves_nothing(tmp_path, monkeypatch):
         (("law", "class"), ("name = 'class'",)),
         (("law", "json"), ("name = 'json'", "hide")),
         (("law", "skyarm"), ("name = 'skyarm'",)),
+        (("law", "pydantic"), ("name = 'pydantic'", "hide")),
+        (("law", "conftest"), ("name = 'conftest'", "hide")),
         (("vehicle", "con"), ("name = 'con'",)),
         (("vehicle", "a" * 61), ("name = ",)),
         (("scenario", "x\x1b[31m"), ("name = ",)),

@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+import skyarm
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
@@ -84,6 +85,26 @@ def test_noise_has_its_deviation_and_its_bandwidth_whatever_the_period():
     (wrench,) = record.wrenches(memory, 0.0, PointMotion(VEHICLE, STATE), ())
     assert tuple(wrench.force_W) == pytest.approx((2.0 * memory[0], 0.0, 0.0))
     assert tuple(wrench.torque_W) == pytest.approx((0.0, 0.0, 0.5 * memory[5]))
+
+
+@pytest.mark.parametrize(
+    ("where", "kind", "field", "there"),
+    [
+        ("forces", "disturbance", "velocity", "noise.force and noise.torque"),
+        ("air", "air_signals", "force", "noise.velocity"),
+        ("air", "air_signals", "torque", "noise.velocity"),
+    ],
+)
+def test_noise_of_what_is_not_there_is_refused_by_name(where, kind, field, there):
+    noise = {field: [0.0, 0.3, 0.0], "bandwidth_hz": 1.0}
+    tables = {"name": "noisy", "duration": 1.0, "plant": {"vehicle": "hummingbird"}}
+    tables |= {"controller": {"law": "decoupled_pd"}, "environment": {where: [{"kind": kind, "noise": noise}]}}
+    with pytest.raises(ValueError, match=rf"environment\.{where}\[0\]: noise") as error:
+        skyarm.scenario_from(tables)
+    said = f"environment.{where}[0]: noise.{field} = [0.0, 0.3, 0.0]: must be left out; here there is {there}"
+    assert str(error.value).endswith(said)
+    noise[field] = [0.0, 0.0, 0.0]
+    skyarm.scenario_from(tables)
 
 
 def test_several_gusts_add_up_and_one_has_its_bits():

@@ -6,6 +6,7 @@ import pytest
 
 import skyarm
 from skyarm.environment import Effectiveness, Fault, effectiveness_at, faults_from
+from skyarm.reference import Sine
 
 ARM2 = skyarm.load_vehicle("hummingbird_arm2_rotors")
 FRONT = Fault(rotor="front", effectiveness=0.7, start=5.0)
@@ -79,3 +80,16 @@ def test_a_fault_holds_numbers(field, value):
 def test_a_fault_takes_force_away_in_flight(field, value, words):
     with pytest.raises(ValueError, match=rf"^{field} = {value}: must be {words}$"):
         Fault(**({"rotor": "front", "effectiveness": 0.5, "start": 0.0} | {field: value}))
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"effectiveness": 0.5}, r"effectiveness = 0\.5: must be 1"),
+        ({"signal": Sine(amplitude=0.5, frequency_hz=1.0)}, "signal = Sine"),
+    ],
+)
+def test_a_joint_that_is_stuck_has_no_share_of_its_effort(fields, words):
+    with pytest.raises(ValueError, match=rf"^{words}.* for a joint that is stuck: "):
+        Fault(joint="joint1", stuck=True, **fields)
+    assert Fault(joint="joint1", stuck=True).effectiveness == 1.0

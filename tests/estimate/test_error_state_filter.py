@@ -16,11 +16,14 @@ from flying_vehicles import tumbling
 from skyarm.estimate.error_state_filter import ErrorStateFilter
 from skyarm.estimate.filter_memory import FilterMemory
 from skyarm.estimate.modelled_force import modelled_force
+from skyarm.plant.interface import Truth
 from skyarm.plant.rigid_body import accelerate
+from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.sensors.sensor_kinds import Encoders, Imu, Pose
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop import run_in_python
+from skyarm.vehicle.vehicle_records import BodyDrag
 
 PERIOD = 0.005
 
@@ -124,6 +127,12 @@ def test_readings_arrive_as_many_periods_late_as_stated_and_none_is_used_twice()
     assert memory.time == pytest.approx(117 * PERIOD)
 
 
+def test_an_inertial_unit_as_late_as_the_pose_leaves_every_pose_to_be_used():
+    late = {"sensors__imu__latency": 0.005, "sensors__mocap__latency": 0.005, "estimator__delay_periods": 1}
+    memory = flown(estimated(**late), 0.5)
+    assert memory.taken + memory.refused == 24
+
+
 def test_the_law_is_told_the_belief_carried_to_the_present():
     """With a lag of two periods, and the present as near the truth as its deviations say."""
     session = skyarm.Session(estimated(), machine_code=False)
@@ -136,6 +145,22 @@ def test_the_law_is_told_the_belief_carried_to_the_present():
     assert np.all(off > 0.0)
     np.testing.assert_allclose(told.rotor_speeds, truth.rotor_speeds, atol=15.0)
     assert np.abs(np.subtract(told.joints, truth.joints)).max() < 3e-3
+
+
+def test_joints_are_known_where_the_inertial_unit_is_slow_and_lost_for_a_while():
+    """Readings at 100 Hz, none from 0.3 s to 0.35 s: the encoders come every period all the same."""
+    imu = {"sensors__imu__frequency": 100.0, "sensors__imu__dropouts": {"intervals": [[0.3, 0.35]]}}
+    session = skyarm.Session(estimated(**imu), machine_code=False)
+    off = []
+    for _ in range(90):
+        told, truth = session.measurement, session.state
+        joints, rates = np.subtract(told.joints, truth.joints), np.subtract(told.joint_rates, truth.joint_rates)
+        off.append((np.abs(joints).max(), np.abs(rates).max()))
+        session.step()
+    # as without either: encoders in steps of 1.5 mrad are off by half of it, and what that makes of rates
+    worst = np.max(off, axis=0)
+    assert worst[0] < 1e-3
+    assert worst[1] < 0.35
 
 
 def same(a: skyarm.Log, b: skyarm.Log) -> bool:
@@ -159,7 +184,7 @@ def test_lanes_are_flights_of_their_own_and_every_number_is_a_path():
         "estimator.joint_bandwidth": [300.0, 0.0],
     }
     absent = estimated(duration=0.5)
-    with pytest.raises(ValueError, match="dropouts.share: is 0 in this scenario"):
+    with pytest.raises(ValueError, match=r"dropouts\.share: is 0 in this scenario"):
         skyarm.Batch(absent, ["sensors.mocap.dropouts.share"])
     scenario = skyarm.with_numbers(absent, {path: column[0] for path, column in paths.items()})
     batch = skyarm.Batch(scenario, list(paths), bit_exact=True, log_every=1)
@@ -246,6 +271,10 @@ def test_the_push_that_the_model_lacks_is_found():
             {"estimator__delay_periods": 1},
             r"delay_periods: lags 0.005 s, must be at least sensors.mocap.latency = 0.01",
         ),
+        (
+            {"sensors__imu__latency": 0.015},
+            r"sensors.imu.latency = 0.015 s: must be at most sensors.mocap.latency = 0.01 s, or the filter never uses",
+        ),
         ({"estimator__aiding": "compass"}, r"aiding = 'compass': must be one of pose, position, position_heading"),
         ({"estimator__force": "both"}, r"force = 'both': must be one of measured, modelled"),
         ({"estimator__doubt": 0.5}, r"doubt = 0.5: must be at least 1"),
@@ -265,6 +294,15 @@ def test_a_vehicle_of_servos_flies_by_the_measured_force_only():
     ErrorStateFilter().require_sensors(sensors, 200.0, vehicle)
     with pytest.raises(ValueError, match=r"estimator.force = 'modelled': must be 'measured' for 'hexarotor12_arm5'"):
         ErrorStateFilter(force="modelled").require_sensors(sensors, 200.0, vehicle)
+
+
+def test_drives_of_the_scenario_alone_are_refused_too_but_for_one_that_takes_its_torque():
+    """The belief has none, and the law may send setpoints."""
+    servo = {"kind": "position_servo", "stiffness": 1.0, "inertia": 0.01}
+    estimated(plant__drives={"joint1": servo})
+    estimated(plant__drives={"joint1": {"kind": "torque"}}, estimator__force="modelled")
+    with pytest.raises(ScenarioError, match=r"must be 'measured' for .*, whose joint 'joint1' has a drive \(Posit"):
+        estimated(plant__drives={"joint1": servo}, estimator__force="modelled")
 
 
 def test_the_filter_may_be_named_by_its_kind_alone():
@@ -301,7 +339,7 @@ def test_a_push_that_turns_with_the_base_walks_by_how_fast_it_turns():
     memory = scenario.estimator.start(scenario.world.vehicle)
     reading = dataclasses.replace(memory.inertial[0], rate=skyarm.Vec3(0.3, -1.0, 2.0))
     belief = dataclasses.replace(memory.belief, push=skyarm.Vec3(1.0, 2.0, -3.0))
-    found = scenario.estimator._variances(belief, reading, PERIOD)
+    found = scenario.estimator.added_variances(belief, reading, PERIOD)
     rate = rotation(belief.quaternion).apply(np.array(reading.rate - belief.gyro_bias))
     turning = np.cross(rate, (1.0, 2.0, -3.0))
     np.testing.assert_allclose(found[15:], (0.02**2 + 0.2 * turning**2) * PERIOD, rtol=1e-9)
@@ -321,3 +359,38 @@ def test_the_modelled_force_is_the_plants_own_where_the_model_is_the_plant():
     speeds = (state.rotor_speeds, state.rotor_speeds)
     found = modelled_force(world.vehicle, velocity, state.rate, state.joints, state.joint_rates, speeds, efforts)
     np.testing.assert_allclose(tuple(found), tuple(wanted.linear), rtol=1e-9, atol=1e-9)
+
+
+def test_the_modelled_force_has_the_drag_of_the_airframe():
+    """As the plant has it; it slows the vehicle."""
+    vehicle = skyarm.load_vehicle("hexarotor_arm6")
+    still, flown = (0.0,) * 6, (400.0,) * 6
+    state = dataclasses.replace(tumbling(vehicle), joints=still, joint_rates=still, rotor_speeds=flown)
+    world = Truth(vehicle=vehicle, gravity=9.8)
+    wanted, _ = accelerate(world, state, flown, still, Surroundings())
+    velocity = state.quaternion.rotation().apply_T(state.velocity)
+    found = modelled_force(vehicle, velocity, state.rate, still, still, (flown, flown), still)
+    bare = dataclasses.replace(vehicle, drag=BodyDrag())
+    without = modelled_force(bare, velocity, state.rate, still, still, (flown, flown), still)
+    np.testing.assert_allclose(tuple(found), tuple(wanted.linear), rtol=1e-9, atol=1e-9)
+    assert (found - without).dot(velocity) < 0.0
+
+
+def test_the_modelled_force_has_the_stops_of_the_joints():
+    vehicle = skyarm.load_vehicle("pelican_arm2")
+    joint = vehicle.links[0].joint
+    joints, still = (joint.upper + 0.005, 0.0), (0.0, 0.0)
+    state = dataclasses.replace(tumbling(vehicle), joints=joints, joint_rates=still, rotor_speeds=(400.0,) * 4)
+    world = Truth(vehicle=vehicle, gravity=9.8)
+    wanted, _ = accelerate(world, state, state.rotor_speeds, still, Surroundings())
+    velocity = state.quaternion.rotation().apply_T(state.velocity)
+    speeds = (state.rotor_speeds, state.rotor_speeds)
+    found = modelled_force(vehicle, velocity, state.rate, joints, still, speeds, still)
+    np.testing.assert_allclose(tuple(found), tuple(wanted.linear), rtol=1e-9, atol=1e-9)
+
+
+def test_of_several_poses_between_two_inertial_readings_one_is_used():
+    """Poses each period: 97 by the end of 0.5 s, of which an inertial unit at half the rate leaves every second."""
+    every = {"sensors__mocap__frequency": 0.0}
+    each, half = flown(estimated(**every), 0.5), flown(estimated(**every, sensors__imu__frequency=100.0), 0.5)
+    assert (each.taken + each.refused, half.taken + half.refused) == (97.0, 48.0)

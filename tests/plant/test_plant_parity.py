@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,8 @@ import pytest
 from flying_vehicles import HOVER, WIND, hovering, hummingbird_arm, random_flyer, tumbling
 from skyarm import dynamics
 from skyarm.actuation import Command
+from skyarm.actuation.drive import TORQUE_DRIVE
+from skyarm.actuation.servo import PositionServo
 from skyarm.algebra import Force, Quaternion, Vec3
 from skyarm.compile import leaves, shaped_like, trace
 from skyarm.dynamics import State
@@ -19,6 +22,8 @@ from skyarm.plant.compiled import RigidBodyPlant, example_state
 from skyarm.plant.interface import Truth, flat
 from skyarm.plant.loads import applied_force, lagged
 from skyarm.plant.mujoco import MujocoPlant
+from skyarm.plant.surroundings import Surroundings
+from skyarm.vehicle.vehicle_files import load_vehicle
 from thorough import sampled
 
 # rounding of 2000 steps grows along a whirling arm; measured 4e-11 at worst
@@ -230,3 +235,23 @@ def test_shapes_of_flat_states_agree():
     vehicle = FLYERS["random5-2"]
     state = tumbling(vehicle)
     assert shaped_like(state, flat(state)) == state
+
+
+def test_a_lightly_damped_servo_rings_alike_on_both_plants():
+    """With its torque held for steps of Runge-Kutta, fourteen times as much was left on MuJoCo's."""
+    vehicle = load_vehicle("pelican_arm2")
+    n, J, w, ratio = vehicle.n, 3.5e-5, 450.0, 0.1
+    servo = PositionServo(stiffness=J * w**2, damping=2.0 * ratio * w * J, inertia=J)
+    memories = ((),) * (n - 1) + (servo.begin(0.0, 0.0, 0.005),)
+    around = Surroundings(drives=(TORQUE_DRIVE,) * (n - 1) + (servo,), drive_memories=memories)
+    start = replace(example_state(n, 4), joints=(0.0,) * (n - 1) + (0.05,), rotor_speeds=(0.0,) * 4)
+    left = []
+    for kind in (RigidBodyPlant, MujocoPlant):
+        plant, x = kind(Truth(vehicle=vehicle, gravity=0.0), around, "rk4", 0.001), flat(start)
+        swings = []
+        for _ in range(24):
+            x = plant.advance(x, (0.0,) * (4 + n), leaves(around), 0.005)
+            swings.append(abs(x[12 + n]))
+        left.append(max(swings[-5:]))
+    assert left[0] == pytest.approx(0.05 * math.exp(-ratio * w * 0.1), rel=0.5)
+    assert left[1] == pytest.approx(left[0], rel=1e-2)

@@ -103,10 +103,10 @@ SEQUENCE = {"kind": "sequence", "start": 6, "segments": [[1, 0.3]]}
     [
         (
             {"bass": {}},
-            "f.toml: reference.bass = {}: unknown field; did you mean 'base'? allowed: ['base', 'yaw', 'joints']",
+            "f.toml: reference.bass = {}: unknown field; did you mean 'base'? allowed: base, yaw, joints",
         ),
         ({"base": 3}, "f.toml: reference.base = 3: must be a table"),
-        ({"base": {"position": [0, 0, 1]}}, "f.toml: reference.base.kind: is missing; there are ['position']"),
+        ({"base": {"position": [0, 0, 1]}}, "f.toml: reference.base.kind: is missing; there are position"),
         (
             {"base": {"kind": "spiral"}},
             "f.toml: reference.base.kind = 'spiral': did you mean 'signals'? must be one of hover, circle, signals",
@@ -122,7 +122,7 @@ SEQUENCE = {"kind": "sequence", "start": 6, "segments": [[1, 0.3]]}
         ({"base": CIRCLE | {"radius": "0.3"}}, "f.toml: reference.base.radius = '0.3': must be a finite number"),
         (
             {"base": CIRCLE | {"frequency": 1}},
-            "f.toml: reference.base.frequency = 1: unknown field; did you mean 'frequency_hz'? allowed: ['kind', 'r",
+            "f.toml: reference.base.frequency = 1: unknown field; did you mean 'frequency_hz'? allowed: kind, r",
         ),
         ({"base": CIRCLE | {"start": 9, "stop": 6}}, "f.toml: reference.base.stop = 6.0: must be after start = 9.0"),
         (

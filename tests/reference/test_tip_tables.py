@@ -109,6 +109,27 @@ def test_what_the_arm_cannot_do_is_told():
     assert (name, seconds) == (narrow.name, pytest.approx(4.0 * at_limit, abs=0.05))
 
 
+def test_a_joint_that_does_not_carry_the_tip_may_rest_at_its_limit():
+    last, second = ARM6.links[-1], ARM6.links[1]
+    narrow = dataclasses.replace(second, joint=dataclasses.replace(second.joint, upper=0.61, lower=-2.0))
+    alone = dataclasses.replace(ARM6, links=(ARM6.links[0], narrow, *ARM6.links[2:]))
+    joint = dataclasses.replace(last.joint, name="finger", lower=0.0, upper=0.04)
+    finger = dataclasses.replace(last, name="finger", joint=joint, parent=-1)
+    links = (dataclasses.replace(link, parent=link.parent + 1 if link.parent >= 0 else -1) for link in alone.links)
+    frames = tuple(dataclasses.replace(frame, link=frame.link + 1) for frame in ARM6.frames)
+    found = []
+    for vehicle, posture in (
+        (alone, POSTURE6),
+        (dataclasses.replace(alone, links=(finger, *links), frames=frames), [0.0, *POSTURE6]),
+    ):
+        held = Setting(vehicle=vehicle, duration=4.0, thrust_to_weight=2.5)
+        table = {"tip": WORLD["tip"] | {"posture": posture}}
+        found.append(feasibility(reference_from(table, vehicle.n, "reference", held), held).at_limits)
+    assert [name for name, _ in found[0]] == [narrow.joint.name]
+    assert [name for name, _ in found[1]] == [narrow.joint.name]
+    assert [seconds for _, seconds in found[1]] == pytest.approx([seconds for _, seconds in found[0]], abs=0.05)
+
+
 def test_no_joint_is_planned_faster_than_it_may_be():
     table = {"tip": WORLD["tip"] | {"joint_speed": 0.1}}
     plan = reference_from(table, 6, "reference", SIX)

@@ -20,6 +20,7 @@ from skyarm.reference import (
     circle,
     hover,
 )
+from skyarm.reference.setting import Guard
 
 
 def case3_joint(amplitude, phase):
@@ -108,6 +109,13 @@ def test_trajectories_add_and_shift():
     with pytest.raises(ValueError, match="2 and 1 joints"):
         arm + Trajectory(joints=(Constant(0.0),))
     assert hover((0.0, 0.0, 1.0)).with_joints(0.3, arm.joints[0]).at(1.5).joints == pytest.approx((0.3, 0.25))
+
+
+def test_guards_are_shifted_and_added_with_the_motion():
+    late, early = (dataclasses.replace(hover((0, 0, 1)), guards=(Guard(at=at, error=0.01),)) for at in (3.0, 1.0))
+    assert [guard.at for guard in late.shifted(0.5).guards] == [3.5]
+    assert [guard.at for guard in (late + early.shifted(1.0)).guards] == [2.0, 3.0]
+    assert (late + hover((0, 0, 0))).guards == late.guards
 
 
 def test_a_dense_sample_fits_one_program_for_every_reference():

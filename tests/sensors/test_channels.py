@@ -128,7 +128,7 @@ def test_losses_at_random_have_their_share_and_their_length(share, duration, run
 
 
 def test_a_reading_that_does_not_come_leaves_the_one_before_with_its_instant():
-    place = Position(position=Channel(), dropouts=Dropouts(intervals=((0.1, 0.3), (0.5, 0.5))))
+    place = Position(position=Channel(), dropouts=Dropouts(intervals=((0.1, 0.3),)))
     memory, times = place.start(VEHICLE), []
     for k in range(6):
         here = replace(STATE, position=Vec3(0.1 * k, 0.0, 0.0))
@@ -151,6 +151,19 @@ def test_a_reading_that_does_not_come_leaves_the_one_before_with_its_instant():
         ({"dropouts": {"intervals": [1.0, 2.0]}}, r"sensors.imu.dropouts.intervals.0 = 1.0: must be a list of numbers"),
         ({"dropouts": {"intervals": 3}}, r"sensors.imu.dropouts.intervals = 3: must be a list of lists of numbers"),
         ({"dropouts": {"intervals": [[2.0, 1.0]]}}, r"intervals\[0\] = \[2, 1\]: must begin at 0 or later"),
+        ({"dropouts": {"intervals": [[0.5, 0.5]]}}, r"intervals\[0\] = \[0.5, 0.5\]: must begin .*, and end later"),
+        ({"gyro": {"bias": [0.1, 0.2]}}, r"sensors.imu.gyro.bias = 2 numbers: must be 3, or none"),
+        ({"accelerometer": {"offset": [0.1]}}, r"sensors.imu.accelerometer.offset = 1 signals: must be 3, or none"),
+        ({"kind": "heading", "heading": {"bias": [0.1, 0.2]}}, r"sensors.imu.heading.bias = 2 numbers: must be 1, or"),
+        ({"kind": "encoders", "joints": {"bias": [0.1]}}, r"sensors.imu.joints.bias = 1 numbers: must be 2, or none"),
+        (
+            {"kind": "encoders", "rates": "measured", "rate": {"bias": [0.1, 0.2, 0.3]}},
+            r"sensors.imu.rate.bias = 3 numbers: must be 2, or none",
+        ),
+        (
+            {"kind": "encoders", "rate": {"sigma": 0.1}},
+            r"sensors.imu: rate: must be left out where rates = 'difference'",
+        ),
         ({"dropouts": {"intervals": [[2.0]]}}, r"intervals\[0\] = .*: must have 2 items"),
         ({"frequency": 70.0}, r"sensors.imu.frequency = 70: must divide rates.control = 200"),
         ({"latency": 0.003}, r"sensors.imu.latency = 0.003: must be a whole number of control periods"),
@@ -169,3 +182,29 @@ def test_a_wrong_number_is_refused_in_one_line(sensor, words):
     with pytest.raises(skyarm.ScenarioError, match=words) as refused:
         skyarm.scenario_from(document)
     assert "\n" not in str(refused.value)
+
+
+def test_noise_of_a_channel_changes_the_noise_of_those_after_it_in_its_sensor_and_of_no_other():
+    """Readings of an inertial unit and of a compass after three periods, with noise of one channel more or less."""
+
+    def read(**channels):
+        imu = {"kind": "imu", "frequency": 100.0, "gyro": {"sigma": 0.01}, "accelerometer": {"sigma": 0.01}, **channels}
+        document = {
+            "schema": 1,
+            "name": "x",
+            "duration": 1.0,
+            "plant": {"vehicle": "hummingbird_arm2_rotors"},
+            "controller": {"preset": "paper_ct"},
+            "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}},
+            "sensors": {"imu": imu, "compass": {"kind": "heading", "frequency": 100.0}},
+        }
+        session = skyarm.Session(skyarm.scenario_from(document), machine_code=False)
+        for _ in range(3):
+            session.step()
+        held = [sensor.held for sensor in session.now.sensors[1:]]
+        return held[0].rate, held[0].specific_force, held[1].heading
+
+    both, without, quiet = read(), read(accelerometer={}), read(gyro={})
+    assert both[0] == without[0]
+    assert both[1] != quiet[1]
+    assert both[2] == without[2] == quiet[2]

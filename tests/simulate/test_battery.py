@@ -13,8 +13,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 
+from skyarm.actuation import speeds_after
 from skyarm.actuation.time_aloft import time_aloft
 from skyarm.metrics.battery_use import battery_use
+from skyarm.plant.loads import supplied
+from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario
@@ -99,6 +102,25 @@ def test_the_loops_charge_is_that_of_its_log(plant):
     assert voltage == pytest.approx(use.voltage[-1], rel=1e-12)
     assert use.current[-1] == pytest.approx(use.power[-1] / use.voltage[-1])
     assert 0.999 < charge < 1.0
+
+
+@pytest.mark.parametrize(
+    ("esc", "supply", "reached"),
+    [
+        ("governed", 0.9, (0.5, 0.9, 0.9)),
+        ("open", 0.9, (0.45, 0.81, 0.9)),
+        # above the reference voltage: faster at the same throttle, never faster than the rotor's data goes
+        ("governed", 1.2, (0.5, 0.9, 1.0)),
+        ("open", 1.2, (0.6, 1.0, 1.0)),
+    ],
+)
+def test_the_supply_moves_speeds_up_to_the_highest_of_the_data(esc, supply, reached):
+    bare = load_vehicle("hummingbird")
+    vehicle, top = dataclasses.replace(bare, battery=dataclasses.replace(BATTERY, esc=esc)), bare.rotors[0].max_speed
+    for share, wanted in zip((0.5, 0.9, 1.3), reached, strict=True):
+        commands = supplied(vehicle, (share * top,) * 4, Surroundings(supply=supply))
+        speeds = speeds_after(vehicle.rotors, (0.0,) * 4, commands, 10.0)
+        assert speeds == pytest.approx((wanted * top,) * 4, rel=1e-12)
 
 
 def test_sag_bounds_a_governed_rotor_and_slows_an_open_one():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import tomllib
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import pytest
 
 from added_components import same_logs
 from skyarm.actuation.servo import PositionServo
-from skyarm.control.actuator_layer import ActuatorParameters, with_actuators
+from skyarm.control.actuator_layer import ActuatorParameters, plain_model, with_actuators
 from skyarm.control.catalogue import LAWS, make_controller
 from skyarm.control.controller import ControllerError
 from skyarm.metrics.score import score
@@ -21,9 +21,12 @@ from skyarm.scenario.law_by_name import under_law
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
-from skyarm.simulate import run
+from skyarm.simulate import Delays, run
 from skyarm.simulate.batch import Batch
+from skyarm.simulate.batch_session import BatchSession
+from skyarm.simulate.live_session import LiveSession
 from skyarm.simulate.loop import run_in_python
+from skyarm.simulate.session import Session
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import MountedDrive
@@ -202,3 +205,83 @@ def test_a_belief_without_the_servos_must_be_meant(tmp_path):
     half = tables | {"model": {"vehicle": "bare.toml", "drives": {"shoulder": said, "elbow": said}}}
     believed = scenario_from(half, tmp_path)
     assert number_at(believed, "model.vehicle.drives.shoulder.drive.inertia") == 5e-4
+
+
+def hearing_late(latency: float, duration: float = 0.15, **replaced: Any) -> Scenario:
+    """The arm out of its place, with true servos of some latency."""
+    scenario = dataclasses.replace(flight(duration=duration), ground=False, **replaced)
+    paths = {f"plant.drives.{joint}.latency": latency for joint in ("shoulder", "elbow")}
+    out = dataclasses.replace(first_state(scenario), joints=(0.6, -0.4))
+    return with_numbers(dataclasses.replace(scenario, initial=out), paths)
+
+
+@pytest.mark.parametrize(
+    ("plant", "delays"),
+    [("rigid_body", Delays(command=0.008)), ("mujoco", Delays(joints=0.002))],
+    ids=["all", "joints"],
+)
+def test_a_servo_hears_a_late_command_as_it_hears_with_a_latency(plant, delays):
+    """Parts of a period count on the way to the servo, too."""
+    late, rotors = delays.command + delays.joints, Delays(rotors=delays.command)
+    log = run_in_python(hearing_late(0.0, plant=plant, delays=delays))
+    latent = run_in_python(hearing_late(late, plant=plant, delays=rotors))
+    np.testing.assert_allclose(log.joints, latent.joints, rtol=0.0, atol=1e-9)
+    assert np.ptp(latent.joints, axis=0).min() > 0.01
+
+
+def test_a_law_that_is_called_reaches_its_servos_as_late():
+    traced = hearing_late(0.0, delays=Delays(joints=0.002))
+    called = dataclasses.replace(traced, controller=dataclasses.replace(traced.controller, compiled=False))
+    np.testing.assert_allclose(run(called).joints, run(traced).joints, rtol=0.0, atol=1e-9)
+
+
+def test_varied_delays_reach_the_servos_of_a_batch():
+    lanes = (0.0, 0.002, 0.007)
+    scenario = hearing_late(0.0, 0.05, delays=Delays(longest_command=0.01))
+    flown = Batch(scenario, ("delays.joints",), metrics=(), effort=0).fly({"delays.joints": np.array(lanes)})
+    found = np.array(flown.state.joints)
+    for lane, late in enumerate(lanes):
+        latent = Batch(hearing_late(late, 0.05), metrics=(), effort=0).fly({}).state.joints
+        # other lengths of integration steps
+        np.testing.assert_allclose(found[:, lane], np.ravel(latent), rtol=0.0, atol=5e-6)
+    assert np.abs(np.diff(found[0])).min() > 1e-4
+
+
+OWN = "plant.drives.shoulder.latency"
+
+
+@pytest.mark.parametrize(
+    ("path", "named"),
+    [(OWN, "plant"), ("model.vehicle.drives.shoulder.drive.latency", "model")],
+)
+def test_the_latency_of_a_servo_holds_for_the_whole_flight(path, named):
+    """A queue of another length began as it was at the start of the flight: a jump by all that the joint had moved."""
+    words = rf"{named}\.drives\.shoulder\.latency = 0\.006: must be as the session began, since setpoints are on"
+    tables = document() | {"changes": [{"at": 0.02, "path": path, "value": 0.006}]}
+    with pytest.raises(ScenarioError, match=rf"changes\[0\]: {words}") as found:
+        scenario_from(tables, DATA, {"duration": 0.1})
+    assert "\n" not in str(found.value)
+    session = Session(flight(duration=0.1), machine_code=False)
+    session.step()
+    with pytest.raises(ScenarioError, match=words):
+        session.change({path: 0.006})
+
+
+@pytest.mark.parametrize("fly", [Batch, Session, LiveSession, partial(BatchSession, lanes=2)])
+def test_a_latency_is_no_number_of_compiled_code(fly):
+    """It says how many setpoints are on their way: a sentence with the path, before anything is compiled."""
+    path = "model.vehicle.drives.elbow.drive.latency"
+    for each in (OWN, path):
+        with pytest.raises(ScenarioError, match=rf"^path = '{each}': says how many setpoints are on their way"):
+            fly(flight(duration=0.1), paths=(each,))
+
+
+def test_a_believed_latency_by_path_is_one_of_the_file():
+    """The queue of the belief is as long as its new latency says, not as long as it was."""
+    scenario = flight(duration=0.05)
+    longer = with_numbers(scenario, {f"model.vehicle.drives.{j}.drive.latency": 0.012 for j in ("shoulder", "elbow")})
+    model = longer.controller.par.model
+    again = with_actuators(make_controller("centroidal", plain_model(model)), model, 0.005)
+    assert longer.controller.memory.drives == again.memory.drives
+    assert [len(held.waiting) for held in again.memory.drives] == [3, 3]
+    assert [len(held.waiting) for held in scenario.controller.memory.drives] == [1, 1]

@@ -17,7 +17,7 @@ ERRORS: list[tuple[dict[str, Any], str]] = [
     ({"name": None}, "name: is missing"),
     ({"name": "a/b"}, "name = 'a/b': must be 1 to 100 letters"),
     ({"title": 3}, "title = 3: must be text"),
-    ({"extra": 1}, "extra = 1: unknown field; allowed: ["),
+    ({"extra": 1}, "extra = 1: unknown field; allowed: schema, "),
     ({"episodes": None}, "episodes: is missing"),
     ({"episodes": 0}, "episodes = 0: must be a whole number from 1 to"),
     ({"episodes": 2.5}, "episodes = 2.5: must be a whole number"),

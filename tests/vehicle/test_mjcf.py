@@ -124,6 +124,16 @@ def test_an_equality_of_joints_locks_or_couples_the_second_finger(tmp_path):
     assert (follower.link.joint.name, follower.leader, follower.ratio, follower.offset) == ("right", 0, -1.0, 0.002)
 
 
+def test_what_follows_a_joint_that_is_held_is_held_where_that_puts_it(tmp_path):
+    chain = '<equality><joint joint1="left" joint2="right" polycoef="0.001 -1 0 0 0"/>'
+    held = chain + '<joint joint1="right" polycoef="0.002 0 0 0 0"/></equality>'
+    saved(tmp_path, model(FINGERS, held))
+    vehicle = load_vehicle(saved(tmp_path, 'schema = 1\nname = "v"\nmjcf = "m.xml"\nmimic = "couple"\n', "v.toml"))
+    assert not any(link.joint.name in ("left", "right") for link in vehicle.moving)
+    # 0.001 - 0.002
+    assert any("left: tied by an equality: fixed at -0.001" in note for note in vehicle.notes)
+
+
 def test_actuators_give_the_efforts(tmp_path):
     motors = (
         '<actuator><motor joint="h" gear="3" ctrlrange="-2 1" ctrllimited="true"/>'

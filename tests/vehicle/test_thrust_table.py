@@ -157,13 +157,22 @@ def test_a_thrust_coefficient_that_varies_scales_the_table(tmp_path):
         ({"torque": [0.1, 0.2]}, r"thrust_table\.torque = .*: must be 8 numbers, as many as speeds"),
         ({"throttle": [*SPEED]}, r"throttle\[0\] = 210\.0: must be at most 1"),
         ({"speed": [0.0, *SPEED[1:]]}, r"thrust_table\.thrust\[0\] = 0\.33: must be 0 at rest"),
+        (
+            {"speed": None},
+            r"rotors\[.*\]\.thrust_table\.speed = \(missing\): must be a column, rad/s; without it throttle",
+        ),
+        (
+            {"speed": None, "throttle": [0.2, 0.4, 0.6, 0.8]},
+            r"rotors\[.*\]\.thrust_coefficient = \(missing\): must be a number, .* where thrust_table has no",
+        ),
         ({"amps": [1.0]}, r"amps.*unknown field; allowed: speed, thrust, torque, current, throttle"),
         ({"thrust": [float("nan"), *THRUST[1:]]}, r"thrust\[0\] = nan: must be a list of finite numbers"),
     ],
 )
 def test_a_table_that_is_none_is_refused_in_one_line(tmp_path, change, words):
+    columns = {"speed": list(SPEED), "thrust": list(THRUST), "torque": list(TORQUE)} | change
     with pytest.raises(VehicleError, match=words) as found:
-        load_vehicle(tabled(tmp_path, {"speed": list(SPEED), "thrust": list(THRUST), "torque": list(TORQUE)} | change))
+        load_vehicle(tabled(tmp_path, {name: column for name, column in columns.items() if column is not None}))
     assert "\n" not in str(found.value)
     assert str(found.value).startswith(str(tmp_path))
 

@@ -31,7 +31,7 @@ class Drive:
         return memory
 
     def advance(self, memory: Any, setpoint: Any, position: Any, rate: Any, dt: float) -> Any:
-        """Memory for the period of ``dt`` (s) that begins with this setpoint, position and rate."""
+        """Memory for the period of ``dt`` (s) that begins with this position and rate; the setpoint is its mean."""
         return memory
 
     def effort(self, memory: Any, setpoint: Any, position: Any, rate: Any) -> Any:
@@ -42,8 +42,11 @@ class Drive:
         """The setpoint that holds the arm before the first command arrives, from the torque that holds it."""
         return position
 
-    def setpoint(self, memory: Any, effort: Any, position: Any, rate: Any) -> Any:
-        """The setpoint with which the drive gives an effort: the inverse of ``effort``, by which torque laws fly it."""
+    def setpoint(self, memory: Any, effort: Any, position: Any, rate: Any, dt: float) -> Any:
+        """The setpoint with which the drive gives an effort, by which torque laws fly it.
+
+        The inverse of ``effort`` after ``advance`` from ``memory`` with it, at this position and rate for ``dt`` (s).
+        """
         return self.standing(effort, position)
 
 

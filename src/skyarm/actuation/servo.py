@@ -184,9 +184,10 @@ class PositionServo(Servo):
         """Beside the joint, by what the torque bends the loop's spring."""
         return position + divide(effort, self.stiffness)
 
-    def setpoint(self, memory: ServoMemory, effort: Any, position: Any, rate: Any) -> Any:
-        """The inverse of the loop's law."""
-        return position + divide(effort + self.damping * rate - self.integral * memory.integral, self.stiffness)
+    def setpoint(self, memory: ServoMemory, effort: Any, position: Any, rate: Any, dt: float) -> Any:
+        """The inverse of the loop's law, whose integral takes this period's error before it acts."""
+        per_error = add(self.stiffness, mul(self.integral, dt))
+        return position + divide(effort + self.damping * rate - self.integral * memory.integral, per_error)
 
     def _asked(self, goal: Any, integral: Any, position: Any, rate: Any) -> Any:
         return self.stiffness * (goal - position) - self.damping * rate + self.integral * integral
@@ -228,9 +229,9 @@ class VelocityServo(Servo):
         """The rate that asks a joint at rest for the torque."""
         return divide(effort, self.gain)
 
-    def setpoint(self, memory: ServoMemory, effort: Any, position: Any, rate: Any) -> Any:
-        """The inverse of the loop's law."""
-        return rate + divide(effort - self.integral * memory.integral, self.gain)
+    def setpoint(self, memory: ServoMemory, effort: Any, position: Any, rate: Any, dt: float) -> Any:
+        """The inverse of the loop's law, whose integral takes this period's error before it acts."""
+        return rate + divide(effort - self.integral * memory.integral, add(self.gain, mul(self.integral, dt)))
 
     def _asked(self, goal: Any, integral: Any, rate: Any) -> Any:
         return add(mul(self.gain, goal - rate), mul(self.integral, integral))

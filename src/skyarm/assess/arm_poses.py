@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.sweep.sobol import BITS, DIMENSIONS, sobol
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.vehicle_records import Joint, Vehicle
 
 Array = npt.NDArray[np.float64]
 
@@ -35,7 +35,7 @@ class ArmPoses:
     """Joint ranges and sampled poses of an arm.
 
     Attributes:
-        low, high: (n,) rad or m: the limits; a half turn, or 1 m, where there is none.
+        low, high: (n,) rad or m: the limits; at most one turn, and 1 m to either side where there is none.
         joints: (count, n) the poses: zero (or the nearest within limits), corners, and Sobol points.
         seed: of the points' random shift and of the local search.
     """
@@ -91,10 +91,8 @@ def arm_poses(vehicle: Vehicle, count: int = POSES, seed: int = 0) -> ArmPoses:
         raise ValueError(f"--arm-poses = {count}: must be from 1 to {MOST_POSES}")
     if not 0 <= seed < 2**32:
         raise ValueError(f"--seed = {seed}: must be from 0 to 2**32 - 1")
-    free = [math.pi if link.joint.kind == "revolute" else 1.0 for link in vehicle.links]
-    low = np.array([max(float(k.joint.lower), -f) for k, f in zip(vehicle.links, free, strict=True)])
-    high = np.array([min(float(k.joint.upper), f) for k, f in zip(vehicle.links, free, strict=True)])
-    low, high = np.minimum(low, high), np.maximum(low, high)
+    ranges = np.array([joint_range(link.joint) for link in vehicle.links]).reshape(-1, 2)
+    low, high = ranges[:, 0], ranges[:, 1]
     n = vehicle.n
     if not n:
         return ArmPoses(low, high, np.zeros((1, 0)), seed)
@@ -103,6 +101,20 @@ def arm_poses(vehicle: Vehicle, count: int = POSES, seed: int = 0) -> ArmPoses:
     corners = np.array(np.meshgrid(*[(0.0, 1.0)] * n)).reshape(n, -1).T if n <= CORNERS else np.zeros((0, n))
     zero = np.clip(np.zeros((1, n)), low, high)
     return ArmPoses(low, high, np.vstack([zero, low + (high - low) * np.vstack([corners, unit])]), seed)
+
+
+def joint_range(joint: Joint) -> tuple[float, float]:
+    """Values of a joint that are looked at: between its limits; of a joint that turns further, the turn about zero."""
+    free = math.pi if joint.kind == "revolute" else 1.0
+    low, high = float(joint.lower), float(joint.upper)
+    if math.isinf(low):
+        low = min(-free, high - free)
+    if math.isinf(high):
+        high = max(free, low + free)
+    if joint.kind == "revolute" and high - low > 2.0 * free:
+        middle = min(max(0.0, low + free), high - free)
+        return middle - free, middle + free
+    return low, high
 
 
 def _coordinates(count: int, dimension: int, rng: np.random.Generator) -> Array:

@@ -29,10 +29,11 @@ def arm_workspace(vehicle: Vehicle, poses: ArmPoses) -> list[Finding]:
     found = [*_ranges(vehicle)]
     if vehicle.end_effector and vehicle.frame().link != BASE:
         tips = tip_places(vehicle, poses.joints)
-        low, high = tips.min(axis=0), tips.max(axis=0)
-        box = ", ".join(f"{c} {a:.3g} ... {b:.3g}" for c, a, b in zip("xyz", low, high, strict=True))
+        ends, _ = poses.worst(lambda joints: np.vstack([tip_places(vehicle, joints).T, -tip_places(vehicle, joints).T]))
+        box = ", ".join(f"{c} {a:.3g} ... {-b:.3g}" for c, a, b in zip("xyz", ends[:3], ends[3:], strict=True))
         found.append(Finding(question="workspace", level=OK, text=f"tip in base axes: {box} m", field="frames"))
-        found += _blades(vehicle, tips)
+        if vehicle.rotors:
+            found += _blades(vehicle, tips)
     return [*found, *_joints_without_effect(vehicle, poses)]
 
 

@@ -21,6 +21,7 @@ from skyarm.assess.likely_units import units_of_scenario, units_of_vehicle
 from skyarm.assess.mass_balance import center_of_mass_shift, mass_and_inertia
 from skyarm.assess.mujoco_certificate import certificate
 from skyarm.assess.rotor_layout import rotor_layout
+from skyarm.assess.servo_stiffness import servo_stiffness
 from skyarm.assess.thrust_margin import thrust_margin
 from skyarm.assess.torque_authority import torque_authority
 from skyarm.files import number
@@ -135,4 +136,4 @@ def _of_vehicle(vehicle: Vehicle, gravity: float, payload: float, poses: ArmPose
         found += largest_payload(vehicle, allocation, poses, gravity, payload)
         found += largest_wind(vehicle, gravity, payload)
     endurance = [each for held, words in loads for each in time_aloft(held, gravity, words)]
-    return [*found, *arm_workspace(vehicle, poses), *motor_lag(vehicle), *endurance]
+    return [*found, *arm_workspace(vehicle, poses), *motor_lag(vehicle), *servo_stiffness(vehicle), *endurance]

@@ -37,33 +37,37 @@ def joint_torques(vehicle: Vehicle, poses: ArmPoses, gravity: float, held: str =
 
     least, at = poses.worst(holding)
     static = np.where(-least > NOTHING, -least, 0.0)
-    moving = np.vstack([at, poses.joints])
-    dynamic = np.max(_dynamic(vehicle, moving, gravity), axis=1)
+    tried = np.vstack([at, poses.joints])
+    moving = _dynamic(vehicle, tried, gravity)
+    dynamic, where = np.max(moving, axis=1), tried[np.argmax(moving, axis=1)]
     found = []
     limits = effort_limits(vehicle)
     for i, link in enumerate(vehicle.links):
         joint = link.joint
         unit, limit = ("N m" if joint.kind == "revolute" else "N"), float(limits[i])
         name = f"joints[{joint.name}]"
-        pose = tuple(map(float, at[i]))
         if float(joint.effort_limit) == 0.0:
             text = "passive: no drive holds it"
             found.append(Finding(question=f"{name} static effort{held}", level=NOTE, text=text, field=name))
             continue
-        for kind, value, bad in (("static", float(static[i]), FAULT), ("dynamic", float(dynamic[i]), WARNING)):
+        by = f"{SWEEP[joint.kind]:g} {'rad' if joint.kind == 'revolute' else 'm'} in {SECONDS:g} s"
+        for kind, value, bad, pose, why in (
+            ("static", float(static[i]), FAULT, at[i], "to hold the arm"),
+            ("dynamic", float(dynamic[i]), WARNING, where[i], f"to move it ({by})"),
+        ):
             level = bad if value > limit else OK
             text = f"up to {value:.3g} {unit}" + (f" of {limit:g}" if limit < math.inf else ", no limit stated")
             found.append(
                 Finding(
                     question=f"{name} {kind} effort{held}",
                     level=level,
-                    text=text + (" to hold the arm" if kind == "static" else f" to move it (1 rad in {SECONDS:g} s)"),
+                    text=f"{text} {why}",
                     field=f"{name}.effort_limit",
                     value=value,
                     limit=limit if limit < math.inf else math.nan,
                     unit=unit,
                     remedy="" if level == OK else f"a stronger drive ({name}.effort_limit) or a lighter, shorter arm",
-                    joints=pose,
+                    joints=tuple(map(float, pose)),
                 )
             )
     return found

@@ -7,11 +7,14 @@ import math
 import numpy as np
 
 from skyarm.assess.arm_poses import ArmPoses, Array
-from skyarm.assess.finding import FAULT, NOTE, OK, Finding
+from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
 from skyarm.assess.joint_torques import effort_limits
 from skyarm.assess.level_hover import WRENCH, Allocation, hover_efforts
 from skyarm.assess.thrust_margin import ENOUGH
 from skyarm.vehicle.vehicle_records import Vehicle
+
+NOTHING = 1e-9
+"""kg: rounding of a vehicle that holds its own weight and no more."""
 
 
 def largest_payload(
@@ -39,19 +42,22 @@ def largest_payload(
     most, joints = max(float(least), 0.0), tuple(map(float, at[0]))
     if math.isinf(most):
         return [Finding(question=question, level=NOTE, text="not limited: no rotor or joint states a limit")]
-    level = FAULT if payload > most else OK
+    level = FAULT if payload > most else OK if most > NOTHING else WARNING
     text = f"{most:.3g} kg in every arm pose, with thrust for {ENOUGH:g} times the weight; {binding} comes first"
-    remedy = f"at most {most:.3g} kg, or more of {binding}" if level == FAULT else ""
+    remedy = f"at most {most:.3g} kg, or more of {binding}"
+    if most <= NOTHING:
+        text = f"none: {binding} has nothing left in some arm pose, with thrust for {ENOUGH:g} times the weight"
+        remedy = f"more of {binding}, or a lighter vehicle"
     return [
         Finding(
             question=question,
             level=level,
-            text=text if level == OK else f"--payload {payload:g} kg is more than {text}",
+            text=text if level != FAULT else f"--payload {payload:g} kg is more than it holds: {text}",
             field=binding,
             value=most,
             limit=payload if payload else math.nan,
             unit="kg",
-            remedy=remedy,
+            remedy="" if level == OK else remedy,
             joints=joints,
         )
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 from skyarm.assess.finding import FAULT, OK, WARNING, Finding
@@ -29,9 +30,14 @@ def _findings(lines: Iterable[str], level: str, good: str) -> list[Finding]:
     return found or [Finding(question=QUESTION, level=OK, text=good)]
 
 
+BEHIND_A_FIELD = re.compile(r": | of | reaches ")
+"""What stands in a line between the field and what is said of it where there is no equals sign."""
+
+
 def _finding(line: str, level: str) -> Finding:
-    head, _, rest = line.partition(" = " if " = " in line else " of ")
-    hint = rest.rpartition("; ")[2].rstrip("?")
-    return Finding(
-        question=QUESTION, level=level, text=line, field=head.strip(), remedy=f"check {head.strip()}: {hint}?"
-    )
+    head, equals, _ = line.partition(" = ")
+    field = head.replace(": ", ".") if equals else BEHIND_A_FIELD.split(line, maxsplit=1)[0]
+    # the question at the end says what is perhaps meant; it stands behind the last semicolon, else behind a colon
+    said, _, hint = line.rpartition("; " if "; " in line else ": ")
+    remedy = f"check {field}: {hint}" if said else f"check {field}"
+    return Finding(question=QUESTION, level=level, text=line, field=field, remedy=remedy)

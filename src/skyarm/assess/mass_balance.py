@@ -35,11 +35,10 @@ def center_of_mass_shift(vehicle: Vehicle, poses: ArmPoses, gravity: float, held
 
     (least, shift), at = poses.worst(inside)
     width = float(_inside(hubs, *hubs.mean(axis=0)[:, None])[0])
-    base = _base_outside(vehicle, hubs)
     level = FAULT if least < 0.0 else WARNING if least < 0.25 * width else OK
     off, within = 1e3 * -float(shift), 1e3 * float(least)
     text = f"at most {off:.3g} mm from the rotors' middle, {within:.3g} mm within their polygon"
-    field = "base.com" if base or not vehicle.n else "links.com"
+    field = field_of_mass(vehicle, at[0])
     return [
         Finding(
             question=f"centre of mass{held}",
@@ -155,7 +154,15 @@ def _inside(hubs: Array, x: Array, y: Array) -> Array:
     return np.asarray(beside.min(axis=0), dtype=float)
 
 
-def _base_outside(vehicle: Vehicle, hubs: Array) -> bool:
-    """Whether the base's own centre of mass is near the edge already, so that no arm is to blame."""
-    x, y = (np.array([float(c)]) for c in (vehicle.base.com.x, vehicle.base.com.y))
-    return bool(_inside(hubs, x, y)[0] < 0.5 * _inside(hubs, *hubs.mean(axis=0)[:, None])[0])
+def field_of_mass(vehicle: Vehicle, joints: Array) -> str:
+    """Whose centre of mass is to blame for one beside the rotors' middle in a pose (n,): the base's or the links'.
+
+    It is the base's where its share of the whole moment is more than half.
+    """
+    if not vehicle.n:
+        return "base.com"
+    middle = np.mean([[float(rotor.position.x), float(rotor.position.y)] for rotor in vehicle.rotors], axis=0)
+    mass = float(vehicle.mass)
+    whole = np.ravel(center_of_mass(hover_efforts(vehicle, 1.0, np.reshape(joints, (1, -1))), mass, 1.0)) - middle
+    own = np.array([float(vehicle.base.com.x), float(vehicle.base.com.y)]) - middle
+    return "base.com" if float(vehicle.base.mass) / mass * own @ whole > 0.5 * whole @ whole else "links.com"

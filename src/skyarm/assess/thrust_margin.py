@@ -9,6 +9,7 @@ import numpy as np
 from skyarm.assess.arm_poses import ArmPoses, Array
 from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding, graded
 from skyarm.assess.level_hover import Allocation, hover_efforts
+from skyarm.assess.mass_balance import field_of_mass
 from skyarm.vehicle.vehicle_records import Vehicle
 
 ENOUGH = 1.2
@@ -72,16 +73,17 @@ def _margin(vehicle: Vehicle, gravity: float, busiest: float, joints: tuple[floa
 
 def _idlest(vehicle: Vehicle, share: float, joints: tuple[float, ...], held: str) -> Finding:
     level = FAULT if share < 0.0 else WARNING if share < LEAST_SHARE else OK
+    field = field_of_mass(vehicle, np.array(joints))
     text = f"the idlest rotor carries {share:.2g} of the mean in the worst arm pose"
     if level == FAULT:
-        text = f"a rotor would have to pull down: {text}; the centre of mass lies outside the rotors"
+        text = f"a rotor would have to pull down: {text}; the centre of mass lies too far from the rotors' middle"
     return Finding(
         question=f"balance of the rotors{held}",
         level=level,
         text=text,
-        field="base.com" if not vehicle.n else "links.com",
+        field=field,
         value=share,
         limit=0.0 if level == FAULT else LEAST_SHARE,
-        remedy="" if level == OK else "move mass (com, the arm's first joint) towards the rotors' middle",
+        remedy="" if level == OK else f"move mass towards the rotors' middle ({field}; m, not mm?)",
         joints=joints,
     )

@@ -22,20 +22,23 @@ RAYS = 72
 
 
 def torque_authority(vehicle: Vehicle, allocation: Allocation, poses: ArmPoses, gravity: float) -> list[Finding]:
-    """Angular acceleration that the rotors can add to hover about each axis, either way, in the worst arm pose."""
+    """Angular acceleration that the rotors can add to hover about each axis, either way, in the worst arm pose.
+
+    The worst pose is that of the least acceleration: an arm that is stretched out adds inertia and takes no torque.
+    """
     directions = [sign * np.eye(WRENCH)[axis] for axis in range(3) for sign in (1.0, -1.0)]
 
     def quantities(joints: Array) -> Array:
         squared = allocation.squared(hover_efforts(vehicle, gravity, joints))
-        return np.stack([allocation.room(squared, each) for each in directions])
+        inertias = locked_inertia(vehicle, joints)
+        return np.stack([allocation.room(squared, d) / inertias[:, i // 2, i // 2] for i, d in enumerate(directions)])
 
     least, at = poses.worst(quantities)
     found = []
     for axis, name in enumerate(AXES):
         i = 2 * axis + int(np.argmin(least[2 * axis : 2 * axis + 2]))
-        torque, joints = float(least[i]), at[i]
-        inertia = float(locked_inertia(vehicle, joints)[axis, axis])
-        acceleration = torque / inertia if inertia > 0.0 else math.nan
+        acceleration, joints = float(least[i]), at[i]
+        torque = acceleration * float(locked_inertia(vehicle, joints[None])[0, axis, axis])
         found.append(_finding(name, axis, torque, acceleration, tuple(map(float, joints))))
     return found
 
@@ -43,12 +46,12 @@ def torque_authority(vehicle: Vehicle, allocation: Allocation, poses: ArmPoses, 
 def _finding(name: str, axis: int, torque: float, acceleration: float, joints: tuple[float, ...]) -> Finding:
     level = FAULT if not acceleration >= FAULTS[axis] else WARNING if acceleration < WARNINGS[axis] else OK
     text = f"rotors can add {max(torque, 0.0):.3g} N m to hover either way, {max(acceleration, 0.0):.3g} rad/s^2"
-    fields = "rotors.direction, rotors.moment_coefficient" if name == "yaw" else "rotors.position, base.inertia"
+    fields = "rotors.direction, rotors.moment_coefficient" if name == "yaw" else "rotors.position"
     return Finding(
         question=f"{name} authority",
         level=level,
         text=text if level != FAULT else f"cannot be turned: {text}",
-        field=fields,
+        field=f"{fields}, base.inertia",
         value=acceleration,
         limit=FAULTS[axis] if level == FAULT else WARNINGS[axis],
         unit="rad/s^2",
@@ -58,9 +61,10 @@ def _finding(name: str, axis: int, torque: float, acceleration: float, joints: t
 
 
 def locked_inertia(vehicle: Vehicle, joints: Array) -> Array:
-    """Inertia (3, 3) about the whole centre of mass with the joints held, base axes, kg m^2."""
-    M = mass_matrix(vehicle, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), joints)
-    return np.asarray(M[3:6, 3:6] - M[3:6, :3] @ M[:3, 3:6] / M[0, 0], dtype=float)
+    """Inertia (lanes, 3, 3) about the whole centre of mass with the joints (lanes, n) held, base axes, kg m^2."""
+    still, level = np.zeros((len(joints), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(joints), 1))
+    M = mass_matrix(vehicle, still, level, joints)
+    return np.asarray(M[:, 3:6, 3:6] - M[:, 3:6, :3] @ M[:, :3, 3:6] / M[:, :1, :1], dtype=float)
 
 
 def roll_pitch_boundary(vehicle: Vehicle, allocation: Allocation, joints: Array, gravity: float) -> Array:

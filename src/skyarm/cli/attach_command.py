@@ -62,6 +62,8 @@ def write_attached(
         document = {**document, "end_effector": frame["name"], "frames": [frame]}
     content = f"# {_word(arm)} on {_word(airframe)}, by skyarm attach; both stay as they are.\n{toml_text(document)}"
     vehicle = vehicle_of_text(content, written)
+    if os.path.lexists(written):
+        raise ValueError(f"--out = {shown(file)}: must not be there yet: no vehicle file is overwritten")
     write_atomically(written, content.encode())
     give(
         file=written,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 from rich.console import Group, RenderableType
@@ -10,11 +11,12 @@ from rich.text import Text
 
 from skyarm.assess.assessment import Assessment, assess_scenario, assess_vehicle
 from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
+from skyarm.cli.named_files import is_scenario
 from skyarm.cli.terminal_tables import shown, table_of
-from skyarm.files import printable
-from skyarm.files.kinds_of_files import kind_of
-from skyarm.scenario.scenario_file import list_scenarios, load_scenario
-from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle, read_document
+from skyarm.files import output_file, printable
+from skyarm.files import shown as shown_text
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.vehicle.vehicle_files import load_vehicle
 
 FOUND = 1
 """Exit code of a check that found a fault."""
@@ -28,7 +30,7 @@ def assess(name: str, payload: float, poses: int, seed: int, gravity: float | No
     Raises:
         ValueError: one line.
     """
-    if _is_scenario(name):
+    if is_scenario(name):
         if gravity is not None:
             raise ValueError(f"--gravity = {gravity:g}: must be left out: the scenario states its own (plant.gravity)")
         return assess_scenario(load_scenario(name), payload=payload, poses=poses, seed=seed)
@@ -38,19 +40,16 @@ def assess(name: str, payload: float, poses: int, seed: int, gravity: float | No
     )
 
 
-def _is_scenario(name: str) -> bool:
-    """Whether a name is that of a shipped scenario, or of a file that describes one; all else is read as a vehicle."""
-    if name in list_vehicles():
-        return False
-    if name in list_scenarios() or name.endswith(".npz"):
-        return True
-    if not name.endswith(".toml"):
-        return False
-    try:
-        with open(name, "rb") as file:
-            return kind_of(read_document(file.read())) == "scenario"
-    except (OSError, ValueError):
-        return False
+def page_file(name: str) -> Path:
+    """Where the page is to be written.
+
+    Raises:
+        ValueError, OSError: one line: it does not end in .html, or cannot be written.
+    """
+    file = output_file(name, "--html")
+    if file.suffix not in (".html", ".htm"):
+        raise ValueError(f"--html = {shown_text(name)}: must end in .html")
+    return file
 
 
 def sheet(found: Assessment) -> RenderableType:
@@ -63,7 +62,7 @@ def sheet(found: Assessment) -> RenderableType:
     parts: list[RenderableType] = [Text(printable(title(found)), style="bold"), table, Text("")]
     alarms = found.alarms()
     for each in alarms:
-        numbers = f" ({number(each.value, each)}, limit {number(each.limit, each)})" if each.field else ""
+        numbers = "" if math.isnan(each.value) or not each.field else f" ({_against_limit(each)})"
         line = f"{each.level} in {each.field or each.question}{numbers}: {each.remedy or each.text}"
         parts.append(Text(printable(line), style=STYLES[each.level]))
     if alarms:
@@ -86,6 +85,12 @@ def verdict(found: Assessment) -> str:
     if faults:
         return f"cannot fly as described: {faults} fault{'s' if faults != 1 else ''}, {counted}"
     return f"can fly: no fault, {counted}"
+
+
+def _against_limit(each: Finding) -> str:
+    """A finding's number, and what it is held against where there is such a thing."""
+    found = number(each.value, each)
+    return found if math.isnan(each.limit) else f"{found}, limit {number(each.limit, each)}"
 
 
 def number(value: float, finding: Finding) -> str:

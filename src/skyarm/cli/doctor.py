@@ -158,6 +158,9 @@ def _start(program: str) -> Any:
             stderr=subprocess.PIPE,
             text=True,
             errors="replace",
+            # what is looked at is this installation, not what lies in the folder one stands in, which may be gone
+            cwd=sys.prefix,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
         )
     except OSError as error:
         return str(error)

@@ -136,7 +136,7 @@ def _logs(flights: Sequence[str], controllers: Sequence[str] | None, settings: A
     laws: Sequence[str | None] = [word for each in controllers or () for word in each.split(",") if word] or [None]
     found = []
     for name in flights:
-        if _is_scenario(name):
+        if _is_flown(name):
             found += [_fly(name, law, settings.stop) for law in laws]
         elif controllers:
             raise ValueError(f"--controller = {controllers[0]!r}: must be left out, {name!r} is the log of a flight")
@@ -145,7 +145,8 @@ def _logs(flights: Sequence[str], controllers: Sequence[str] | None, settings: A
     return found
 
 
-def _is_scenario(name: str) -> bool:
+def _is_flown(name: str) -> bool:
+    """Whether a word names a scenario, which is flown, and no log."""
     from skyarm.scenario.scenario_file import list_scenarios
 
     return Path(name).suffix in ("", ".toml") or name in list_scenarios()

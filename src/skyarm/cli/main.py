@@ -34,9 +34,8 @@ def main() -> None:
 
             # before the libraries load: an old one may fail as it does, or do nothing and exit with 0
             short = below_floor(installed(name for name in (*FLOORS, UNSPLIT) if name != REPLACEABLE))
-            if short:
-                code = say(short, WRONG_INPUT)
-            else:
+            code = _examined(short) if short and _asks_for("doctor") else say(short, WRONG_INPUT) if short else None
+            if code is None:
                 from skyarm.cli.commands import perform
 
                 code = perform()
@@ -49,3 +48,21 @@ def main() -> None:
 
         code = say(f"{WORDS[came[0].name]}; finished files are whole", 128 + came[0])
     sys.exit(code)
+
+
+def _asks_for(command: str) -> bool:
+    """Whether the first word of the command line that is no option is this one."""
+    return next((word for word in sys.argv[1:] if not word.startswith("-")), "") == command
+
+
+def _examined(short: str) -> int:
+    """``skyarm doctor`` beside a library that is too old: what it finds, or the line about that library."""
+    from skyarm.cli.lines import WRONG_INPUT, say
+
+    try:
+        from skyarm.cli.commands import perform
+
+        found = perform()
+    except Exception:  # an old library fails as it does
+        found = 0
+    return found or say(short, WRONG_INPUT)

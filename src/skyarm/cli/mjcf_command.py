@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from skyarm.cli.machine_output import give
+from skyarm.cli.named_files import is_scenario
 from skyarm.dynamics.state import State
-from skyarm.files import number, output_file, read_toml, shown, unreadable, write_atomically
-from skyarm.files.kinds_of_files import kind_of
-from skyarm.scenario.scenario_file import list_scenarios, load_scenario
+from skyarm.files import number, output_file, shown, write_atomically
+from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import first_state
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -55,17 +53,7 @@ def write_mjcf(what: str, file: str, *, gravity: float | None = None, timestep: 
 
 def _read(what: str) -> tuple[Vehicle, float, State | None]:
     """Vehicle, gravity (m/s^2) and first state of a vehicle or a scenario."""
-    if what in list_scenarios() or _is_scenario(Path(what)):
+    if is_scenario(what):
         scenario = load_scenario(what)
         return scenario.world.vehicle, float(scenario.world.gravity), first_state(scenario)
     return load_vehicle(what), 9.81, None
-
-
-def _is_scenario(path: Path) -> bool:
-    """Whether a file is a scenario's; of one that cannot be read the reader of vehicles says why."""
-    if path.suffix != ".toml" or unreadable(path):
-        return False
-    try:
-        return kind_of(read_toml(path.read_bytes())) == "scenario"
-    except (OSError, ValueError):
-        return False

@@ -170,7 +170,7 @@ def list_(
 
 @app.command()
 def show(
-    vehicle: Annotated[str, typer.Argument(help="a vehicle file (.toml, .urdf) or the name of a shipped one")],
+    vehicle: Annotated[str, typer.Argument(help="a vehicle file (.toml, .urdf, .xml) or the name of a shipped one")],
     gravity: Annotated[float, typer.Option(help="m/s^2")] = 9.81,
     ops: Annotated[bool, typer.Option("--ops", help="count the operations of its equations instead")] = False,
     drawing: Annotated[

@@ -15,7 +15,7 @@ from skyarm.cli.progress import waiting
 @app.command()
 def check(
     what: Annotated[
-        str, typer.Argument(metavar="VEHICLE|SCENARIO", help="a file (.toml, .urdf) or the name of a shipped one")
+        str, typer.Argument(metavar="VEHICLE|SCENARIO", help="a file (.toml, .urdf, .xml) or a shipped name")
     ],
     payload: Annotated[float, typer.Option(help="kg held at the tip")] = 0.0,
     page: Annotated[
@@ -33,10 +33,9 @@ def check(
 
     Exit code: 0 if it can fly, 1 if a fault was found, 2 if the input was wrong.
     """
-    from skyarm.cli.check_command import FOUND, assess, document, sheet
-    from skyarm.files import output_file
+    from skyarm.cli.check_command import FOUND, assess, document, page_file, sheet
 
-    file = None if page is None else output_file(page, "--html")
+    file = None if page is None else page_file(page)
     with waiting(f"{what}: checking", console):
         found = assess(what, payload, poses, seed, gravity)
         if file is not None:

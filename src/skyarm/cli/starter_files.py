@@ -7,6 +7,7 @@ import os
 import re
 import sys
 from importlib import resources
+from importlib.util import find_spec
 from pathlib import Path
 
 from skyarm.files import must_be_one_of, require_writable, shown, write_atomically
@@ -64,7 +65,7 @@ def write_starter(kind: str, name: str, folder: Path) -> list[Path]:
 
 
 def require_name(kind: str, name: str) -> None:
-    """Refuse what is no name for the files of a kind, or would hide a module that Python or the test needs.
+    """Refuse what is no name for the files of a kind, or would hide a module that is installed or that pytest reads.
 
     Raises:
         ValueError: one line.
@@ -72,5 +73,5 @@ def require_name(kind: str, name: str) -> None:
     allowed = "must be a letter, then up to 59 letters, digits and _, no word of Python's and no device of Windows"
     if not NAME.fullmatch(name) or keyword.iskeyword(name) or not is_result_name(name):
         raise ValueError(f"name = {shown(name)}: {allowed}")
-    if kind == "law" and (name in sys.stdlib_module_names or name in ("skyarm", "numpy", "pytest")):
+    if kind == "law" and (name in sys.stdlib_module_names or name == "conftest" or find_spec(name) is not None):
         raise ValueError(f"name = {shown(name)}: must not be that of a module: {name}.py would hide it")

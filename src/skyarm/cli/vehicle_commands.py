@@ -31,8 +31,8 @@ def attach(
 ) -> None:
     """Put an arm on an airframe: write a vehicle file.
 
-    The file refers to both by their paths and is read before it is written. It flies as it is, takes rotors, joints'
-    limits and frames as any vehicle file does, and further arms.
+    The file refers to both by their paths, is read before it is written, and replaces no other. It flies as it is,
+    takes rotors, joints' limits and frames as any vehicle file does, and further arms.
     """
     from skyarm.cli.attach_command import write_attached
 

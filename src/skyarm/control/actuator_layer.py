@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any
@@ -12,14 +13,14 @@ from skyarm.actuation import Command, Mixer, joint_force
 from skyarm.actuation.drive import TORQUE_DRIVE
 from skyarm.actuation.rotor import push, speed_of_push
 from skyarm.algebra import Force
-from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks.common import rotor_thrust
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.law_checks import check_controller, checked_law, wrong
 from skyarm.control.model import Model
+from skyarm.records.blend import blend
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar, add, data, maximum, mul, sqrt, where
+from skyarm.scalars import Scalar, add, data, maximum, mul, sqrt
 from skyarm.sensors.measurement import Measurement
 from skyarm.vehicle.vehicle_records import Rotor
 
@@ -118,9 +119,23 @@ def with_actuators(controller: Controller, model: Model, control_period: float, 
         memory=ActuatorMemory(
             inner=controller.memory,
             started=0.0,
-            drives=tuple(drive.begin(0.0, 0.0, control_period) for drive in drives),
+            drives=_first_memories(drives, control_period),
         ),
     )
+
+
+def _first_memories(drives: Sequence[Any], control_period: float) -> tuple[Any, ...]:
+    """Memories of believed drives, which settle where the joints are in the first period."""
+    return tuple(drive.begin(0.0, 0.0, control_period) for drive in drives)
+
+
+def with_believed_queues(controller: Controller, control_period: float) -> Controller:
+    """The law with believed drives at rest in its first memory, whose numbers may have changed since it was made."""
+    memory = controller.memory
+    if not isinstance(memory, ActuatorMemory) or not memory.drives:
+        return controller
+    drives = _first_memories(believed_drives(controller.par.model), control_period)
+    return dataclasses.replace(controller, memory=dataclasses.replace(memory, drives=drives))
 
 
 def inner_parameters(par: ActuatorParameters) -> Any:
@@ -179,12 +194,12 @@ def _setpoints(
     )
     for drive, held, effort, q, qd, qdd in rows:
         begun = drive.settled(held, q, drive.standing(effort, q))
-        now = _blend(memory.started > 0.5, held, begun)
+        now = blend(memory.started > 0.5, held, begun)
         # means of the motion from where the setpoint is heard to one period later
         ahead = add(getattr(drive, "latency", 0), 0.5 * dt)
         square = add(mul(ahead, ahead), dt * dt / 12.0)
         mean = add(add(q, mul(qd, ahead)), mul(qdd, mul(0.5, square)))
-        setpoint = data(drive.setpoint(now, effort, mean, add(qd, mul(qdd, ahead))))
+        setpoint = data(drive.setpoint(now, effort, mean, add(qd, mul(qdd, ahead)), dt))
         setpoints.append(setpoint)
         kept.append(drive.advance(now, setpoint, q, qd, dt))
     return tuple(setpoints), tuple(kept)
@@ -200,7 +215,3 @@ def _accelerations(model: Model, measurement: Measurement, efforts: Any) -> tupl
         vehicle, measurement.joints, measurement.rate, rates, Force(torque, force), torques
     )
     return found[1]
-
-
-def _blend(condition: Any, new: Any, old: Any) -> Any:
-    return rebuild(old, (where(condition, a, b) for a, b in zip(leaves(new), leaves(old), strict=True)))

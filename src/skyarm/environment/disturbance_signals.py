@@ -16,6 +16,9 @@
     noise = { velocity = [0.5, 0.5, 0.2], bandwidth_hz = 0.5 }
 
 Signals are those of references (:mod:`skyarm.reference.reference_tables`). They are held for each control period.
+Noise is a first-order Gauss-Markov process of each component (Brown, Hwang 2012, section 3.9); it has the deviations
+of what its record has: force and torque, or velocity. A wrench moves base and joints by the principle of virtual work
+(Siciliano, Sciavicco, Villani, Oriolo 2009, Robotics, section 3.8).
 """
 
 from __future__ import annotations
@@ -54,6 +57,8 @@ class Disturbance(Force):
         accept_fields(self, "disturbance")
         if self.axes not in AXES:
             raise ValueError(f"axes = {self.axes!r}: must be one of {', '.join(AXES)}")
+        if self.noise is not None:
+            self.noise.require_only("force", "torque")
 
     @property
     def uniforms(self) -> int:
@@ -93,6 +98,8 @@ class AirSignals(Air):
 
     def __post_init__(self) -> None:
         accept_fields(self, "air")
+        if self.noise is not None:
+            self.noise.require_only("velocity")
 
     @property
     def uniforms(self) -> int:

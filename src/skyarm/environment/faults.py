@@ -25,7 +25,8 @@ class Fault:
         rotor: name of the rotor, or joint: name of the joint whose drive it is; exactly one of them.
         effectiveness: from 0 (none) to 1 (all). A rotor keeps its speed and its lag.
         start: at least 0: the flight begins at 0, and so does a fault that was there before.
-        stuck: the joint is held where it is from ``start`` on, exactly (:mod:`skyarm.plant.loaded_vehicle`).
+        stuck: the joint is held where it is from ``start`` on, exactly (:mod:`skyarm.plant.loaded_vehicle`); its drive
+            then has no share of its effort to lose.
         signal: of time, times the effectiveness, within 0 and 1; None for a share that does not change.
     """
 
@@ -55,6 +56,16 @@ class Fault:
             raise ValueError(f"stuck = True: must be of a joint, not of the rotor {self.rotor!r}")
         if not isinstance(self.signal, (Signal, type(None))):
             raise ValueError(f"signal = {shown(self.signal)}: must be a Signal of time")
+        if self.stuck:
+            self._require_all_of_a_stuck_drive()
+
+    def _require_all_of_a_stuck_drive(self) -> None:
+        """Refuse a share of the effort of a joint that is held, which would have no effect."""
+        words = "for a joint that is stuck: nothing that its drive gives moves it"
+        if self.signal is not None:
+            raise ValueError(f"signal = {shown(self.signal)}: must be None {words}")
+        if not (concrete(self.effectiveness) and self.effectiveness == 1.0):
+            raise ValueError(f"effectiveness = {shown(self.effectiveness)}: must be 1 {words}")
 
     @property
     def name(self) -> str:

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.files import shown
+from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.reference.signal_tables import signal_from
@@ -51,6 +52,10 @@ def _signal(entry: Any, where: str) -> Signal:
 NO_SIGNALS = SignalVector()
 
 
+DEVIATIONS = ("force", "torque", "velocity")
+"""What noise may be of."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ColouredNoise:
     """First-order Gauss-Markov noise of up to six components, sampled exactly once per control period and held in it.
@@ -68,6 +73,18 @@ class ColouredNoise:
 
     def __post_init__(self) -> None:
         accept_fields(self, "noise")
+
+    def require_only(self, *own: str) -> None:
+        """Refuse deviations of what its owner has not; a zero is none.
+
+        Raises:
+            ValueError: one line with the field, its value and what there is.
+        """
+        for name in DEVIATIONS:
+            value = getattr(self, name)
+            if name not in own and not all(concrete(each) and each == 0.0 for each in value):
+                has = " and ".join(f"noise.{each}" for each in own)
+                raise ValueError(f"noise.{name} = {shown([*value])}: must be left out; here there is {has}")
 
     def first(self, draws: Sequence[Any], count: int) -> tuple[Any, ...]:
         """Stationary from the start: that many unit normal numbers."""

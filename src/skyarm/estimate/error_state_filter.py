@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.actuation.rotor import speeds_after
@@ -24,14 +24,12 @@ from skyarm.algebra import Vec3
 from skyarm.estimate.error_covariance import (
     Covariance,
     choose_covariance,
-    diagonal,
     gate_of,
     predict_covariance,
     scaled_covariance,
     transition,
     update_by_scalar,
 )
-from skyarm.estimate.estimator import Estimator
 from skyarm.estimate.filter_memory import (
     AIDS,
     BLANK_BELIEF,
@@ -41,93 +39,27 @@ from skyarm.estimate.filter_memory import (
     choose,
     in_turn,
 )
-from skyarm.estimate.filter_sensors import only, require_filter_sensors
-from skyarm.estimate.inertial_navigation import Navigated, level_attitude, navigate
+from skyarm.estimate.filter_numbers import FilterNumbers
+from skyarm.estimate.filter_sensors import only
+from skyarm.estimate.inertial_navigation import Navigated, navigate
 from skyarm.estimate.inertial_navigation import corrected as with_error
 from skyarm.estimate.innovations import ScalarInnovation, innovations, of_specific_force
 from skyarm.estimate.joint_filter import FilteredJoints, filter_joints
 from skyarm.estimate.modelled_force import modelled_force
 from skyarm.records.coerce import RecordError
-from skyarm.records.field_rules import accept_fields
-from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, data, logical_and, logical_not, mul, where
+from skyarm.scalars import data, logical_and, logical_not, where
 from skyarm.sensors.measurement import Measurement
-from skyarm.sensors.sensor import Sensor
 from skyarm.sensors.sensor_readings import EncoderReading, ImuReading
 from skyarm.vehicle.vehicle_records import Vehicle
 
-FORCES = ("measured", "modelled")
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class ErrorStateFilter(Estimator):
-    """The filter's belief of its sensors; the plant's sensors have their own numbers.
-
-    Attributes:
-        aiding: "pose", "position" or "position_heading": the readings that correct the inertial unit's.
-        delay_periods: control periods by which the filter lags, at least the age of the oldest aiding reading.
-        force: "measured" by the accelerometer, or "modelled" by the believed vehicle and corrected by it.
-        gyro, gyro_walk, accelerometer, accelerometer_walk: densities of noise and of the biases' random walks.
-        push_walk: density of the random walk of what the model lacks. push_turn: s; what it lacks may be fixed to the
-            base and turn with it, which adds (rate x push)^2 push_turn to the walk's variance a second.
-        position, attitude, heading: deviations of the aiding readings.
-        gate: normal deviations beyond which a reading is refused; 0 refuses none. doubt: factor of the covariance at
-            each reading that is refused, so that a filter that is wrong itself does not refuse all that would mend it.
-        first_velocity, first_tilt, first_heading, first_gyro_bias, first_accelerometer_bias, first_push: deviations of
-            what the first readings do not tell. start_heading: rad, without a reading that tells of it.
-        joint_bandwidth: rad/s, of the filter of the encoders; 0 takes positions and rates as they are read.
-        gravity: m/s^2; that of the controller's belief if left out. vehicle: that of its belief, given by the loop.
-    """
-
-    aiding: str = "pose"
-    delay_periods: Annotated[int, Unit("", "control periods by which the filter lags", low=0, high=100)] = 0
-    force: str = "measured"
-    gyro: Annotated[Scalar, Unit("rad/s/sqrt(Hz)", "noise", low=0.0)] = 0.005
-    gyro_walk: Annotated[Scalar, Unit("rad/s^2/sqrt(Hz)", "walk of the bias", low=0.0)] = 1e-4
-    accelerometer: Annotated[Scalar, Unit("m/s^2/sqrt(Hz)", "noise", low=0.0)] = 0.02
-    accelerometer_walk: Annotated[Scalar, Unit("m/s^3/sqrt(Hz)", "walk of the bias", low=0.0)] = 1e-3
-    push_walk: Annotated[Scalar, Unit("m/s^3/sqrt(Hz)", "walk of what the model lacks", low=0.0)] = 0.02
-    push_turn: Annotated[Scalar, Unit("s", "memory of a push that turns with the base", low=0.0)] = 0.2
-    position: Annotated[Scalar, Unit("m", "deviation of a reading", low=0.0, strict=True)] = 0.005
-    attitude: Annotated[Scalar, Unit("rad", "deviation of a reading", low=0.0, strict=True)] = 0.005
-    heading: Annotated[Scalar, Unit("rad", "deviation of a reading", low=0.0, strict=True)] = 0.02
-    gate: Annotated[Scalar, Unit("", "normal deviations, 0: none", low=0.0)] = 4.5
-    doubt: Annotated[Scalar, Unit("", "factor of the covariance at a refused reading", low=1.0)] = 1.5
-    first_velocity: Annotated[Scalar, Unit("m/s", "deviation at the start", low=0.0)] = 0.1
-    first_tilt: Annotated[Scalar, Unit("rad", "deviation at the start, without pose", low=0.0)] = 0.05
-    first_heading: Annotated[Scalar, Unit("rad", "deviation at the start, without reading", low=0.0)] = 0.5
-    first_gyro_bias: Annotated[Scalar, Unit("rad/s", "deviation at the start", low=0.0)] = 0.01
-    first_accelerometer_bias: Annotated[Scalar, Unit("m/s^2", "deviation at the start", low=0.0)] = 0.1
-    first_push: Annotated[Scalar, Unit("m/s^2", "deviation at the start", low=0.0)] = 2.0
-    start_heading: Annotated[Scalar, Unit("rad", "at the start, without reading")] = 0.0
-    joint_bandwidth: Annotated[Scalar, Unit("rad/s", "of the encoders' filter, 0: as read", low=0.0)] = 300.0
-    gravity: Annotated[Scalar | None, Unit("m/s^2", low=0.0)] = None
-    vehicle: Vehicle | None = None
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "")
-        for name, allowed in (("aiding", tuple(AIDS)), ("force", FORCES)):
-            if getattr(self, name) not in allowed:
-                raise RecordError(f"{name} = {getattr(self, name)!r}: must be one of {', '.join(allowed)}")
-
-    @property
-    def modelled(self) -> bool:
-        """Whether the believed vehicle says the specific force."""
-        return self.force == "modelled"
+class ErrorStateFilter(FilterNumbers):
+    """The filter, with the numbers that it believes of its sensors and the controller's belief of the vehicle."""
 
     def believing(self, vehicle: Vehicle, gravity: Any) -> ErrorStateFilter:
         """The filter with the controller's belief."""
         return replace(self, vehicle=vehicle, gravity=gravity if self.gravity is None else self.gravity)
-
-    def require_sensors(self, sensors: Mapping[str, Sensor], rate: float, vehicle: Vehicle) -> None:
-        """An inertial unit, the aiding sensors and, with joints, encoders; none older than the filter lags."""
-        if self.modelled and vehicle.drives:
-            joint = vehicle.drives[0].name
-            raise ValueError(
-                f"estimator.force = 'modelled': must be 'measured' for {vehicle.name!r}, whose joint {joint!r} has a "
-                "drive: its setpoint is no torque"
-            )
-        require_filter_sensors(sensors, self.aiding, self.delay_periods / rate, vehicle.n)
 
     def start(self, vehicle: Vehicle) -> FilterMemory:
         """Blank but for the covariance; the first readings begin the belief."""
@@ -136,7 +68,7 @@ class ErrorStateFilter(Estimator):
         return FilterMemory(
             started=0.0,
             belief=replace(BLANK_BELIEF, push=zero) if self.modelled else BLANK_BELIEF,
-            covariance=self._first_covariance(),
+            covariance=self.first_covariance(),
             inertial=(BLANK_INERTIAL,) * waiting,
             aiding=tuple((BLANK_READINGS[kind],) * waiting for kind in AIDS[self.aiding]),
             joints=FilteredJoints(joints=still, rates=still, read=0.0),
@@ -155,7 +87,7 @@ class ErrorStateFilter(Estimator):
         imu, encoders = only(ImuReading, readings), only(EncoderReading, readings)
         arrived = [only(kind, readings) for kind in AIDS[self.aiding]]
         before = tuple(choose(started, old, imu) for old in memory.inertial)
-        belief = choose(started, memory.belief, self._first_belief(memory.belief, imu, arrived))
+        belief = choose(started, memory.belief, self.first_belief(memory.belief, imu, arrived))
         joints = memory.joints
         if joints.joints:
             joints = filter_joints(joints, encoders, started, self.joint_bandwidth, imu.time, dt)
@@ -198,7 +130,7 @@ class ErrorStateFilter(Estimator):
         given = memory.modelled[0] if self.modelled else None
         following, force = navigate(belief, before, reading, self.gravity, dt, given)
         F = transition(R, force, dt, modelled=self.modelled)
-        P = predict_covariance(memory.covariance, F, self._variances(belief, reading, dt))
+        P = predict_covariance(memory.covariance, F, self.added_variances(belief, reading, dt))
         if self.modelled:
             variance = self.accelerometer * self.accelerometer / where(dt > 0.0, dt, 1.0)
             rows = of_specific_force(following, reading.specific_force, memory.modelled[0], variance)
@@ -219,36 +151,6 @@ class ErrorStateFilter(Estimator):
             taken, refused = taken + where(passed, 1.0, 0.0), refused + where(failed, 1.0, 0.0)
             surprise = where(due, found, surprise)
         return replace(memory, belief=belief, covariance=P, taken=taken, refused=refused, surprise=surprise)
-
-    def _first_covariance(self) -> Covariance:
-        """Before the first readings are taken in, which say how far position and attitude are known."""
-        tilt, heading = self.attitude, self.attitude
-        if self.aiding != "pose":
-            tilt = self.first_tilt
-            heading = self.heading if self.aiding == "position_heading" else self.first_heading
-        parts = [self.position] * 3 + [self.first_velocity] * 3 + [tilt, tilt, heading]
-        parts += [self.first_gyro_bias] * 3 + [self.first_accelerometer_bias] * 3
-        parts += [self.first_push] * 3 if self.modelled else []
-        return diagonal([each * each for each in parts])
-
-    def _first_belief(self, blank: Navigated, imu: ImuReading, arrived: Sequence[Any]) -> Navigated:
-        """At rest where the first readings are, without biases; level by the accelerometer without a pose."""
-        if self.aiding == "pose":
-            return replace(blank, position=arrived[0].position, quaternion=arrived[0].quaternion)
-        heading = arrived[1].heading if self.aiding == "position_heading" else self.start_heading
-        return replace(blank, position=arrived[0].position, quaternion=level_attitude(imu.specific_force, heading))
-
-    def _variances(self, belief: Navigated, reading: ImuReading, dt: Any) -> list[Any]:
-        """What a step adds to the variance of each component; to the position none, it is of third order in dt."""
-        added: list[Any] = [0] * 3
-        noise = 0 if self.modelled else self.accelerometer * self.accelerometer
-        for density in (noise, *(each * each for each in (self.gyro, self.gyro_walk, self.accelerometer_walk))):
-            added += [mul(density, dt)] * 3
-        if self.modelled:
-            turning = belief.quaternion.rotation().apply(reading.rate - belief.gyro_bias).cross(belief.push)
-            walk = self.push_walk * self.push_walk
-            added += [(walk + c * c * self.push_turn) * dt for c in turning]
-        return added
 
     def _told(self, memory: FilterMemory, imu: ImuReading, encoders: Any) -> Measurement:
         """The belief of the filter's instant carried to the present."""

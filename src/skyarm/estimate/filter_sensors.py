@@ -34,8 +34,10 @@ def require_filter_sensors(sensors: Mapping[str, Sensor], aiding: str, lag: floa
         joints: of the vehicle.
 
     Raises:
-        ValueError: one line: a kind of sensor that is missing or there twice, or readings that come too late.
+        ValueError: one line: a kind of sensor that is missing or there twice, or readings that come too late, or whose
+            instant has passed before the inertial unit's reading of it comes.
     """
+    found = dict[type, str]()
     needed = (Imu, *NEEDED[aiding], *((Encoders,) if joints else ()))
     for kind in needed:
         names = [name for name, sensor in sensors.items() if isinstance(sensor, kind)]
@@ -45,9 +47,14 @@ def require_filter_sensors(sensors: Mapping[str, Sensor], aiding: str, lag: floa
                 f"estimator: needs one sensor of kind {KINDS[kind]!r} ([sensors.NAME] with kind = {KINDS[kind]!r}); "
                 f"there {'are' if len(names) != 1 else 'is'} {there}"
             )
-        sensor = sensors[names[0]]
+        found[kind], sensor = names[0], sensors[names[0]]
         if kind in NEEDED[aiding] and sensor.latency > lag + 1e-9:
             raise ValueError(
                 f"estimator.delay_periods: lags {lag:g} s, must be at least sensors.{names[0]}.latency = "
                 f"{sensor.latency:g} s, or those readings are never used"
+            )
+        if kind in NEEDED[aiding] and sensor.latency < sensors[found[Imu]].latency - 1e-9:
+            raise ValueError(
+                f"sensors.{found[Imu]}.latency = {sensors[found[Imu]].latency:g} s: must be at most sensors."
+                f"{names[0]}.latency = {sensor.latency:g} s, or the filter never uses those readings"
             )

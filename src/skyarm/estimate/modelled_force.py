@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm import dynamics
-from skyarm.actuation import friction, limited_effort
+from skyarm.actuation import joint_force, stop_force
 from skyarm.actuation.rotor import rotor_force
 from skyarm.algebra import ZERO3, Force, Vec3
-from skyarm.scalars import data, sqrt, sub
+from skyarm.environment import body_drag
+from skyarm.scalars import add, data, sqrt
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
@@ -24,6 +25,8 @@ def modelled_force(
 ) -> Vec3:
     """Mean over a period, m/s^2, base axes, by the forward dynamics of the whole vehicle in still air.
 
+    With rotors, drag of the airframe, joints with their friction and stops; without the torque of rotors that spin up.
+
     Args:
         vehicle: the believed one.
         velocity_B: m/s, base axes.
@@ -35,12 +38,12 @@ def modelled_force(
     """
     mean = [sqrt(0.5 * (a * a + b * b)) for a, b in zip(*speeds, strict=True)]
     # rotor by rotor: sums over alike rotors would round otherwise where their numbers are parameters
-    applied = Force(ZERO3, ZERO3)
+    applied = Force(ZERO3, body_drag(vehicle.drag, velocity_B))
     for rotor, speed in zip(vehicle.rotors, mean, strict=True):
         applied = applied + rotor_force(rotor, speed, velocity_B + rate.cross(rotor.position))
     torques = [
-        sub(limited_effort(link.joint, effort), friction(link.joint, qd, qd))
-        for link, effort, qd in zip(vehicle.links, efforts, joint_rates, strict=True)
+        add(joint_force(link.joint, effort, qd), stop_force(link.joint, q, qd))
+        for link, effort, q, qd in zip(vehicle.links, efforts, joints, joint_rates, strict=True)
     ]
     base, _ = dynamics.forward_dynamics(vehicle, joints, rate, joint_rates, applied, torques)
     return Vec3(*(data(c) for c in base.linear))

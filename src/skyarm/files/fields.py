@@ -6,7 +6,7 @@ import math
 import numbers
 from typing import Any
 
-from skyarm.files.one_line import shown
+from skyarm.files.one_line import listed, shown
 from skyarm.files.suggestions import did_you_mean, must_be_one_of
 
 _REQUIRED: Any = object()
@@ -34,7 +34,7 @@ class Fields:
         if name in self.table:
             return self.table[name]
         if default is _REQUIRED:
-            there = shown(sorted(self.table)) if self.table else "no fields"
+            there = listed(sorted(self.table)) if self.table else "no fields"
             meant = did_you_mean(name, self.table)
             raise ValueError(f"{self.at(name)}: is missing; {meant}there are {there}")
         return default
@@ -79,7 +79,9 @@ class Fields:
             if name not in self._asked:
                 meant = did_you_mean(name, self._asked)
                 value = shown(self.table[name])
-                raise ValueError(f"{self.at(name)} = {value}: unknown field; {meant}allowed: {self._asked}")
+                raise ValueError(
+                    f"{self.at(name)} = {value}: unknown field; {meant}allowed: {listed(dict.fromkeys(self._asked))}"
+                )
 
 
 def number(value: Any, at: str, *, low: float = -math.inf, strict: bool = False, infinite: bool = False) -> float:

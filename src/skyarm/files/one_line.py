@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 LONGEST = 100
 """Characters of a value that a message shows."""
+
+LONGEST_LIST = 400
+"""Characters of a list of names."""
 
 LONGEST_LINE = 1000
 """Characters of a message."""
@@ -28,6 +32,12 @@ def one_line(text: str) -> str:
     if len(line) <= LONGEST_LINE:
         return line
     return f"{line[: LONGEST_LINE // 2]} ... {line[-LONGEST_LINE // 2 + 5 :]}"
+
+
+def listed(names: Iterable[Any]) -> str:
+    """Names as messages list them: parted by commas, on one line of bounded length."""
+    text = printable(", ".join(map(str, names)))
+    return text if len(text) <= LONGEST_LIST else text[: LONGEST_LIST - 3] + "..."
 
 
 def shown(value: Any) -> str:

@@ -12,6 +12,7 @@ from skyarm.control.controller import Controller
 from skyarm.control.law_checks import checked_law
 from skyarm.estimate.error_state_filter import ErrorStateFilter
 from skyarm.estimate.filter_memory import AIDS, BLANK_INERTIAL, BLANK_READINGS, FilterMemory
+from skyarm.onboard.setpoint_units import drives_of
 from skyarm.records.leaves import leaves, parts
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -66,10 +67,15 @@ def blank_readings(estimator: ErrorStateFilter, joints: int) -> FilterReadings:
 
 
 def first_estimated_memory(controller: Controller, estimator: ErrorStateFilter) -> EstimatedMemory:
-    """Before the first readings, in hover with all joints at zero: the command that acts then."""
+    """Before the first readings, in hover with all joints at zero: the command that acts then, setpoints for drives."""
     model = controller.par.model
     trim = hover_trim(model.vehicle, (0.0,) * model.vehicle.n, model.gravity)
-    sent = as_data(Command(rotor_speeds=tuple(trim.speeds), efforts=tuple(trim.efforts)))
+    drives = drives_of(model.vehicle)
+    efforts = tuple(
+        drives[link.joint.name].standing(effort, 0.0) if link.joint.name in drives else effort
+        for link, effort in zip(model.vehicle.links, trim.efforts, strict=True)
+    )
+    sent = as_data(Command(rotor_speeds=tuple(trim.speeds), efforts=efforts))
     return EstimatedMemory(estimate=estimator.start(model.vehicle), law=controller.memory, sent=sent)
 
 

@@ -31,6 +31,7 @@ from skyarm.onboard.estimated_law import (
     estimated_law,
     first_estimated_memory,
 )
+from skyarm.onboard.setpoint_units import command_units, units_of
 from skyarm.records.leaves import Place, parts
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -50,8 +51,6 @@ STRUCTS = {
     "parameters": "What the law believes and how hard it pulls; exact zeros and ones are folded into the code.",
 }
 """Comment of each struct."""
-
-UNITS = {"revolute": "revolute, rad, N m", "prismatic": "prismatic, m, N"}
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 
@@ -94,18 +93,21 @@ def export_c(
         estimator: from readings to what the law is told; the file's measurement then holds the readings.
 
     Raises:
-        ValueError: the name is no C identifier of at most 64 characters, or the law cannot be traced.
+        ValueError: the name is no C identifier of at most 64 characters, the law cannot be traced, or the estimator's
+            model takes setpoints of the vehicle's drives for torques.
     """
     if not NAME.fullmatch(name):
         raise ValueError(f"name = {name!r}: must be letters, digits and _, begin with a letter, 64 at most")
     controller.require_compiled("export as C")
     check_controller(controller)
-    records = _examples(controller, period, estimator)
     vehicle = controller.par.model.vehicle
+    if estimator is not None:
+        estimator.require_torques(vehicle.name, {each.name: each.drive for each in vehicle.drives})
+    records = _examples(controller, period, estimator)
     seen = level(blank_measurement(vehicle.n, len(vehicle.rotors)), float(controller.par.model.gravity))
     try_law(controller, period, seen, (records["reference"],) * PERIODS)
     program = _traced(controller, records, estimator)
-    structs = _structs(controller, records, program)
+    structs = _structs(controller, records, program, behind_filter=estimator is not None)
     file = StepFile(
         name=name,
         floats=Floats(single),
@@ -156,17 +158,27 @@ def _traced(controller: Controller, records: dict[str, Any], estimator: ErrorSta
     return trace(step, *records.values())
 
 
-def _structs(controller: Controller, records: dict[str, Any], program: Program) -> dict[str, Struct]:
+def _structs(
+    controller: Controller, records: dict[str, Any], program: Program, *, behind_filter: bool
+) -> dict[str, Struct]:
     """Struct of each record; of the parameters only what the law reads."""
     live = {node.index for node in program.lowered.nodes}
     used = [node.index in live for node in program.lowered.inputs]  # the parameters are the first inputs
     vehicle = controller.par.model.vehicle
     command = Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=(0.0,) * vehicle.n)
+    units: dict[str, Units] = {"command": command_units(vehicle)}
+    if behind_filter:
+        units["memory"] = command_units(vehicle, "sent")
     structs = {}
     for key, record in (records | {"command": command}).items():
         # measurement, reference and command have the same members in every law of a vehicle
         everything = [True] * len(leaves(record))
-        structs[key] = make_struct(record, _member, used if key == "parameters" else everything, _on_torque(controller))
+        structs[key] = make_struct(
+            record,
+            _member,
+            used if key == "parameters" else everything,
+            {**_on_torque(controller), **units.get(key, {})},
+        )
     return structs
 
 
@@ -211,7 +223,7 @@ def _header(controller: Controller, file: StepFile, period: float, operations: i
         "",
         f"Vehicle: {vehicle.title or vehicle.name}",
         *(
-            f"  joint {i}: {link.joint.name} of link {i} '{link.name}', {UNITS[link.joint.kind]}"
+            f"  joint {i}: {link.joint.name} of link {i} '{link.name}', {units_of(link.joint, vehicle)}"
             for i, link in enumerate(vehicle.links)
         ),
         *(

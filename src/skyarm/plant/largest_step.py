@@ -20,9 +20,15 @@ MOST_STEPS = 1000
 
 def largest_step(around: Any) -> float | None:
     """The smallest ``largest_step`` (s) of the air, forces and drives of a period; None where none states one."""
-    if not isinstance(around, Surroundings):
-        return None
-    records: tuple[Component | Drive, ...] = (*around.components, *around.drives)
+    return _least((*around.components, *around.drives)) if isinstance(around, Surroundings) else None
+
+
+def drives_step(around: Any) -> float | None:
+    """The same of the drives alone."""
+    return _least(around.drives) if isinstance(around, Surroundings) else None
+
+
+def _least(records: Iterable[Component | Drive]) -> float | None:
     stated = [float(record.largest_step) for record in records if record.largest_step is not None]
     return min(stated, default=None)
 

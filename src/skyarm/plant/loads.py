@@ -72,9 +72,11 @@ def lagged(vehicle: Vehicle, state: State, command: Command, dt: Any, around: Ar
 
 
 def supplied(vehicle: Vehicle, commands: Sequence[Any], around: Around) -> Sequence[Any]:
-    """Rotor speeds (rad/s) that commanded ones become under the battery's voltage, to which they are in proportion.
+    """Rotor speeds (rad/s) that commanded ones become under the battery's voltage.
 
-    A governed speed controller gives less only where it is at its end, an open one everywhere.
+    Below the reference voltage the highest speed is in proportion to it: a governed speed controller gives less only
+    where it is at its end, an open one everywhere. Above it an open one turns faster at the same throttle, and the
+    rotor's lag holds both at ``max_speed``, where its data ends (:func:`skyarm.actuation.rotor.speed_after`).
     """
     supply = surroundings_of(around).supply
     if supply is None or vehicle.battery is None:

@@ -19,7 +19,7 @@ from skyarm.actuation import Command
 from skyarm.compile.llvm.quick_function import Quick
 from skyarm.plant.integrators import FRICTION_STEP, HELD_FRICTION_STEP, INTEGRATORS
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
-from skyarm.plant.largest_step import divisions, largest_step
+from skyarm.plant.largest_step import divisions, drives_step, largest_step
 from skyarm.plant.loaded_vehicle import changes_inertia, payloads_of
 from skyarm.plant.loads import lagged
 from skyarm.plant.mujoco_coupling import Coupling
@@ -30,6 +30,7 @@ from skyarm.plant.mujoco_stages import StagedRungeKutta
 from skyarm.plant.stop_rate import joint_rate
 from skyarm.plant.surroundings import Around
 from skyarm.vehicle.check import require_plant
+from skyarm.vehicle.vehicle_records import Vehicle
 
 LARGEST_FRICTION_STEP = {"rk4": HELD_FRICTION_STEP, "rk4_staged": FRICTION_STEP}
 """Integrator -> largest product of friction's decay rate and a step."""
@@ -64,6 +65,17 @@ def _ignore(_message: str) -> None:
 
 QUIET = _Quiet()
 
+
+def _with_loads_at_stages(integrator: str, vehicle: Vehicle, around: Around) -> str:
+    """The integrator that a vehicle with springs of its own bears: stops of joints, loops of servos.
+
+    With its force held for a step h an undamped oscillator of frequency w grows by sqrt(1 + (w h)^2 / 2) each step of
+    "rk4"; in "euler", which moves positions with the new velocities, it does not grow.
+    """
+    springs = any(link.joint.has_stops for link in vehicle.links) or drives_step(around) is not None
+    return "rk4_staged" if integrator == "rk4" and springs else integrator
+
+
 NOTHING = (None, None)
 """What stands where MuJoCo and the loads read it: no state, no surroundings."""
 
@@ -72,8 +84,9 @@ class MujocoPlant:
     """MuJoCo moves the bodies; forces are those of :mod:`skyarm.plant.loads`.
 
     MuJoCo's own integrators hold forces for each physics step, which makes both methods of first order in it. With
-    "rk4_staged" forces are evaluated at each stage, and the method is of fourth order. Not for two threads at once:
-    each call works in the same MuJoCo data, though nothing in it outlives the call.
+    "rk4_staged" forces are evaluated at each stage, and the method is of fourth order. A spring whose force is held for
+    a step of "rk4" gains energy, so "rk4" is "rk4_staged" where joints have stops or a drive states a largest step. Not
+    for two threads at once: each call works in the same MuJoCo data, though nothing in it outlives the call.
 
     Args:
         world: true vehicle and gravity. A planar model is refused: no real body has its inertia.
@@ -88,6 +101,7 @@ class MujocoPlant:
         if integrator not in INTEGRATORS:
             raise ValueError(f"integrator = {integrator!r}: must be one of {list(INTEGRATORS)}")
         self.vehicle = world.vehicle
+        integrator = _with_loads_at_stages(integrator, world.vehicle, around)
         if integrator in LARGEST_FRICTION_STEP:
             rate = joint_rate(world.vehicle)
             physics_step /= max(1, math.ceil(rate * physics_step / LARGEST_FRICTION_STEP[integrator]))

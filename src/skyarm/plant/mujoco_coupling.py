@@ -7,12 +7,30 @@ solution G a. No mass matrix but MuJoCo's enters.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from skyarm.vehicle.vehicle_records import Vehicle
+
+
+def own_to_mujoco(vehicle: Vehicle, model: Any, dofs: Sequence[int]) -> Any:
+    """The matrix G, shape (nv, 6 + joints): MuJoCo's velocities from those of the vehicle's base and links.
+
+    Args:
+        vehicle: with or without followers.
+        model: MuJoCo's.
+        dofs: of links and followers, in ``model``.
+    """
+    G = np.zeros((int(model.nv), 6 + vehicle.n))
+    G[:6, :6] = np.eye(6)
+    for i in range(vehicle.n):
+        G[dofs[i], 6 + i] = 1.0
+    for k, each in enumerate(vehicle.followers):
+        G[dofs[vehicle.n + k], 6 + each.leader] = float(each.ratio)
+    return G
 
 
 class Coupling:
@@ -22,15 +40,10 @@ class Coupling:
         vehicle: with followers. model, data: MuJoCo's. dofs: of links and followers, in ``model``.
     """
 
-    def __init__(self, vehicle: Vehicle, model: Any, data: Any, dofs: Any) -> None:
-        nv, n = int(model.nv), vehicle.n
-        self._G = G = np.zeros((nv, 6 + n))
-        G[:6, :6] = np.eye(6)
-        for i in range(n):
-            G[dofs[i], 6 + i] = 1.0
-        for k, each in enumerate(vehicle.followers):
-            G[dofs[n + k], 6 + each.leader] = float(each.ratio)
-        self._columns, self._moved = np.ascontiguousarray(G.T), np.zeros((6 + n, nv))
+    def __init__(self, vehicle: Vehicle, model: Any, data: Any, dofs: Sequence[int]) -> None:
+        self._G = own_to_mujoco(vehicle, model, dofs)
+        self._columns = np.ascontiguousarray(self._G.T)
+        self._moved = np.zeros(self._columns.shape)
         self._force, self._bias = data.qfrc_applied, data.qfrc_bias
 
     def forward(self, model: Any, data: Any) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 from skyarm.compile.llvm.quick_function import Quick
 from skyarm.plant.interface import Flat, number
 from skyarm.plant.loaded_vehicle import LOCKED, payloads_of, stuck_of
+from skyarm.plant.mujoco_coupling import own_to_mujoco
 from skyarm.plant.mujoco_model import load_name
 from skyarm.plant.surroundings import Around
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -40,13 +41,7 @@ class Loads:
         self._numbers = Quick(_numbers, around)
         self._given: tuple[float, ...] = ()
         self._set: Any = None
-        nv, n = int(model.nv), vehicle.n
-        self._G = np.zeros((nv, 6 + n))
-        self._G[:6, :6] = np.eye(6)
-        for i in range(n):
-            self._G[dofs[i], 6 + i] = 1.0
-        for k, each in enumerate(vehicle.followers):
-            self._G[dofs[n + k], 6 + each.leader] = float(each.ratio)
+        self._G = own_to_mujoco(vehicle, model, dofs)
 
     def _of(self, around: Flat) -> tuple[Any, Any]:
         """(masses, moments and grasps of the payloads, stuck joints) of a period."""

@@ -13,12 +13,13 @@ from skyarm.records.coerce import concrete
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Joint, Vehicle
 
-STOP_STEP = 2.2
-"""Largest product of a stop's natural frequency (rad/s) and an RK4 step: stable to 2.78; how a touch of a few steps
-goes is then right in its impulse, not in its course."""
+STOP_STEP = 1.05
+"""Largest product of a stop's natural frequency (rad/s) and an RK4 step. Within a stop the method is stable to 2.78,
+but a step that enters or leaves it sees the bend of its force at four instants only. An elastic touch keeps its energy
+to 8 % (measured); at 2.2 it gained 63 % at worst."""
 
 FASTEST = 3e4
-"""rad/s. A stiffer stop would need over 80 integration steps per control period of 5 ms."""
+"""rad/s. A stiffer stop would need over 140 integration steps per control period of 5 ms."""
 
 
 def joint_rate(vehicle: Vehicle) -> float:

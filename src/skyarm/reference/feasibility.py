@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.reference.setting import Setting
+from skyarm.reference.tip_motion import Arm
 from skyarm.reference.tip_plan import MARGIN
 from skyarm.reference.trajectory import Reference, Trajectory
 from skyarm.scalars.taylor import Taylor
@@ -33,7 +34,7 @@ class Feasibility:
     Attributes:
         deviation: m, largest distance of a level base's tip from its reference.
         carried_off: m, by which the tilt of the planned accelerations would carry the tip of a stiff arm off at most.
-        at_limits: (joint, s) of joints that are planned at a limit, and how long.
+        at_limits: (joint, s) of joints that carry the tip and are planned at a limit, and how long.
         joint_speeds: (joint, largest speed), rad/s or m/s.
         speed: m/s, of the base. tilt: rad. rate: rad/s. thrust: over the weight; of a point mass that moves so.
         highest_thrust: over the weight.
@@ -85,7 +86,7 @@ def feasibility(trajectory: Trajectory, setting: Setting) -> Feasibility | None:
     return Feasibility(
         deviation=float(np.linalg.norm(base + level - wanted, axis=0).max()),
         carried_off=float(np.linalg.norm(_tilted(force / size, level) - level, axis=0).max()),
-        at_limits=tuple(_at_limits(vehicle.links, q, setting.duration / count)),
+        at_limits=tuple(_at_limits(tip.arm, q, setting.duration / count)),
         joint_speeds=tuple(
             (link.joint.name, float(np.abs(rate).max())) for link, rate in zip(vehicle.links, rates, strict=True)
         ),
@@ -114,9 +115,10 @@ def _tilted(up: Array, arm: Array) -> Array:
     return np.asarray(arm + once + np.cross(k, once, axis=0) / np.maximum(1.0 + up[2], 1e-9))
 
 
-def _at_limits(links: Any, q: Array, seconds: float) -> Iterator[tuple[str, float]]:
-    for link, values in zip(links, q, strict=True):
-        low, high = float(link.joint.lower), float(link.joint.upper)
+def _at_limits(arm: Arm, q: Array, seconds: float) -> Iterator[tuple[str, float]]:
+    """Joints that carry the tip and are planned at a limit; a finger beside it may rest at its own."""
+    for number, joint in zip(arm.carriers, arm.joints, strict=True):
+        low, high, values = float(joint.lower), float(joint.upper), q[number]
         near = (values <= low + 2.0 * MARGIN) | (values >= high - 2.0 * MARGIN)
         if near.any() and high - low > 4.0 * MARGIN:
-            yield link.joint.name, float(near.sum()) * seconds
+            yield joint.name, float(near.sum()) * seconds

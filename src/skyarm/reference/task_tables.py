@@ -15,8 +15,11 @@ from __future__ import annotations
 import csv
 import itertools
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from skyarm.files import Fields, number, shown, unreadable
 from skyarm.reference.minimum_snap import minimum_snap
@@ -33,6 +36,11 @@ MOST_ROWS = 2000
 FARTHEST, CLOSEST, LEAST = 1e6, 1e-3, 1e-6
 """Largest size of a place, value or time (m, s), shortest time between two points (s), least limit: beyond them
 powers of the times are no numbers any more.
+"""
+
+LOOKS, SWING = 20, 1.0
+"""Instants between two times at which a motion is looked at, and how far it may leave the range of its values, over
+that range: motions that somebody means leave it by some tenths.
 """
 
 
@@ -61,6 +69,8 @@ def waypoints_table(fields: Fields, setting: Setting) -> Trajectory:
         times = rising(fields.numbers("times"), fields.at("times"))
         if len(times) != len(points):
             raise ValueError(f"{fields.at('times')} = {len(times)} times: must be one for each of {len(points)} points")
+        for axis in range(3):
+            require_near([p[axis] for p in points], times, fields.at("times"))
     return through(points, [start + t for t in times])
 
 
@@ -71,6 +81,8 @@ def samples_table(fields: Fields, setting: Setting) -> Trajectory:
         raise ValueError(f"{fields.at('columns')} = {shown(names)}: must be four names, of time, x, y and z")
     start = start_of(fields)
     times, *columns = read_columns(fields, names)
+    for name, column in zip(names[1:], columns, strict=True):
+        require_near(column, times, f"{fields.at('file')}: {name}")
     x, y, z = (minimum_snap([start + t for t in times], column) for column in columns)
     return Trajectory(x=x, y=y, z=z)
 
@@ -82,6 +94,7 @@ def samples_signal(fields: Fields) -> Signal:
         raise ValueError(f"{fields.at('column')} = {shown(names[1])}: must be the name of a column")
     start = start_of(fields)
     times, values = read_columns(fields, names)
+    require_near(values, times, f"{fields.at('file')}: {names[1]}")
     return minimum_snap([start + t for t in times], values)
 
 
@@ -93,6 +106,7 @@ def spline_signal(fields: Fields) -> Signal:
         raise ValueError(
             f"{fields.at('values')} = {len(values)} values: must be one for each of 2 to {MOST_ROWS} times"
         )
+    require_near(values, times, fields.at("times"))
     found: Polynomials = minimum_snap(times, values)
     return found
 
@@ -150,6 +164,24 @@ def rising(times: tuple[float, ...], at: str) -> tuple[float, ...]:
     for i, t in enumerate(times):
         within(t, f"{at}[{i}]")
     return times
+
+
+def require_near(values: Sequence[float], times: Sequence[float], at: str) -> None:
+    """Refuse given times between which the motion of least snap swings far away from its values.
+
+    A short piece beside a long one does that: the motion is smooth there, and at any price.
+
+    Raises:
+        ValueError: one line: the swing and when.
+    """
+    low, high = min(values), max(values)
+    looks = np.concatenate([np.linspace(a, b, LOOKS, endpoint=False) for a, b in itertools.pairwise(times)])
+    motion = np.broadcast_to(np.asarray(minimum_snap(times, values).derivatives(looks)[0], dtype=float), looks.shape)
+    away = np.maximum(motion - high, low - motion)
+    worst = int(np.argmax(away))
+    if away[worst] > SWING * (high - low) + LEAST:
+        said = f"swings {away[worst]:.3g} beyond them at {looks[worst]:.4g} s"
+        raise ValueError(f"{at}: the smooth motion through the values {said}; must be times in step with the distances")
 
 
 def read_columns(fields: Fields, names: list[str]) -> list[list[float]]:

@@ -135,16 +135,17 @@ class Trajectory:
         return dataclasses.replace(self, joints=signals(joints))
 
     def shifted(self, delay: Any) -> Trajectory:
-        """Return the same motion ``delay`` seconds later."""
+        """Return the same motion ``delay`` seconds later, and its guards with it."""
         x, y, z, yaw, *joints = (Shifted(k, delay) for k in (self.x, self.y, self.z, self.yaw, *self.joints))
         tip = self.tip
         if tip is not None:
             a, b, c = (Shifted(k, delay) for k in (tip.x, tip.y, tip.z))
             tip = dataclasses.replace(tip, x=a, y=b, z=c)
-        return Trajectory(x=x, y=y, z=z, yaw=yaw, joints=tuple(joints), tip=tip)
+        guards = tuple(dataclasses.replace(guard, at=guard.at + float(delay)) for guard in self.guards)
+        return Trajectory(x=x, y=y, z=z, yaw=yaw, joints=tuple(joints), tip=tip, guards=guards)
 
     def __add__(self, other: Trajectory) -> Trajectory:
-        """Both motions at once; one without joints leaves the other's as they are."""
+        """Both motions at once, with the guards of both; one without joints leaves the other's as they are."""
         if self.joints and other.joints and len(self.joints) != len(other.joints):
             raise ValueError(f"trajectories of {len(self.joints)} and {len(other.joints)} joints do not add")
         if self.joints and other.joints:
@@ -154,7 +155,8 @@ class Trajectory:
         if self.tip is not None and other.tip is not None:
             raise ValueError("two trajectories that each have a tip do not add")
         x, y, z, yaw = self.x + other.x, self.y + other.y, self.z + other.z, self.yaw + other.yaw
-        return Trajectory(x=x, y=y, z=z, yaw=yaw, joints=joints, tip=self.tip or other.tip)
+        guards = tuple(sorted((*self.guards, *other.guards), key=lambda guard: guard.at))
+        return Trajectory(x=x, y=y, z=z, yaw=yaw, joints=joints, tip=self.tip or other.tip, guards=guards)
 
 
 def signals(values: Sequence[Signal | Any]) -> tuple[Signal, ...]:

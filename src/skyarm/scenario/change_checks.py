@@ -8,6 +8,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
+from skyarm.actuation.drive import Drive
+from skyarm.actuation.servo import Servo
+from skyarm.control.actuator_layer import believed_drives
 from skyarm.files import did_you_mean, shown
 from skyarm.scenario.changes import Change
 from skyarm.scenario.derived import is_payload
@@ -16,6 +19,7 @@ from skyarm.scenario.numbers import means_the_same, number_at
 from skyarm.scenario.places import LATER, STRUCTURE, roots
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.scenario.whole_parts import WHOLE_PARTS
+from skyarm.vehicle.vehicle_records import Vehicle
 
 NUMBERS = (
     "plant", "model", "controller", "environment.wind", "environment.air", "environment.forces", "environment.faults",
@@ -175,3 +179,14 @@ def require_continuous(old: Scenario, new: Scenario) -> None:
             if getattr(a.sensor, clock) != getattr(b.sensor, clock):
                 words = "must be as the session began, since readings are on their way"
                 raise ScenarioError(f"sensors.{b.name}.{clock} = {shown(getattr(b.sensor, clock))}: {words}")
+    _require_latencies("plant", before, old.all_drives, new.all_drives)
+    beliefs = [each.controller.par.model for each in (old, new)]
+    _require_latencies("model", beliefs[0].vehicle, *(believed_drives(model) for model in beliefs))
+
+
+def _require_latencies(root: str, vehicle: Vehicle, old: Sequence[Drive], new: Sequence[Drive]) -> None:
+    """Refuse another latency of a servo, which says how many setpoints are on their way to it."""
+    for link, a, b in zip(vehicle.links, old, new, strict=False):
+        if isinstance(a, Servo) and isinstance(b, Servo) and a.latency != b.latency:
+            words = "must be as the session began, since setpoints are on their way"
+            raise ScenarioError(f"{root}.drives.{link.joint.name}.latency = {shown(b.latency)}: {words}")

@@ -29,6 +29,7 @@ from typing import Any
 
 from skyarm.actuation import make_mixer
 from skyarm.algebra.euler import euler_angles
+from skyarm.control.actuator_layer import with_believed_queues
 from skyarm.control.controller import Controller
 from skyarm.files import shown
 from skyarm.records import coerce
@@ -48,6 +49,8 @@ from skyarm.scenario.places import places_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 
 ROTORS: Place = ("controller", "par", "model", "vehicle", "rotors")
+
+DRIVES: Place = (*ROTORS[:-1], "drives")
 
 DERIVED = ("initial.", "reference.", "plant.payload.", "model.payload.", TURBULENCE)
 """Beginnings of paths that need not be made data in the scenario before they vary."""
@@ -113,7 +116,8 @@ def number_at(scenario: Scenario, path: str) -> float:
 def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
     """Return the scenario with other numbers at some paths; they may be traced.
 
-    The mixer follows the believed rotors, and a trimmed start the vehicle. What else a law's maker took from its model
+    The mixer follows the believed rotors, a trimmed start the vehicle, and the setpoints that are on their way to a
+    believed servo its latency. What else a law's maker took from its model
     stays as it was made: gains, limits, first memory. A study of beliefs therefore asks what a law does whose model is
     wrong in these numbers, not how it would be tuned for them.
 
@@ -153,6 +157,9 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
         par = changed.controller.par
         mixer = make_mixer(par.model.vehicle, par.mixer.policy)
         changed = dataclasses.replace(changed, controller=_with_par(changed.controller, mixer=mixer))
+    if any(place[: len(DRIVES)] == DRIVES and place[-1] == "latency" for place in leaves):
+        made = with_believed_queues(changed.controller, 1.0 / scenario.rates.control)
+        changed = dataclasses.replace(changed, controller=made)
     if start:
         changed = dataclasses.replace(changed, initial=start_with(changed, start))
     result: Scenario = changed

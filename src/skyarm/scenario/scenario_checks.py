@@ -12,6 +12,7 @@ from skyarm.actuation import Mixer, make_mixer
 from skyarm.control.law_checks import check_controller
 from skyarm.control.model import JointGains
 from skyarm.dynamics import State
+from skyarm.estimate.error_state_filter import ErrorStateFilter
 from skyarm.files import number, shown
 from skyarm.plant.largest_step import check_largest_step
 from skyarm.plant.stop_rate import joint_rate
@@ -95,8 +96,16 @@ def check_additions(scenario: Scenario) -> None:
             raise ValueError(f"{where}.frequency = {rate:g}: must divide rates.control = {rates.control} Hz")
         delay = number(each.sensor.latency, f"{where}.latency", low=0.0)
         require_whole(f"{where}.latency", delay, rates.control, "control periods")
+        try:
+            each.sensor.require_vehicle(scenario.world.vehicle)
+        except ValueError as error:
+            raise ValueError(f"{where}.{error}") from None
     sensors = {each.name: each.sensor for each in scenario.instruments}
     scenario.estimator.require_sensors(sensors, rates.control, scenario.controller.par.model.vehicle)
+    if isinstance(scenario.estimator, ErrorStateFilter):
+        # the scenario's own drives, too, of which the belief need not know
+        given = {each.joint: each.drive for each in scenario.joint_drives}
+        scenario.estimator.require_torques(scenario.world.vehicle.name, given)
     joints = [link.joint.name for link in scenario.world.vehicle.links]
     driven = [each.joint for each in scenario.drives]
     added = [(f"environment.{at}[{i}]", c) for at in ("air", "forces") for i, c in enumerate(getattr(scenario, at))]

@@ -66,6 +66,18 @@ class Channel:
         """Standard normal numbers that a reading of ``count`` components takes."""
         return count * (self.drifts + self.noisy)
 
+    def require_count(self, count: int, where_is: str) -> None:
+        """Refuse biases and offsets that are not one for each of ``count`` components; ``where_is`` names the channel.
+
+        Raises:
+            RecordError: one line with field, value and what is allowed.
+        """
+        offset = () if self.offset is None else self.offset.signals
+        for name, held, what in (("bias", self.bias, "numbers"), ("offset", offset, "signals")):
+            if held and len(held) != count:
+                allowed = f"must be {count}, or none" if count else "must be left out: the vehicle has none of them"
+                raise RecordError(f"{where_is}.{name} = {len(held)} {what}: {allowed}")
+
     def start(self, count: int) -> tuple[float, ...]:
         """Drift before the first reading."""
         return (0.0,) * count if self.drifts else ()
@@ -97,11 +109,7 @@ class Channel:
             where_is: name of the channel in messages.
             t: s, of the reading.
         """
-        if self.bias and len(self.bias) != len(truth):
-            raise RecordError(f"{where_is}.bias = {len(self.bias)} numbers: must be {len(truth)}, or none")
-        if self.offset is not None and len(self.offset.signals) != len(truth):
-            count = len(self.offset.signals)
-            raise RecordError(f"{where_is}.offset = {count} signals: must be {len(truth)}, or none")
+        self.require_count(len(truth), where_is)
         moved = () if self.offset is None else self.offset.at(t)
         noise = draws[len(drift) :]
         deviation = self.deviation(dt)
@@ -149,7 +157,7 @@ class Dropouts:
     def __post_init__(self) -> None:
         accept_fields(self, "")
         for i, (begin, end) in enumerate(self.intervals):
-            if concrete(begin, end) and not 0.0 <= begin <= end:
+            if concrete(begin, end) and not 0.0 <= begin < end:
                 raise RecordError(f"intervals[{i}] = [{begin:g}, {end:g}]: must begin at 0 or later, and end later")
 
     @property

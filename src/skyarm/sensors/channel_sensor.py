@@ -69,6 +69,11 @@ class ChannelSensor(Sensor):
         """Memory of the kind of sensor before the first reading."""
         return ()
 
+    def require_vehicle(self, vehicle: Vehicle) -> None:
+        """Biases and offsets are one for each component."""
+        for name, channel, truth in self.quantities(*_example(vehicle)):
+            channel.require_count(len(truth), name)
+
     def uniforms(self, vehicle: Vehicle) -> int:
         """Pairs for normal numbers, and one for losses at random."""
         return self._uniforms(self.quantities(*_example(vehicle)))

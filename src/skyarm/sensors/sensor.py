@@ -29,6 +29,13 @@ class Sensor:
         """Age of a reading when it arrives, s; a whole number of control periods."""
         return 0.0
 
+    def require_vehicle(self, vehicle: Vehicle) -> None:
+        """Refuse numbers of the sensor that do not fit the true vehicle.
+
+        Raises:
+            ValueError: one line with field, value and what is allowed.
+        """
+
     def uniforms(self, vehicle: Vehicle) -> int:
         """Random numbers uniform in (0, 1) that one reading of this vehicle draws."""
         return 0

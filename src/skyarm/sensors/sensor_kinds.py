@@ -14,6 +14,7 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.algebra.euler import euler_angles
 from skyarm.dynamics.state import State
 from skyarm.records.coerce import RecordError, concrete
+from skyarm.records.leaves import leaves
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, data, divide, exp, sub, where
 from skyarm.sensors.channel import Channel, absent
@@ -135,6 +136,11 @@ class Encoders(ChannelSensor):
         ChannelSensor.__post_init__(self)
         if self.rates not in RATES:
             raise RecordError(f"rates = {self.rates!r}: must be one of {', '.join(RATES)}")
+        if self.rates == "difference" and (leaves(self.rate) or self.rate.bias or self.rate.offset is not None):
+            raise RecordError(
+                "rate: must be left out where rates = 'difference': the errors of positions make those of their "
+                "differences"
+            )
         if not absent(self.bits) and not absent(self.joints.resolution):
             raise RecordError(f"bits = {self.bits}: must be 0 where joints.resolution is given")
 

@@ -34,7 +34,7 @@ from skyarm.simulate.lane_arguments import (
     require_values,
     require_width,
 )
-from skyarm.simulate.lane_rules import LaneRules, require_draws
+from skyarm.simulate.lane_rules import LaneRules, require_draws, require_latencies
 from skyarm.simulate.lanes_and_changes import require_apart_from_changes
 from skyarm.simulate.outcome import Outcome
 from skyarm.simulate.own_code_trials import try_own_code
@@ -100,6 +100,7 @@ class Batch:
         scenario.controller.require_compiled("a batch")
         try_own_code(scenario)
         require_apart(scenario, self.paths)
+        require_latencies(scenario, self.paths)
         require_changes(scenario)
         self._rules = LaneRules(scenario, self.paths)
         require_draws(scenario, self.paths)

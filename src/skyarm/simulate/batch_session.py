@@ -35,7 +35,7 @@ from skyarm.simulate.lane_arguments import (
     require_values,
     require_within_queue,
 )
-from skyarm.simulate.lane_rules import LaneRules
+from skyarm.simulate.lane_rules import LaneRules, require_latencies
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
 from skyarm.simulate.own_code_trials import try_own_code
 from skyarm.simulate.period import make_period
@@ -100,6 +100,7 @@ class BatchSession:
         paths, seed = require_paths(paths), noise_key("seed", seed)
         try_own_code(scenario, law=law)
         require_apart(scenario, paths)
+        require_latencies(scenario, paths)
         self.scenario, self.paths, self._autoreset, self._seed, self._law = scenario, paths, autoreset, seed, law
         self._base = tuple(number_at(scenario, path) for path in paths)
         self._rules = LaneRules(scenario, self.paths)

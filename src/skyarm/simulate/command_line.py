@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from skyarm.actuation import Command
+from skyarm.records.blend import blend
 from skyarm.records.coerce import concrete
 from skyarm.scalars import add, floor, maximum, minimum
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.loop_state import blend
 
 
 def command_delay(scenario: Scenario) -> tuple[Any, Any]:
@@ -71,6 +71,17 @@ def issued(queue: tuple[Command, ...], whole: Any) -> Command:
     for age, command in enumerate(queue[-2::-1], start=1):
         found = blend(whole < age - 0.5, found, command)
     return found
+
+
+def mean_efforts(before: Command, after: Command, late: Any, period: float) -> tuple[Any, ...]:
+    """Setpoints of the joints on average over a period, in which they hear of ``after`` when ``late`` seconds are over.
+
+    A drive's memory is stepped once per period: what it hears of two setpoints is their mean, as of its own latency.
+    """
+    if type(late) is float and late == 0.0:
+        return tuple(after.efforts)
+    share = late / period
+    return tuple(new + (old - new) * share for old, new in zip(before.efforts, after.efforts, strict=True))
 
 
 def _mixed(rotors: Command, joints: Command) -> Command:

@@ -119,7 +119,8 @@ class FlatStages:
             now = replace(self._first, ticks=k[0], state=x, queue=queue, drives=d)
             nothing: Any = ()
             read = Readings(sensors=(), estimate=(), reading=nothing, measurement=nothing)
-            return issue(self._stages, now, Begun(alive[0], (), self._around, (), ()), read, (), command)[:-1]
+            begun = Begun(alive[0], (), self._around, self._stages.acting(queue), ())
+            return issue(self._stages, now, begun, read, (), command)[:-1]
 
         x = self._first
         return FlatFunction(program, ONE, ONE, x.state, x.queue, x.drives, x.queue[0])

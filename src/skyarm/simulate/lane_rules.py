@@ -7,8 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from skyarm.actuation.servo import Servo
+from skyarm.records.replace_parts import part
 from skyarm.scenario.change_checks import require_changes
 from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.places import places_of
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.draws import draws_needed
 
@@ -32,6 +35,20 @@ def require_draws(scenario: Scenario, paths: Sequence[str]) -> None:
                 f"paths: {path}: is 0 in this scenario, and a batch draws no numbers for noise that is not there; give "
                 "it a small one there"
             )
+
+
+def require_latencies(scenario: Scenario, paths: Sequence[str]) -> None:
+    """Refuse to make the latency of a servo a number of compiled code: the code's queue has one length.
+
+    Raises:
+        ScenarioError: names the path.
+    """
+    for path in paths:
+        if path.endswith(".latency"):
+            place = places_of(scenario, path)[0]
+            if isinstance(part(scenario, place[:-1]), Servo):
+                words = "says how many setpoints are on their way, the same for all episodes; fly one study for each"
+                raise ScenarioError(f"path = {path!r}: {words}")
 
 
 class LaneRules:

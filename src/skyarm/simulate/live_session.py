@@ -19,6 +19,7 @@ from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.lane_arguments import require_paths, require_values, require_within_queue
+from skyarm.simulate.lane_rules import require_latencies
 from skyarm.simulate.live_steps import LiveSteps
 from skyarm.simulate.loop_state import LoopState
 
@@ -57,6 +58,7 @@ class LiveSession:
         require_flight(scenario)
         self._paths = require_paths(paths)
         require_apart(scenario, self._paths)
+        require_latencies(scenario, self._paths)
         data = {path: number_at(scenario, path) for path in self._paths if not path.startswith(DERIVED)}
         self._origin = self.scenario = with_numbers(scenario, data)
         self._numbers: dict[str, float] = {}

@@ -13,7 +13,7 @@ from skyarm.dynamics import State
 from skyarm.environment import WindSample
 from skyarm.records.leaves import is_record, mismatch, parts
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar, where
+from skyarm.scalars import Scalar
 from skyarm.sensors.measurement import Measurement
 
 
@@ -72,12 +72,6 @@ class Sample:
     command: Command
     reading: Measurement
     wind: WindSample
-
-
-def blend(condition: Any, new: Any, old: Any) -> Any:
-    """``new`` where the condition holds, else ``old``, leaf by leaf; structure is the old record's."""
-    values = (where(condition, a, b) for a, b in zip(leaves(new), leaves(old), strict=True))
-    return rebuild(old, values)
 
 
 def ended(now: LoopState) -> LoopState:

@@ -77,7 +77,7 @@ def respond(stages: Any, now: LoopState, row: Row, begun: Begun, force: Any, uni
 def issue(stages: Any, now: LoopState, begun: Begun, read: Any, memory: Any, command: Any) -> Response:
     """Command line and drives: the stages after the law."""
     alive, queue, acting = stages.send(begun.alive, now.queue, command)
-    drives = stages.drive(now.drives, acting, now.state)
+    drives = stages.drive(now.drives, begun.acting, acting, now.state)
     return Response(
         alive=alive,
         ticks=stages.count(now.ticks, alive),

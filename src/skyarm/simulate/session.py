@@ -26,6 +26,7 @@ from skyarm.simulate.command_from_outside import numbers_of_command
 from skyarm.simulate.compiled_session import CompiledSteps
 from skyarm.simulate.course import Course, Flying, Snapshot
 from skyarm.simulate.lane_arguments import require_paths
+from skyarm.simulate.lane_rules import require_latencies
 from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.session_code import SessionCode
 from skyarm.simulate.staged_flight import StagedFlight
@@ -60,6 +61,7 @@ class Session:
         require_changes(scenario)
         self._paths = require_paths(paths)
         require_apart(scenario, self._paths)
+        require_latencies(scenario, self._paths)
         self._course = Course.of(scenario)
         self._scenario = scenario
         self._compiles, self.slow = machine_code, ""

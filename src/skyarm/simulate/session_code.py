@@ -13,13 +13,14 @@ from skyarm.compile.llvm.quick_function import Quick
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.largest_step import STATED
+from skyarm.records.blend import blend
 from skyarm.reference import Reference
 from skyarm.scenario.in_flight import Overrides
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.first_state import first_surroundings
-from skyarm.simulate.loop_state import LoopState, Row, Sample, blend, structure_of
+from skyarm.simulate.loop_state import LoopState, Row, Sample, structure_of
 from skyarm.simulate.period import make_period
 from skyarm.simulate.stages import RigidBodySteps, Stages
 

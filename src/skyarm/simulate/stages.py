@@ -23,15 +23,16 @@ from skyarm.estimate.estimator import FULL_STATE
 from skyarm.plant.impact import after_impact
 from skyarm.plant.rigid_body import STEP, accelerate
 from skyarm.plant.surroundings import Surroundings, felt
+from skyarm.records.blend import blend
 from skyarm.reference import Reference
 from skyarm.scalars import absolute, floor, logical_and, where
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.check_endings import healthy
-from skyarm.simulate.command_line import command_delay, issued, rotor_and_joint_delays, switches
+from skyarm.simulate.command_line import command_delay, issued, mean_efforts, rotor_and_joint_delays, switches
 from skyarm.simulate.draws import Draws, draw_plan
 from skyarm.simulate.joined_reference import joined_reference
-from skyarm.simulate.loop_state import LoopState, SensorState, blend, ended
+from skyarm.simulate.loop_state import LoopState, SensorState, ended
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -158,10 +159,13 @@ class Stages:
         moved = (*queue[1:], command)
         return where(going, 1.0, 0.0), moved, self._heard(moved)
 
-    def drive(self, drives: Sequence[Any], acting: Command, state: State) -> tuple[Any, ...]:
-        """Memories of the joint drives under the setpoints that act now."""
-        rows = zip(self.scenario.all_drives, drives, acting.efforts, state.joints, state.joint_rates, strict=True)
-        return tuple(drive.advance(memory, u, q, qd, self.period) for drive, memory, u, q, qd in rows) if drives else ()
+    def drive(self, drives: Sequence[Any], before: Command, acting: Command, state: State) -> tuple[Any, ...]:
+        """Memories of the joint drives under the setpoints that act in this period, on average over it."""
+        if not drives:
+            return ()
+        heard = mean_efforts(before, acting, self.late if self.apart is None else self.apart[1][1], self.period)
+        rows = zip(self.scenario.all_drives, drives, heard, state.joints, state.joint_rates, strict=True)
+        return tuple(drive.advance(memory, u, q, qd, self.period) for drive, memory, u, q, qd in rows)
 
     def with_drives(self, around: Surroundings, drives: tuple[Any, ...]) -> Surroundings:
         """What the plant is told, the drives having heard their setpoints."""

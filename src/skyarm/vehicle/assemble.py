@@ -6,36 +6,28 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from skyarm.algebra import ZERO3, Mat3, Vec3
+from skyarm.algebra import ZERO3, Mat3
 from skyarm.vehicle import check, description
 from skyarm.vehicle.attach import Mount, attach, place_in, posed_in
-from skyarm.vehicle.battery import Battery, CellCurve
 from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
-from skyarm.vehicle.couple import Mimic, couple
+from skyarm.vehicle.couple import Mimic, couple, limits_that_contradict
 from skyarm.vehicle.dry_friction import with_smooth_friction
 from skyarm.vehicle.mounted_drives import mounted_drives
 from skyarm.vehicle.nearest_inertia import with_real_inertias
-from skyarm.vehicle.schema import (
+from skyarm.vehicle.rotor_tables import battery_of, rotor_of
+from skyarm.vehicle.schema import VehicleFile
+from skyarm.vehicle.schema_tables import (
     Actuation,
-    BatteryTable,
     BodyTable,
     FrameTable,
     JointOverride,
     JointTable,
     LinkTable,
     PoseTable,
-    RotorDefaults,
-    RotorTable,
-    ThrustTableTable,
-    VehicleFile,
 )
 from skyarm.vehicle.stops import with_stops
-from skyarm.vehicle.thrust_table import COLUMNS, ThrustTable
-from skyarm.vehicle.vehicle_records import BASE, Body, BodyDrag, Frame, Joint, Link, MountedDrive, Rotor, Vehicle
-
-DIRECTIONS = {"ccw": 1, "cw": -1}
-
+from skyarm.vehicle.vehicle_records import BASE, Body, BodyDrag, Frame, Joint, Link, MountedDrive, Vehicle
 
 SOURCES = ("urdf", "mjcf", "airframe")
 """Fields of which one may stand in place of ``base`` and ``links``."""
@@ -83,15 +75,15 @@ def assemble(file: VehicleFile, referred: Referred) -> Vehicle:
         followers=followers,
         rotors=(
             *(() if airframe is None else airframe.rotors),
-            *(_rotor(table, file.rotor_defaults) for table in file.rotors),
+            *(rotor_of(table, file.rotor_defaults) for table in file.rotors),
         ),
         frames=frames,
         end_effector=file.end_effector or ("" if airframe is None else airframe.end_effector),
         drag=drag,
         drives=_drives(file, referred),
-        battery=_battery(file.battery) if airframe is None or file.battery is not None else airframe.battery,
+        battery=battery_of(file.battery) if airframe is None or file.battery is not None else airframe.battery,
         sources=(*(() if airframe is None else airframe.sources), *file.sources.items()),
-        notes=bodies.notes,
+        notes=(*bodies.notes, *limits_that_contradict(links, followers)),
     )
     stated = {*own, *referred.settled, *(each.name for each in file.joints if each.coulomb_rate is not None)}
     made = with_smooth_friction(made, {link.joint.name for link in made.links} - stated)
@@ -227,57 +219,6 @@ def _rotation(field: str, table: PoseTable) -> Mat3:
     if table.quaternion_wxyz is not None:
         return description.rotation_quaternion(f"{field}.quaternion_wxyz", table.quaternion_wxyz)
     return description.rotation_rpy(table.rpy) if table.rpy is not None else Mat3.identity()
-
-
-def _rotor(table: RotorTable, defaults: RotorDefaults) -> Rotor:
-    field = f"rotors[{table.name}]"
-    values: dict[str, Any] = {}
-    for name in RotorDefaults.model_fields:
-        own, default = getattr(table, name), getattr(defaults, name)
-        value = default if own is None else own
-        if value is not None:
-            values[name] = value
-    if (columns := values.pop("thrust_table", None)) is not None:
-        _take_table(field, columns, values)
-    for name in ("thrust_coefficient", "moment_coefficient"):
-        if name not in values:
-            raise VehicleError(f"{field}.{name} = (missing): must stand here or in rotor_defaults")
-    for name in ("moment_coefficient", "drag_coefficient", "rolling_moment_coefficient", "inertia"):
-        if name in values:
-            values[name] = description.zero_is_structure(values[name])
-    values["axis"] = description.unit_axis(f"{field}.axis", values.get("axis", [0.0, 0.0, 1.0]))
-    position: Vec3 = description.vector(table.position)
-    return Rotor(name=table.name, position=position, direction=DIRECTIONS[table.direction], **values)
-
-
-def _take_table(field: str, columns: ThrustTableTable, values: dict[str, Any]) -> None:
-    """Put a rotor's thrust table among its values, and the coefficients and the highest speed that follow from it."""
-    held: dict[str, Any] = {name: tuple(getattr(columns, name) or ()) for name in COLUMNS}
-    try:
-        if columns.speed is None:
-            if "thrust_coefficient" not in values or not columns.throttle:
-                refuse("thrust_table.speed", None, "must be a column, or throttle one and thrust_coefficient a number")
-            # a sheet without speeds: those of k_f W^2
-            held["speed"] = tuple((thrust / values["thrust_coefficient"]) ** 0.5 for thrust in held["thrust"])
-        elif "thrust_coefficient" in values:
-            refuse("thrust_coefficient", values["thrust_coefficient"], "must be left out: it follows from thrust_table")
-        if held["torque"] and "moment_coefficient" in values:
-            refuse("moment_coefficient", values["moment_coefficient"], "must be left out: it follows from thrust_table")
-        table = ThrustTable(**held)
-    except VehicleError as error:
-        raise VehicleError(f"{field}.{error}") from None
-    values["table"], values["thrust_coefficient"] = table, table.thrust_coefficient
-    if held["torque"]:
-        values["moment_coefficient"] = table.moment_coefficient
-    values.setdefault("max_speed", table.speed[-1])
-
-
-def _battery(table: BatteryTable | None) -> Battery | None:
-    if table is None:
-        return None
-    values = {name: getattr(table, name) for name in BatteryTable.model_fields if name != "open_circuit"}
-    columns = table.open_circuit
-    return Battery(open_circuit=CellCurve(charge=tuple(columns.charge), voltage=tuple(columns.voltage)), **values)
 
 
 def _frame(table: FrameTable, bodies: RigidBodies) -> Frame:

@@ -48,7 +48,8 @@ class Battery:
     Attributes:
         cells: in series. capacity: from full to empty. resistance: of the whole pack with its wires.
         open_circuit: of one cell.
-        reference_voltage: of the pack, at which the rotors' highest speeds and thrust tables hold.
+        reference_voltage: of the pack, at which the rotors' highest speeds and thrust tables hold. Above it they turn
+            no faster: state the voltage of a full pack with its highest speeds if those are known.
         charge: at the start, as a share of the capacity.
         standing_power: of all but the rotors.
         efficiency: mechanical over electrical power of rotors whose table has no current.

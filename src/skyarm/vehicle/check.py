@@ -166,7 +166,11 @@ def vehicle(value: Vehicle) -> None:
         vector(f"frames[{frame.name}].position", frame.position)
         rotation(f"frames[{frame.name}].rotation", frame.rotation)
     if value.end_effector and value.end_effector not in [each.name for each in value.frames]:
-        refuse("end_effector", value.end_effector, f"must be one of {[each.name for each in value.frames]}")
+        refuse(
+            "end_effector",
+            value.end_effector,
+            f"must be one of {', '.join(each.name for each in value.frames) or 'none'}",
+        )
     joints = [link.joint.name for link in value.links]
     for name in (each.name for each in value.drives):
         if name not in joints or [each.name for each in value.drives].count(name) > 1:
@@ -174,7 +178,8 @@ def vehicle(value: Vehicle) -> None:
     for name, area in zip("xyz", value.drag.area, strict=True):
         number(f"drag.area.{name}", area, low=0.0)
     number("drag.air_density", value.drag.air_density, low=0.0)
-    mobile(value)
+    if found := mobility.what_does_not_move(value):
+        refuse(*found)
 
 
 def _follower(value: Vehicle, each: Follower, index: int) -> None:
@@ -193,51 +198,6 @@ def _follower(value: Vehicle, each: Follower, index: int) -> None:
     for name in ("damping", "coulomb", "armature", "stop_stiffness"):
         if concrete(getattr(link.joint, name)) and getattr(link.joint, name) != 0:
             refuse(f"{field}.link.joint.{name}", getattr(link.joint, name), "must be 0: its leader has it")
-
-
-def mobile(value: Vehicle) -> None:
-    """Every joint moves mass, at least at the joint values tried."""
-    found = mobility.immobile(value) if concrete(*_rigid_numbers(value)) else None
-    if found:
-        field, joints = found
-        at = ", ".join(f"{q:g}" for q in joints)
-        if field == "base.inertia" and value.base.mass > 0 and _definite(value.base):
-            # the base alone moves along and about every axis: only rounding hides that
-            allowed = "must not hide the base's inertia (the mass matrix is singular to rounding or overflows)"
-            refuse("base.mass", value.base.mass, allowed)
-        allowed = f"must move mass outward of it (the mass matrix is singular at joint values [{at}])"
-        if field == "base.inertia":
-            allowed = "must leave no axis without inertia (the mass matrix of the whole vehicle is singular)"
-        refuse(field, _moved(value, field), allowed)
-
-
-def _definite(value: Body) -> bool:
-    """True if the body resists turning about every axis."""
-    import numpy as np
-
-    return bool(np.linalg.eigvalsh(np.array([list(row) for row in value.inertia.full().rows], dtype=float))[0] > 0.0)
-
-
-def _moved(value: Vehicle, field: str) -> str:
-    """Say in words what the refused field is."""
-    for link in value.links:
-        if field == f"joints[{link.joint.name}]":
-            return f"{link.joint.kind} joint of '{link.name}', mass {link.body.mass} kg"
-    return f"base of {value.base.mass} kg"
-
-
-def _rigid_numbers(value: Vehicle) -> list[Any]:
-    """Every number that the mass matrix depends on."""
-    found: list[Any] = []
-    for each in value.bodies:
-        found += [each.mass, *each.com, *each.inertia.entries]
-    for follower in value.followers:
-        found += [follower.ratio, follower.offset]
-    for link in value.moving:
-        joint_ = link.joint
-        found += [*joint_.axis, *joint_.position, *(c for row in joint_.rotation.rows for c in row)]
-        found += [joint_.lower, joint_.upper, joint_.armature]
-    return found
 
 
 def require_plant(value: Vehicle) -> None:

@@ -7,8 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from skyarm.records.coerce import concrete
 from skyarm.scalars import add, mul
 from skyarm.vehicle.check import refuse
+from skyarm.vehicle.notes import Notes
 from skyarm.vehicle.vehicle_records import Follower, Frame, Joint, Link
 
 PLAIN = ("damping", "coulomb", "armature", "stop_stiffness", "stop_damping")
@@ -34,7 +36,8 @@ def couple(
     """Links with joints of their own, followers, and the frames with the new indices of both.
 
     Damping and armature of a follower's joint are felt at its leader, by the square of the ratio; its dry friction by
-    the ratio, at the leader's own rate.
+    the ratio, at the leader's own rate. Its limits narrow those of its leader; where they would leave it no range, as
+    in files whose limits forget a sign, the leader keeps its own (:func:`limits_that_contradict`).
 
     Args:
         links: in an order in which parents precede children.
@@ -54,7 +57,7 @@ def couple(
     followers = []
     for i in tied:
         mimic, joint = whole[links[i].joint.name], links[i].joint
-        joints[mimic.joint] = _with_friction(joints[mimic.joint], joint, mimic.ratio)
+        joints[mimic.joint] = _narrowed(_with_friction(joints[mimic.joint], joint, mimic.ratio), joint, mimic)
         nothing: dict[str, Any] = dict.fromkeys(PLAIN, 0)
         plain = dataclasses.replace(joint, **nothing)
         link = dataclasses.replace(links[i], parent=place[links[i].parent], joint=plain)
@@ -96,6 +99,31 @@ def _with_friction(leader: Joint, follower: Joint, ratio: float) -> Joint:
         if not (type(more) is int and more == 0):
             values[name] = add(getattr(leader, name), mul(by, more))
     return dataclasses.replace(leader, **values) if values else leader
+
+
+def _range_of_leader(leader: Joint, follower: Joint, ratio: Any, offset: Any) -> tuple[Any, Any] | None:
+    """Values of a leader with which both joints are within their limits; None where there are none."""
+    if not concrete(leader.lower, leader.upper, follower.lower, follower.upper, ratio, offset):
+        return leader.lower, leader.upper
+    first, last = sorted(((follower.lower - offset) / ratio, (follower.upper - offset) / ratio))
+    low, high = max(leader.lower, first), min(leader.upper, last)
+    return (low, high) if low < high else None
+
+
+def _narrowed(leader: Joint, follower: Joint, mimic: Mimic) -> Joint:
+    found = _range_of_leader(leader, follower, mimic.ratio, mimic.offset)
+    if found is None or found == (leader.lower, leader.upper):
+        return leader
+    return dataclasses.replace(leader, lower=found[0], upper=found[1])
+
+
+def limits_that_contradict(links: Sequence[Link], followers: Sequence[Follower]) -> tuple[str, ...]:
+    """A note on the followers whose limits leave their leaders no range, and so do not count."""
+    notes = Notes()
+    for each in followers:
+        if _range_of_leader(links[each.leader].joint, each.link.joint, each.ratio, each.offset) is None:
+            notes.add("has limits that leave the joint it follows no range; they do not count", each.link.joint.name)
+    return notes.lines()
 
 
 def _structure(value: float) -> Any:

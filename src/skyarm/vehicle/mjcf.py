@@ -18,7 +18,7 @@ from skyarm.vehicle import description
 from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.couple import Mimic
-from skyarm.vehicle.mjcf_joints import joint_name, kind_of, mimics_of, read_joint, resting
+from skyarm.vehicle.mjcf_joints import joint_name, kind_of, mimics_of, read_joint, resting, stands_still
 from skyarm.vehicle.mjcf_limits import name_of, refuse_what_is_not_here
 from skyarm.vehicle.notes import Notes
 from skyarm.vehicle.vehicle_records import BASE, Body, Frame, Link
@@ -160,9 +160,9 @@ def _read_child(tree: _Tree, body: int) -> None:
 
 
 def _held(tree: _Tree, joint: int) -> bool:
-    """Whether a joint is fixed: it follows another one, and followers are locked."""
+    """Whether a joint is fixed: it follows another one and followers are locked, or one that is fixed itself."""
     name = joint_name(tree.model, joint)
-    return name in tree.mimics and (tree.mimic == "lock" or not tree.mimics[name].joint)
+    return name in tree.mimics and (tree.mimic == "lock" or stands_still(name, tree.mimics))
 
 
 def _held_pose(tree: _Tree, joint: int, at: Frame) -> Frame:

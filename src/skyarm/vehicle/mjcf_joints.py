@@ -107,6 +107,19 @@ def mimics_of(model: Any) -> dict[str, Mimic]:
     return found
 
 
+def stands_still(name: str, mimics: Mapping[str, Mimic]) -> bool:
+    """Whether a joint that follows never moves: an equality holds it, or the one that it follows in the end."""
+    passed = [name]
+    while passed[-1] in mimics:
+        mimic = mimics[passed[-1]]
+        if not mimic.joint or mimic.ratio == 0.0:
+            return True
+        if mimic.joint in passed:  # a ring is refused where it is followed
+            return False
+        passed.append(mimic.joint)
+    return False
+
+
 def resting(model: Any, name: str, mimics: Mapping[str, Mimic]) -> float:
     """Value of a joint where the one that it follows in the end is at zero, or at the limit next to zero."""
     passed = [name]

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from skyarm.algebra import Mat3, Vec3
+from skyarm.records.coerce import concrete
 
 if TYPE_CHECKING:
     from skyarm.vehicle.vehicle_records import Body, Joint, Vehicle
@@ -20,6 +21,27 @@ SINGULAR = 1e-12
 """Moved inertia, relative to that of the outer bodies, below which nothing is left but rounding (1e-16 times a few)."""
 
 GOLDEN = 0.6180339887498949
+
+
+def what_does_not_move(value: Vehicle) -> tuple[str, Any, str] | None:
+    """Field, value and what is allowed where a motion moves no mass at the joint values tried; None if all do."""
+    found = immobile(value) if concrete(*_rigid_numbers(value)) else None
+    if found is None:
+        return None
+    field, joints = found
+    if field != "base.inertia":
+        at = ", ".join(f"{q:g}" for q in joints)
+        return (
+            field,
+            _moved(value, field),
+            f"must move mass outward of it (the mass matrix is singular at joint values [{at}])",
+        )
+    if value.base.mass > 0 and _definite(value.base):
+        # the base alone moves along and about every axis: only rounding hides that
+        allowed = "must not hide the base's inertia (the mass matrix is singular to rounding or overflows)"
+        return "base.mass", value.base.mass, allowed
+    allowed = "must leave no axis without inertia (the mass matrix of the whole vehicle is singular)"
+    return field, _moved(value, field), allowed
 
 
 def immobile(vehicle: Vehicle) -> tuple[str, tuple[float, ...]] | None:
@@ -178,3 +200,32 @@ def _to_child(joint: Joint, value: float) -> Any:
     else:
         p = p + R @ np.array(list(axis)) * value
     return np.block([[R.T, np.zeros((3, 3))], [-R.T @ _matrix(Mat3.cross(Vec3(*p))), R.T]])
+
+
+def _definite(value: Body) -> bool:
+    """True if the body resists turning about every axis."""
+    import numpy as np
+
+    return bool(np.linalg.eigvalsh(np.array([list(row) for row in value.inertia.full().rows], dtype=float))[0] > 0.0)
+
+
+def _moved(value: Vehicle, field: str) -> str:
+    """Say in words what the refused field is."""
+    for link in value.links:
+        if field == f"joints[{link.joint.name}]":
+            return f"{link.joint.kind} joint of '{link.name}', mass {link.body.mass} kg"
+    return f"base of {value.base.mass} kg"
+
+
+def _rigid_numbers(value: Vehicle) -> list[Any]:
+    """Every number that the mass matrix depends on."""
+    found: list[Any] = []
+    for each in value.bodies:
+        found += [each.mass, *each.com, *each.inertia.entries]
+    for follower in value.followers:
+        found += [follower.ratio, follower.offset]
+    for link in value.moving:
+        joint_ = link.joint
+        found += [*joint_.axis, *joint_.position, *(c for row in joint_.rotation.rows for c in row)]
+        found += [joint_.lower, joint_.upper, joint_.armature]
+    return found

@@ -13,7 +13,8 @@ from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.nearest_inertia import with_real_inertias
 from skyarm.vehicle.robots_by_name import is_robot, robot_file
-from skyarm.vehicle.schema import AttachTable, VehicleFile
+from skyarm.vehicle.schema import VehicleFile
+from skyarm.vehicle.schema_tables import AttachTable
 from skyarm.vehicle.vehicle_records import MountedDrive, Vehicle
 
 RIGID = (".urdf", ".xml", ".mjcf")

@@ -148,7 +148,7 @@ def limits_for(controller: Controller, **given: Any) -> Limits:
     names = list(field_names(Limits) or ())
     for name in given:
         if name not in names:
-            raise ControllerError(f"safety.{name}: unknown field; allowed: {names}")
+            raise ControllerError(f"safety.{name}: unknown field; allowed: {', '.join(names)}")
     default = _defaults(model, joints, TIP_ERRORS if controller.keeps_tip else ERRORS)
     if "stiffness" not in given or "damping" not in given:
         default |= dict(zip(("stiffness", "damping"), law_stiffness(controller), strict=True))

@@ -7,14 +7,14 @@ from typing import Annotated, Any
 
 from skyarm.actuation import Command, Mixer
 from skyarm.algebra import Vec3
-from skyarm.compile import leaves, rebuild
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model
 from skyarm.control.safety.limits import Limits
 from skyarm.control.safety.recovery import Recovery
 from skyarm.control.safety.supervisor import Confidence
+from skyarm.records.blend import blend
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, where
+from skyarm.scalars import Scalar
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -75,12 +75,9 @@ def first_memory(controller: Controller) -> SafetyMemory:
     )
 
 
-def blend(condition: Any, new: Any, old: Any) -> Any:
-    """``new`` where the condition holds, else ``old``, leaf by leaf."""
-    dense_new, dense_old = _dense(new), _dense(old)
-    return rebuild(
-        dense_old, (where(condition, a, b) for a, b in zip(leaves(dense_new), leaves(dense_old), strict=True))
-    )
+def blend_dense(condition: Any, new: Any, old: Any) -> Any:
+    """``new`` where the condition holds, else ``old``, leaf by leaf; a command's structural zeros are data."""
+    return blend(condition, _dense(new), _dense(old))
 
 
 def _dense(record: Any) -> Any:

@@ -15,7 +15,7 @@ from skyarm.control.law_checks import LawError, check_controller, checked_law, w
 from skyarm.control.model import Model
 from skyarm.control.safety.command_limits import with_priorities
 from skyarm.control.safety.limits import Limits, limits_for
-from skyarm.control.safety.memory import SafetyMemory, SafetyParameters, blend, first_memory
+from skyarm.control.safety.memory import SafetyMemory, SafetyParameters, blend_dense, first_memory
 from skyarm.control.safety.recovery import STOW_SPEEDS, Recovery, pose_of, stowed
 from skyarm.control.safety.step import arbitrate, govern
 from skyarm.control.safety.supervisor import finite, not_finite
@@ -128,10 +128,10 @@ def _traced_law(
         failed = logical_or(failed, margin(measurement.quaternion) < 0.0)
     new = arbitrate(par, memory, measurement, governed, desired, failed, dt)
     # the law starts anew when it comes back
-    kept = blend(new.confidence.given_up > 0.5, first, following)
+    kept = blend_dense(new.confidence.given_up > 0.5, first, following)
     new = dataclasses.replace(new, inner=with_applied_command(kept, new.sent))
     seen = finite(measurement)
-    return blend(seen, new, memory), blend(seen, new.sent, memory.sent)
+    return blend_dense(seen, new, memory), blend_dense(seen, new.sent, memory.sent)
 
 
 def _called_law(

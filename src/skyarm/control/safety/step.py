@@ -12,7 +12,7 @@ from skyarm.control.blocks.geometric import yaw_of
 from skyarm.control.safety.command_limits import limit_slew, reachable
 from skyarm.control.safety.governor import govern_base, govern_joints
 from skyarm.control.safety.joint_barrier import apply_joint_barrier, within_efforts
-from skyarm.control.safety.memory import SafetyMemory, SafetyParameters, blend
+from skyarm.control.safety.memory import SafetyMemory, SafetyParameters, blend_dense
 from skyarm.control.safety.recovery import base_stiffness, recover
 from skyarm.control.safety.supervisor import update_confidence
 from skyarm.reference import Reference
@@ -86,7 +86,7 @@ def arbitrate(
         joints=_kept(given_up, measurement.joints, governed.reference.joints),
         ramping=_kept(given_up, (0.0,) * len(governed.joints), governed.ramping),
         arm=hovering.joints,
-        sent=limit_command(par, memory, measurement, blend(given_up, rescue, desired), dt),
+        sent=limit_command(par, memory, measurement, blend_dense(given_up, rescue, desired), dt),
         confidence=confidence,
         hold=hold,
         yaw=yaw,
