@@ -120,7 +120,7 @@ def fly(flights: Flights, threads: int = 1) -> Cell:
     batch = Batch(
         scenario,
         tuple(values),
-        metrics=counted_metrics(scenario.world.vehicle.n),
+        metrics=counted_metrics(scenario.told),
         windows=flights.case.windows,
         stiffest=with_numbers(scenario, damping),
         effort=0 if episodes <= FEW else 2,

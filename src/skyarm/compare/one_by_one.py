@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.log.flight_log import Log
+from skyarm.log.log_columns import names_of
 from skyarm.metrics.score import score
 from skyarm.metrics.windows import Windows
 from skyarm.registry import names as registered
@@ -31,14 +32,18 @@ METRICS = (
 """What the comparison counts, under the names of :mod:`skyarm.metrics.metric_catalogue`; and every joint's effort."""
 
 
-def counted_metrics(joints: int) -> tuple[str, ...]:
-    """What is counted of a vehicle with so many joints, registered metrics of one's own included."""
-    return (*METRICS, *(f"tau{i + 1}_rms" for i in range(joints)), *registered("metric"))
+def counted_metrics(told: Sequence[bool]) -> tuple[str, ...]:
+    """What is counted of a vehicle, registered metrics of one's own included.
+
+    Args:
+        told: joint by joint, whether its command is a setpoint of its drive: its torque is then not counted.
+    """
+    return (*METRICS, *(f"tau{i + 1}_rms" for i, each in enumerate(told) if not each), *registered("metric"))
 
 
 def of_log(log: Log, windows: Windows) -> dict[str, float]:
     """The same metrics from a log; those of an episode that ended early are cut."""
-    return score(log, counted_metrics(log.joints.shape[1]), windows)
+    return score(log, counted_metrics([unit is not None for unit in names_of(log).setpoints]), windows)
 
 
 def _single(scenario: Scenario, numbers: dict[str, float]) -> Scenario:

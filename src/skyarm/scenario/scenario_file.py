@@ -162,7 +162,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         "seed": top.take("seed", 0),
     }
     chosen = {name: replaced.get(name, value) for name, value in in_file.items()}
-    chosen["duration"] = number(chosen["duration"], "duration")
+    chosen["duration"] = number(chosen["duration"], "duration", low=0.0, strict=True)
     controller = Fields(top.take("controller"), "controller")
     rates, delays = tables.rates(top), tables.delays(top)
     motion, joined = tables.joined(top.take("reference", {}))

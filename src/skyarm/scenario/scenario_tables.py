@@ -47,7 +47,7 @@ def truth_value(fields: Fields, name: str, default: bool) -> bool:
 def vehicle(fields: Fields, folder: Path) -> Vehicle:
     """The named vehicle, as its file describes it."""
     named = fields.take("vehicle")
-    if not isinstance(named, str):
+    if not isinstance(named, str) or not named:
         raise ValueError(f"{fields.at('vehicle')} = {shown(named)}: must be a name of the library or a path")
     try:
         return load_vehicle(named if named in list_vehicles() else folder / named)
