@@ -242,15 +242,16 @@ MOVING = {
 
 @pytest.mark.thorough
 def test_known_dry_friction_costs_the_tip_nothing():
-    """Without it in the belief the observer finds it late: the tip is off by a third more."""
+    """Without it in the belief the observer finds it late: the tip is off six times as far."""
     base, off = scenario_from(MOVING), {}
     for coulomb, believed in ((0, 0), (0.02, 0.02), (0.02, 0)):
         law = make_controller("nmpc", Model(vehicle=dry_arm(believed, 0.5)))
         log = run(dataclasses.replace(base, world=Truth(vehicle=dry_arm(coulomb, 0.5)), controller=law))
         late = log.time > 2.5
         off[coulomb, believed] = np.sqrt(np.mean(np.sum((log.tool - log.tool_reference)[late] ** 2, axis=1)))
-    assert off[0.02, 0.02] < 1.05 * off[0, 0]
-    assert off[0.02, 0] > 1.2 * off[0, 0]
+    # 0.113, 0.104 and 0.70 mm
+    assert off[0.02, 0.02] < 1.2 * off[0, 0]
+    assert off[0.02, 0] > 4.0 * off[0, 0]
 
 
 def test_both_poles_of_the_observer_are_where_its_bandwidth_says():
