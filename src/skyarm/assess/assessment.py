@@ -10,6 +10,7 @@ from skyarm.actuation import AllocationError, make_mixer
 from skyarm.assess.along_reference import along_reference
 from skyarm.assess.arm_poses import POSES, ArmPoses, arm_poses
 from skyarm.assess.arm_workspace import arm_workspace
+from skyarm.assess.delay_margin import delay_margin
 from skyarm.assess.endurance import aloft_for, time_aloft
 from skyarm.assess.finding import FAULT, WARNING, Finding, worst_level
 from skyarm.assess.joint_torques import joint_torques
@@ -110,6 +111,8 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
         along = []
     aloft = aloft_for(about.vehicle, about.gravity, scenario.duration)
     findings = (*about.findings, *units_of_scenario(scenario), *aloft, *along)
+    if worst_level(findings) != FAULT:  # what cannot fly has no loop to ask about
+        findings = (*findings, *delay_margin(scenario))
     return Assessment(scenario.name, about.vehicle, about.gravity, payload, poses, seed, findings)
 
 

@@ -41,9 +41,10 @@ def counted_metrics(told: Sequence[bool]) -> tuple[str, ...]:
     return (*METRICS, *(f"tau{i + 1}_rms" for i, each in enumerate(told) if not each), *registered("metric"))
 
 
-def of_log(log: Log, windows: Windows) -> dict[str, float]:
-    """The same metrics from a log; those of an episode that ended early are cut."""
-    return score(log, counted_metrics([unit is not None for unit in names_of(log).setpoints]), windows)
+def of_log(log: Log, windows: Windows, more: Sequence[str] = ()) -> dict[str, float]:
+    """The same metrics from a log, and ``more``; those of an episode that ended early are cut."""
+    told = [unit is not None for unit in names_of(log).setpoints]
+    return score(log, (*counted_metrics(told), *more), windows)
 
 
 def _single(scenario: Scenario, numbers: dict[str, float]) -> Scenario:
@@ -62,11 +63,11 @@ def numbers_of(values: Mapping[str, Array], episode: int) -> dict[str, float]:
 
 
 def fly_single(
-    scenario: Scenario, numbers: dict[str, float], episode: int, windows: Windows
+    scenario: Scenario, numbers: dict[str, float], episode: int, windows: Windows, more: Sequence[str] = ()
 ) -> tuple[dict[str, float], str]:
     """Metrics and ending of one flight."""
     log = run(dataclasses.replace(_single(scenario, numbers), episode=episode))
-    return of_log(log, windows), str(log.status)
+    return of_log(log, windows, more), str(log.status)
 
 
 def collected(flown: Sequence[tuple[dict[str, float], str]]) -> tuple[dict[str, Array], Array]:
@@ -77,7 +78,26 @@ def collected(flown: Sequence[tuple[dict[str, float], str]]) -> tuple[dict[str, 
 
 
 def fly_one_by_one(
-    scenario: Scenario, values: Mapping[str, Array], episodes: int, windows: Windows
+    scenario: Scenario,
+    values: Mapping[str, Array],
+    episodes: int,
+    windows: Windows,
+    *,
+    keys: Sequence[int] | None = None,
+    more: Sequence[str] = (),
 ) -> tuple[dict[str, Array], Array]:
-    """Metrics by name and endings, one entry per episode."""
-    return collected([fly_single(scenario, numbers_of(values, k), k, windows) for k in range(episodes)])
+    """Metrics by name and endings, one entry per episode.
+
+    Args:
+        scenario: that each starts from.
+        values: numbers of each, by path.
+        episodes: how many.
+        windows: of the metrics.
+        keys: of the noise, one per episode; its number if left out.
+        more: metrics beside those that every comparison counts.
+    """
+    flown = []
+    for k in range(episodes):
+        key = k if keys is None else int(keys[k])
+        flown.append(fly_single(scenario, numbers_of(values, k), key, windows, more))
+    return collected(flown)

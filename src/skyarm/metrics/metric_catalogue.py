@@ -78,6 +78,8 @@ TRACKING = _tracking("", "steady") | {
     "iae_position": _integral("whole", "position"),
     "iae_joint": _integral("whole", "joint"),
     "altitude_error_max": _extreme("max", "whole", "altitude"),
+    "x_error_max": _extreme("max", "steady", "x"),
+    "ee_time_outside": _integral("steady", "ee_outside"),
 }
 
 GUST = _tracking("gust_", "gust") | {
