@@ -9,7 +9,7 @@ BENCH ?= out/bench.json
 WORKERS ?= 2
 TESTS ?=
 
-.PHONY: reproduce test test-lowest docs films fresh browser thorough attack digests mutants bench lint hooks clean help
+.PHONY: reproduce test test-lowest docs films envelope fresh browser thorough attack digests mutants bench lint hooks clean help
 
 help:
 	@echo "make reproduce    fly the paper's five experiments on both plants; OUT=$(OUT) is the folder of the results"
@@ -17,6 +17,7 @@ help:
 	@echo "make test-lowest  every test on the lowest versions of pyproject.toml, in $(LOWEST); PYTHON must be 3.11"
 	@echo "make docs         build the documentation site, out/docs/site/index.html; run all that README, docs and examples show"
 	@echo "make films        the moving pictures of README and docs, drawn anew into docs/images: some minutes"
+	@echo "make envelope     fly the envelope of the laws anew into out/envelope; writes the README's table and figure of it"
 	@echo "make fresh        build source and wheel into dist, install the wheel alone, weigh it, run the README's commands"
 	@echo "make browser      the studio's page in Chromium, drawn in software; needs node, npm and Chromium"
 	@echo "make thorough     more cases of what 'make test' samples: laws, vehicles, files, junk: some minutes"
@@ -76,6 +77,10 @@ films: $(VENV)/.test
 	$(BIN)/python -m skyarm film $(WIND) docs/images/laws_in_wind.webp --layout over --camera fixed --fine \
 		--stop 15 --speed 1.5 --size 800x450 --fps 15
 	$(BIN)/python -m skyarm film $(WIND) docs/images/laws_in_wind.mp4 --size 960x540
+
+envelope: $(VENV)/.test
+	$(BIN)/python -m skyarm compare envelope-suite --out out/envelope
+	$(BIN)/python tests/website/readme_envelope.py out/envelope
 
 fresh:
 	$(PYTHON) tests/release.py build

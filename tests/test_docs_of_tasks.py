@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 import skyarm
+from skyarm.files import Fields
+from skyarm.reference.phases import phases_table
 from skyarm.reference.setting import Setting
 from skyarm.reference.tip_plan import TipChoices
 from skyarm.reference.tip_tables import reference_from
@@ -35,10 +37,20 @@ def test_the_tables_shown_are_read(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("walk.csv").write_text("time,x,y,z\n0,0,0,1\n1,0.2,0,1\n2,0.2,0.3,1\n")
     waypoints, samples = (
-        reference_from(tomllib.loads(text)["reference"], 0, "reference", Setting()) for text in TABLES
+        reference_from(tomllib.loads(text)["reference"], 0, "reference", Setting()) for text in TABLES[:2]
     )
     assert [*waypoints.at(60.0).position] == pytest.approx([2.0, 0.0, 1.0])
     assert [*samples.at(2.0).position] == pytest.approx([0.2, 0.0, 1.0])
+
+
+def test_the_gripper_shown_closes_in_the_first_half_of_its_dwell():
+    path = tomllib.loads(TABLES[2])["reference"]["tip"]["path"] | {"position": [1.0, 0.2, 0.6]}
+    setting = Setting()
+    phases_table(Fields(path, "path"), setting)
+    ((event,), (move,)) = setting.events, setting.joint_moves
+    assert (move.joint, move.value, move.end) == ("finger", 0.01, event.time)
+    assert event.time - move.start == 0.5
+    assert move.start > 8.0  # it goes down first
 
 
 def test_every_field_and_default_is_on_the_page():

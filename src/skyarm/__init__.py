@@ -66,6 +66,8 @@ if TYPE_CHECKING:
     from skyarm.simulate.loop import run
     from skyarm.simulate.replay import replay
     from skyarm.simulate.session import Session
+    from skyarm.stability.along import margins
+    from skyarm.stability.hover_delay import hover_delay
     from skyarm.sweep.fly_sweep import fly_sweep
     from skyarm.sweep.study import StudyError
     from skyarm.sweep.study_file import list_studies, load_study
@@ -129,6 +131,8 @@ _ROOMS = {
     "skyarm.simulate.loop": ("run",),
     "skyarm.simulate.replay": ("replay",),
     "skyarm.simulate.session": ("Session",),
+    "skyarm.stability.along": ("margins",),
+    "skyarm.stability.hover_delay": ("hover_delay",),
     "skyarm.sweep.fly_sweep": ("fly_sweep",),
     "skyarm.sweep.study": ("StudyError",),
     "skyarm.sweep.study_file": ("list_studies", "load_study"),
@@ -202,6 +206,7 @@ __all__ = [
     "frame_jacobian",
     "frame_pose_world",
     "hover",
+    "hover_delay",
     "inverse_dynamics",
     "list_scenarios",
     "list_studies",
@@ -211,6 +216,7 @@ __all__ = [
     "load_study",
     "load_vehicle",
     "make_controller",
+    "margins",
     "mass_matrix",
     "momentum",
     "normals",

@@ -130,10 +130,18 @@ PLANTED = (
     ),
     Planted("first rotor turned round", lambda d: _flip(d, 0), (".direction",)),
     Planted("last rotor turned round", lambda d: _flip(d, -1), (".direction",)),
-    Planted("thrust per (rev/min)^2", lambda d: _rotors(d, "thrust_coefficient", 0.010966), ("thrust_coefficient",)),
-    Planted("thrust of rev/s", lambda d: _rotors(d, "thrust_coefficient", 39.478), ("thrust_coefficient", "max_speed")),
-    Planted("moment in mm", lambda d: _rotors(d, "moment_coefficient", 1e3), ("moment_coefficient",)),
-    Planted("speed in rev/min", lambda d: _rotors(d, "max_speed", 9.5493), ("max_speed",)),
+    Planted(
+        "thrust per (rev/min)^2",
+        lambda d: _rotors(d, "thrust_coefficient", 0.010966),
+        ("thrust_coefficient", "thrust_table"),
+    ),
+    Planted(
+        "thrust of rev/s",
+        lambda d: _rotors(d, "thrust_coefficient", 39.478),
+        ("thrust_coefficient", "max_speed", "thrust_table"),
+    ),
+    Planted("moment in mm", lambda d: _rotors(d, "moment_coefficient", 1e3), ("moment_coefficient", "thrust_table")),
+    Planted("speed in rev/min", lambda d: _rotors(d, "max_speed", 9.5493), ("max_speed", "thrust_table")),
     Planted("speed in rev/s", lambda d: _rotors(d, "max_speed", 0.15915), ("max_speed",)),
     Planted(
         "weak drive",

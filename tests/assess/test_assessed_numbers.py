@@ -16,6 +16,7 @@ from skyarm.algebra import Sym3, Vec3
 from skyarm.assess import along_reference, mujoco_certificate
 from skyarm.assess.arm_poses import arm_poses
 from skyarm.assess.assessment import Assessment, assess_scenario, assess_vehicle
+from skyarm.assess.delay_margin import delay_margin
 from skyarm.assess.finding import Finding
 from skyarm.assess.joint_torques import effort_limits
 from skyarm.assess.lag_margin import largest_lag
@@ -281,3 +282,24 @@ def test_the_dynamic_effort_of_one_joint_is_weight_and_inertia():
 def test_a_centre_of_mass_beside_the_middle_is_no_wrong_sense_of_rotation():
     shifted = dataclasses.replace(HUMMINGBIRD, base=dataclasses.replace(HUMMINGBIRD.base, com=Vec3(0.06, 0.0, 0.0)))
     assert answer(assess_vehicle(shifted), "senses of rotation").value == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("late", "level"), [(0.0, "ok"), (0.015, "warning"), (0.045, "warning")])
+def test_the_delay_margin_in_hover_is_said_beside_what_is_believed(late: float, level: str) -> None:
+    scenario = skyarm.load_scenario("case1", controller="paper_ct")
+    scenario = dataclasses.replace(scenario, delays=skyarm.Delays(command=late))
+    (found,) = delay_margin(scenario)
+    assert (found.question, found.level) == ("delay margin", level)
+    if late > 0.04:
+        assert "unstable in hover" in found.text
+        return
+    # README: 33 ms without a delay; what the loop has already is no margin left
+    assert found.value == pytest.approx(0.033 - late, abs=1e-3)
+    assert found.limit == pytest.approx(1.5 * late)
+    assert f"{1e3 * late:.3g} ms are believed" in found.text
+
+
+def test_a_law_that_cannot_be_linearised_leaves_a_note() -> None:
+    scenario = skyarm.load_scenario("case1", controller="nmpc")
+    (found,) = delay_margin(scenario)
+    assert (found.level, found.text.startswith("not known: ")) == ("note", True)

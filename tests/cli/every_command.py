@@ -25,6 +25,7 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "export": ("flight.npz", "--to", "csv"),
     "export-c": ("paper_ct", "--vehicle", "hummingbird_arm2", "-o", "x.c"),
     "margins": ("short.toml", "--instants", "0"),
+    "tune": ("hummingbird", "--controller", "decoupled_pd", "--explain"),
     "basin": ("short.toml", "--flights", "16"),
     "sweep": ("study.toml", "--out", "rows"),
     "stats": ("rows",),
@@ -37,7 +38,7 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
 KEPT: Mapping[str, tuple[str, ...]] = {"new": ("fresh.py", "test_fresh.py"), "attach": ("mine.toml",)}
 """Command that never overwrites -> its files, which are removed before it runs again."""
 
-NEEDS = {"sweep": "pyarrow", "stats": "pyarrow", "film": "viser"}
+NEEDS = {"sweep": "pyarrow", "stats": "pyarrow", "film": "viser", "tune": "cmaes"}
 """Command -> the library without which it is not tried."""
 
 SERVES: Mapping[str, str] = {"studio": "it flies on a page until Ctrl-C"}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+import math
 import os
 import subprocess
 import sys
@@ -63,6 +64,29 @@ def test_margins_are_printed_and_written(folder: Path) -> None:
     low = max(each["rotor_gain"][0] for each in lag.values())
     high = min(each["rotor_gain"][1] for each in lag.values())
     assert hover[5] == f"{low:.2f}-{high:.1f}"
+    least = min(each["swings_from"] for each in found["instants"])
+    assert f"small swings grow in flight from {1e3 * least:.3g} ms of further dead time on" in ended.out
+    head, *rows = ended.out.split("\n\n")[1].splitlines()
+    assert head.split() == ["weakest", "loop", "disk", "gain", "phase", "rad/s", "delay", "together"]
+    every = [one for each in found["instants"] for lag in each["lag"].values() for one in lag["loops"]]
+    joints = min((one for one in every if one["group"] == "joints"), key=lambda one: one["disk_margin"])
+    (row,) = [row for row in rows if row.startswith(joints["name"])]
+    low, high = joints["gain"]
+    phase = math.degrees(joints["phase"])
+    assert f"{joints['disk_margin']:.2f} {low:.2f}-{high:.2f}" in row
+    assert f" {phase:.0f} " in row
+    # by the names of the margin itself: gain and phase of a symmetric disk belong together
+    assert math.cos(joints["phase"]) == pytest.approx((1.0 + low * high) / (low + high), rel=1e-9)
+
+
+def test_every_loop_is_listed_where_asked(folder: Path) -> None:
+    assert folder.exists()
+    ended = skyarm("margins", "short.toml", "--controller", "paper_ct", "--instants", "0", "--loops")
+    names = ("rotor front", "yaw torque", "thrust", "drive joint2", "attitude z", "rate of joint1", "all measurements")
+    lines = ended.out.splitlines()
+    for name in names:
+        assert [line for line in lines if line.startswith(f"{name} ")], name
+    assert max(len(line) for line in lines) <= 78
 
 
 @pytest.mark.parametrize("law", ["own", "paper_ct"])

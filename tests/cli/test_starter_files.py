@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import skyarm as package
+from added_components import registry_kept
 from commanded import refused, skyarm
 from skyarm.cli.starter_files import KINDS
 from skyarm.sweep.study_file import load_study
@@ -127,5 +128,6 @@ def test_wrong_words_write_nothing(tmp_path, monkeypatch, words, said):
 def test_the_law_that_was_written_flies_by_its_file(written, monkeypatch):
     monkeypatch.chdir(written)
     assert package.__version__
-    done = skyarm("run", "case1", "--controller", "my_law.py:make", "--duration", "0.5", "--quiet")
+    with registry_kept():
+        done = skyarm("run", "case1", "--controller", "my_law.py:make", "--duration", "0.5", "--quiet")
     assert done.code == 0, done

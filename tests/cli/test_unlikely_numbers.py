@@ -162,6 +162,8 @@ def test_commands_warn_and_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 def test_a_vehicle_that_is_wrong_throughout_gets_a_few_lines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     text = re.sub(r"time_constant_(up|down) = \S+", r"time_constant_\1 = 20.0", VEHICLE)
+    far = re.compile(r"position = \[(.*?)\]")
+    text = far.sub(lambda found: f"position = [{', '.join(f'{1e3 * float(c)}' for c in found[1].split(','))}]", text)
     (tmp_path / "v.toml").write_text(re.sub(r"moment_coefficient = \S+", "moment_coefficient = 16.0", text))
     lines = skyarm("show", "v.toml").err.splitlines()
     assert len(lines) == 9

@@ -24,7 +24,7 @@ from skyarm.control.laws.predictive.cost import input_residuals, state_residuals
 from skyarm.control.laws.predictive.engine import engine_for, stage_lengths
 from skyarm.control.laws.predictive.kalman_observer import Bandwidths, Estimate, observe, predict
 from skyarm.control.laws.predictive.linearise import Stages, examples
-from skyarm.control.laws.predictive.motion_plan import Inputs, advance, command_for, motors
+from skyarm.control.laws.predictive.motion_plan import Inputs, carried, command_for, motors
 from skyarm.control.laws.predictive.parameters import WEIGHTS
 from skyarm.control.laws.predictive.riccati import Linear, Policy, policy, rollout
 from skyarm.control.laws.predictive.rollout import Bounds, Rollouts
@@ -140,7 +140,7 @@ def test_derivatives_of_the_stages_equal_casadi_s(mode):
 
     def stage(a, b, c, e):
         errors = (*state_residuals(MODEL, WEIGHTS, a, e, mode), *input_residuals(MODEL, WEIGHTS, a, b, c, e))
-        return advance(MODEL, a, b, c, 0.03), errors
+        return carried(MODEL, a, b, c, 0.03, e.joint_rates), errors
 
     f = casadi_function(trace(stage, state, inputs, disturbance, goal))
     both = casadi.SX.sym("z", 27)
@@ -212,8 +212,8 @@ def test_stages_and_rollouts_foresee_dry_friction_at_the_rates_that_are_wanted()
     model = Model(vehicle=dry_arm(0.02))
     goal = rebuild(shapes[3], iter(wanted))
     state, inputs, unknown = (rebuild(shape, iter(v)) for shape, v in zip(shapes[:3], (x, u, d), strict=True))
-    expected = leaves(advance(model, state, inputs, unknown, 0.03, goal.joint_rates))
-    assert np.abs(np.subtract(expected, leaves(advance(model, state, inputs, unknown, 0.03)))).max() > 1e-4
+    expected = leaves(carried(model, state, inputs, unknown, 0.03, goal.joint_rates))
+    assert np.abs(np.subtract(expected, leaves(carried(model, state, inputs, unknown, 0.03)))).max() > 1e-4
     found = Stages(model, WEIGHTS, "tool", SCALES).derivatives(x[None], u[None], np.array([0.03]), d, wanted[None])
     np.testing.assert_allclose(found[0][0], expected, rtol=1e-12, atol=1e-12)
     rollouts = Rollouts(model, WEIGHTS, "tool", Bounds(np.full(2, 1e9), np.full(4, 1e9)))
@@ -242,15 +242,16 @@ MOVING = {
 
 @pytest.mark.thorough
 def test_known_dry_friction_costs_the_tip_nothing():
-    """Without it in the belief the observer finds it late: the tip is off by a third more."""
+    """Without it in the belief the observer finds it late: the tip is off six times as far."""
     base, off = scenario_from(MOVING), {}
     for coulomb, believed in ((0, 0), (0.02, 0.02), (0.02, 0)):
         law = make_controller("nmpc", Model(vehicle=dry_arm(believed, 0.5)))
         log = run(dataclasses.replace(base, world=Truth(vehicle=dry_arm(coulomb, 0.5)), controller=law))
         late = log.time > 2.5
         off[coulomb, believed] = np.sqrt(np.mean(np.sum((log.tool - log.tool_reference)[late] ** 2, axis=1)))
-    assert off[0.02, 0.02] < 1.05 * off[0, 0]
-    assert off[0.02, 0] > 1.2 * off[0, 0]
+    # 0.113, 0.104 and 0.70 mm
+    assert off[0.02, 0.02] < 1.2 * off[0, 0]
+    assert off[0.02, 0] > 4.0 * off[0, 0]
 
 
 def test_both_poles_of_the_observer_are_where_its_bandwidth_says():
@@ -456,7 +457,7 @@ def test_a_rolled_out_motion_is_the_model_s_with_inputs_within_their_limits():
             taken = rebuild(inputs, iter(u.tolist()))
             pushes = input_residuals(MODEL, WEIGHTS, at, taken, nothing, wanted)
             total += steps[k] * sum(float(e) ** 2 for e in pushes)
-            x = np.array(leaves(advance(MODEL, at, taken, nothing, steps[k])))
+            x = np.array(leaves(carried(MODEL, at, taken, nothing, steps[k])))
         # 1e-9: fused multiplications of vector code
         assert motions.cost[lane] == pytest.approx(total, rel=1e-9)
     assert 0 < clipped < 3 * 14 * 2

@@ -158,6 +158,7 @@ def goal_of(seed, joints):
         joints=tuple(rng.normal(size=joints).tolist()),
         joint_rates=tuple(rng.normal(size=joints).tolist()),
         joint_accelerations=tuple(rng.normal(size=joints).tolist()),
+        shift=vec(rng.normal(size=3)),
     )
 
 
@@ -168,7 +169,7 @@ def plain_residuals(r, goal):
     side = -np.sin(goal.yaw) * nose[0] + np.cos(goal.yaw) * nose[1]
     return np.concatenate(
         [
-            2.0 * (r.position - scalars(goal.position)),
+            2.0 * (r.position - scalars(goal.position) - scalars(goal.shift)),
             3.0 * (r.velocity[:3] - scalars(goal.velocity)),
             [5.0 * side],
             7.0 * r.velocity[3:6],

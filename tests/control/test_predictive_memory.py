@@ -13,7 +13,7 @@ from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.catalogue import make_controller
 from skyarm.control.laws.predictive import preview
-from skyarm.control.laws.predictive.law import PredictiveMemory, _estimated, nmpc
+from skyarm.control.laws.predictive.law import PredictiveMemory, _seen, nmpc
 from skyarm.control.laws.predictive.motion_plan import motors
 from skyarm.control.laws.predictive.rollout import Bounds
 from skyarm.control.laws.predictive.solve import Plan
@@ -45,13 +45,16 @@ class Notes:
         u = np.zeros((count, NU))
         # no two commands of a flight are alike
         u[:, NU - 1] = 0.01 * len(self.problems) + 0.0001 * np.arange(count)
-        return Plan(np.tile(problem.start, (count + 1, 1)), u, np.zeros((count, NU, NX)))
+        return Plan(np.tile(problem.start, (count + 1, 1)), u, np.zeros((count, NU, NX)), cost=0.0)
 
 
 def engine(stages=14):
     notes = Notes(stages)
     bounds = Bounds(np.full(2, 0.5), np.full(4, 838.0))
-    return SimpleNamespace(solver=notes, observation=notes, motors=motors(ARM2.rotors, DT), bounds=bounds), notes
+    stance = SimpleNamespace(at=lambda _thrusts, values: np.zeros((len(values), 3)))
+    made = SimpleNamespace(solver=notes, observation=notes, motors=motors(ARM2.rotors, DT), bounds=bounds)
+    made.stance, made.most, made.stabiliser = stance, 1.0, None
+    return made, notes
 
 
 def reading(k, delay):
@@ -74,7 +77,8 @@ def test_the_observer_sees_each_new_measurement_with_the_command_that_led_to_it(
     memory = PredictiveMemory()
     for k in range(12):
         before, shown = len(notes.seen), max(k - delay, 0)
-        estimate, sent = _estimated(made, memory, reading(k, delay), par)
+        left = _seen(made, memory, reading(k, delay), par, DT)
+        estimate, sent = left.estimate, left.sent
         assert estimate[0] == shown
         assert len(notes.seen) - before == (1 if shown > 0 else 0)
         if shown:
@@ -83,7 +87,7 @@ def test_the_observer_sees_each_new_measurement_with_the_command_that_led_to_it(
             assert command.tolist() == [*(400.0 + shown - 1,) * 4, 0.01 * (shown - 1), -0.01 * (shown - 1)]
         # what no measurement shows yet: the commands from then on, oldest first
         assert sent == tuple(numbered(j) for j in range(shown, k))
-        memory = dataclasses.replace(memory, estimate=estimate, sent=(*sent, numbered(k)))
+        memory = dataclasses.replace(memory, estimate=estimate, sent=(*sent, numbered(k)), late=left.late)
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
@@ -98,7 +102,7 @@ def test_of_a_quaternions_two_signs_the_observer_sees_the_one_near_its_estimate(
     estimate = np.zeros(29)
     estimate[3:7] = held * last
     seen = dataclasses.replace(reading(1, 0), quaternion=Quaternion(*(sign * now).tolist()))
-    _estimated(made, PredictiveMemory(estimate=estimate, sent=(numbered(0),)), seen, par)
+    _seen(made, PredictiveMemory(estimate=estimate, sent=(numbered(0),)), seen, par, DT)
     ((_, _, row),) = notes.seen
     np.testing.assert_array_equal(row[4:8], held * now)
     # nothing else of the measurement is touched

@@ -47,5 +47,5 @@ def test_fields_hand_their_bounds_on():
         fields.numbers("list", low=0.0)
     with pytest.raises(ValueError, match=r"^table\.a = -3.0: must be above -3$"):
         fields.number("a", low=-3.0, strict=True)
-    with pytest.raises(ValueError, match=r"^table\.absent: is missing; there are \['a', 'list', 'short'\]$"):
+    with pytest.raises(ValueError, match=r"^table\.absent: is missing; there are a, list, short$"):
         fields.numbers("absent")

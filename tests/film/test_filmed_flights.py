@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from film_flights import SECONDS, flight
-from skyarm import load_vehicle
+from skyarm import load_vehicle, run, scenario_from
 from skyarm.drawing.moving_poses import moving_poses
 from skyarm.drawing.poses import body_poses
 from skyarm.film.camera_paths import CAMERAS, FIELD_OF_VIEW
@@ -294,3 +294,28 @@ def test_a_size_is_two_numbers() -> None:
 
 def test_a_flight_is_one_second_long() -> None:
     assert flight().time[-1] == pytest.approx(SECONDS, abs=0.01)
+
+
+def test_a_payload_is_drawn_where_it_is_taken_held_and_left() -> None:
+    phases = [
+        {"kind": "pick", "payload": "box", "position": [0.0, 0.0, 0.7], "approach": [0, 0, 0], "dwell": 0.4},
+        {"kind": "go_to", "position": [0.15, 0.0, 0.7], "duration": 0.8},
+        {"kind": "place", "payload": "box", "position": [0.15, 0.0, 0.7], "approach": [0, 0, 0], "dwell": 0.4},
+        {"kind": "go_to", "position": [0.0, 0.0, 0.7], "duration": 0.8},
+    ]
+    tip = {"posture": [0.4, -0.8], "path": {"kind": "phases", "position": [0.0, 0.0, 0.7], "phases": phases}}
+    document = {"name": "w", "duration": 2.4, "plant": {"vehicle": "hummingbird_arm2_rotors"}}
+    document |= {"controller": {"preset": "paper_ct"}, "reference": {"tip": tip}}
+    log = run(scenario_from(document | {"payloads": [{"name": "box", "mass": 0.02}]}))
+    filmed = film_flight(log, "a", COLORS[0], log.time)
+    (box,) = [solid for solid in vehicle_solids(filmed) if solid.shape.role == "payload"]
+    (held,) = np.nonzero(log.payload_mass[:, 0])
+    np.testing.assert_allclose(box.position[held], log.tip[held], atol=1e-9)
+    np.testing.assert_allclose(box.position[: held[0]], np.tile(log.tip[held[0]], (held[0], 1)), atol=1e-9)
+    left = len(log.time) - 1 - held[-1]
+    assert left > 100
+    np.testing.assert_allclose(box.position[held[-1] + 1 :], np.tile(log.tip[held[-1]], (left, 1)), atol=1e-9)
+    assert np.linalg.norm(log.tip[-1] - box.position[-1]) > 0.1
+    # no frame shows it held: nothing is drawn
+    early = film_flight(log, "a", COLORS[0], log.time[: held[0]])
+    assert not [solid for solid in vehicle_solids(early) if solid.shape.role == "payload"]

@@ -9,7 +9,11 @@ import pytest
 
 import skyarm
 from logged_flights import drawn
+from skyarm.actuation.drive import Drive, TorqueDrive
+from skyarm.actuation.servo import PositionServo, VelocityServo
 from skyarm.log.log_columns import columns, distinct, layout, names_of, word
+from skyarm.records.plain import plain
+from skyarm.vehicle.vehicle_records import MountedDrive
 
 VEHICLES = [skyarm.load_vehicle(name) for name in skyarm.list_vehicles()]
 
@@ -55,6 +59,31 @@ def test_units_are_those_of_the_joint():
     assert (units["joint_rate_shoulder"], units[f"joint_rate_{name}"]) == ("rad/s", "m/s")
     assert (units["joint_effort_shoulder"], units[f"joint_effort_{name}"]) == ("N m", "N")
     assert (units["position_x"], units["quaternion_w"], units["wind_force_y"]) == ("m", "", "N")
+
+
+def test_a_command_that_is_a_setpoint_is_called_one_in_the_unit_of_its_drive():
+    vehicle = skyarm.load_vehicle("hexarotor_arm6")
+    links = list(vehicle.links)
+    links[2] = dataclasses.replace(links[2], joint=dataclasses.replace(links[2].joint, kind="prismatic"))
+    angle, rate = PositionServo(stiffness=5.0, inertia=0.01), VelocityServo(gain=5.0, inertia=0.01)
+    drives = zip(vehicle.links, (angle, rate, angle, TorqueDrive(), OwnDrive()), strict=False)
+    mounted = tuple(MountedDrive(name=link.joint.name, drive=drive) for link, drive in drives)
+    log = drawn(dataclasses.replace(vehicle, links=tuple(links), drives=mounted))
+    found = [(each.name, each.unit) for each in columns(log) if each.array == "efforts"]
+    names = names_of(log).joints
+    units = ["rad", "rad/s", "m", "N m", "", "N m"]
+    words = [
+        f"joint_{'effort' if unit == 'N m' else 'setpoint'}_{name}" for name, unit in zip(names, units, strict=True)
+    ]
+    assert found == list(zip(words, units, strict=True))
+    own = {**log.info["scenario_record"], "drives": [{"joint": names[0], "drive": plain(rate)}]}
+    again = columns(dataclasses.replace(log, info={**log.info, "scenario_record": own}))
+    assert (words[0], "rad/s") in [(each.name, each.unit) for each in again], "the scenario's own drive wins"
+
+
+@dataclasses.dataclass(frozen=True)
+class OwnDrive(Drive):
+    """A drive whose class no reader knows."""
 
 
 def test_a_log_that_keeps_no_names_has_numbers():

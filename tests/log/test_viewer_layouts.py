@@ -49,7 +49,7 @@ def test_every_topic_and_field_that_a_layout_names_is_written(name, tmp_path):
     curves = [curve.get("name") for curve in document.iter("curve")]
     assert set(curves) <= known
     assert sorted(curves) == sorted(paths)
-    joints = len(drawn_joints := [c for c in curves if "/joint_effort_" in c])
+    joints = len(drawn_joints := [c for c in curves if "/joint_effort_" in c or "/joint_setpoint_" in c])
     assert joints == log.joints.shape[1], drawn_joints
 
 

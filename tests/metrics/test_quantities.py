@@ -53,6 +53,7 @@ def expected(wanted):
         "position": np.linalg.norm(off["position"]),
         "joint": np.linalg.norm(off["joints"]),
         "ee": np.linalg.norm(off["tool"]),
+        "ee_outside": float(np.linalg.norm(off["tool"]) > 0.05),
         "x": off["position"][0],
         "ee_x": off["tool"][0],
         "height": -off["position"][2],

@@ -86,10 +86,26 @@ def expected(log):
         paper |= of_log.calmness(log, errors, WINDOWS.steady) | of_log.last(log, errors, WINDOWS.last)
         gusty = of_log.gust(log, errors, WINDOWS.gust) | {"ee_peak_x": of_log.tool_peak(log, errors, WINDOWS.gust)}
         paper |= {f"gust_{name}": value for name, value in gusty.items()}
+        paper["x_error_max"] = _largest_along_x(log, suffix)
+        paper["ee_time_outside"] = _time_away(log, suffix)
         paper["held_position_error"] = of_log.held_position_error(log, errors, WINDOWS.holds)
         found |= {f"{name}{suffix}": value for name, value in paper.items()}
     found["rotor_jitter_mean"] = of_log.rotor_jitter_mean(log, WINDOWS.steady)
     return found | {"hover_offset": of_log.hover_offset(log, WINDOWS.hover)}
+
+
+def _time_away(log, suffix):
+    """Control periods in which the tip is over 5 cm from where it should be, s."""
+    goal = log.tool_reference if suffix else log.tool_held
+    inside = (log.time >= WINDOWS.steady.start) & (log.time < WINDOWS.steady.stop)
+    return float(np.sum(np.sum((log.tool - goal)[inside] ** 2, axis=1) > 0.05**2) / 200.0)
+
+
+def _largest_along_x(log, suffix):
+    """Position against reference along x, its largest value with its sign."""
+    goal = log.position_reference if suffix else log.position_held
+    inside = (log.time >= WINDOWS.steady.start) & (log.time < WINDOWS.steady.stop)
+    return float((log.position - goal)[inside, 0].max())
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -96,7 +96,10 @@ def test_a_shipped_scenario_is_compared_by_its_own_law_and_the_usual_ones(tmp_pa
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["paper"], "suite = 'paper': must be one of paper-suite, or a scenario (a .toml file or a shipped one)"),
+        (
+            ["paper"],
+            "suite = 'paper': must be one of paper-suite, envelope-suite, or a scenario (a .toml file or a shipped",
+        ),
         (["case3", "--conditions", "noisy"], "--conditions: must be left out for a scenario"),
         (["case3", "--laws", "anlges"], "controller = 'anlges'"),
         (["case3", "--plant", "instant_rotor"], "--plant = 'instant_rotor': must be one of"),

@@ -53,6 +53,22 @@ def test_each_derivative_of_the_base_is_the_difference_of_the_one_below(shared):
             np.testing.assert_allclose([*getattr(shared.at(t), above)], slope, atol=5e-5)
 
 
+def test_a_nearly_singular_arm_is_told_with_its_singular_value(shared):
+    def tip_at(joints):
+        return frame_pose_world(ARM6, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), joints)[0]
+
+    good = feasibility(shared, SIX)
+    assert not [line for line in good.warnings() if "singular" in line]
+    q = np.array([float(c) for c in shared.at(good.weakest_at).joints])
+    J = np.stack([(tip_at(q + h) - tip_at(q - h)) / 2e-6 for h in 1e-6 * np.eye(6)], axis=1)
+    assert good.weakest == pytest.approx(np.linalg.svd(J, compute_uv=False)[-1], rel=1e-6)
+    # stretched straight down the arm neither lengthens nor turns its tip about the vertical
+    straight = reference_from({"tip": WORLD["tip"] | {"posture": [0.0] * 6, "base_share": 1.0}}, 6, "reference", SIX)
+    found = feasibility(straight, SIX)
+    assert found.weakest < 1e-3
+    assert any("the arm is nearly singular at 0 s; in one direction it moves" in line for line in found.warnings())
+
+
 def test_base_and_arm_share_the_way(shared):
     base = np.array([[*shared.at(t).position][:2] for t in TIMES])
     # half a turn is a way of 0.4 m; 0.6 of it is the arm's, 0.24 m, which arm_range = 0.1 m bounds

@@ -24,8 +24,10 @@ from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop_state import Row
 from skyarm.stability import margins
 from skyarm.stability.along import evidence, hovering
-from skyarm.stability.margins import closed_loop, radius
-from skyarm.stability.open_loop import Differentiator, _point, with_lag
+from skyarm.stability.closed_loop import closed_loop, radius
+from skyarm.stability.frozen_scenario import with_lag
+from skyarm.stability.open_loop import Differentiator
+from skyarm.stability.open_point import open_point
 
 
 def even(scenario):
@@ -154,7 +156,7 @@ def test_the_jacobians_are_casadis_exact_ones(arm_hover):
 
     found = Differentiator(arm_hover)
     carry, held = first_loop_state(arm_hover), episode_inputs(arm_hover)
-    point = dataclasses.replace(_point(carry))
+    point = dataclasses.replace(open_point(carry))
     row = Row(time=0.0, reference=held.reference_example)
 
     def whole(at, given, fed):
@@ -168,13 +170,13 @@ def test_the_jacobians_are_casadis_exact_ones(arm_hover):
         point.seen, position=state.position, quaternion=state.quaternion, velocity=state.velocity, rate=state.rate
     )
     point = dataclasses.replace(point, state=state, seen=seen)
-    function = casadi_function(whole, point, (0.0, 0.0), row, outputs=["out"])
+    function = casadi_function(whole, point, ((0.0, 0.0), ()), row, outputs=["out"])
     values_row = [0.0, *held.held[0]]
     moving = dataclasses.replace(carry, state=state)
-    begun = _point(moving)
+    begun = open_point(moving)
     sizes = [len(leaves(part)) for part in (begun.state, begun.old, begun.new, begun.memory, begun.seen)]
     # where ours is taken: at the measurement and the command that the period itself makes
-    base = found._completed(moving, begun, sizes, values_row, 0.0)
+    base = found._completed(moving, begun, sizes, values_row, (0.0,))
     values = [base.tolist(), [0.002, 0.0], values_row]
     symbols = [casadi.SX.sym(f"a{i}", len(v)) for i, v in enumerate(values)]
     exact = casadi.Function("J", symbols, [casadi.jacobian(function(*symbols), symbols[0])])

@@ -22,7 +22,7 @@ from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.stability import margins
 from skyarm.stability.along import hovering
-from skyarm.stability.margins import closed_loop
+from skyarm.stability.closed_loop import closed_loop
 from skyarm.stability.open_loop import Differentiator, carry_of
 
 

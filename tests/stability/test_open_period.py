@@ -7,9 +7,10 @@ from types import SimpleNamespace
 import pytest
 
 from skyarm.algebra import Vec3
-from skyarm.stability.open_loop import _point
+from skyarm.stability.open_point import open_point
 
 READINGS = ("oldest", "newer", "newest")
+LATE, AT_ONCE = SimpleNamespace(waiting=READINGS), SimpleNamespace(waiting=())
 
 
 @pytest.mark.parametrize(
@@ -17,15 +18,13 @@ READINGS = ("oldest", "newer", "newest")
     [(("now",), "now", "now"), (("now", "next"), "now", "next"), (("now", "next", "later", "last"), "now", "next")],
 )
 def test_the_first_command_of_the_queue_acts_and_the_second_follows_it(queue, old, new):
-    point = _point(
-        SimpleNamespace(queue=queue, sensors=(SimpleNamespace(waiting=READINGS),), state="state", memory="memory")
-    )
+    point = open_point(SimpleNamespace(queue=queue, sensors=(LATE,), state="state", memory="memory", drives=()))
     assert (point.old, point.new, point.state, point.memory) == (old, new, "state", "memory")
 
 
 def test_the_law_is_shown_the_oldest_measurement_on_its_way_or_else_the_state_itself():
-    late = SimpleNamespace(queue=("now",), sensors=(SimpleNamespace(waiting=READINGS),), state="state", memory="memory")
-    assert _point(late).seen == "oldest"
+    late = SimpleNamespace(queue=("now",), sensors=(LATE,), state="state", memory="memory", drives=())
+    assert open_point(late).seen == "oldest"
 
 
 def test_without_a_delay_the_law_is_shown_the_state_at_rest_in_its_accelerometer():
@@ -33,6 +32,6 @@ def test_without_a_delay_the_law_is_shown_the_state_at_rest_in_its_accelerometer
     from skyarm.scenario.scenario_record import first_state
 
     state = first_state(load_scenario("case1"))
-    seen = _point(SimpleNamespace(queue=("now",), sensors=(SimpleNamespace(waiting=()),), state=state, memory=())).seen
+    seen = open_point(SimpleNamespace(queue=("now",), sensors=(AT_ONCE,), state=state, memory=(), drives=())).seen
     assert (seen.position, seen.quaternion, seen.rate) == (state.position, state.quaternion, state.rate)
     assert [*seen.specific_force] == [*Vec3(0.0, 0.0, 0.0)]

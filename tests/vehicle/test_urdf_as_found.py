@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 import numpy as np
@@ -88,6 +89,20 @@ def test_a_joint_without_effort_is_passive_until_a_vehicle_file_gives_it_one(tmp
     assert any(note.startswith(f"joint swing: {says}") for note in vehicle.notes)
     driven = in_toml(tmp_path, text, '[[joints]]\nname = "swing"\neffort_limit = 2.0')
     assert driven.links[0].joint.effort_limit == 2.0
+
+
+SERVO = '[drives.swing]\nkind = "position_servo"\nstiffness = 20.0\ninertia = 0.01\ntorque_limit = 3.0\n'
+
+
+def test_a_drive_on_a_joint_of_effort_zero_gives_its_own_torque(tmp_path):
+    text = robot(link("b"), link("a"), joint("swing", "b", "a", limits(effort='effort="0"')))
+    assert in_toml(tmp_path, text, SERVO).links[0].joint.effort_limit == 3.0
+    unlimited = SERVO.replace("torque_limit = 3.0\n", "")
+    assert in_toml(tmp_path, text, unlimited).links[0].joint.effort_limit == math.inf
+    weaker = in_toml(tmp_path, text, f'{SERVO}[[joints]]\nname = "swing"\neffort_limit = 2.0')
+    assert weaker.links[0].joint.effort_limit == 2.0
+    with pytest.raises(VehicleError, match=r"joints\[swing\].effort_limit = 0.0: must be above 0.*drives.swing"):
+        in_toml(tmp_path, text, f'{SERVO}[[joints]]\nname = "swing"\neffort_limit = 0.0')
 
 
 def test_names_that_share_a_note_share_a_line(tmp_path):

@@ -114,6 +114,7 @@ SLOW = {
     "scenario_files.md",
     "sweeps.md",
     "troubleshooting.md",
+    "tuning.md",
     "your_law.md",
 }
 SLOW |= {name for name in WITH_CODE if name.startswith("laws/")} - {"laws/indi.md"}

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 
 class Drive:
@@ -17,6 +19,21 @@ class Drive:
 
     largest_step: float | None = None
     """Longest integration step that it bears, s; None for any. May be a field, or a property of the other numbers."""
+
+    takes: ClassVar[str] = ""
+    """Unit of the setpoint, that of a revolute joint before that of a prismatic one: ``rad or m``; for logs."""
+
+    @classmethod
+    def require_stated(cls, stated: Collection[str]) -> None:
+        """Refuse a file's table that leaves out what others of its numbers need; ``stated`` are those that it has.
+
+        Raises:
+            ValueError: one line that begins with the field.
+        """
+
+    def why_short_steps(self) -> str:
+        """The numbers from which a very short ``largest_step`` follows, in words; empty where that is a field."""
+        return ""
 
     def start(self, position: Any) -> Any:
         """First memory, a record or tuple of scalars; ``position`` is the joint's at the start, rad or m."""
@@ -38,6 +55,10 @@ class Drive:
         """Torque (N m) or force (N) on the joint."""
         raise NotImplementedError(f"{type(self).__name__} must say its effort")
 
+    def largest_effort(self) -> Any:
+        """Largest torque (N m) or force (N) that it gives a joint at rest; infinite where it states none."""
+        return math.inf
+
     def standing(self, effort: Any, position: Any) -> Any:
         """The setpoint that holds the arm before the first command arrives, from the torque that holds it."""
         return position
@@ -53,6 +74,8 @@ class Drive:
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TorqueDrive(Drive):
     """The setpoint is the torque or force."""
+
+    takes: ClassVar[str] = "N m or N"
 
     def effort(self, memory: Any, setpoint: Any, position: Any, rate: Any) -> Any:
         """The setpoint itself."""

@@ -8,8 +8,9 @@ moves, setpoints on their way, the encoder's rounding) is stepped once per contr
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from skyarm.actuation.drive import Drive
 from skyarm.records.coerce import RecordError, concrete
@@ -33,6 +34,10 @@ class ServoMemory:
     integral: Annotated[Scalar, Unit("rad s or rad", "of the loop's error")]
     rounding: Annotated[Scalar, Unit("rad or m", "added to the position when it was read")]
     waiting: Annotated[tuple[Scalar, ...], Unit("rad or m, or per s", "setpoints on their way, oldest first")]
+
+
+NEEDS = {"voltage": ("torque_constant", "resistance"), "current_limit": ("torque_constant",)}
+"""Numbers of a motor without which another one says nothing about its torque."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -69,6 +74,14 @@ class Servo(Drive):
         if concrete(self.efficiency) and not self.efficiency > 0.0:
             raise RecordError(f"efficiency = {self.efficiency!r}: must be above 0 and at most 1")
 
+    @classmethod
+    def require_stated(cls, stated: Collection[str]) -> None:
+        """A motor's voltage bounds its torque by its winding, its current by its constant: none of them is guessed."""
+        for given, needed in NEEDS.items():
+            for name in needed:
+                if given in stated and name not in stated:
+                    raise ValueError(f"{name}: must be stated beside {given}, which bounds the torque by it")
+
     def bounds(self, rate: Any) -> tuple[Any, Any]:
         """Least and largest torque (N m) or force (N) that motor and supply give at a joint's rate."""
         per_volt, counter = mul(self.gear, self.torque_constant), mul(mul(self.gear, self.torque_constant), rate)
@@ -80,9 +93,20 @@ class Servo(Drive):
         most = self.torque_limit
         return clip(mul(low, per_ampere), -most, most), clip(mul(high, per_ampere), -most, most)
 
+    def largest_effort(self) -> Any:
+        """The stall torque (N m) or force (N), within the current's and the torque's own limit."""
+        return self.bounds(0.0)[1]
+
     def start(self, position: Any) -> ServoMemory:
         """A loop that holds the joint where it is."""
         raise RecordError(f"{type(self).__name__}: begins with a setpoint and a control period")
+
+    def why_short_steps(self) -> str:
+        """What the loop or its motor does to so small an inertia."""
+        names = [name for name in ("stiffness", "gain", "damping") if getattr(self, name, 0.0)]
+        if math.isfinite(self.voltage):
+            names += ["gear", "torque_constant", "resistance"]
+        return ", ".join(f"{name} = {float(getattr(self, name)):g}" for name in (*names, "inertia"))
 
     def _half_time(self, D: float, K: float) -> float:
         """Half of one over the faster root of inertia s^2 + D s + K, or over that of the motor against its supply.
@@ -147,6 +171,8 @@ class PositionServo(Servo):
     reading at the beginning of a control period.
     """
 
+    takes: ClassVar[str] = "rad or m"
+
     stiffness: Annotated[Scalar, Unit("N m/rad or N/m", low=0.0, strict=True)]
     damping: Annotated[Scalar, Unit("N m s/rad or N s/m", "on the measured rate", low=0.0)] = 0.0
     resolution: Annotated[Scalar, Unit("rad or m", "of positions; an int of 0 is structure", low=0.0)] = 0
@@ -205,6 +231,8 @@ class VelocityServo(Servo):
     torque = gain (goal - qd) + integral times the integral of (goal - qd). The goal is the setpoint within
     ``speed_limit``.
     """
+
+    takes: ClassVar[str] = "rad/s or m/s"
 
     gain: Annotated[Scalar, Unit("N m s/rad or N s/m", low=0.0, strict=True)]
 

@@ -16,6 +16,7 @@ from skyarm.assess.arm_poses import Array
 from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
 from skyarm.assess.joint_torques import effort_limits
 from skyarm.assess.level_hover import WRENCH, Allocation
+from skyarm.assess.servo_speeds import OFTEN, servo_speeds, servos
 from skyarm.dynamics.state import proper_acceleration
 from skyarm.environment import ForceWind
 from skyarm.scenario.scenario_record import Scenario
@@ -26,11 +27,12 @@ INSTANTS, FEWEST = 2000, 9
 SHORTEST = 1e-3
 """s: of a stretch."""
 
-OFTEN = 0.05
-"""Share of the flight in saturation above which the reference cannot be followed."""
-
 JUMP = 1e-9
 """s before a switch of the reference at which it is looked at for a jump."""
+
+
+LEFT = 1e-3
+"""Share of its limit that a servo is taken to have left where its speed leaves it nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,13 +41,14 @@ class Demand:
 
     Attributes:
         time: (K,) s. squared: (rotors, K) (rad/s)^2, of the exact mixer without limits. efforts: (n, K) N m or N.
-        joints: (n, K) rad or m.
+        joints, rates: (n, K) rad or m, and per s.
     """
 
     time: Array
     squared: Array
     efforts: Array
     joints: Array
+    rates: Array
 
 
 def along_reference(scenario: Scenario) -> list[Finding]:
@@ -61,10 +64,22 @@ def along_reference(scenario: Scenario) -> list[Finding]:
     parts = [(f"rotors[{rotor.name}]", "max_speed") for rotor in vehicle.rotors]
     found.append(_saturation("rotors along the reference", demand, demand.squared / top, parts, demand.squared < 0.0))
     if vehicle.n:
-        limits = effort_limits(vehicle)[:, None]
         parts = [(f"joints[{link.joint.name}]", "effort_limit") for link in vehicle.links]
-        found.append(_saturation("joints along the reference", demand, np.abs(demand.efforts) / limits, parts))
+        found.append(_saturation("joints along the reference", demand, _shares(scenario, demand), parts))
+        found += servo_speeds(scenario, demand.time, demand.rates)
     return found
+
+
+def _shares(scenario: Scenario, demand: Demand) -> Array:
+    """Efforts (n, K) over what joints and servos give at the reference's own rates."""
+    limits = np.repeat(effort_limits(scenario.world.vehicle)[:, None], len(demand.time), axis=1)
+    for i, servo in servos(scenario):
+        low, high = (
+            np.broadcast_to(np.asarray(b, dtype=float), limits[i].shape) for b in servo.bounds(demand.rates[i])
+        )
+        most = np.where(demand.efforts[i] < 0.0, -low, high)
+        limits[i] = np.minimum(limits[i], np.maximum(most, LEFT * limits[i]))
+    return np.asarray(np.abs(demand.efforts) / limits)
 
 
 def demand_of(scenario: Scenario) -> Demand:
@@ -86,7 +101,7 @@ def _stretches(scenario: Scenario) -> list[Array]:
     return found
 
 
-def _stretch(scenario: Scenario, time: Array) -> tuple[Array, Array, Array, Array]:
+def _stretch(scenario: Scenario, time: Array) -> tuple[Array, ...]:
     vehicle, gravity = scenario.world.vehicle, float(scenario.world.gravity)
     reference, count = scenario.trajectory.at(time), len(time)
 
@@ -117,7 +132,7 @@ def _stretch(scenario: Scenario, time: Array) -> tuple[Array, Array, Array, Arra
         float(k.joint.damping) * rates + float(k.joint.coulomb) * np.tanh(rates / float(k.joint.coulomb_rate))
         for k, rates in zip(vehicle.links, qd, strict=True)
     ]
-    return time, squared, lanes(efforts) + (np.array(friction) if friction else 0.0), q
+    return time, squared, lanes(efforts) + (np.array(friction) if friction else 0.0), q, qd
 
 
 def _attitude(force: Array, yaw: Array) -> Array:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.assess.hanging_joints import rest_of_hanging
 from skyarm.sweep.sobol import BITS, DIMENSIONS, sobol
 from skyarm.vehicle.vehicle_records import Joint, Vehicle
 
@@ -36,14 +37,21 @@ class ArmPoses:
 
     Attributes:
         low, high: (n,) rad or m: the limits; at most one turn, and 1 m to either side where there is none.
-        joints: (count, n) the poses: zero (or the nearest within limits), corners, and Sobol points.
+        joints: (count, n) the poses: zero (or the nearest within limits), corners, and Sobol points; joints that
+            nothing drives hang.
         seed: of the points' random shift and of the local search.
+        vehicle: whose joints without a drive hang in all of them; None leaves them where the search puts them.
     """
 
     low: Array
     high: Array
     joints: Array
     seed: int
+    vehicle: Vehicle | None = None
+
+    def of(self, vehicle: Vehicle) -> ArmPoses:
+        """The same poses of the vehicle under another load, its hanging joints at rest."""
+        return replace(self, joints=rest_of_hanging(vehicle, self.joints), vehicle=vehicle)
 
     def worst(self, quantities: Quantities, *, search: bool = True) -> tuple[Array, Array]:
         """Smallest value of each quantity (count,), and the pose (count, n) in which it was found.
@@ -59,6 +67,8 @@ class ArmPoses:
         for _ in range(ROUNDS):
             steps = spread * (self.high - self.low) * rng.normal(size=(AROUND, len(self.low)))
             near = np.clip(best[:, None] + steps, self.low, self.high)
+            if self.vehicle is not None:
+                near = rest_of_hanging(self.vehicle, near.reshape(count * AROUND, -1)).reshape(near.shape)
             found = in_parts(quantities, near.reshape(count * AROUND, -1)).reshape(count, count, AROUND)
             own = found[np.arange(count), np.arange(count)]
             at = np.argmin(own, axis=1)
@@ -100,7 +110,7 @@ def arm_poses(vehicle: Vehicle, count: int = POSES, seed: int = 0) -> ArmPoses:
     unit = np.stack([_coordinates(count, i, rng) for i in range(n)], axis=1)
     corners = np.array(np.meshgrid(*[(0.0, 1.0)] * n)).reshape(n, -1).T if n <= CORNERS else np.zeros((0, n))
     zero = np.clip(np.zeros((1, n)), low, high)
-    return ArmPoses(low, high, np.vstack([zero, low + (high - low) * np.vstack([corners, unit])]), seed)
+    return ArmPoses(low, high, np.vstack([zero, low + (high - low) * np.vstack([corners, unit])]), seed).of(vehicle)
 
 
 def joint_range(joint: Joint) -> tuple[float, float]:

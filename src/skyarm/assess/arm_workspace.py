@@ -30,7 +30,8 @@ def arm_workspace(vehicle: Vehicle, poses: ArmPoses) -> list[Finding]:
     if vehicle.end_effector and vehicle.frame().link != BASE:
         tips = tip_places(vehicle, poses.joints)
         ends, _ = poses.worst(lambda joints: np.vstack([tip_places(vehicle, joints).T, -tip_places(vehicle, joints).T]))
-        box = ", ".join(f"{c} {a:.3g} ... {-b:.3g}" for c, a, b in zip("xyz", ends[:3], ends[3:], strict=True))
+        low, high = (np.round(each, 9) + 0.0 for each in (ends[:3], -ends[3:]))
+        box = ", ".join(f"{c} {a:.3g} ... {b:.3g}" for c, a, b in zip("xyz", low, high, strict=True))
         found.append(Finding(question="workspace", level=OK, text=f"tip in base axes: {box} m", field="frames"))
         if vehicle.rotors:
             found += _blades(vehicle, tips)

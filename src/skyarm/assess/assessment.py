@@ -10,7 +10,8 @@ from skyarm.actuation import AllocationError, make_mixer
 from skyarm.assess.along_reference import along_reference
 from skyarm.assess.arm_poses import POSES, ArmPoses, arm_poses
 from skyarm.assess.arm_workspace import arm_workspace
-from skyarm.assess.endurance import time_aloft
+from skyarm.assess.delay_margin import delay_margin
+from skyarm.assess.endurance import aloft_for, time_aloft
 from skyarm.assess.finding import FAULT, WARNING, Finding, worst_level
 from skyarm.assess.joint_torques import joint_torques
 from skyarm.assess.lag_margin import motor_lag
@@ -108,7 +109,10 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
         along = along_reference(scenario)
     except AllocationError:  # said by the vehicle's own findings
         along = []
-    findings = (*about.findings, *units_of_scenario(scenario), *along)
+    aloft = aloft_for(about.vehicle, about.gravity, scenario.duration)
+    findings = (*about.findings, *units_of_scenario(scenario), *aloft, *along)
+    if worst_level(findings) != FAULT:  # what cannot fly has no loop to ask about
+        findings = (*findings, *delay_margin(scenario))
     return Assessment(scenario.name, about.vehicle, about.gravity, payload, poses, seed, findings)
 
 
@@ -127,12 +131,13 @@ def _of_vehicle(vehicle: Vehicle, gravity: float, payload: float, poses: ArmPose
     if payload:
         loads.append((vehicle.with_payload(payload), f" with {payload:g} kg"))
     for held, words in loads:
+        hanging = poses.of(held)
         if allocation is not None:
-            found += thrust_margin(held, allocation, poses, gravity, words)
-        found += center_of_mass_shift(held, poses, gravity, words)
-        found += joint_torques(held, poses, gravity, words)
+            found += thrust_margin(held, allocation, hanging, gravity, words)
+        found += center_of_mass_shift(held, hanging, gravity, words)
+        found += joint_torques(held, hanging, gravity, words)
     if allocation is not None:
-        found += torque_authority(loads[-1][0], allocation, poses, gravity)
+        found += torque_authority(loads[-1][0], allocation, poses.of(loads[-1][0]), gravity)
         found += largest_payload(vehicle, allocation, poses, gravity, payload)
         found += largest_wind(vehicle, gravity, payload)
     endurance = [each for held, words in loads for each in time_aloft(held, gravity, words)]

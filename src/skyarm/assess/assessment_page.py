@@ -47,12 +47,12 @@ def assessment_page(found: Assessment) -> str:
     alarms = found.alarms()
     remedies = dict.fromkeys(_remedy(each) for each in alarms)
     body = [section("What to change", "".join(remedies))] if alarms else []
-    body.append(section("Worst poses", _pictures(found)))
     told = [*alarms, *(each for each in found.findings if each.level == NOTE)]
     well = [each for each in found.findings if each.level == OK]
     folded = details(f"{len(well)} questions without an alarm", "".join(map(_answer, well)))
     body.append(section("Findings", "".join(map(_answer, told)) + folded))
     head = ("question", "level", ">found", ">limit", "field")
+    body.append(section("Worst poses", _pictures(found)))
     body.append(section("Numbers", table(head, map(_row, _numbers(found)))))
     return page(f"{name}: {verdict}", facts, "".join(body))
 
@@ -95,7 +95,7 @@ def _pictures(found: Assessment) -> str:
 
 def _drawing(found: Assessment, joints: tuple[float, ...], caption: str) -> str:
     figure = vehicle_drawing(found.vehicle, joints or None)
-    return image(f"{found.vehicle.name}, {caption}", caption, image_bytes(figure, dpi=DPI), wide=True)
+    return image(f"{found.vehicle.name}, {caption}", caption, image_bytes(figure, dpi=DPI), wide=True, whole=True)
 
 
 def _torques(found: Assessment) -> str:

@@ -25,10 +25,8 @@ def time_aloft(vehicle: Vehicle, gravity: float, held: str = "") -> list[Finding
     remedy = "more capacity, more cells, or less mass"
     try:
         found = hover_time(vehicle, gravity)
-    except VehicleError as error:
-        text = str(error).rpartition(": ")[2]
-        field = "battery.charge"
-        return [Finding(question=question, level=FAULT, text=text, field=field, remedy=remedy)]
+    except VehicleError:
+        return [_too_little(vehicle, gravity, question)]
     level = OK if found.seconds >= SHORTEST else WARNING
     left = f", {found.charge:.0%} of the charge left" if found.charge > 0.01 else ""
     return [
@@ -43,6 +41,76 @@ def time_aloft(vehicle: Vehicle, gravity: float, held: str = "") -> list[Finding
             remedy="" if level == OK else remedy,
         )
     ]
+
+
+def _too_little(vehicle: Vehicle, gravity: float, question: str) -> Finding:
+    """What of a battery that holds no hover keeps it from it: its charge, its resistance, or its voltage."""
+    battery = vehicle.battery
+    assert battery is not None
+    trim = hover_trim(vehicle, (0.0,) * vehicle.n, gravity)
+    power = float(battery.power(vehicle.rotors, trim.speeds))
+    share = max(float(w) / float(r.max_speed) for w, r in zip(trim.speeds, vehicle.rotors, strict=True))
+    least, charge = share * float(battery.reference_voltage), float(battery.charge)
+
+    def holds(charge: float) -> tuple[bool, bool]:
+        idle = float(battery.open_circuit_voltage(charge))
+        gives = idle * idle >= 4.0 * float(battery.resistance) * power
+        return gives, gives and float(battery.voltage(charge, power)) >= least
+
+    full, idle = holds(1.0), float(battery.open_circuit_voltage(1.0))
+    if full[1]:
+        field, remedy = "battery.charge", "a fuller battery"
+        text = f"a charge of {charge:g} holds no level hover at {power:.3g} W, a full one does"
+    elif not full[0]:
+        field = "battery.resistance, battery.cells"
+        most = idle * idle / (4.0 * float(battery.resistance))
+        through = f"gives at most {most:.3g} W through {float(battery.resistance):g} ohm"
+        text = f"{through}, and a level hover takes {power:.3g} W"
+        remedy = "more cells, or check battery.resistance (ohm, not mohm?), rotors.thrust_table.current (A, not mA?)"
+    else:
+        field = "battery.cells"
+        volts = float(battery.voltage(1.0, power))
+        text = f"{battery.cells} cells give {volts:.3g} V, and a level hover takes {least:.3g} V"
+        text += f" of the reference_voltage of {float(battery.reference_voltage):g} V"
+        remedy = "more cells, or check battery.reference_voltage (V of the whole pack)"
+    return Finding(question=question, level=FAULT, text=text, field=field, remedy=remedy)
+
+
+def aloft_for(vehicle: Vehicle, gravity: float, duration: float) -> list[Finding]:
+    """A fault where a flight takes longer than the battery holds a hover; nothing without a battery."""
+    if vehicle.battery is None or not vehicle.rotors or not _hovers(vehicle, gravity):
+        return []
+    try:
+        found = hover_time(vehicle, gravity)
+    except VehicleError:  # said by time_aloft
+        return []
+    level = OK if found.seconds >= duration else FAULT
+    field = "battery.charge" if float(vehicle.battery.charge) < 1.0 else "battery.capacity"
+    return [
+        Finding(
+            question="battery over the flight",
+            level=level,
+            text=f"holds a hover for {found.seconds:.3g} s, and the flight takes {duration:g} s",
+            field=field,
+            value=found.seconds,
+            limit=duration,
+            unit="s",
+            remedy="" if level == OK else f"more of {field}, or a shorter duration",
+        )
+    ]
+
+
+def speed_share(vehicle: Vehicle, gravity: float) -> float:
+    """Highest speed of the rotors on the battery at the start, under a hover's load, over that which they state."""
+    battery = vehicle.battery
+    if battery is None or not vehicle.rotors or not _hovers(vehicle, gravity):
+        return 1.0
+    trim = hover_trim(vehicle, (0.0,) * vehicle.n, gravity)
+    power, idle = float(battery.power(vehicle.rotors, trim.speeds)), float(battery.open_circuit_voltage(battery.charge))
+    if idle * idle < 4.0 * float(battery.resistance) * power:  # said by time_aloft
+        return 1.0
+    voltage = float(battery.voltage(battery.charge, power))
+    return min(1.0, voltage / float(battery.reference_voltage))
 
 
 def _hovers(vehicle: Vehicle, gravity: float) -> bool:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from skyarm.actuation.servo import Servo
+from skyarm.actuation.servo import PositionServo, Servo
 from skyarm.assess.arm_poses import ArmPoses, Array, in_parts
 from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
 from skyarm.assess.level_hover import WRENCH, hover_efforts
@@ -50,6 +50,13 @@ def joint_torques(vehicle: Vehicle, poses: ArmPoses, gravity: float, held: str =
             text = "passive: no drive holds it"
             found.append(Finding(question=f"{name} static effort{held}", level=NOTE, text=text, field=name))
             continue
+        servo = _servo_of(vehicle, joint.name)
+        field, stronger = f"{name}.effort_limit", f"{name}.effort_limit"
+        if servo is not None and limit < float(joint.effort_limit):
+            field = f"drives.{joint.name}"
+            stronger = f"{field}: gear, torque_constant, voltage over resistance, current_limit"
+        if servo is not None:
+            found += _bent(joint.name, joint.kind, servo, float(static[i]), held, tuple(map(float, at[i])))
         by = f"{SWEEP[joint.kind]:g} {'rad' if joint.kind == 'revolute' else 'm'} in {SECONDS:g} s"
         for kind, value, bad, pose, why in (
             ("static", float(static[i]), FAULT, at[i], "to hold the arm"),
@@ -62,15 +69,48 @@ def joint_torques(vehicle: Vehicle, poses: ArmPoses, gravity: float, held: str =
                     question=f"{name} {kind} effort{held}",
                     level=level,
                     text=f"{text} {why}",
-                    field=f"{name}.effort_limit",
+                    field=field,
                     value=value,
                     limit=limit if limit < math.inf else math.nan,
                     unit=unit,
-                    remedy="" if level == OK else f"a stronger drive ({name}.effort_limit) or a lighter, shorter arm",
+                    remedy="" if level == OK else f"a stronger drive ({stronger}) or a lighter, shorter arm",
                     joints=tuple(map(float, pose)),
                 )
             )
     return found
+
+
+BENT = {"revolute": 0.5, "prismatic": 0.05}
+"""rad or m by which the arm's weight bends a position servo off its setpoint: hobby servos give way by 0.1 rad."""
+
+
+def _servo_of(vehicle: Vehicle, joint: str) -> Servo | None:
+    found = next((each.drive for each in vehicle.drives if each.name == joint), None)
+    return found if isinstance(found, Servo) else None
+
+
+def _bent(joint: str, kind: str, servo: Servo, static: float, held: str, pose: tuple[float, ...]) -> list[Finding]:
+    """A warning where a position servo without an integral gives way under the weight that it holds."""
+    if not isinstance(servo, PositionServo) or float(servo.integral) > 0.0:
+        return []
+    bent, unit = static / float(servo.stiffness), "rad" if kind == "revolute" else "m"
+    if bent <= BENT[kind]:
+        return []
+    per = "N m/rad, not N m/degree" if kind == "revolute" else "N/m, not N/mm"
+    field = f"drives.{joint}.stiffness"
+    return [
+        Finding(
+            question=f"joints[{joint}] under the arm's weight{held}",
+            level=WARNING,
+            text=f"{static:.3g} {'N m' if unit == 'rad' else 'N'} bend its servo by {bent:.3g} {unit} off its setpoint",
+            field=field,
+            value=bent,
+            limit=BENT[kind],
+            unit=unit,
+            remedy=f"check {field} ({per}?), or an integral",
+            joints=pose,
+        )
+    ]
 
 
 def effort_limits(vehicle: Vehicle) -> Array:
@@ -81,7 +121,7 @@ def effort_limits(vehicle: Vehicle) -> Array:
         limit = float(link.joint.effort_limit) or math.inf
         servo = servos.get(link.joint.name)
         if isinstance(servo, Servo):
-            limit = min(limit, float(servo.bounds(0.0)[1]))
+            limit = min(limit, float(servo.largest_effort()))
         found.append(limit)
     return np.array(found)
 

@@ -117,13 +117,45 @@ def gyration(body: Body) -> float:
     return math.sqrt(max(float(i.xx) + float(i.yy) + float(i.zz), 0.0) / 3.0 / mass) if mass > 0.0 else 0.0
 
 
+STAGGERED = 0.1
+"""Height between two hubs over their distance from which their discs may lie above each other."""
+
+CROWDED = 0.5
+"""Distance of two neighbours over that of the others' from which one of them stands in a wrong place."""
+
+
 def disc_radius(vehicle: Vehicle) -> float:
-    """Half the least distance between two rotors that are not above each other: the largest disc that fits, m."""
-    hubs = np.array([[float(c) for c in rotor.position] for rotor in vehicle.rotors])[:, :2]
-    apart = np.linalg.norm(hubs[:, None] - hubs[None], axis=2)
+    """Half the least distance of two rotors at one height that are not above each other: the largest disc that fits, m.
+
+    Of two that crowd (:func:`crowded`) the distance does not count.
+    """
+    apart = _beside(vehicle)
+    pair = crowded(vehicle)
+    if pair is not None:
+        apart[pair] = apart[pair[::-1]] = np.inf
+    least = float(apart.min(initial=np.inf))
+    return 0.5 * least if least < np.inf else 0.1
+
+
+def crowded(vehicle: Vehicle) -> tuple[int, int] | None:
+    """Indices of the two rotors that stand much nearer to each other than all others to their neighbours, if two do."""
+    apart = _beside(vehicle)
+    if len(apart) < 4:
+        return None
+    i, j = divmod(int(np.argmin(apart)), len(apart))
+    others = np.delete(np.delete(apart, [i, j], axis=0), [i, j], axis=1).min(axis=0)
+    known = others[np.isfinite(others)]
+    return (i, j) if known.size and apart[i, j] < CROWDED * known.min() else None
+
+
+def _beside(vehicle: Vehicle) -> Array:
+    """Distances (rotors, rotors) of hubs seen from above, m; infinite of those above each other, or staggered."""
+    hubs = np.array([[float(c) for c in rotor.position] for rotor in vehicle.rotors])
+    apart = np.linalg.norm(hubs[:, None, :2] - hubs[None, :, :2], axis=2)
     most = float(apart.max(initial=0.0))
-    beside = apart[apart > 0.05 * most] if most > 0.0 else apart[:0]
-    return 0.5 * float(beside.min()) if beside.size else 0.1
+    beside = np.where((apart > 0.05 * most) & (apart > 0.0), apart, np.inf)
+    level = np.where(np.abs(hubs[:, None, 2] - hubs[None, :, 2]) <= STAGGERED * apart, beside, np.inf)
+    return level if np.isfinite(level).any() else beside
 
 
 def rotor_polygon(vehicle: Vehicle) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from skyarm.actuation import AllocationError, make_mixer
 from skyarm.assess.finding import FAULT, OK, WARNING, Finding
 from skyarm.assess.level_hover import Allocation, hover_efforts
-from skyarm.assess.mass_balance import disc_radius
+from skyarm.assess.mass_balance import crowded, disc_radius
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 AIR = 1.225
@@ -32,7 +32,7 @@ EVENER = 0.25
 
 def rotor_layout(vehicle: Vehicle, gravity: float) -> list[Finding]:
     """Rank of the allocation, senses of rotation, thrust and moment coefficients."""
-    found = [*_coefficients(vehicle)]
+    found = [*_axes(vehicle), *_places(vehicle), *_coefficients(vehicle)]
     try:
         make_mixer(vehicle)
     except AllocationError as error:
@@ -41,6 +41,53 @@ def rotor_layout(vehicle: Vehicle, gravity: float) -> list[Finding]:
         found.append(Finding(question="rotors", level=FAULT, text=text, field="rotors", remedy=remedy))
     found.append(_directions(vehicle, gravity))
     return found
+
+
+def _axes(vehicle: Vehicle) -> list[Finding]:
+    """Rotors whose thrust pulls down: the laws turn every rotor one way, and want its thrust up."""
+    found = []
+    for rotor in vehicle.rotors:
+        up, name = float(rotor.axis.z), f"rotors[{rotor.name}].axis"
+        if up < 0.0:
+            text = f"the thrust of {rotor.name} points down (z of its axis: {up:.3g})"
+            remedy = f"turn {name} round: it is that of positive thrust"
+            found.append(
+                Finding(
+                    question="axes of the rotors",
+                    level=FAULT,
+                    text=text,
+                    field=name,
+                    value=up,
+                    limit=0.0,
+                    remedy=remedy,
+                )
+            )
+    return found
+
+
+def _places(vehicle: Vehicle) -> list[Finding]:
+    """Two rotors that stand in each other's disc while the others keep their distance."""
+    pair = crowded(vehicle)
+    if pair is None:
+        return []
+    a, b = (vehicle.rotors[i] for i in pair)
+    apart, usual = (
+        math.hypot(*(float(p - q) for p, q in zip(a.position, b.position, strict=True))),
+        disc_radius(vehicle),
+    )
+    field = f"rotors[{a.name}].position, rotors[{b.name}].position"
+    return [
+        Finding(
+            question="places of the rotors",
+            level=FAULT,
+            text=f"{a.name} and {b.name} are {1e3 * apart:.3g} mm apart, all others {2e3 * usual:.3g} mm or more",
+            field=field,
+            value=apart,
+            limit=2.0 * usual,
+            unit="m",
+            remedy=f"check {field}: one stands where the other is",
+        )
+    ]
 
 
 def _coefficients(vehicle: Vehicle) -> list[Finding]:
@@ -58,16 +105,20 @@ def _coefficients(vehicle: Vehicle) -> list[Finding]:
         level = FAULT if field == "thrust_coefficient" and level != OK else level
         name = f"rotors[{vehicle.rotors[at].name}].{field}"
         what = "C_T on the largest disc that fits" if field == "thrust_coefficient" else "torque over thrust, in radii"
+        table = f"rotors[{vehicle.rotors[at].name}].thrust_table"
         unit = "N s^2/rad^2, not N per (rev/min)^2?" if field == "thrust_coefficient" else "m; torque over thrust"
+        remedy = f"check {name} ({unit}) and rotors.position"
+        if vehicle.rotors[at].table is not None:
+            remedy = f"check {table} (N, not g; N m; rad/s, not rev/min) and rotors.position"
         found.append(
             Finding(
                 question=field.replace("_", " "),
                 level=level,
                 text=f"{what}: {value:.3g} ({float(getattr(vehicle.rotors[at], field)):g} in {name})",
-                field=name,
+                field=name if vehicle.rotors[at].table is None else table,
                 value=value,
                 limit=allowed[0] if value < allowed[0] else allowed[1],
-                remedy="" if level == OK else f"check {name} ({unit}) and rotors.position",
+                remedy="" if level == OK else remedy,
             )
         )
     return found

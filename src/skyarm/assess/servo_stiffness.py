@@ -19,6 +19,10 @@ LARGEST = 1.0
 that the law's torque is not what the joint feels, and the joint drifts off its reference."""
 
 
+LEAST = 0.01
+"""Stated over least inertia of a joint: a smaller one only makes the steps of the integrator short."""
+
+
 def servo_stiffness(vehicle: Vehicle) -> list[Finding]:
     """Frequency of every servo's loop on the least inertia that its joint has, against the control period.
 
@@ -34,6 +38,8 @@ def servo_stiffness(vehicle: Vehicle) -> list[Finding]:
         servo = servos.get(link.joint.name)
         if servo is not None and math.isfinite(each) and each > 0.0:
             found.append(_finding(link.joint.name, frequency(servo, 1.0 / each), float(link.joint.armature)))
+            if float(servo.inertia) < LEAST * (1.0 / each):
+                found.append(_inertia(link.joint.name, float(servo.inertia), 1.0 / each))
     return found
 
 
@@ -61,4 +67,18 @@ def _finding(joint: str, rate: float, armature: float) -> Finding:
         limit=most,
         unit="rad/s",
         remedy="" if level == OK else stiff if armature else f"{missing}, or {stiff}",
+    )
+
+
+def _inertia(joint: str, stated: float, least: float) -> Finding:
+    field = f"drives.{joint}.inertia"
+    return Finding(
+        question=f"joints[{joint}] servo's inertia",
+        level=WARNING,
+        text=f"{stated:.3g} kg m^2 or kg stated, the joint moves {least:.3g} at least: steps are needlessly short",
+        field=field,
+        value=stated,
+        limit=LEAST * least,
+        unit="kg m^2 or kg",
+        remedy=f"check {field} (kg m^2, not less than the joint moves)",
     )

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from skyarm.assess.arm_poses import ArmPoses, Array
+from skyarm.assess.endurance import speed_share
 from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding, graded
 from skyarm.assess.level_hover import Allocation, hover_efforts
 from skyarm.assess.mass_balance import field_of_mass
@@ -52,18 +53,24 @@ def _margin(vehicle: Vehicle, gravity: float, busiest: float, joints: tuple[floa
         text = "not known: a rotor has no max_speed"
         remedy = "state rotors.max_speed, rad/s"
         return Finding(question=question, level=NOTE, text=text, field="rotors.max_speed", remedy=remedy)
-    margin = 1.0 / busiest if busiest > 0.0 else math.nan
+    sagging = speed_share(vehicle, gravity)
+    margin = sagging**2 / busiest if busiest > 0.0 else math.nan
     level = graded(margin, fault_below=1.0, warning_below=ENOUGH)
     weight = float(vehicle.mass) * gravity
     text = f"the busiest rotor gives up to {margin:.3g} times what hover asks of it in the worst arm pose"
+    if sagging < 1.0:
+        text += f", on its battery at the start, whose voltage lets rotors turn at {sagging:.3g} of max_speed"
     if level == FAULT:
         text = f"cannot hover: {text} ({weight:.3g} N of weight)"
-    remedy = "less mass, a shorter arm, or more thrust: rotors.max_speed, rotors.thrust_coefficient"
+    if sagging < 1.0:
+        remedy = "a fuller battery, more cells, less mass, or more thrust: rotors.max_speed"
+    else:
+        remedy = "less mass, a shorter arm, or more thrust: rotors.max_speed, rotors.thrust_coefficient"
     return Finding(
         question=question,
         level=level,
         text=text,
-        field="rotors.max_speed",
+        field="rotors.max_speed" if busiest * ENOUGH > 1.0 or sagging == 1.0 else "battery.charge, battery.cells",
         value=margin,
         limit=1.0 if level == FAULT else ENOUGH,
         remedy="" if level == OK else remedy,

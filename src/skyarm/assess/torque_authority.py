@@ -8,6 +8,7 @@ import numpy as np
 
 from skyarm.assess.arm_poses import ArmPoses, Array
 from skyarm.assess.finding import FAULT, OK, WARNING, Finding
+from skyarm.assess.hanging_joints import hanging_joints
 from skyarm.assess.level_hover import WRENCH, Allocation, hover_efforts
 from skyarm.dynamics.array_front import mass_matrix
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -61,9 +62,17 @@ def _finding(name: str, axis: int, torque: float, acceleration: float, joints: t
 
 
 def locked_inertia(vehicle: Vehicle, joints: Array) -> Array:
-    """Inertia (lanes, 3, 3) about the whole centre of mass with the joints (lanes, n) held, base axes, kg m^2."""
+    """Inertia (lanes, 3, 3) about the whole centre of mass with the joints (lanes, n) held, base axes, kg m^2.
+
+    Joints that hang give way: they add the inertia that is felt while no torque acts about them.
+    """
     still, level = np.zeros((len(joints), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(joints), 1))
     M = mass_matrix(vehicle, still, level, joints)
+    hanging = hanging_joints(vehicle)
+    if hanging:
+        free = [0, 1, 2, *(6 + i for i in hanging)]
+        turned = M[:, free, 3:6]
+        return np.asarray(M[:, 3:6, 3:6] - turned.swapaxes(1, 2) @ np.linalg.solve(M[:, free][:, :, free], turned))
     return np.asarray(M[:, 3:6, 3:6] - M[:, 3:6, :3] @ M[:, :3, 3:6] / M[:, :1, :1], dtype=float)
 
 

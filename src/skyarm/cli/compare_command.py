@@ -23,6 +23,7 @@ from skyarm.scenario.scenario_file import list_scenarios
 from skyarm.simulate.own_code_trials import try_own_code
 
 SUITES = (SUITE,)
+"""Flown here; the envelope has a command of its own (:mod:`skyarm.cli.envelope_command`)."""
 
 
 def compare(
@@ -76,7 +77,7 @@ def _on_scenario(name: str, out: str, laws: str | None, *, console: Console, thr
         ValueError: neither a suite nor a scenario, or a law that is none.
     """
     if not name.endswith(".toml") and name not in list_scenarios():
-        suites = ", ".join(SUITES)
+        suites = ", ".join((*SUITES, "envelope-suite"))
         raise ValueError(
             f"suite = {shown(name)}: must be one of {suites}, or a scenario (a .toml file or a shipped one)"
         )

@@ -52,7 +52,7 @@ ASKED: dict[str, dict[str, tuple[str, ...]]] = {
     "margins": {"scenario": ("scenario",), "controller": ("controller",)},
     "basin": {"scenario": ("scenario",), "controller": ("controller",)},
     "sweep": {"study": ("study",)},
-    "compare": {"suite": ("scenario",), "laws": ("controller",)},
+    "compare": {"suite": ("scenario",), "laws": ("controller",), "vehicle": ("vehicle",)},
     "export-c": {"controller": ("controller",), "vehicle": ("vehicle",)},
     "new": {"kind": ("starter",)},
     "completion": {"shell": ("shell",)},

@@ -79,11 +79,17 @@ def error_chart(log: Log) -> list[str]:
     return ["", *chart(log.time, 1e3 * found[what], f"{what} error, mm"), ""]
 
 
+MOST_NAMED = 3
+"""Numbers changed in flight that are named; a record of many would fill the line."""
+
+
 def flown(log: Log) -> str:
     """Law, plant, integrator, seed and plugins of a flight in words."""
     info = log.info
     plugins = info.get("plugins") or {}
     line = f"law {info['controller']} on {info['plant_vehicle']}, plant {info['plant']} ({info['integrator']}), seed "
-    made = len((info.get("scenario_record") or {}).get("changes", ()))
-    more = f", {made} change{'s' if made > 1 else ''} in flight" if made else ""
+    changes = (info.get("scenario_record") or {}).get("changes", ())
+    made, paths = len(changes), dict.fromkeys(str(each["path"]) for each in changes if "path" in each)
+    named = f" (of {', '.join(paths)})" if 0 < len(paths) <= MOST_NAMED else ""
+    more = f", {made} change{'s' if made > 1 else ''} in flight{named}" if made else ""
     return line + str(info["seed"]) + more + (f", plugins {', '.join(sorted(plugins))}" if plugins else "")

@@ -18,16 +18,18 @@ def reproduce(
     out: Out = "out/paper",
     plant: Annotated[str, typer.Option(help="rigid_body, mujoco or both")] = "both",
     flying: Annotated[int, typer.Option("--workers", help="processes that fly; 0 takes every core")] = 0,
-    compare: Annotated[bool, typer.Option("--compare", help="compare all laws too: about half an hour")] = False,
+    compare: Annotated[
+        bool, typer.Option("--compare", help="compare all laws, fly the envelope: half an hour")
+    ] = False,
     infer: Annotated[bool, typer.Option("--infer", help="search for what the paper leaves open anew: minutes")] = False,
 ) -> None:
     """Fly the paper; write tables, figures, report.
 
     Five experiments with two controllers on two plants, and the variations behind the reasons: results.json, table2.md,
     Figures 3-18 and one page, report.html, with the centroidal law beside the paper's on the same cases. With --compare
-    all of 'skyarm compare' into OUT/compare; the same command continues it. With --infer the settings that the paper
-    leaves open are searched for anew, into OUT/unstated_settings.json, in place of those that ship; the same command
-    continues that too.
+    all of 'skyarm compare' into OUT/compare and its envelope into OUT/envelope; the same command continues it. With
+    --infer the settings that the paper leaves open are searched for anew, into OUT/unstated_settings.json, in place of
+    those that ship; the same command continues that too.
     """
     from skyarm.cli.show import headline
     from skyarm.files import must_be_one_of
@@ -43,6 +45,7 @@ def reproduce(
     plants = PLANTS if plant == "both" else (plant,)
     if compare:
         from skyarm.compare.comparison import Comparison
+        from skyarm.compare.envelope_suite import Envelope
     prepare_folder(out, plants)
     evidence = _evidence(out, processes) if infer else None
     with bar("flying", console) as advance:
@@ -51,6 +54,7 @@ def reproduce(
             plants=plants,
             workers=processes,
             comparison=Comparison() if compare else None,
+            envelope=Envelope() if compare else None,
             evidence=evidence,
             progress=advance,
             note=console.print,

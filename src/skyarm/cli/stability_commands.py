@@ -12,6 +12,8 @@ from rich.console import Console
 from rich.text import Text
 
 from skyarm.cli.lines import say, say_if_many, say_unlikely
+from skyarm.cli.loop_margin_table import NOTE as LOOP_NOTE
+from skyarm.cli.loop_margin_table import loop_rows
 from skyarm.cli.machine_output import give
 from skyarm.cli.progress import bar, waiting
 from skyarm.cli.shipped_names import require_not_another
@@ -21,6 +23,7 @@ from skyarm.control.safety import with_safety_layer
 from skyarm.control.safety.memory import SafetyParameters
 from skyarm.files import output_file, require_writable, shown, taken_back, write_atomically
 from skyarm.registry.plugins import identities, law_of_file_name
+from skyarm.scenario.gains_file import is_gains_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.unlikely_numbers import unlikely_numbers
@@ -80,7 +83,7 @@ def planned(controller: str, scenario: str, *, safety: bool) -> Scenario:
     Raises:
         ValueError: one line.
     """
-    if controller != OWN and not is_named(controller):
+    if controller != OWN and not is_named(controller) and not is_gains_file(controller):
         raise ValueError(f"controller = {shown(controller)}: {meant(controller)}must be {OWN!r}, {choices()}")
     require_not_another(scenario, "scenario")
     loaded = load_scenario(scenario, controller=None if controller == OWN else controller)
@@ -91,18 +94,30 @@ def planned(controller: str, scenario: str, *, safety: bool) -> Scenario:
     return dataclasses.replace(loaded, controller=with_safety_layer(loaded.controller))
 
 
-def margins(scenario: Scenario, instants: int, name: str | None, console: Console) -> bool:
+def margins(
+    scenario: Scenario,
+    instants: int,
+    name: str | None,
+    console: Console,
+    *,
+    every: bool = False,
+    html: str | None = None,
+) -> bool:
     """Print margins in hover and along the scenario, write them as JSON; False where the flight ended early.
+
+    ``every`` lists each loop that was cut, not the weakest of each group only; ``html`` is the file of a page.
 
     Raises:
         ValueError, OSError: one line.
     """
     from skyarm.stability.along import evidence
+    from skyarm.stability.frozen_scenario import without_adaptation
 
     if not 0 <= instants <= MOST_INSTANTS:
         raise ValueError(f"--instants = {instants}: must be from 0 to {MOST_INSTANTS}")
     file = None if name is None else output_file(name, "--out")
-    held = _without_adaptation(scenario)
+    page = None if html is None else output_file(html, "--html")
+    held = without_adaptation(scenario)
     with bar(scenario.name, console) as advance:
         found = evidence(held, instants, lambda done, total: advance(done, total, "instants"))
     rows = [("at", "max |z|", "slowest", "damping", "delay", *GAINS.values())]
@@ -121,6 +136,14 @@ def margins(scenario: Scenario, instants: int, name: str | None, console: Consol
     for line in aligned(rows):
         console.print(line, soft_wrap=True)
     console.print(NOTE, soft_wrap=True)
+    if found.instants:
+        least = min(each.swings for each in found.instants)
+        borne = "more than 100" if math.isinf(least) else _number(1e3 * least)
+        console.print(f"small swings grow in flight from {borne} ms of further dead time on", soft_wrap=True)
+    console.print()
+    for line in aligned(loop_rows(found, every=every)):
+        console.print(line, soft_wrap=True)
+    console.print(LOOP_NOTE, soft_wrap=True)
     if held is not scenario:
         console.print("the law's slow adaptation of load and friction is held")
     if scenario.changes:
@@ -129,21 +152,17 @@ def margins(scenario: Scenario, instants: int, name: str | None, console: Consol
         )
     if not found.completed:
         console.print("the flight ended before its time: no instants beyond")
-    give(_plain(found) | _plugins())
+    give(_plain(found) | _plugins() | ({} if page is None else {"page": page}))
+    if page is not None:
+        from skyarm.cli.loop_margin_page import write_page
+        from skyarm.stability.nyquist_loci import hover_loci
+
+        write_page(found, hover_loci(scenario), page)
+        console.print(f"page: {page}", soft_wrap=True)
     if file is not None:
         write_atomically(file, (json.dumps(_plain(found) | _plugins(), indent=1, allow_nan=False) + "\n").encode())
         console.print(f"written: {file}", soft_wrap=True)
     return bool(found.completed)
-
-
-def _without_adaptation(scenario: Scenario) -> Scenario:
-    """The scenario with what a law adapts held: at the bound of its projection a derivative means nothing."""
-    par = scenario.controller.par
-    adapting = [name for name in ("adapts_load", "adapts_friction") if getattr(par, name, False)]
-    if not adapting:
-        return scenario
-    still = dataclasses.replace(par, **dict.fromkeys(adapting, False))
-    return dataclasses.replace(scenario, controller=dataclasses.replace(scenario.controller, par=still))
 
 
 def _damping(rates: list[complex]) -> float:
@@ -183,6 +202,7 @@ def _plain(found: Any) -> dict[str, Any]:
             {
                 "hover": each.hover,
                 "time": each.time,
+                "swings_from": _finite(each.swings),
                 "lag": {
                     lag: {
                         "radius": m.radius,
@@ -193,6 +213,8 @@ def _plain(found: Any) -> dict[str, Any]:
                         "joint_gain": [_finite(k) for k in m.joint_gain],
                         "one_rotor": [_finite(k) for k in m.one_rotor],
                         "one_joint": [_finite(k) for k in m.one_joint],
+                        "loops": [one.plain() for one in m.loops],
+                        "together": [several.plain() for several in m.together],
                     }
                     for lag, m in each.by_lag.items()
                 },

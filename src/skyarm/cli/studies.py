@@ -68,17 +68,24 @@ def margins(
     instants: Annotated[int, typer.Option(help="looked at along the scenario, beside hover")] = 4,
     safety: Annotated[bool, typer.Option("--safety", help="with the safety layer")] = False,
     file: Annotated[str | None, typer.Option("--out", help="write eigenvalues and margins there, as JSON")] = None,
+    loops: Annotated[
+        bool, typer.Option("--loops", help="list every loop that was cut, not the weakest of each kind")
+    ] = False,
+    page: Annotated[
+        str | None, typer.Option("--html", metavar="PAGE", help="write a page with Nyquist diagrams there, too (.html)")
+    ] = None,
 ) -> None:
     """Linearise the closed loop: eigenvalues, margins.
 
-    Of the sampled loop as it flies, delays and lags in it, in hover and along the scenario. Exit code 3 if the flight
-    ended before its time.
+    Of the sampled loop as it flies, delays and lags in it, in hover and along the scenario: delay and gain of the
+    actuators; disk margins of every loop, cut at a rotor, a torque, a joint's drive or a number of the measurement,
+    alone and together. Exit code 3 if the flight ended before its time.
     """
     from skyarm.cli.stability_commands import law_and_scenario, planned, say_new_order
     from skyarm.cli.stability_commands import margins as perform
 
     law, name = law_and_scenario(scenario, context.args, controller)
-    completed = perform(planned(law, name, safety=safety), instants, file, console)
+    completed = perform(planned(law, name, safety=safety), instants, file, console, every=loops, html=page)
     say_new_order("margins", scenario, context.args)
     if not completed:
         raise typer.Exit(NOT_COMPLETED)
@@ -112,6 +119,47 @@ def basin(
 
 
 @app.command()
+def tune(
+    target: Annotated[
+        str, typer.Argument(metavar="SCENARIO|VEHICLE", help="a file (.toml) or the name of a shipped one")
+    ],
+    controller: Controller = None,
+    out: Annotated[str | None, typer.Option("--out", help="folder of the results; out/tune_... if left out")] = None,
+    candidates: Annotated[int, typer.Option(help="sets of gains that are tried")] = 1640,
+    plants: Annotated[int, typer.Option(help="wrong plants that each of them flies")] = 24,
+    knobs: Annotated[
+        list[str] | None, typer.Option(metavar="PATH", help="constants of the law that may change; all gains; repeat")
+    ] = None,
+    explain: Annotated[bool, typer.Option("--explain", help="say what is short of margin, and tune nothing")] = False,
+    seed: Annotated[int, typer.Option(help="of plants, noise and search")] = 0,
+    flying: Annotated[int, typer.Option("--workers", help="threads that fly; 0 takes every core")] = 0,
+) -> None:
+    """Find a law's gains for a vehicle; a front, a file.
+
+    The same command continues what was interrupted. Exit code 3 if no gains meet the margins.
+    """
+    from skyarm.cli.tune_command import explain as tell_why
+    from skyarm.cli.tune_command import tune as perform
+
+    if explain:
+        tell_why(target, controller, knobs, console)
+        return
+    met = perform(
+        target,
+        controller,
+        out,
+        console,
+        candidates=candidates,
+        plants=plants,
+        seed=seed,
+        threads=workers("--workers", flying),
+        knobs=knobs,
+    )
+    if not met:
+        raise typer.Exit(NOT_COMPLETED)
+
+
+@app.command()
 def bench(
     quick: Annotated[bool, typer.Option("--quick", help="fewer rounds, shorter flights: about a minute")] = False,
     file: Annotated[str | None, typer.Option("--out", help="write the numbers there too, as JSON")] = None,
@@ -127,12 +175,19 @@ def bench(
 
 @app.command()
 def compare(
-    suite: Annotated[str, typer.Argument(help="paper-suite, or a scenario (.toml or shipped)")] = "paper-suite",
-    out: Out = "out/compare",
+    suite: Annotated[
+        str, typer.Argument(help="paper-suite, envelope-suite, or a scenario (.toml or shipped)")
+    ] = "paper-suite",
+    out: Annotated[
+        str | None, typer.Option("--out", help="folder of the results; out/compare, of the envelope out/envelope")
+    ] = None,
     laws: Annotated[
         str | None, typer.Option(help="names or FILE.py:make, with commas; all of the suite if left out")
     ] = None,
     conditions: Annotated[str | None, typer.Option(help="of the suite, with commas; all if left out")] = None,
+    axes: Annotated[str | None, typer.Option(help="of the envelope, with commas; all if left out")] = None,
+    vehicle: Annotated[str | None, typer.Option(help="of the envelope, with an arm; the paper's if left out")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="of the envelope: two values an axis, short flights")] = False,
     plants: Annotated[int, typer.Option(help="how many perturbed plants")] = 1000,
     seeds: Annotated[int, typer.Option(help="noisy flights of the truth")] = 8,
     one_by_one: Annotated[int, typer.Option(help="perturbed plants for what flies one by one: nmpc, MuJoCo")] = 8,
@@ -144,6 +199,8 @@ def compare(
 
     A scenario in place of the suite is flown as its file describes it, by its own law first (the row "own") and those
     of --laws: one table. Where --laws is left out, paper_pd, paper_ct and centroidal_tip fly beside it.
+    The envelope-suite flies trials that get harder along axes (speed, delay, lag, wind, payload, noise): how far each
+    law is good, and where it is lost.
     The same command continues what was interrupted.
     """
     from skyarm.cli.compare_command import compare as perform
@@ -158,9 +215,29 @@ def compare(
     threads = workers("--workers", flying)
     if plant not in registered("plant"):
         raise ValueError(f"--plant = {plant!r}: {must_be_one_of(registered('plant'), plant)}")
+    if suite == "envelope-suite":
+        from skyarm.cli.envelope_command import envelope
+
+        if conditions is not None:
+            raise ValueError("--conditions: must be left out for envelope-suite, whose axes say their own")
+        envelope(
+            out or "out/envelope",
+            laws=laws,
+            axes=axes,
+            vehicle=vehicle,
+            quick=quick,
+            seed=seed,
+            plant=plant,
+            threads=threads,
+            console=console,
+        )
+        return
+    for option, is_given in (("--axes", axes is not None), ("--vehicle", vehicle is not None), ("--quick", quick)):
+        if is_given:
+            raise ValueError(f"{option}: must be left out; only envelope-suite has it")
     perform(
         suite,
-        out,
+        out or "out/compare",
         laws=laws,
         columns=conditions,
         plants=plants,

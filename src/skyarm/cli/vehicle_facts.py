@@ -8,7 +8,8 @@ from typing import Any
 from skyarm.actuation.hover import highest_thrust, hover_trim
 from skyarm.dynamics.array_front import center_of_mass
 from skyarm.dynamics.workspace import reach, search_of, static_torques
-from skyarm.vehicle.vehicle_records import BASE, Vehicle
+from skyarm.records.leaves import field_names
+from skyarm.vehicle.vehicle_records import BASE, MountedDrive, Vehicle
 
 
 def vehicle_facts(vehicle: Vehicle, gravity: float) -> dict[str, Any]:
@@ -29,6 +30,8 @@ def vehicle_facts(vehicle: Vehicle, gravity: float) -> dict[str, Any]:
         "tip": vehicle.end_effector or None,
         "rotors": [rotor.name for rotor in vehicle.rotors],
         "joints": [_joint(link.joint) for link in vehicle.links],
+        "drives": [_drive(each) for each in vehicle.drives],
+        "battery": None if vehicle.battery is None else record_facts(vehicle.battery),
         "bodies": [_body(name, body) for name, body in _bodies(vehicle)],
         "hover": _hover(vehicle, gravity) if vehicle.rotors else None,
         "reach_m": None,
@@ -60,6 +63,25 @@ def _joint(joint: Any) -> dict[str, Any]:
     """Limits and friction; rad and N m of a revolute joint, m and N of a prismatic one."""
     numbers = {name: float(getattr(joint, name)) for name in ("lower", "upper", "effort_limit", "damping", "coulomb")}
     return {"name": joint.name, "kind": joint.kind, "axis": [float(each) for each in joint.axis], **numbers}
+
+
+def _drive(mounted: MountedDrive) -> dict[str, Any]:
+    """Joint, class and numbers of a drive, SI units of its fields."""
+    return {"joint": mounted.name, "drive": type(mounted.drive).__name__, **record_facts(mounted.drive)}
+
+
+def record_facts(record: Any) -> dict[str, Any]:
+    """Fields of a record of numbers, tuples of numbers, words and such records."""
+    found: dict[str, Any] = {}
+    for name in field_names(record) or ():
+        value = getattr(record, name)
+        if isinstance(value, tuple):
+            found[name] = [float(each) for each in value]
+        elif field_names(value):
+            found[name] = record_facts(value)
+        else:
+            found[name] = value if isinstance(value, str | int | float) else float(value)
+    return found
 
 
 def _hover(vehicle: Vehicle, gravity: float) -> dict[str, Any]:

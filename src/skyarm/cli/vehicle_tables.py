@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rich.console import RenderableType
 
 from skyarm.cli.terminal_tables import add, shown, table_of, titled
+from skyarm.cli.vehicle_facts import record_facts
+from skyarm.vehicle.battery import Battery
 from skyarm.vehicle.vehicle_records import BASE, Vehicle
 
 
 def tables(vehicle: Vehicle) -> list[RenderableType]:
-    """Joints, bodies, rotors, as far as there are any."""
+    """Joints, drives, bodies, rotors and battery, as far as there are any."""
     found = [_joints(vehicle)] if vehicle.links else []
+    if vehicle.drives:
+        found.append(_drives(vehicle))
     found.append(_bodies(vehicle))
-    return [*found, _rotors(vehicle)] if vehicle.rotors else found
+    if vehicle.rotors:
+        found.append(_rotors(vehicle))
+    return found if vehicle.battery is None else [*found, _battery(vehicle.battery)]
 
 
 def _joints(vehicle: Vehicle) -> RenderableType:
@@ -37,6 +43,29 @@ def _joints(vehicle: Vehicle) -> RenderableType:
             f"{_number(joint.coulomb)} {effort}",
         )
     return titled("joints", table)
+
+
+def _drives(vehicle: Vehicle) -> RenderableType:
+    table = table_of("joint", "drive", "numbers, SI units", left=3)
+    for each in vehicle.drives:
+        add(table, each.name, type(each.drive).__name__, _fields(record_facts(each.drive)))
+    return titled("drives: what the joints take in place of a torque", table)
+
+
+def _battery(battery: Battery) -> RenderableType:
+    facts = record_facts(battery)
+    cell = facts.pop("open_circuit")
+    table = table_of("", "", left=2)
+    add(table, "numbers: A h, ohm, V, W", _fields(facts))
+    rows = zip(cell["charge"], cell["voltage"], strict=True)
+    add(table, "a cell's voltage by its charge", ", ".join(f"{shown(v)} V at {q:.0%}" for q, v in rows))
+    return titled("battery", table)
+
+
+def _fields(facts: Mapping[str, Any]) -> str:
+    """Names and numbers of a record; those without a limit are left out."""
+    held = {name: value for name, value in facts.items() if not (isinstance(value, float) and math.isinf(value))}
+    return ", ".join(f"{name} {value if isinstance(value, str) else _number(value)}" for name, value in held.items())
 
 
 def _bodies(vehicle: Vehicle) -> RenderableType:

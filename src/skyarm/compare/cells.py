@@ -108,6 +108,19 @@ class Flights:
         every = self.condition.episodes
         return min(self.one_by_one, every) if self.condition.spread and self.alone(scenario) else every
 
+    def keys(self, count: int) -> Array:
+        """Keys of the noise, one per episode."""
+        return np.arange(count)
+
+    @property
+    def further_metrics(self) -> tuple[str, ...]:
+        """Metrics beside those that every comparison counts."""
+        return ()
+
+    def more(self) -> Mapping[str, Any]:
+        """What else fixes the cell, beside its scenario, its spread and its windows."""
+        return {}
+
 
 def fly(flights: Flights, threads: int = 1) -> Cell:
     """Fly a cell; a law that cannot be traced flies one episode after the other."""
@@ -115,17 +128,18 @@ def fly(flights: Flights, threads: int = 1) -> Cell:
     values = flights.values(scenario)
     episodes = flights.episodes(scenario)
     if flights.alone(scenario):
-        return Cell(*fly_one_by_one(scenario, values, episodes, flights.case.windows))
+        options: dict[str, Any] = {"keys": flights.keys(episodes), "more": flights.further_metrics}
+        return Cell(*fly_one_by_one(scenario, values, episodes, flights.case.windows, **options))
     damping = {path: float(column.max()) for path, column in values.items() if path.endswith(".damping")}
     batch = Batch(
         scenario,
         tuple(values),
-        metrics=counted_metrics(scenario.world.vehicle.n),
+        metrics=(*counted_metrics(scenario.told), *flights.further_metrics),
         windows=flights.case.windows,
         stiffest=with_numbers(scenario, damping),
         effort=0 if episodes <= FEW else 2,
     )
-    found = batch.fly(values, seed=flights.seed, episodes=np.arange(episodes), threads=threads)
+    found = batch.fly(values, seed=flights.seed, episodes=flights.keys(episodes), threads=threads)
     return Cell(found.metrics, found.status)
 
 
@@ -202,6 +216,7 @@ def key(flights: Flights) -> str:
     }
     counted = own_files([find("metric", name) for name in registered("metric")])
     facts |= {"code": counted} if counted else {}
+    facts |= flights.more()
     return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.log.flight_log import Log
+from skyarm.log.log_columns import names_of
 from skyarm.metrics.score import score
 from skyarm.metrics.windows import Windows
 from skyarm.registry import names as registered
@@ -31,14 +32,19 @@ METRICS = (
 """What the comparison counts, under the names of :mod:`skyarm.metrics.metric_catalogue`; and every joint's effort."""
 
 
-def counted_metrics(joints: int) -> tuple[str, ...]:
-    """What is counted of a vehicle with so many joints, registered metrics of one's own included."""
-    return (*METRICS, *(f"tau{i + 1}_rms" for i in range(joints)), *registered("metric"))
+def counted_metrics(told: Sequence[bool]) -> tuple[str, ...]:
+    """What is counted of a vehicle, registered metrics of one's own included.
+
+    Args:
+        told: joint by joint, whether its command is a setpoint of its drive: its torque is then not counted.
+    """
+    return (*METRICS, *(f"tau{i + 1}_rms" for i, each in enumerate(told) if not each), *registered("metric"))
 
 
-def of_log(log: Log, windows: Windows) -> dict[str, float]:
-    """The same metrics from a log; those of an episode that ended early are cut."""
-    return score(log, counted_metrics(log.joints.shape[1]), windows)
+def of_log(log: Log, windows: Windows, more: Sequence[str] = ()) -> dict[str, float]:
+    """The same metrics from a log, and ``more``; those of an episode that ended early are cut."""
+    told = [unit is not None for unit in names_of(log).setpoints]
+    return score(log, (*counted_metrics(told), *more), windows)
 
 
 def _single(scenario: Scenario, numbers: dict[str, float]) -> Scenario:
@@ -57,11 +63,11 @@ def numbers_of(values: Mapping[str, Array], episode: int) -> dict[str, float]:
 
 
 def fly_single(
-    scenario: Scenario, numbers: dict[str, float], episode: int, windows: Windows
+    scenario: Scenario, numbers: dict[str, float], episode: int, windows: Windows, more: Sequence[str] = ()
 ) -> tuple[dict[str, float], str]:
     """Metrics and ending of one flight."""
     log = run(dataclasses.replace(_single(scenario, numbers), episode=episode))
-    return of_log(log, windows), str(log.status)
+    return of_log(log, windows, more), str(log.status)
 
 
 def collected(flown: Sequence[tuple[dict[str, float], str]]) -> tuple[dict[str, Array], Array]:
@@ -72,7 +78,26 @@ def collected(flown: Sequence[tuple[dict[str, float], str]]) -> tuple[dict[str, 
 
 
 def fly_one_by_one(
-    scenario: Scenario, values: Mapping[str, Array], episodes: int, windows: Windows
+    scenario: Scenario,
+    values: Mapping[str, Array],
+    episodes: int,
+    windows: Windows,
+    *,
+    keys: Sequence[int] | None = None,
+    more: Sequence[str] = (),
 ) -> tuple[dict[str, Array], Array]:
-    """Metrics by name and endings, one entry per episode."""
-    return collected([fly_single(scenario, numbers_of(values, k), k, windows) for k in range(episodes)])
+    """Metrics by name and endings, one entry per episode.
+
+    Args:
+        scenario: that each starts from.
+        values: numbers of each, by path.
+        episodes: how many.
+        windows: of the metrics.
+        keys: of the noise, one per episode; its number if left out.
+        more: metrics beside those that every comparison counts.
+    """
+    flown = []
+    for k in range(episodes):
+        key = k if keys is None else int(keys[k])
+        flown.append(fly_single(scenario, numbers_of(values, k), key, windows, more))
+    return collected(flown)

@@ -9,6 +9,7 @@ import numpy as np
 from skyarm.figures.flight_events import Event, events_in
 from skyarm.figures.quantities import end_time, gust_interval
 from skyarm.log.flight_log import Log
+from skyarm.log.log_columns import names_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,6 +21,8 @@ class FlightFacts:
         rotors: names. tip: the vehicle has one.
         joint_limits: (lower, upper), rad or m. effort_limits: (-limit, limit), N m or N.
         rotor_limits: (largest speed,), rad/s.
+        setpoints: joint by joint, units of what it is told where that is no torque, None where it is; several of
+            several flights.
         events: gusts, faults, changes.
     """
 
@@ -30,6 +33,7 @@ class FlightFacts:
     joint_limits: tuple[tuple[float, float], ...] = ()
     effort_limits: tuple[tuple[float, float], ...] = ()
     rotor_limits: tuple[tuple[float], ...] = ()
+    setpoints: tuple[tuple[str | None, ...], ...] = ()
     events: tuple[Event, ...] = ()
 
 
@@ -49,6 +53,7 @@ def flight_facts(log: Log) -> FlightFacts:
         joint_limits=tuple((float(joint.lower), float(joint.upper)) for joint in joints),
         effort_limits=tuple((-float(joint.effort_limit), float(joint.effort_limit)) for joint in joints),
         rotor_limits=tuple((float(rotor.max_speed),) for rotor in vehicle.rotors),
+        setpoints=tuple((unit,) for unit in names_of(log).setpoints),
         events=events_in(scenario, end_time(log)),
     )
 
@@ -59,6 +64,7 @@ def _from_arrays(log: Log) -> FlightFacts:
         joints=tuple(f"Joint {i + 1}" for i in range(log.joints.shape[1])),
         revolute=(True,) * log.joints.shape[1],
         rotors=tuple(str(i + 1) for i in range(log.rotor_speeds.shape[1])),
+        setpoints=tuple((unit,) for unit in names_of(log).setpoints),
         tip=not np.array_equal(log.tip, log.position),
         events=() if gust is None else (Event("gust", *gust),),
     )

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from skyarm.figures.flight_facts import FlightFacts
 from skyarm.files import must_be_one_of, shown
 from skyarm.log.flight_log import Log
+from skyarm.log.log_columns import names_of
 
 Array = npt.NDArray[np.float64]
 
@@ -102,15 +103,22 @@ def _yaw(log: Log) -> Array:
 
 
 def _efforts(flight: FlightFacts) -> list[FlightPanel]:
-    return [
-        FlightPanel(
-            label=f"{name} {'torque' if turns else 'force'}",
-            unit="N m" if turns else "N",
-            of=_column("efforts", i),
-            limits=_finite("effort_limits", i),
-        )
-        for i, (name, turns) in enumerate(zip(flight.joints, flight.revolute, strict=True))
-    ]
+    named = zip(flight.joints, flight.revolute, flight.setpoints, strict=True)
+    return [_command(i, name, turns, told) for i, (name, turns, each) in enumerate(named) for told in each]
+
+
+def _command(i: int, name: str, turns: bool, told: str | None) -> FlightPanel:
+    """What joint ``i`` is told, of the flights in which that is a torque or a setpoint in this unit."""
+    column = _column("efforts", i)
+
+    def read(log: Log) -> Array | None:
+        return column(log) if i < log.efforts.shape[1] and names_of(log).setpoints[i] == told else None
+
+    if told is None:
+        what, unit = ("torque", "N m") if turns else ("force", "N")
+        return FlightPanel(label=f"{name} {what}", unit=unit, of=read, limits=_finite("effort_limits", i))
+    limits = _finite("joint_limits", i) if told in ("rad", "m") else lambda _facts: ()
+    return FlightPanel(label=f"{name} setpoint", unit=told, of=read, limits=limits)
 
 
 def _rotors(flight: FlightFacts) -> list[FlightPanel]:
@@ -159,6 +167,10 @@ def panels_of(kind: str, flights: Sequence[FlightFacts]) -> list[FlightPanel]:
     most = FlightFacts(
         joints=arm.joints,
         revolute=arm.revolute,
+        setpoints=tuple(
+            tuple(dict.fromkeys(unit for each in flights for units in each.setpoints[i : i + 1] for unit in units))
+            for i in range(len(arm.joints))
+        ),
         rotors=max((flight.rotors for flight in flights), key=len),
         tip=any(flight.tip for flight in flights),
     )

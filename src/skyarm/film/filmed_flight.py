@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.environment import HangingPayload
 from skyarm.files import shown
 from skyarm.film.film_settings import FilmSettings
 from skyarm.log.flight_log import Log
@@ -31,6 +32,20 @@ MOST_FLIGHTS = len(COLORS)
 
 
 @dataclass(frozen=True, kw_only=True)
+class Load:
+    """A payload that is held for a part of a flight.
+
+    Attributes:
+        mass: kg. frame: that holds it; empty for the tip. held_at: (F,) numbers of frames: of each frame itself while
+            the payload is held, else of the nearest one in which it was: it lies where it is taken and left.
+    """
+
+    mass: float
+    frame: str
+    held_at: npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, kw_only=True)
 class FilmedFlight:
     """What a film shows of one flight at F instants; world axes, SI units, radians.
 
@@ -42,6 +57,7 @@ class FilmedFlight:
         tip, desired_tip: (F, 3) m. force: (F, 3) N of the wind. air: (F, 3) m/s, velocity of the air.
         error: (F,) m, distance of the tip from its reference.
         error_time, error_curve: (N,) s and m, the same at every control instant.
+        loads: payloads that are taken or left on the way.
         end: s; from then on the vehicle stays where it was. lost: why it ended early, in words; empty for a whole
             flight.
     """
@@ -64,6 +80,7 @@ class FilmedFlight:
     error_curve: Array
     end: float
     lost: str
+    loads: tuple[Load, ...] = ()
 
 
 def frame_times(logs: Sequence[Log], settings: FilmSettings) -> Array:
@@ -135,6 +152,7 @@ def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFligh
         error_curve=np.linalg.norm(log.tip - log.tip_reference, axis=1),
         end=_end_of(log) if whole else float(log.time[-1]),
         lost="" if whole else log.status.replace("_", " "),
+        loads=tuple(_loads(log, times)),
     )
 
 
@@ -149,6 +167,18 @@ READ = (
     "air_velocity",
 )
 """Arrays of a log that a film reads as they are."""
+
+
+def _loads(log: Log, times: Array) -> Iterator[Load]:
+    """Payloads that are held at some frames; one on a cord is left out, a log does not tell where it hangs."""
+    instants = np.clip(np.searchsorted(log.time, times, side="right") - 1, 0, log.time.size - 1)
+    for payload, masses in zip(log.scenario.payloads, log.payload_mass.T, strict=False):
+        (held,) = np.nonzero(masses[instants] > 0.0)
+        if isinstance(payload, HangingPayload) or not held.size:
+            continue
+        # the last frame at which it was held, and before the first that one
+        at = held[np.maximum(np.searchsorted(held, np.arange(len(times)), side="right") - 1, 0)]
+        yield Load(mass=float(payload.mass), frame=payload.frame, held_at=at)
 
 
 def _end_of(log: Log) -> float:

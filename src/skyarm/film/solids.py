@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy.typing as npt
 
 from skyarm.drawing.moving_poses import moving_poses
 from skyarm.drawing.shapes import Shape
-from skyarm.drawing.vehicle_shapes import vehicle_shapes
+from skyarm.drawing.vehicle_shapes import payload_shape, vehicle_shapes
 from skyarm.film.filmed_flight import Color, FilmedFlight
 
 Array = npt.NDArray[np.float64]
@@ -39,8 +40,21 @@ class Solid:
 
 
 def vehicle_solids(flight: FilmedFlight) -> list[Solid]:
-    """The vehicle in its colour."""
-    return _solids(flight, flight.position, flight.quaternion, flight.joints, ghost=False)
+    """The vehicle in its colour, and the payloads that it takes and leaves."""
+    return [*_solids(flight, flight.position, flight.quaternion, flight.joints, ghost=False), *_loads(flight)]
+
+
+def _loads(flight: FilmedFlight) -> Iterator[Solid]:
+    """Payloads where they are held, and where they lie before and after."""
+    if not flight.loads:
+        return
+    poses = moving_poses(flight.vehicle, flight.position, flight.quaternion, flight.joints)
+    for load in flight.loads:
+        shape = payload_shape(flight.vehicle, load.mass, load.frame or None)
+        R, p = poses[shape.body]
+        centre = (p + R @ np.array(shape.position))[load.held_at]
+        color = role_color(shape.role, flight.color, ghost=False)
+        yield Solid(shape, color, centre, (R @ np.array(shape.rotation))[load.held_at])
 
 
 def ghost_solids(flight: FilmedFlight) -> list[Solid]:

@@ -67,7 +67,7 @@ def require_flyable(study: IdentificationStudy) -> None:
             scenario = scenario_from(flight.document, flight.folder)
             for cell in study.cells:
                 if cell.flight == flight.name:
-                    metric_names([cell.metric], scenario.world.vehicle.n)
+                    metric_names([cell.metric], scenario.world.vehicle.n, scenario.told)
             for field, targets in paths.items():
                 where = f"{field}: flights.{flight.name}"
                 for target in targets:

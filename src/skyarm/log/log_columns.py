@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.log.flight_log import IF_ANY, Log
+from skyarm.log.joint_setpoints import setpoints_of
 from skyarm.records.units import Unit, units
 
 Array = npt.NDArray[np.float64]
@@ -30,6 +31,9 @@ JOINT_ARRAYS = {
     "measured_joints": "measured_joint",
 }
 """Array of a number for each joint -> beginning of its columns."""
+
+SETPOINT = "joint_setpoint"
+"""The same of the commands to joints whose drives take no torque."""
 
 ROTOR_ARRAYS = {"rotor_speeds": "rotor_speed", "rotor_commands": "rotor_command"}
 """Array of a number for each rotor -> beginning of its columns."""
@@ -63,11 +67,15 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """Names of the plant's joints and rotors as its file has them, and the joints' kinds."""
+    """Names of the plant's joints and rotors as its file has them, the joints' kinds, and what they are told.
+
+    ``setpoints`` has a unit for each joint that takes a setpoint in place of a torque, None for the others.
+    """
 
     joints: tuple[str, ...]
     kinds: tuple[str, ...]
     rotors: tuple[str, ...]
+    setpoints: tuple[str | None, ...]
 
 
 def names_of(log: Log) -> Names:
@@ -78,11 +86,17 @@ def names_of(log: Log) -> Names:
     found = [_below(link, "joint") for link in links]
     named = len(found) == joints and len(turning) == rotors
     if not named or not all(isinstance(each.get("name"), str) for each in (*found, *map(_table, turning))):
-        return Names(tuple(map(str, range(joints))), ("",) * joints, tuple(map(str, range(rotors))))
+        return Names(tuple(map(str, range(joints))), ("",) * joints, tuple(map(str, range(rotors))), (None,) * joints)
+    told = setpoints_of(log.info)
+    kinds = tuple(str(each.get("kind", "")) for each in found)
     return Names(
         tuple(each["name"] for each in found),
-        tuple(str(each.get("kind", "")) for each in found),
+        kinds,
         tuple(_table(each)["name"] for each in turning),
+        tuple(
+            unit_of_kind(Unit(told[each["name"]]), kind) if each["name"] in told else None
+            for each, kind in zip(found, kinds, strict=True)
+        ),
     )
 
 
@@ -104,7 +118,9 @@ def columns(log: Log) -> tuple[Column, ...]:
         for index, ending in enumerate(_endings(array, width[0] if width else None, names)):
             kind = names.kinds[index] if array in JOINT_ARRAYS else ""
             place = index if width else None
-            found.append(Column(ending, unit_of_kind(unit, kind), unit.meaning, array, place))
+            told = names.setpoints[index] if array == "efforts" else None
+            own = unit_of_kind(unit, kind) if told is None else told
+            found.append(Column(ending, own, unit.meaning, array, place))
     unique = distinct([each.name for each in found])
     return tuple(
         Column(name, each.unit, each.meaning, each.array, each.index) for name, each in zip(unique, found, strict=True)
@@ -116,6 +132,9 @@ def _endings(array: str, width: int | None, names: Names) -> list[str]:
     begin = RENAMED.get(array, array)
     if width is None:
         return [begin]
+    if array == "efforts":
+        begins = [JOINT_ARRAYS[array] if told is None else SETPOINT for told in names.setpoints]
+        return [f"{first}_{word(each, 'joint')}" for first, each in zip(begins, names.joints, strict=True)]
     if array in JOINT_ARRAYS:
         return [f"{JOINT_ARRAYS[array]}_{word(each, 'joint')}" for each in names.joints]
     if array in ROTOR_ARRAYS:

@@ -16,7 +16,7 @@ from xml.sax.saxutils import quoteattr
 
 from skyarm.files import write_atomically
 from skyarm.log.flight_log import Log
-from skyarm.log.log_columns import columns
+from skyarm.log.log_columns import SETPOINT, columns
 from skyarm.log.ros.frame_transforms import WORLD
 from skyarm.log.ros.topics import FLIGHT_TOPIC
 
@@ -35,6 +35,9 @@ PLOTS = {
 }
 """Title of a plot -> the log's arrays in it."""
 
+SETPOINTS = "joint setpoints"
+"""Title of the commands to joints that take no torque, before their unit: angles and rates have plots of their own."""
+
 METRICS = {"errors, m and rad": ("position_error", "joint_error", "tip_error"), "tilt, rad": ("tilt",)}
 """Title of a plot -> topics below /metrics in it."""
 
@@ -46,10 +49,13 @@ def plots(log: Log) -> list[Plot]:
     """What both layouts plot; a plot without curves, of a vehicle without joints, is left out."""
     by_array: dict[str, list[tuple[str, str]]] = {}
     for each in columns(log):
-        by_array.setdefault(each.array, []).append((FLIGHT_TOPIC, each.name))
+        told = each.array == "efforts" and each.name.startswith(SETPOINT)
+        group = f"{SETPOINTS}, {each.unit}".rstrip(", ") if told else each.array
+        by_array.setdefault(group, []).append((FLIGHT_TOPIC, each.name))
     found = [
         (title, [curve for array in arrays for curve in by_array.get(array, ())]) for title, arrays in PLOTS.items()
     ]
+    found += [(group, curves) for group, curves in by_array.items() if group.startswith(SETPOINTS)]
     found += [(title, [(f"/metrics/{name}", "data") for name in names]) for title, names in METRICS.items()]
     return [(title, curves) for title, curves in found if curves]
 

@@ -94,10 +94,14 @@ def _jitter_square(now: Instant) -> Any:
     return total / float(len(now.before))
 
 
+NEAR = 0.05
+"""m: beyond it a tip counts as away from its reference."""
+
 QUANTITIES: Mapping[str, Callable[[Instant, Goal], Any]] = {
     "position": lambda now, goal: distance(now.state.position, goal.position),
     "joint": lambda now, goal: joint_norm(now.state.joints, goal.joints),
     "ee": lambda now, goal: distance(now.tool, goal.tool),
+    "ee_outside": lambda now, goal: where(distance(now.tool, goal.tool) > NEAR, 1.0, 0.0),
     "x": lambda now, goal: now.state.position.x - goal.position.x,
     "ee_x": lambda now, goal: now.tool.x - goal.tool.x,
     "height": lambda now, goal: goal.position.z - now.state.position.z,

@@ -78,6 +78,8 @@ TRACKING = _tracking("", "steady") | {
     "iae_position": _integral("whole", "position"),
     "iae_joint": _integral("whole", "joint"),
     "altitude_error_max": _extreme("max", "whole", "altitude"),
+    "x_error_max": _extreme("max", "steady", "x"),
+    "ee_time_outside": _integral("steady", "ee_outside"),
 }
 
 GUST = _tracking("gust_", "gust") | {
@@ -147,24 +149,33 @@ def _added(name: str) -> Measure:
     return Measure(((ADDED, metric.window, name),), metric.window, lambda n, dt, held: metric.result(held, n, dt))
 
 
-def metric_names(wanted: Sequence[str], joints: int) -> tuple[str, ...]:
+def metric_names(wanted: Sequence[str], joints: int, told: Sequence[bool] = ()) -> tuple[str, ...]:
     """Names of metrics and groups, with groups written out, each once.
 
     A group with the suffix ``_continuous`` stands for the twins of those of its metrics that have one.
 
+    Args:
+        wanted: names and groups.
+        joints: of the arm.
+        told: joint by joint, whether its command is a setpoint in place of a torque: groups then leave its torque out.
+
     Raises:
-        ValueError: a name that is none, with those there are.
+        ValueError: a name that is none, with those there are; or the torque of a joint that takes a setpoint.
     """
     if isinstance(wanted, str) or not isinstance(wanted, Collection):
         raise ValueError(f"metrics = {shown(wanted)}: must be a list of names and groups, as ['standard']")
     known = measures(joints)
     found: list[str] = []
+    without = [f"tau{i + 1}_rms" for i, each in enumerate(told) if each]
     for word in wanted:
         group = word.removesuffix(CONTINUOUS) if isinstance(word, str) else ""
+        if word in without:
+            k = word.removeprefix("tau").removesuffix("_rms")
+            raise ValueError(f"metrics: {shown(word)}: must be left out: joint {k} is told setpoints of its drive")
         if isinstance(word, str) and word in known:
             found.append(word)
         elif group in GROUPS:
-            listed = [name for one in GROUPS[group] for name in _written_out(one, joints)]
+            listed = [name for one in GROUPS[group] for name in _written_out(one, joints) if name not in without]
             twins = [f"{name}{CONTINUOUS}" for name in listed if name in REFERRED]
             found += listed if group == word else twins
         else:

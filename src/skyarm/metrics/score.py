@@ -15,6 +15,7 @@ from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.dynamics import State
 from skyarm.files import shown
 from skyarm.log.flight_log import Log
+from skyarm.log.log_columns import names_of
 from skyarm.metrics.accumulate import CONTINUOUS, Goal, Instant, counted, first_totals, quantity
 from skyarm.metrics.metric_catalogue import metric_names, needed, values
 from skyarm.metrics.windows import Window, Windows, windows_of
@@ -41,7 +42,7 @@ def score(log: Log, metrics: Sequence[str] = ("standard",), windows: Windows | N
     if not isinstance(windows, (Windows, type(None))):
         raise ValueError(f"windows = {shown(windows)}: must be Windows or None")
     joints = log.joints.shape[1]
-    names = metric_names(metrics, joints)
+    names = metric_names(metrics, joints, [unit is not None for unit in names_of(log).setpoints])
     wanted = needed(names, joints)
     at = (windows or Windows()).of_flight(float(log.info["duration"]), windows_of(log))
     masks = at.masks(log.time)

@@ -19,6 +19,8 @@ WORDS: Mapping[str, tuple[str, str]] = {
     "iae_position": ("integral of the position error", "m s"),
     "held_position_error": ("mean position error while the arm is held", "m"),
     "altitude_error_max": ("largest height error", "m"),
+    "x_error_max": ("largest position error along x, with its sign", "m"),
+    "ee_time_outside": ("time with the tip over 5 cm from its reference", "s"),
     "hover_offset": ("height offset in hover", "m"),
     "joint_error_mean": ("mean joint error", "rad"),
     "joint_error_max": ("largest joint error", "rad"),

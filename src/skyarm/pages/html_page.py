@@ -64,9 +64,9 @@ def grouped(head: Iterable[str], groups: Iterable[tuple[str, Rows]], caption: st
     return f'<div class="table" tabindex="0">{inside}</div>'
 
 
-def image(alternative: str, caption: str, png: bytes, *, wide: bool = False) -> str:
-    """A picture inside the page; a wide one takes all of its width."""
+def image(alternative: str, caption: str, png: bytes, *, wide: bool = False, whole: bool = False) -> str:
+    """A picture inside the page; a wide one takes all of its width, on a narrow screen only if it is ``whole``."""
     data = base64.b64encode(png).decode("ascii")
     picture = f'<img alt="{escape(alternative)}" src="data:image/png;base64,{data}">'
-    kind = ' class="wide"' if wide else ""
+    kind = f' class="wide{" whole" if whole else ""}"' if wide else ""
     return f"<figure{kind}>{picture}<figcaption>{escape(caption)}</figcaption></figure>"

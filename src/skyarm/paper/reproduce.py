@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from skyarm.compare.comparison import PAGE, Comparison, fly_comparison, prepare
+from skyarm.compare.envelope_page import envelope_section
+from skyarm.compare.envelope_suite import Envelope, fly_envelope
 from skyarm.figures.embed import image_bytes
 from skyarm.figures.overview import overview_figure
 from skyarm.figures.paper_figures import paper_figures
@@ -42,6 +44,9 @@ Film = Callable[[Mapping[str, Mapping[str, Log]]], tuple[bytes, str] | None]
 COMPARED = "compare"
 """Folder of the whole comparison, beside the report."""
 
+ENVELOPE_FOLDER = "envelope"
+"""The same of the envelope."""
+
 NAMED = (*(f"figure_{n:02d}" for n in range(3, 19)), "overview", "tip")
 
 DPI = 300
@@ -58,6 +63,7 @@ def reproduce(
     progress: Progress | None = None,
     note: Note | None = None,
     film: Film | None = None,
+    envelope: Envelope | None = None,
     bench: Comparison | None = None,
 ) -> dict[str, Any]:
     """Fly the paper's five experiments with both controllers and write everything that comes of it.
@@ -78,6 +84,7 @@ def reproduce(
         note: called with one line on the flights and one before each further stage.
         film: draws a film of the flights on the first plant, with which the report opens; without it the report opens
             with ``overview.png``.
+        envelope: fly it too, into ``envelope/``, where it goes on if it was interrupted, and show its tables.
         bench: old name of comparison.
 
     Returns:
@@ -93,6 +100,8 @@ def reproduce(
     folder = prepare_folder(out, plants)
     if comparison is not None:
         prepare(folder / COMPARED)
+    if envelope is not None:
+        prepare(folder / ENVELOPE_FOLDER)
     say = note or (lambda _line: None)
     chosen: dict[str, Any] = {} if evidence is None else {"evidence": evidence}
     campaign = run_campaign(plants, workers=workers, progress=progress, **chosen)
@@ -114,6 +123,10 @@ def reproduce(
     for name, figure in {**{f"figure_{n:02d}": f for n, f in figures.items()}, "overview": overview}.items():
         write_atomically(folder / "figures" / f"{name}.png", image_bytes(figure, dpi=DPI))
     further = _further(folder, campaign, summaries)
+    if envelope is not None:
+        say("flying the envelope")
+        limits = fly_envelope(envelope, folder / ENVELOPE_FOLDER, threads=workers, progress=progress)
+        further["The envelope"] = envelope_section(limits, f"{ENVELOPE_FOLDER}/{PAGE}")
     if comparison is not None:
         say("flying the comparison")
         found = fly_comparison(comparison, folder / COMPARED, threads=workers, progress=progress)

@@ -63,6 +63,12 @@ def check_largest_step(records: Iterable[tuple[str, Any]], period: float) -> Non
         if not concrete(*leaves(record)) or record.largest_step is None:
             continue
         value = coerce.number(f"{where}.largest_step", record.largest_step)
+        why = record.why_short_steps() if isinstance(record, Drive) and value < period else ""
+        if why and not period / MOST_STEPS <= value:
+            raise ValueError(
+                f"{where}: {why} move the joint within {value:.2g} s, must be {period / MOST_STEPS:g} s or more, a "
+                f"thousandth of the control period"
+            )
         if concrete(value) and not period / MOST_STEPS <= value < math.inf:
             raise ValueError(
                 f"{where}.largest_step = {shown(value)}: must be None or at least {period / MOST_STEPS:g} s, a "

@@ -1,6 +1,6 @@
 """Desired motion: signals with derivatives to the fourth, trajectories of base and joints, publishing at a rate."""
 
-from skyarm.reference.compose import Shifted, Sum, Windowed, sequence
+from skyarm.reference.compose import Product, Pulses, Shifted, Sum, Windowed, sequence
 from skyarm.reference.publisher import Publisher
 from skyarm.reference.reference_tables import trajectory_from
 from skyarm.reference.signal_tables import signal_from
@@ -9,7 +9,9 @@ from skyarm.reference.trajectory import Reference, Trajectory, circle, hover
 
 __all__ = [
     "Constant",
+    "Product",
     "Publisher",
+    "Pulses",
     "Ramp",
     "Reference",
     "Shifted",

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Constant, Derivatives, Ramp, Signal
-from skyarm.scalars import Scalar, add, where
+from skyarm.scalars import Scalar, add, floor, logical_and, mul, where
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +83,70 @@ class Sum(Signal):
     def switch_times(self) -> tuple[float, ...]:
         """All of them, each once."""
         return tuple(sorted({s for signal in self.signals for s in signal.switch_times()}))
+
+
+@dataclass(frozen=True, slots=True)
+class Product(Signal):
+    """A signal times another: a sine that is eased in by a ramp, an amplitude times a pattern of pulses."""
+
+    signal: Signal
+    factor: Signal
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "product")
+
+    def derivatives(self, t: Any) -> Derivatives:
+        """Value and derivatives by Leibniz's rule, (f g)^(k) = sum_i C(k, i) f^(i) g^(k - i)."""
+        f, g = self.signal.derivatives(t), self.factor.derivatives(t)
+        found: list[Any] = []
+        for order in range(len(f)):
+            total: Any = 0
+            for i in range(order + 1):
+                total = add(total, mul(math.comb(order, i), mul(f[i], g[order - i])))
+            found.append(total)
+        d0, d1, d2, d3, d4 = found
+        return d0, d1, d2, d3, d4
+
+    def switch_times(self) -> tuple[float, ...]:
+        """List those of both, each once."""
+        return tuple(sorted({*self.signal.switch_times(), *self.factor.switch_times()}))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Pulses(Signal):
+    """Pulses are ``height`` in the first ``width`` seconds of each period, ``count`` times from ``start`` on, else 0.
+
+    The value jumps; its derivatives are those of the flat pieces, structural zeros.
+    """
+
+    start: Annotated[Scalar, Unit("s")] = 0.0
+    period: Annotated[Scalar, Unit("s", "above 0")]
+    width: Annotated[Scalar, Unit("s", "of a pulse", low=0.0)]
+    height: Annotated[Scalar, Unit("", "in the unit of the signal")] = 1.0
+    count: int
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "pulses")
+        if isinstance(self.period, (int, float)) and not self.period > 0.0:
+            raise ValueError(f"pulses.period = {self.period!r}: must be above 0 s")
+        if not 1 <= self.count <= MOST_PULSES:
+            raise ValueError(f"pulses.count = {self.count!r}: must be from 1 to {MOST_PULSES}")
+
+    def derivatives(self, t: Any) -> Derivatives:
+        """Height or 0, and zeros."""
+        number = floor((t - self.start) / self.period)
+        within = (t - self.start) - number * self.period < self.width
+        on = logical_and(within, logical_and(number >= 0.0, number < float(self.count)))
+        return where(on, self.height, 0.0), 0, 0, 0, 0
+
+    def switch_times(self) -> tuple[float, ...]:
+        """Both ends of every pulse."""
+        begins = [float(self.start + k * self.period) for k in range(self.count)]
+        return tuple(sorted({t for begin in begins for t in (begin, begin + float(self.width))}))
+
+
+MOST_PULSES = 100_000
+"""Pulses of one signal."""
 
 
 def sequence(start: Any, segments: Iterable[tuple[Any, Any]], *, initial: Any = 0.0, shape: str = "linear") -> Signal:

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.dynamics.array_front import frame_jacobian
+from skyarm.dynamics.workspace import reach
 from skyarm.reference.setting import Setting
 from skyarm.reference.tip_motion import Arm
 from skyarm.reference.tip_plan import MARGIN
 from skyarm.reference.trajectory import Reference, Trajectory
 from skyarm.scalars.taylor import Taylor
+from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[Any]
 
@@ -22,6 +25,13 @@ LOOKS = 50.0
 """Hz at which a plan is looked at."""
 
 MOST_LOOKS = 20_000
+
+MOST_JACOBIANS = 500
+"""Instants at which the arm's Jacobian is looked at, at most."""
+
+SINGULAR = 0.02
+"""Smallest singular value over the arm's length below which an arm is told to be nearly singular: in that direction its
+tip then moves by its own length in 50 rad or more."""
 
 TOLERATED = 1e-3
 """m that a planned tip may be off before it is told."""
@@ -38,6 +48,8 @@ class Feasibility:
         joint_speeds: (joint, largest speed), rad/s or m/s.
         speed: m/s, of the base. tilt: rad. rate: rad/s. thrust: over the weight; of a point mass that moves so.
         highest_thrust: over the weight.
+        weakest: m per rad (or 1), smallest singular value of the tip's Jacobian over the joints that carry it, where it
+            is smallest. weakest_at: s, when. arm_length: m.
     """
 
     deviation: float
@@ -49,6 +61,9 @@ class Feasibility:
     rate: float
     thrust: float
     highest_thrust: float
+    weakest: float
+    weakest_at: float
+    arm_length: float
 
     def warnings(self) -> Iterator[str]:
         """One line for each thing that the vehicle cannot do."""
@@ -56,11 +71,27 @@ class Feasibility:
             yield f"reference.tip: the arm reaches it to {1e3 * self.deviation:.3g} mm only; other path or posture?"
         for joint, seconds in self.at_limits:
             yield f"reference.tip: joint {joint!r} is planned at its limit for {seconds:.3g} s; other posture?"
+        if self.weakest < SINGULAR * self.arm_length:
+            yield (
+                f"reference.tip: the arm is nearly singular at {self.weakest_at:.3g} s; in one direction it moves the "
+                f"tip by {1e3 * self.weakest:.2g} mm per rad, and a law that keeps the tip may lose it; other posture?"
+            )
         if self.thrust > self.highest_thrust:
             most = f"the rotors give {self.highest_thrust:.3g}"
             yield f"reference.tip: asks for {self.thrust:.3g} times the weight, {most}; slower?"
         if self.tilt > 1.0:
             yield f"reference.tip: asks for a tilt of {self.tilt:.3g} rad; slower?"
+
+
+def _weakest(vehicle: Vehicle, carriers: Sequence[int], times: Array, joints: Array) -> tuple[float, float]:
+    """Smallest singular value of the tip's Jacobian (3 rows, or as many as joints carry it), and when it is so, s."""
+    every = -(-len(times) // MOST_JACOBIANS)
+    times, joints = times[::every], joints[:, ::every].T
+    still, level = np.zeros((len(times), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(times), 1))
+    J = frame_jacobian(vehicle, still, level, joints)[:, :3, 6:][:, :, list(carriers)]
+    least = np.linalg.svd(J, compute_uv=False).min(axis=1)
+    at = int(np.argmin(least))
+    return float(least[at]), float(times[at])
 
 
 def feasibility(trajectory: Trajectory, setting: Setting) -> Feasibility | None:
@@ -83,6 +114,7 @@ def feasibility(trajectory: Trajectory, setting: Setting) -> Feasibility | None:
     across = jerk - force * ((force * jerk).sum(axis=0) / size**2)
     level = _level(yaw, arm)
     q, rates = table(reference.joints), table(reference.joint_rates)
+    weakest, weakest_at = _weakest(vehicle, tip.arm.carriers, times, q)
     return Feasibility(
         deviation=float(np.linalg.norm(base + level - wanted, axis=0).max()),
         carried_off=float(np.linalg.norm(_tilted(force / size, level) - level, axis=0).max()),
@@ -95,6 +127,9 @@ def feasibility(trajectory: Trajectory, setting: Setting) -> Feasibility | None:
         rate=float((np.linalg.norm(across, axis=0) / size).max()),
         thrust=float(size.max() / max(setting.gravity, 1e-9)),
         highest_thrust=setting.thrust_to_weight,
+        weakest=weakest,
+        weakest_at=weakest_at,
+        arm_length=float(reach(vehicle)),
     )
 
 

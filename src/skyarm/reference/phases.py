@@ -4,6 +4,11 @@
 ``pick`` and ``place``: payload (its name), position, approach = [0, 0, 0.1] (m, from where it comes and to where it
 leaves, against the position), dwell (s, 1: how long it stays there; the payload is taken or left half-way through).
 
+Every phase may have ``start = 8.0`` (s, of the plan): what comes before rests until then; and ``joints = { finger =
+0.02 }``: joints that do not carry the tip, moved smoothly to these values (rad or m) in the course of the phase; of
+``pick`` and ``place`` in the first half of the dwell, so that a gripper has closed or opened when the payload is taken
+or left.
+
 Every phase may have ``until = { error = 0.005, hold = 0.5, timeout = 5.0 }``: the next one begins once the tip's error
 has stayed below so many m for so many s, at the latest that long after the phase's planned end. The guard of ``pick``
 and ``place`` stands before the payload is taken or left.
@@ -13,16 +18,18 @@ from __future__ import annotations
 
 from typing import Any
 
-from skyarm.files import Fields, shown
+from skyarm.files import Fields, number, shown
 from skyarm.reference.compose import Sum
 from skyarm.reference.minimum_snap import minimum_snap
-from skyarm.reference.setting import Guard, Setting, TaskEvent
+from skyarm.reference.setting import Guard, JointMove, Setting, TaskEvent
 from skyarm.reference.signals import Constant, Signal
 from skyarm.reference.task_tables import CLOSEST, limits_of, place_of, points_of, require_apart, within
 from skyarm.reference.trajectory import Trajectory
 from skyarm.reference.waypoints import SHORTEST, FlightLimits, Points, allocate
 
-KINDS = ("hold", "go_to", "pick", "place")
+HANDLES = ("pick", "place")
+
+KINDS = ("hold", "go_to", *HANDLES)
 
 Place = tuple[float, float, float]
 
@@ -37,8 +44,16 @@ def phases_table(fields: Fields, setting: Setting) -> Trajectory:
         phase = Fields(entry, f"{at}[{i}]")
         kind = phase.choice("kind", KINDS)
         until = None if phase.take("until", None) is None else _guard(Fields(phase.take("until"), phase.at("until")))
+        joints = _joints(phase)
+        builder.begin(phase)
+        begun = builder.time
         getattr(builder, kind)(phase, until)
         phase.done()
+        start, end = builder.handled if kind in HANDLES else (begun, builder.time)
+        setting.joint_moves.extend(
+            JointMove(joint=name, value=value, start=start, end=end, where=f"{phase.where}.joints.{name}")
+            for name, value in joints.items()
+        )
         within(builder.time, f"{phase.where}: its end (s)", 0.0)
     return builder.motion()
 
@@ -46,6 +61,17 @@ def phases_table(fields: Fields, setting: Setting) -> Trajectory:
 def _seconds(fields: Fields, name: str, *default: Any) -> float:
     """How long something of a phase takes."""
     return within(fields.number(name, *default), fields.at(name), CLOSEST)
+
+
+def _joints(phase: Fields) -> dict[str, float]:
+    """Where a phase moves joints, rad or m by name."""
+    table = phase.take("joints", None)
+    if table is None:
+        return {}
+    if not isinstance(table, dict) or not table:
+        allowed = "must be a table of joints and where they are to be, as { finger = 0.02 } (rad or m)"
+        raise ValueError(f"{phase.at('joints')} = {shown(table)}: {allowed}")
+    return {name: number(value, f"{phase.at('joints')}.{name}") for name, value in table.items()}
 
 
 def _guard(fields: Fields) -> dict[str, float]:
@@ -65,8 +91,21 @@ class _Task:
     def __init__(self, start: Place, limits: FlightLimits, setting: Setting) -> None:
         self.start = self.at = start
         self.time = 0.0
+        self.handled = 0.0, 0.0
+        """Beginning of the last dwell and the instant at which its payload is taken or left, s."""
         self._limits, self._setting = limits, setting
         self._pieces: list[tuple[Points, tuple[float, ...]]] = []
+
+    def begin(self, phase: Fields) -> None:
+        """Rest until the instant at which a phase is to begin, if it says one."""
+        if phase.take("start", None) is None:
+            return
+        start = within(phase.number("start"), phase.at("start"), 0.0)
+        if start < self.time:
+            raise ValueError(
+                f"{phase.at('start')} = {start:g}: must be at or after {self.time:.6g} s, the end of the phase before"
+            )
+        self.time = start
 
     def hold(self, phase: Fields, until: dict[str, float] | None) -> None:
         """Stay."""
@@ -102,6 +141,7 @@ class _Task:
         for goal in (near, there):
             self._go([self.at, goal], None)
         self._wait(until)
+        self.handled = self.time, self.time + 0.5 * dwell
         event = TaskEvent(kind=kind, payload=payload, time=self.time + 0.5 * dwell, where=phase.where)
         self._setting.events.append(event)
         self.time += dwell

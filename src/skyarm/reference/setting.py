@@ -27,6 +27,21 @@ class TaskEvent:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class JointMove:
+    """A move of a joint from rest to rest.
+
+    Attributes:
+        joint: its name. value: rad or m, where it ends. start, end: s. where: the field, for messages.
+    """
+
+    joint: str
+    value: float
+    start: float
+    end: float
+    where: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Guard:
     """What a flight must show before the reference goes on: until then the whole reference rests.
 
@@ -54,7 +69,7 @@ class Setting:
         vehicle: the plant's; None where a reference is read on its own.
         gravity: m/s^2. duration: s.
         thrust_to_weight: highest thrust over weight; infinite where nobody knows.
-        events, guards: filled while phases are read.
+        events, guards, joint_moves: filled while phases are read.
     """
 
     vehicle: Vehicle | None = None
@@ -63,6 +78,7 @@ class Setting:
     thrust_to_weight: float = math.inf
     events: list[TaskEvent] = field(default_factory=list)
     guards: list[Guard] = field(default_factory=list)
+    joint_moves: list[JointMove] = field(default_factory=list)
 
     @property
     def all_guards(self) -> tuple[Guard, ...]:

@@ -10,6 +10,8 @@ signals (their sum), or a table with a kind:
 * ``sum``: signals
 * ``windowed``: signal; start, stop (zero outside [start, stop))
 * ``shifted``: signal, delay
+* ``product``: signal, factor (another signal): a sine that a ramp eases in
+* ``pulses``: period, width, count; height (1), start (0): on for ``width`` of each period
 * ``spline``: times, values: least snap through them
 * ``samples``: file (CSV), column, time (name of the column of times, "time"); start
 
@@ -23,8 +25,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from skyarm.files import Fields, number
-from skyarm.reference.compose import Shifted, Sum, Windowed, sequence
+from skyarm.files import Fields, number, shown
+from skyarm.reference.compose import MOST_PULSES, Product, Pulses, Shifted, Sum, Windowed, sequence
 from skyarm.reference.signals import SHAPES, Constant, Ramp, Signal, Sine
 from skyarm.reference.task_tables import samples_signal, spline_signal
 
@@ -91,6 +93,20 @@ def _shifted(fields: Fields) -> Signal:
     return Shifted(signal_from(fields.take("signal"), f"{fields.where}.signal"), fields.number("delay"))
 
 
+def _product(fields: Fields) -> Signal:
+    signal, factor = (signal_from(fields.take(name), fields.at(name)) for name in ("signal", "factor"))
+    return Product(signal, factor)
+
+
+def _pulses(fields: Fields) -> Signal:
+    period = fields.number("period", low=0.0, strict=True)
+    width, height = fields.number("width", low=0.0), fields.number("height", 1.0)
+    count = fields.take("count")
+    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST_PULSES:
+        raise ValueError(f"{fields.at('count')} = {shown(count)}: must be a whole number from 1 to {MOST_PULSES}")
+    return Pulses(start=fields.number("start", 0.0), period=period, width=width, height=height, count=count)
+
+
 def window_of(fields: Fields) -> tuple[float, float]:
     """Start and stop, infinite if absent."""
     start = fields.number("start", -math.inf, infinite=True)
@@ -113,6 +129,8 @@ _SIGNALS: dict[str, Callable[[Fields], Signal]] = {
     "sum": _sum,
     "windowed": _windowed,
     "shifted": _shifted,
+    "product": _product,
+    "pulses": _pulses,
     "spline": spline_signal,
     "samples": samples_signal,
 }

@@ -113,6 +113,8 @@ def spline_signal(fields: Fields) -> Signal:
 
 def limits_of(fields: Fields, setting: Setting) -> FlightLimits:
     """What a motion may ask of the vehicle; the thrust never more than nine tenths of what its rotors give."""
+    if setting.vehicle is not None and not setting.vehicle.rotors:
+        raise ValueError(f"{fields.where}: needs a vehicle with rotors; {setting.vehicle.name!r} has none")
     usual = FlightLimits()
     most = 0.9 * setting.thrust_to_weight
     thrust = fields.number("thrust", min(usual.thrust, most))

@@ -22,6 +22,7 @@ import math
 from typing import Any
 
 from skyarm.files import Fields, shown
+from skyarm.reference.joint_moves import with_joint_moves
 from skyarm.reference.reference_tables import motion_from, trajectory_from
 from skyarm.reference.setting import Setting
 from skyarm.reference.signal_tables import signal_from
@@ -44,7 +45,8 @@ def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> T
         ValueError: one line with field, value and what is allowed.
     """
     if not isinstance(table, dict) or "tip" not in table:
-        return trajectory_from(table, n_joints, where, setting)
+        found = trajectory_from(table, n_joints, where, setting)
+        return with_joint_moves(found, setting.joint_moves, setting.vehicle)
     rest = {name: value for name, value in table.items() if name not in ("tip", "joints")}
     base = trajectory_from(rest, n_joints, where, setting)
     found = _of_tip(table, base, where, setting)
@@ -64,9 +66,10 @@ def _of_tip(table: dict[str, Any], base: Trajectory, where: str, setting: Settin
     choices = _choices(fields, vehicle, relative)
     fields.done()
     try:
-        return with_tip(base, vehicle, path, choices, setting.duration, relative=relative)
+        found = with_tip(base, vehicle, path, choices, setting.duration, relative=relative)
     except ValueError as error:
         raise ValueError(f"{fields.where}.{error}") from None
+    return with_joint_moves(found, setting.joint_moves, vehicle, choices.joint_speed)
 
 
 def _vehicle(setting: Setting, where: str) -> Vehicle:

@@ -232,6 +232,20 @@ def register_law_of_file(text: str) -> bool:
     return True
 
 
+def register_loaded_law(text: str) -> bool:
+    """Register the law that FILE.py:make means where its file was loaded already; False where it was not.
+
+    Nothing is run: a file that is read may name such a law, as it may name any other.
+
+    Raises:
+        RegistryError: the file has no such function.
+    """
+    match = FROM_FILE.fullmatch(text)
+    if match is None or str(Path(match["file"]).resolve()) not in _LOADED:
+        return False
+    return register_law_of_file(text)
+
+
 def load_installed() -> None:
     """Load the plugins of installed packages; a broken one costs only its own names, and a line of warning."""
     for entry in metadata.entry_points(group=GROUP):

@@ -38,6 +38,10 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
     },
     "drive": {
         "torque": ("skyarm.actuation.drive:TorqueDrive", "the setpoint is the torque"),
+        "lagged_torque": (
+            "skyarm.actuation.lagged_torque:LaggedTorque",
+            "a torque that follows its setpoint with a first-order lag",
+        ),
         "position_servo": ("skyarm.actuation.servo:PositionServo", "a servo whose setpoint is the joint's position"),
         "velocity_servo": ("skyarm.actuation.servo:VelocityServo", "a servo whose setpoint is the joint's rate"),
     },
@@ -113,7 +117,7 @@ RESERVED: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "a command": (
             *("reproduce", "run", "list", "show", "export-c", "cache", "replay", "diff", "export", "plot", "film"),
             *("sweep", "stats", "margins", "basin", "bench", "compare", "studio"),
-            *("check", "new", "doctor", "completion", "attach", "export-mjcf"),
+            *("check", "new", "doctor", "completion", "attach", "export-mjcf", "tune"),
         ),
     },
     "law": {

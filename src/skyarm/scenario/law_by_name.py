@@ -6,12 +6,12 @@ import dataclasses
 from typing import Any
 
 from skyarm.control.actuator_layer import ActuatorParameters, has_tables, inner_parameters, plain_model, with_actuators
-from skyarm.control.catalogue import make_named
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model
 from skyarm.control.safety.memory import SafetyParameters
 from skyarm.records.leaves import parts
 from skyarm.scenario.changes import without_law
+from skyarm.scenario.gains_file import make_named_or_tuned
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario
 
 MEASURED = ("stiffness", "damping")
@@ -38,7 +38,7 @@ def controller_by_name(scenario: Scenario, name: str) -> Controller:
         AllocationError: the model's rotors do not span torque and thrust.
     """
     before = scenario.controller.par
-    made = make_named(name, plain_model(before.model), loop_facts(scenario.rates, scenario.delays))
+    made = make_named_or_tuned(name, plain_model(before.model), loop_facts(scenario.rates, scenario.delays))
     if not isinstance(before, ActuatorParameters):
         return _with_safety_of(before, made, scenario)
     inner, servos = inner_parameters(before), bool(scenario.controller.memory.drives)

@@ -14,6 +14,7 @@ from skyarm.control.catalogue import (
     full_name,
     make_controller,
     make_tuned,
+    preset,
     suitable_options,
     tuned_factors,
 )
@@ -35,6 +36,27 @@ def law_words(law: str) -> tuple[str, ...]:
     """Words that a table may have beside a law: its options as a file calls them, and those of any law."""
     options = (WORDS.get(option, option) for option in LAWS[law].options() if option not in PYTHON_ONLY)
     return (*options, *(("tuned",) if law in tuned_factors() else ()), "safety", "servos")
+
+
+def by_words(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
+    """A preset, or a law and its options, for a belief; ``known`` is what it may know of its loop."""
+    return preset_from(fields, model, known) if "law" not in fields.table else law_from(fields, model, known)
+
+
+def preset_from(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
+    """The preset of a table, which takes no options."""
+    name = fields.take("preset", None)
+    if name is None:
+        raise ValueError(f"{fields.where}: must have a preset ({', '.join(PRESETS)}) or a law ({', '.join(LAWS)})")
+    if isinstance(name, str) and name not in PRESETS and name in LAWS:
+        raise ValueError(f"{fields.at('preset')} = {name!r}: is no preset but a law: law = {name!r}")
+    for word, value in fields.table.items():
+        if word not in ("preset", "safety", "servos"):
+            raise ValueError(
+                f"{fields.at(word)} = {shown(value)}: unknown field; beside a preset only safety and servos are "
+                f"allowed, a law in its place takes options"
+            )
+    return preset(name, model, known)
 
 
 def law_from(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:

@@ -13,6 +13,7 @@ from skyarm.registry import find
 from skyarm.scenario.endings import Ending
 from skyarm.scenario.scenario_record import JointDrive, NamedSensor
 from skyarm.sensors.sensor import Sensor
+from skyarm.vehicle.mounted_drives import require_stated
 
 
 def registered(kind: str, base: type, table: Any, where: str) -> Any:
@@ -32,7 +33,9 @@ def registered(kind: str, base: type, table: Any, where: str) -> Any:
     found = find(kind, name, fields.at("kind"))
     if not isinstance(found, type) or not issubclass(found, base):
         raise ValueError(f"{fields.at('kind')} = {name!r}: must be registered as a subclass of {base.__name__}")
-    return record_from(found, fields)
+    record = record_from(found, fields)
+    require_stated(found, table, where)
+    return record
 
 
 def _list(fields: Fields, name: str, kind: str, base: type) -> tuple[Any, ...]:

@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 LONGEST_QUEUE = 100
 """Control periods that a varied delay of the commands may take: the loop remembers as many commands."""
 
+LONGEST_QUEUE_OF_SERVO = 1000
+"""Control periods that a servo's setpoints may be on their way: as many are remembered."""
+
 
 def check_delays(scenario: Scenario) -> None:
     """Delays are whole numbers of steps within the flight; one that varies stays below its longest."""
@@ -109,11 +112,22 @@ def check_additions(scenario: Scenario) -> None:
     joints = [link.joint.name for link in scenario.world.vehicle.links]
     driven = [each.joint for each in scenario.drives]
     added = [(f"environment.{at}[{i}]", c) for at in ("air", "forces") for i, c in enumerate(getattr(scenario, at))]
-    added += [(f"plant.drives.{each.joint}", each.drive) for each in scenario.joint_drives]
+    own = {each.joint for each in scenario.drives}
+    for fitted in scenario.joint_drives:
+        where = f"plant.drives.{fitted.joint}" if fitted.joint in own else f"plant.vehicle.drives.{fitted.joint}"
+        added.append((where, fitted.drive))
+        latency = getattr(fitted.drive, "latency", 0.0)
+        if concrete(latency) and latency * rates.control > LONGEST_QUEUE_OF_SERVO:
+            most = f"{LONGEST_QUEUE_OF_SERVO} control periods, {LONGEST_QUEUE_OF_SERVO / rates.control:g} s"
+            raise ValueError(f"{where}.latency = {latency!r}: must be at most {most}")
     check_largest_step(added, 1.0 / rates.control)
     for joint in driven:
         if joint not in joints or driven.count(joint) > 1:
             raise ValueError(f"drives: joint = {shown(joint)}: must be one of {', '.join(joints) or 'none'}, once")
+        limit = scenario.world.vehicle.links[joints.index(joint)].joint.effort_limit
+        if concrete(limit) and limit == 0:
+            words = f"must be above 0 ([[joints]] of its file): it leaves plant.drives.{joint} no torque"
+            raise ValueError(f"plant.vehicle: joints[{joint}].effort_limit = 0: {words}")
 
 
 def check_clocks(scenario: Scenario) -> None:

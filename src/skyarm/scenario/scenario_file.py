@@ -162,7 +162,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         "seed": top.take("seed", 0),
     }
     chosen = {name: replaced.get(name, value) for name, value in in_file.items()}
-    chosen["duration"] = number(chosen["duration"], "duration")
+    chosen["duration"] = number(chosen["duration"], "duration", low=0.0, strict=True)
     controller = Fields(top.take("controller"), "controller")
     rates, delays = tables.rates(top), tables.delays(top)
     motion, joined = tables.joined(top.take("reference", {}))
@@ -178,7 +178,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         rates=rates,
         world=world,
         integrator=plant.take("integrator", "rk4"),
-        controller=tables.controller(controller, model, replaced.get("controller"), loop_facts(rates, delays)),
+        controller=tables.controller(controller, model, replaced.get("controller"), loop_facts(rates, delays), folder),
         trajectory=trajectory,
         joined=joined,
         wind=wind_from(environment.take("wind"), "environment.wind") if "wind" in environment.table else NO_WIND,

@@ -10,13 +10,13 @@ from typing import Any
 
 from skyarm.actuation import AllocationError
 from skyarm.control.actuator_layer import ActuatorParameters
-from skyarm.control.catalogue import make_named
 from skyarm.control.model import Model
 from skyarm.control.safety.memory import SafetyParameters
 from skyarm.files import shown, unreadable
 from skyarm.log.formats import load_log
 from skyarm.records.plain import dotted
 from skyarm.scenario.changes import Change, without_law
+from skyarm.scenario.gains_file import make_named_or_tuned
 from skyarm.scenario.law_by_name import loop_facts, under_law
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario, ScenarioError
 
@@ -61,7 +61,7 @@ def _named_law(name: str, model: Model, fields: Mapping[str, Any]) -> dict[str, 
     for field, held, kind in pairs:
         if not isinstance(held, kind):
             raise ValueError(f"scenario_record: {field} = {shown(held)}: must be a {kind.__name__}")
-    found: dict[str, Any] = {"controller": make_named(name, model, loop_facts(rates, delays))}
+    found: dict[str, Any] = {"controller": make_named_or_tuned(name, model, loop_facts(rates, delays))}
     changes = fields.get("changes", ())
     kept = isinstance(changes, tuple) and all(isinstance(each, Change) for each in changes)
     return found | ({"changes": without_law(changes)} if kept and changes else {})

@@ -6,7 +6,7 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.actuation.drive import TORQUE_DRIVE, Drive
+from skyarm.actuation.drive import TORQUE_DRIVE, Drive, TorqueDrive
 from skyarm.actuation.hover import hover_trim
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.controller import Controller
@@ -158,6 +158,14 @@ class Scenario:
         named = [each.joint for each in self.drives]
         carried = (each for each in self.world.vehicle.drives if each.name not in named)
         return (*self.drives, *(JointDrive(joint=each.name, drive=each.drive) for each in carried))
+
+    @property
+    def told(self) -> tuple[bool, ...]:
+        """Joint by joint, whether its command is a setpoint of its drive in place of a torque or force."""
+        given = {each.joint: each.drive for each in self.joint_drives}
+        return tuple(
+            not isinstance(given.get(link.joint.name, TORQUE_DRIVE), TorqueDrive) for link in self.world.vehicle.links
+        )
 
     @property
     def all_drives(self) -> tuple[Drive, ...]:

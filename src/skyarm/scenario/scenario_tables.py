@@ -11,15 +11,15 @@ from typing import Any
 from skyarm.actuation import AllocationError
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.actuator_layer import plain_model
-from skyarm.control.catalogue import LAWS, PRESETS, make_named, preset
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.environment import payload_from
 from skyarm.files import Fields, number, shown
 from skyarm.records.leaves import field_names
+from skyarm.scenario.gains_file import controller_of_file, make_named_or_tuned
 from skyarm.scenario.law_by_name import on_actuators
-from skyarm.scenario.law_table import law_from
+from skyarm.scenario.law_table import by_words
 from skyarm.scenario.scenario_checks import check_quaternion
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario, trimmed_state
 from skyarm.sensors.noise import SensorNoise
@@ -47,7 +47,7 @@ def truth_value(fields: Fields, name: str, default: bool) -> bool:
 def vehicle(fields: Fields, folder: Path) -> Vehicle:
     """The named vehicle, as its file describes it."""
     named = fields.take("vehicle")
-    if not isinstance(named, str):
+    if not isinstance(named, str) or not named:
         raise ValueError(f"{fields.at('vehicle')} = {shown(named)}: must be a name of the library or a path")
     try:
         return load_vehicle(named if named in list_vehicles() else folder / named)
@@ -128,10 +128,13 @@ def rates(top: Fields) -> Rates:
     return Rates(**hertz)
 
 
-def controller(fields: Fields, model: Model, replaced: str | None, known: Mapping[str, Any]) -> Controller:
+def controller(
+    fields: Fields, model: Model, replaced: str | None, known: Mapping[str, Any], folder: Path = Path()
+) -> Controller:
     """A preset or a law with its constants, with the safety layer if asked; on the servos that the belief has.
 
-    ``replaced`` is a name of :mod:`skyarm.control.catalogue` in place of the table's law.
+    ``replaced`` is a name of :mod:`skyarm.control.catalogue` in place of the table's law, or a file of gains
+    (:mod:`skyarm.scenario.gains_file`); ``folder`` is where the table's own file of gains lies.
 
     ``known`` is what a law may know of its loop (:func:`skyarm.control.catalogue.preset`).
     """
@@ -139,9 +142,12 @@ def controller(fields: Fields, model: Model, replaced: str | None, known: Mappin
     plain = plain_model(model)
     try:
         if replaced is not None:
-            found = make_named(replaced, plain, known)
+            found = make_named_or_tuned(replaced, plain, known)
+        elif isinstance(fields.table.get("tuned"), str):
+            _require_alone(fields)
+            found = controller_of_file(fields.take("tuned"), folder, plain, known, fields.at("tuned"))
         else:
-            found = _preset(fields, plain, known) if "law" not in fields.table else law_from(fields, plain, known)
+            found = by_words(fields, plain, known)
     except AllocationError as error:
         raise ValueError(f"model.vehicle = {model.vehicle.name!r}: {error}") from None
     found = _with_safety(found, safety)
@@ -149,6 +155,15 @@ def controller(fields: Fields, model: Model, replaced: str | None, known: Mappin
         return on_actuators(found, model, known["control_period"], servos)
     except ControllerError as error:
         raise ValueError(f"controller.{error}") from None
+
+
+def _require_alone(fields: Fields) -> None:
+    """Refuse a law beside a file of gains, which names its own."""
+    for word, value in fields.table.items():
+        if word not in ("tuned", "safety", "servos"):
+            allowed = "beside it only safety and servos are allowed"
+            names = f"the file of {fields.at('tuned')} names the law"
+            raise ValueError(f"{fields.at(word)} = {shown(value)}: must be left out: {names}; {allowed}")
 
 
 def require_servos_said(fields: Fields, carrier: Vehicle, model: Model) -> None:
@@ -162,22 +177,6 @@ def require_servos_said(fields: Fields, carrier: Vehicle, model: Model) -> None:
             f"{fields.at('servos')}: is missing; plant.vehicle = {carrier.name!r} has servos and model.vehicle = "
             f"{model.vehicle.name!r} none: give it [model.drives.JOINT], or say false for a law of setpoints"
         )
-
-
-def _preset(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
-    """The preset of a table, which takes no options."""
-    name = fields.take("preset", None)
-    if name is None:
-        raise ValueError(f"{fields.where}: must have a preset ({', '.join(PRESETS)}) or a law ({', '.join(LAWS)})")
-    if isinstance(name, str) and name not in PRESETS and name in LAWS:
-        raise ValueError(f"{fields.at('preset')} = {name!r}: is no preset but a law: law = {name!r}")
-    for word, value in fields.table.items():
-        if word not in ("preset", "safety", "servos"):
-            raise ValueError(
-                f"{fields.at(word)} = {shown(value)}: unknown field; beside a preset only safety and servos are "
-                f"allowed, a law in its place takes options"
-            )
-    return preset(name, model, known)
 
 
 def _with_safety(found: Controller, safety: Any) -> Controller:

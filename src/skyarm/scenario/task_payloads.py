@@ -12,6 +12,8 @@ from skyarm.reference.setting import TaskEvent
 FIELD = {"pick": "pick", "place": "drop"}
 """Kind of a phase -> field of the payload."""
 
+DONE = {"pick": "picks", "place": "places"}
+
 
 def with_instants(tables: Any, events: Sequence[TaskEvent], control_rate: float) -> Any:
     """The tables of ``[[payloads]]`` with the instants at which phases pick and place them.
@@ -27,7 +29,11 @@ def with_instants(tables: Any, events: Sequence[TaskEvent], control_rate: float)
     if not events or not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         return tables  # nothing to add, or not what the reader of payloads takes
     found = [dict(table) for table in tables]
-    named = {table["name"]: i for i, table in enumerate(found) if isinstance(table.get("name"), str)}
+    named: dict[str, int] = {}
+    for i, name in enumerate(table.get("name") for table in found):
+        if isinstance(name, str) and named.setdefault(name, i) != i:
+            raise ValueError(f"payloads[{i}].name = {shown(name)}: must differ from that of payloads[{named[name]}]")
+    seen: dict[tuple[str, str], str] = {}
     for event in events:
         at = f"{event.where}.payload = {shown(event.payload)}"
         if event.payload not in named:
@@ -35,6 +41,12 @@ def with_instants(tables: Any, events: Sequence[TaskEvent], control_rate: float)
             there = ", ".join(named) or "none"
             raise ValueError(f"{at}: {near}must be the name of one of [[payloads]]; there are {there}")
         i, field = named[event.payload], FIELD[event.kind]
+        if (event.payload, event.kind) in seen:
+            before = f"{seen[event.payload, event.kind]} {DONE[event.kind]} it already"
+            raise ValueError(f"{at}: must be the name of another payload: {before}")
+        if event.kind == "pick" and (event.payload, "place") in seen:
+            raise ValueError(f"{at}: must be picked before {seen[event.payload, 'place']} places it")
+        seen[event.payload, event.kind] = event.where
         if field in found[i]:
             raise ValueError(
                 f"payloads[{i}].{field} = {shown(found[i][field])}: must be left out, {event.where} says when"

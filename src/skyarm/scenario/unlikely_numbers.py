@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from skyarm.environment import ForceWind, MovingAir
 from skyarm.environment.wind import all_gusts
+from skyarm.scenario.law_and_undriven import law_of_undriven
 from skyarm.scenario.reference_setting import feasibility_of
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.unlikely_vehicle import EARTH, FARTHEST, TURN, unlikely_in_vehicle
@@ -44,6 +45,9 @@ LOADED = 10.0
 SPUN = 50.0
 """rad/s, eight turns a second, of the body at the start."""
 
+BEYOND = 1e-6
+"""rad or m past a joint's limit that rounding leaves."""
+
 LOOKS = 200
 """Instants at which a reference is looked at."""
 
@@ -58,6 +62,7 @@ def unlikely_numbers(scenario: Scenario) -> tuple[str, ...]:
         *_reference(scenario),
         *_plan(scenario),
         *_start(scenario),
+        *law_of_undriven(scenario),
     )
 
 
@@ -149,6 +154,12 @@ def _start(scenario: Scenario) -> Iterator[str]:
         return
     for i, (q, link) in enumerate(zip(start.joints, scenario.world.vehicle.links, strict=True)):
         yield from _joint(f"initial.joints[{i}]", float(q), link.joint.kind, "=")
+        low, high = float(link.joint.lower), float(link.joint.upper)
+        if not low - BEYOND <= float(q) <= high + BEYOND:
+            yield (
+                f"initial.joints[{i}] = {float(q):g}: is beyond the limits {low:g} ... {high:g} of "
+                f"{link.joint.name!r}; rad, not degrees?"
+            )
     if _norm(start.rate) > SPUN:
         yield f"initial.rate of {_norm(start.rate):g} rad/s: is fast; rad/s, not degrees/s?"
     if _norm(start.position) > SPREAD:

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from skyarm.actuation.hover import highest_thrust
+from skyarm.scenario.unlikely_drives import unlikely_in_drives, unlikely_in_supply
 from skyarm.vehicle.vehicle_records import BASE, Body, Vehicle
 
 TURN = 2.0 * math.pi * 1.001
@@ -40,13 +41,23 @@ STRONGEST = 10_000.0
 GYRATION = 3.0
 """Radius of gyration over the vehicle's extent: a body within it has less than 1; in kg cm^2 it has 100 times more."""
 
+OUTSIDE = 3.0
+"""Distance of the base's centre of mass over that of its rotors: within an airframe it is less than 1."""
+
 SMALLEST = 0.05
 """m: least extent that is taken for a vehicle's, so that a body without a described size is not suspected."""
 
 
 def unlikely_in_vehicle(vehicle: Vehicle) -> tuple[str, ...]:
     """Lines about numbers that are probably in other units; empty for a vehicle without any."""
-    return (*_masses(vehicle), *_joints(vehicle), *_rotors(vehicle), *_lengths(vehicle))
+    return (
+        *_masses(vehicle),
+        *_joints(vehicle),
+        *unlikely_in_drives(vehicle),
+        *_rotors(vehicle),
+        *unlikely_in_supply(vehicle),
+        *_lengths(vehicle),
+    )
 
 
 def _masses(vehicle: Vehicle) -> Iterator[str]:
@@ -57,7 +68,9 @@ def _masses(vehicle: Vehicle) -> Iterator[str]:
     extent = max(extent, sum(_norm(link.joint.position) for link in vehicle.links))
     for name, body in (("base", vehicle.base), *((f"links[{link.name}]", link.body) for link in vehicle.links)):
         radius = _gyration(body)
-        if radius > GYRATION * extent:
+        if math.isinf(radius):
+            yield f"{name}.mass = 0 kg: has an inertia of {_largest(body):g} kg m^2 without a mass; kg?"
+        elif radius > GYRATION * extent:
             yield (
                 f"{name}.inertia = {_largest(body):g} kg m^2: is that of its {float(body.mass):g} kg {radius:.3g} m "
                 f"away, and the vehicle reaches {extent:.3g} m; kg m^2, not kg cm^2 or g mm^2?"
@@ -84,24 +97,35 @@ def _rotors(vehicle: Vehicle) -> Iterator[str]:
     if vehicle.rotors and weight > 0.0 and top < math.inf:
         speeds = f"rotors: max_speed = {max(float(rotor.max_speed) for rotor in vehicle.rotors):g} rad/s"
         if top > MARGINS[1] * weight:
-            yield f"{speeds}: lifts {top / weight:.3g} times the weight; rad/s, not rev/min? N s^2/rad^2 of thrust?"
+            hint = "rad/s, not rev/min? N s^2/rad^2 of thrust?"
+            rows = [(rotor.name, rotor.table) for rotor in vehicle.rotors if rotor.table is not None]
+            for name, table in rows[:1]:
+                speeds = f"rotors[{name}].thrust_table.thrust = {table.thrust[-1]:g} N at {table.speed[-1]:g} rad/s"
+                hint = "thrust in N, not g? speed in rad/s, not rev/min?"
+            yield f"{speeds}: lifts {top / weight:.3g} times the weight; {hint}"
         elif 0.0 <= top < MARGINS[0] * weight:
             yield f"{speeds}: lifts {top / weight:.2g} of the weight; kg, not g? N s^2/rad^2, not N per (rev/min)^2?"
-    for rotor in vehicle.rotors:
-        for field in ("time_constant_up", "time_constant_down"):
-            lag = float(getattr(rotor, field))
-            if lag > SLOWEST:
-                yield f"rotors[{rotor.name}].{field} = {lag:g} s: is slow; s, not ms?"
-        arm = float(rotor.moment_coefficient)
-        if arm > LONGEST_MOMENT_ARM:
-            name = f"rotors[{rotor.name}].moment_coefficient"
-            yield f"{name} = {arm:g} m: is drag torque over thrust, some centimetres; m, not mm?"
+    for field, most, words in (
+        ("time_constant_up", SLOWEST, "s: is slow; s, not ms?"),
+        ("time_constant_down", SLOWEST, "s: is slow; s, not ms?"),
+        ("moment_coefficient", LONGEST_MOMENT_ARM, "m: is drag torque over thrust, some centimetres; m, not mm?"),
+    ):
+        beyond = [rotor for rotor in vehicle.rotors if float(getattr(rotor, field)) > most]
+        if beyond:
+            # one cause as a rule: said once, with the largest
+            worst = max(beyond, key=lambda rotor: float(getattr(rotor, field)))
+            said, hint = words.split("; ")
+            others = f" (and {len(beyond) - 1} more rotors)" if len(beyond) > 1 else ""
+            yield f"rotors[{worst.name}].{field} = {float(getattr(worst, field)):g} {said}{others}; {hint}"
 
 
 def _lengths(vehicle: Vehicle) -> Iterator[str]:
     for name, where in _places(vehicle):
         if _norm(where) > FARTHEST:
             yield f"{name} = {_norm(where):g} m away: is far; m, not mm?"
+    hubs, com = max((_norm(rotor.position) for rotor in vehicle.rotors), default=math.inf), _norm(vehicle.base.com)
+    if OUTSIDE * max(hubs, SMALLEST) < com <= FARTHEST:
+        yield f"base.com = {com:g} m away: is far from a base whose rotors reach {hubs:.3g} m; m, not mm?"
 
 
 def _places(vehicle: Vehicle) -> list[tuple[str, Any]]:

@@ -96,7 +96,7 @@ class Batch:
         self.windows = (windows or Windows()).of_flight(scenario.duration, scenario.windows)
         self._kind = {"single": single, "bit_exact": bit_exact, "stiffest": stiffest}
         self.stepped: BatchSession | None = None
-        self.names = metric_names(metrics, scenario.world.vehicle.n)
+        self.names = metric_names(metrics, scenario.world.vehicle.n, scenario.told)
         scenario.controller.require_compiled("a batch")
         try_own_code(scenario)
         require_apart(scenario, self.paths)

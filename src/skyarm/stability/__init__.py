@@ -1,7 +1,8 @@
 """Evidence of stability: the linearised sampled loop with its margins, and maps of what initial states are caught."""
 
 from skyarm.stability.basin import Basin, basin
+from skyarm.stability.loop_derivatives import OpenLoop
 from skyarm.stability.margins import Margins, margins
-from skyarm.stability.open_loop import OpenLoop, open_loop
+from skyarm.stability.open_loop import open_loop
 
 __all__ = ["Basin", "Margins", "OpenLoop", "basin", "margins", "open_loop"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,8 +17,12 @@ from skyarm.reference import Constant, Trajectory
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.compiled_flight import trace_scenario
 from skyarm.simulate.inputs import episode_inputs
-from skyarm.stability.margins import Margins, margins
-from skyarm.stability.open_loop import LAGS, Differentiator, carry_of, nominal
+from skyarm.simulate.loop_state import LoopState
+from skyarm.stability.frozen_scenario import LAGS, nominal, without_adaptation
+from skyarm.stability.loop_derivatives import OpenLoop
+from skyarm.stability.margins import Margins, delay_margin
+from skyarm.stability.margins import margins as margins_of_loop
+from skyarm.stability.open_loop import Differentiator, carry_of
 
 SETTLING = 5.0
 """s of hover before it is linearised; whole, so that they hold whole periods of any rate."""
@@ -26,11 +30,18 @@ SETTLING = 5.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Instant:
-    """Margins at one time of a flight, for each of ``LAGS``; ``hover`` is True for the flight that only hovers."""
+    """Margins at one time of a flight, for each of ``LAGS``.
+
+    Attributes:
+        hover: True for the flight that only hovers. time: s.
+        by_lag: with the rotors' time constant upward and with that downward.
+        swings: s of further dead time from which on small swings grow, with the lag between both that a swing meets.
+    """
 
     hover: bool
     time: float
     by_lag: dict[str, Margins]
+    swings: float
 
     @property
     def delay(self) -> float:
@@ -84,6 +95,20 @@ def hovering(scenario: Scenario) -> Scenario:
     )
 
 
+def margins(scenario: Scenario, instants: int = 4, progress: Callable[[int, int], object] | None = None) -> Evidence:
+    """Margins of a scenario's loop, as ``skyarm margins`` prints them; what the law adapts slowly is held.
+
+    Args:
+        scenario: on any plant; the rigid-body plant is linearised.
+        instants: looked at along the scenario, beside hover.
+        progress: told how many instants are done, and of how many.
+
+    Raises:
+        ScenarioError: fewer than 0 instants, or the loop has a memory that its linearisation does not know.
+    """
+    return evidence(without_adaptation(scenario), instants, progress)
+
+
 def evidence(scenario: Scenario, instants: int = 4, progress: Callable[[int, int], object] | None = None) -> Evidence:
     """Margins in hover and at ``instants`` times along the scenario, equally far apart, the last at its end.
 
@@ -108,7 +133,7 @@ def evidence(scenario: Scenario, instants: int = 4, progress: Callable[[int, int
     completed = True
     told(0)
     for hover, flight, count in flights:
-        some, whole = _along(dataclasses.replace(flight, plant="rigid_body"), count, hover, told, len(found))
+        some, whole = _along(flight, count, hover, told, len(found))
         found += some
         completed = completed and whole
     return Evidence(
@@ -120,13 +145,42 @@ def _along(
     flight: Scenario, count: int, hover: bool, told: Callable[[int], None], before: int
 ) -> tuple[list[Instant], bool]:
     """Instants of one flight, and whether it was completed; tells how many are done with those ``before``."""
+    found: list[Instant] = []
+    for frozen in frozen_instants(flight, count):
+        by_lag = {lag: margins_of_loop(frozen.opened(lag)) for lag in LAGS}
+        swings = delay_margin(frozen.opened("between"))
+        found.append(Instant(hover=hover, time=frozen.time, by_lag=by_lag, swings=swings))
+        told(before + len(found))
+    return found, len(found) == count
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Frozen:
+    """A flight at one instant.
+
+    Attributes:
+        time: s. differentiator: of the flight. carry: its loop state. row: leaves of what the instant is fed.
+    """
+
+    time: float
+    differentiator: Differentiator
+    carry: LoopState
+    row: list[float]
+
+    def opened(self, lag: str) -> OpenLoop:
+        """The linearised open loop, with the rotors' time constant upward, downward or between."""
+        return self.differentiator.at(self.carry, self.row, lag)
+
+
+def frozen_instants(flight: Scenario, count: int) -> Iterator[Frozen]:
+    """A flight at ``count`` times, equally far apart, the last at its end; fewer where it ends early."""
+    flight = dataclasses.replace(flight, plant="rigid_body")
     inputs = episode_inputs(flight)
     traced = trace_scenario(flight, inputs)
-    kernel = Kernel(traced.loop, Lanes(1))
+    kernel = Kernel(traced.loop, Lanes(1), effort=0)
     differentiator = Differentiator(flight)
     rows = np.column_stack([inputs.times, np.array(inputs.held, dtype=float).reshape(flight.steps, -1)])
     carry = np.array(leaves(traced.carry), dtype=float)[:, None]
-    found: list[Instant] = []
     at = 0
     for k in range(1, count + 1):
         # the instant is fed a row, so that the last one is that of the last period
@@ -135,8 +189,7 @@ def _along(
         at = until
         now = carry_of(traced.carry, carry[:, 0].tolist())
         if now.alive < 0.5:
-            return found, False
-        by_lag = {lag: margins(differentiator.at(now, rows[until].tolist(), lag)) for lag in LAGS}
-        found.append(Instant(hover=hover, time=float(inputs.times[until]), by_lag=by_lag))
-        told(before + len(found))
-    return found, True
+            return
+        yield Frozen(
+            time=float(inputs.times[until]), differentiator=differentiator, carry=now, row=rows[until].tolist()
+        )

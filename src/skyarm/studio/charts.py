@@ -85,14 +85,16 @@ class Chart:
 
 def charts(gui: Any, flights: Sequence[Flight]) -> list[Chart]:
     """The four plots of some flights."""
-    joints = [link.joint.name for link in flights[0].first.world.vehicle.links] if flights else []
-    limited = bool(joints) and all(math.isfinite(_limit(flights[0], i)) for i in range(len(joints)))
+    links = flights[0].first.world.vehicle.links if flights else ()
+    # of joints whose drives take another setpoint no effort is known
+    torques = [i for i in range(len(links)) if not any(flight.first.told[i] for flight in flights)]
+    limited = bool(torques) and all(math.isfinite(_limit(flights[0], i)) for i in torques)
     found = [
         Chart(gui, "tip error (mm)", flights, {"": lambda seen: 1e3 * seen.error}),
         Chart(gui, "tilt (deg)", flights, {"": lambda seen: math.degrees(seen.tilt)}),
     ]
-    if joints:
-        efforts = {name: _effort(i, 100.0 if limited else 1.0) for i, name in enumerate(joints)}
+    if torques:
+        efforts = {links[i].joint.name: _effort(i, 100.0 if limited else 1.0) for i in torques}
         title = "joint efforts (% of limit)" if limited else "joint efforts (N m or N)"
         found.append(Chart(gui, title, flights, efforts, 100.0 if limited else None))
     rotors = {"least": lambda seen: 100.0 * min(seen.rotors), "most": lambda seen: 100.0 * max(seen.rotors)}

@@ -156,7 +156,7 @@ def _study(top: Fields, folder: Path, source: str) -> Study:
     paths = [name for name in (*vary, *derived) if not (derived and is_own_name(name))]
     scenarios = _scenarios(top, folder, paths, derived)
     first = next(iter(scenarios.values()))
-    chosen["metrics"] = _metrics(top, first.world.vehicle.n)
+    chosen["metrics"] = _metrics(top, first)
     windows = chosen["windows"].of_flight(first.duration, first.windows)
     success = _success(top, chosen["metrics"])
     top.done()
@@ -221,12 +221,12 @@ def _episodes(top: Fields, design: str, vary: Mapping[str, Distribution]) -> int
     return episodes
 
 
-def _metrics(top: Fields, joints: int) -> tuple[str, ...]:
+def _metrics(top: Fields, scenario: Scenario) -> tuple[str, ...]:
     """Names of the metrics of the rows."""
     wanted = top.take("metrics", ["standard"])
     if not isinstance(wanted, list) or not wanted:
         raise ValueError(f"metrics = {shown(wanted)}: must be a list of names")
-    return metric_names(wanted, joints)
+    return metric_names(wanted, scenario.world.vehicle.n, scenario.told)
 
 
 def _scenarios(top: Fields, folder: Path, paths: list[str], derived: Collection[str]) -> dict[str, Scenario]:

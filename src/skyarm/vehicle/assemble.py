@@ -13,7 +13,7 @@ from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.couple import Mimic, couple, limits_that_contradict
 from skyarm.vehicle.dry_friction import with_smooth_friction
-from skyarm.vehicle.mounted_drives import mounted_drives
+from skyarm.vehicle.mounted_drives import mounted_drives, with_limits_of_drives
 from skyarm.vehicle.nearest_inertia import with_real_inertias
 from skyarm.vehicle.rotor_tables import battery_of, rotor_of
 from skyarm.vehicle.schema import VehicleFile
@@ -63,6 +63,8 @@ def assemble(file: VehicleFile, referred: Referred) -> Vehicle:
     bodies = with_real_inertias(_overridden(file.joints, bodies, own), file.repair)
     frames = tuple(_frame(table, bodies) for table in file.frames)
     links, followers, frames = couple(bodies.links, (*bodies.frames, *frames), bodies.mimics)
+    drives = _drives(file, referred)
+    links = tuple(with_limits_of_drives(links, drives, _stating(file, "effort_limit")))
     airframe = referred.airframe
     drag = BodyDrag() if airframe is None else airframe.drag
     if file.drag is not None:
@@ -80,14 +82,18 @@ def assemble(file: VehicleFile, referred: Referred) -> Vehicle:
         frames=frames,
         end_effector=file.end_effector or ("" if airframe is None else airframe.end_effector),
         drag=drag,
-        drives=_drives(file, referred),
+        drives=drives,
         battery=battery_of(file.battery) if airframe is None or file.battery is not None else airframe.battery,
         sources=(*(() if airframe is None else airframe.sources), *file.sources.items()),
         notes=(*bodies.notes, *limits_that_contradict(links, followers)),
     )
     stated = {*own, *referred.settled, *(each.name for each in file.joints if each.coulomb_rate is not None)}
     made = with_smooth_friction(made, {link.joint.name for link in made.links} - stated)
-    return with_stops(made, [*_own_stops(file), *referred.settled]) if file.joint_limits == "stop" else made
+    if file.joint_limits == "end":
+        return made
+    stiff, damped = _stating(file, "stop_stiffness"), _stating(file, "stop_damping")
+    settled = {*referred.settled} - {*stiff, *damped}
+    return with_stops(made, settled, stiff=stiff, damped=damped)
 
 
 def _with_armature(arm: RigidBodies, armature: float) -> RigidBodies:
@@ -111,10 +117,10 @@ def _drives(file: VehicleFile, referred: Referred) -> tuple[MountedDrive, ...]:
     return (*(each for each in others if each.name not in stated), *own)
 
 
-def _own_stops(file: VehicleFile) -> list[str]:
-    """Names of the joints whose stops are stated."""
+def _stating(file: VehicleFile, field: str) -> list[str]:
+    """Names of the joints of which the file states a number."""
     tables: list[JointTable | JointOverride] = [*(link.joint for link in file.links), *file.joints]
-    return [table.name for table in tables if table.stop_stiffness is not None]
+    return [table.name for table in tables if getattr(table, field) is not None]
 
 
 def _own_bodies(file: VehicleFile) -> RigidBodies:
@@ -151,6 +157,9 @@ def _overridden(tables: Sequence[JointOverride], bodies: RigidBodies, own: Seque
     for name in changes:
         if name in own:
             refuse("joints.name", name, "must stand in its link; only another file's joints are changed here")
+        if name in bodies.mimics:
+            what = f"must be left out: it follows {bodies.mimics[name].joint!r} and has nothing of its own to state"
+            refuse("joints.name", name, what)
         if name not in known:
             refuse("joints.name", name, f"must be one of {', '.join(known) or 'none'}")
     if not changes:

@@ -171,15 +171,24 @@ def vehicle(value: Vehicle) -> None:
             value.end_effector,
             f"must be one of {', '.join(each.name for each in value.frames) or 'none'}",
         )
-    joints = [link.joint.name for link in value.links]
-    for name in (each.name for each in value.drives):
-        if name not in joints or [each.name for each in value.drives].count(name) > 1:
-            refuse("drives", name, f"must be one of {', '.join(joints) or 'none'}, once")
+    _drives(value)
     for name, area in zip("xyz", value.drag.area, strict=True):
         number(f"drag.area.{name}", area, low=0.0)
     number("drag.air_density", value.drag.air_density, low=0.0)
     if found := mobility.what_does_not_move(value):
         refuse(*found)
+
+
+def _drives(value: Vehicle) -> None:
+    """Each drive is of a joint of its own, which lets it give a torque."""
+    joints = [link.joint.name for link in value.links]
+    for name in (each.name for each in value.drives):
+        if name not in joints or [each.name for each in value.drives].count(name) > 1:
+            refuse("drives", name, f"must be one of {', '.join(joints) or 'none'}, once")
+        limit = value.links[joints.index(name)].joint.effort_limit
+        if concrete(limit) and limit == 0:
+            allowed = f"must be above 0: it leaves drives.{name} no torque"
+            refuse(f"joints[{name}].effort_limit", limit, allowed)
 
 
 def _follower(value: Vehicle, each: Follower, index: int) -> None:

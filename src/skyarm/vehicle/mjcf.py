@@ -23,6 +23,12 @@ from skyarm.vehicle.mjcf_limits import name_of, refuse_what_is_not_here
 from skyarm.vehicle.notes import Notes
 from skyarm.vehicle.vehicle_records import BASE, Body, Frame, Link
 
+NAMES = (
+    *("name", "class", "childclass", "model", "file", "joint", "joint1", "joint2", "body", "body1", "body2"),
+    *("site", "geom", "mesh", "material", "texture", "target", "tendon", "actuator"),
+)
+"""Attributes whose values are words, of which one may be "nan"."""
+
 
 @dataclass(slots=True)
 class _Tree:
@@ -81,11 +87,12 @@ def read_mjcf(path: Path, mimic: str = "lock") -> RigidBodies:
 def _compiled(path: Path) -> Any:
     """MuJoCo's model of a file; its warnings and its errors on many lines become one line."""
     try:
-        head = ET.fromstring(path.read_bytes().lstrip()).tag
+        read = ET.fromstring(path.read_bytes().lstrip())
     except (ET.ParseError, LookupError, ValueError) as error:
         raise VehicleError(f"XML = {str(error)!r}: must be well-formed") from None
-    if head != "mujoco":
-        refuse("root element", head, "must be <mujoco>; a URDF file's name ends in .urdf")
+    if read.tag != "mujoco":
+        refuse("root element", read.tag, "must be <mujoco>; a URDF file's name ends in .urdf")
+    _require_numbers(read)
     import mujoco
 
     usual = mujoco.get_mju_user_warning()
@@ -96,6 +103,14 @@ def _compiled(path: Path) -> Any:
         raise VehicleError(f"MJCF = {one_line(str(error))!r}: must be a model that MuJoCo loads") from None
     finally:
         mujoco.set_mju_user_warning(usual)
+
+
+def _require_numbers(read: ET.Element) -> None:
+    """Refuse a number that is none: to MuJoCo it would mean one that was left out."""
+    for element in read.iter():
+        for name, value in element.attrib.items():
+            if name not in NAMES and "nan" in value.lower().split():
+                refuse(f"<{element.tag}>.{name}", value, "must be finite")
 
 
 def _say_nothing(text: str) -> None:

@@ -27,7 +27,9 @@ DAMPING_RATIO = 0.5
 """Of the joint against its stop, at that depth."""
 
 
-def with_stops(vehicle: Vehicle, own: Collection[str] = ()) -> Vehicle:
+def with_stops(
+    vehicle: Vehicle, own: Collection[str] = (), *, stiff: Collection[str] = (), damped: Collection[str] = ()
+) -> Vehicle:
     """Vehicle whose limited joints have stops.
 
     The stiffness of a joint's stop holds its drive's effort at ``DEPTH``, but moves the joint at ``SOFTEST`` to
@@ -36,9 +38,11 @@ def with_stops(vehicle: Vehicle, own: Collection[str] = ()) -> Vehicle:
     Args:
         vehicle: with concrete numbers.
         own: names of joints that state their stops themselves, and be it none.
+        stiff: names of joints that state the stiffness of their stops (0: none); only the damping is chosen.
+        damped: names of joints that state the damping; only the stiffness is chosen.
     """
     joints = [link.joint for link in vehicle.links]
-    wanted = [joint.name not in own and not joint.has_stops and _limited(joint) for joint in joints]
+    wanted = [_limited(joint) and joint.name not in own and _asked(joint, stiff, damped) for joint in joints]
     if not any(wanted):
         return vehicle
     import numpy as np
@@ -47,8 +51,17 @@ def with_stops(vehicle: Vehicle, own: Collection[str] = ()) -> Vehicle:
     ease = np.max([np.diag(each) for each in mobilities], axis=0)
     sound = [asked and math.isfinite(each) and each > 0.0 for asked, each in zip(wanted, ease.tolist(), strict=True)]
     rows = zip(vehicle.links, ease.tolist(), sound, strict=True)
-    links = tuple(dataclasses.replace(k, joint=_stopped(k.joint, e)) if s else k for k, e, s in rows)
+    links = tuple(
+        dataclasses.replace(k, joint=_stopped(k.joint, e, k.joint.name in damped)) if s else k for k, e, s in rows
+    )
     return dataclasses.replace(vehicle, links=links)
+
+
+def _asked(joint: Joint, stiff: Collection[str], damped: Collection[str]) -> bool:
+    """Whether a number of a joint's stops is to be chosen."""
+    if joint.name not in stiff:
+        return not joint.has_stops or joint.name in damped
+    return joint.name not in damped and float(joint.stop_stiffness) > 0.0
 
 
 def _limited(joint: Joint) -> bool:
@@ -64,9 +77,12 @@ def _stiffness(joint: Joint, ease: float) -> float:
     return max(usual, min(shallow / DEEPEST, STIFFEST**2 / ease))
 
 
-def _stopped(joint: Joint, ease: float) -> Joint:
-    """A joint with stops and the damping that goes with them."""
-    effort, stiffness = float(joint.effort_limit), _stiffness(joint, ease)
+def _stopped(joint: Joint, ease: float, damped: bool) -> Joint:
+    """A joint with stops, of its own stiffness if it has one, and with the damping that suits them, if it has none."""
+    effort = float(joint.effort_limit)
+    stiffness = float(joint.stop_stiffness) if joint.has_stops else _stiffness(joint, ease)
+    if damped:
+        return dataclasses.replace(joint, stop_stiffness=stiffness)
     depth = effort / stiffness if 0.0 < effort < math.inf else DEPTH[joint.kind]
     damping = 2.0 * DAMPING_RATIO / (math.sqrt(stiffness * ease) * depth)
     return dataclasses.replace(joint, stop_stiffness=stiffness, stop_damping=damping)

@@ -62,6 +62,11 @@ def _step(name: str, title: str) -> Entry:
     return Entry(title, "laws.ladder.make", "make_stepped", (("name", name),))
 
 
+BEARS_UNDRIVEN = ("rotors_sim_position", "decoupled_pd", "guo2023")
+"""Laws that hold the base whatever the joints do; the others count on the joints' torques and fall with a slung load
+whose joints nothing drives (``tests/assess/test_hanging_joints.py`` flies them)."""
+
+
 SHIPPED_LAWS: Mapping[str, Entry] = {
     "rotors_sim_position": _paper("rotors_sim_position", "RotorS's geometric position controller, joints free"),
     "decoupled_pd": _paper("decoupled_pd", "the paper's baseline: RotorS's controller and joint PD, no coupling"),

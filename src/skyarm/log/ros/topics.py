@@ -16,7 +16,7 @@ import numpy.typing as npt
 from skyarm.actuation import rotor_forces
 from skyarm.algebra import Vec3
 from skyarm.log.flight_log import Log
-from skyarm.log.log_columns import columns, names_of
+from skyarm.log.log_columns import Names, columns, names_of
 from skyarm.log.ros.cdr import Bytes, encode
 from skyarm.log.ros.frame_transforms import (
     BASE_LINK,
@@ -118,8 +118,8 @@ class FlightTopics:
         names = self._names
         return [
             Topic("/odom", "nav_msgs/Odometry", every, odometry),
-            *_joints("/joint_states", every, names.joints, position="joints", velocity="joint_rates", effort="efforts"),
-            *_joints("/commands/joints", every, names.joints, effort="efforts"),
+            *_joints("/joint_states", every, names.joints, position="joints", velocity="joint_rates", **efforts(names)),
+            *_joints("/commands/joints", every, names.joints, **told(names)),
             *_joints("/commands/rotors", every, names.rotors, velocity="rotor_commands"),
             *_joints("/rotors", every, names.rotors, velocity="rotor_speeds"),
         ]
@@ -170,11 +170,36 @@ def control_rate(log: Log) -> float:
     return float(rate) if isinstance(rate, (int, float)) and 0 < rate <= HIGHEST else FAST
 
 
-def _joints(name: str, every: int, names: Sequence[str], **arrays: str) -> list[Topic]:
+Column = str | Callable[[Part], Array]
+"""An array of the log by its name, or one that is made of a part of it."""
+
+
+def efforts(names: Names) -> dict[str, Column]:
+    """Commanded torques and forces as a field of a JointState; NaN of joints that take another setpoint."""
+    return _chosen("effort", [told is None for told in names.setpoints])
+
+
+def told(names: Names) -> dict[str, Column]:
+    """Commands as the fields of a JointState that they are of: angles and lengths, rates, torques and forces."""
+    found = efforts(names)
+    for field, units in (("position", ("rad", "m")), ("velocity", ("rad/s", "m/s"))):
+        found |= _chosen(field, [each in units for each in names.setpoints])
+    return found
+
+
+def _chosen(field: str, mine: Sequence[bool]) -> dict[str, Column]:
+    """The commands of some joints as a field; without any no field, as of what is not known."""
+    if all(mine):
+        return {field: "efforts"}
+    return {field: lambda part: np.where(mine, part["efforts"], np.nan)} if any(mine) else {}
+
+
+def _joints(name: str, every: int, names: Sequence[str], **arrays: Column) -> list[Topic]:
     """A sensor_msgs/JointState of numbers by name; nothing of a vehicle without any."""
 
     def values(part: Part) -> dict[str, Any]:
-        return {"header": part.header(""), "name": names} | {field: part[array] for field, array in arrays.items()}
+        found = {field: part[each] if isinstance(each, str) else each(part) for field, each in arrays.items()}
+        return {"header": part.header(""), "name": names} | found
 
     return [Topic(name, "sensor_msgs/JointState", every, values)] if names else []
 

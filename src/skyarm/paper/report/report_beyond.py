@@ -92,7 +92,9 @@ def lead() -> str:
         "The centroidal law of this library beside the paper's two laws, on the paper's cases and with the wind "
         "from two more sides; the plant is rigid_body. Perfect state: one flight. Noisy: white noise of "
         f"{noise}, measurements {1e3 * DELAY:g} ms old, mean of {columns()['noisy'].episodes} seeds; the centroidal "
-        "law is told of the delay. The other laws, and plants that nobody believes in: skyarm compare."
+        "law is told of the delay. The other laws, and plants that nobody believes in: skyarm compare. All are slow "
+        "motions in constant or stepped forces; how far the numbers hold as speed, wind, delay, lag, payload and noise "
+        "grow: skyarm compare envelope-suite."
     )
 
 

@@ -10,15 +10,20 @@ from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.laws.predictive.motion_plan import Inputs, accelerations
 from skyarm.control.model import Model
 from skyarm.dynamics import State, frame_pose
-from skyarm.scalars import Scalar, add, cos, mul, sin, sub
-from skyarm.vehicle.vehicle_records import BASE
+from skyarm.scalars import Scalar, cos, mul, sin, sub
+from skyarm.vehicle.vehicle_records import BASE, Vehicle
 
 MODES = ("tool", "joints")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Goal:
-    """Wanted motion at a stage, of base (world axes, m, rad) and joints (rad or m)."""
+    """Wanted motion at a stage, of base (world axes, m, rad) and joints (rad or m).
+
+    Attributes:
+        position, velocity, yaw, joints, joint_rates, joint_accelerations: those.
+        shift: m, world axes: way of the base that leaves the tip where a level base would carry it.
+    """
 
     position: Vec3
     velocity: Vec3
@@ -26,6 +31,7 @@ class Goal:
     joints: tuple[Scalar, ...]
     joint_rates: tuple[Scalar, ...]
     joint_accelerations: tuple[Scalar, ...]
+    shift: Vec3
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -55,24 +61,23 @@ class Weights:
 def state_residuals(model: Model, weights: Weights, state: State, goal: Goal, mode: str) -> tuple[Any, ...]:
     """Weighted errors of a state.
 
-    In mode "joints" the joints follow their references. In mode "tool" the tip is where a level base would carry it,
-    and the joints next to the base give way to its tilt: for parallel axes the links keep their absolute angles.
+    In mode "joints" the joints follow their references. In mode "tool" the tip is where a level base would carry it;
+    the joints next to the base give way to its tilt, so that for parallel axes the links keep their absolute angles,
+    and the base gives way by what that leaves: about any axis across which no joint turns, the whole of the tip's way.
     """
     vehicle, R = model.vehicle, state.quaternion.rotation()
     c, s = cos(goal.yaw), sin(goal.yaw)
-    found = [*((state.position - goal.position) * weights.position)]
+    # heading taken off, what is left of a small attitude is its tilt about the body's own horizontal axes
+    up = R.apply_T(Vec3(0, 0, 1))
+    tilt = Vec3(up.y, -up.x, 0)
+    held = given_way(vehicle, goal.joints, tilt) if mode == "tool" else goal.joints
+    # the base stands where it carries the tip home once it leans as it must
+    found = [*((state.position - goal.position - goal.shift) * weights.position)]
     found += [*((state.velocity - goal.velocity) * weights.velocity)]
     ahead = R.column(0)
     found.append(weights.heading * (c * ahead.y - s * ahead.x))
     found += [*(state.rate * weights.rate)]
-    # heading taken off, what is left of a small attitude is its tilt about the body's own horizontal axes
-    up = R.apply_T(Vec3(0, 0, 1))
-    tilt = Vec3(up.y, -up.x, 0)
-    for link, q, q_d in zip(vehicle.links, state.joints, goal.joints, strict=True):
-        error = sub(q, q_d)
-        if mode == "tool" and link.parent == BASE and link.joint.kind == "revolute":
-            error = add(error, link.joint.rotation.apply(link.joint.axis).dot(tilt))
-        found.append(mul(error, weights.joints))
+    found += [mul(sub(q, q_d), weights.joints) for q, q_d in zip(state.joints, held, strict=True)]
     found += [mul(sub(a, b), weights.joint_rates) for a, b in zip(state.joint_rates, goal.joint_rates, strict=True)]
     if mode == "tool" and vehicle.end_effector:
         frame = vehicle.frame(vehicle.end_effector)
@@ -81,6 +86,16 @@ def state_residuals(model: Model, weights: Weights, state: State, goal: Goal, mo
         wanted = goal.position + Vec3(c * arm.x - s * arm.y, s * arm.x + c * arm.y, arm.z)
         found += [*((tip - wanted) * weights.tool)]
     return tuple(found)
+
+
+def given_way(vehicle: Vehicle, joints: tuple[Any, ...], tilt: Vec3) -> tuple[Any, ...]:
+    """Joints whose first ones take back a tilt of the base (body axes, sine): what follows keeps its own angle."""
+    return tuple(
+        sub(q, link.joint.rotation.apply(link.joint.axis).dot(tilt))
+        if link.parent == BASE and link.joint.kind == "revolute"
+        else q
+        for link, q in zip(vehicle.links, joints, strict=True)
+    )
 
 
 def input_residuals(

@@ -15,12 +15,14 @@ from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.control.laws.predictive.cost import Weights
+from skyarm.control.laws.predictive.fallback import Stabiliser, worst_cost
 from skyarm.control.laws.predictive.kalman_observer import Bandwidths, Estimate, observe, predict
 from skyarm.control.laws.predictive.linearise import Stages, examples
 from skyarm.control.laws.predictive.motion_plan import Motors, motors
 from skyarm.control.laws.predictive.parameters import PredictiveParameters
 from skyarm.control.laws.predictive.rollout import Bounds, Rollouts
 from skyarm.control.laws.predictive.solve import Riccati, Solver
+from skyarm.control.laws.predictive.stance import Stance
 from skyarm.control.model import Model
 from skyarm.sensors.measurement import blank_measurement
 
@@ -69,12 +71,21 @@ def _stepped(kernel: Kernel, before: Array, rows: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Engine:
-    """What the law calls; holds no memory of a flight."""
+    """What the law calls; holds no memory of a flight.
+
+    Attributes:
+        solver, observation, motors, bounds: those.
+        stabiliser: what flies while no plan is trusted. most: cost of a plan that is trusted.
+        stance: where the base stands aside for the tip.
+    """
 
     solver: Solver
     observation: Observation
     motors: Motors
     bounds: Bounds
+    stabiliser: Stabiliser
+    most: float
+    stance: Stance
 
 
 def engine_for(par: PredictiveParameters, dt: float) -> Engine:
@@ -110,7 +121,9 @@ def _engine(
         from skyarm.control.laws.predictive.interior_point import InteriorPoint
 
         made = InteriorPoint(solver, model, weights, mode, compiled, steps, bounds)
-    return Engine(made, Observation(model, bandwidths, dt), motors(vehicle.rotors, dt), bounds)
+    most = worst_cost(weights, mode, vehicle.n, horizon)
+    seen = Observation(model, bandwidths, dt)
+    return Engine(made, seen, motors(vehicle.rotors, dt), bounds, Stabiliser(model), most, Stance(model, mode))
 
 
 def stage_lengths(stages: int, every: int, horizon: float, dt: float) -> Array:

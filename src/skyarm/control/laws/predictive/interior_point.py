@@ -11,7 +11,7 @@ from skyarm.compile import trace
 from skyarm.compile.casadi.casadi_shooting import Shooting
 from skyarm.control.laws.predictive.cost import Weights, input_residuals, state_residuals
 from skyarm.control.laws.predictive.linearise import Stages, examples
-from skyarm.control.laws.predictive.motion_plan import Inputs, advance
+from skyarm.control.laws.predictive.motion_plan import Inputs, carried
 from skyarm.control.laws.predictive.riccati import Linear, policy
 from skyarm.control.laws.predictive.rollout import Bounds
 from skyarm.control.laws.predictive.solve import NoPlanError, Plan, Problem, linear_problem
@@ -19,6 +19,9 @@ from skyarm.control.model import Model
 from skyarm.dynamics import State
 
 Array = npt.NDArray[np.float64]
+
+MET = 1e-3
+"""Largest gap between two stages of a solution, in the units of the state."""
 
 
 class InteriorPoint:
@@ -43,7 +46,7 @@ class InteriorPoint:
                 *state_residuals(model, weights, x, wanted, mode),
                 *input_residuals(model, weights, x, u, d, wanted),
             )
-            return advance(model, x, u, d, dt[0], wanted.joint_rates), errors
+            return carried(model, x, u, d, dt[0], wanted.joint_rates), errors
 
         def final(x: State, given: tuple[Any, ...]) -> tuple[Any, ...]:
             return state_residuals(model, weights, x, given[2], mode)
@@ -71,4 +74,6 @@ class InteriorPoint:
         if not (np.isfinite(x).all() and np.isfinite(u).all()):
             raise NoPlanError
         found: Linear = linear_problem(self.stages, problem, x, u, self.steps, self.roots)
-        return Plan(x, u, policy(found).K)
+        # stages that do not meet are no motion
+        cost = float(np.sum(found.r * found.r)) if np.abs(found.c).max() < MET else float("nan")
+        return Plan(x, u, policy(found).K, cost=cost)

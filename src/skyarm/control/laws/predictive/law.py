@@ -3,7 +3,8 @@
 Law: every so many control periods (option ``every``) the motion of base, arm and rotors over a short horizon of growing
 stages is chosen so that base, joints and tool follow the reference at little rotor acceleration; in between the
 feedback u = u* + K (x - x*) of the solution acts. A disturbance observer makes it free of offset. The solution is warm
-started from the last one, moved on in time.
+started from the last one, moved on in time. Commands that act late, frozen sensors and plans that lead nowhere are
+noticed (:mod:`.command_delay`, :mod:`.frozen_sensors`, :mod:`.fallback`).
 
 Assumptions: rigid bodies, rotors that lag, still air; what else pushes is one force and torque at the base and one
 torque a joint, constant over the horizon. Position, velocity, acceleration of the *held samples* are extrapolated, as
@@ -28,17 +29,18 @@ from skyarm.actuation import Command
 from skyarm.compile import leaves
 from skyarm.control.laws.paper.computed_torque import level_joint_gravity
 from skyarm.control.laws.predictive import preview as ahead
+from skyarm.control.laws.predictive.command_delay import LONGEST, Lateness, compared, first_lateness
 from skyarm.control.laws.predictive.engine import Engine, engine_for
-from skyarm.control.laws.predictive.motion_plan import command_for
+from skyarm.control.laws.predictive.fallback import Trust, after_period, after_plan, trusted
+from skyarm.control.laws.predictive.frozen_sensors import Fresh, filled, frozen, taken_over
+from skyarm.control.laws.predictive.motion_plan import command_for, speeds_under
 from skyarm.control.laws.predictive.parameters import PredictiveParameters
+from skyarm.control.laws.predictive.problem import bearable, problem_at
 from skyarm.control.laws.predictive.solve import NoPlanError, Plan, Problem, shifted
-from skyarm.reference import Reference, Trajectory
+from skyarm.reference import Reference
 from skyarm.sensors.measurement import Measurement
 
 Array = npt.NDArray[np.float64]
-
-LONGEST_ERROR = 0.15
-"""m: a base further from its reference is asked to come this near only, so that a step does not saturate everything."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -47,16 +49,23 @@ class PredictiveMemory:
 
     Attributes:
         engine: machine code. estimate: leaves of :class:`skyarm.control.laws.predictive.kalman_observer.Estimate` at
-            the last measurement. sent: commands that it does not show yet, oldest first.
+            the last measurement. sent: commands that it does not show yet, oldest first, if they act at once.
+        shown: the last ones before them. late: what tells how late they really act.
+        fresh: the last measurement as it came, and for how long it has been the same.
         sample: of the reference. plan: the last solution. since: control periods since it was made.
+        trust: in the plans.
     """
 
     engine: Engine | None = None
     estimate: Array | None = None
     sent: tuple[Command, ...] = ()
+    shown: tuple[Command, ...] = ()
+    late: Lateness | None = None
+    fresh: Fresh | None = None
     sample: ahead.Sample | None = None
     plan: Plan | None = None
     since: int = 0
+    trust: Trust | None = None
 
 
 def nmpc(
@@ -64,22 +73,35 @@ def nmpc(
 ) -> tuple[PredictiveMemory, Command]:
     """Whole-body nonlinear model predictive control; see the module. Takes floats only."""
     engine = memory.engine or engine_for(par, dt)
-    estimate, sent = _estimated(engine, memory, measurement, par)
+    seen = _seen(engine, memory, measurement, par, dt)
+    estimate, sent, late = seen.estimate, seen.sent, seen.late.periods
     nx = len(estimate) - 6 - par.model.vehicle.n
-    x = engine.observation.now(estimate, [_row(command) for command in sent])[:nx]
+    # the state in which the command of this period begins to act
+    pending = (*seen.shown[len(seen.shown) - late :], *sent)
+    x = engine.observation.now(estimate, [_row(command) for command in pending])[:nx]
     sample = ahead.taken(reference, memory.sample, dt)
-    plan, since = memory.plan, memory.since
+    plan, since, trust = memory.plan, memory.since, memory.trust or Trust()
     if plan is None or since >= par.every:
-        problem = _problem(engine, x, estimate[nx:], sample, measurement.time + par.delay_periods * dt, par)
+        now = measurement.time + par.delay_periods * dt
+        problem = problem_at(engine, x, estimate[nx:], sample, now, late * dt, par)
         plan, since = _solved(engine, plan, since * dt, problem, par), 0
-    command = _command(engine, plan, since, x, dt)
+        trust = after_plan(trust, trusted(plan, engine.most))
+    if trust.flown:
+        command = _command(engine, plan, since, x, dt)
+    else:
+        known = bearable(estimate[nx:], engine.bounds.efforts)
+        command = engine.stabiliser.command(seen.reading, known, sample)
     following = PredictiveMemory(
         engine=engine,
         estimate=estimate,
         sent=(*sent, command),
+        shown=seen.shown,
+        late=seen.late,
+        fresh=seen.fresh,
         sample=sample,
         plan=plan,
         since=since + 1,
+        trust=after_period(trust, dt),
     )
     return following, command
 
@@ -88,20 +110,47 @@ def _row(command: Command) -> Array:
     return np.array([*command.rotor_speeds, *command.efforts], dtype=float)
 
 
-def _estimated(
-    engine: Engine, memory: PredictiveMemory, measurement: Measurement, par: PredictiveParameters
-) -> tuple[Array, tuple[Command, ...]]:
-    """Estimate at the measurement, and the commands that came after it."""
-    if memory.estimate is None:
-        return _first(measurement, par.model.vehicle.n), ()
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What a measurement leaves in memory, see :class:`PredictiveMemory`, and itself with frozen parts foreseen."""
+
+    estimate: Array
+    sent: tuple[Command, ...]
+    shown: tuple[Command, ...]
+    late: Lateness
+    fresh: Fresh | None
+    reading: Array
+
+
+def _seen(
+    engine: Engine, memory: PredictiveMemory, measurement: Measurement, par: PredictiveParameters, dt: float
+) -> Seen:
+    """Estimate at the measurement, and the commands before and after it."""
     reading = np.array(leaves(measurement), dtype=float)
+    speeds = np.array(measurement.rotor_speeds, dtype=float)
+    known = memory.late or first_lateness(speeds)
+    if memory.estimate is None:
+        return Seen(_first(measurement, par.model.vehicle.n), (), (), known, None, reading)
     if len(memory.sent) <= par.delay_periods:
         # the first measurements are those of the start, seen again
-        return memory.estimate, memory.sent
+        return Seen(memory.estimate, memory.sent, memory.shown, known, memory.fresh, reading)
+    shown = (*memory.shown, memory.sent[0])[-1 - LONGEST :]
+    modelled = speeds_under(engine.motors, known.modelled[0], np.array(memory.sent[0].rotor_speeds))
+    stopped = memory.fresh is not None and np.array_equal(memory.fresh.reading[-len(speeds) :], speeds)
+    late = compared(known, modelled, None if stopped else speeds, dt)
+    stuck = frozen(memory.fresh, reading, par.model.vehicle.n)
+    fresh = Fresh(reading.copy(), stuck.silent)
+    acted = _row(shown[max(len(shown) - 1 - late.periods, 0)])
     # of the quaternion's two signs the one that is nearer to the last
     if reading[4:8] @ memory.estimate[3:7] < 0.0:
         reading[4:8] *= -1.0
-    return engine.observation.at(memory.estimate, _row(memory.sent[0]), reading), memory.sent[1:]
+    if stuck.parts:
+        foreseen = engine.observation.now(memory.estimate, [acted])
+        reading = filled(reading, foreseen, stuck.parts, par.model.vehicle.n)
+    estimate = engine.observation.at(memory.estimate, acted, reading)
+    if stuck.spoke_again:
+        estimate = taken_over(estimate, memory.estimate, reading, par.model.vehicle.n)
+    return Seen(estimate, memory.sent[1:], shown, late, fresh, reading)
 
 
 def _first(measurement: Measurement, joints: int) -> Array:
@@ -122,30 +171,14 @@ def _standing(x: Array, par: PredictiveParameters) -> Plan:
     return Plan(np.tile(still, (stages + 1, 1)), np.tile(held, (stages, 1)), np.zeros((stages, nu, len(x))))
 
 
-def _problem(
-    engine: Engine, x: Array, disturbance: Array, sample: ahead.Sample, time: float, par: PredictiveParameters
-) -> Problem:
-    """What is to be solved from the state now."""
-    later = np.append(0.0, np.cumsum(engine.solver.steps))
-    if isinstance(par.preview, Trajectory):
-        signals = ahead.known(par.preview, time + later)
-    else:
-        signals = ahead.extrapolated(sample, sample.age + later)
-    wanted = ahead.goals(*signals)
-    # a step of the reference is approached as one of this size, which moves along
-    error = x[:3] - wanted[0, :3]
-    distance = float(np.linalg.norm(error))
-    if distance > LONGEST_ERROR:
-        wanted[:, :3] += error * (1.0 - LONGEST_ERROR / distance)
-    return Problem(x, disturbance, wanted)
-
-
 def _solved(engine: Engine, last: Plan | None, passed: float, problem: Problem, par: PredictiveParameters) -> Plan:
     """A new plan: from the last one, or, if that leads nowhere, from rest."""
     solver = engine.solver
-    if last is not None:
+    if last is not None and trusted(last, engine.most):
         with contextlib.suppress(NoPlanError):
-            return solver.solve(problem, shifted(last, solver.steps, passed))
+            plan = solver.solve(problem, shifted(last, solver.steps, passed))
+            if trusted(plan, engine.most):
+                return plan
     rest = _standing(problem.start, par)
     try:
         return solver.solve(problem, rest)

@@ -18,7 +18,7 @@ from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.laws.predictive.cost import Goal, Weights, input_residuals, state_residuals
-from skyarm.control.laws.predictive.motion_plan import Inputs, advance
+from skyarm.control.laws.predictive.motion_plan import Inputs, carried
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 
@@ -40,7 +40,7 @@ def examples(joints: int, rotors: int) -> tuple[State, Inputs, Disturbance, Goal
         joint_rates=arm,
         rotor_speeds=(0.0,) * rotors,
     )
-    goal = Goal(position=zero, velocity=zero, yaw=0.0, joints=arm, joint_rates=arm, joint_accelerations=arm)
+    goal = Goal(position=zero, velocity=zero, yaw=0.0, joints=arm, joint_rates=arm, joint_accelerations=arm, shift=zero)
     inputs = Inputs(rotor_accelerations=(0.0,) * rotors, efforts=arm)
     return state, inputs, Disturbance(force=zero, torque=zero, efforts=arm), goal
 
@@ -63,7 +63,7 @@ class Stages:
         def stage(x: State, par: tuple[Any, ...], _row: Any, _uniforms: Any) -> tuple[State, tuple[Any, ...]]:
             u, dt, d, wanted = par
             errors = state_residuals(model, weights, x, wanted, mode)
-            return advance(model, x, u, d, dt[0], wanted.joint_rates), (
+            return carried(model, x, u, d, dt[0], wanted.joint_rates), (
                 *errors,
                 *input_residuals(model, weights, x, u, d, wanted),
             )

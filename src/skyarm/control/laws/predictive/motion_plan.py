@@ -7,19 +7,21 @@ Limits of joint torques are bounds of the inputs and no part of the motion: a cl
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from skyarm import dynamics
 from skyarm.actuation import rotor_force
-from skyarm.algebra import Force, Vec3
+from skyarm.algebra import Force, Mat3, Motion, Vec3, ldl_solve
 from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.prediction import acceleration_under
 from skyarm.control.model import Model
 from skyarm.dynamics import State
+from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.scalars import Scalar, divide, exp, maximum, minimum, where
 from skyarm.vehicle.vehicle_records import Rotor
 
@@ -43,22 +45,42 @@ def accelerations(
 
     Dry friction of the joints is that at ``dry_rates``; of the state's own rates if they are left out.
     """
-    vehicle, R = model.vehicle, state.quaternion.rotation()
-    v_B = R.apply_T(state.velocity)
-    applied = Force(disturbance.torque, R.apply_T(disturbance.force))
-    for rotor, speed in zip(vehicle.rotors, state.rotor_speeds, strict=True):
-        applied = applied + rotor_force(rotor, speed, v_B + state.rate.cross(rotor.position))
+    R = state.quaternion.rotation()
     return acceleration_under(
         model,
         R,
         state.rate,
         state.joints,
         state.joint_rates,
-        applied,
+        _on_base(model, state, R, disturbance),
         efforts,
         disturbance.efforts,
         state.joint_rates if dry_rates is None else dry_rates,
     )
+
+
+def base_accelerations(
+    model: Model, state: State, joint_accelerations: tuple[Any, ...], disturbance: Disturbance
+) -> tuple[Vec3, Vec3]:
+    """Accelerations (dv_W/dt, dw_B/dt) of the base while the joints move with given accelerations."""
+    vehicle, R = model.vehicle, state.quaternion.rotation()
+    applied = _on_base(model, state, R, disturbance)
+    still = Motion(Vec3(0, 0, 0), Vec3(0, 0, 0))
+    moving = state.joints, state.rate, state.joint_rates
+    needed, _ = dynamics.inverse_dynamics(vehicle, *moving, still, joint_accelerations)
+    pushed = applied - needed
+    whole = [row[:6] for row in dynamics.mass_matrix(vehicle, Mat3.identity(), state.joints)[:6]]
+    x = ldl_solve(whole, [*pushed.force, *pushed.torque])
+    return coordinate_acceleration(R, Motion(Vec3(*x[3:]), Vec3(*x[:3])), model.gravity)
+
+
+def _on_base(model: Model, state: State, R: Mat3, disturbance: Disturbance) -> Force:
+    """Torque and force of rotors and disturbance at the base origin, base axes."""
+    v_B = R.apply_T(state.velocity)
+    applied = Force(disturbance.torque, R.apply_T(disturbance.force))
+    for rotor, speed in zip(model.vehicle.rotors, state.rotor_speeds, strict=True):
+        applied = applied + rotor_force(rotor, speed, v_B + state.rate.cross(rotor.position))
+    return applied
 
 
 def derivative(
@@ -91,8 +113,6 @@ def advance(
 ) -> State:
     """State after ``dt`` seconds of held inputs: one step of the classical Runge-Kutta method.
 
-    A plan takes dry friction at the reference's joint rates: of the state's own it is as stiff as tanh is steep, and
-    stages are long.
     Source: Kutta 1901.
     """
 
@@ -100,6 +120,42 @@ def advance(
         return derivative(model, at, inputs, disturbance, dry_rates)
 
     k1 = slope(state)
+    return _stepped(state, k1, slope, dt)
+
+
+def carried(
+    model: Model,
+    state: State,
+    inputs: Inputs,
+    disturbance: Disturbance,
+    dt: Any,
+    dry_rates: tuple[Any, ...] | None = None,
+) -> State:
+    """State after a stage of ``dt`` seconds: efforts at its beginning, from there on the joint accelerations they give.
+
+    A drive follows gravity and inertia far more often than a stage is long. Torques held over a stage would let a
+    light link fall and swing by several radians before the next one corrects it, and no plan of a fast arm converges.
+    A plan takes dry friction at the reference's joint rates: of the state's own it is as stiff as tanh is steep.
+    """
+    first = derivative(model, state, inputs, disturbance, dry_rates)
+
+    def slope(at: State) -> State:
+        linear, angular = base_accelerations(model, at, first.joint_rates, disturbance)
+        return State(
+            position=at.velocity,
+            quaternion=at.quaternion.derivative(at.rate),
+            velocity=linear,
+            rate=angular,
+            joints=at.joint_rates,
+            joint_rates=first.joint_rates,
+            rotor_speeds=inputs.rotor_accelerations,
+        )
+
+    return _stepped(state, first, slope, dt)
+
+
+def _stepped(state: State, k1: State, slope: Callable[[State], State], dt: Any) -> State:
+    """One step of the classical Runge-Kutta method, its first slope known."""
     k2 = slope(moved(state, k1, 0.5 * dt))
     k3 = slope(moved(state, k2, 0.5 * dt))
     k4 = slope(moved(state, k3, dt))
@@ -139,3 +195,9 @@ def command_for(lags: Motors, speed: Any, acceleration: Any, dt: Any) -> Any:
     change = acceleration * dt
     wanted = speed + divide(change, where(change > 0.0, lags.up, lags.down))
     return maximum(0.0, minimum(wanted, lags.most))
+
+
+def speeds_under(lags: Motors, speed: Any, command: Any) -> Any:
+    """Speeds (rad/s) of lagging rotors after the period of the lags under commanded speeds."""
+    change = np.minimum(np.maximum(command, 0.0), lags.most) - speed
+    return speed + change * np.where(change > 0.0, lags.up, lags.down)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,16 +16,46 @@ Array = npt.NDArray[np.float64]
 JUMP = 0.02
 """m or rad between a sample and what the last one foretold, beyond which the motion is taken for a new one."""
 
+KEPT = 0.2
+"""s: time over which samples count in the estimate of how fast a signal swings."""
+
+TINY = 1e-12
+"""(m/s^2)^2: a signal that has accelerated less has no frequency."""
+
+SLOW = 1e-3
+"""rad: a swing over a smaller angle is a constant jerk to all digits that count."""
+
+SETTLED = 2
+"""Samples in a row that were foretold before the change of the jerk says anything."""
+
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """A published sample as signals [x, y, z, yaw, joints ...] with three derivatives, and its age in s."""
+    """A published sample as signals [x, y, z, yaw, joints ...] with three derivatives, and its age in s.
+
+    Attributes:
+        values, rates, accelerations, jerks, age: those.
+        pull, weight: sums of -a d2a/dt2 and of a^2 of the accelerations so far, older ones forgotten; their quotient
+            is the squared angular frequency of the swing that fits best, 1/s^2.
+        foretold: samples in a row, this one included, that came where the last one said.
+        secants, gap: mean jerks since the sample before and the time since then, s.
+    """
 
     values: Array
     rates: Array
     accelerations: Array
     jerks: Array
     age: float
+    pull: Array
+    weight: Array
+    foretold: int = 0
+    secants: Array | None = None
+    gap: float = 0.0
+
+    @property
+    def stiffness(self) -> Array:
+        """Squared angular frequency of each signal's swing, 1/s^2; 0 where it does not swing."""
+        return np.asarray(np.maximum(self.pull, 0.0) / np.maximum(self.weight, TINY))
 
 
 def read(reference: Reference) -> tuple[Array, Array, Array]:
@@ -34,11 +65,29 @@ def read(reference: Reference) -> tuple[Array, Array, Array]:
 
 
 def extrapolated(sample: Sample, ahead: Array) -> tuple[Array, Array, Array]:
-    """Signals (T, signals) and their first two derivatives ``ahead`` (T,) s after the sample was taken."""
+    """Signals (T, signals) and their first two derivatives ``ahead`` (T,) s after the sample was taken.
+
+    The acceleration goes on as the solution of d2a/dt2 = -k a from the sample's acceleration and jerk, k the signal's
+    stiffness: a swing is foretold as a swing, and what does not swing (k = 0) at a constant jerk. A cubic alone is
+    wrong by the whole amplitude after a third of a swing.
+    """
     t = ahead[:, None]
-    values = sample.values + t * (sample.rates + t * (sample.accelerations / 2.0 + t * sample.jerks / 6.0))
-    rates = sample.rates + t * (sample.accelerations + t * sample.jerks / 2.0)
-    return values, rates, sample.accelerations + t * sample.jerks
+    w = np.sqrt(sample.stiffness)
+    a, j = sample.accelerations, sample.jerks
+    # integrals of cos(w t) and sin(w t) / w, each divided by what it is at w = 0
+    s1, s2, s3, c = _shares(w * t)
+    values = sample.values + t * (sample.rates + t * (a * s2 / 2.0 + t * (j * s3) / 6.0))
+    rates = sample.rates + t * (a * s1 + t * (j * s2) / 2.0)
+    return values, rates, a * c + t * (j * s1)
+
+
+def _shares(angle: Array) -> tuple[Array, Array, Array, Array]:
+    """sin(x) / x, 2 (1 - cos(x)) / x^2, 6 (x - sin(x)) / x^3 and cos(x), all 1 at 0."""
+    still = angle < SLOW
+    x = np.where(still, 1.0, angle)
+    sine, cosine = np.sin(x), np.cos(x)
+    shares = (sine / x, 2.0 * (1.0 - cosine) / x**2, 6.0 * (x - sine) / x**3, cosine)
+    return tuple(np.where(still, 1.0, share) for share in shares)  # type: ignore[return-value]
 
 
 def taken(reference: Reference, before: Sample | None, dt: float) -> Sample:
@@ -49,15 +98,25 @@ def taken(reference: Reference, before: Sample | None, dt: float) -> Sample:
     values, rates, accelerations = read(reference)
     still = np.zeros_like(values)
     if before is None:
-        return Sample(values, rates, accelerations, still, 0.0)
+        return Sample(values, rates, accelerations, still, 0.0, still, still)
     age = before.age + dt
     if all(np.array_equal(a, b) for a, b in zip((values, rates, accelerations), _parts(before), strict=True)):
-        return Sample(values, rates, accelerations, before.jerks, age)
-    foretold = extrapolated(before, np.array([age]))[0][0]
-    expected = np.abs(values - foretold).max() < JUMP
-    return Sample(
-        values, rates, accelerations, (accelerations - before.accelerations) / age if expected else still, 0.0
-    )
+        return dataclasses.replace(before, age=age)
+    expected = np.abs(values - extrapolated(before, np.array([age]))[0][0]).max() < JUMP
+    if not expected:
+        return Sample(values, rates, accelerations, still, 0.0, still, still)
+    jerks = (accelerations - before.accelerations) / age
+    pull, weight, foretold = before.pull, before.weight, before.foretold + 1
+    if foretold > SETTLED and before.secants is not None:
+        # the second derivative of the acceleration, at the sample before
+        bend = (jerks - before.secants) / (0.5 * (age + before.gap))
+        kept = np.exp(-age / KEPT)
+        pull = kept * pull - bend * before.accelerations
+        weight = kept * weight + before.accelerations**2
+    found = Sample(values, rates, accelerations, jerks, 0.0, pull, weight, foretold, jerks, age)
+    # from the mean jerk since the last sample to that of the swing now; the same where nothing swings
+    s1, _, _, c = _shares(np.sqrt(found.stiffness) * age)
+    return dataclasses.replace(found, jerks=(accelerations * c - before.accelerations) / (age * s1))
 
 
 def _parts(sample: Sample) -> tuple[Array, Array, Array]:
@@ -77,6 +136,7 @@ def known(trajectory: Trajectory, times: Array) -> tuple[Array, Array, Array]:
     return values, rates, accelerations
 
 
-def goals(values: Array, rates: Array, accelerations: Array) -> Array:
-    """Leaves of a :class:`skyarm.control.laws.predictive.cost.Goal` per instant."""
-    return np.concatenate([values[:, :3], rates[:, :3], values[:, 3:], rates[:, 4:], accelerations[:, 4:]], axis=1)
+def goals(values: Array, rates: Array, accelerations: Array, shift: Array) -> Array:
+    """Leaves of a :class:`skyarm.control.laws.predictive.cost.Goal` per instant; shift (T, 3) is its own."""
+    parts = values[:, :3], rates[:, :3], values[:, 3:], rates[:, 4:], accelerations[:, 4:], shift
+    return np.concatenate(parts, axis=1)

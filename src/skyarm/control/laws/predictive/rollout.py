@@ -14,7 +14,7 @@ from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.control.laws.predictive.cost import Weights, input_residuals, state_residuals
 from skyarm.control.laws.predictive.linearise import examples
-from skyarm.control.laws.predictive.motion_plan import Inputs, advance
+from skyarm.control.laws.predictive.motion_plan import Inputs, carried
 from skyarm.control.laws.predictive.riccati import Policy
 from skyarm.control.model import Model
 from skyarm.scalars import maximum, minimum
@@ -71,7 +71,7 @@ class Rollouts:
             taken = Inputs(rotor_accelerations=tuple(rates), efforts=tuple(torques))
             errors = sum(e * e for e in state_residuals(model, weights, x, wanted, mode))
             pushes = sum(e * e for e in input_residuals(model, weights, x, taken, d, wanted))
-            return (advance(model, x, taken, d, dt, wanted.joint_rates), (cost + whole * errors + running * pushes,)), (
+            return (carried(model, x, taken, d, dt, wanted.joint_rates), (cost + whole * errors + running * pushes,)), (
                 x,
                 taken,
             )

@@ -1,0 +1,136 @@
+"""What the flights of an envelope say, as plain data: where each law is good, where it ends, what is violated."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from skyarm.compare.cells import Cell
+from skyarm.compare.envelope_axes import OUTSIDE, OVERSHOOT, TIP, TIP_MAX, Axis
+from skyarm.compare.envelope_setting import Setting
+
+FLAGSHIP = "centroidal_tip"
+"""The law that the two rules are about."""
+
+PAPER_LAWS = ("paper_ct", "hybrid_computed_torque_tuned", "hybrid_computed_torque")
+"""What it is measured against: the first of the paper's laws that flies."""
+
+WORSE = 1.1
+"""Times the error of the paper's law from which on the flagship violates the second rule."""
+
+LEVELS = (0.010, 0.100)
+"""m: how far along an axis the error stays within these says where a law is good and where it still serves."""
+
+TILTED = math.radians(80.0)
+"""rad: a flight that tilts further is lost, even where it comes to its end."""
+
+MEASURED = {"tip_mean": TIP, "tip_max": TIP_MAX, "outside": OUTSIDE, "tilt": "tilt_max"}
+"""Key of a point -> metric, m, s and rad."""
+
+JUDGED = {TIP: "tip, mean / largest", OVERSHOOT: "overshoot of the base; time with the tip over 5 cm away"}
+"""What the numbers of an axis are, in words."""
+
+
+def points_of(cell: Cell, axis: Axis) -> list[dict[str, Any]]:
+    """One record for each lane of a cell: errors in m, tilt in rad, the ending, whether the vehicle was lost."""
+    found = []
+    for k, status in enumerate(cell.status):
+        numbers = {
+            name: _finite(cell.metrics[metric][k]) for name, metric in (("judged", axis.metric), *MEASURED.items())
+        }
+        lost = status != "completed" or numbers["judged"] is None or not (numbers["tilt"] or 0.0) <= TILTED
+        found.append({**numbers, "status": str(status), "lost": bool(lost)})
+    return found
+
+
+def _finite(value: Any) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def axis_record(axis: Axis, setting: Setting) -> dict[str, Any]:
+    """An axis without its flights; values in the unit that is shown."""
+    return {
+        "title": axis.title,
+        "unit": axis.unit,
+        "values": [float(f"{value * axis.shown:.6g}") for value in axis.of(setting)],
+        "judged": JUDGED[axis.metric],
+        "noisy": axis.noisy,
+        "window_s": [axis.start, setting.duration],
+        "laws": {},
+    }
+
+
+def within(points: Sequence[Mapping[str, Any]], level: float) -> int:
+    """How many of the first values the law flies with an error within a level, m."""
+    count = 0
+    for point in points:
+        if point["lost"] or point["judged"] > level:
+            break
+        count += 1
+    return count
+
+
+def lost_at(points: Sequence[Mapping[str, Any]]) -> list[int]:
+    """Numbers of the values at which the law is lost."""
+    return [k for k, point in enumerate(points) if point["lost"]]
+
+
+def violations(axes: Mapping[str, Any], flagship: str = FLAGSHIP) -> list[dict[str, Any]]:
+    """Trials in which the flagship is lost and another law is not, or is over 10 % worse than the paper's law."""
+    found = []
+    for name, axis in axes.items():
+        laws = axis["laws"]
+        paper = next((law for law in PAPER_LAWS if law in laws), None)
+        for k, point in enumerate(laws.get(flagship, ())):
+            at = {"axis": name, "value": axis["values"][k], "unit": axis["unit"]}
+            if point["lost"]:
+                kept = [law for law, points in laws.items() if law != flagship and not points[k]["lost"]]
+                if kept:
+                    found.append({**at, "rule": "lost", "kept_by": kept, "own": None, "other": None})
+            elif paper is not None and not laws[paper][k]["lost"]:
+                own, other = point["judged"], laws[paper][k]["judged"]
+                if own > WORSE * other:
+                    found.append({**at, "rule": "worse", "kept_by": [paper], "own": own, "other": other})
+    return found
+
+
+def sentence(law: str, axes: Mapping[str, Any]) -> str:
+    """The envelope of a law in a sentence: how far along each axis it is good, and where it is lost.
+
+    Good is what is within the first level that the law reaches anywhere.
+    """
+    flown = {name: axis for name, axis in axes.items() if axis["laws"].get(law)}
+
+    def counts(level: float) -> dict[str, int]:
+        return {name: within(axis["laws"][law], level) for name, axis in flown.items()}
+
+    level = next((level for level in LEVELS if any(counts(level).values())), LEVELS[-1])
+    ends, whole, never = [], [], []
+    for name, count in counts(level).items():
+        values, words = axes[name]["values"], name.replace("_", " ")
+        if count == len(values):
+            whole.append(words)
+        elif count:
+            towards = "up to" if values[-1] >= values[0] else "down to"
+            ends.append(f"{words} {towards} {values[count - 1]:g} {axes[name]['unit']}")
+        else:
+            never.append(words)
+    parts = [f"within {1e3 * level:g} mm: {', '.join([*ends, *(f'all of {words}' for words in whole)]) or 'nowhere'}"]
+    parts += [f"never on {', '.join(never)}"] if never and (ends or whole) else []
+    lost = [_losses(name, axis, lost_at(axis["laws"][law])) for name, axis in flown.items()]
+    return "; ".join([*parts, f"lost: {', '.join(words for words in lost if words) or 'nowhere'}"]) + "."
+
+
+def _losses(name: str, axis: Mapping[str, Any], gone: Sequence[int]) -> str:
+    """From the first lost value on, or at single ones."""
+    if not gone:
+        return ""
+    values = axis["values"]
+    if len(gone) > 1 and list(gone) == list(range(gone[0], len(values))):
+        where = f"from {values[gone[0]]:g}"
+    else:
+        where = "at " + " and ".join(f"{values[k]:g}" for k in gone)
+    return f"{name.replace('_', ' ')} {where} {axis['unit']}"

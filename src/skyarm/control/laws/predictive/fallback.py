@@ -1,0 +1,218 @@
+"""What flies while no plan can be trusted: the test of a plan, how long it stays distrusted, and the law in its place.
+
+A plan is trusted if all its numbers are finite and it costs at most :func:`worst_cost`, which no flight that goes well
+reaches. The first one that is not hands over to the paper's computed torque law, which needs no plan, no iterations and
+no memory; it is given the observer's disturbance and leans 35 degrees at most. Plans go on being made meanwhile; after
+enough good ones in a row, and a rest that doubles with each hand-over that follows soon, they are flown again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.actuation import AllocationError, Command, mix
+from skyarm.algebra import Motion, Vec3
+from skyarm.compile.llvm.kernel import Kernel
+from skyarm.compile.llvm.llvm_text import Lanes
+from skyarm.compile.tracing.stepped_loop import trace_loop
+from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.geometric import attitude_loop, downward_acceleration, yaw_of
+from skyarm.control.blocks.saturation import limit_efforts
+from skyarm.control.laws.paper.computed_torque import generalized_force, joint_accelerations
+from skyarm.control.laws.paper.make import make_paper_controller
+from skyarm.control.laws.predictive.cost import Weights
+from skyarm.control.laws.predictive.preview import Sample
+from skyarm.control.laws.predictive.solve import Plan
+from skyarm.control.model import Model, Parameters
+from skyarm.reference import Reference
+from skyarm.scalars import atan2, cos, divide, maximum, minimum, mul, sin, sqrt, sub
+from skyarm.sensors.measurement import Measurement, blank_measurement
+
+Array = npt.NDArray[np.float64]
+
+ZERO = Vec3(0.0, 0.0, 0.0)
+
+WORST = {"position": 0.15, "velocity": 1.5, "tool": 0.15, "joints": 1.0}
+"""Errors in m, m/s, m, rad or m that a flight may have for a moment."""
+
+TIMES = 10.0
+"""Most that a plan may cost, as a multiple of these errors' cost; plans that lead nowhere cost 1e5 and more."""
+
+GOOD = 10
+"""Plans to be trusted in a row before one is flown again."""
+
+REST = (0.3, 5.0)
+"""s: the computed torque law flies this long at least, at first and after many hand-overs."""
+
+FLOOR = 0.4
+"""Share of its weight that the vehicle carries at least while no plan is trusted."""
+
+LEAN = 0.7
+"""Tangent of the largest tilt that it asks for then: 35 degrees."""
+
+TURN = 0.5
+"""rad: a nose further from its yaw is turned as if it were so far."""
+
+SMALL = 1e-9
+"""m/s^2: what is less has no direction."""
+
+FORGIVEN = 3.0
+"""s of trusted plans after which a hand-over counts as the first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trust:
+    """What is remembered of the plans.
+
+    Attributes:
+        good: plans to be trusted in a row. resting: s for which the plans are not flown yet; 0 while they are.
+        rest: s of the last rest. calm: s of flight by plans since then.
+    """
+
+    good: int = 0
+    resting: float = 0.0
+    rest: float = 0.0
+    calm: float = 0.0
+
+    @property
+    def flown(self) -> bool:
+        """Whether plans are flown."""
+        return self.resting <= 0.0
+
+
+def worst_cost(weights: Weights, mode: str, joints: int, horizon: float) -> float:
+    """Most that a plan may cost: :data:`TIMES` the errors :data:`WORST` all along, the tip's in mode "tool" only."""
+    errors = [float(weights.position) * WORST["position"], float(weights.velocity) * WORST["velocity"]]
+    errors += [float(weights.joints) * WORST["joints"]] * joints
+    if mode == "tool":
+        errors.append(float(weights.tool) * WORST["tool"])
+    return TIMES * (horizon + float(weights.final)) * sum(error * error for error in errors)
+
+
+def trusted(plan: Plan, most: float) -> bool:
+    """Whether a plan may be flown: finite, and no dearer than ``most``."""
+    # a comparison with NaN is false: a plan without a cost is none
+    return bool(plan.cost <= most and np.isfinite(plan.u).all() and np.isfinite(plan.K).all())
+
+
+def after_plan(trust: Trust, good: bool) -> Trust:
+    """Trust after a plan was made."""
+    if good:
+        count = trust.good + 1
+        resting = 0.0 if trust.resting <= SPENT and count >= GOOD else trust.resting
+        return Trust(count, resting, trust.rest, trust.calm)
+    if not trust.flown:
+        return Trust(0, trust.resting, trust.rest, 0.0)
+    least, most = REST
+    rest = least if trust.calm > FORGIVEN or not trust.rest else min(2.0 * trust.rest, most)
+    return Trust(0, rest, rest, 0.0)
+
+
+def after_period(trust: Trust, dt: float) -> Trust:
+    """Trust after ``dt`` s."""
+    if trust.flown:
+        return trust if not trust.rest else Trust(trust.good, 0.0, trust.rest, trust.calm + dt)
+    # what is left stays above zero until the plans are good
+    return Trust(trust.good, max(trust.resting - dt, SPENT), trust.rest, 0.0)
+
+
+SPENT = 1e-9
+"""s: a rest that is over and waits for good plans."""
+
+
+class Stabiliser:
+    """The paper's computed torque law with RotorS's gains scaled to the belief, as machine code.
+
+    Args:
+        model: the belief.
+    """
+
+    def __init__(self, model: Model) -> None:
+        par = _parameters(model)
+        joints, self.rotors = model.vehicle.n, len(model.vehicle.rotors)
+        signals = ((0.0,) * (4 + joints),) * 3
+
+        def step(_carry: Any, _par: Any, row: Any, _uniforms: Any) -> Any:
+            return _computed_torque(par, *row), ()
+
+        self.zero = np.zeros((self.rotors + joints, 1))
+        nothing = Disturbance(force=ZERO, torque=ZERO, efforts=(0.0,) * joints)
+        row = (blank_measurement(joints, self.rotors), nothing, signals)
+        self.kernel = Kernel(trace_loop(step, (0.0,) * len(self.zero), (), row), Lanes(1))
+
+    def command(self, reading: Array, disturbance: Array, sample: Sample) -> Command:
+        """The law's command for leaves of a measurement and of a disturbance, and a sample of the reference."""
+        wanted = (sample.values, sample.rates, sample.accelerations)
+        row = np.concatenate([reading, disturbance, *wanted])
+        found, _ = self.kernel.run(self.zero, np.zeros((0, 1)), row[None])
+        values = found[:, 0].tolist()
+        return Command(rotor_speeds=tuple(values[: self.rotors]), efforts=tuple(values[self.rotors :]))
+
+
+def _computed_torque(par: Parameters, reading: Measurement, unknown: Disturbance, signals: Any) -> tuple[Any, ...]:
+    """Rotor speeds and efforts: the paper's law, which leans no further than it can climb, less what already pushes."""
+    model, (values, rates, accelerations) = par.model, signals
+    vehicle, R = model.vehicle, reading.quaternion.rotation()
+    wanted = Reference(
+        joints=tuple(values[4:]), joint_rates=tuple(rates[4:]), joint_accelerations=tuple(accelerations[4:])
+    )
+    a_d = downward_acceleration(
+        par.gains,
+        vehicle.mass,
+        model.gravity,
+        position_error=reading.position - Vec3(*values[:3]),
+        velocity_error=reading.velocity - Vec3(*rates[:3]),
+        acceleration=Vec3(*accelerations[:3]) - unknown.force * divide(1.0, vehicle.mass),
+    )
+    a_d = -_climbable(-a_d, model.gravity)
+    alpha = attitude_loop(
+        par.gains,
+        vehicle.base.inertia,
+        a_d=a_d,
+        yaw=_near(values[3], yaw_of(reading.quaternion)),
+        yaw_rate=rates[3],
+        R_WB=R,
+        w_B=reading.rate,
+        rate_form=par.rate_error,
+    )
+    base = Motion(alpha, R.apply_T(-a_d))
+    force, torques = generalized_force(par, R, reading, base, joint_accelerations(par, reading, wanted))
+    speeds, _ = mix(par.mixer, force.torque - unknown.torque, force.force.z)
+    efforts = tuple(sub(a, b) for a, b in zip(torques, unknown.efforts, strict=True))
+    return (*speeds, *limit_efforts(par, efforts))
+
+
+def _near(yaw: Any, heading: Any) -> Any:
+    """A yaw (rad) no further than :data:`TURN` from the heading, on its shorter side.
+
+    The attitude error is the sine of the turn: a nose that points backwards would take the torque from the tilt.
+    """
+    off = yaw - heading
+    off = atan2(sin(off), cos(off))
+    return heading + maximum(-TURN, minimum(off, TURN))
+
+
+def _climbable(force: Vec3, gravity: Any) -> Vec3:
+    """A specific force (m/s^2, world axes) with a share of gravity upwards at least, and no further from the vertical.
+
+    Rotors that carry nothing have no torque to give, and a thrust that lies down does not come up again.
+    """
+    up = maximum(force.z, mul(FLOOR, gravity))
+    across = sqrt(force.x * force.x + force.y * force.y)
+    share = minimum(1.0, divide(mul(LEAN, up), maximum(across, SMALL)))
+    return Vec3(force.x * share, force.y * share, up)
+
+
+def _parameters(model: Model) -> Parameters:
+    """RotorS's gains scaled to the belief; torques before thrust where every rotor lifts."""
+    name = "hybrid_computed_torque"
+    try:
+        made = make_paper_controller(model, name=name, mixer_policy="priority")
+    except AllocationError:
+        made = make_paper_controller(model, name=name)
+    par: Parameters = made.par
+    return par

@@ -1,0 +1,106 @@
+"""What of a scenario has a place in a linearisation: no noise, no turbulence, one time constant of each rotor."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from skyarm.actuation.servo import PositionServo
+from skyarm.compile import leaves
+from skyarm.environment import MovingAir, Wind
+from skyarm.records.coerce import concrete
+from skyarm.scenario.scenario_record import PERFECT_SENSORS, JointDrive, Scenario, ScenarioError
+from skyarm.simulate.loop_state import LoopState
+from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+
+LAGS = ("up", "down")
+"""Which time constant of the rotors holds in both directions: the two between which every motion lies."""
+
+ADAPTS = ("adapts_load", "adapts_friction")
+"""Parameters of laws that say whether they learn a load or a friction in flight."""
+
+SHARES = {"up": 0.0, "down": 1.0, "between": 0.5}
+"""Share of :func:`with_lag` of each, and of the lag that a small swing meets."""
+
+
+def nominal(scenario: Scenario) -> Scenario:
+    """The scenario without noise, turbulence and changes in flight, which have no place in a linearisation.
+
+    Nor has the rounding of an encoder in a servo, which is flat but for its steps: it is left out, as its mean is.
+    """
+    calm: Wind = scenario.wind
+    if isinstance(calm, MovingAir):
+        calm = dataclasses.replace(calm, turbulence=None)
+    drives = tuple(
+        JointDrive(joint=each.joint, drive=dataclasses.replace(each.drive, resolution=0))
+        if isinstance(each.drive, PositionServo)
+        else each
+        for each in scenario.joint_drives
+    )
+    return dataclasses.replace(scenario, sensors=PERFECT_SENSORS, wind=calm, changes=(), drives=drives)
+
+
+def without_adaptation(scenario: Scenario) -> Scenario:
+    """The scenario with what a law adapts held: at the bound of its projection a derivative means nothing.
+
+    Of a law under guard, the constants in ``inner`` are looked at.
+    """
+    par: Any = scenario.controller.par
+    inner: Any = getattr(par, "inner", None)
+    own = par if inner is None else inner
+    adapting = [name for name in ADAPTS if getattr(own, name, False)]
+    if not adapting:
+        return scenario
+    still: Any = dataclasses.replace(own, **dict.fromkeys(adapting, False))
+    if inner is not None:
+        still = dataclasses.replace(par, inner=still)
+    return dataclasses.replace(scenario, controller=dataclasses.replace(scenario.controller, par=still))
+
+
+def with_lag(scenario: Scenario, share: Any) -> Scenario:
+    """The scenario with rotors of one time constant, in plant and belief: up (share 0), down (1) or between.
+
+    Between, the rate 1 / tau is between both. In a small swing rotors rise half of the time and fall the other half: at
+    one half it grows or dies out as the swing of the vehicle itself does.
+    """
+
+    def even(vehicle: Vehicle) -> Vehicle:
+        return dataclasses.replace(vehicle, rotors=tuple(evened(rotor) for rotor in vehicle.rotors))
+
+    def evened(rotor: Rotor) -> Rotor:
+        up, down = rotor.time_constant_up, rotor.time_constant_down
+        if concrete(up, down) and up == down == 0.0:
+            return rotor
+        lag = up * down / (down + share * (up - down))
+        return dataclasses.replace(rotor, time_constant_up=lag, time_constant_down=lag)
+
+    par = scenario.controller.par
+    model = dataclasses.replace(par.model, vehicle=even(par.model.vehicle))
+    controller = dataclasses.replace(scenario.controller, par=dataclasses.replace(par, model=model))
+    world = dataclasses.replace(scenario.world, vehicle=even(scenario.world.vehicle))
+    return dataclasses.replace(scenario, controller=controller, world=world)
+
+
+def require_no_memory(scenario: Scenario, first: LoopState) -> None:
+    """Refuse a loop whose linearisation would have to know more memories than those of the law and of joint drives.
+
+    Raises:
+        ScenarioError: air, a force, a sensor or an estimator remembers something, or there is a sensor beside the full
+            state; names the first of them by its field.
+    """
+    fields = ["environment.wind", *(f"environment.air[{i}]" for i in range(len(scenario.air)))]
+    fields += [f"environment.forces[{i}]" for i in range(len(scenario.forces))]
+    fields += [f"payloads[{i}]" for i in range(len(scenario.payloads))]
+    # the battery comes last, after all of these
+    for field, component, memory in zip(fields, scenario.components, first.components, strict=False):
+        _require_none(leaves(memory), field, component)
+    for named in scenario.instruments:
+        _require_none(True, f"sensors.{named.name}", named.sensor)
+    _require_none(leaves(first.estimate), "estimator", scenario.estimator)
+    _require_none(leaves(first.sensors[0].memory), "sensors", scenario.sensors)
+
+
+def _require_none(held: Any, field: str, part: Any) -> None:
+    if held:
+        what = f"{field} = {type(part).__name__}"
+        raise ScenarioError(f"{what}: must be left out of margins, whose loop has no memory but the law's and drives'")

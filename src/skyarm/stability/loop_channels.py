@@ -1,0 +1,146 @@
+"""Where a loop is cut, one direction at a time: a rotor, a body torque, a joint drive, a number of the measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.algebra import Quaternion
+from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+
+Array = npt.NDArray[np.float64]
+
+COMMANDS, MEASUREMENTS = "commands", "measurements"
+
+WRENCH = ("roll torque", "pitch torque", "yaw torque", "thrust", "forward force", "sideways force")
+"""Directions in which rotors push a base, named by the axes of the base; flat layouts have the first four."""
+
+VECTORS = {"position": 3, "quaternion": 4, "velocity": 3, "rate": 3, "specific_force": 3}
+"""Numbers of a measurement after its time, in the order of its leaves, before those of the joints."""
+
+NAMES = {"quaternion": "attitude", "specific_force": "acceleration"}
+"""Groups that are not named as the measurement's field."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Channel:
+    """One direction in which a loop is cut: ``reads @ enters`` is 1.
+
+    Attributes:
+        name: of the direction. group: of those that are cut together. port: "commands" or "measurements".
+        reads: its size in a command or a measurement.
+        enters: a command or a measurement of size 1 in this direction alone.
+    """
+
+    name: str
+    group: str
+    port: str
+    reads: Array
+    enters: Array
+
+
+def single(names: Sequence[str], group: str, port: str, size: int, first: int = 0) -> list[Channel]:
+    """Channels of consecutive numbers, one each; ``first`` is the place of the first among ``size``."""
+    one = np.eye(size)
+    return [
+        Channel(name=name, group=group, port=port, reads=one[first + i], enters=one[first + i])
+        for i, name in enumerate(names)
+    ]
+
+
+def numbered_channels(rotors: int, joints: int, measurements: int) -> tuple[Channel, ...]:
+    """Channels of a loop of which only the sizes are known."""
+    size = rotors + joints
+    found = single([f"rotor {i + 1}" for i in range(rotors)], "rotors", COMMANDS, size)
+    found += single([f"joint {i + 1}" for i in range(joints)], "joints", COMMANDS, size, rotors)
+    names = [f"measurement {i + 1}" for i in range(measurements)]
+    return (*found, *single(names, "measured", MEASUREMENTS, measurements))
+
+
+def vehicle_channels(vehicle: Vehicle, speeds: Sequence[float], attitude: Quaternion) -> tuple[Channel, ...]:
+    """Channels of a vehicle: rotors, directions of their common push, joint drives, and what is measured.
+
+    Args:
+        vehicle: rotors and joints.
+        speeds: rotor commands at the instant, rad/s: thrust grows with their square.
+        attitude: base to world at the instant: the attitude is cut in rotations about the base's axes.
+    """
+    rotors, joints = len(vehicle.rotors), [link.joint.name for link in vehicle.links]
+    size = rotors + len(joints)
+    found = single([f"rotor {rotor.name}" for rotor in vehicle.rotors], "rotors", COMMANDS, size)
+    found += _pushes(vehicle.rotors, np.array(speeds, dtype=float), size)
+    found += single([f"drive {name}" for name in joints], "joints", COMMANDS, size, rotors)
+    return (*found, *_measured(joints, [rotor.name for rotor in vehicle.rotors], attitude))
+
+
+def wrenches(rotors: Sequence[Rotor]) -> Array:
+    """Torque x, y, z about the base origin, force z, x, y in base axes, per squared speed of each rotor (6, rotors)."""
+    columns = []
+    for rotor in rotors:
+        force = np.array([float(c) for c in rotor.axis]) * float(rotor.thrust_coefficient)
+        drag = -float(rotor.direction) * float(rotor.moment_coefficient) * force
+        torque = np.cross([float(c) for c in rotor.position], force) + drag
+        columns.append([*torque, force[2], force[0], force[1]])
+    return np.array(columns).reshape(len(rotors), 6).T
+
+
+def _pushes(rotors: Sequence[Rotor], speeds: Array, size: int) -> list[Channel]:
+    """Channels of torque about each axis and thrust, and of the forces sideways where the rotors make them freely."""
+    B = wrenches(rotors)
+    lengths = np.linalg.norm(B, axis=1, keepdims=True)
+    lengths[lengths == 0.0] = 1.0
+    scaled = B / lengths
+    kept = 6 if np.linalg.matrix_rank(scaled, tol=1e-6) == 6 else 4
+    if np.linalg.matrix_rank(scaled[:kept], tol=1e-6) < kept or not (speeds > 0.0).all():
+        return []
+    slope = 2.0 * speeds
+    reads, enters = scaled[:kept] * slope, np.linalg.pinv(scaled[:kept]) / slope[:, None]
+    none = np.zeros(size - len(speeds))
+    return [
+        Channel(
+            name=name,
+            group="pushes",
+            port=COMMANDS,
+            reads=np.concatenate([reads[i], none]),
+            enters=np.concatenate([enters[:, i], none]),
+        )
+        for i, name in enumerate(WRENCH[:kept])
+    ]
+
+
+def _measured(joints: Sequence[str], rotors: Sequence[str], attitude: Quaternion) -> list[Channel]:
+    """Channels of a measurement, in the order of its leaves, time left out."""
+    size = 1 + sum(VECTORS.values()) + 2 * len(joints) + len(rotors)
+    found: list[Channel] = []
+    place = 1
+    for field, count in VECTORS.items():
+        group = NAMES.get(field, field)
+        names = [f"{group} {axis}" for axis in "xyz"]
+        if field == "quaternion":
+            found += _rotations(names, group, size, place, attitude)
+        else:
+            found += single(names, group, MEASUREMENTS, size, place)
+        place += count
+    for group, names in (
+        ("joint positions", [f"position of {name}" for name in joints]),
+        ("joint rates", [f"rate of {name}" for name in joints]),
+        ("rotor speeds", [f"speed of {name}" for name in rotors]),
+    ):
+        found += single(names, group, MEASUREMENTS, size, place)
+        place += len(names)
+    return found
+
+
+def _rotations(names: Sequence[str], group: str, size: int, place: int, attitude: Quaternion) -> list[Channel]:
+    """Channels of small rotations about the base's axes: q (1, v / 2) moves q by Q v, with Q^T Q = 1 / 4."""
+    w, x, y, z = (float(c) for c in attitude)
+    Q = 0.5 * np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]])
+    found = []
+    for i, name in enumerate(names):
+        enters, reads = np.zeros(size), np.zeros(size)
+        enters[place : place + 4], reads[place : place + 4] = Q[:, i], 4.0 * Q[:, i]
+        found.append(Channel(name=name, group=group, port=MEASUREMENTS, reads=reads, enters=enters))
+    return found

@@ -1,0 +1,139 @@
+"""The flight by which gains are tuned: base, heading and arm move at once through a wind with a gust; then a step.
+
+Gains belong to the loop (vehicle, delay, noise, wrong beliefs), not to a path: every vehicle flies the same motion,
+scaled to its arm. The scenario keeps its plant, belief, clocks, delays, sensors, drives, estimator and air; its motion,
+payloads, faults and changes in flight stay away. With perfect sensors nothing would keep gains from growing without
+end, so that a scenario without noise gets that of :data:`skyarm.compare.suite.NOISE`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+from skyarm.algebra import Vec3
+from skyarm.compare.suite import DELAY, NOISE
+from skyarm.control.model import Model
+from skyarm.environment import ForceWind
+from skyarm.environment.gust import Gust
+from skyarm.estimate.estimator import PASS_THROUGH
+from skyarm.metrics.windows import Window, Windows
+from skyarm.plant.interface import Truth
+from skyarm.reference import Constant, Shifted, Signal, Sine, Sum, Trajectory, Windowed
+from skyarm.scenario.gains_file import make_named_or_tuned
+from skyarm.scenario.law_by_name import controller_by_name, loop_facts
+from skyarm.scenario.scenario_record import PERFECT_SENSORS, Delays, Rates, Scenario
+from skyarm.vehicle.vehicle_records import Joint, Vehicle
+
+DURATION, SETTLED, BLOWN, STEPPED = 10.0, 2.0, 5.0, 8.0
+"""s: of the flight; from when on errors count; when the gust comes, and when the step, after which they do not count.
+
+Before the first the vehicle leaves a hover into the wind. The step is there to be survived: what error it leaves is the
+step's own, not that of gains.
+"""
+
+STEP = 0.3
+"""m: of the base at the end; that of the paper's Case 3."""
+
+UNKNOWN_DELAY = 0.010
+"""s: longest delay of the commands that the law does not know, as in the README's perturbed plants."""
+
+HEIGHT = 10.0
+"""m: of the flight; far from the ground, which counts for nothing here."""
+
+GUST, GUST_SHARE = Vec3(0.75, 0.5, 0.43), 0.15
+"""Direction of the gust's force, and its size as a share of the weight."""
+
+
+def of_vehicle(vehicle: Vehicle, law: str | None = None, *, gravity: float = 9.81) -> Scenario:
+    """A scenario for a vehicle that its law knows exactly.
+
+    Args:
+        vehicle: plant and belief.
+        law: any name of the catalogue; left out, the centroidal law, on the tip if there is one.
+        gravity: m/s^2.
+    """
+    named = law or ("centroidal_tip" if vehicle.end_effector else "centroidal_joint")
+    rates, delays = Rates(), Delays(measurement=DELAY)
+    controller = make_named_or_tuned(named, Model(vehicle=vehicle, gravity=gravity), loop_facts(rates, delays))
+    return Scenario(
+        name=vehicle.name,
+        rates=rates,
+        world=Truth(vehicle=vehicle, gravity=gravity),
+        controller=controller,
+        trajectory=motion(vehicle),
+        duration=DURATION,
+        sensors=NOISE,
+        delays=delays,
+    )
+
+
+def excited(scenario: Scenario, law: str | None = None, *, own_motion: bool = False) -> Scenario:
+    """The flight by which a scenario's gains are judged.
+
+    Args:
+        scenario: whose plant, belief, clocks, sensors and air it keeps.
+        law: any name of the catalogue in place of its own.
+        own_motion: fly the scenario's own reference, for its own duration and windows.
+    """
+    noisy = scenario.sensors != PERFECT_SENSORS or scenario.instruments or scenario.estimator != PASS_THROUGH
+    longest = float(scenario.delays.command) + UNKNOWN_DELAY
+    delays = dataclasses.replace(scenario.delays, longest_command=longest)
+    found = dataclasses.replace(
+        scenario,
+        sensors=scenario.sensors if noisy else NOISE,
+        delays=delays,
+        changes=(),
+        faults=(),
+        payloads=(),
+        ground=False,
+        plant="rigid_body",
+        initial=None,
+        joined=0,
+        forces=(*scenario.forces, ForceWind(gusts=(_gust(scenario),))),
+    )
+    if not own_motion:
+        found = dataclasses.replace(
+            found,
+            trajectory=motion(scenario.world.vehicle),
+            duration=DURATION,
+            windows=Windows(steady=Window(SETTLED, BLOWN), gust=Window(BLOWN, STEPPED)),
+        )
+    if law is not None:
+        found = dataclasses.replace(found, controller=controller_by_name(found, law))
+    return found
+
+
+def _gust(scenario: Scenario) -> Gust:
+    weight = float(scenario.world.vehicle.mass) * float(scenario.world.gravity)
+    return Gust(peak=GUST * (GUST_SHARE * weight), start=BLOWN, duration=1.0)
+
+
+def motion(vehicle: Vehicle) -> Trajectory:
+    """Base on three sines from rest, heading and joints on one each, all of different periods."""
+    return Trajectory(
+        x=Sum((_swing(0.45, 0.2), Windowed(Constant(STEP), start=STEPPED))),
+        y=_swing(0.35, 0.3),
+        z=Sum((Constant(HEIGHT), _swing(0.15, 0.4))),
+        yaw=_swing(0.2, 0.15),
+        joints=tuple(_joint_swing(link.joint, i) for i, link in enumerate(vehicle.links)),
+    )
+
+
+def _swing(amplitude: float, frequency: float) -> Signal:
+    """amplitude (1 - cos) from second 1 on: it begins at rest."""
+    sine = Sine(amplitude=amplitude, frequency_hz=frequency, phase=-0.5 * math.pi)
+    return Windowed(Sum((Constant(amplitude), Shifted(sine, 1.0))), start=1.0)
+
+
+def _joint_swing(joint: Joint, number: int) -> Signal:
+    """A swing of a tenth of what the joint may do, about its rest or the nearest place that leaves as much room again.
+
+    A joint that may do little, as a short slide, swings about its middle.
+    """
+    low, high = (float(bound) for bound in (joint.lower, joint.upper))
+    room = min(high - low, 2.0 * math.pi)
+    size = min(0.25, 0.1 * room)
+    rest = min(max(0.0, low + 4.0 * size), high - 4.0 * size)
+    # begins at the lower end, at rest
+    return Sum((Constant(rest - size), _swing(size, 0.5 + 0.07 * number)))

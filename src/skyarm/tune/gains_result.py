@@ -1,0 +1,127 @@
+"""What tuning writes: files of gains that scenarios name, and a report as plain data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from skyarm.control.catalogue import PRESETS, TUNED, full_name
+from skyarm.files.write_toml import toml_key, toml_value
+from skyarm.records.identity import identity
+from skyarm.records.leaves import walk
+from skyarm.records.replace_parts import part
+from skyarm.tune.front import RULE, LoopMargins, Point
+from skyarm.tune.hover_margins import with_gains
+from skyarm.tune.law_knobs import inner_place
+from skyarm.tune.tuning import Tuning
+
+DIGITS = 6
+"""Of a gain in a file."""
+
+
+def front_name(number: int) -> str:
+    """File of a point of the front, counted from calm to stiff."""
+    return f"front_{number + 1}.toml"
+
+
+def words_of(name: str) -> dict[str, Any]:
+    """What a [law] table says of a controller by its name in the catalogue."""
+    own = full_name(name)
+    if own in PRESETS:
+        return {"preset": own}
+    return {"law": own.removesuffix(TUNED), "tuned": True} if own.endswith(TUNED) else {"law": own}
+
+
+def gains_of(tuning: Tuning, point: Point) -> dict[str, float | list[float]]:
+    """The numbers below the path of every knob, as a file of gains has them."""
+    controller = tuning.plan.flight.controller
+    tuned = with_gains(controller, tuning.plan.knobs, point.logs)
+    below, found = inner_place(controller), {}
+    for knob in tuning.plan.knobs:
+        place = (*below, *knob.path.split("."))
+        values = [_short(float(value)) for _, value in walk(part(tuned.par, place), place) if isinstance(value, float)]
+        found[knob.path] = values[0] if len(set(values)) == 1 else values
+    return found
+
+
+def gains_text(tuning: Tuning, point: Point, words: Mapping[str, Any], kept: Mapping[str, Any]) -> str:
+    """A file of gains.
+
+    Args:
+        tuning: what was found.
+        point: of its front.
+        words: of the law, for [law].
+        kept: gains that stood in the file before and are no knobs.
+    """
+    plan = tuning.plan
+    gains = {**kept, **gains_of(tuning, point)}
+    before = gains_of(tuning, tuning.before)
+    units = {knob.path: knob.unit for knob in plan.knobs}
+    lines = [
+        f"# Gains of {plan.label} for {plan.flight.world.vehicle.name}, written by skyarm tune.",
+        '# In a scenario: [controller] tuned = "THIS FILE"; on a command line: --controller THIS FILE',
+        "schema = 1",
+        *_table("law", words),
+        "",
+        "[gains]",
+    ]
+    for path, value in gains.items():
+        note = f"    # {units[path]}, was {toml_value(before[path])}" if path in units else ""
+        lines.append(f"{toml_key(path)} = {toml_value(value)}{note.replace('# , was', '# was')}")
+    lines += _table("about", about(tuning))
+    lines += _table("about.before", plain_point(tuning.before))
+    lines += _table("about.after", plain_point(point))
+    lines += _table("about.required", {"delay_margin_s": tuning.required.delay, "gain_margin": tuning.required.gain})
+    return "\n".join(lines) + "\n"
+
+
+def about(tuning: Tuning) -> dict[str, Any]:
+    """Where the gains come from."""
+    plan = tuning.plan
+    return {
+        **{name: value for name, value in plan.facts().items() if name not in ("knobs", "flight", "law")},
+        "scenario": plan.check.name,
+        "vehicle": plan.flight.world.vehicle.name,
+        "vehicle_digest": identity(plan.flight.world.vehicle),
+        "belief_digest": identity(plan.flight.controller.par.model.vehicle),
+        "flight_digest": identity(plan.flight),
+        "candidates": plan.effort.candidates,
+        "unseen_plants": plan.unseen,
+        "share_of_usual_payload_and_wind": _short(tuning.plants.eased),
+        "rule": RULE,
+    }
+
+
+def plain_point(point: Point) -> dict[str, Any]:
+    """Scores and margins of a point."""
+    return {
+        "error_m": _short(point.error),
+        "tip_m": _short(point.tip),
+        "jitter_rad_s": _short(point.jitter),
+        "effort": _short(point.effort),
+        "lost": _short(point.lost),
+        "saturated": _short(point.saturated),
+        **plain_margins(point.margins),
+    }
+
+
+def plain_margins(margins: LoopMargins) -> dict[str, Any]:
+    """Margins; what is beyond all that is looked at is left out."""
+    if margins.why_none:
+        return {"no_margins": margins.why_none}
+    delay = {"delay_margin_s": _short(margins.delay)} if math.isfinite(margins.delay) else {}
+    return delay | {
+        f"{name}_gain_{side}": _short(value)
+        for name, pair in (("rotor", margins.rotors), ("joint", margins.joints))
+        for side, value in zip(("least", "most"), pair, strict=True)
+        if math.isfinite(value) and value > 0.0
+    }
+
+
+def _table(head: str, values: Mapping[str, Any]) -> Sequence[str]:
+    return ["", f"[{head}]", *(f"{toml_key(name)} = {toml_value(value)}" for name, value in values.items())]
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")

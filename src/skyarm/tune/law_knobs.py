@@ -1,0 +1,152 @@
+"""The numbers of a law that tuning may change: its gains and bandwidths, found in its constants.
+
+A knob is one factor on all numbers below a path of the law's constants, which keep their ratios. For the laws of
+:data:`skyarm.control.catalogue.KNOBS` the paths are written there. For any other law, a user's own among them, they
+are found: every positive number of its constants whose field states the unit of a gain (per second, per metre, per
+radian), or no unit at all. A vector and a tuple of any length are one knob; each item of a tuple of fixed length, as
+``tuple[float, float]``, is one.
+"""
+
+from __future__ import annotations
+
+import re
+import typing
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.algebra import Vec3
+from skyarm.control.catalogue import KNOBS
+from skyarm.control.controller import Controller
+from skyarm.files import did_you_mean, shown
+from skyarm.records.leaves import Place, is_record, parts, walk
+from skyarm.records.units import NUMBER, Unit, declared_fields
+
+NOT_GAINS = ("model", "mixer", "network", "limits", "terms")
+"""Fields of constants that hold no gains of a law: its belief, its allocation, a learned part, limits."""
+
+GAIN = re.compile(r"/(s|rad|m)\b|rad/s|\bHz\b")
+"""Units of gains and bandwidths."""
+
+BOUNDED = re.compile(r"\b(largest|smallest|least|lowest|highest|most|limits?|bounds?|adapted)\b")
+"""Words of a meaning that say that the number is a limit or the rate of a slow adaptation, not a gain."""
+
+LARGEST_FACTOR = 30.0
+"""Factor on a knob, and one over the smallest: gains detuned tenfold still have good ones in reach."""
+
+
+class KnobError(ValueError):
+    """A law has no such knob, or none at all."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Knob:
+    """A knob is one factor on some numbers of a law's constants.
+
+    Attributes:
+        path: of the constants. unit: of the numbers, or nothing. numbers: place among the constants -> value.
+    """
+
+    path: str
+    unit: str
+    numbers: tuple[tuple[Place, float], ...]
+
+    def values(self, factor: float) -> tuple[float, ...]:
+        """The numbers times a factor."""
+        return tuple(factor * number for _, number in self.numbers)
+
+
+def inner_place(controller: Controller) -> Place:
+    """Where the constants of the law itself stand: under layers of safety or actuators, in ``inner``."""
+    place: Place = ()
+    par = controller.par
+    while is_record(inner := getattr(par, "inner", None)):
+        place, par = (*place, "inner"), inner
+    return place
+
+
+def find_knobs(controller: Controller, law: str = "", chosen: Sequence[str] | None = None) -> tuple[Knob, ...]:
+    """Knobs of a controller.
+
+    Args:
+        controller: whose constants are looked through, below its layers.
+        law: its name in the catalogue, if it has one.
+        chosen: paths of the knobs to take, or beginnings of them; all if left out.
+
+    Raises:
+        KnobError: the law has none, or not the chosen one.
+    """
+    layers = inner_place(controller)
+    par = controller.par
+    for name in layers:
+        par = parts(par)[name]
+    listed = KNOBS.get(law)
+    found = [_listed(par, path) for path in listed] if listed else [*_found(par, (), NUMBER, False)]
+    knobs = tuple(_below(layers, each) for each in found if each is not None)
+    if not knobs:
+        raise KnobError(f"controller = {shown(controller.name)}: has no gains: no positive number of its constants")
+    if chosen is None:
+        return knobs
+    for path in chosen:
+        if not any(_is_meant(path, knob.path) for knob in knobs):
+            there = [knob.path for knob in knobs]
+            raise KnobError(f"--knobs: {shown(path)}: {did_you_mean(path, there)}must be one of {', '.join(there)}")
+    return tuple(knob for knob in knobs if any(_is_meant(path, knob.path) for path in chosen))
+
+
+def _is_meant(word: str, path: str) -> bool:
+    return path == word or path.startswith(f"{word}.")
+
+
+def _below(layers: Place, knob: Knob) -> Knob:
+    return Knob(path=knob.path, unit=knob.unit, numbers=tuple(((*layers, *at), value) for at, value in knob.numbers))
+
+
+def _listed(par: Any, path: str) -> Knob | None:
+    place: Place = tuple(path.split("."))
+    record, unit = par, NUMBER
+    for name in place:
+        below = parts(record)
+        if name not in below:
+            return None
+        unit = declared_fields(type(record)).get(name, (None, unit))[1] if is_record(record) else unit
+        record = below[name]
+    return _knob(place, record, unit)
+
+
+def _found(record: Any, place: Place, unit: Unit, fixed: bool) -> Iterator[Knob]:
+    """Knobs below a part of the constants, whose own field states ``unit``."""
+    if is_record(record) and not isinstance(record, Vec3):
+        declared = declared_fields(type(record))
+        for name, value in parts(record).items():
+            if not place and name in NOT_GAINS:
+                continue
+            kind, own = declared.get(name, (None, NUMBER))
+            yield from _found(value, (*place, name), own if own is not NUMBER else unit, _fixed_length(kind))
+        return
+    if not _is_gain(unit):
+        return
+    if isinstance(record, tuple) and fixed:
+        for name, value in parts(record).items():
+            yield from _found(value, (*place, name), unit, False)
+        return
+    knob = _knob(place, record, unit)
+    if knob is not None:
+        yield knob
+
+
+def _fixed_length(kind: Any) -> bool:
+    """Whether a field is a tuple of fixed length by its annotation."""
+    return typing.get_origin(kind) is tuple and Ellipsis not in typing.get_args(kind)
+
+
+def _is_gain(unit: Unit) -> bool:
+    if unit is NUMBER:
+        return True
+    return bool(GAIN.search(unit.unit)) and not BOUNDED.search(unit.meaning)
+
+
+def _knob(place: Place, record: Any, unit: Unit) -> Knob | None:
+    """One factor on every positive number of a record; None where there is none."""
+    numbers = tuple((at, value) for at, value in walk(record, place) if type(value) is float and value > 0.0)
+    return Knob(path=".".join(place), unit=unit.unit, numbers=numbers) if numbers else None

@@ -1,0 +1,98 @@
+"""``skyarm compare envelope-suite``: its options arrive, what it does not know is refused in one line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from added_components import registry_kept
+from commanded import refused, skyarm
+from skyarm.compare.envelope_axes import AXES
+from skyarm.compare.envelope_suite import LAWS, TUNED_LAWS, Envelope
+
+
+@pytest.fixture
+def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[tuple[Envelope, Path, int]]:
+    """What is to be flown; nothing is."""
+    monkeypatch.chdir(tmp_path)
+    found: list[tuple[Envelope, Path, int]] = []
+
+    def fly(envelope: Envelope, folder: Path, *, threads: int, progress: Any) -> None:
+        found.append((envelope, folder, threads))
+        raise ValueError("nothing is flown here")
+
+    monkeypatch.setattr("skyarm.cli.envelope_command.fly_envelope", fly)
+    monkeypatch.setattr("skyarm.cli.envelope_command.planned", lambda _envelope: ([], {}))
+    return found
+
+
+def test_left_out_options_are_the_whole_envelope_of_the_paper_s_vehicle(
+    asked: list[tuple[Envelope, Path, int]],
+) -> None:
+    refused(skyarm("compare", "envelope-suite", "--workers", "2"), "nothing is flown here")
+    ((envelope, folder, threads),) = asked
+    assert envelope == Envelope()
+    assert (envelope.laws, envelope.axes) == (LAWS, tuple(AXES))
+    assert (folder, threads) == (Path("out/envelope"), 2)
+
+
+def test_every_option_arrives(asked: list[tuple[Envelope, Path, int]]) -> None:
+    options = ("--axes", "swing, circle", "--vehicle", "hexarotor_arm6", "--quick", "--seed", "7", "--out", "here")
+    refused(skyarm("compare", "envelope-suite", *options), "nothing is flown here")
+    refused(skyarm("compare", "envelope-suite", "--laws", "exact_ee,indi"), "nothing is flown here")
+    (first, folder, _), (second, _, _) = asked
+    assert (first.axes, first.vehicle, first.quick, first.seed) == (("circle", "swing"), "hexarotor_arm6", True, 7)
+    assert (first.laws, folder) == (TUNED_LAWS, Path("here"))
+    assert second.laws == ("centroidal_tip", "indi")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("envelope-suite", "--axes", "sircle"), "--axes = 'sircle': did you mean 'circle'?"),
+        (("envelope-suite", "--axes", ","), "--axes: must name at least one"),
+        (("envelope-suite", "--laws", "exakt"), "--laws = 'exakt': "),
+        (("envelope-suite", "--laws", "exact_ee,centroidal_tip"), "are one"),
+        (("envelope-suite", "--conditions", "noisy"), "--conditions: must be left out for envelope-suite"),
+        (("envelope-suite", "--vehicle", "hummingbird"), "--vehicle = 'hummingbird': must have an arm"),
+        (("envelope-suite", "--vehicle", "nothing.toml"), "nothing.toml"),
+        (("envelope-suite", "--laws", "paper_ct", "--vehicle", "crazyflie_arm1"), "2 values, must be 1"),
+        (("paper-suite", "--axes", "circle"), "--axes: must be left out; only envelope-suite has it"),
+        (("case3", "--quick"), "--quick: must be left out; only envelope-suite has it"),
+        (("paper-suite", "--vehicle", "hexarotor_arm6"), "--vehicle: must be left out; only envelope-suite has it"),
+        (("envelope",), "must be one of paper-suite, envelope-suite, or a scenario"),
+    ],
+)
+def test_what_it_does_not_know_is_refused_in_one_line(
+    options: tuple[str, ...], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    refused(skyarm("compare", *options), words)
+    assert not list(tmp_path.iterdir()), "nothing is left behind"
+
+
+def test_a_law_of_a_file_flies_and_another_seed_replaces_the_report(tmp_path: Path) -> None:
+    law = f"{Path(__file__).resolve().parents[2] / 'examples' / 'own_law.py'}:make_lqr"
+    options = ("--laws", law, "--axes", "swing_amplitude", "--quick", "--out", str(tmp_path / "x"))
+    with registry_kept():
+        first = skyarm("compare", "envelope-suite", *options)
+        again = skyarm("compare", "envelope-suite", *options, "--seed", "3")
+    assert (first.code, again.code) == (0, 0), first.err + again.err
+    assert "own_law.py:make_lqr" in first.out
+    assert "replaces" not in first.err
+    assert "replaces the report of an envelope of seed 0" in again.err
+    (cell,) = (tmp_path / "x" / "cells").iterdir()
+    assert cell.name.endswith("own_law.py-make_lqr.cell")
+
+
+def test_its_result_is_plain_data_on_standard_output(tmp_path: Path) -> None:
+    options = ("--laws", "paper_pd", "--axes", "swing_amplitude", "--quick", "--json", "--out", str(tmp_path / "x"))
+    done = skyarm("compare", "envelope-suite", *options)
+    assert done.code == 0, done.err
+    found = json.loads(done.out)
+    assert found["axes"]["swing_amplitude"]["values"] == [0.25, 1.25]
+    assert found["sentences"]["paper_pd"].startswith("within 100 mm")
+    assert "1 of 1 perfect swing_amplitude paper_pd" not in done.out

@@ -1,0 +1,48 @@
+"""The page of margins: its curves keep out of their disks and touch them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.cli.loop_margin_page import margins_page, write_page
+from skyarm.figures.nyquist import nyquist_figure
+from skyarm.stability.along import Evidence, margins
+from skyarm.stability.nyquist_loci import Locus, hover_loci
+
+
+@pytest.fixture(scope="module")
+def drawn() -> tuple[Evidence, list[Locus]]:
+    scenario = skyarm.load_scenario("case3", controller="paper_ct")
+    return margins(scenario, 0), hover_loci(scenario)
+
+
+def test_a_curve_touches_the_disk_of_its_margin_and_stays_out_of_it(drawn: tuple[Evidence, list[Locus]]) -> None:
+    groups = [locus.margin.group for locus in drawn[1]]
+    assert len(set(groups)) == len(groups) >= 8
+    for locus in drawn[1]:
+        low, high = locus.margin.gain
+        left, right = -1.0 / low, -1.0 / high
+        away = np.abs(locus.L - 0.5 * (left + right)) / (0.5 * (right - left))
+        # the most delicate frequency is found to a share of the distance between two of the grid
+        assert away.min() == pytest.approx(1.0, abs=2e-3), locus.margin.name
+
+
+def test_each_loop_has_a_diagram_with_its_disk_and_a_row(drawn: tuple[Evidence, list[Locus]], tmp_path: Path) -> None:
+    found, loci = drawn
+    figure = nyquist_figure(loci)
+    titles = [ax.get_title() for ax in figure.axes if ax.axison]
+    assert titles == [f"{e.margin.name}: {e.margin.disk:.2f} at {e.margin.frequency:.3g} rad/s" for e in loci]
+    assert all(len(ax.patches) == 1 for ax in figure.axes if ax.axison)
+    text = write_page(found, loci, tmp_path / "m.html").read_text()
+    for each in found.instants[0].by_lag["up"].loops:
+        assert f">{each.name}<" in text
+    assert text.count("<img") == 1
+
+
+def test_a_hover_that_is_lost_leaves_a_page_that_says_so() -> None:
+    none = Evidence(controller="law", scenario="case", instants=(), completed=False)
+    assert "the loop is lost in hover" in margins_page(none, [])

@@ -1,0 +1,186 @@
+"""What an envelope says of its numbers: where a law is good, where it is lost, what violates the rules; its tables."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+
+import numpy as np
+
+from skyarm.compare.cells import Cell
+from skyarm.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, TIP, TIP_MAX
+from skyarm.compare.envelope_page import envelope_page, envelope_section
+from skyarm.compare.envelope_record import JUDGED, lost_at, points_of, sentence, violations, within
+from skyarm.compare.envelope_tables import (
+    axis_rows,
+    cell_text,
+    envelope_csv,
+    envelope_report,
+    summary_rows,
+    violation_rows,
+)
+
+
+def point(error, *, lost=False, judged=None, largest=None):
+    """A flight with a mean error in m."""
+    status = "ground" if lost else "completed"
+    numbers = {
+        "judged": judged or error,
+        "tip_mean": error,
+        "tip_max": largest or 2.0 * error,
+        "outside": 1.5,
+        "tilt": 0.1,
+    }
+    return {**numbers, "status": status, "lost": lost}
+
+
+def axis(values, unit="m/s", **laws):
+    """An axis with points of laws."""
+    facts = {"title": "a trial", "noisy": False, "judged": "tip, mean / largest", "window_s": [4.0, 20.0]}
+    return {**facts, "values": list(values), "unit": unit, "laws": laws}
+
+
+LOST = point(2.0, lost=True)
+
+AXES_FLOWN = {
+    "circle": axis(
+        (1.0, 2.0, 3.0),
+        paper_ct=[point(0.05), point(0.09), point(0.4)],
+        l1_adaptive=[point(0.02), LOST, LOST],
+        centroidal_tip=[point(0.001), point(0.095), point(0.5)],
+    ),
+    "turning_wind": axis(
+        (20.0, 5.0),
+        "s",
+        paper_ct=[point(0.7), LOST],
+        l1_adaptive=[point(0.7), point(0.6)],
+        centroidal_tip=[point(0.009), LOST],
+    ),
+}
+
+
+def test_a_law_is_good_up_to_the_first_value_where_it_is_not():
+    points = [point(0.001), point(0.009), point(0.011), point(0.002)]
+    assert within(points, 0.010) == 2
+    assert within([LOST, point(0.001)], 0.010) == 0
+    assert lost_at([point(0.1), LOST, point(0.1), LOST]) == [1, 3]
+
+
+def test_lost_is_what_ended_early_or_tilted_over_or_has_no_number():
+    found = {
+        TIP: np.array([0.01, 0.01, 0.01, np.nan]),
+        TIP_MAX: np.array([0.02, 0.02, 0.02, np.nan]),
+        OUTSIDE: np.array([0.0, 2.5, 0.0, np.nan]),
+        "tilt_max": np.radians([79.9, 80.1, 5.0, 5.0]),
+    }
+    cell = Cell(found, np.array(["completed", "completed", "ground", "completed"]))
+    points = points_of(cell, AXES["circle"])
+    assert [each["lost"] for each in points] == [False, True, True, True]
+    assert [each["tip_mean"] for each in points] == [0.01, 0.01, 0.01, None]
+    overshoot = Cell({**found, OVERSHOOT: np.array([0.3] * 4)}, cell.status)
+    assert [each["judged"] for each in points_of(overshoot, AXES["step"])] == [0.3] * 4
+
+
+def test_violations_are_a_loss_that_another_law_survives_and_ten_per_cent_over_the_paper():
+    found = violations(AXES_FLOWN)
+    assert [(each["axis"], each["value"], each["rule"]) for each in found] == [
+        ("circle", 3.0, "worse"),
+        ("turning_wind", 5.0, "lost"),
+    ]
+    assert (found[0]["own"], found[0]["other"], found[0]["kept_by"]) == (0.5, 0.4, ["paper_ct"])
+    assert found[1]["kept_by"] == ["l1_adaptive"]
+    assert violation_rows(found) == [
+        ["circle 3 m/s", "worse than paper_ct", "500", "400"],
+        ["turning wind 5 s", "lost; not lost: l1_adaptive", "-", "-"],
+    ]
+
+
+def test_what_every_law_loses_and_what_is_nine_per_cent_worse_is_no_violation():
+    both = {"circle": axis((1.0, 2.0), paper_ct=[LOST, point(0.1)], centroidal_tip=[LOST, point(0.109)])}
+    assert violations(both) == []
+    alone = {"circle": axis((1.0,), centroidal_tip=[LOST])}
+    assert violations(alone) == []
+    # the paper's law is lost: nothing to be worse than
+    assert violations({"circle": axis((1.0,), paper_ct=[LOST], centroidal_tip=[point(0.9)])}) == []
+
+
+def test_on_another_vehicle_the_tuned_form_of_the_paper_s_law_is_the_measure():
+    found = violations(
+        {"circle": axis((1.0,), hybrid_computed_torque_tuned=[point(0.1)], centroidal_tip=[point(0.12)])}
+    )
+    assert found[0]["kept_by"] == ["hybrid_computed_torque_tuned"]
+
+
+def test_the_sentence_of_a_law_says_how_far_and_where_lost():
+    assert sentence("centroidal_tip", AXES_FLOWN) == (
+        "within 10 mm: circle up to 1 m/s, turning wind down to 20 s; lost: turning wind at 5 s."
+    )
+    assert sentence("paper_ct", AXES_FLOWN) == (
+        "within 100 mm: circle up to 2 m/s; never on turning wind; lost: turning wind at 5 s."
+    )
+    assert sentence("l1_adaptive", AXES_FLOWN) == (
+        "within 100 mm: circle up to 1 m/s; never on turning wind; lost: circle from 2 m/s."
+    )
+    calm = {"circle": axis((1.0, 2.0), centroidal_tip=[point(0.001), point(0.002)])}
+    assert sentence("centroidal_tip", calm) == "within 10 mm: all of circle; lost: nowhere."
+    far = {"circle": axis((1.0, 2.0), indi=[point(0.2), LOST])}
+    assert sentence("indi", far) == "within 100 mm: nowhere; lost: circle at 2 m/s."
+
+
+def envelope():
+    """A whole record."""
+    laws = ["paper_ct", "l1_adaptive", "centroidal_tip"]
+    return {
+        "schema": 1,
+        "vehicle": "<v>",
+        "seed": 3,
+        "plant": "rigid_body",
+        "quick": False,
+        "laws": laws,
+        "not_flown": {"indi": "does not <fit>"},
+        "sentences": {law: sentence(law, AXES_FLOWN) for law in laws},
+        "violations": violations(AXES_FLOWN),
+        "axes": AXES_FLOWN,
+    }
+
+
+def test_tables_hold_mean_and_largest_error_and_how_far_each_law_is_good():
+    assert axis_rows(AXES_FLOWN["circle"])[1] == ["l1_adaptive", "20.0 / 40.0", "lost", "lost"]
+    assert cell_text(point(0.3), JUDGED[OVERSHOOT]) == "300; 1.50 s"
+    assert cell_text(LOST, JUDGED[OVERSHOOT]) == "lost"
+    assert summary_rows(AXES_FLOWN, ["paper_ct", "centroidal_tip", "nmpc"]) == [
+        ["circle, 1 to 3 m/s", "- / 2", "1 / 2", "-"],
+        ["turning wind, 20 to 5 s", "- / -, lost at 5", "20 / 20, lost at 5", "-"],
+    ]
+    written = envelope_report(envelope())
+    for words in ("| l1_adaptive | 20.0 / 40.0 | lost | lost |", "indi does not fly: does not <fit>", "circle 3 m/s"):
+        assert words in written
+
+
+def test_without_the_flagship_nothing_is_said_of_its_rules():
+    calm = {"circle": axis((1.0,), paper_ct=[point(0.1)], centroidal_tip=[point(0.1)])}
+    for laws, words in ((["paper_ct"], "Not known: centroidal_tip did not fly."), (["centroidal_tip"], "None.")):
+        found = envelope() | {"laws": laws, "violations": violations(calm)}
+        assert envelope_report(found).endswith(f"{words}\n")
+
+
+def test_the_csv_has_a_row_for_each_flight():
+    rows = list(csv.DictReader(io.StringIO(envelope_csv(envelope()))))
+    assert len(rows) == 15
+    flown = next(row for row in rows if (row["axis"], row["value"], row["law"]) == ("circle", "2", "paper_ct"))
+    assert [flown[key] for key in ("judged_mm", "tip_max_mm", "outside_s", "lost")] == ["90", "180", "1.5", "0"]
+    assert math.isclose(float(flown["tilt_deg"]), math.degrees(0.1), rel_tol=1e-5)
+    assert sum(int(row["lost"]) for row in rows) == 4
+
+
+def test_the_page_holds_every_number_and_lets_no_name_through_unescaped():
+    whole = envelope_page(envelope(), b"picture")
+    for words in ("20.0 / 40.0", "lost; not lost: l1_adaptive", "within 10 mm: circle up to 1 m/s", "&lt;v&gt;"):
+        assert words in whole
+    assert "<v>" not in whole
+    assert "<fit>" not in whole
+    assert "http" not in whole.replace("http-equiv", ""), "it needs no other file"
+    part = envelope_section(envelope(), "envelope/report.html")
+    assert 'href="envelope/report.html"' in part
+    assert "1 / 2" in part

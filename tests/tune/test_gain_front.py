@@ -1,0 +1,82 @@
+"""The front and the pick from it, on points made by hand."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from skyarm.tune.front import LoopMargins, Point, Required, finalists, pick, undominated
+from skyarm.tune.objective import Scores
+
+REQUIRED = Required(delay=0.010, gain=1.5)
+WIDE = LoopMargins(delay=0.02, rotors=(0.4, 3.0), joints=(0.0, math.inf))
+
+
+def point(error, jitter, margins=WIDE, lost=0.0, saturated=0.0):
+    return Point(
+        logs=(0.0,),
+        error=error,
+        tip=error,
+        jitter=jitter,
+        effort=0.0,
+        lost=lost,
+        saturated=saturated,
+        margins=margins,
+    )
+
+
+def test_the_front_goes_from_calm_to_stiff_without_points_that_another_beats():
+    points = [point(3.0, 1.0), point(1.0, 5.0), point(2.0, 2.0), point(2.5, 3.0), point(0.5, 9.0, lost=0.1)]
+    assert [(each.error, each.jitter) for each in undominated(points)] == [(3.0, 1.0), (2.0, 2.0), (1.0, 5.0)]
+
+
+def test_the_pick_is_the_calmest_within_five_percent_of_the_least_error_that_meets_all():
+    points = [point(1.2, 1.0), point(1.04, 2.0), point(1.0, 3.0)]
+    assert pick(points, REQUIRED) == 1
+    assert pick([point(1.2, 1.0), point(1.06, 2.0), point(1.0, 3.0)], REQUIRED) == 2
+
+
+@pytest.mark.parametrize(
+    "worse",
+    [
+        {"lost": 0.01},
+        {"saturated": 0.06},
+        {"margins": dataclasses.replace(WIDE, delay=0.009)},
+        {"margins": dataclasses.replace(WIDE, rotors=(0.4, 1.49))},
+        {"margins": dataclasses.replace(WIDE, rotors=(0.67, 3.0))},
+        {"margins": dataclasses.replace(WIDE, joints=(0.0, 1.4))},
+    ],
+)
+def test_what_misses_a_constraint_is_not_picked_though_its_error_is_least(worse):
+    assert pick([point(2.0, 1.0), point(1.0, 2.0, **worse)], REQUIRED) == 0
+
+
+def test_where_none_meets_the_margins_the_least_short_is_picked():
+    near, far = (dataclasses.replace(WIDE, delay=delay) for delay in (0.009, 0.004))
+    assert pick([point(2.0, 1.0, far), point(3.0, 2.0, near)], REQUIRED) == 1
+    assert near.shortness(REQUIRED) == pytest.approx(10.0 / 9.0)
+    assert dataclasses.replace(WIDE, rotors=(0.8, 3.0)).shortness(REQUIRED) == pytest.approx(1.2)
+
+
+def test_a_loop_without_margins_is_not_asked_for_any():
+    none = LoopMargins(delay=0.0, rotors=(1.0, 1.0), joints=(1.0, 1.0), why_none="servos")
+    assert pick([point(1.0, 1.0, none)], REQUIRED) == 0
+    assert none.meet(REQUIRED)
+
+
+def test_finalists_hold_the_best_of_every_weight_and_no_loser():
+    jitter = np.geomspace(1.0, 100.0, 30)
+    none = np.zeros(30)
+    lost = none.copy()
+    lost[10] = 0.2
+    found = Scores(error=1.0 / jitter, tip=none, jitter=jitter, effort=none, lost=lost, short=none)
+    chosen = finalists([found], 9)
+    # error times jitter is the same everywhere: below a weight of 1 the stiffest is cheapest, above the calmest
+    assert chosen[0] == 0
+    assert chosen[-1] == 29
+    assert len(chosen) == 9
+    assert 10 not in chosen
+    assert chosen == sorted(chosen)

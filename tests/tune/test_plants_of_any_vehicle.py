@@ -1,0 +1,94 @@
+"""Wrong plants of any vehicle: the README's for the paper's, scaled for others; and the flight through them."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from skyarm.compare.perturbed_plants import Spread, draw
+from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.scenario_record import PERFECT_SENSORS
+from skyarm.tune.excitation import BLOWN, DURATION, STEP, STEPPED, excited, motion, of_vehicle
+from skyarm.tune.plant_spread import RESERVE, arm_length, draw_plants, spread_of, thrust_margin
+from skyarm.vehicle.vehicle_files import load_vehicle
+
+FORCE = "environment.forces.0.force_W"
+
+
+def test_the_papers_vehicle_meets_the_readmes_plants():
+    flight = excited(load_scenario("case3"))
+    mine = draw_plants(flight, 16, seed=5)
+    usual = draw(load_scenario("case3_wind"), Spread(), 16, seed=5)
+    assert mine.eased == 1.0
+    for path, values in usual.items():
+        name = path.replace("environment.wind.force_W", FORCE)
+        # the arm is 0.3 m long but for the last digits; the truth's joints have less damping than the spread
+        np.testing.assert_allclose(mine.values[name], values, rtol=0.02, atol=1e-9, err_msg=path)
+    assert set(mine.values) == {path.replace("environment.wind.force_W", FORCE) for path in usual}
+
+
+@pytest.mark.parametrize("name", ["crazyflie_arm1", "hexarotor_arm6", "quadrotor_roll_arm2", "hummingbird"])
+def test_any_vehicle_gets_plants_that_can_be_made_and_hover(name):
+    flight = excited(of_vehicle(load_vehicle(name)))
+    plants = draw_plants(flight, 12, seed=1)
+    vehicle, weight = flight.world.vehicle, float(flight.world.vehicle.mass) * 9.81
+    assert ("plant.payload.mass" in plants.values) == bool(vehicle.end_effector)
+    for k in range(plants.count):
+        with_numbers(flight, {path: float(values[k]) for path, values in plants.values.items()})
+    pulled = plants.spread.payload * 9.81 + plants.spread.wind
+    assert weight + pulled <= RESERVE * 0.9 * thrust_margin(vehicle, 9.81) * weight * (1.0 + 1e-9)
+    np.testing.assert_array_equal(draw_plants(flight, 4, seed=1).values[f"{FORCE}.x"], plants.values[f"{FORCE}.x"][:4])
+
+
+def test_load_and_wind_shrink_where_the_thrust_would_not_reach():
+    vehicle = load_vehicle("hummingbird_arm2_rotors")
+    weak = dataclasses.replace(
+        vehicle,
+        rotors=tuple(dataclasses.replace(r, max_speed=0.68 * float(r.max_speed)) for r in vehicle.rotors),
+    )
+    assert thrust_margin(weak, 9.81) == pytest.approx(0.68**2 * thrust_margin(vehicle, 9.81))
+    (whole, all_of_it), (eased, share) = spread_of(vehicle, 9.81, 0.01), spread_of(weak, 9.81, 0.01)
+    assert all_of_it == 1.0
+    assert 0.0 < share < 1.0
+    assert (eased.payload, eased.wind) == pytest.approx((share * whole.payload, share * whole.wind))
+    assert eased.mass == whole.mass
+    assert arm_length(vehicle) == pytest.approx(0.3, rel=0.01)
+
+
+def test_the_flight_moves_everything_from_rest_within_the_joints_limits():
+    vehicle = load_vehicle("octo_coaxial_two_arms")
+    path = motion(vehicle)
+    for k, signal in enumerate((path.x, path.y, path.z, path.yaw, *path.joints)):
+        _, rate, *_ = signal.derivatives(0.0)
+        assert float(rate) == 0.0
+        assert abs(float(signal.derivatives(1.0 + 1e-9)[1])) < 1e-6
+        moved = [float(signal.derivatives(t)[0]) for t in np.linspace(0.0, STEPPED, 200)]
+        assert np.ptp(moved) > 0.01, k
+        if k >= 4:
+            joint = vehicle.links[k - 4].joint
+            assert float(joint.lower) < min(moved) <= max(moved) < float(joint.upper)
+    jump = float(path.x.derivatives(STEPPED)[0]) - float(path.x.derivatives(STEPPED - 1e-9)[0])
+    assert jump == pytest.approx(STEP, abs=1e-6)
+
+
+def test_a_scenario_keeps_its_loop_and_gets_noise_only_where_it_has_none():
+    case = load_scenario("case3_wind")
+    flight, own = excited(case), excited(case, own_motion=True)
+    assert case.sensors == PERFECT_SENSORS != flight.sensors
+    assert (flight.world, flight.rates, flight.wind, flight.controller) == (
+        case.world,
+        case.rates,
+        case.wind,
+        case.controller,
+    )
+    assert flight.duration == DURATION
+    assert (own.trajectory, own.duration) == (case.trajectory, case.duration)
+    noisy = dataclasses.replace(case, sensors=dataclasses.replace(case.sensors, position=0.01))
+    assert excited(noisy).sensors == noisy.sensors
+    gust = flight.forces[-1].gusts[0]
+    weight = case.world.vehicle.mass * case.world.gravity
+    assert gust.peak.norm() == pytest.approx(0.15 * weight, rel=0.01)
+    assert gust.start == BLOWN

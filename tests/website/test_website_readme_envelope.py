@@ -1,0 +1,56 @@
+"""The envelope that the README shows is what flights give; ``make envelope`` writes it anew."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+from readme_envelope import BLOCK, PICTURE, ROOT, block
+
+from skyarm.compare.envelope_record import FLAGSHIP
+from skyarm.compare.envelope_suite import Envelope, envelope_record, planned
+from skyarm.compare.envelope_tables import summary_rows
+
+README = (ROOT / "README.md").read_text("utf-8")
+FLOWN = ("circle", "payload")
+"""Axes that the test flies; more would take a minute."""
+
+
+def shown():
+    """Rows of the README's table by their first cell, and its head."""
+    (text,) = BLOCK.findall(README)
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:1] == "|"]
+    return rows[0], {row[0]: row for row in rows[2:]}
+
+
+def test_the_readme_shows_what_flights_give(tmp_path):
+    from skyarm.compare.envelope_flights import perform_axes
+
+    head, rows = shown()
+    envelope = Envelope(laws=("paper_ct", FLAGSHIP), axes=FLOWN)
+    todo, _ = planned(envelope)
+    found = envelope_record(envelope, todo, perform_axes(todo, tmp_path), {})
+    for row in summary_rows(found["axes"], envelope.laws):
+        written = rows[row[0]]
+        told = [written[head.index(law)] for law in envelope.laws]
+        assert told == row[1:], f"{row[0]}: 'make envelope' writes the README's table anew"
+
+
+def test_every_axis_and_law_stands_in_it():
+    from skyarm.compare.envelope_axes import AXES
+
+    head, rows = shown()
+    assert len(rows) == len(AXES)
+    assert {"paper_pd", "paper_ct", "l1_adaptive", FLAGSHIP} <= set(head)
+    assert README.index("0.12 and 1.3 mm are numbers of a slow circle") < README.index(PICTURE)
+    assert (ROOT / PICTURE).stat().st_size <= 5e5
+
+
+def test_the_block_is_written_from_a_folder_s_record(tmp_path: Path):
+    points = [{"judged": 0.001, "tip_mean": 0.001, "tip_max": 0.002, "tilt": 0.1, "status": "completed", "lost": False}]
+    axis = {"values": [1.0], "unit": "N", "noisy": False, "judged": "x", "title": "x", "laws": {FLAGSHIP: points}}
+    found = {"laws": [FLAGSHIP], "sentences": {FLAGSHIP: "everywhere."}, "violations": [], "axes": {"push_x": axis}}
+    text = block(json.loads(json.dumps(found)))
+    assert re.search(r"keeps the tip everywhere\.\n\n\|.*\n\|.*\n\| push x, 1 to 1 N \| 1 / 1 \|", text)
+    assert text.endswith("worse than the paper's: none.\n")
