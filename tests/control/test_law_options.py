@@ -209,7 +209,9 @@ def test_a_scenario_takes_tuned_gains_and_options_of_any_law():
 
 
 def test_a_scenario_refuses_what_a_law_does_not_know():
-    with pytest.raises(ValueError, match=r"controller\.tuned = 'yes': must be true or false"):
+    with pytest.raises(ValueError, match=r"controller\.tuned = 3: must be true or false"):
+        scenario(law="indi", tuned=3)
+    with pytest.raises(ValueError, match=r"controller\.law = 'indi': must be left out: the file of controller\.tuned"):
         scenario(law="indi", tuned="yes")
     with pytest.raises(ValueError, match=r"controller\.cutof = .*: law 'indi' has no such option"):
         scenario(law="indi", cutof=3.0)

@@ -19,6 +19,7 @@ ROOMS = {
     "control": "Control laws",
     "plant": "Plants",
     "simulate": "Flying",
+    "stability": "Margins",
     "log": "Logs",
     "metrics": "Metrics",
     "figures": "Pictures",

@@ -47,6 +47,7 @@ TABLES = {
     ("tip_and_tasks.md", "toml"): "tests/test_docs_of_tasks.py",
     ("scenario_files.md", "toml"): "tests/test_docs.py",
     ("arm_from_urdf.md", "toml"): "tests/cli/test_attach_command.py",
+    ("tuning.md", "toml"): "tests/tune/test_files_of_gains_shown.py",
     ("sweeps.md", "toml"): "tests/test_docs_pictures.py",
 }
 """Page and language of tables without a name -> the file of tests that reads them."""

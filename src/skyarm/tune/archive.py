@@ -6,7 +6,6 @@ import io
 import json
 import zipfile
 from collections.abc import Mapping
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.files import shown, write_atomically
+from skyarm.records.leaves import field_names, parts
 from skyarm.tune.objective import Scores
 
 Array = npt.NDArray[np.float64]
@@ -60,15 +60,15 @@ class Archive:
             with np.load(io.BytesIO(self._file(number).read_bytes()), allow_pickle=False) as held:
                 if not np.array_equal(held["asked"], asked):
                     return None
-                found = Scores(**{field.name: held[field.name] for field in fields(Scores)})
+                found = Scores(**{name: held[name] for name in field_names(Scores) or ()})
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
             return None
-        return found if all(len(getattr(found, field.name)) == len(asked) for field in fields(Scores)) else None
+        return found if all(len(values) == len(asked) for values in parts(found).values()) else None
 
     def put(self, number: int, asked: Array, scores: Scores) -> None:
         """Keep the scores of a round."""
         content = io.BytesIO()
-        np.savez(content, asked=asked, **{field.name: getattr(scores, field.name) for field in fields(Scores)})
+        np.savez(content, asked=asked, **parts(scores))
         write_atomically(self._file(number), content.getvalue())
 
     def _file(self, number: int) -> Path:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.records.leaves import parts
 from skyarm.tune.candidate_flights import Flown
 
 Array = npt.NDArray[np.float64]
@@ -43,7 +44,7 @@ class Scores:
 
     def part(self, which: slice | Sequence[int]) -> Scores:
         """Scores of some of the candidates."""
-        return Scores(**{each.name: getattr(self, each.name)[which] for each in fields(self)})
+        return Scores(**{name: values[which] for name, values in parts(self).items()})
 
     def cost(self, weight: float) -> Array:
         """ln error + weight (ln jitter + ln effort) + losses + what the margins are short of; smaller is better.
