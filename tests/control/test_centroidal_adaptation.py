@@ -13,7 +13,7 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.adaptation import SLOW, SMALL, STICKIEST, WEIGHT, adapt, first_learned, unit_load
-from skyarm.control.laws.centroidal.demands import Planned, demands
+from skyarm.control.laws.centroidal.demands import Following, Planned, demands
 from skyarm.control.model import Model
 from skyarm.reference import Sine
 from skyarm.scalars.taylor import Taylor
@@ -171,7 +171,7 @@ def planned_at(scenario, time):
     state = dataclasses.replace(state, rotor_speeds=(0.0,) * len(state.rotor_speeds))
     nothing = Disturbance(force=Vec3(0.4, -0.3, 0.2), torque=ZERO, efforts=(0.0, 0.0))
     signals = [Taylor.of_derivatives(each) for each in derivatives(reference, time)]
-    return demands(par, par.model, state, signals, nothing, nothing.force).planned
+    return demands(par, par.model, state, signals, nothing, nothing.force, Following(), 0.005).planned
 
 
 def derivatives(trajectory, time):

@@ -13,7 +13,7 @@ from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.saturation import all_follow, joints_follow, rotors_follow
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.demands import Demand, Planned, demands
+from skyarm.control.laws.centroidal.demands import Demand, Following, Planned, demands
 from skyarm.control.laws.centroidal.torques import TRIM, actuate
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -175,7 +175,7 @@ def moved(par, offset, velocity, force, rotation):
     still = (0.0,) * 3
     signals = [Taylor.of_derivatives((each, *still, 0.0)) for each in (0.0, 0.0, 0.0, 0.0, 0.2, -0.6)]
     unknown = dataclasses.replace(NONE, force=Vec3(*force))
-    found = demands(par, par.model, state, signals, unknown, ZERO)
+    found = demands(par, par.model, state, signals, unknown, ZERO, Following(), 0.005)
     np.testing.assert_allclose([*found.alpha], 0.0, atol=1e-12)
     return np.array(found.joints)
 

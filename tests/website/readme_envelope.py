@@ -1,6 +1,7 @@
-"""The section *The envelope* of the README: its sentence, its table and its picture, from a folder that was flown.
+"""The section *The envelope* of the README: its sentences, its table and its picture, from a folder that was flown.
 
-python tests/website/readme_envelope.py out/envelope     writes the block into README.md and docs/images/envelope.png
+python tests/website/readme_envelope.py out/envelope     writes the block into README.md, docs/images/envelope.png, and
+the table of the preset adaptive into docs/centroidal_law.md
 """
 
 from __future__ import annotations
@@ -12,33 +13,55 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from skyarm.compare.comparison_tables import markdown
-from skyarm.compare.envelope_record import FLAGSHIP
+from skyarm.compare.comparison_tables import markdown, number
+from skyarm.compare.envelope_record import FLAGSHIP, violations
 from skyarm.compare.envelope_tables import summary_head, summary_rows, violation_rows
 
 ROOT = Path(__file__).resolve().parents[2]
 BLOCK = re.compile(r"<!-- the envelope: make envelope -->\n(.*?)<!-- /the envelope -->", re.S)
+TABLE = re.compile(r"<!-- adaptive against robust: make envelope -->\n(.*?)<!-- /adaptive against robust -->", re.S)
+ADAPTIVE, LAW = "centroidal_tip_adaptive", "docs/centroidal_law.md"
 PICTURE = "docs/images/envelope.png"
 
 
 def block(found: Mapping[str, Any]) -> str:
     """What stands between the marks of the README, from the content of ``envelope.json``."""
-    laws = found["laws"]
-    words = found["sentences"][FLAGSHIP]
-    trials = ", ".join(row[0] for row in violation_rows(found["violations"])) or "none"
-    return (
-        f"`{FLAGSHIP}` keeps the tip {words}\n\n"
-        f"{markdown(summary_head(laws), summary_rows(found['axes'], laws))}\n\n"
-        f"Trials in which it is lost and another of these laws is not, or over 10 % worse than the paper's: {trials}.\n"
+    laws, axes = found["laws"], found["axes"]
+    own = [law for law in (FLAGSHIP, ADAPTIVE) if law in found["sentences"]]
+    words = "\n\n".join(f"`{law}` keeps the tip {found['sentences'][law]}" for law in own)
+    trials = {law: ", ".join(row[0] for row in violation_rows(violations(axes, law))) or "none" for law in own}
+    rules = "\n\n".join(
+        f"Trials in which `{law}` is lost and another of these laws is not, or over 10 % worse than the paper's: "
+        f"{trials[law]}."
+        for law in own
     )
+    return f"{words}\n\n{markdown(summary_head(laws), summary_rows(axes, laws))}\n\n{rules}\n"
+
+
+def beside(found: Mapping[str, Any]) -> str:
+    """The table of the preset adaptive against robust: errors of every axis in mm."""
+    rows = []
+    for name, axis in found["axes"].items():
+        values = ", ".join(f"{value:g}" for value in axis["values"])
+        cells = [
+            ", ".join("lost" if point["lost"] else number(1e3 * point["judged"]) for point in axis["laws"][law])
+            for law in (FLAGSHIP, ADAPTIVE)
+        ]
+        rows.append([f"{name.replace('_', ' ')}: {values} {axis['unit']}", *cells])
+    return markdown(["trial", "robust", "adaptive"], rows) + "\n"
+
+
+def put(file: Path, marks: re.Pattern[str], name: str, text: str) -> None:
+    """Write a block between its marks."""
+    whole = f"<!-- {name}: make envelope -->\n{text}<!-- /{name} -->"
+    file.write_text(marks.sub(lambda _: whole, file.read_text("utf-8")), "utf-8")
 
 
 def main(folder: Path) -> None:
     """Write block and picture."""
     found = json.loads((folder / "envelope.json").read_text("utf-8"))
-    readme = ROOT / "README.md"
-    text = f"<!-- the envelope: make envelope -->\n{block(found)}<!-- /the envelope -->"
-    readme.write_text(BLOCK.sub(lambda _: text, readme.read_text("utf-8")), "utf-8")
+    put(ROOT / "README.md", BLOCK, "the envelope", block(found))
+    put(ROOT / LAW, TABLE, "adaptive against robust", beside(found))
     (ROOT / PICTURE).write_bytes((folder / "envelope.png").read_bytes())
     print(block(found))
 

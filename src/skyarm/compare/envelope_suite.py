@@ -23,10 +23,13 @@ from skyarm.registry.plugins import identities
 
 ENVELOPE = "envelope-suite"
 
-LAWS = ("paper_pd", "paper_ct", "l1_adaptive", "centroidal_tip")
+LAWS = ("paper_pd", "paper_ct", "l1_adaptive", "centroidal_tip", "centroidal_tip_adaptive")
 """What flies where nobody chooses; nmpc takes a quarter of an hour more (--laws nmpc)."""
 
-TUNED_LAWS = ("decoupled_pd_tuned", "hybrid_computed_torque_tuned", "l1_adaptive", "centroidal_tip")
+TUNED_LAWS = (
+    *("decoupled_pd_tuned", "hybrid_computed_torque_tuned", "l1_adaptive"),
+    *("centroidal_tip", "centroidal_tip_adaptive"),
+)
 """The same on another vehicle than the paper's, which the paper's gains are not for."""
 
 QUICK = 10.0
@@ -101,7 +104,7 @@ def fly_envelope(envelope: Envelope, folder: Path, *, threads: int = 1, progress
     return found
 
 
-ORDER = (*LAWS[:2], *TUNED_LAWS[:2], "l1_adaptive", "nmpc", "centroidal_tip")
+ORDER = (*LAWS[:2], *TUNED_LAWS[:2], "l1_adaptive", "nmpc", "centroidal_tip", "centroidal_tip_adaptive")
 """Of laws in tables; others follow."""
 
 

@@ -14,8 +14,11 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.geometric import attitude_error
 from skyarm.control.blocks.series_kinematics import derivative
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, cos, sin, sqrt
+from skyarm.scalars import Scalar, cos, divide, sin, sqrt
 from skyarm.scalars.taylor import Taylor, chosen
+
+FALL = 0.875
+"""Of ``start``, the width in which :func:`upright` raises a vertical force."""
 
 TINY = 1e-12
 """Below this square of a sine the heading does not fix the attitude; the tilt's bound keeps far away from it."""
@@ -38,6 +41,22 @@ def reachable(force: Vec3, tilt: Any, floor: Any) -> Vec3:
     length = chosen(steep, side, 1.0)
     share = chosen(steep, z * tilt / sqrt(length), 1.0)
     return Vec3(force.x * share, force.y * share, z)
+
+
+def upright(force: Vec3, weight: Any, start: Any) -> Vec3:
+    """The force with a larger vertical part where that is less than ``start`` of the weight: for the attitude alone.
+
+    Near free fall the direction of a small force turns quickly, and noise in it asks for more torque than rotors at
+    low speed give. With t = (start - f_z / weight) / width from 0 to 1 the vertical part is f_z + width weight
+    (t^3 - t^4 / 2), twice continuously differentiable; it ends at start - width / 2.
+    """
+    width = start * FALL
+    t = (start * weight - force.z) * divide(1.0, width * weight)
+    t = chosen(t > 0.0, t, 0.0)
+    deep = t < 1.0
+    t = chosen(deep, t, 1.0)
+    z = chosen(deep, force.z, (start - width) * weight)
+    return Vec3(force.x, force.y, z + (t * t * t - t * t * t * t * 0.5) * (width * weight))
 
 
 def attitude(force: Vec3, yaw: Taylor) -> Attitude:

@@ -57,7 +57,22 @@ def observe(
     free: Sequence[Any],
     dt: Any,
 ) -> Observed:
-    """Memory at the measurement's time.
+    """Memory at the measurement's time: :func:`observe_and_tell` without what the model said."""
+    return observe_and_tell(model, gains, memory, measurement, acted, unknown, started, free, dt)[0]
+
+
+def observe_and_tell(
+    model: Model,
+    gains: ObserverGains,
+    memory: Observed,
+    measurement: Measurement,
+    acted: Command,
+    unknown: Disturbance,
+    started: Any,
+    free: Sequence[Any],
+    dt: Any,
+) -> tuple[Observed, Told]:
+    """Memory at the measurement's time, and the accelerations of the model on the way to it.
 
     Args:
         model: belief.
@@ -88,7 +103,8 @@ def observe(
     er = [a - b for a, b in zip(measurement.joint_rates, rates, strict=True)]
     shares = [correction(bandwidth, dt) for bandwidth in (gains.force, gains.torque, gains.joints)]
     fast, slow = [L1 for L1, _ in shares], [L2 / dt for _, L2 in shares]
-    push, turn, pulls = inertia_times(model, R, joints, ev * slow[0], ew * slow[1], [mul(e, slow[2]) for e in er])
+    turning, bending = ew * slow[1], [mul(e, slow[2]) for e in er]
+    push, turn, pulls = inertia_times(model, R, joints, ev * slow[0], turning, bending)
     running = started > 0.5
     learned = Observed(
         position=place.position,
@@ -102,7 +118,7 @@ def observe(
         efforts=tuple(d + mul(p, f) for d, p, f in zip(memory.efforts, pulls, free[1:], strict=True)),
         rotor_speeds=tuple(data(s) for s in speeds),
     )
-    return dataclasses.replace(
+    running_on = dataclasses.replace(
         learned,
         velocity=choose(running, learned.velocity, measurement.velocity),
         rate=choose(running, learned.rate, measurement.rate),
@@ -112,12 +128,29 @@ def observe(
         efforts=choose_each(running, learned.efforts, memory.efforts),
         rotor_speeds=choose_each(running, learned.rotor_speeds, memory.rotor_speeds),
     )
+    told = Told(angular=angular, joints=qdd, angular_correction=turning, joint_corrections=tuple(bending))
+    return running_on, told
 
 
 def correction(bandwidth: Any, dt: Any) -> tuple[Any, Any]:
     """L1 and L2, which place both poles of an axis at b = exp(-bandwidth dt); bandwidth in rad/s, dt in s."""
     b = exp(-(bandwidth * dt))
     return 1.0 - b * b, (1.0 - b) * (1.0 - b)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Told:
+    """What the model said of the period before a measurement.
+
+    Attributes:
+        angular, joints: accelerations under the commands and the disturbance believed before, rad/s^2 or m/s^2.
+        angular_correction, joint_corrections: accelerations by which that disturbance changes with the measurement.
+    """
+
+    angular: Vec3
+    joints: tuple[Any, ...]
+    angular_correction: Vec3
+    joint_corrections: tuple[Any, ...]
 
 
 @dataclass(frozen=True, slots=True)

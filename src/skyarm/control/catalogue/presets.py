@@ -80,6 +80,16 @@ _SHIPPED: Mapping[str, Preset] = {
         {"mode": "joint", "preset": "stiff"},
     ),
     "centroidal_tip": Preset("the centroidal law, the tip on its reference, robust", "centroidal", {"mode": "tip"}),
+    "centroidal_joint_adaptive": Preset(
+        "the centroidal law, base and joints on their references, its bandwidth by the lag that it finds",
+        "centroidal",
+        {"mode": "joint", "preset": "adaptive"},
+    ),
+    "centroidal_tip_adaptive": Preset(
+        "the centroidal law, the tip on its reference, its bandwidth by the lag that it finds",
+        "centroidal",
+        {"mode": "tip", "preset": "adaptive"},
+    ),
     "centroidal_tip_stiff": Preset(
         "the centroidal law, the tip on its reference, for perfect state",
         "centroidal",

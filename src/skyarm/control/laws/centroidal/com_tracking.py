@@ -1,17 +1,18 @@
 """Tracking of the centre of mass: the force that moves it, with two derivatives.
 
-p_c,d = p_d + R_q h(th_d): the base's reference plus the arm's, with R_q the quasi-static attitude. Differentiating R_q
-too would invert the zero dynamics h theta'' + g theta = x'', which are undamped for a hanging arm and unstable for an
-arm on top; so the base is exact as far as R_q is the attitude.
+p_c,d = p_d + R_q h(th_d): the base's reference plus the arm's, with R_q the quasi-static attitude. Taking R_q from the
+force of the centre of mass itself would invert the zero dynamics h theta'' + g theta = x'', which are undamped for a
+hanging arm and unstable for an arm on top; so the base is exact as far as R_q is the attitude.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.algebra import E_Z, Mat3, Vec3
-from skyarm.control.blocks.attitude import reachable
+from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
+from skyarm.control.blocks.attitude import Attitude, reachable
 from skyarm.control.blocks.series_kinematics import derivative
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.scalars import divide, mul, sqrt
@@ -27,16 +28,39 @@ class Thrust:
     acceleration: Vec3
 
 
-def quasi_static(par: CentroidalParameters, mass: Any, base: list[Vec3], disturbance: Vec3) -> Vec3:
-    """Force that the base's reference alone asks for, with two derivatives, N: m (p_d'' + g) - d."""
-    wanted = [(base[2] + E_Z * par.model.gravity) * mass - disturbance, base[3] * mass, base[4] * mass]
+def quasi_static(
+    par: CentroidalParameters, mass: Any, base: list[Vec3], disturbance: Vec3, rates: Sequence[Vec3] = (ZERO3, ZERO3)
+) -> Vec3:
+    """Force that the base's reference alone asks for, with two derivatives, N: m (p_d'' + g) - d.
+
+    ``rates`` are what is known of the disturbance's derivatives, N/s and N/s^2.
+    """
+    first, second = rates
+    wanted = [
+        (base[2] + E_Z * par.model.gravity) * mass - disturbance,
+        base[3] * mass - first,
+        base[4] * mass - second,
+    ]
     series = (Taylor.of_derivatives(each) for each in zip(*wanted, strict=True))
     return reachable(Vec3(*series), par.tilt, par.thrust_floor)
 
 
-def goal(base: list[Vec3], com: Vec3, R_q: Mat3) -> list[Vec3]:
-    """Reference of the centre of mass, value to fourth derivative, from those of the base and h(th_d) in base axes."""
-    return [p + R_q.apply(derivative(com, k)) for k, p in enumerate(base)]
+def goal(base: list[Vec3], h: list[Vec3], still: Attitude, moving: bool) -> list[Vec3]:
+    """Reference of the centre of mass, value to fourth derivative, from those of the base and h(th_d) in base axes.
+
+    ``moving`` differentiates R_q too in velocity and acceleration, which its own motion needs: that of the reference
+    and of slow disturbances, not of errors.
+    """
+    if not moving:
+        return [p + still.R.apply(each) for p, each in zip(base, h, strict=True)]
+    w, alpha = still.rate, still.acceleration
+    carried = [
+        h[0],
+        w.cross(h[0]) + h[1],
+        alpha.cross(h[0]) + w.cross(w.cross(h[0])) + w.cross(h[1]) * 2.0 + h[2],
+        *h[3:],
+    ]
+    return [p + still.R.apply(each) for p, each in zip(base, carried, strict=True)]
 
 
 def thrust(

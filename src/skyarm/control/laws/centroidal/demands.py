@@ -7,16 +7,18 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
-from skyarm.control.blocks.attitude import Attitude, angular_acceleration, attitude
+from skyarm.control.blocks.attitude import Attitude, angular_acceleration, attitude, upright
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.prediction import side_wrench
 from skyarm.control.blocks.series_kinematics import Posture, derivative, moving, posture
 from skyarm.control.laws.centroidal import com_tracking as center_of_mass
 from skyarm.control.laws.centroidal import tip_reference, tip_tasks
+from skyarm.control.laws.centroidal.arm_motion import ArmMotion, followed, made_good
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.control.laws.centroidal.tip_reference import ShiftMotion
 from skyarm.control.model import Model
 from skyarm.dynamics import State
-from skyarm.dynamics.kinematics import Pose
+from skyarm.dynamics.kinematics import Pose, link_poses
 from skyarm.scalars import add, mul, sub
 from skyarm.scalars.taylor import Taylor
 
@@ -39,6 +41,18 @@ class Planned:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Following:
+    """What the demands of the next period need to know; empty where the law does without.
+
+    Attributes:
+        shift: differentiators of the base's shift. arm: size and mean of the arm's motion.
+    """
+
+    shift: ShiftMotion | tuple[()] = ()
+    arm: ArmMotion | tuple[()] = ()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Demand:
     """Thrust along body z (N), angular acceleration (body axes, rad/s^2), joint accelerations; the planned motion."""
 
@@ -46,6 +60,26 @@ class Demand:
     alpha: Vec3
     joints: tuple[Any, ...]
     planned: Planned
+    following: Following = Following()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Course:
+    """Where the vehicle shall be now.
+
+    Attributes:
+        base: of the base origin, value to fourth derivative, world axes.
+        still: quasi-static attitude. level: posture of ``turned``, the joints' signals.
+        goal: of the tip mode, else None.
+        shift: differentiators, one period later.
+    """
+
+    base: list[Vec3]
+    still: Attitude
+    level: Posture
+    turned: tuple[Taylor, ...]
+    goal: tip_reference.Goal | None = None
+    shift: ShiftMotion | tuple[()] = ()
 
 
 def demands(
@@ -55,6 +89,8 @@ def demands(
     signals: Sequence[Taylor],
     unknown: Disturbance,
     steady: Vec3,
+    before: Following,
+    dt: Any,
 ) -> Demand:
     """Return the demand at this state.
 
@@ -65,37 +101,31 @@ def demands(
         signals: x, y, z, yaw and the joints, series in time.
         unknown: disturbance.
         steady: its force without the rotors' own drag, which the posture follows.
+        before: of the period before.
+        dt: control period, s.
     """
     vehicle, mass = model.vehicle, model.vehicle.mass
-    base = [Vec3(*(signal.derivative(k) for signal in signals[:3])) for k in range(5)]
     yaw, joints = signals[3], tuple(signals[4:])
-    level = posture(vehicle, joints, 4)
     R, w = state.quaternion.rotation(), state.rate
-    # drag at the reference's velocity: at the present one it would feed noise and errors into the posture
-    drag = R.apply(side_wrench(model, state.rotor_speeds, R.apply_T(base[1]), ZERO3).force)
-    still = attitude(center_of_mass.quasi_static(par, mass, base, steady + drag), yaw.truncated(2))
-    turned = joints
+    course = _course(par, model, state, signals, steady, before, dt)
     now = posture(vehicle, moving(state.joints, state.joint_rates, (0,) * vehicle.n), 2)
-    preferred = joint_accelerations(par, state, joints)
-    if par.mode == "tip":
-        goal = tip_reference.goal(vehicle, base, yaw, joints, level)
-        reach = derivative(now.tip, 0)
-        turned = _level_links(par, model, goal, still, joints, level)
-        upright, level = level, posture(vehicle, turned, 4)
-        offset = tip_reference.shift(upright, yaw, level, still, par.tip.shift_limit)
-        base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[3:]]
+    arm, h = before.arm, [derivative(course.level.com, k) for k in range(5)]
+    if isinstance(arm, ArmMotion):
+        arm = followed(arm, course.level.com, model.gravity, dt)
+        h = made_good(arm, par.arm_turn, h)
     push = center_of_mass.thrust(
         par,
         mass,
-        wanted=center_of_mass.goal(base, level.com, still.R),
+        wanted=center_of_mass.goal(course.base, h, course.still, par.moves_shift),
         position=state.position + R.apply(derivative(now.com, 0)),
         velocity=state.velocity + _velocity(R, w, now.com),
         R=R,
         w=w,
         disturbance=unknown.force,
     )
-    alpha = angular_acceleration(par.base, attitude(push.force, yaw.truncated(2)), R, w)
-    if par.mode == "tip":
+    alpha = angular_acceleration(par.base, _attitude(par, model, push.force, yaw), R, w)
+    preferred = joint_accelerations(par, state, joints)
+    if course.goal is not None:
         present = tip_tasks.Now(
             R=R,
             rate=w,
@@ -103,22 +133,70 @@ def demands(
             joints=state.joints,
             joint_rates=state.joint_rates,
             posture=now,
-            tip=state.position + R.apply(reach),
+            tip=state.position + R.apply(derivative(now.tip, 0)),
             tip_velocity=state.velocity + _velocity(R, w, now.tip),
             com_acceleration=push.acceleration,
         )
+        base = course.base
         goal = tip_reference.move_goal(
-            goal, [state.position - base[0], state.velocity - base[1], push.acceleration - base[2]], par.tip.reach
+            course.goal,
+            [state.position - base[0], state.velocity - base[1], push.acceleration - base[2]],
+            par.tip.reach,
         )
         preferred = tip_tasks.joint_accelerations(vehicle, par.tip, goal, present, preferred)
     plan = Planned(
-        R=still.R,
-        rate=still.rate,
-        alpha=still.acceleration,
-        proper=still.R.apply_T(base[2] + E_Z * par.model.gravity),
-        joints=turned,
+        R=course.still.R,
+        rate=course.still.rate,
+        alpha=course.still.acceleration,
+        proper=course.still.R.apply_T(course.base[2] + E_Z * par.model.gravity),
+        joints=course.turned,
     )
-    return Demand(thrust=push.along, alpha=alpha, joints=preferred, planned=plan)
+    following = Following(shift=course.shift, arm=arm)
+    return Demand(thrust=push.along, alpha=alpha, joints=preferred, planned=plan, following=following)
+
+
+def _course(
+    par: CentroidalParameters,
+    model: Model,
+    state: State,
+    signals: Sequence[Taylor],
+    steady: Vec3,
+    before: Following,
+    dt: Any,
+) -> Course:
+    """The references, and in tip mode what they become under the quasi-static attitude."""
+    vehicle, mass = model.vehicle, model.vehicle.mass
+    base = [Vec3(*(signal.derivative(k) for signal in signals[:3])) for k in range(5)]
+    yaw, joints = signals[3], tuple(signals[4:])
+    level = posture(vehicle, joints, 4)
+    R = state.quaternion.rotation()
+
+    # drag at the reference's motion: at the present one it would feed noise and errors into the posture
+    def drag(motion: Vec3) -> Vec3:
+        return R.apply(side_wrench(model, state.rotor_speeds, R.apply_T(motion), ZERO3).force)
+
+    changes = (drag(base[2]), drag(base[3])) if par.moves_shift else (ZERO3, ZERO3)
+    force = center_of_mass.quasi_static(par, mass, base, steady + drag(base[1]), changes)
+    still = _attitude(par, model, force, yaw)
+    if par.mode != "tip":
+        return Course(base=base, still=still, level=level, turned=joints)
+    goal = tip_reference.goal(vehicle, base, yaw, joints, level)
+    turned = _level_links(par, model, goal, still, joints, level)
+    upright_posture, level = level, posture(vehicle, turned, 4)
+    offset = tip_reference.shift(upright_posture, yaw, level, still, par.tip.shift_limit)
+    shift = before.shift
+    if isinstance(shift, ShiftMotion):
+        shift, *changing = tip_reference.differentiated(shift, offset[2], par.shift_bandwidth, dt)
+        offset = [*offset, *changing]
+    base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[len(offset) :]]
+    return Course(base=base, still=still, level=level, turned=turned, goal=goal, shift=shift)
+
+
+def _attitude(par: CentroidalParameters, model: Model, force: Vec3, yaw: Taylor) -> Attitude:
+    """Attitude of a force; towards upright where the force is small, if the law shall."""
+    if par.softens_attitude:
+        force = upright(force, model.vehicle.mass * model.gravity, par.low_thrust)
+    return attitude(force, yaw.truncated(2))
 
 
 def joint_accelerations(par: CentroidalParameters, state: State, joints: Sequence[Taylor]) -> tuple[Any, ...]:
@@ -145,8 +223,14 @@ def _level_links(
     joints: Sequence[Taylor],
     level: Posture,
 ) -> tuple[Taylor, ...]:
-    """The joints whose links are turned as those of a level base, at the quasi-static attitude."""
+    """The joints whose links turn as those of a level base, at the quasi-static attitude and, if so, its motion."""
     vehicle = model.vehicle
     poses = [Pose(Mat3(*(derivative(row, 0) for row in pose.R.rows)), ZERO3) for pose in level.links]
     change = tip_tasks.level_joints(vehicle, par.tip, goal, still.R, poses)
-    return tuple(q + c for q, c in zip(joints, change, strict=True))
+    if not par.moves_shift:
+        return tuple(q + c for q, c in zip(joints, change, strict=True))
+    values = tuple(add(q.derivative(0), c) for q, c in zip(joints, change, strict=True))
+    told = [[q.derivative(k) for q in joints] for k in (1, 2)]
+    motion = tip_tasks.level_motion(vehicle, par.tip, goal, still, link_poses(vehicle, values), told)
+    rows = zip(joints, values, *motion, strict=True)
+    return tuple(Taylor((value, rate, mul(0.5, turning), *q.c[3:])) for q, value, rate, turning in rows)

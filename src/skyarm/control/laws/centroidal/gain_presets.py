@@ -17,19 +17,33 @@ COMMON: Mapping[str, Any] = {
     "measured_rates": 0.0,
     "adaptation": 0.6,
     "friction_adaptation": 2.0,
+    "bandwidth": 1.0,
+    "shift_bandwidth": 0.0,
+    "low_thrust": 0.0,
+    "arm_turn": 0.0,
+    "lag": (0.0, 0.0),
 }
-"""Limits and weights of both presets; see :class:`CentroidalParameters`, :class:`TipGains` and :class:`BaseGains`."""
+"""Limits and weights of all presets; see :class:`CentroidalParameters`, :class:`TipGains` and :class:`BaseGains`."""
+
+ROBUST: Mapping[str, Any] = {
+    **COMMON,
+    "base": (22.0, 8.5, 205.0, 22.5),
+    "yaw": (30.0, 9.0),
+    "arm": (900.0, 60.0),
+    "tip": (700.0, 53.0),
+    "observer": (27.0, 31.0, 34.0, 60.0),
+    "lag_inversion": 0.1,
+    "shift_rate": 3.0,
+}
 
 PRESETS: Mapping[str, Mapping[str, Any]] = {
-    "robust": {
-        **COMMON,
-        "base": (22.0, 8.5, 205.0, 22.5),
-        "yaw": (30.0, 9.0),
-        "arm": (900.0, 60.0),
-        "tip": (700.0, 53.0),
-        "observer": (27.0, 31.0, 34.0, 60.0),
-        "lag_inversion": 0.1,
-        "shift_rate": 3.0,
+    "robust": ROBUST,
+    "adaptive": {
+        **ROBUST,
+        "shift_bandwidth": 60.0,
+        "low_thrust": 0.8,
+        "arm_turn": 20.0,
+        "lag": (0.02, 0.012),
     },
     "stiff": {
         **COMMON,
@@ -45,7 +59,10 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
 """Gains on accelerations: base (kp, kv, KR, Kw), yaw (KR, Kw), arm and tip (kp, kd); bandwidths of the observer, rad/s.
 
 "robust" was chosen under noise and one period of delay on perturbed plants, "stiff" on perfect state; both survive
-10 ms of delay that they do not know.
+10 ms of delay that they do not know. "adaptive" has the gains of "robust" and all that the law knows besides: the
+motion of the base's shift, an attitude towards upright at low thrust, a limit of what the base does for the arm, and a
+bandwidth by the lag that it finds (s at which half of it is left, of the rotors' and of the joints' loops); each is
+left out by 0. ``bandwidth`` scales all gains of a preset.
 """
 
 ENTRIES = tuple(PRESETS["robust"])
@@ -65,6 +82,10 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "adaptation": (0.0, 5.0),
     "friction_adaptation": (0.0, 5.0),
     "shift_rate": (0.0, 1e3),
+    "bandwidth": (0.01, 10.0),
+    "shift_bandwidth": (0.0, 1e3),
+    "low_thrust": (0.0, 1.0),
+    "arm_turn": (0.0, 1e6),
 }
 """Lowest and highest value of the entries that are one number; the others are gains, at least 0."""
 

@@ -16,12 +16,14 @@ from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.blocks.disturbance_observer import Observed, disturbance, observe
+from skyarm.control.blocks.disturbance_observer import Observed, disturbance, observe_and_tell
 from skyarm.control.blocks.extrapolation import extrapolate, samples
+from skyarm.control.blocks.lag_estimate import LagMemory, learn, shares
 from skyarm.control.blocks.prediction import predict, with_side
 from skyarm.control.blocks.saturation import all_follow
 from skyarm.control.controller import all_applied
 from skyarm.control.laws.centroidal.adaptation import adapt
+from skyarm.control.laws.centroidal.bandwidth import at_shares
 from skyarm.control.laws.centroidal.demands import demands
 from skyarm.control.laws.centroidal.memory import CentroidalMemory
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
@@ -40,8 +42,10 @@ def centroidal(
     signals, channels, age = extrapolate(
         memory.channels, memory.age, samples(reference), memory.started, dt, par.reference_period, par.continuation
     )
+    if par.lag is not None and isinstance(memory.lag, LagMemory):
+        par = at_shares(par, *shares(par.lag, memory.lag, dt))
     model, before, feedforward = par.model, memory.observed, memory.learned.feedforward
-    observed = observe(
+    observed, told = observe_and_tell(
         model,
         par.observer,
         before,
@@ -60,11 +64,14 @@ def centroidal(
     share = 1.0 - exp(-(par.tip.shift_rate * dt))
     slow = memory.slow_force + (observed.force - memory.slow_force) * share
     steady = (slow if par.mode == "tip" else observed.force) + feedforward.force
-    demand = demands(par, model, state, signals, unknown, steady)
+    demand = demands(par, model, state, signals, unknown, steady, memory.following, dt)
     done = actuate(par, model, state, demand, unknown, memory.trim, memory.applied[0], dt)
     # a command that others changed moves the vehicle away from its plan: nothing of that is a load or friction
     followed = all_follow(memory.applied)
     free = tuple(where(followed, each, 0.0) for each in memory.free)
+    lag = memory.lag
+    if par.lag is not None and isinstance(lag, LagMemory):
+        lag = learn(par.lag, lag, told, measurement, memory.started, memory.free, dt)
     following = CentroidalMemory(
         started=memory.started * 0.0 + 1.0,
         age=age,
@@ -76,6 +83,8 @@ def centroidal(
         slow_force=slow,
         trim=done.trim,
         learned=adapt(par, memory.learned, demand.planned, observed.joint_rates, observed.efforts, free, dt),
+        following=demand.following,
+        lag=lag,
     )
     return following, done.command
 

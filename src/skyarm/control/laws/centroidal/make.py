@@ -11,15 +11,21 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains, first_observed
 from skyarm.control.blocks.extrapolation import Channel
+from skyarm.control.blocks.lag_estimate import LagGains, first_lag, stride_of
 from skyarm.control.blocks.select import data
 from skyarm.control.controller import Controller, ControllerError, all_applied
 from skyarm.control.laws.centroidal.adaptation import SLOW, STICKIEST, first_learned
+from skyarm.control.laws.centroidal.arm_motion import ArmMotion
+from skyarm.control.laws.centroidal.bandwidth import at_shares
+from skyarm.control.laws.centroidal.demands import Following
 from skyarm.control.laws.centroidal.gain_presets import ENTRIES, PERIODS, PRESETS
 from skyarm.control.laws.centroidal.law import centroidal
 from skyarm.control.laws.centroidal.memory import CentroidalMemory
 from skyarm.control.laws.centroidal.option_checks import bounded, checked, one_of, periods_of
 from skyarm.control.laws.centroidal.parameters import MODE_ALIASES, MODES, CentroidalParameters, TipGains
+from skyarm.control.laws.centroidal.tip_reference import ShiftMotion
 from skyarm.control.model import JointGains, Model
+from skyarm.files import shown
 from skyarm.scalars import minimum
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -39,7 +45,7 @@ def make_centroidal(
 ) -> Controller:
     """The centroidal law for any vehicle.
 
-    Both presets were chosen on the Hummingbird with its arm of 0.3 m: the lengths (reach, damping, shift_limit) are
+    The presets were chosen on the Hummingbird with its arm of 0.3 m: the lengths (reach, damping, shift_limit) are
     that arm's, and "stiff" needs motors about as fast as its (12.5 ms up, 25 ms down).
 
     Args:
@@ -104,8 +110,17 @@ def make_centroidal(
         damping_limits=_dampings(vehicle),
         slow=tuple(SLOW[link.joint.kind] for link in vehicle.links),
         adapts_friction=gains["friction_adaptation"] > 0.0 and vehicle.n > 0,
+        shift_bandwidth=gains["shift_bandwidth"],
+        moves_shift=gains["shift_bandwidth"] > 0.0 and mode == "tip",
+        low_thrust=gains["low_thrust"],
+        softens_attitude=gains["low_thrust"] > 0.0,
+        arm_turn=gains["arm_turn"],
+        limits_arm=gains["arm_turn"] > 0.0 and vehicle.n > 0,
+        lag=_lag(gains["lag"], control_period),
     )
-    memory = first_memory(model, periods)
+    if gains["bandwidth"] != 1.0:
+        par = at_shares(par, gains["bandwidth"], gains["bandwidth"])
+    memory = first_memory(par, periods)
     return Controller(name=f"centroidal_{mode}", law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
 
 
@@ -124,9 +139,17 @@ def _dampings(vehicle: Vehicle) -> tuple[tuple[float, float], ...]:
     )
 
 
-def first_memory(model: Model, delay_periods: int) -> CentroidalMemory:
+def _lag(halves: tuple[float, float], control_period: float) -> LagGains | None:
+    """Constants of the lag's estimate; None where it is left out."""
+    base, joints = halves
+    if (base > 0.0) != (joints > 0.0):
+        raise ControllerError(f"controller.lag = {shown(halves)}: must be two lengths above 0, or twice 0")
+    return LagGains(base=base, joints=joints, stride=stride_of(control_period)) if base > 0.0 else None
+
+
+def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMemory:
     """Memory before the first step: a level hover with the joints at zero, as the model sees it."""
-    vehicle = model.vehicle
+    model, vehicle = par.model, par.model.vehicle
     trim = hover_trim(vehicle, (0.0,) * vehicle.n, model.gravity)
     speeds = tuple(data(minimum(w, r.max_speed)) for w, r in zip(trim.speeds, vehicle.rotors, strict=True))
     zero = Vec3(0.0, 0.0, 0.0)
@@ -142,4 +165,9 @@ def first_memory(model: Model, delay_periods: int) -> CentroidalMemory:
         slow_force=zero,
         trim=(0.0,) * len(speeds),
         learned=first_learned(vehicle.n),
+        following=Following(
+            shift=ShiftMotion(acceleration=zero, jerk=zero) if par.moves_shift else (),
+            arm=ArmMotion(size=0.0, mean=zero) if par.limits_arm else (),
+        ),
+        lag=() if par.lag is None else first_lag(vehicle.n, par.lag.stride),
     )

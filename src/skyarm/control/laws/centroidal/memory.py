@@ -10,6 +10,8 @@ from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.control.blocks.extrapolation import Channel
+from skyarm.control.blocks.lag_estimate import LagMemory
+from skyarm.control.laws.centroidal.demands import Following
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
 
@@ -71,6 +73,7 @@ class CentroidalMemory:
         slow_force: the observer's force, slowly filtered, N.
         trim: added to the squared speeds that the mixer asks for, (rad/s)^2.
         learned: of a load at the tip and of friction.
+        following: of the demands. lag: of the lag's estimate; empty without it.
     """
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement")]
@@ -83,3 +86,5 @@ class CentroidalMemory:
     slow_force: Annotated[Vec3, Unit("N", "the observer's force, slowly filtered")]
     trim: Annotated[tuple[Scalar, ...], Unit("(rad/s)^2", "added to the squared speeds that the mixer asks for")]
     learned: Learned
+    following: Following = Following()
+    lag: LagMemory | tuple[()] = ()

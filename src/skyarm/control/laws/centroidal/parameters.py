@@ -8,6 +8,7 @@ from typing import Annotated
 from skyarm.actuation import Mixer
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains
+from skyarm.control.blocks.lag_estimate import LagGains
 from skyarm.control.model import JointGains, Model
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
@@ -58,6 +59,13 @@ class CentroidalParameters:
         friction_adaptation: 1/s; rate of the joints' damping. damping_limits: lowest and highest of each, N m s/rad
             or N s/m. slow: squares of position and rate below which a joint teaches little, rad^2 and (rad/s)^2 or m^2
             and (m/s)^2. adapts_friction: False leaves it out.
+        shift_bandwidth: rad/s, of the differentiators that give jerk and snap of the base's shift. moves_shift: False
+            takes shift, drag and turned links as they stand, without their motion.
+        low_thrust: share of the weight below which a vertical force turns the attitude less. softens_attitude: False
+            leaves it out.
+        arm_turn: rad/s^2, the most of angular acceleration that the base turns with to make good the arm's motion.
+            limits_arm: False makes all of it good.
+        lag: how the bandwidth answers a lag that is found in flight; None for a law that trusts what it was told.
     """
 
     model: Model
@@ -86,9 +94,23 @@ class CentroidalParameters:
         tuple[tuple[Scalar, Scalar], ...], Unit("", "squares of position and rate below which a joint teaches little")
     ]
     adapts_friction: bool
+    shift_bandwidth: Annotated[Scalar, Unit("rad/s", "differentiators of the base's shift")] = 0.0
+    moves_shift: bool = False
+    low_thrust: Annotated[Scalar, Unit("", "share of the weight below which a force turns the attitude less")] = 0.0
+    softens_attitude: bool = False
+    arm_turn: Annotated[Scalar, Unit("rad/s^2", "the most that the base turns with for the arm's motion")] = 0.0
+    limits_arm: bool = False
+    lag: LagGains | None = None
 
     def choices(self) -> list[str]:
         """What is structure, in words."""
         adapted = ["adapted tip mass"] if self.adapts_load else []
         adapted += ["adapted friction"] if self.adapts_friction else []
+        added = {
+            "motion of the shift": self.moves_shift,
+            "upright at low thrust": self.softens_attitude,
+            "limited motion for the arm": self.limits_arm,
+            "bandwidth by the lag found": self.lag is not None,
+        }
+        adapted += [name for name, there in added.items() if there]
         return [f"mode '{self.mode}'", f"measurements {self.delay_periods} periods old", *adapted]

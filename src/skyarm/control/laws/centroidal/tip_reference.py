@@ -9,11 +9,13 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.attitude import Attitude
+from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.series_kinematics import Posture, derivative
+from skyarm.records.units import Unit
 from skyarm.scalars import add, cos, divide, sin, sqrt
 from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import BASE, Vehicle
@@ -106,3 +108,21 @@ def shift(level: Posture, yaw: Taylor, turned_arm: Posture, still: Attitude, lim
     eighth = square * square * square * square
     share = 1.0 / sqrt(sqrt(sqrt(eighth + 1.0)))
     return [Vec3(*((each * share).derivative(k) for each in series)) for k in range(3)]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ShiftMotion:
+    """Memory of two differentiators in a row, of the acceleration of the base's shift: what they have followed."""
+
+    acceleration: Annotated[Vec3, Unit("m/s^2", "of the base's shift, filtered")]
+    jerk: Annotated[Vec3, Unit("m/s^3", "of the base's shift, filtered")]
+
+
+def differentiated(memory: ShiftMotion, acceleration: Vec3, bandwidth: Any, dt: Any) -> tuple[ShiftMotion, Vec3, Vec3]:
+    """The memory one period later, jerk and snap of the shift; ``bandwidth`` of each differentiator in rad/s."""
+    jerk = (acceleration - memory.acceleration) * bandwidth
+    snap = (jerk - memory.jerk) * bandwidth
+    following = ShiftMotion(
+        acceleration=vector_data(memory.acceleration + jerk * dt), jerk=vector_data(memory.jerk + snap * dt)
+    )
+    return following, jerk, snap

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3, ldl_solve
+from skyarm.control.blocks.attitude import Attitude
 from skyarm.control.blocks.series_kinematics import Posture, derivative
 from skyarm.control.laws.centroidal.parameters import TipGains
 from skyarm.control.laws.centroidal.tip_reference import Goal
@@ -114,6 +115,45 @@ def level_joints(vehicle: Vehicle, gains: TipGains, wanted: Goal, R: Mat3, poses
         problem.require(orientation_rows(vehicle, directions, i), error, gains.damping * gains.damping)
     problem.prefer((0.0,) * vehicle.n, gains.posture * gains.posture)
     return problem.solve()
+
+
+def level_motion(
+    vehicle: Vehicle,
+    gains: TipGains,
+    wanted: Goal,
+    still: Attitude,
+    poses: Sequence[Pose],
+    told: Sequence[Sequence[Any]],
+) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """Rates and accelerations of joints whose links turn as those of a level base while the base turns.
+
+    Args:
+        vehicle: model.
+        gains: weights, as in :func:`level_joints`.
+        wanted: turning of the links.
+        still: attitude of the base with its rate and acceleration, base axes.
+        poses: of the links turned so.
+        told: rates and accelerations of the joints' references, which are kept where the links say nothing.
+    """
+    directions, R, w = axes(vehicle, poses), still.R, still.rate
+    weight = gains.damping * gains.damping
+    first, second = Squares(vehicle.n), Squares(vehicle.n)
+    for i in range(vehicle.n):
+        first.require(orientation_rows(vehicle, directions, i), R.apply_T(wanted.rates[i]) - w, weight)
+    first.prefer(told[0], gains.posture * gains.posture)
+    rates = first.solve()
+    turns: list[Vec3] = []
+    biases: list[Vec3] = []
+    for i, link in enumerate(vehicle.links):
+        turn, bias = (w, still.acceleration) if link.parent == BASE else (turns[link.parent], biases[link.parent])
+        if link.joint.kind == "revolute":
+            slide = directions[i] * rates[i]
+            turn, bias = turn + slide, bias + turn.cross(slide)
+        turns.append(turn)
+        biases.append(bias)
+        second.require(orientation_rows(vehicle, directions, i), R.apply_T(wanted.accelerations[i]) - bias, weight)
+    second.prefer(told[1], gains.posture * gains.posture)
+    return rates, second.solve()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -1,0 +1,225 @@
+"""What the adaptive preset adds to the centroidal law: each part by its own oracle, and flights it must survive."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.algebra import Mat3, Vec3
+from skyarm.control.blocks.attitude import Attitude, upright
+from skyarm.control.blocks.series_kinematics import moving, posture
+from skyarm.control.laws.centroidal import com_tracking
+from skyarm.control.laws.centroidal.arm_motion import ArmMotion, followed, made_good
+from skyarm.control.laws.centroidal.make import make_centroidal
+from skyarm.control.laws.centroidal.tip_reference import ShiftMotion, differentiated, goal
+from skyarm.control.laws.centroidal.tip_tasks import level_motion, orientation_error
+from skyarm.control.model import Model
+from skyarm.dynamics.kinematics import link_poses
+from skyarm.environment import NO_WIND
+from skyarm.metrics.windows import Window
+from skyarm.reference import Constant, Sine, Sum
+from skyarm.scalars.taylor import Taylor
+from skyarm.scenario.scenario_record import Delays
+from skyarm.sensors.noise import SensorNoise
+from skyarm.simulate.loop import run_in_python
+from vehicles_random import random_vehicle
+
+MODEL = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"))
+RNG = np.random.default_rng(7)
+
+
+def turned(rate, alpha, t):
+    """R(t) of a base with this body rate and acceleration at t = 0, level there: by the product of small turns."""
+    from scipy.spatial.transform import Rotation
+
+    # exact to third order: the rotation vector of w t + alpha t^2 / 2 with the commutator's term
+    v = rate * t + 0.5 * alpha * t * t + np.cross(rate, alpha) * (t**3 / 12.0)
+    return Rotation.from_rotvec(v).as_matrix()
+
+
+def vec(a):
+    return Vec3(*(float(x) for x in a))
+
+
+def test_a_force_above_the_start_keeps_its_direction_and_below_it_turns_less():
+    weight = 8.0
+
+    def soft(z):
+        return upright(Vec3(*(Taylor((c, 0.0, 0.0)) for c in (1.0, -0.5, z))), weight, 0.8)
+
+    for z in (6.4, 7.0, 20.0):
+        assert [c.derivative(0) for c in soft(z)] == [1.0, -0.5, z]
+    heights = np.array([soft(z).z.derivative(0) for z in np.linspace(-5.0, 6.4, 300)])
+    assert (np.diff(heights) >= 0.0).all()
+    assert heights[0] == pytest.approx(0.45 * weight)  # start less half of the width, 0.8 (1 - 0.875 / 2)
+
+
+def test_the_raised_force_is_twice_continuously_differentiable():
+    t = np.linspace(-1.0, 1.0, 4001)
+    z = [upright(Vec3(0.0, 0.0, Taylor((4.0 - 4.0 * s, 0.0, 0.0))), 8.0, 0.8).z.derivative(0) for s in t]
+    first = np.gradient(z, t)
+    second = np.gradient(first, t)
+    assert np.abs(np.diff(second))[3:-3].max() < 0.2  # no jump: a C1 blend of this width has one of 10
+    series = Vec3(Taylor((0.0,) * 3), Taylor((0.0,) * 3), Taylor((4.0 - 4.0 * 0.3, -4.0, 0.0)))
+    found = upright(series, 8.0, 0.8).z
+    k = int(np.searchsorted(t, 0.3))
+    assert [found.derivative(1), found.derivative(2)] == pytest.approx([first[k], second[k]], rel=2e-2)
+
+
+def test_the_goal_of_the_centre_of_mass_is_that_of_a_turning_base():
+    """Velocity and acceleration of p + R(t) h(t) by finite differences."""
+    rate, alpha = RNG.normal(size=3), RNG.normal(size=3)
+    p, h = RNG.normal(size=(5, 3)), 0.1 * RNG.normal(size=(5, 3))
+
+    def poly(c, t):
+        return sum(c[k] * t**k / (1, 1, 2, 6, 24)[k] for k in range(5))
+
+    def place(t):
+        return poly(p, t) + turned(rate, alpha, t) @ poly(h, t)
+
+    still = Attitude(Mat3.identity(), vec(rate), vec(alpha))
+    found = com_tracking.goal([vec(x) for x in p], [vec(x) for x in h], still, True)
+    e = 1e-3
+    assert list(found[0]) == pytest.approx(place(0.0))
+    assert list(found[1]) == pytest.approx((place(e) - place(-e)) / (2 * e), abs=1e-5)
+    assert list(found[2]) == pytest.approx((place(e) - 2 * place(0.0) + place(-e)) / e**2, abs=1e-4)
+
+
+def test_links_stay_level_while_the_base_turns():
+    """Joints moved by the rates and accelerations found keep every link turned as that of a level base."""
+    vehicle = random_vehicle(np.random.default_rng(5), 3, prismatic=False, branching=False)
+    gains = dataclasses.replace(make_centroidal(MODEL, mode="tip").par.tip, posture=1e-9)
+    values = (size * np.random.default_rng(6).normal(size=3) for size in (1.0, 3.0, 3.0))
+    joints = moving(*(each.tolist() for each in values), (0.0,) * 3, (0.0,) * 3)
+    yaw = Taylor.of_derivatives([0.0, 0.0, 0.0, 0.0, 0.0])
+    wanted = goal(vehicle, [Vec3(0.0, 0.0, 0.0)] * 5, yaw, joints, posture(vehicle, joints, 4))
+    told = [[q.derivative(k) for q in joints] for k in (1, 2)]
+    poses = link_poses(vehicle, [q.derivative(0) for q in joints])
+    # a base that turns about the first joint's axis can be followed by that joint alone
+    axis = np.array(list(poses[0].R.apply(vehicle.links[0].joint.axis)))
+    rate, alpha = 0.7 * axis, -1.3 * axis
+    still = Attitude(Mat3.identity(), vec(rate), vec(alpha))
+    rates, accelerations = level_motion(vehicle, gains, wanted, still, poses, told)
+    e = 3e-3
+    later = [q.derivative(0) + r * e + 0.5 * a * e * e for q, r, a in zip(joints, rates, accelerations, strict=True)]
+    level = [q.derivative(0) + q.derivative(1) * e + 0.5 * q.derivative(2) * e * e for q in joints]
+    R = turned(rate, alpha, e)
+    base = Mat3(*(vec(row) for row in R))
+    for found, kept in zip(link_poses(vehicle, later), link_poses(vehicle, level), strict=True):
+        assert orientation_error(base @ found.R, kept.R).norm() < 1e-6
+
+
+def test_the_arms_motion_is_made_good_in_full_below_the_limit():
+    h = [vec(x) for x in RNG.normal(size=(5, 3))]
+    slow = ArmMotion(size=3.0, mean=Vec3(0.3, 0.0, 0.0))
+    assert made_good(slow, 20.0, h) == h
+    halved = made_good(dataclasses.replace(slow, size=40.0), 20.0, h)
+    assert [v.z for v in halved] == [v.z for v in h]
+    assert halved[0].x == pytest.approx(0.5 * (h[0].x + 0.3))
+    none = made_good(dataclasses.replace(slow, size=1e12), 20.0, h)
+    # the mean, and how its filter of 1 rad/s moves it
+    moved = [0.3, h[0].x - 0.3, h[1].x - h[0].x + 0.3]
+    assert [v.x for v in none[:3]] == pytest.approx(moved, abs=1e-6)
+
+
+def test_the_size_of_the_arms_motion_is_that_of_its_snap():
+    """Of a centre of mass that swings by 20 mm at 2 Hz: 0.02 (4 pi)^4 / g, and forgotten slowly."""
+    w, memory, dt = 4.0 * np.pi, ArmMotion(size=0.0, mean=Vec3(0.0, 0.0, 0.0)), 0.005
+    for k in range(600):
+        phase = w * k * dt
+        swing = [0.02 * w**i * np.sin(phase + i * np.pi / 2) for i in range(5)]
+        com = Vec3(Taylor.of_derivatives([float(x) for x in swing]), 0.0, 0.0)
+        memory = followed(memory, com, 9.81, dt)
+    top = 0.02 * w**4 / 9.81
+    assert 0.75 * top < memory.size < top
+    assert abs(memory.mean.x) < 0.003
+    still = Vec3(Taylor((0.0,) * 5), 0.0, 0.0)
+    after = followed(memory, still, 9.81, dt)
+    assert after.size == pytest.approx(memory.size * (1.0 - 0.5 * dt))
+
+
+def test_two_differentiators_give_jerk_and_snap():
+    memory, w, dt = ShiftMotion(acceleration=Vec3(0.0, 0.0, 0.0), jerk=Vec3(0.0, 0.0, 0.0)), 1.0, 0.005
+    for k in range(1000):
+        memory, jerk, snap = differentiated(memory, Vec3(np.sin(w * k * dt), 0.0, 0.0), 60.0, dt)
+    t = 999 * dt
+    assert jerk.x == pytest.approx(np.cos(w * t), abs=0.03)
+    assert snap.x == pytest.approx(-np.sin(w * t), abs=0.05)
+
+
+NOISE = SensorNoise(position=0.001, velocity=0.01, attitude=0.002, rate=0.01, joints=0.001, joint_rates=0.01)
+
+
+TIP = "ee_error_mean_continuous"
+CASE3 = skyarm.load_scenario("case3")
+
+
+def tip_error(preset, **changes):
+    """Mean distance of the tip to that of a level base on its reference over the last 2 of 6 s, mm; inf when lost."""
+    scenario = dataclasses.replace(CASE3, **{"duration": 6.0, "wind": NO_WIND, **changes})
+    delay = scenario.delays.measurement
+    law = skyarm.make_controller("centroidal", CASE3.controller.par.model, mode="tip", preset=preset, delay=delay)
+    windows = dataclasses.replace(scenario.windows, steady=Window(4.0, 6.0))
+    log = skyarm.run(dataclasses.replace(scenario, controller=law, windows=windows))
+    return 1e3 * skyarm.score(log, [TIP])[TIP] if log.status == "completed" else np.inf
+
+
+def still(**signals):
+    """A hover at 1.5 m with other signals in place."""
+    return skyarm.Trajectory(
+        **{**{"x": ZERO, "y": ZERO, "z": Constant(1.5), "yaw": ZERO, "joints": (ZERO, ZERO)}, **signals}
+    )
+
+
+ZERO = Constant(0.0)
+
+
+def test_it_flies_near_free_fall_under_noise():
+    """0.2 m at 1 Hz leave a fifth of the weight: noise turned the attitude until rotors stood still."""
+    fall = still(z=Sum((Constant(1.5), Sine(amplitude=0.2, frequency_hz=1.0, phase=np.pi / 2))))
+    assert tip_error("adaptive", trajectory=fall, sensors=NOISE, delays=Delays(measurement=0.005)) < 15.0
+
+
+def test_it_bears_commands_20_ms_late_that_nobody_told():
+    late = {"sensors": NOISE, "delays": Delays(measurement=0.005, command=0.02)}
+    assert tip_error("adaptive", **late) < 8.0
+    assert tip_error("robust", **late) > 50.0
+
+
+@pytest.mark.parametrize(("hertz", "most"), [(0.16, 1.0), (0.3, 5.5)])
+def test_a_fast_circle_is_flown_with_the_motion_of_the_bases_shift(hertz, most):
+    """1 and 1.9 m/s on a circle of 1 m: without its jerk and snap, or without the links' turning, twice as much."""
+    joints = (Sine(amplitude=0.2, frequency_hz=0.5, phase=np.pi / 2), Sine(amplitude=0.15, frequency_hz=0.5))
+    x, y = (Sine(amplitude=1.0, frequency_hz=hertz, phase=phase) for phase in (np.pi / 2, 0.0))
+    assert tip_error("adaptive", trajectory=still(x=x, y=y, joints=joints)) < most
+
+
+@pytest.mark.thorough
+def test_it_holds_the_tip_while_the_arm_swings():
+    swing = still(joints=tuple(Sine(amplitude=1.0, frequency_hz=1.5, phase=p) for p in (np.pi / 2, np.pi / 2 + 0.9)))
+    assert tip_error("adaptive", trajectory=swing) < 25.0
+    assert tip_error("robust", trajectory=swing) > 30.0
+
+
+@pytest.mark.thorough
+def test_it_bears_motors_four_times_slower_than_believed():
+    truth = CASE3.world.vehicle
+    slow = (dataclasses.replace(r, time_constant_up=0.05, time_constant_down=0.08) for r in truth.rotors)
+    world = dataclasses.replace(CASE3.world, vehicle=dataclasses.replace(truth, rotors=tuple(slow)))
+    late = {"sensors": NOISE, "delays": Delays(measurement=0.005), "world": world}
+    assert tip_error("adaptive", **late) < 20.0
+    assert tip_error("robust", **late) > 100.0
+
+
+def test_lanes_and_floats_fly_it_to_the_same_bits():
+    law = skyarm.make_controller("centroidal", CASE3.controller.par.model, mode="tip", preset="adaptive", delay=0.005)
+    scenario = dataclasses.replace(
+        CASE3, duration=0.3, controller=law, sensors=NOISE, delays=Delays(measurement=0.005, command=0.01)
+    )
+    log, floats = skyarm.run(scenario), run_in_python(scenario)
+    assert np.array_equal(log.position, floats.position)
+    batch = skyarm.Batch(scenario, ["controller.lag.base"], bit_exact=True, log_every=1)
+    outcome = batch.fly({"controller.lag.base": np.array([0.02, 0.05])}, seed=scenario.seed)
+    assert np.array_equal(np.asarray(outcome.log.state.position.x)[0], log.position[:, 0])
+    assert not np.array_equal(np.asarray(outcome.log.state.position.x)[1], log.position[:, 0])

@@ -1,0 +1,197 @@
+"""The lag found in flight, on signals whose lag is known, and what it does to the gains."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.actuation import Command
+from skyarm.algebra import Vec3
+from skyarm.control.blocks.disturbance_observer import Told, disturbance, first_observed, observe_and_tell
+from skyarm.control.blocks.lag_estimate import (
+    CANDIDATES,
+    IGNORED,
+    LagGains,
+    LagMemory,
+    estimate,
+    first_lag,
+    learn,
+    shares,
+    stride_of,
+)
+from skyarm.control.controller import ControllerError
+from skyarm.control.laws.centroidal.bandwidth import at_shares
+from skyarm.control.laws.centroidal.make import make_centroidal
+from skyarm.control.model import Model
+from skyarm.sensors.measurement import Measurement
+
+DT = 0.005
+GAINS = LagGains(base=0.02, joints=0.012, stride=1)
+MODEL = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"))
+
+
+@dataclasses.dataclass
+class Rates:
+    """Of a measurement what the estimate reads."""
+
+    rate: Vec3
+    joint_rates: tuple[float, ...]
+
+
+def flown(
+    late,
+    arm_late=None,
+    *,
+    seconds=8.0,
+    active=3.0,
+    noise=0.0,
+    gust=None,
+    free=(1.0, 1.0, 1.0),
+    dt=DT,
+    gains=GAINS,
+    seed=4,
+    disturbance=0.0,
+):
+    """The memory after accelerations of white noise that arrive ``late`` periods later; a gust is one push a second."""
+    rng = np.random.default_rng(seed)
+    n = round(seconds / dt)
+    a = active * rng.normal(size=(n, 5))
+    y = np.vstack([np.zeros((late, 5)), a[: n - late]])
+    if arm_late is not None:
+        y[:, 3:] = np.vstack([np.zeros((arm_late, 2)), a[: n - arm_late, 3:]])
+    # what the observer believes to disturb: part of what the model says, and told by its changes
+    steps = disturbance * rng.normal(size=(n, 5))
+    believed = np.cumsum(steps, axis=0)
+    if gust is not None:
+        y[:: round(1.0 / dt)] += gust
+    rates = np.cumsum(y * dt, axis=0) + noise * rng.normal(size=(n, 5))
+    memory = first_lag(2, gains.stride)
+    for k in range(n):
+        told = Told(
+            angular=Vec3(*(a[k, :3] + believed[k, :3] - steps[k, :3])),
+            joints=tuple(a[k, 3:] + believed[k, 3:] - steps[k, 3:]),
+            angular_correction=Vec3(*steps[k, :3]),
+            joint_corrections=tuple(steps[k, 3:]),
+        )
+        measured = Rates(rate=Vec3(*rates[k, :3]), joint_rates=tuple(rates[k, 3:]))
+        memory = learn(gains, memory, told, measured, 0.0 if k == 0 else 1.0, free, dt)
+    return memory
+
+
+def lags(memory: LagMemory, dt=DT, gains=GAINS):
+    return estimate(memory.base, dt * gains.stride), estimate(memory.arm, dt * gains.stride)
+
+
+@pytest.mark.parametrize("late", range(CANDIDATES))
+def test_a_whole_number_of_periods_is_found(late):
+    assert lags(flown(late, seconds=4.0)) == pytest.approx((late * DT, late * DT), abs=2e-4)
+
+
+def test_rotors_and_joints_have_a_lag_of_their_own():
+    assert lags(flown(2, 6, seconds=4.0)) == pytest.approx((2 * DT, 6 * DT), abs=2e-4)
+
+
+def test_what_the_observer_believes_to_disturb_is_left_out():
+    """It is an answer to what was measured, and would look like one: the first correction is not learned from."""
+    assert lags(flown(3, seconds=4.0, disturbance=20.0)) == pytest.approx((3 * DT, 3 * DT), abs=5e-4)
+
+
+def test_it_is_found_under_the_noise_of_the_bench():
+    """Rates of 0.01 rad/s of noise are accelerations of 2.8 rad/s^2 at 200 Hz, as large as what the loop does."""
+    assert lags(flown(4, noise=0.01)) == pytest.approx((0.02, 0.02), abs=0.003)
+
+
+def test_a_longer_lag_than_the_longest_counts_as_that():
+    assert min(lags(flown(CANDIDATES + 1, seconds=4.0))) >= 0.0  # nothing fits: no lag, or the longest
+    with_one_more = lags(flown(CANDIDATES - 1, seconds=4.0))
+    assert with_one_more == pytest.approx(((CANDIDATES - 1) * DT,) * 2, abs=2e-4)
+
+
+def test_without_motion_there_is_none():
+    assert lags(flown(4, active=0.0, seconds=2.0)) == pytest.approx((0.0, 0.0), abs=1e-6)
+
+
+def test_gusts_are_no_lag():
+    assert lags(flown(0, gust=50.0, noise=0.01)) == pytest.approx((0.0, 0.0), abs=1e-3)
+
+
+def test_nothing_is_learned_while_an_actuator_is_at_its_limit():
+    held = flown(4, free=(1.0, 0.0, 1.0), seconds=2.0)
+    assert lags(held) == pytest.approx((0.0, 0.0), abs=1e-6)
+
+
+def test_a_faster_loop_has_its_lags_as_far_apart():
+    assert [stride_of(period) for period in (0.02, 0.005, 0.0025, 0.001)] == [1, 1, 2, 5]
+    gains = dataclasses.replace(GAINS, stride=5)
+    found = lags(flown(20, dt=0.001, gains=gains, seconds=3.0), dt=0.001, gains=gains)
+    assert found == pytest.approx((0.02, 0.02), abs=1e-3)
+
+
+def test_shares_halve_at_their_lag_and_ignore_a_small_one():
+    memory = flown(4, seconds=4.0)
+    base, joints = shares(GAINS, memory, DT)
+    assert base == pytest.approx(0.02 / (0.02 + 0.02 - IGNORED), rel=0.02)
+    assert joints == pytest.approx(0.012 / (0.012 + 0.02 - IGNORED), rel=0.02)
+    assert shares(GAINS, first_lag(2, 1), DT) == (1.0, 1.0)
+
+
+def test_gains_at_a_share_have_the_same_damping_ratio():
+    par = make_centroidal(MODEL, mode="tip").par
+    slow = at_shares(par, 0.5, 0.25)
+
+    def ratio(stiffness, damping):
+        return damping / (2.0 * math.sqrt(stiffness))
+
+    for speed, of in (("velocity", "position"), ("rate", "attitude")):
+        for axis in "xyz":
+            k, d = getattr(getattr(slow.base, of), axis), getattr(getattr(slow.base, speed), axis)
+            K, D = getattr(getattr(par.base, of), axis), getattr(getattr(par.base, speed), axis)
+            assert ratio(k, d) == pytest.approx(ratio(K, D))
+            assert k == pytest.approx(0.25 * K)
+    assert slow.tip.position == pytest.approx(par.tip.position / 16.0)
+    assert slow.joint_gains.damping == pytest.approx([d / 4.0 for d in par.joint_gains.damping])
+    assert (slow.observer.force, slow.observer.joints) == (0.5 * par.observer.force, 0.25 * par.observer.joints)
+    assert slow.observer.pose == par.observer.pose
+
+
+def test_the_bandwidth_is_one_number():
+    scaled = make_centroidal(MODEL, mode="tip", bandwidth=0.5).par
+    assert scaled == at_shares(make_centroidal(MODEL, mode="tip").par, 0.5, 0.5)
+    with pytest.raises(ControllerError, match=r"controller.bandwidth = 0: must be at least 0.01"):
+        make_centroidal(MODEL, bandwidth=0)
+
+
+def test_a_lag_is_two_lengths():
+    with pytest.raises(ControllerError, match="must be two lengths above 0, or twice 0"):
+        make_centroidal(MODEL, lag=(0.02, 0.0))
+
+
+def test_the_observer_tells_by_how_much_its_disturbance_changes():
+    """The innovation of the rates times L2 / dt, and the model's acceleration that they were foretold with."""
+    par = make_centroidal(MODEL, mode="tip").par
+    before = dataclasses.replace(first_observed(2, (500.0,) * 4), rate=Vec3(0.1, -0.2, 0.3), joint_rates=(0.2, -0.1))
+    measured = Measurement(
+        **{**{name: getattr(before, name) for name in ("position", "quaternion", "velocity", "joints")}},
+        rate=Vec3(0.4, 0.1, 0.2),
+        specific_force=Vec3(0.0, 0.0, 9.81),
+        joint_rates=(0.5, 0.3),
+        rotor_speeds=(500.0,) * 4,
+        time=0.0,
+    )
+    nothing = disturbance(before)
+    command = Command(rotor_speeds=(500.0,) * 4, efforts=(0.0, 0.0))
+    _, told = observe_and_tell(MODEL, par.observer, before, measured, command, nothing, 1.0, (1.0,) * 3, DT)
+    for gain, rate, foretold, correction in (
+        (par.observer.torque, measured.rate, before.rate + told.angular * DT, told.angular_correction),
+        (
+            par.observer.joints,
+            measured.joint_rates,
+            [r + a * DT for r, a in zip(before.joint_rates, told.joints, strict=True)],
+            told.joint_corrections,
+        ),
+    ):
+        share = (1.0 - math.exp(-gain * DT)) ** 2 / DT
+        wanted = [share * (m - f) for m, f in zip(rate, foretold, strict=True)]
+        assert list(correction) == pytest.approx(wanted)
