@@ -71,7 +71,7 @@ def made_other(value):
     if isinstance(value, bool):
         return not value
     if isinstance(value, list):
-        return [each * 1.5 for each in value] or ["coriolis"]
+        return [each * 1.5 if each else 0.01 for each in value] or ["coriolis"]
     if isinstance(value, dict):
         return {key: each * 1.5 for key, each in value.items()}
     return value + 1 if isinstance(value, int) else value * 0.5 + 0.042 if isinstance(value, float) else "other"
