@@ -22,7 +22,9 @@ def controller_of(law):
 
 
 @needs_cc
-@pytest.mark.parametrize("law", BEYOND)
+@pytest.mark.parametrize(
+    "law", [pytest.param(law, marks=[pytest.mark.thorough] if law == "learned_compensator" else []) for law in BEYOND]
+)
 def test_a_law_in_c_has_the_bits_of_python_call_after_call(tmp_path, law):
     controller = controller_of(law)
     text = text_of(controller)

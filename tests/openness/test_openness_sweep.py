@@ -191,6 +191,7 @@ except ValueError as error:
 """
 
 
+@pytest.mark.thorough
 def test_ray_workers_load_the_same_plugins_and_refuse_others(tmp_path: Path) -> None:
     """Also a law made inside a function, which pickle alone does not carry."""
     pytest.importorskip("ray")

@@ -51,7 +51,8 @@ def upright(force: Vec3, weight: Any, start: Any) -> Vec3:
     (t^3 - t^4 / 2), twice continuously differentiable; it ends at start - width / 2.
     """
     width = start * FALL
-    t = (start * weight - force.z) * divide(1.0, width * weight)
+    # the series stands first: an engine's scalar on the left would not know what a series is
+    t = (force.z - start * weight) * divide(-1.0, width * weight)
     t = chosen(t > 0.0, t, 0.0)
     deep = t < 1.0
     t = chosen(deep, t, 1.0)
