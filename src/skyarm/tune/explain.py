@@ -19,10 +19,10 @@ import numpy as np
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Delays, Scenario
 from skyarm.stability.open_loop import LAGS
+from skyarm.stability.settled_hover import SettledHover
 from skyarm.tune.blas_threads import threadpool_limits
 from skyarm.tune.front import LoopMargins, Required
-from skyarm.tune.hover_loops import HoverLoops
-from skyarm.tune.hover_margins import required, without_adaptation
+from skyarm.tune.hover_margins import required
 from skyarm.tune.law_knobs import Knob
 from skyarm.tune.loop_edges import Edges, edges, with_dead_time
 from skyarm.tune.loop_parts import differences, groups, slowed
@@ -163,10 +163,8 @@ class _Probe:
         plant = {path for each in self._differences for path in each.believed}
         self._base = own | {path: number_at(scenario, path) for path in sorted(plant)}
         # the code has no delays: they are put into the linearised loop
-        prompt = dataclasses.replace(
-            scenario, delays=Delays(), controller=without_adaptation(scenario.controller), payloads=()
-        )
-        self._loops = HoverLoops(prompt, tuple(self._base))
+        prompt = dataclasses.replace(scenario, delays=Delays(), payloads=())
+        self._loops = SettledHover(prompt, tuple(self._base))
         self._required = required(scenario)
         delays, rate = scenario.delays, scenario.rates.control
         self._delays = (
@@ -254,7 +252,7 @@ class _Probe:
         if settled is None:
             return None
         values = [numbers[path] for path in self._loops.paths]
-        loops = [self._loops.linearised(settled, values, lag) for lag in LAGS]
+        loops = [self._loops.opened(settled, values, lag) for lag in LAGS]
         return edges([with_dead_time(loop, *(delays or self._delays)) for loop in loops])
 
     def _settled(self, numbers: Mapping[str, float]) -> Any:

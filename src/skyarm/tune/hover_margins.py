@@ -13,7 +13,7 @@ from skyarm.control.controller import Controller
 from skyarm.records.replace_parts import replaced
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.tune.front import Required
-from skyarm.tune.law_knobs import Knob, inner_place
+from skyarm.tune.law_knobs import Knob
 
 Array = npt.NDArray[np.float64]
 
@@ -42,13 +42,3 @@ def calm(flight: Scenario) -> Scenario:
     """The flight of candidates without the wind that is drawn, and with no delay but those that are known."""
     delays = dataclasses.replace(flight.delays, longest_command=None)
     return dataclasses.replace(flight, forces=flight.forces[:-1], delays=delays)
-
-
-def without_adaptation(controller: Controller) -> Controller:
-    """The controller with its slow adaptation held: at the bound of its projection a derivative means nothing."""
-    place, par = inner_place(controller), controller.par
-    for name in place:
-        par = getattr(par, name)
-    adapting = [name for name in ("adapts_load", "adapts_friction") if getattr(par, name, False)]
-    numbers = {(*place, name): False for name in adapting}
-    return dataclasses.replace(controller, par=replaced(controller.par, numbers)) if numbers else controller

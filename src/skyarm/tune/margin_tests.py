@@ -7,7 +7,6 @@ and with that downward.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -20,9 +19,9 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.stability.closed_loop import radius
 from skyarm.stability.frozen_scenario import LAGS
 from skyarm.stability.loop_derivatives import OpenLoop
+from skyarm.stability.settled_hover import SettledHover
 from skyarm.tune.front import LoopMargins, Required
-from skyarm.tune.hover_loops import HoverLoops
-from skyarm.tune.hover_margins import calm, without_adaptation
+from skyarm.tune.hover_margins import calm
 from skyarm.tune.law_knobs import Knob
 from skyarm.tune.loop_edges import edges
 
@@ -50,11 +49,10 @@ class MarginTests:
     """
 
     def __init__(self, scenario: Scenario, knobs: Sequence[Knob], required: Required, threads: int = 1) -> None:
-        still = dataclasses.replace(scenario, controller=without_adaptation(scenario.controller))
         numbers = [(place, value) for knob in knobs for place, value in knob.numbers]
         self._values = np.array([value for _, value in numbers])
         self._knob = np.array([i for i, knob in enumerate(knobs) for _ in knob.numbers])
-        self._loops = HoverLoops(calm(still), [f"controller.{'.'.join(place)}" for place, _ in numbers])
+        self._loops = SettledHover(calm(scenario), [f"controller.{'.'.join(place)}" for place, _ in numbers])
         step = 1.0 / scenario.rates.physics
         self._delay = math.ceil(RESERVE * required.delay / step - 1e-9) * step
         self._gain, self._threads = RESERVE * required.gain, threads
@@ -78,12 +76,12 @@ class MarginTests:
     def _measured(self, settled: Any, numbers: Sequence[float]) -> LoopMargins:
         if settled is None:
             return LoopMargins(delay=0.0, rotors=(1.0, 1.0), joints=(1.0, 1.0))
-        return edges([self._loops.linearised(settled, numbers, lag) for lag in LAGS]).margins
+        return edges([self._loops.opened(settled, numbers, lag) for lag in LAGS]).margins
 
     def _cost(self, settled: Any, numbers: Sequence[float]) -> float:
         if settled is None:
             return DIVERGED
-        found = [test(self._loops.linearised(settled, numbers, lag), self._delay, self._gain) for lag in LAGS]
+        found = [test(self._loops.opened(settled, numbers, lag), self._delay, self._gain) for lag in LAGS]
         return max(found)
 
     def close(self) -> None:
