@@ -178,7 +178,7 @@ def test_the_observer_predicts_by_pinocchio_in_the_middle_of_the_period(seed):
             rate=vec(measured_velocity[3:6]),
             joint_rates=tuple(measured_velocity[6:].tolist()),
         )
-        return observe(MODEL, gains, memory, measurement, acted, known, 1.0, free, DT)
+        return observe(MODEL, gains, memory, measurement, acted, known, 1.0, free, DT)[0]
 
     squares = [
         quad(lambda t, w=w, c=c: turn_of(w, c, t) ** 2, 0.0, DT)[0] / DT

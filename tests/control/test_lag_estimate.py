@@ -9,7 +9,7 @@ import pytest
 import skyarm
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
-from skyarm.control.blocks.disturbance_observer import Told, disturbance, first_observed, observe_and_tell
+from skyarm.control.blocks.disturbance_observer import Told, disturbance, first_observed, observe
 from skyarm.control.blocks.lag_estimate import (
     CANDIDATES,
     IGNORED,
@@ -182,7 +182,7 @@ def test_the_observer_tells_by_how_much_its_disturbance_changes():
     )
     nothing = disturbance(before)
     command = Command(rotor_speeds=(500.0,) * 4, efforts=(0.0, 0.0))
-    _, told = observe_and_tell(MODEL, par.observer, before, measured, command, nothing, 1.0, (1.0,) * 3, DT)
+    _, told = observe(MODEL, par.observer, before, measured, command, nothing, 1.0, (1.0,) * 3, DT)
     for gain, rate, foretold, correction in (
         (par.observer.torque, measured.rate, before.rate + told.angular * DT, told.angular_correction),
         (

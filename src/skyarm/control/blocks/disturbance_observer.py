@@ -56,21 +56,6 @@ def observe(
     started: Any,
     free: Sequence[Any],
     dt: Any,
-) -> Observed:
-    """Memory at the measurement's time: :func:`observe_and_tell` without what the model said."""
-    return observe_and_tell(model, gains, memory, measurement, acted, unknown, started, free, dt)[0]
-
-
-def observe_and_tell(
-    model: Model,
-    gains: ObserverGains,
-    memory: Observed,
-    measurement: Measurement,
-    acted: Command,
-    unknown: Disturbance,
-    started: Any,
-    free: Sequence[Any],
-    dt: Any,
 ) -> tuple[Observed, Told]:
     """Memory at the measurement's time, and the accelerations of the model on the way to it.
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.blocks.disturbance_observer import Observed, disturbance, observe_and_tell
+from skyarm.control.blocks.disturbance_observer import Observed, disturbance, observe
 from skyarm.control.blocks.extrapolation import extrapolate, samples
 from skyarm.control.blocks.lag_estimate import LagMemory, learn, shares
 from skyarm.control.blocks.prediction import predict, with_side
@@ -45,7 +45,7 @@ def centroidal(
     if par.lag is not None and isinstance(memory.lag, LagMemory):
         par = at_shares(par, *shares(par.lag, memory.lag, dt))
     model, before, feedforward = par.model, memory.observed, memory.learned.feedforward
-    observed, told = observe_and_tell(
+    observed, told = observe(
         model,
         par.observer,
         before,

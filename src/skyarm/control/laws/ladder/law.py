@@ -114,7 +114,7 @@ def _unknown(memory: StepMemory, measurement: Measurement, dt: Any, par: StepPar
         memory.observed, rotor_speeds=tuple(where(memory.started > 0.5, ours, theirs) for ours, theirs in speeds)
     )
     pushed, acted = disturbance(before), memory.sent[0]
-    observed = observe(par.model, par.observer, before, measurement, acted, pushed, memory.started, memory.free, dt)
+    observed, _ = observe(par.model, par.observer, before, measurement, acted, pushed, memory.started, memory.free, dt)
     # the observer's model has the rotors' drag in still air: what the base feels is that and what is left to learn
     R = observed.quaternion.rotation()
     felt = with_side(par.model, disturbance(observed), R, observed.rotor_speeds, observed.velocity, observed.rate)
