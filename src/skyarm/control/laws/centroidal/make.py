@@ -60,7 +60,7 @@ def make_centroidal(
 
     Raises:
         ControllerError: an unknown mode or preset, an option out of its range, or no end effector.
-        AllocationError: the rotors do not span torque and thrust.
+        AllocationError: the rotors do not span torque and thrust; for ``sideways`` torque and force in all directions.
     """
     mode = MODE_ALIASES.get(mode, mode) if isinstance(mode, str) else mode
     one_of("mode", mode, MODES)
@@ -76,7 +76,7 @@ def make_centroidal(
     stiffness, damping = gains["arm"]
     par = CentroidalParameters(
         model=model,
-        mixer=_mixer(vehicle),
+        mixer=_mixer(vehicle, gains["sideways"] > 0.0),
         mode=mode,
         base=BaseGains(
             position=Vec3(kp, kp, kp),
@@ -116,6 +116,8 @@ def make_centroidal(
         softens_attitude=gains["low_thrust"] > 0.0,
         arm_turn=gains["arm_turn"],
         limits_arm=gains["arm_turn"] > 0.0 and vehicle.n > 0,
+        sideways=gains["sideways"],
+        uses_sideways=gains["sideways"] > 0.0,
         lag=_lag(gains["lag"], control_period),
     )
     if gains["bandwidth"] != 1.0:
@@ -124,7 +126,9 @@ def make_centroidal(
     return Controller(name=f"centroidal_{mode}", law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
 
 
-def _mixer(vehicle: Vehicle) -> Mixer:
+def _mixer(vehicle: Vehicle, sideways: bool) -> Mixer:
+    if sideways:
+        return make_mixer(vehicle, "priority", sideways)
     try:
         return make_mixer(vehicle, "priority")
     except AllocationError:
