@@ -22,7 +22,7 @@ from skyarm.actuation import Mixer
 from skyarm.algebra import E_X, E_Y, E_Z, Mat3, Vec3
 from skyarm.control.blocks.attitude import Attitude
 from skyarm.control.blocks.series_kinematics import derivative
-from skyarm.scalars import cos, divide, sin, sqrt
+from skyarm.scalars import divide, sqrt
 from skyarm.scalars.taylor import Taylor, chosen
 
 LEAST = 0.05
@@ -67,14 +67,32 @@ def gauge(reach: Reach, force: Vec3) -> Taylor:
     return result
 
 
-def leaning(reach: Reach, force: Vec3, yaw: Taylor, share: Any) -> Vec3:
-    """The force (series, world axes, N) that the attitude is computed with: without its sideways part."""
-    c, s = cos(yaw), sin(yaw)
-    side = gauge(reach, Vec3(c * force.x + s * force.y, c * force.y - s * force.x, force.z))
-    once = share * share
-    twice = once * once
-    left = 1.0 - 1.0 / _eighth_root(side * divide(1.0, twice * twice) + 1.0)
-    return Vec3(force.x * left, force.y * left, force.z)
+def leaning(reach: Reach, force: Vec3, share: Any) -> Vec3:
+    """The force (series of second order, world axes, N) that the attitude is computed with: without its sideways part.
+
+    Its second derivative is left out: the sideways force makes up for an attitude that is late by that, and the snap of
+    a reference is rough where its acceleration bends.
+    """
+    x, y, z = (each.truncated(1) for each in force)
+    side = _square((x * x + y * y) * slightest(reach, z) * divide(1.0, share * share))
+    left = 1.0 - 1.0 / sqrt(sqrt(sqrt(_square(side) + 1.0)))
+    return Vec3(*(Taylor([*each.c, 0]) for each in (x * left, y * left, z)))
+
+
+def slightest(reach: Reach, vertical: Taylor) -> Taylor:
+    """Square of the gauge of 1 N across z in the worst direction, 1/N^2, beside a vertical force (series, N)."""
+    total: Any = 0
+    for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
+        held, size = vertical * row.z, row.x * row.x + row.y * row.y
+        for room in (held, held * -1 + top):
+            share = _square(1.0 / _square(chosen(room > least, room, least)) * size)
+            total = _square(_square(share)) + total
+    root: Taylor = sqrt(sqrt(sqrt(total)))
+    return root
+
+
+def _square(value: Taylor) -> Taylor:
+    return value * value
 
 
 def applied(reach: Reach | None, force: Sequence[Vec3], R: Mat3, w: Vec3) -> Vec3:
