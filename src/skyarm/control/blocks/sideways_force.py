@@ -22,7 +22,7 @@ from skyarm.actuation import Mixer
 from skyarm.algebra import E_X, E_Y, E_Z, Mat3, Vec3
 from skyarm.control.blocks.attitude import Attitude
 from skyarm.control.blocks.series_kinematics import derivative
-from skyarm.scalars import divide, sqrt
+from skyarm.scalars import divide, mul, sqrt
 from skyarm.scalars.taylor import Taylor, chosen
 
 LEAST = 0.05
@@ -70,13 +70,14 @@ def gauge(reach: Reach, force: Vec3) -> Taylor:
 def leaning(reach: Reach, force: Vec3, share: Any) -> Vec3:
     """The force (series of second order, world axes, N) that the attitude is computed with: without its sideways part.
 
-    Its second derivative is left out: the sideways force makes up for an attitude that is late by that, and the snap of
-    a reference is rough where its acceleration bends.
+    Its second derivative counts as the rest does: sideways force makes up for an attitude that is late by it, and the
+    snap of a reference is rough where its acceleration bends.
     """
-    x, y, z = (each.truncated(1) for each in force)
+    x, y, z = force
     side = _square((x * x + y * y) * slightest(reach, z) * divide(1.0, share * share))
     left = 1.0 - 1.0 / sqrt(sqrt(sqrt(_square(side) + 1.0)))
-    return Vec3(*(Taylor([*each.c, 0]) for each in (x * left, y * left, z)))
+    rest = left.c[0]
+    return Vec3(*(Taylor([*each.c[:2], mul(rest, each.c[2])]) for each in (x * left, y * left, z)))
 
 
 def slightest(reach: Reach, vertical: Taylor) -> Taylor:

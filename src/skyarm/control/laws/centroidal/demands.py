@@ -172,7 +172,7 @@ def demands(
         planned=plan,
         following=following,
         across=push.across,
-        force_rate=None if course.reach is None else _planned_rate(model, course.still, wanted[2], signals, h),
+        force_rate=None if course.reach is None else planned_rate(course.still, wanted[2:4], mass, model.gravity),
     )
 
 
@@ -221,12 +221,6 @@ def _attitude(par: CentroidalParameters, model: Model, force: Vec3, yaw: Taylor,
     if par.softens_attitude:
         force = upright(force, model.vehicle.mass * model.gravity, par.low_thrust)
     return attitude(force, yaw.truncated(2))
-
-
-def _planned_rate(model: Model, still: Attitude, motion: Vec3, signals: Sequence[Taylor], h: list[Vec3]) -> Vec3:
-    """Change of the planned force, N/s: the jerk of the references, the base's shift left out, which is not smooth."""
-    jerk = Vec3(*(signal.derivative(3) for signal in signals[:3])) + still.R.apply(h[3])
-    return planned_rate(still, (motion, jerk), model.vehicle.mass, model.gravity)
 
 
 def joint_accelerations(par: CentroidalParameters, state: State, joints: Sequence[Taylor]) -> tuple[Any, ...]:
