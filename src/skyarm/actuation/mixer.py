@@ -15,7 +15,7 @@ from skyarm.algebra import ZERO3, Vec3, ldl_solve
 from skyarm.files.old_names import renamed
 from skyarm.records.coerce import concrete
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, add, divide, maximum, minimum, mul, sqrt, sub, where
+from skyarm.scalars import Scalar, add, divide, logical_and, maximum, minimum, mul, sqrt, sub, where
 from skyarm.vehicle.vehicle_records import Vehicle
 
 POLICIES = ("clip", "priority")
@@ -151,8 +151,7 @@ def mix(mixer: Mixer, torque: Vec3, thrust: Any, across: Vec3 = ZERO3) -> tuple[
     allowed = _prioritized(mixer, torque, thrust) if mixer.policy == "priority" else raw
     if mixer.across:
         side = [_dot(row, [across.x, across.y]) for row in mixer.across]
-        share = _largest_share(allowed, side, mixer.highest) if mixer.policy == "priority" else 1
-        allowed = tuple(add(kept, mul(share, change)) for kept, change in zip(allowed, side, strict=True))
+        allowed = _with_side(mixer, raw, allowed, side)
     return tuple(sqrt(maximum(value, 0.0)) for value in allowed), raw
 
 
@@ -211,3 +210,27 @@ def _largest_share(fixed: Sequence[Any], wanted: Sequence[Any], highest: Sequenc
         limit = where(change > 0.0, up, where(change < 0.0, down, share))
         share = minimum(share, maximum(limit, 0.0))
     return share
+
+
+def _with_side(mixer: Mixer, raw: Sequence[Any], allowed: Sequence[Any], side: Sequence[Any]) -> tuple[Any, ...]:
+    """Squared speeds with the largest share of a force across body z that fits.
+
+    It may be what brings torque and thrust (``raw``) within the limits; where no share of it does, it takes what room
+    is left beside what the limits leave of them (``allowed``).
+    """
+    if mixer.policy != "priority":
+        return tuple(add(value, change) for value, change in zip(raw, side, strict=True))
+    low: Any = 0.0
+    high: Any = 1.0
+    for value, change, top in zip(raw, side, mixer.highest, strict=True):
+        to_zero, to_top = divide(0.0 - value, change), divide(top - value, change)
+        inside = logical_and(value >= 0.0, value <= top)
+        low = maximum(low, where(change > 0.0, to_zero, where(change < 0.0, to_top, where(inside, 0.0, 2.0))))
+        high = minimum(high, where(change > 0.0, to_top, where(change < 0.0, to_zero, 1.0)))
+    left = _largest_share(allowed, side, mixer.highest)
+    fits = low <= high
+    rows = zip(raw, allowed, side, mixer.highest, strict=True)
+    return tuple(
+        minimum(where(fits, add(value, mul(high, change)), add(kept, mul(left, change))), top)
+        for value, kept, change, top in rows
+    )

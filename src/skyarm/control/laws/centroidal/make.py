@@ -59,8 +59,9 @@ def make_centroidal(
         changes: entries of the preset to replace.
 
     Raises:
-        ControllerError: an unknown mode or preset, an option out of its range, or no end effector.
-        AllocationError: the rotors do not span torque and thrust; for ``sideways`` torque and force in all directions.
+        ControllerError: an unknown mode or preset, an option out of its range, no end effector, or ``sideways`` for rotors
+            that do not span torque and force in all directions.
+        AllocationError: the rotors do not span torque and thrust.
     """
     mode = MODE_ALIASES.get(mode, mode) if isinstance(mode, str) else mode
     one_of("mode", mode, MODES)
@@ -128,7 +129,10 @@ def make_centroidal(
 
 def _mixer(vehicle: Vehicle, sideways: bool) -> Mixer:
     if sideways:
-        return make_mixer(vehicle, "priority", sideways)
+        try:
+            return make_mixer(vehicle, "priority", sideways)
+        except AllocationError as error:
+            raise ControllerError(f"controller.sideways: {error}") from None
     try:
         return make_mixer(vehicle, "priority")
     except AllocationError:

@@ -1,0 +1,202 @@
+"""What sideways force the law counts on, what leans, and the lead of rotors: programs and differences as oracles."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+from scipy.spatial.transform import Rotation
+
+import skyarm
+from flown import cases, vec
+from skyarm.actuation import make_mixer
+from skyarm.actuation.rotor import speed_after
+from skyarm.algebra import Mat3, Vec3
+from skyarm.compile import leaves, rebuild, trace
+from skyarm.control.blocks.attitude import Attitude
+from skyarm.control.blocks.motor_lag import command_for, led
+from skyarm.control.blocks.sideways_force import applied, gauge, leaning, planned_rate, reach_of, slightest
+from skyarm.control.catalogue import ControllerError
+from skyarm.control.laws.centroidal import make_centroidal
+from skyarm.control.model import Model
+from skyarm.scalars.taylor import Taylor
+
+HEXA = skyarm.load_vehicle("tilted_hexarotor")
+ARM = dataclasses.replace(skyarm.load_vehicle("hummingbird_arm2"), rotors=HEXA.rotors)
+MIXER = make_mixer(HEXA, "priority", sideways=True)
+WEIGHT = float(HEXA.mass) * 9.81
+COM = Vec3(0.01, -0.02, -0.06)
+REACH = reach_of(MIXER, COM, WEIGHT)
+LEVEL, STILL = Mat3.identity(), Vec3(0.0, 0.0, 0.0)
+
+
+def array(v):
+    return np.array([float(c) for c in v])
+
+
+def largest(direction, vertical, com):
+    """N: the most of sideways force through the centre of mass, all rotors free; a linear program."""
+    A, top = [], [float(r.max_speed) ** 2 for r in HEXA.rotors]
+    for rotor in HEXA.rotors:
+        push = array(rotor.axis) * float(rotor.thrust_coefficient)
+        twist = np.cross(array(rotor.position), push) - rotor.direction * float(rotor.moment_coefficient) * push
+        A.append([*twist, *push])
+    side, up = np.array([*direction, 0.0]), np.array([0.0, 0.0, vertical])
+    equal = np.hstack([np.array(A).T * top, -np.array([[*np.cross(com, side), *side]]).T])
+    found = linprog(
+        [*np.zeros(6), -1.0],
+        A_eq=equal,
+        b_eq=[*np.cross(com, up), *up],
+        bounds=[*[(0.0, 1.0)] * 6, (0.0, None)],
+    )
+    return found.x[-1]
+
+
+@pytest.mark.parametrize("share", [0.6, 1.0, 1.6])
+def test_the_reach_that_is_counted_on_lies_just_within_that_of_all_rotors(share):
+    angles = np.radians(np.arange(0.0, 360.0, 15.0))
+    far = [largest((math.cos(a), math.sin(a)), share * WEIGHT, array(COM)) for a in angles]
+    least = float(slightest(REACH, Taylor([share * WEIGHT, 0.0])).derivative(0)) ** -0.5
+    assert 0.8 * min(far) < least < min(far)
+    for a, limit in zip(angles, far, strict=True):
+        side = [math.cos(a), math.sin(a), share * WEIGHT]
+        at = float(gauge(REACH, Vec3(*(Taylor([c]) for c in side))).derivative(0)) ** -0.125
+        # six rotors at most share one limit: 6^(1/8) = 1.25
+        assert limit / 1.2512 < at < limit * (1.0 + 1e-9)
+
+
+def moving(t):
+    """A force, an attitude and their motion: world axes, N."""
+    force = np.array([2.0 + 3.0 * t - t * t, -1.0 + 5.0 * t + 2.0 * t * t, WEIGHT - 4.0 * t + t * t])
+    return force, Rotation.from_rotvec([0.8 * t - 0.2, 0.1 - 0.5 * t, 0.7 + 0.3 * t])
+
+
+@pytest.mark.parametrize("size", [1.0, 2.5])
+def test_what_rotors_give_of_a_force_and_its_derivative(size):
+    """Inside the reach the force itself; beyond, in the body's axes, its part across z shortened. By differences."""
+
+    def given(t):
+        force, R = moving(t)
+        force[:2] *= size
+        rows = Mat3(*(vec(row) for row in R.as_matrix()))
+        return array(applied(REACH, [vec(force)], rows, STILL))
+
+    h = 1e-6
+    force, R = moving(0.3)
+    force[:2] *= size
+    slope = (moving(0.3 + h)[0] - moving(0.3 - h)[0]) / (2.0 * h) * [size, size, 1.0]
+    rate = (moving(0.3 - h)[1].inv() * moving(0.3 + h)[1]).as_rotvec() / (2.0 * h)
+    found = applied(REACH, [vec(force), vec(slope)], Mat3(*(vec(row) for row in R.as_matrix())), vec(rate))
+    np.testing.assert_allclose(array(found), (given(0.3 + h) - given(0.3 - h)) / (2.0 * h), rtol=1e-5, atol=1e-6)
+    body, wanted = R.inv().apply(given(0.3)), R.inv().apply(force)
+    assert body[2] == pytest.approx(wanted[2], rel=1e-12)
+    assert body[0] * wanted[1] == pytest.approx(body[1] * wanted[0])
+    inside = size == 1.0
+    assert (np.linalg.norm(body[:2]) == pytest.approx(np.linalg.norm(wanted[:2]), rel=1e-9)) == inside
+    at = gauge(REACH, Vec3(*(Taylor([c]) for c in body)))
+    assert float(at.derivative(0)) == pytest.approx(1.0, rel=1e-9) or inside
+
+
+def test_a_thrust_along_body_z_is_what_is_left_without_a_reach():
+    force, R = moving(0.3)
+    rows = Mat3(*(vec(row) for row in R.as_matrix()))
+    found = R.inv().apply(array(applied(None, [vec(force)], rows, STILL)))
+    np.testing.assert_allclose(found, [0.0, 0.0, R.inv().apply(force)[2]], atol=1e-12)
+
+
+def leant(size, share):
+    """Force for the attitude at t = 0 and its derivatives, of a sideways force of that size that grows."""
+    series = [[size, 3.0, 1.4], [0.5 * size, -2.0, 0.6], [WEIGHT, 5.0, -1.0]]
+    return series, leaning(REACH, Vec3(*(Taylor(c) for c in series)), share)
+
+
+def test_what_leans_is_little_inside_all_beyond_and_has_its_derivative():
+    most = float(slightest(REACH, Taylor([WEIGHT, 0.0])).derivative(0)) ** -0.5
+    length = math.hypot(1.0, 0.5)
+    for part, low, high in ((0.3, 0.0, 1e-4), (0.8, 0.0, 0.03), (1.0, 0.08, 0.09), (40.0, 0.97, 0.98)):
+        series, found = leant(part * 0.9 * most / length, 0.9)
+        assert low <= float(found.x.derivative(0)) / series[0][0] < high, part
+        h = 1e-6
+        steps = [Vec3(*(Taylor([c[0] + h * s * c[1], 0.0, 0.0]) for c in series)) for s in (1.0, -1.0)]
+        after, before = (array(Vec3(*(c.derivative(0) for c in leaning(REACH, step, 0.9)))) for step in steps)
+        slope = [float(c.derivative(1)) for c in found]
+        np.testing.assert_allclose(slope, (after - before) / (2.0 * h), rtol=1e-4, atol=1e-6)
+    # almost no share: the attitude is that of the whole force, as of a flat vehicle
+    series, found = leant(3.0, 1e-6)
+    np.testing.assert_allclose(
+        [[float(c) for c in each.c] for each in found], [[*c[:2], c[2]] for c in series], rtol=1e-5
+    )
+
+
+def test_the_planned_force_changes_in_the_planned_bodys_axes_as_differences_say():
+    def force(t):
+        p2 = np.array([math.sin(t), math.cos(2.0 * t), 0.4 * t])
+        return moving(t)[1].inv().apply(2.5 * (p2 + [0.0, 0.0, 9.81]))
+
+    h, t = 1e-6, 0.3
+    turn = (moving(t - h)[1].inv() * moving(t + h)[1]).as_rotvec() / (2.0 * h)
+    still = Attitude(Mat3(*(vec(row) for row in moving(t)[1].as_matrix())), vec(turn), STILL)
+    motion = [vec([math.sin(t), math.cos(2.0 * t), 0.4 * t]), vec([math.cos(t), -2.0 * math.sin(2.0 * t), 0.4])]
+    found = array(planned_rate(still, motion, 2.5, 9.81))
+    np.testing.assert_allclose(found, (force(t + h) - force(t - h)) / (2.0 * h), rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 1.0])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_rotors_follow_a_force_that_changes_as_planned_without_lag(share, sign):
+    """Up and down, the mean of a period against the wanted mean: to second order of the change of speed in a lag."""
+    dt, rate = 0.005, Vec3(sign * 1.5, sign * 0.6, 0.0)
+    change = np.array([a[0] * float(rate.x) + a[1] * float(rate.y) for a in MIXER.across])
+    start = 480.0**2
+    speeds, late, plain = [480.0] * 6, [], [480.0] * 6
+    for k in range(100):
+        wanted = [start + c * k * dt for c in change]
+        ahead = led(HEXA.rotors, MIXER, rate, wanted, dt, share)
+        now = []
+        for who, targets in ((speeds, ahead), (plain, wanted)):
+            sent = [
+                command_for(r, w, math.sqrt(t), dt, share) for r, w, t in zip(HEXA.rotors, who, targets, strict=True)
+            ]
+            after = [speed_after(r, w, c, dt) for r, w, c in zip(HEXA.rotors, who, sent, strict=True)]
+            now.append([0.5 * (a * a + b * b) - w for a, b, w in zip(who, after, wanted, strict=True)])
+            who[:] = after
+        late.append(np.abs(np.array(now) - 0.5 * dt * change).max(axis=1))
+    led_off, plain_off = np.array(late)[80:].mean(axis=0)
+    assert led_off < 0.06 * plain_off
+
+
+def test_a_vehicle_without_sideways_force_is_refused_by_the_options_name():
+    with pytest.raises(ControllerError, match=r"^controller.sideways: vehicle 'hummingbird': .* rank 4: must be 6"):
+        make_centroidal(Model(vehicle=skyarm.load_vehicle("hummingbird")), sideways=0.9)
+
+
+@pytest.mark.parametrize("mode", [pytest.param("joint", marks=pytest.mark.thorough), "tip"])
+def test_every_engine_computes_the_same(mode):
+    """A trace bit for bit, NumPy lanes up to rounding; with delay, at attitudes and speeds far from hover."""
+    flown = make_centroidal(Model(vehicle=ARM), mode=mode, sideways=0.9, delay=0.005, preset="adaptive")
+    turning = (300.0, 520.0, 480.0, 610.0, 0.0, 700.0)
+    inputs = [
+        (dataclasses.replace(case.measurement(), rotor_speeds=turning), case.reference()) for case in cases(3, seed=8)
+    ]
+
+    def step(memory, measurement, reference):
+        return flown.law(memory, measurement, reference, 0.005, par=flown.par)
+
+    program = trace(step, flown.memory, *inputs[0])
+    memory = flown.memory
+    for pair in inputs:
+        found, plain = program(memory, *pair), step(memory, *pair)
+        assert leaves(found) == leaves(plain)
+        assert np.isfinite(leaves(plain)).all()
+        memory = plain[0]
+    if mode == "tip":
+        lanes = [
+            rebuild(pair, iter(np.array([leaves(each[k]) for each in inputs]).T)) for k, pair in enumerate(inputs[0])
+        ]
+        batch = leaves(step(flown.memory, *lanes))
+        spread = np.stack([np.broadcast_to(leaf, (len(inputs),)) for leaf in batch], axis=1)
+        alone = np.array([leaves(step(flown.memory, *pair)) for pair in inputs], dtype=float)
+        np.testing.assert_allclose(spread, alone, rtol=1e-7, atol=1e-5)
