@@ -1,4 +1,4 @@
-"""Force across body z beside torque and thrust: exact where it fits, the largest share where not; programs as oracle."""
+"""Force across body z beside torque and thrust: exact where it fits, else the largest share; programs as oracle."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_torque_and_force_in_any_direction_are_given_exactly_where_they_fit(name
 
 @pytest.mark.parametrize("name", VEHICLES)
 def test_of_what_does_not_fit_torque_and_thrust_are_kept_and_the_largest_share_of_the_rest(name):
-    """The share from a linear program in one unknown; with six rotors nothing else reaches further in that direction."""
+    """The share from a linear program in one unknown; with six rotors nothing else reaches further that way."""
     vehicle, rng = VEHICLES[name], np.random.default_rng(3)
     A, top = columns(vehicle), np.array([float(r.max_speed) ** 2 for r in vehicle.rotors])
     weight = 0.35 * (A @ top)[5]

@@ -1,9 +1,11 @@
-"""Flights at a level attitude by sideways force: translation, wind, an arm, noise; and tilting where it does not reach."""
+"""Flights at a level attitude by sideways force: translation, wind, an arm, noise; tilting where it does not reach."""
 
 from __future__ import annotations
 
 import dataclasses
+import re
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,11 +17,13 @@ from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.model import Model
 from skyarm.environment import ForceWind
 from skyarm.plant.interface import Truth
-from skyarm.reference import Trajectory, hover
+from skyarm.reference import Trajectory
 from skyarm.reference.signals import Constant, Ramp, Sine
+from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Delays, Scenario
 from skyarm.simulate import run
 
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "centroidal_law.md"
 HEXA = skyarm.load_vehicle("tilted_hexarotor")
 ARM2 = skyarm.load_vehicle("hummingbird_arm2_rotors")
 ARM = dataclasses.replace(ARM2, base=HEXA.base, rotors=HEXA.rotors)
@@ -85,10 +89,12 @@ def test_under_noise_the_tip_is_kept_where_a_tilting_base_does_not():
 
 
 @pytest.mark.parametrize("plant", ["rigid_body", pytest.param("mujoco", marks=pytest.mark.thorough)])
-def test_a_force_beyond_the_rotors_reach_is_flown_by_tilting(plant):
-    """12 N of wind, half the weight: 6.1 N go sideways at most, the rest leans."""
-    planned = scenario(HEXA, hover((0.0, 0.0, 1.5)), (8.0, -9.0, 0.0), sideways=0.9)
-    log = run(dataclasses.replace(planned, plant=plant))
+def test_a_force_beyond_the_rotors_reach_is_flown_by_tilting(plant, tmp_path):
+    """The scenario of the page in 12 N of wind, half the weight: 6.1 N go sideways at most, the rest leans."""
+    (text,) = re.findall(r"```toml\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
+    (tmp_path / "level.toml").write_text(text, "utf-8")
+    planned = load_scenario(tmp_path / "level.toml", duration=4.0)
+    log = run(dataclasses.replace(planned, plant=plant, wind=ForceWind(force_W=Vec3(8.0, -9.0, 0.0))))
     assert log.status == "completed"
     late = log.time >= 3.0
     assert np.linalg.norm((log.position - log.position_reference)[late], axis=1).max() < 1.0

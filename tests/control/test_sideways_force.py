@@ -7,11 +7,11 @@ import math
 
 import numpy as np
 import pytest
-from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
 import skyarm
 from flown import cases, vec
+from sideways_program import array, largest
 from skyarm.actuation import make_mixer
 from skyarm.actuation.rotor import speed_after
 from skyarm.algebra import Mat3, Vec3
@@ -33,32 +33,10 @@ REACH = reach_of(MIXER, COM, WEIGHT)
 LEVEL, STILL = Mat3.identity(), Vec3(0.0, 0.0, 0.0)
 
 
-def array(v):
-    return np.array([float(c) for c in v])
-
-
-def largest(direction, vertical, com):
-    """N: the most of sideways force through the centre of mass, all rotors free; a linear program."""
-    A, top = [], [float(r.max_speed) ** 2 for r in HEXA.rotors]
-    for rotor in HEXA.rotors:
-        push = array(rotor.axis) * float(rotor.thrust_coefficient)
-        twist = np.cross(array(rotor.position), push) - rotor.direction * float(rotor.moment_coefficient) * push
-        A.append([*twist, *push])
-    side, up = np.array([*direction, 0.0]), np.array([0.0, 0.0, vertical])
-    equal = np.hstack([np.array(A).T * top, -np.array([[*np.cross(com, side), *side]]).T])
-    found = linprog(
-        [*np.zeros(6), -1.0],
-        A_eq=equal,
-        b_eq=[*np.cross(com, up), *up],
-        bounds=[*[(0.0, 1.0)] * 6, (0.0, None)],
-    )
-    return found.x[-1]
-
-
 @pytest.mark.parametrize("share", [0.6, 1.0, 1.6])
 def test_the_reach_that_is_counted_on_lies_just_within_that_of_all_rotors(share):
     angles = np.radians(np.arange(0.0, 360.0, 15.0))
-    far = [largest((math.cos(a), math.sin(a)), share * WEIGHT, array(COM)) for a in angles]
+    far = [largest(HEXA, (math.cos(a), math.sin(a)), share * WEIGHT, array(COM)) for a in angles]
     least = float(slightest(REACH, Taylor([share * WEIGHT, 0.0])).derivative(0)) ** -0.5
     assert 0.8 * min(far) < least < min(far)
     for a, limit in zip(angles, far, strict=True):
@@ -134,7 +112,7 @@ def test_what_leans_is_little_inside_all_beyond_and_has_its_derivative():
 def test_the_planned_force_changes_in_the_planned_bodys_axes_as_differences_say():
     def force(t):
         p2 = np.array([math.sin(t), math.cos(2.0 * t), 0.4 * t])
-        return moving(t)[1].inv().apply(2.5 * (p2 + [0.0, 0.0, 9.81]))
+        return moving(t)[1].inv().apply(2.5 * np.add(p2, [0.0, 0.0, 9.81]))
 
     h, t = 1e-6, 0.3
     turn = (moving(t - h)[1].inv() * moving(t + h)[1]).as_rotvec() / (2.0 * h)

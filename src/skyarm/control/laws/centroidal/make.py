@@ -59,8 +59,8 @@ def make_centroidal(
         changes: entries of the preset to replace.
 
     Raises:
-        ControllerError: an unknown mode or preset, an option out of its range, no end effector, or ``sideways`` for rotors
-            that do not span torque and force in all directions.
+        ControllerError: an unknown mode or preset, an option out of its range, no end effector, or ``sideways`` for
+            rotors that do not span torque and force in all directions.
         AllocationError: the rotors do not span torque and thrust.
     """
     mode = MODE_ALIASES.get(mode, mode) if isinstance(mode, str) else mode
