@@ -85,7 +85,11 @@ def test_torque_goes_before_thrust_and_thrust_before_sideways_force():
     given, upright = A @ mixed(HEXA, torque, force), A @ mixed(HEXA, torque, (0.0, 0.0, 1e4))
     np.testing.assert_allclose(given[:2], torque[:2], atol=1e-9)
     np.testing.assert_allclose(given[[0, 1, 2, 5]], upright[[0, 1, 2, 5]], atol=1e-9)
-    assert np.linalg.norm(given[3:5]) < 0.5 * math.hypot(*force[:2])
+    # of the sideways force the largest share in what is left
+    kept, side = mixed(HEXA, torque, (0.0, 0.0, 1e4)), np.linalg.pinv(A) @ [0.0, 0.0, 0.0, *force[:2], 0.0]
+    program = linprog([-1.0], A_ub=np.array([*side, *-side])[:, None], b_ub=[*(750.0**2 - kept), *kept])
+    assert 0.1 < program.x[0] < 0.9
+    np.testing.assert_allclose(given[3:5], np.array(force[:2]) * program.x[0], atol=1e-6)
     assert given[5] < 0.9 * 6.0 * float(HEXA.rotors[0].thrust_coefficient) * 750.0**2 * 0.8660254
 
 

@@ -14,20 +14,36 @@ from flown import cases, vec
 from sideways_program import array, largest
 from skyarm.actuation import make_mixer
 from skyarm.actuation.rotor import speed_after
-from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.compile import leaves, rebuild, trace
 from skyarm.control.blocks.attitude import Attitude
+from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.motor_lag import command_for, led
 from skyarm.control.blocks.sideways_force import applied, gauge, leaning, planned_rate, reach_of, slightest
 from skyarm.control.catalogue import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
+from skyarm.control.laws.centroidal.demands import Following, demands
 from skyarm.control.model import Model
+from skyarm.dynamics import State
+from skyarm.plant.interface import Truth
+from skyarm.reference import hover
 from skyarm.scalars.taylor import Taylor
+from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.scenario_record import Scenario
 
 HEXA = skyarm.load_vehicle("tilted_hexarotor")
 ARM = dataclasses.replace(skyarm.load_vehicle("hummingbird_arm2"), rotors=HEXA.rotors)
 MIXER = make_mixer(HEXA, "priority", sideways=True)
 WEIGHT = float(HEXA.mass) * 9.81
+RESTING = State(
+    position=Vec3(0.0, 0.0, 1.5),
+    quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
+    velocity=Vec3(0.0, 0.0, 0.0),
+    rate=Vec3(0.0, 0.0, 0.0),
+    joints=(0.3, -0.2),
+    joint_rates=(0.0, 0.0),
+)
+NOTHING = Disturbance(force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0), efforts=(0.0, 0.0))
 COM = Vec3(0.01, -0.02, -0.06)
 REACH = reach_of(MIXER, COM, WEIGHT)
 LEVEL, STILL = Mat3.identity(), Vec3(0.0, 0.0, 0.0)
@@ -42,6 +58,10 @@ def test_the_reach_that_is_counted_on_lies_just_within_that_of_all_rotors(share)
     for a, limit in zip(angles, far, strict=True):
         side = [math.cos(a), math.sin(a), share * WEIGHT]
         at = float(gauge(REACH, Vec3(*(Taylor([c]) for c in side))).derivative(0)) ** -0.125
+        room = [(r.z * side[2], t - r.z * side[2]) for r, t in zip(REACH.rows, REACH.highest, strict=True)]
+        taken = [float(r.x) * side[0] + float(r.y) * side[1] for r in REACH.rows]
+        hard = min((up if c > 0.0 else down) / abs(c) for c, (down, up) in zip(taken, room, strict=True))
+        assert hard == pytest.approx(limit, rel=1e-6)
         # six rotors at most share one limit: 6^(1/8) = 1.25
         assert limit / 1.2512 < at < limit * (1.0 + 1e-9)
 
@@ -144,6 +164,37 @@ def test_rotors_follow_a_force_that_changes_as_planned_without_lag(share, sign):
         late.append(np.abs(np.array(now) - 0.5 * dt * change).max(axis=1))
     led_off, plain_off = np.array(late)[80:].mean(axis=0)
     assert led_off < 0.06 * plain_off
+
+
+def test_the_planned_attitude_does_not_count_the_rotors_sideways_force_as_a_disturbance():
+    """Beyond the reach, so that there is a tilt: with rotors that push sideways now and with even ones."""
+    flown = make_centroidal(Model(vehicle=ARM), mode="tip", sideways=0.9)
+    signals = [Taylor([float(v), 0.0, 0.0, 0.0, 0.0]) for v in (0.0, 0.0, 1.5, 0.0, 0.3, -0.2)]
+    found = []
+    for speeds in ((480.0,) * 6, (300.0, 520.0, 480.0, 610.0, 350.0, 600.0)):
+        state = dataclasses.replace(RESTING, rotor_speeds=speeds)
+        demand = demands(flown.par, flown.par.model, state, signals, NOTHING, Vec3(0.0, 9.0, 0.0), Following(), 0.005)
+        found.append(demand.planned.R)
+    tilted = math.degrees(math.acos(float(found[0].column(2).z)))
+    assert tilted > 5.0
+    assert leaves(found[1]) == pytest.approx(leaves(found[0]), abs=1e-12)
+
+
+def test_a_belief_with_another_rotor_has_its_own_mixer():
+    controller = make_centroidal(Model(vehicle=HEXA), sideways=0.9)
+    scenario = Scenario(
+        name="x",
+        duration=1.0,
+        world=Truth(vehicle=HEXA),
+        controller=controller,
+        trajectory=hover((0.0, 0.0, 1.5)),
+        ground=False,
+    )
+    path = "model.vehicle.rotors.0.thrust_coefficient"
+    par = with_numbers(scenario, {path: 3e-5}).controller.par
+    expected = make_mixer(par.model.vehicle, "priority", sideways=True)
+    assert leaves(par.mixer) == leaves(expected)
+    assert leaves(par.mixer) != leaves(controller.par.mixer)
 
 
 def test_a_vehicle_without_sideways_force_is_refused_by_the_options_name():

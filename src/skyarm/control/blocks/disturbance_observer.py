@@ -56,7 +56,6 @@ def observe(
     started: Any,
     free: Sequence[Any],
     dt: Any,
-    sideways: bool = False,
 ) -> tuple[Observed, Told]:
     """Memory at the measurement's time, and the accelerations of the model on the way to it.
 
@@ -70,7 +69,6 @@ def observe(
         started: below 0.5 at the first measurement, which is taken as it is.
         free: 1 or 0 for the base and each joint; 0 holds that disturbance because an actuator is at its limit.
         dt: s.
-        sideways: the rotors' force across body z is commanded, too; else it counts with their drag.
     """
     place = filter_pose(gains.pose, memory, measurement, started, dt)
     half = motor_speeds(model, memory.rotor_speeds, acted, 0.5 * dt)
@@ -80,10 +78,9 @@ def observe(
     ]
     R = memory.quaternion.plus(place.quaternion, 1.0).normalized().rotation()
     joints = tuple(0.5 * (a + b) for a, b in zip(memory.joints, place.joints, strict=True))
-    pushing = with_side(model, unknown, R, half, memory.velocity, memory.rate, sideways)
-    applied = rotor_wrench(model, squares, sideways)
+    pushing = with_side(model, unknown, R, half, memory.velocity, memory.rate)
     linear, angular, qdd = acceleration(
-        model, R, memory.rate, joints, memory.joint_rates, applied, acted.efforts, pushing
+        model, R, memory.rate, joints, memory.joint_rates, rotor_wrench(model, squares), acted.efforts, pushing
     )
     v, w = memory.velocity + linear * dt, memory.rate + angular * dt
     rates = [r + a * dt for r, a in zip(memory.joint_rates, qdd, strict=True)]

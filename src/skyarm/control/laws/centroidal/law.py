@@ -56,7 +56,6 @@ def centroidal(
         memory.started,
         memory.free,
         dt,
-        par.uses_sideways,
     )
     alone = disturbance(observed) + feedforward
     unknown = with_side(
