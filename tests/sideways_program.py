@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from scipy.optimize import linprog
+
+from skyarm.algebra import Vec3
 
 
 def array(v):
     return np.array([float(c) for c in v])
+
+
+def lopsided(vehicle):
+    """The vehicle with two rotors moved: six in a ring reach alike for a centre of mass on either side."""
+    first, second, *others = vehicle.rotors
+    first = dataclasses.replace(first, position=Vec3(0.34, 0.02, 0.05))
+    second = dataclasses.replace(second, position=Vec3(0.15, 0.28, 0.03), axis=Vec3(-0.48, 0.36, 0.8))
+    return dataclasses.replace(vehicle, rotors=(first, second, *others))
 
 
 def largest(vehicle, direction, vertical, com):

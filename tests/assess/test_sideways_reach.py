@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import skyarm
-from sideways_program import largest
+from sideways_program import largest, lopsided
 from skyarm.assess.arm_poses import arm_poses
 from skyarm.assess.assessment import assess_vehicle
 from skyarm.assess.sideways_reach import sideways_reach
@@ -36,7 +36,7 @@ def test_the_check_of_a_fully_actuated_vehicle_says_it_and_that_of_a_flat_one_do
 def test_an_arm_takes_some_of_it(highest):
     """Two links on a planar arm: centres of mass by hand. Slow rotors come to their highest speed before they stop."""
     rotors = tuple(dataclasses.replace(rotor, max_speed=highest) for rotor in HEXA.rotors)
-    vehicle = dataclasses.replace(ARM, rotors=rotors).with_payload(0.3)
+    vehicle = lopsided(dataclasses.replace(ARM, rotors=rotors)).with_payload(0.3)
     (worst,) = sideways_reach(vehicle, arm_poses(vehicle, 16, 0), 9.81)
     here = np.array([[0.9, -0.4]])
     (found,) = sideways_reach(vehicle, dataclasses.replace(arm_poses(vehicle, 16, 0), joints=here), 9.81)
