@@ -119,12 +119,21 @@ def make_centroidal(
         limits_arm=gains["arm_turn"] > 0.0 and vehicle.n > 0,
         sideways=gains["sideways"],
         uses_sideways=gains["sideways"] > 0.0,
+        attitude=gains["attitude"],
+        holds_attitude=_holds(gains["attitude"], gains["sideways"]),
         lag=_lag(gains["lag"], control_period),
     )
     if gains["bandwidth"] != 1.0:
         par = at_shares(par, gains["bandwidth"], gains["bandwidth"])
     memory = first_memory(par, periods)
     return Controller(name=f"centroidal_{mode}", law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
+
+
+def _holds(attitude: tuple[float, float], sideways: float) -> bool:
+    """Whether the law holds an attitude other than level."""
+    if any(attitude) and not sideways:
+        raise ControllerError(f"controller.attitude = {shown(attitude)}: must be level without the option sideways")
+    return any(attitude)
 
 
 def _mixer(vehicle: Vehicle, sideways: bool) -> Mixer:

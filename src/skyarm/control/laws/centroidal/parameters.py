@@ -67,6 +67,7 @@ class CentroidalParameters:
             limits_arm: False makes all of it good.
         sideways: share of the rotors' room beside hover that a force across body z may take at a level attitude; what
             is beyond tilts the base. uses_sideways: False leaves it out: all force is along body z.
+        attitude: roll and pitch that sideways force holds in place of level, rad. holds_attitude: False holds level.
         lag: how the bandwidth answers a lag that is found in flight; None for a law that trusts what it was told.
     """
 
@@ -104,6 +105,8 @@ class CentroidalParameters:
     limits_arm: bool = False
     sideways: Annotated[Scalar, Unit("", "share of the rotors' room that a force at level attitude takes")] = 0.0
     uses_sideways: bool = False
+    attitude: Annotated[tuple[Scalar, Scalar], Unit("rad", "roll and pitch that sideways force holds")] = (0.0, 0.0)
+    holds_attitude: bool = False
     lag: LagGains | None = None
 
     def choices(self) -> list[str]:
@@ -115,6 +118,7 @@ class CentroidalParameters:
             "upright at low thrust": self.softens_attitude,
             "limited motion for the arm": self.limits_arm,
             "sideways force": self.uses_sideways,
+            "held attitude": self.holds_attitude,
             "bandwidth by the lag found": self.lag is not None,
         }
         adapted += [name for name, there in added.items() if there]
