@@ -203,7 +203,8 @@ def test_the_planned_attitude_does_not_count_the_rotors_sideways_force_as_a_dist
     found = []
     for speeds in ((480.0,) * 6, (300.0, 520.0, 480.0, 610.0, 350.0, 600.0)):
         state = dataclasses.replace(RESTING, rotor_speeds=speeds)
-        demand = demands(flown.par, flown.par.model, state, signals, NOTHING, Vec3(0.0, 9.0, 0.0), Following(), 0.005)
+        wind, steady = Vec3(0.0, 9.0, 0.0), Vec3(0.0, 0.0, 0.0)
+        demand = demands(flown.par, flown.par.model, state, signals, NOTHING, wind, steady, Following(), 0.005)
         found.append(demand.planned.R)
     tilted = math.degrees(math.acos(float(found[0].column(2).z)))
     assert tilted > 5.0

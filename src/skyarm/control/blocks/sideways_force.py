@@ -26,8 +26,8 @@ from skyarm.scalars import cos, divide, mul, sin, sqrt
 from skyarm.scalars.taylor import Taylor, chosen
 
 LEAST = 0.4
-"""Of what hover takes of a rotor: the least room that is reckoned with. Less lets the base swing far over when thrust goes
-away for a moment; more counts on force that is not there (tried from 0.05 to 1 near free fall)."""
+"""Of what hover takes of a rotor: the least room that is reckoned with. Less lets the base swing far over when thrust
+goes away for a moment; more counts on force that is not there (tried from 0.05 to 1 near free fall)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from typing import Any
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
 from skyarm.control.blocks.attitude import Attitude, angular_acceleration
 from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.force_trend import ForceTrend
 from skyarm.control.blocks.prediction import side_wrench
 from skyarm.control.blocks.series_kinematics import Posture, derivative, moving, posture
 from skyarm.control.blocks.sideways_force import Reach, planned_rate, reach_of
@@ -47,11 +48,12 @@ class Following:
     """What the demands of the next period need to know; empty where the law does without.
 
     Attributes:
-        shift: differentiators of the base's shift. arm: size and mean of the arm's motion.
+        shift: differentiators of the base's shift. arm: size and mean of the arm's motion. trend: of the force.
     """
 
     shift: ShiftMotion | tuple[()] = ()
     arm: ArmMotion | tuple[()] = ()
+    trend: ForceTrend | tuple[()] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -101,6 +103,7 @@ def demands(
     signals: Sequence[Taylor],
     unknown: Disturbance,
     steady: Vec3,
+    force_rate: Vec3,
     before: Following,
     dt: Any,
 ) -> Demand:
@@ -113,13 +116,14 @@ def demands(
         signals: x, y, z, yaw and the joints, series in time.
         unknown: disturbance.
         steady: its force without the rotors' own drag, which the posture follows.
+        force_rate: how the force changes, as far as that is believed, N/s, world axes.
         before: of the period before.
         dt: control period, s.
     """
     vehicle, mass = model.vehicle, model.vehicle.mass
     yaw, joints = signals[3], tuple(signals[4:])
     R, w = state.quaternion.rotation(), state.rate
-    course = _course(par, model, state, signals, steady, before, dt)
+    course = _course(par, model, state, signals, steady, force_rate, before, dt)
     now = posture(vehicle, moving(state.joints, state.joint_rates, (0,) * vehicle.n), 2)
     arm, h = before.arm, [derivative(course.level.com, k) for k in range(5)]
     if isinstance(arm, ArmMotion):
@@ -135,6 +139,7 @@ def demands(
         R=R,
         w=w,
         disturbance=unknown.force,
+        force_rate=force_rate,
         reach=course.reach,
     )
     alpha = angular_acceleration(par.base, wanted_attitude(par, push.force, yaw, course.reach), R, w)
@@ -165,7 +170,8 @@ def demands(
         proper=course.still.R.apply_T(course.base[2] + E_Z * par.model.gravity),
         joints=course.turned,
     )
-    following = Following(shift=course.shift, arm=arm)
+    following = Following(shift=course.shift, arm=arm, trend=before.trend)
+    ahead = par.leads_thrust or course.reach is not None
     return Demand(
         thrust=push.along,
         alpha=alpha,
@@ -173,7 +179,7 @@ def demands(
         planned=plan,
         following=following,
         across=push.across,
-        force_rate=None if course.reach is None else planned_rate(course.still, wanted[2:4], mass, model.gravity),
+        force_rate=planned_rate(course.still, wanted[2:4], mass, model.gravity) if ahead else None,
     )
 
 
@@ -183,6 +189,7 @@ def _course(
     state: State,
     signals: Sequence[Taylor],
     steady: Vec3,
+    force_rate: Vec3,
     before: Following,
     dt: Any,
 ) -> Course:
@@ -198,6 +205,7 @@ def _course(
         return R.apply(side_wrench(model, state.rotor_speeds, R.apply_T(motion), ZERO3, par.uses_sideways).force)
 
     changes = (drag(base[2]), drag(base[3])) if par.moves_shift else (ZERO3, ZERO3)
+    changes = (changes[0] + force_rate, changes[1])
     force = center_of_mass.quasi_static(par, mass, base, steady + drag(base[1]), changes)
     reach = reach_of(par.mixer, derivative(level.com, 0), mass * model.gravity) if par.uses_sideways else None
     still = wanted_attitude(par, force, yaw, reach)
