@@ -19,8 +19,11 @@ from skyarm.vehicle.vehicle_records import Rotor
 
 Array = npt.NDArray[np.float64]
 
-STRETCH, BEFORE = 0.25, 0.5
-"""s: of a stretch, and of what is followed before it: five of the longest time constants."""
+STRETCH = 0.25
+"""s, of a stretch."""
+
+FORGOTTEN = 5.0
+"""Time constants that are followed before a stretch: of what was before, 0.7 % is left."""
 
 USUAL = 0.02
 """s: unit of the time constants of rotors that are believed to have none."""
@@ -41,16 +44,17 @@ class Followed:
     longest: int
 
     @classmethod
-    def of(cls, commands: Array, period: float, longest: float) -> Followed:
+    def of(cls, commands: Array, period: float, longest: float, slowest: float) -> Followed:
         """Cut commands (N, columns), one a control instant, into stretches.
 
         Args:
             commands: as sent; before the first, that one is taken to have been sent for ever.
             period: s, of the control.
             longest: s, delay that will be asked for.
+            slowest: s, time constant that will be.
         """
         periods = len(commands) - 1
-        late, before = int(longest / period) + 2, round(BEFORE / period)
+        late, before = int(longest / period) + 2, round(FORGOTTEN * slowest / period)
         size = max(1, min(round(STRETCH / period), periods))
         starts = np.arange(0, periods, size)
         places = starts[None, :] - before - late + np.arange(late + before + size)[:, None]

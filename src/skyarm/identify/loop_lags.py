@@ -36,8 +36,15 @@ LONGEST = 0.08
 LOWEST_FACTOR, HIGHEST_FACTOR = 0.1, 8.0
 """Time constants that are looked for, over what is believed."""
 
+SLOWER = 4.0
+"""Times what is believed, of motors whose past is wholly followed."""
+
 LEAST_LAG, MOST_LAG = 5e-4, 0.2
 """s, time constants of a joint drive that are looked for."""
+
+INSTANT, SHARE = 0.1, 0.03
+"""Of a control period and of the time itself: what sampling and a model that is never quite right leave, whatever the
+noise; no half of an interval is smaller than both together."""
 
 CLEAR, WIDEST = 0.02, 0.01
 """Least share of the motion that commands must explain, and the widest half of an interval of delay and lag together,
@@ -91,7 +98,8 @@ def rotor_lag(vehicle: Vehicle, log: Log, motion: Needed) -> Lag:
     commands = np.clip(log.rotor_commands, 0.0, limits)
     if not _stirring(commands):
         return _untold("rotors", "the commands hardly change")
-    followed, matrix = Followed.of(commands, motion.period, LONGEST), wrench_of_pushes(vehicle.rotors)
+    slowest = SLOWER * float(max(up.max(), down.max()))
+    followed, matrix = Followed.of(commands, motion.period, LONGEST, slowest), wrench_of_pushes(vehicle.rotors)
     rows = [i for i in range(6) if np.abs(matrix[i]).max() > 1e-9 * np.abs(matrix).max()]
 
     def predicted(numbers: Array) -> Array:
@@ -116,13 +124,15 @@ def rotor_lag(vehicle: Vehicle, log: Log, motion: Needed) -> Lag:
     # the rate in between is what a small swing meets
     middle = 2.0 / (1.0 / taus[0] + 1.0 / taus[1])
     weights = [1.0, *(0.5 * middle**2 / taus)]
+    total = float(found.values[0] + middle)
+    floor = INSTANT * motion.period + SHARE * total
     return _judged(
         Lag(
             name="rotors",
-            together=Estimated.of(found.values[0] + middle, _half(found, weights)),
-            delay=Estimated.of(found.values[0], _half(found, [1.0])),
-            up=_constant(taus[0], _half(found, [0.0, 1.0])),
-            down=_constant(taus[1], _half(found, [0.0, 0.0, 1.0])),
+            together=Estimated.of(total, math.hypot(_half(found, weights), floor)),
+            delay=Estimated.of(found.values[0], math.hypot(_half(found, [1.0]), floor)),
+            up=_constant(taus[0], _half(found, [0.0, 1.0]), floor),
+            down=_constant(taus[1], _half(found, [0.0, 0.0, 1.0]), floor),
             factor=(factors[0] if has[0] else math.nan, factors[1] if has[1] else math.nan),
             explained=found.explained,
         ),
@@ -135,7 +145,7 @@ def joint_lag(name: str, log: Log, motion: Needed, joint: int) -> Lag:
     commands = log.efforts[:, joint : joint + 1]
     if not _stirring(commands):
         return _untold(name, "the commands hardly change")
-    followed = Followed.of(commands, motion.period, LONGEST)
+    followed = Followed.of(commands, motion.period, LONGEST, 0.5 * MOST_LAG)
     rate = motion.joint_rates[:, joint : joint + 1]
 
     def predicted(numbers: Array) -> Array:
@@ -154,12 +164,14 @@ def joint_lag(name: str, log: Log, motion: Needed, joint: int) -> Lag:
         friction=scale * rate,
     )
     tau = math.exp(found.values[1])
-    constant = _constant(tau, _half(found, [0.0, 1.0]))
+    total = float(found.values[0] + tau)
+    floor = INSTANT * motion.period + SHARE * total
+    constant = _constant(tau, _half(found, [0.0, 1.0]), floor)
     return _judged(
         Lag(
             name=name,
-            together=Estimated.of(found.values[0] + tau, _half(found, [1.0, tau])),
-            delay=Estimated.of(found.values[0], _half(found, [1.0])),
+            together=Estimated.of(total, math.hypot(_half(found, [1.0, tau]), floor)),
+            delay=Estimated.of(found.values[0], math.hypot(_half(found, [1.0]), floor)),
             up=constant,
             down=constant,
             factor=(math.nan, math.nan),
@@ -223,9 +235,9 @@ def _half(found: Fit, weights: list[float]) -> float:
     return found.half_width([*weights, *[0.0] * (len(found.values) - len(weights))])
 
 
-def _constant(value: float, half: float) -> Estimated:
-    """A time constant whose logarithm has an interval."""
-    width = min(half, 5.0)
+def _constant(value: float, half: float, floor: float) -> Estimated:
+    """A time constant, s, whose logarithm has an interval, no narrower than what sampling and model leave, s."""
+    width = math.hypot(min(half, 5.0), floor / value)
     return Estimated(value=value, low=value * math.exp(-width), high=value * math.exp(width))
 
 

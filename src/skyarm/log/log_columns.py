@@ -143,7 +143,7 @@ def _endings(array: str, width: int | None, names: Names) -> list[str]:
     if array in ROTOR_ARRAYS:
         return [f"{ROTOR_ARRAYS[array]}_{word(each, 'rotor')}" for each in names.rotors]
     if array in LOOPS:
-        return [f"{begin}_{each}" for each in LOOPS[array]]
+        return [f"{begin}_{each}" for each in LOOPS[array][:width]]
     if array in IF_ANY:
         return [f"{begin}_{i}" for i in range(width)]
     return [f"{begin}_{axis}" for axis in AXES.get(width, map(str, range(width)))]
