@@ -75,6 +75,9 @@ def identify(
     return known
 
 
+ALIKE = 1e-4
+"""s: ages that are no further apart are the same."""
+
 HEADS = ("", "delay and lag", "delay", "up", "down", "over believed", "explained")
 
 
@@ -139,8 +142,12 @@ def _notes(found: LoopLags, lags: list[Lag], age: float, half: float, stated: di
         told = ", ".join(f"{name} {1e3 * (value or 0.0):g} ms" for name, value in stated.items())
         lines.append(f"The log holds the true state: delays are of commands alone. The scenario states: {told}.")
     if not math.isnan(age):
-        older = f"{1e3 * abs(age):.1f} ms {'older' if age > 0.0 else 'newer'} than" if abs(age) > half else "as old as"
-        lines.append(f"The attitude is {older} the rates, within {1e3 * half:.1f} ms.")
+        older = (
+            f"{1e3 * abs(age):.1f} ms {'older' if age > 0.0 else 'newer'} than"
+            if abs(age) > half + ALIKE
+            else "as old as"
+        )
+        lines.append(f"The attitude is {older} the rates, within {1e3 * (half + ALIKE):.1f} ms.")
     return [printable(line) for line in lines]
 
 

@@ -35,8 +35,9 @@ def lag_tables(found: LoopLags, measured: float = 0.0) -> str:
             "",
         ]
     for joint in found.joints:
-        # a lag that an interval does not tell from none is none
-        if joint.known and joint.together.low > found.period:
+        # a lag that its interval does not tell from none is none; where delay and lag are one, it stands for both
+        lagging = joint.up.low > STEP if joint.apart else joint.together.low > found.period
+        if joint.known and lagging:
             beside = f"beside a delay of {1e3 * joint.delay.value:.1f} ms"
             lines += [
                 f"[plant.drives.{toml_key(joint.name)}]",
