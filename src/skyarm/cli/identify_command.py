@@ -99,18 +99,16 @@ def _part(log: Log, begin: float | None, end: float | None) -> Log:
 
 def _believed(log: Log, vehicle: str | None, gravity: float | None) -> tuple[Vehicle, float, dict[str, float | None]]:
     """The vehicle that motion is compared with, gravity, and the delays that the log's scenario states, s."""
-    stated: dict[str, float | None] = {"command": None, "measurement": None}
+    record = log.info.get("scenario_record")
+    delays = record.get("delays", {}) if isinstance(record, dict) else {}
+    stated = {name: float(delays[name]) if name in delays else None for name in ("command", "measurement")}
     felt = 9.81 if gravity is None else number(gravity, "--gravity", low=0.0)
-    if log.info.get("scenario_record"):
-        planned: Any = log.scenario if vehicle is None else None
-        if planned is None:
-            return load_vehicle(str(vehicle)), felt, stated
-        stated = {"command": float(planned.delays.command), "measurement": float(planned.delays.measurement)}
-        model = planned.controller.par.model
-        return model.vehicle, float(model.gravity) if gravity is None else felt, stated
-    if vehicle is None:
+    if vehicle is not None:
+        return load_vehicle(vehicle), felt, stated
+    if not record:
         raise ValueError("--vehicle: is missing; the log does not say which vehicle flew")
-    return load_vehicle(vehicle), felt, stated
+    model = log.scenario.controller.par.model
+    return model.vehicle, float(model.gravity) if gravity is None else felt, stated
 
 
 def _row(lag: Lag) -> tuple[str, ...]:
