@@ -9,6 +9,7 @@ import pytest
 
 import skyarm
 from skyarm.compare.suite import NOISE
+from skyarm.control.blocks.lag_estimate import lags_found
 from skyarm.control.safety import with_safety_layer
 from skyarm.simulate.loop import run_in_python
 
@@ -39,7 +40,8 @@ def test_it_is_what_the_law_holds(scenario, log):
     while session.step():
         pass
     assert np.array_equal(session.log.lag_found, log.lag_found[:40])
-    # the lag that the last period answered
+    # the lag that the last period answered; under guard it is found as well
+    assert lags_found(with_safety_layer(scenario.controller).memory) == (0.0, 0.0)
     assert session.now.memory.lag.found == tuple(log.lag_found[39])
 
 

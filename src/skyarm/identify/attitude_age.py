@@ -32,7 +32,7 @@ def attitude_age(log: Log) -> tuple[float, float]:
     Turns of the attitude from instant to instant are compared with the integral of the rates so much earlier.
     """
     period = control_period(log)
-    turned, angle = _turns(log.quaternion), np.zeros((len(log.time), 3))
+    turned, angle = turns(log.quaternion), np.zeros((len(log.time), 3))
     angle[1:] = np.cumsum(0.5 * (log.rate[1:] + log.rate[:-1]), axis=0) * period
     if float(np.sqrt(np.mean((log.rate - log.rate.mean(axis=0)) ** 2))) < STILL:
         return math.nan, math.nan
@@ -54,7 +54,7 @@ def attitude_age(log: Log) -> tuple[float, float]:
     return (math.nan, math.nan) if at_end or not half < WIDEST else (float(found.values[0]), half)
 
 
-def _turns(quaternion: Array) -> Array:
+def turns(quaternion: Array) -> Array:
     """(N - 1, 3) rotation from each attitude (N, 4) to the next, base axes, rad; twice the vector part of q* q'."""
     unit = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
     (w, v), (after_w, after_v) = ((part[:, :1], part[:, 1:]) for part in (unit[:-1], unit[1:]))
