@@ -23,7 +23,7 @@ def flights(tmp_path_factory):
     document = {
         "schema": 1,
         "name": "late",
-        "duration": 1.5,
+        "duration": 1.1,
         "plant": {"vehicle": "hummingbird"},
         "controller": {"preset": "rotors_sim_hummingbird"},
         "delays": {"command": 0.01},

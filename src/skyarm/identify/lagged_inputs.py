@@ -87,14 +87,17 @@ class Followed:
         ups, downs = up[:, None, :], down[:, None, :]
         decays = [[np.exp(-span / np.maximum(tau, 1e-6)) for tau in (ups, downs)] for span in spans]
         value = self.commands[self.longest - 1 - whole]  # (candidates, stretches, columns)
-        steps = len(self.commands) - self.longest
+        steps, even = len(self.commands) - self.longest, up is down
         found = np.empty((steps, *value.shape))
         for k in range(steps):
             total: Any = 0.0
             for back, span, (rising, falling) in zip((1, 0), spans, decays, strict=True):
                 target = self.commands[self.longest + k - whole - back]
                 off = value - target
-                tau, decay = np.where(off < 0.0, ups, downs), np.where(off < 0.0, rising, falling)
+                tau, decay = ups, rising
+                if not even:
+                    above = off > 0.0
+                    tau, decay = np.where(above, downs, ups), np.where(above, falling, rising)
                 away = off * tau * (1.0 - decay)
                 if squared:
                     total = total + target * (target * span + 2.0 * away) + 0.5 * off * away * (1.0 + decay)

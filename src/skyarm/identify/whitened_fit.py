@@ -118,7 +118,7 @@ def fit(
     inside = 1e-9 * (bounds[1] - bounds[0])
     origin = bounds[0] - RADIUS * steps
     search: dict[str, Any] = {"bounds": tuple((bound - origin) / steps for bound in bounds)}
-    search |= {"ftol": 1e-5, "xtol": 1e-5, "gtol": None, "max_nfev": 30}
+    search |= {"ftol": 1e-4, "xtol": 1e-4, "gtol": None, "max_nfev": 30}
     for _ in range(TURNS):
         begin, both = np.clip(values, bounds[0] + inside, bounds[1] - inside), _Steps(around, origin, steps)
         values = both.place(least_squares(both.residual, both.steps_to(begin), jac=both.slopes, **search).x)
