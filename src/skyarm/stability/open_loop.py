@@ -109,7 +109,7 @@ class Differentiator:
         count = noise_count(len(point.state.joints), len(point.state.rotor_speeds))
         now = measure(scenario.sensors, row.time, point.state, force.linear, [0] * count)
         memory, command = checked_law(scenario.controller)(
-            point.memory, point.seen, stages.joined(row.reference, row.time), self._period, par=scenario.controller.par
+            point.memory, point.seen, stages.joined(row), self._period, par=scenario.controller.par
         )
         # a drive hears the mean of both commands once in a period, as it does in flight
         heard = mean_efforts(point.old, point.new, lates[-1], self._period)

@@ -1,0 +1,135 @@
+"""A governor of a scenario's reference: it slows the path parameter where the believed vehicle could not follow.
+
+The path stays as it is: no corner is cut. Errors are taken against the reference as it is commanded at each instant,
+and the lag s(t) - t stands beside them. The plan is made before the flight, from what the law believes; the scenario
+keeps it as a curve of time (:class:`skyarm.reference.path_time.PathTime`), so that every engine flies the same numbers.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+
+from skyarm.actuation.motion_demand import Motion, motion_of
+from skyarm.algebra import Vec3
+from skyarm.files import Fields, shown
+from skyarm.reference.path_time import PathTime, by_flight_time
+from skyarm.reference.trajectory import Reference, Trajectory
+from skyarm.scenario.governor_limits import GovernorOptions, Limits
+from skyarm.scenario.path_plan import Array, Ceilings, Plan, plan
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+
+JUMP = 1e-9
+"""s before a switch of the reference at which it is looked at for a jump."""
+
+CORNER = 0.02, 0.05
+"""m/s of the base and rad/s or m/s of a joint by which a velocity jumps at a corner."""
+
+JOLT = 1.0
+"""m/s^2 by which the base's acceleration may jump as it is told: a vehicle that tilts there within 0.15 s is carried off
+its path by about 5 mm."""
+
+
+def govern(scenario: Scenario, **options: float) -> Scenario:
+    """Return the scenario with a governor of its reference's path parameter.
+
+    Where the reference may be flown as it is commanded nothing is changed.
+
+    Args:
+        scenario: whose reference, and whose law's belief.
+        options: reserve, tilt, joint_speed, fastest, as ``[reference.governor]`` of a scenario file has them.
+
+    Raises:
+        ScenarioError: an option that there is not, or cannot be; a reference with phases that wait (until).
+    """
+    if not isinstance(scenario, Scenario):
+        raise ScenarioError(f"scenario = {shown(scenario)}: must be a Scenario")
+    known = [field.name for field in dataclasses.fields(GovernorOptions)]
+    for name in options:
+        if name not in known:
+            raise ScenarioError(f"{name}: is no option of a governor; there are {', '.join(known)}")
+    try:
+        return governed_scenario(scenario, GovernorOptions(**options))
+    except ValueError as error:
+        raise ScenarioError(str(error)) from None
+
+
+def options_from(table: Any) -> GovernorOptions:
+    """Options of a ``[reference.governor]`` table."""
+    fields = Fields(table, "reference.governor")
+    names = [field.name for field in dataclasses.fields(GovernorOptions)]
+    given = {name: fields.number(name) for name in names if name in fields.table}
+    fields.done()
+    return GovernorOptions(**given)
+
+
+def governed_scenario(scenario: Scenario, options: GovernorOptions) -> Scenario:
+    """The scenario with a planned time of its reference; without any where none is needed."""
+    bare = dataclasses.replace(scenario, path_time=None)
+    found = plan_of(bare, options).path_time
+    return bare if found is None else dataclasses.replace(bare, path_time=found)
+
+
+def plan_of(scenario: Scenario, options: GovernorOptions) -> Plan:
+    """The plan of a scenario's reference, from what its law believes."""
+    trajectory, limits = scenario.trajectory, Limits(scenario.controller.par.model, options)
+    if trajectory.guards:
+        raise ValueError("reference.governor: must be left out of a reference whose phases wait (until)")
+    ceilings = Ceilings(
+        duration=float(scenario.duration), fastest=options.fastest, stops=_corners(trajectory, scenario)
+    )
+    places = [t for t in trajectory.switch_times() if 0.0 < t < scenario.duration]
+    jumps = np.array([_jumps(trajectory, t)[2] for t in places])
+    jolting = [i for i, jump in enumerate(jumps) if jump > 0.0 and places[i] not in ceilings.stops]
+    where, size = np.array([places[i] for i in jolting]), jumps[jolting] if jolting else np.zeros(0)
+
+    def told(path: PathTime, time: Array, frozen: bool) -> Motion:
+        s = path.derivatives(time)
+        sample = trajectory.at(s[0])
+        still = np.zeros_like(time)
+        return motion_of(by_flight_time(sample, (s[0], s[1], still, still, still) if frozen else s), time)
+
+    def jolts(path: PathTime) -> tuple[Array, Array]:
+        rates = path.derivatives(np.array([path.when(p) for p in where]))[1] if len(where) else np.zeros(0)
+        return where, size * rates**2 / JOLT
+
+    return plan(told, limits.shares, limits.at_rest, ceilings, jolts)
+
+
+def _corners(trajectory: Trajectory, scenario: Scenario) -> list[float]:
+    """Times (s) at which the path turns a corner, or sets off at speed from where the vehicle rests."""
+    found = []
+    if scenario.initial is None and _is_corner(*_speeds(trajectory.at(0.0))):
+        found.append(0.0)
+    for t in trajectory.switch_times():
+        if 0.0 < t < scenario.duration and _is_corner(*_jumps(trajectory, t)[:2]):
+            found.append(t)
+    return found
+
+
+def _is_corner(base: float, joint: float) -> bool:
+    return base > CORNER[0] or joint > CORNER[1]
+
+
+def _speeds(reference: Reference) -> tuple[float, float]:
+    """Speed of the base, m/s, and of the fastest joint."""
+    return _length(reference.velocity), max((abs(float(rate)) for rate in reference.joint_rates), default=0.0)
+
+
+def _jumps(trajectory: Trajectory, t: float) -> tuple[float, float, float]:
+    """By how much the velocity of the base and of a joint, and the acceleration of the base, jump at a time."""
+    before, after = trajectory.at(t - JUMP), trajectory.at(t)
+    rates = zip(before.joint_rates, after.joint_rates, strict=True)
+    joint = max((abs(float(a) - float(b)) for a, b in rates), default=0.0)
+    return (
+        _length(after.velocity - before.velocity),
+        joint,
+        _length(after.acceleration - before.acceleration),
+    )
+
+
+def _length(vector: Vec3) -> float:
+    return math.hypot(*(float(c) for c in vector))

@@ -1,0 +1,216 @@
+"""How fast a reference may go along its path: ceilings of ds/dt over the path, and the time that keeps below them.
+
+1. The ceilings are at most the commanded speed (1), and 0 where the path turns a corner: where a velocity jumps.
+2. ds/dt falls and rises no faster than the path's acceleration allows; a flight stands still at a corner for a moment.
+3. What the resulting motion asks of the vehicle is judged by inverse dynamics. Where it is too much, the ceiling is
+   lowered there, or the path's acceleration where that alone is to blame; then again from 2.
+
+A limit lies in the judgement of the motion as it will be told, with its smoothing and its jerk, not in a bound for it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.actuation.motion_demand import Motion
+from skyarm.reference.path_time import PathTime
+
+Array = npt.NDArray[Any]
+
+STEP = 0.1
+"""s between control points of the reference's time: its rate follows a change within three of them."""
+
+GRID = 0.01
+"""s of the path between two ceilings."""
+
+LOOK = 0.01
+"""s of the flight between two instants that are judged."""
+
+CALM = 0.25
+"""s of the path before and after a place that is too fast which are slowed with it: it does not stutter."""
+
+ACCELERATION = 2.0
+"""1/s, the largest of ds/dt."""
+
+SLOWEST = 0.02
+"""Of ds/dt but for a corner: what asks too much even so asks it at rest."""
+
+ROUNDS = 60
+
+CATCH_UP = 1.0
+"""s within which ds/dt above 1 comes back to it as the lag goes."""
+
+DIGITS = 9
+"""Of the control points in s: what a machine's last bits say of the judgement is not written down."""
+
+Told = Callable[[PathTime, Array, bool], Motion]
+"""The motion told at times of the flight; the flag leaves out what the change of ds/dt adds."""
+
+
+@dataclass(kw_only=True)
+class Ceilings:
+    """What bounds ds/dt over the path, a number every GRID seconds of it.
+
+    Attributes:
+        rate: ds/dt. acceleration: 1/s. stops: s, corners at which the path stands still. fastest: ds/dt to catch up.
+    """
+
+    duration: float
+    fastest: float
+    stops: Sequence[float] = ()
+    rate: Array = field(init=False)
+    acceleration: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        count = math.ceil(self.duration / GRID) + 2
+        self.rate, self.acceleration = np.full(count, self.fastest), np.full(count, ACCELERATION)
+
+    def lower(self, values: Array, at: Array, to: Array, least: float) -> None:
+        """Lower some values, at places of the path (s) and around them, to no less than ``least``."""
+        index = np.clip(np.round(at / GRID).astype(int), 0, len(values) - 1)
+        lowered = np.full_like(values, math.inf)
+        np.minimum.at(lowered, index, to)
+        reach = round(CALM / GRID)
+        padded = np.concatenate([np.full(reach, math.inf), lowered, np.full(reach, math.inf)])
+        around = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).min(axis=1)
+        np.copyto(values, np.maximum(np.minimum(values, around), least))
+
+    def squares(self) -> Array:
+        """(ds/dt)^2 over the path: below the ceilings, with no more than the path's acceleration."""
+        square = self.rate**2
+        for stop in self.stops:
+            index = min(round(stop / GRID), len(square) - 1)
+            square[index] = 0.0
+        gain = 2.0 * GRID * self.acceleration
+        found = square.tolist()
+        rise = gain.tolist()
+        for i in range(len(found) - 2, -1, -1):
+            found[i] = min(found[i], found[i + 1] + rise[i])
+        for i in range(1, len(found)):
+            found[i] = min(found[i], found[i - 1] + rise[i])
+        return np.array(found)
+
+
+def follow(ceilings: Ceilings, duration: float) -> PathTime:
+    """The time of a reference that goes as fast as the ceilings let it, at rest at each stop for a moment."""
+    square, parts = ceilings.squares(), 10
+    small = STEP / parts
+    stops = [stop for stop in sorted(ceilings.stops) if stop < duration]
+    # of the first control points s(0) is made: they stand on one line, so that it is exactly 0
+    first = 0.0 if stops and stops[0] <= 0.0 else math.sqrt(float(square[: round(3 * STEP / GRID)].min()))
+    points = [(i - 2) * STEP * first for i in range(5)]
+    stops = [stop for stop in stops if stop > 0.0]
+    s, t, rest = points[-1], 2.0 * STEP, 0
+    while t < duration + 3.0 * STEP:
+        for _ in range(parts):
+            t += small
+            if rest:
+                rest -= 1
+                continue
+            at = s / GRID
+            index = min(int(at), len(square) - 2)
+            share = min(at - index, 1.0)
+            w = square[index] + share * (square[index + 1] - square[index])
+            if stops:
+                w = min(w, 2.0 * ceilings.acceleration[index] * (stops[0] - s))
+            rate = max(math.sqrt(max(w, 0.0)), ceilings.acceleration[index] * small)
+            rate = min(rate, max(1.0, 1.0 + (t - s) / CATCH_UP)) if rate > 1.0 else rate
+            s = min(s + rate * small, t)
+            if stops and s >= stops[0] - rate * small:
+                s, rest = stops.pop(0), 6 * parts
+        points.append(s)
+    return PathTime(points=tuple(round(p, DIGITS) for p in points), step=STEP)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Plan:
+    """A planned time of a reference.
+
+    Attributes:
+        path_time: None where the reference may go as it is commanded.
+        beyond: share of a limit that is asked for at most, 1 or less where all are kept. limit: number of that limit.
+        at: s of the path, where.
+    """
+
+    path_time: PathTime | None
+    beyond: float
+    limit: int
+    at: float
+
+
+SLACK = 1.002
+"""Share of a limit that counts as kept."""
+
+
+def plan(
+    told: Told,
+    shares: Callable[[Motion], Array],
+    at_rest: Callable[[Motion], Array],
+    ceilings: Ceilings,
+    jolts: Callable[[PathTime], tuple[Array, Array]],
+) -> Plan:
+    """Lower the ceilings until the motion keeps within all limits.
+
+    Args:
+        told: the motion at times of the flight.
+        shares: of the limits that it asks for. at_rest: the same of its postures.
+        ceilings: to begin with; they are lowered.
+        jolts: places (s) at which an acceleration of the reference jumps, and how far each jump is beyond what is
+            allowed at the present ds/dt, as a share.
+    """
+    duration = ceilings.duration
+    time = np.arange(0.0, duration + 0.5 * LOOK, LOOK)
+    found, best = follow(ceilings, duration), math.inf
+    kept = Plan(path_time=found, beyond=math.inf, limit=0, at=0.0)
+    for round_ in range(ROUNDS):
+        s, rate = found.derivatives(time)[:2]
+        motion = told(found, time, False)
+        asked, still = shares(motion), at_rest(motion)
+        allowed = np.maximum(1.0, still * SLACK)
+        over = asked / allowed
+        places, jumps = jolts(found)
+        worst = float(max(over.max(), jumps.max(initial=0.0)))
+        if worst < best:
+            best = worst
+            i, k = np.unravel_index(int(np.argmax(over)), over.shape)
+            changed = round_ > 0 or bool(ceilings.stops)
+            kept = Plan(path_time=found if changed else None, beyond=worst, limit=int(i), at=float(s[k]))
+        if worst <= SLACK:
+            return kept
+        _lower(ceilings, s, rate, (asked, still, allowed), shares(told(found, time, True)))
+        if len(places):
+            near = found.derivatives(np.array([found.when(p) for p in places]))[1]
+            more = jumps > 1.0
+            ceilings.lower(ceilings.rate, places[more], 0.95 * (near / np.sqrt(np.maximum(jumps, 1.0)))[more], SLOWEST)
+        found = follow(ceilings, duration)
+    return kept
+
+
+def _lower(ceilings: Ceilings, s: Array, rate: Array, judged: tuple[Array, Array, Array], frozen: Array) -> None:
+    """Lower the ceilings where a limit is passed, each by what brings what it asks beyond its posture's share down."""
+    asked, still, allowed = judged
+    too_much = np.any(asked > allowed * SLACK, axis=0)
+    room = np.maximum(allowed - still, 1e-3)
+    slower = np.sqrt(room / np.maximum(asked - still, room))
+    least = np.clip(np.where(asked > allowed * SLACK, slower, 1.0).min(axis=0), 0.7, 0.98)
+    # the change of ds/dt is to blame where without it all would be kept
+    change = too_much & ~np.any(frozen > allowed * SLACK, axis=0)
+    index = np.clip(np.round(s / GRID).astype(int), 0, len(ceilings.rate) - 1)
+    now = ceilings.acceleration[index]
+    at_floor = now <= LEAST_ACCELERATION
+    turning = change & ~at_floor
+    if turning.any():
+        ceilings.lower(ceilings.acceleration, s[turning], 0.7 * now[turning], LEAST_ACCELERATION)
+    slow = too_much & ~turning
+    if slow.any():
+        ceilings.lower(ceilings.rate, s[slow], least[slow] * np.maximum(rate[slow], SLOWEST), SLOWEST)
+
+
+LEAST_ACCELERATION = 0.1
+"""1/s, to which the path's acceleration is lowered before its rate is."""
