@@ -49,6 +49,7 @@ class Demand:
     Attributes:
         time: (K,) s. squared: (rotors, K) (rad/s)^2, of the exact mixer without limits. efforts: (n, K) N m or N.
         joints, rates: (n, K) rad or m, and per s. tilt: (K,) rad, of the base's z axis off the vertical.
+        turning: (K,) rad/s^2, angular acceleration of the base.
     """
 
     time: Array
@@ -57,6 +58,7 @@ class Demand:
     joints: Array
     rates: Array
     tilt: Array
+    turning: Array
 
 
 def motion_of(reference: Any, time: Array) -> Motion:
@@ -98,12 +100,12 @@ def demand_of_motion(
     needed = float(vehicle.mass) * (a + np.array([[0.0], [0.0], [gravity]])) - wind
     still = Vec3(0.0, 0.0, 0.0)
     for _ in range(REACTIONS):
-        R = _attitude(settled(needed), yaw)
+        R = attitude(settled(needed), yaw)
         base = proper_acceleration(_matrix(R), Vec3(*a), still, gravity)
         force, _ = dynamics.inverse_dynamics(vehicle, q, still, qd, base, qdd)
         needed = np.einsum("ijk,jk->ik", R, lanes(force.force)) - wind
-    R = _attitude(settled(needed), yaw)
-    rate, turning = _rates(R, motion.time)
+    R = attitude(settled(needed), yaw)
+    rate, turning = rates_of(R, motion.time)
     base = proper_acceleration(_matrix(R), Vec3(*a), Vec3(*turning), gravity)
     force, efforts = dynamics.inverse_dynamics(vehicle, q, Vec3(*rate), qd, base, qdd)
     needed = np.einsum("ijk,jk->ik", R, lanes(force.force)) - wind
@@ -119,10 +121,11 @@ def demand_of_motion(
         motion.joints,
         motion.rates,
         np.arctan2(np.hypot(R[0, 2], R[1, 2]), R[2, 2]),
+        np.linalg.norm(turning, axis=0),
     )
 
 
-def _attitude(force: Array, yaw: Array) -> Array:
+def attitude(force: Array, yaw: Array) -> Array:
     """R_WB (3, 3, K) whose z is along the force and whose x heads along the yaw (Mellinger, Kumar 2011)."""
     z = force / np.maximum(np.linalg.norm(force, axis=0), 1e-12)
     heading = np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)])
@@ -131,7 +134,7 @@ def _attitude(force: Array, yaw: Array) -> Array:
     return np.stack([np.cross(y, z, axis=0), y, z], axis=1)
 
 
-def _rates(R: Array, time: Array) -> tuple[Array, Array]:
+def rates_of(R: Array, time: Array) -> tuple[Array, Array]:
     """Angular velocity and acceleration (3, K), base axes, by central differences."""
     dR = np.gradient(R, time, axis=2, edge_order=2)
     W = np.einsum("jik,jlk->ilk", R, dR)

@@ -40,7 +40,7 @@ HELD = "reference as published and held"
 CONTINUOUS = "continuous reference"
 
 
-IF_ANY = ("payload_mass",)
+IF_ANY = ("payload_mass", "path_time")
 """Arrays of what not every flight has: left out of files, with no column, where there is none."""
 
 
@@ -63,6 +63,8 @@ class Log:
             ``tip_held`` and ``tip_reference`` are the same arrays; files keep the first names.
         wind_force, air_velocity: (N, 3).
         payload_mass: (N, payloads) what is held of each payload with a time; without columns where there is none.
+        path_time: (N,) how far along the reference a governor leads the law, s; ``time - path_time`` is its lag. Empty
+            without a governor.
         measured_position, measured_joints: what the sensors said at this instant; a delayed controller saw it later.
         info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground",
             "controller_undefined"), cause, end time; ``scenario_record`` is all that was flown as plain data, and
@@ -97,6 +99,9 @@ class Log:
     measured_position: Annotated[Array, Unit("m", "measured, world axes")]
     measured_joints: Annotated[Array, Unit("rad or m", "measured")]
     payload_mass: Annotated[Array, Unit("kg", "held of each payload with a time")] = field(default_factory=_nothing)
+    path_time: Annotated[Array, Unit("s", "time of the reference that a governor leads the law along")] = field(
+        default_factory=_nothing
+    )
     info: dict[str, Any]
 
     @property

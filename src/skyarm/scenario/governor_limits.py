@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -10,9 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.actuation import make_mixer
-from skyarm.actuation.motion_demand import Demand, Motion, demand_of_motion
+from skyarm.actuation.motion_demand import Demand, Motion, attitude, demand_of_motion
 from skyarm.actuation.servo import Servo
 from skyarm.control.model import Model
+from skyarm.dynamics import frame_pose
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
@@ -35,19 +37,22 @@ class GovernorOptions:
 
     Attributes:
         reserve: share of rotors and joints that is left to the control: it plans with the rest.
-        tilt: rad, of the base.
+        tilt: rad, of the base. turning: rad/s^2, angular acceleration of the base.
         joint_speed: rad/s or m/s, of every joint; servos have limits of their own besides.
         fastest: ds/dt with which it may catch up once it has fallen behind; 1 never does.
     """
 
     reserve: Annotated[float, Unit("", "share of rotors and joints that is left to the control", low=0.0)] = 0.2
-    tilt: Annotated[float, Unit("rad", "of the base", low=0.0, strict=True)] = 0.8
+    tilt: Annotated[float, Unit("rad", "of the base", low=0.0, strict=True)] = 0.6
+    turning: Annotated[float, Unit("rad/s^2", "angular acceleration of the base", low=0.0, strict=True)] = 6.0
     joint_speed: Annotated[Scalar, Unit("rad/s or m/s", infinite=True)] = math.inf
     fastest: Annotated[float, Unit("", "ds/dt with which it may catch up", low=1.0)] = 1.0
 
     def __post_init__(self) -> None:
         accept_fields(self, "reference.governor")
         bounds = (("reserve", 0.9), ("tilt", 1.5), ("fastest", 2.0))
+        if not self.joint_speed > 0.0:
+            raise ValueError(f"reference.governor.joint_speed = {self.joint_speed!r}: must be above 0")
         for name, most in bounds:
             value = getattr(self, name)
             if value > most:
@@ -73,7 +78,10 @@ class Limits:
         self._efforts = np.array(efforts)[:, None]
         named = {each.name: each.drive for each in model.vehicle.drives}
         found = [(i, named.get(link.joint.name)) for i, link in enumerate(model.vehicle.links)]
+        self._tip = model.vehicle.end_effector if model.vehicle.n else ""
         self._servos = [(i, drive) for i, drive in found if isinstance(drive, Servo)]
+        for i, servo in self._servos:
+            self._efforts[i] = min(float(self._efforts[i, 0]), float(servo.largest_effort()))
 
     def names(self) -> list[str]:
         """What each row of the shares is of."""
@@ -85,12 +93,26 @@ class Limits:
             *(f"effort of joint {name!r}" for name in joints),
             *(f"speed of joint {name!r}" for name in joints),
             "tilt",
+            "angular acceleration",
         ]
 
     def shares(self, motion: Motion) -> Array:
         """(limits, K) what a motion asks for, over its limit: beyond 1 it is too much."""
-        demand = demand_of_motion(self._vehicle, self._gravity, motion, NO_WIND, self._settled(motion.time))
-        return self._shares(demand)
+        settled = self._settled(motion.time)
+        if self._tip:
+            motion = dataclasses.replace(motion, acceleration=motion.acceleration + self._shift(motion, settled))
+        return self._shares(demand_of_motion(self._vehicle, self._gravity, motion, NO_WIND, settled))
+
+    def _shift(self, motion: Motion, settled: Any) -> Array:
+        """(3, K) m/s^2, by which a base that tilts accelerates besides for its tip to stay where a level one has it."""
+        force = motion.acceleration + np.array([[0.0], [0.0], [self._gravity]])
+        held = frame_pose(self._vehicle, self._vehicle.frame(self._tip), tuple(motion.joints)).p
+        arm = np.stack([np.broadcast_to(np.asarray(c, dtype=float), len(motion.time)) for c in held])
+        c, s = np.cos(motion.yaw), np.sin(motion.yaw)
+        level = np.stack([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1], arm[2]])
+        off = level - np.einsum("ijk,jk->ik", attitude(settled(force), motion.yaw), arm)
+        velocity = np.gradient(off, motion.time, axis=1, edge_order=2)
+        return np.asarray(settled(np.gradient(velocity, motion.time, axis=1, edge_order=2)))
 
     def at_rest(self, motion: Motion) -> Array:
         """(limits, K) the same if it stood still where it is: what no slower motion can lessen."""
@@ -110,14 +132,16 @@ class Limits:
         least = (self._hover - demand.squared) / (self._hover * most)
         efforts, speeds = np.repeat(self._efforts, len(demand.time), axis=1), np.full_like(demand.rates, math.inf)
         speeds[:] = float(self._options.joint_speed)
+        still = np.zeros(len(demand.time))
         for i, servo in self._servos:
-            ends = (np.broadcast_to(np.asarray(b, dtype=float), efforts[i].shape) for b in servo.bounds(demand.rates[i]))
-            low, high = ends
+            low, high = (np.asarray(bound, dtype=float) + still for bound in servo.bounds(demand.rates[i]))
             given = np.where(demand.efforts[i] < 0.0, -low, high)
             efforts[i] = np.minimum(efforts[i], np.maximum(given, LEFT * efforts[i]))
             speeds[i] = np.minimum(speeds[i], float(servo.speed_limit))
-        tilt = demand.tilt[None] / float(self._options.tilt)
-        return np.vstack([up, least, np.abs(demand.efforts) / (most * efforts), np.abs(demand.rates) / speeds, tilt])
+        attitude = [demand.tilt / float(self._options.tilt), demand.turning / float(self._options.turning)]
+        return np.vstack(
+            [up, least, np.abs(demand.efforts) / (most * efforts), np.abs(demand.rates) / speeds, *attitude]
+        )
 
     def _settled(self, time: Array) -> Any:
         """Means over two windows of SETTLES seconds: what the attitude follows of the force's direction."""

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import warnings
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -16,10 +18,12 @@ import numpy as np
 from skyarm.actuation.motion_demand import Motion, motion_of
 from skyarm.algebra import Vec3
 from skyarm.files import Fields, shown
-from skyarm.reference.path_time import PathTime, by_flight_time
+from skyarm.reference.path_time import by_flight_time
+from skyarm.reference.setting import Setting
+from skyarm.reference.signals import Derivatives
 from skyarm.reference.trajectory import Reference, Trajectory
 from skyarm.scenario.governor_limits import GovernorOptions, Limits
-from skyarm.scenario.path_plan import Array, Ceilings, Plan, plan
+from skyarm.scenario.path_plan import Array, Ceilings, Judge, Plan, plan
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
 JUMP = 1e-9
@@ -29,8 +33,21 @@ CORNER = 0.02, 0.05
 """m/s of the base and rad/s or m/s of a joint by which a velocity jumps at a corner."""
 
 JOLT = 1.0
-"""m/s^2 by which the base's acceleration may jump as it is told: a vehicle that tilts there within 0.15 s is carried off
-its path by about 5 mm."""
+"""m/s^2 by which the base's acceleration may jump as it is told: a vehicle that tilts there within 0.15 s is carried
+off its path by about 5 mm."""
+
+MISSED = 1.05
+"""Share of a limit from which a governor says that it could not keep it."""
+
+STEP = 1e-3
+"""m of the base or rad of a joint by which a reference that jumps is told of."""
+
+LONGEST = 1000.0
+"""s of a flight that is planned: more takes minutes."""
+
+
+class GovernorWarning(RuntimeWarning):
+    """A governor cannot keep its limits."""
 
 
 def govern(scenario: Scenario, **options: float) -> Scenario:
@@ -69,8 +86,44 @@ def options_from(table: Any) -> GovernorOptions:
 def governed_scenario(scenario: Scenario, options: GovernorOptions) -> Scenario:
     """The scenario with a planned time of its reference; without any where none is needed."""
     bare = dataclasses.replace(scenario, path_time=None)
-    found = plan_of(bare, options).path_time
-    return bare if found is None else dataclasses.replace(bare, path_time=found)
+    if bare.duration > LONGEST:
+        allowed = f"must be left out of a flight of more than {LONGEST:g} s"
+        raise ValueError(f"reference.governor: {allowed}")
+    found = plan_of(bare, options)
+    for line in (*_steps(bare), *_missed(found, bare, options)):
+        warnings.warn(f"reference.governor: {line}", GovernorWarning, stacklevel=3)
+    return bare if found.path_time is None else dataclasses.replace(bare, path_time=found.path_time)
+
+
+def _missed(found: Plan, scenario: Scenario, options: GovernorOptions) -> Iterator[str]:
+    if found.beyond > MISSED:
+        name = Limits(scenario.controller.par.model, options).names()[found.limit]
+        yield f"asks for {found.beyond:.3g} times its limit of {name} at {found.at:.3g} s of the path, however slow"
+
+
+def _steps(scenario: Scenario) -> Iterator[str]:
+    """Steps of the reference: whoever is slower on his way there jumps all the same."""
+    for t in scenario.trajectory.switch_times():
+        if 0.0 < t < scenario.duration:
+            before, after = (scenario.trajectory.at(s) for s in (t - JUMP, t))
+            moved = _length(after.position - before.position)
+            pairs = zip(before.joints, after.joints, strict=True)
+            turned = max((abs(float(a) - float(b)) for a, b in pairs), default=0.0)
+            if moved > STEP or turned > STEP:
+                how_far = f"{moved:.3g} m" if moved > STEP else f"{turned:.3g} rad or m of a joint"
+                yield f"the reference jumps by {how_far} at {t:.3g} s, at any rate; a ramp or waypoints?"
+
+
+def with_governor(scenario: Scenario, options: GovernorOptions, setting: Setting) -> Scenario:
+    """The same for a reference that was read for a setting.
+
+    Raises:
+        ValueError: phases that pick or place something: its instants would come before the vehicle.
+    """
+    if setting.events:
+        allowed = f"must be left out of a reference that picks or places something ({setting.events[0].where})"
+        raise ValueError(f"reference.governor: {allowed}")
+    return governed_scenario(scenario, options)
 
 
 def plan_of(scenario: Scenario, options: GovernorOptions) -> Plan:
@@ -86,17 +139,11 @@ def plan_of(scenario: Scenario, options: GovernorOptions) -> Plan:
     jolting = [i for i, jump in enumerate(jumps) if jump > 0.0 and places[i] not in ceilings.stops]
     where, size = np.array([places[i] for i in jolting]), jumps[jolting] if jolting else np.zeros(0)
 
-    def told(path: PathTime, time: Array, frozen: bool) -> Motion:
-        s = path.derivatives(time)
-        sample = trajectory.at(s[0])
-        still = np.zeros_like(time)
-        return motion_of(by_flight_time(sample, (s[0], s[1], still, still, still) if frozen else s), time)
+    def motion(s: Derivatives, time: Array) -> Motion:
+        return motion_of(by_flight_time(trajectory.at(s[0]), s), time)
 
-    def jolts(path: PathTime) -> tuple[Array, Array]:
-        rates = path.derivatives(np.array([path.when(p) for p in where]))[1] if len(where) else np.zeros(0)
-        return where, size * rates**2 / JOLT
-
-    return plan(told, limits.shares, limits.at_rest, ceilings, jolts)
+    judge = Judge(motion=motion, shares=limits.shares, at_rest=limits.at_rest, jolts=where, jumps=size / JOLT)
+    return plan(judge, ceilings)
 
 
 def _corners(trajectory: Trajectory, scenario: Scenario) -> list[float]:
@@ -104,10 +151,8 @@ def _corners(trajectory: Trajectory, scenario: Scenario) -> list[float]:
     found = []
     if scenario.initial is None and _is_corner(*_speeds(trajectory.at(0.0))):
         found.append(0.0)
-    for t in trajectory.switch_times():
-        if 0.0 < t < scenario.duration and _is_corner(*_jumps(trajectory, t)[:2]):
-            found.append(t)
-    return found
+    within = (t for t in trajectory.switch_times() if 0.0 < t < scenario.duration)
+    return [*found, *(t for t in within if _is_corner(*_jumps(trajectory, t)[:2]))]
 
 
 def _is_corner(base: float, joint: float) -> bool:

@@ -20,10 +20,11 @@ import numpy.typing as npt
 
 from skyarm.actuation.motion_demand import Motion
 from skyarm.reference.path_time import PathTime
+from skyarm.reference.signals import Derivatives
 
 Array = npt.NDArray[Any]
 
-STEP = 0.1
+STEP = 0.2
 """s between control points of the reference's time: its rate follows a change within three of them."""
 
 GRID = 0.01
@@ -48,9 +49,6 @@ CATCH_UP = 1.0
 
 DIGITS = 9
 """Of the control points in s: what a machine's last bits say of the judgement is not written down."""
-
-Told = Callable[[PathTime, Array, bool], Motion]
-"""The motion told at times of the flight; the flag leaves out what the change of ds/dt adds."""
 
 
 @dataclass(kw_only=True)
@@ -147,70 +145,89 @@ class Plan:
 SLACK = 1.002
 """Share of a limit that counts as kept."""
 
+RATES = tuple(0.93**k for k in range(54))
+"""Even rates that are tried, from the commanded one to SLOWEST."""
 
-def plan(
-    told: Told,
-    shares: Callable[[Motion], Array],
-    at_rest: Callable[[Motion], Array],
-    ceilings: Ceilings,
-    jolts: Callable[[PathTime], tuple[Array, Array]],
-) -> Plan:
-    """Lower the ceilings until the motion keeps within all limits.
 
-    Args:
-        told: the motion at times of the flight.
-        shares: of the limits that it asks for. at_rest: the same of its postures.
-        ceilings: to begin with; they are lowered.
-        jolts: places (s) at which an acceleration of the reference jumps, and how far each jump is beyond what is
-            allowed at the present ds/dt, as a share.
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Judge:
+    """What a motion along the path asks of the vehicle.
+
+    Attributes:
+        motion: from the reference's time and its derivatives at K instants, and these, s.
+        shares: of the limits that a motion asks for. at_rest: the same of its postures, which no slower motion lessens.
+        jolts: places (s) at which the base's acceleration jumps.
+        jumps: the share of what is allowed that each asks for at ds/dt of 1; it goes with the square.
     """
+
+    motion: Callable[[Derivatives, Array], Motion]
+    shares: Callable[[Motion], Array]
+    at_rest: Callable[[Motion], Array]
+    jolts: Array
+    jumps: Array
+
+    def over(self, s: Derivatives, time: Array) -> Array:
+        """(limits, K) shares over what is allowed: 1, or what the posture alone asks for."""
+        with np.errstate(all="ignore"):
+            motion = self.motion(s, time)
+            found = np.asarray(self.shares(motion) / np.maximum(1.0, self.at_rest(motion)))
+        sound = np.isfinite(found).all(axis=0)
+        if not sound.all():
+            at = float(s[0][int(np.argmin(sound))])
+            raise ValueError(f"reference.governor: nobody knows what the reference asks for at {at:.3g} s: not finite")
+        return found
+
+
+def even_rates(judge: Judge, ceilings: Ceilings) -> None:
+    """Lower the ceilings to the largest even rate that keeps within the limits at each place of the path."""
+    path = np.arange(0.0, ceilings.duration + 0.5 * GRID, GRID)
+    open_, still = np.ones(len(path), dtype=bool), np.zeros_like(path)
+    for rate in (ceilings.fastest * share for share in RATES):
+        if rate <= SLOWEST or not open_.any():
+            break
+        over = judge.over((path, still + rate, still, still, still), path / rate).max(axis=0)
+        open_ &= over > SLACK
+        if open_.any():
+            ceilings.lower(ceilings.rate, path[open_], np.full(int(open_.sum()), rate * RATES[1]), SLOWEST)
+    if len(judge.jolts):
+        allowed = 1.0 / np.sqrt(np.maximum(judge.jumps, 1e-12))
+        slow = allowed < ceilings.fastest
+        ceilings.lower(ceilings.rate, judge.jolts[slow], allowed[slow], SLOWEST)
+
+
+def plan(judge: Judge, ceilings: Ceilings) -> Plan:
+    """Lower the ceilings until the motion keeps within all limits, also while its rate changes."""
     duration = ceilings.duration
     time = np.arange(0.0, duration + 0.5 * LOOK, LOOK)
-    found, best = follow(ceilings, duration), math.inf
-    kept = Plan(path_time=found, beyond=math.inf, limit=0, at=0.0)
-    for round_ in range(ROUNDS):
-        s, rate = found.derivatives(time)[:2]
-        motion = told(found, time, False)
-        asked, still = shares(motion), at_rest(motion)
-        allowed = np.maximum(1.0, still * SLACK)
-        over = asked / allowed
-        places, jumps = jolts(found)
-        worst = float(max(over.max(), jumps.max(initial=0.0)))
-        if worst < best:
-            best = worst
-            i, k = np.unravel_index(int(np.argmax(over)), over.shape)
-            changed = round_ > 0 or bool(ceilings.stops)
-            kept = Plan(path_time=found if changed else None, beyond=worst, limit=int(i), at=float(s[k]))
-        if worst <= SLACK:
-            return kept
-        _lower(ceilings, s, rate, (asked, still, allowed), shares(told(found, time, True)))
-        if len(places):
-            near = found.derivatives(np.array([found.when(p) for p in places]))[1]
-            more = jumps > 1.0
-            ceilings.lower(ceilings.rate, places[more], 0.95 * (near / np.sqrt(np.maximum(jumps, 1.0)))[more], SLOWEST)
+    even_rates(judge, ceilings)
+    unchanged = not ceilings.stops and bool(np.all(ceilings.rate >= ceilings.fastest))
+    kept = Plan(path_time=None, beyond=math.inf, limit=0, at=0.0)
+    for _ in range(ROUNDS):
         found = follow(ceilings, duration)
+        s = found.derivatives(time)
+        over = judge.over(s, time)
+        worst = float(over.max())
+        if worst < kept.beyond:
+            i, k = np.unravel_index(int(np.argmax(over)), over.shape)
+            kept = Plan(path_time=None if unchanged else found, beyond=worst, limit=int(i), at=float(s[0][k]))
+        if worst <= SLACK:
+            break
+        _calm(ceilings, s, over.max(axis=0) > SLACK)
+        unchanged = False
     return kept
 
 
-def _lower(ceilings: Ceilings, s: Array, rate: Array, judged: tuple[Array, Array, Array], frozen: Array) -> None:
-    """Lower the ceilings where a limit is passed, each by what brings what it asks beyond its posture's share down."""
-    asked, still, allowed = judged
-    too_much = np.any(asked > allowed * SLACK, axis=0)
-    room = np.maximum(allowed - still, 1e-3)
-    slower = np.sqrt(room / np.maximum(asked - still, room))
-    least = np.clip(np.where(asked > allowed * SLACK, slower, 1.0).min(axis=0), 0.7, 0.98)
-    # the change of ds/dt is to blame where without it all would be kept
-    change = too_much & ~np.any(frozen > allowed * SLACK, axis=0)
-    index = np.clip(np.round(s / GRID).astype(int), 0, len(ceilings.rate) - 1)
+def _calm(ceilings: Ceilings, s: Derivatives, too_much: Array) -> None:
+    """Let ds/dt change more slowly where the motion asks too much; where it hardly changes, let it be lower."""
+    index = np.clip(np.round(s[0] / GRID).astype(int), 0, len(ceilings.rate) - 1)
     now = ceilings.acceleration[index]
-    at_floor = now <= LEAST_ACCELERATION
-    turning = change & ~at_floor
+    turning = too_much & (now > LEAST_ACCELERATION)
     if turning.any():
-        ceilings.lower(ceilings.acceleration, s[turning], 0.7 * now[turning], LEAST_ACCELERATION)
+        ceilings.lower(ceilings.acceleration, s[0][turning], 0.75 * now[turning], LEAST_ACCELERATION)
     slow = too_much & ~turning
     if slow.any():
-        ceilings.lower(ceilings.rate, s[slow], least[slow] * np.maximum(rate[slow], SLOWEST), SLOWEST)
+        ceilings.lower(ceilings.rate, s[0][slow], 0.93 * np.maximum(s[1][slow], SLOWEST), SLOWEST)
 
 
-LEAST_ACCELERATION = 0.1
+LEAST_ACCELERATION = 0.05
 """1/s, to which the path's acceleration is lowered before its rate is."""
