@@ -44,7 +44,7 @@ class GovernorOptions:
 
     reserve: Annotated[float, Unit("", "share of rotors and joints that is left to the control", low=0.0)] = 0.2
     tilt: Annotated[float, Unit("rad", "of the base", low=0.0, strict=True)] = 0.6
-    turning: Annotated[float, Unit("rad/s^2", "angular acceleration of the base", low=0.0, strict=True)] = 6.0
+    turning: Annotated[float, Unit("rad/s^2", "angular acceleration of the base", low=0.0, strict=True)] = 10.0
     joint_speed: Annotated[Scalar, Unit("rad/s or m/s", infinite=True)] = math.inf
     fastest: Annotated[float, Unit("", "ds/dt with which it may catch up", low=1.0)] = 1.0
 
@@ -99,9 +99,14 @@ class Limits:
     def shares(self, motion: Motion) -> Array:
         """(limits, K) what a motion asks for, over its limit: beyond 1 it is too much."""
         settled = self._settled(motion.time)
+        demand = demand_of_motion(self._vehicle, self._gravity, motion, NO_WIND, settled)
+        found = self._shares(demand)
         if self._tip:
+            # a law may hold the tip or the base: the vehicle must be able to do both
             motion = dataclasses.replace(motion, acceleration=motion.acceleration + self._shift(motion, settled))
-        return self._shares(demand_of_motion(self._vehicle, self._gravity, motion, NO_WIND, settled))
+            demand = demand_of_motion(self._vehicle, self._gravity, motion, NO_WIND, settled)
+            found = np.maximum(found, self._shares(demand))
+        return found
 
     def _shift(self, motion: Motion, settled: Any) -> Array:
         """(3, K) m/s^2, by which a base that tilts accelerates besides for its tip to stay where a level one has it."""

@@ -33,10 +33,10 @@ GRID = 0.01
 LOOK = 0.01
 """s of the flight between two instants that are judged."""
 
-CALM = 0.25
-"""s of the path before and after a place that is too fast which are slowed with it: it does not stutter."""
+CALM = 0.5
+"""s of the flight before and after a place that is too fast which are slowed with it: it does not stutter."""
 
-ACCELERATION = 2.0
+ACCELERATION = 1.0
 """1/s, the largest of ds/dt."""
 
 SLOWEST = 0.02
@@ -69,12 +69,15 @@ class Ceilings:
         count = math.ceil(self.duration / GRID) + 2
         self.rate, self.acceleration = np.full(count, self.fastest), np.full(count, ACCELERATION)
 
-    def lower(self, values: Array, at: Array, to: Array, least: float) -> None:
-        """Lower some values, at places of the path (s) and around them, to no less than ``least``."""
+    def lower(self, values: Array, at: Array, to: Array, least: float, rate: float = 1.0) -> None:
+        """Lower some values, at places of the path (s) and CALM seconds of a flight at a rate around them.
+
+        None comes below ``least``.
+        """
         index = np.clip(np.round(at / GRID).astype(int), 0, len(values) - 1)
         lowered = np.full_like(values, math.inf)
         np.minimum.at(lowered, index, to)
-        reach = round(CALM / GRID)
+        reach = math.ceil(CALM * rate / GRID)
         padded = np.concatenate([np.full(reach, math.inf), lowered, np.full(reach, math.inf)])
         around = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).min(axis=1)
         np.copyto(values, np.maximum(np.minimum(values, around), least))
@@ -101,7 +104,7 @@ def follow(ceilings: Ceilings, duration: float) -> PathTime:
     small = STEP / parts
     stops = [stop for stop in sorted(ceilings.stops) if stop < duration]
     # of the first control points s(0) is made: they stand on one line, so that it is exactly 0
-    first = 0.0 if stops and stops[0] <= 0.0 else math.sqrt(float(square[: round(3 * STEP / GRID)].min()))
+    first = 0.0 if stops and stops[0] <= 0.0 else min(1.0, math.sqrt(float(square[: round(2 * STEP / GRID)].min())))
     points = [(i - 2) * STEP * first for i in range(5)]
     stops = [stop for stop in stops if stop > 0.0]
     s, t, rest = points[-1], 2.0 * STEP, 0
@@ -145,6 +148,9 @@ class Plan:
 SLACK = 1.002
 """Share of a limit that counts as kept."""
 
+NOTHING = 1e-7
+"""s of lag that is rounding."""
+
 RATES = tuple(0.93**k for k in range(54))
 """Even rates that are tried, from the commanded one to SLOWEST."""
 
@@ -180,15 +186,16 @@ class Judge:
 
 def even_rates(judge: Judge, ceilings: Ceilings) -> None:
     """Lower the ceilings to the largest even rate that keeps within the limits at each place of the path."""
-    path = np.arange(0.0, ceilings.duration + 0.5 * GRID, GRID)
+    path = np.arange(-BEYOND, ceilings.duration + BEYOND + 0.5 * GRID, GRID)
+    inside = (path > -0.5 * GRID) & (path < ceilings.duration + 0.5 * GRID)
     open_, still = np.ones(len(path), dtype=bool), np.zeros_like(path)
     for rate in (ceilings.fastest * share for share in RATES):
         if rate <= SLOWEST or not open_.any():
             break
         over = judge.over((path, still + rate, still, still, still), path / rate).max(axis=0)
-        open_ &= over > SLACK
+        open_ &= (over > SLACK) & inside
         if open_.any():
-            ceilings.lower(ceilings.rate, path[open_], np.full(int(open_.sum()), rate * RATES[1]), SLOWEST)
+            ceilings.lower(ceilings.rate, path[open_], np.full(int(open_.sum()), rate * RATES[1]), SLOWEST, rate)
     if len(judge.jolts):
         allowed = 1.0 / np.sqrt(np.maximum(judge.jumps, 1e-12))
         slow = allowed < ceilings.fastest
@@ -198,36 +205,48 @@ def even_rates(judge: Judge, ceilings: Ceilings) -> None:
 def plan(judge: Judge, ceilings: Ceilings) -> Plan:
     """Lower the ceilings until the motion keeps within all limits, also while its rate changes."""
     duration = ceilings.duration
-    time = np.arange(0.0, duration + 0.5 * LOOK, LOOK)
+    time = np.arange(0.0, duration + BEYOND + 0.5 * LOOK, LOOK)
+    inside = time < duration + 0.5 * LOOK
     even_rates(judge, ceilings)
-    unchanged = not ceilings.stops and bool(np.all(ceilings.rate >= ceilings.fastest))
     kept = Plan(path_time=None, beyond=math.inf, limit=0, at=0.0)
     for _ in range(ROUNDS):
         found = follow(ceilings, duration)
         s = found.derivatives(time)
-        over = judge.over(s, time)
+        over = judge.over(s, time)[:, inside]
+        s = s[0][inside], s[1][inside], s[2], s[3], s[4]
         worst = float(over.max())
         if worst < kept.beyond:
             i, k = np.unravel_index(int(np.argmax(over)), over.shape)
-            kept = Plan(path_time=None if unchanged else found, beyond=worst, limit=int(i), at=float(s[0][k]))
+            as_commanded = float(np.abs(s[0] - time[inside]).max()) < NOTHING
+            kept = Plan(path_time=None if as_commanded else found, beyond=worst, limit=int(i), at=float(s[0][k]))
         if worst <= SLACK:
             break
-        _calm(ceilings, s, over.max(axis=0) > SLACK)
-        unchanged = False
+        _calm(ceilings, s, over.max(axis=0))
     return kept
 
 
-def _calm(ceilings: Ceilings, s: Derivatives, too_much: Array) -> None:
-    """Let ds/dt change more slowly where the motion asks too much; where it hardly changes, let it be lower."""
-    index = np.clip(np.round(s[0] / GRID).astype(int), 0, len(ceilings.rate) - 1)
-    now = ceilings.acceleration[index]
-    turning = too_much & (now > LEAST_ACCELERATION)
-    if turning.any():
-        ceilings.lower(ceilings.acceleration, s[0][turning], 0.75 * now[turning], LEAST_ACCELERATION)
-    slow = too_much & ~turning
-    if slow.any():
-        ceilings.lower(ceilings.rate, s[0][slow], 0.93 * np.maximum(s[1][slow], SLOWEST), SLOWEST)
+def _calm(ceilings: Ceilings, s: Derivatives, over: Array) -> None:
+    """Where the motion asks too much let ds/dt change more slowly, and be lower by a little."""
+    more = over > SLACK
+    place, rate = s[0][more], np.maximum(s[1][more], SLOWEST)
+    index = np.clip(np.round(place / GRID).astype(int), 0, len(ceilings.rate) - 1)
+    calmest = ceilings.acceleration[index] <= LEAST_ACCELERATION
+    ceilings.lower(ceilings.acceleration, place, CALMER * ceilings.acceleration[index], LEAST_ACCELERATION)
+    # what is on its way to a ceiling is not helped by a lower one
+    there = (rate > THERE * ceilings.rate[index]) | calmest
+    if there.any():
+        slower = np.clip(over[more] ** -0.35, 0.93, 0.995) * rate
+        ceilings.lower(ceilings.rate, place[there], slower[there], SLOWEST, float(np.median(rate[there])))
 
 
-LEAST_ACCELERATION = 0.05
-"""1/s, to which the path's acceleration is lowered before its rate is."""
+CALMER = 0.85
+"""By which the path's acceleration is lowered at a time."""
+
+THERE = 0.8
+"""Share of a ceiling from which ds/dt counts as bounded by it."""
+
+LEAST_ACCELERATION = 0.1
+"""1/s, below which it is not lowered."""
+
+BEYOND = 0.3
+"""s of the flight that are looked at past both ends: differences and means there need neighbours."""
