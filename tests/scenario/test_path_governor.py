@@ -2,6 +2,8 @@
 
 import dataclasses
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -215,3 +217,10 @@ def test_a_reference_that_takes_another_s_place_is_governed_by_its_own_table():
     with pytest.raises(ValueError, match=r"reference\.base = .*must stay as it is where the reference has a governor"):
         with_part(governed_one, "reference.base", {"kind": "hover", "position": [0.0, 0.0, 1.0]})
     assert with_part(governed_one, "reference", moving).path_time is None
+
+
+def test_the_page_lists_the_limits_with_their_defaults():
+    page = (Path(__file__).resolve().parents[2] / "docs/path_governor.md").read_text("utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| .* \| ([\w.]+) \|$", page, re.MULTILINE)
+    fields = dataclasses.fields(GovernorOptions)
+    assert {name: float(value) for name, value in rows} == {field.name: field.default for field in fields}
