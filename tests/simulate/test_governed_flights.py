@@ -14,6 +14,7 @@ from skyarm.reference.path_time import governed
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.loop import run_in_python
+from skyarm.stability.along import hovering
 
 CIRCLE = {"kind": "sine", "amplitude": 0.6, "frequency_hz": 1.2}
 DOCUMENT = {
@@ -118,6 +119,10 @@ def test_a_run_s_summary_has_the_lag_beside_the_errors(log):
     assert beside["base_to_path"]["max_whole_flight"] < errors(log)["position"]["max_whole_flight"]
     free = skyarm.run(dataclasses.replace(SLOWED, path_time=None, duration=0.02))
     assert "governor" not in facts(free)
+
+
+def test_a_settled_hover_of_a_governed_scenario_has_no_governor():
+    assert hovering(SLOWED).path_time is None
 
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples/fast_circle.toml"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields
 from itertools import pairwise
 from typing import Any
 
@@ -17,6 +16,7 @@ from skyarm.assess.joint_torques import effort_limits
 from skyarm.assess.level_hover import Allocation
 from skyarm.assess.servo_speeds import OFTEN, servo_speeds, servos
 from skyarm.environment import ForceWind
+from skyarm.records.leaves import field_names
 from skyarm.reference.path_time import governed
 from skyarm.scenario.scenario_record import Scenario
 
@@ -68,7 +68,7 @@ def _shares(scenario: Scenario, demand: Demand) -> Array:
 def demand_of(scenario: Scenario) -> Demand:
     """Rotor speeds and joint efforts that follow a scenario's reference exactly."""
     pieces = [_stretch(scenario, time) for time in _stretches(scenario)]
-    names = [field.name for field in fields(Demand)]
+    names = field_names(Demand) or ()
     return Demand(*(np.concatenate([getattr(piece, name) for piece in pieces], axis=-1) for name in names))
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from skyarm.actuation.motion_demand import Motion, motion_of
 from skyarm.algebra import Vec3
 from skyarm.files import Fields, shown
+from skyarm.records.leaves import field_names
 from skyarm.reference.path_time import by_flight_time
 from skyarm.reference.setting import Setting
 from skyarm.reference.signals import Derivatives
@@ -64,7 +65,7 @@ def govern(scenario: Scenario, **options: float) -> Scenario:
     """
     if not isinstance(scenario, Scenario):
         raise ScenarioError(f"scenario = {shown(scenario)}: must be a Scenario")
-    known = [field.name for field in dataclasses.fields(GovernorOptions)]
+    known = field_names(GovernorOptions) or ()
     for name in options:
         if name not in known:
             raise ScenarioError(f"{name}: is no option of a governor; there are {', '.join(known)}")
@@ -77,7 +78,7 @@ def govern(scenario: Scenario, **options: float) -> Scenario:
 def options_from(table: Any) -> GovernorOptions:
     """Options of a ``[reference.governor]`` table."""
     fields = Fields(table, "reference.governor")
-    names = [field.name for field in dataclasses.fields(GovernorOptions)]
+    names = field_names(GovernorOptions) or ()
     given = {name: fields.number(name) for name in names if name in fields.table}
     fields.done()
     return GovernorOptions(**given)
