@@ -42,6 +42,9 @@ ACCELERATION = 1.0
 SLOWEST = 0.02
 """Of ds/dt but for a corner: what asks too much even so asks it at rest."""
 
+RATES = tuple(0.93**k for k in range(54))
+"""Even rates that are tried, from the commanded one to SLOWEST."""
+
 ROUNDS = 60
 
 CATCH_UP = 1.0
@@ -103,8 +106,7 @@ def follow(ceilings: Ceilings, duration: float) -> PathTime:
     square, parts = ceilings.squares(), 10
     small = STEP / parts
     stops = [stop for stop in sorted(ceilings.stops) if stop < duration]
-    # of the first control points s(0) is made: they stand on one line, so that it is exactly 0
-    first = 0.0 if stops and stops[0] <= 0.0 else min(1.0, math.sqrt(float(square[: round(2 * STEP / GRID)].min())))
+    first = 0.0 if stops and stops[0] <= 0.0 else _first_rate(square)
     points = [(i - 2) * STEP * first for i in range(5)]
     stops = [stop for stop in stops if stop > 0.0]
     s, t, rest = points[-1], 2.0 * STEP, 0
@@ -129,6 +131,15 @@ def follow(ceilings: Ceilings, duration: float) -> PathTime:
     return PathTime(points=tuple(round(p, DIGITS) for p in points), step=STEP)
 
 
+def _first_rate(square: Array) -> float:
+    """The largest ds/dt that may stay for the first two steps.
+
+    Of the control points in these s(0) is made: they stand on one line, so that it is exactly 0.
+    """
+    rates = (share for share in RATES if square[: round(2.0 * STEP * share / GRID) + 1].min() >= share**2)
+    return next(rates, SLOWEST)
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Plan:
     """A planned time of a reference.
@@ -150,9 +161,6 @@ SLACK = 1.002
 
 NOTHING = 1e-7
 """s of lag that is rounding."""
-
-RATES = tuple(0.93**k for k in range(54))
-"""Even rates that are tried, from the commanded one to SLOWEST."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -231,12 +239,13 @@ def _calm(ceilings: Ceilings, s: Derivatives, over: Array) -> None:
     place, rate = s[0][more], np.maximum(s[1][more], SLOWEST)
     index = np.clip(np.round(place / GRID).astype(int), 0, len(ceilings.rate) - 1)
     calmest = ceilings.acceleration[index] <= LEAST_ACCELERATION
-    ceilings.lower(ceilings.acceleration, place, CALMER * ceilings.acceleration[index], LEAST_ACCELERATION)
+    calmer, around = CALMER * ceilings.acceleration[index], float(np.median(rate))
+    ceilings.lower(ceilings.acceleration, place, calmer, LEAST_ACCELERATION, around)
     # what is on its way to a ceiling is not helped by a lower one
     there = (rate > THERE * ceilings.rate[index]) | calmest
     if there.any():
         slower = np.clip(over[more] ** -0.35, 0.93, 0.995) * rate
-        ceilings.lower(ceilings.rate, place[there], slower[there], SLOWEST, float(np.median(rate[there])))
+        ceilings.lower(ceilings.rate, place[there], slower[there], SLOWEST, around)
 
 
 CALMER = 0.85
