@@ -13,8 +13,6 @@ import warnings
 from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
-
 from skyarm.actuation.motion_demand import Motion, motion_of
 from skyarm.algebra import Vec3
 from skyarm.files import Fields, shown
@@ -32,10 +30,6 @@ JUMP = 1e-9
 
 CORNER = 0.02, 0.05
 """m/s of the base and rad/s or m/s of a joint by which a velocity jumps at a corner."""
-
-JOLT = 1.0
-"""m/s^2 by which the base's acceleration may jump as it is told: a vehicle that tilts there within 0.15 s is carried
-off its path by about 5 mm."""
 
 MISSED = 1.05
 """Share of a limit from which a governor says that it could not keep it."""
@@ -135,15 +129,11 @@ def plan_of(scenario: Scenario, options: GovernorOptions) -> Plan:
     ceilings = Ceilings(
         duration=float(scenario.duration), fastest=options.fastest, stops=_corners(trajectory, scenario)
     )
-    places = [t for t in trajectory.switch_times() if 0.0 < t < scenario.duration]
-    jumps = np.array([_jumps(trajectory, t)[2] for t in places])
-    jolting = [i for i, jump in enumerate(jumps) if jump > 0.0 and places[i] not in ceilings.stops]
-    where, size = np.array([places[i] for i in jolting]), jumps[jolting] if jolting else np.zeros(0)
 
     def motion(s: Derivatives, time: Array) -> Motion:
         return motion_of(by_flight_time(trajectory.at(s[0]), s), time)
 
-    judge = Judge(motion=motion, shares=limits.shares, at_rest=limits.at_rest, jolts=where, jumps=size / JOLT)
+    judge = Judge(motion=motion, shares=limits.shares, at_rest=limits.at_rest)
     return plan(judge, ceilings)
 
 
@@ -153,7 +143,7 @@ def _corners(trajectory: Trajectory, scenario: Scenario) -> list[float]:
     if scenario.initial is None and _is_corner(*_speeds(trajectory.at(0.0))):
         found.append(0.0)
     within = (t for t in trajectory.switch_times() if 0.0 < t < scenario.duration)
-    return [*found, *(t for t in within if _is_corner(*_jumps(trajectory, t)[:2]))]
+    return [*found, *(t for t in within if _is_corner(*_jumps(trajectory, t)))]
 
 
 def _is_corner(base: float, joint: float) -> bool:
@@ -165,16 +155,12 @@ def _speeds(reference: Reference) -> tuple[float, float]:
     return _length(reference.velocity), max((abs(float(rate)) for rate in reference.joint_rates), default=0.0)
 
 
-def _jumps(trajectory: Trajectory, t: float) -> tuple[float, float, float]:
-    """By how much the velocity of the base and of a joint, and the acceleration of the base, jump at a time."""
+def _jumps(trajectory: Trajectory, t: float) -> tuple[float, float]:
+    """By how much the velocity of the base and of a joint jump at a time."""
     before, after = trajectory.at(t - JUMP), trajectory.at(t)
     rates = zip(before.joint_rates, after.joint_rates, strict=True)
     joint = max((abs(float(a) - float(b)) for a, b in rates), default=0.0)
-    return (
-        _length(after.velocity - before.velocity),
-        joint,
-        _length(after.acceleration - before.acceleration),
-    )
+    return _length(after.velocity - before.velocity), joint
 
 
 def _length(vector: Vec3) -> float:

@@ -40,7 +40,7 @@ ACCELERATION = 1.0
 """1/s, the largest of ds/dt."""
 
 SLOWEST = 0.02
-"""Of ds/dt but for a corner: what asks too much even so asks it at rest."""
+"""Of ds/dt but for a corner."""
 
 RATES = tuple(0.93**k for k in range(54))
 """Even rates that are tried, from the commanded one to SLOWEST."""
@@ -170,15 +170,11 @@ class Judge:
     Attributes:
         motion: from the reference's time and its derivatives at K instants, and these, s.
         shares: of the limits that a motion asks for. at_rest: the same of its postures, which no slower motion lessens.
-        jolts: places (s) at which the base's acceleration jumps.
-        jumps: the share of what is allowed that each asks for at ds/dt of 1; it goes with the square.
     """
 
     motion: Callable[[Derivatives, Array], Motion]
     shares: Callable[[Motion], Array]
     at_rest: Callable[[Motion], Array]
-    jolts: Array
-    jumps: Array
 
     def over(self, s: Derivatives, time: Array) -> Array:
         """(limits, K) shares over what is allowed: 1, or what the posture alone asks for."""
@@ -204,10 +200,6 @@ def even_rates(judge: Judge, ceilings: Ceilings) -> None:
         open_ &= (over > SLACK) & inside
         if open_.any():
             ceilings.lower(ceilings.rate, path[open_], np.full(int(open_.sum()), rate * RATES[1]), SLOWEST, rate)
-    if len(judge.jolts):
-        allowed = 1.0 / np.sqrt(np.maximum(judge.jumps, 1e-12))
-        slow = allowed < ceilings.fastest
-        ceilings.lower(ceilings.rate, judge.jolts[slow], allowed[slow], SLOWEST)
 
 
 def plan(judge: Judge, ceilings: Ceilings) -> Plan:
