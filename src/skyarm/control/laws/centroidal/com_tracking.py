@@ -14,6 +14,7 @@ from typing import Any
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
 from skyarm.control.blocks.attitude import Attitude, reachable
 from skyarm.control.blocks.series_kinematics import derivative
+from skyarm.control.blocks.sideways_force import Reach, across, applied
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.scalars import divide, mul, sqrt
 from skyarm.scalars.taylor import Taylor
@@ -21,11 +22,18 @@ from skyarm.scalars.taylor import Taylor
 
 @dataclass(frozen=True, slots=True)
 class Thrust:
-    """Wanted force (series of second order, world axes, N), its part along the present thrust axis, and a_c, m/s^2."""
+    """Force that the centre of mass is moved with.
+
+    Attributes:
+        force: wanted, series of second order, world axes, N.
+        along: N, of it along the present thrust axis. across: what the rotors give beside it, body axes, N.
+        acceleration: a_c, m/s^2, that they give.
+    """
 
     force: Vec3
     along: Any
     acceleration: Vec3
+    across: Vec3 = ZERO3
 
 
 def quasi_static(
@@ -73,6 +81,7 @@ def thrust(
     R: Mat3,
     w: Vec3,
     disturbance: Vec3,
+    reach: Reach | None = None,
 ) -> Thrust:
     """Force m (p_c,d'' + g e_3 + PD) - d and its derivatives, which use the acceleration that the real thrust gives.
 
@@ -85,25 +94,28 @@ def thrust(
         R: R_WB.
         w: body rate, rad/s.
         disturbance: N, world axes.
+        reach: of the force across the thrust axis, if the rotors shall give one.
     """
     kp, kv, gravity, limit = par.base.position, par.base.velocity, E_Z * par.model.gravity, par.base.pull
     e, ed = position - wanted[0], velocity - wanted[1]
     pull = [kp.scaled(e) + kv.scaled(ed)]
     force = (wanted[2] + gravity - _bounded(pull, limit)) * mass - disturbance
-    b3, b3d = R.column(2), R.apply(w.cross(E_Z))
-    along = force.dot(b3)
     per_mass = divide(1.0, mass)
-    edd = (b3 * along + disturbance) * per_mass - gravity - wanted[2]
+    edd = (applied(reach, [force], R, w) + disturbance) * per_mass - gravity - wanted[2]
     pull.append(kp.scaled(ed) + kv.scaled(edd))
     first = (wanted[3] - _bounded(pull, limit)) * mass
-    change = first.dot(b3) + force.dot(b3d)
-    eddd = (b3 * change + b3d * along) * per_mass - wanted[3]
+    eddd = applied(reach, [force, first], R, w) * per_mass - wanted[3]
     pull.append(kp.scaled(edd) + kv.scaled(eddd))
     second = (wanted[4] - _bounded(pull, limit)) * mass
     series = (Taylor((f, g, mul(0.5, h))) for f, g, h in zip(force, first, second, strict=True))
     held = reachable(Vec3(*series), par.tilt, par.thrust_floor)
-    pushed = derivative(held, 0).dot(b3)
-    return Thrust(held, pushed, (b3 * pushed + disturbance) * per_mass - gravity)
+    pushed = applied(reach, [derivative(held, 0)], R, w)
+    return Thrust(
+        force=held,
+        along=derivative(held, 0).dot(R.column(2)),
+        acceleration=(pushed + disturbance) * per_mass - gravity,
+        across=ZERO3 if reach is None else across(R.apply_T(pushed)),
+    )
 
 
 def _bounded(pull: list[Vec3], limit: Any) -> Vec3:

@@ -11,6 +11,7 @@ from skyarm.control.blocks.attitude import Attitude, angular_acceleration, attit
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.prediction import side_wrench
 from skyarm.control.blocks.series_kinematics import Posture, derivative, moving, posture
+from skyarm.control.blocks.sideways_force import Reach, leaning, planned_rate, reach_of
 from skyarm.control.laws.centroidal import com_tracking as center_of_mass
 from skyarm.control.laws.centroidal import tip_reference, tip_tasks
 from skyarm.control.laws.centroidal.arm_motion import ArmMotion, followed, made_good
@@ -54,13 +55,22 @@ class Following:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Demand:
-    """Thrust along body z (N), angular acceleration (body axes, rad/s^2), joint accelerations; the planned motion."""
+    """What rotors and joints shall do.
+
+    Attributes:
+        thrust: N, along body z. across: N, beside it, body axes.
+        alpha: angular acceleration, body axes, rad/s^2. joints: accelerations.
+        planned: motion without errors.
+        force_rate: N/s, body axes, of the planned force; None where nothing is commanded ahead.
+    """
 
     thrust: Any
     alpha: Vec3
     joints: tuple[Any, ...]
     planned: Planned
     following: Following = Following()
+    across: Vec3 = ZERO3
+    force_rate: Vec3 | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -70,7 +80,7 @@ class Course:
     Attributes:
         base: of the base origin, value to fourth derivative, world axes.
         still: quasi-static attitude. level: posture of ``turned``, the joints' signals.
-        goal: of the tip mode, else None.
+        goal: of the tip mode, else None. reach: of sideways force, if it is used.
         shift: differentiators, one period later.
     """
 
@@ -80,6 +90,7 @@ class Course:
     turned: tuple[Taylor, ...]
     goal: tip_reference.Goal | None = None
     shift: ShiftMotion | tuple[()] = ()
+    reach: Reach | None = None
 
 
 def demands(
@@ -113,17 +124,19 @@ def demands(
     if isinstance(arm, ArmMotion):
         arm = followed(arm, course.level.com, model.gravity, dt)
         h = made_good(arm, par.arm_turn, h)
+    wanted = center_of_mass.goal(course.base, h, course.still, par.moves_shift)
     push = center_of_mass.thrust(
         par,
         mass,
-        wanted=center_of_mass.goal(course.base, h, course.still, par.moves_shift),
+        wanted=wanted,
         position=state.position + R.apply(derivative(now.com, 0)),
         velocity=state.velocity + _velocity(R, w, now.com),
         R=R,
         w=w,
         disturbance=unknown.force,
+        reach=course.reach,
     )
-    alpha = angular_acceleration(par.base, _attitude(par, model, push.force, yaw), R, w)
+    alpha = angular_acceleration(par.base, _attitude(par, model, push.force, yaw, course.reach), R, w)
     preferred = joint_accelerations(par, state, joints)
     if course.goal is not None:
         present = tip_tasks.Now(
@@ -152,7 +165,15 @@ def demands(
         joints=course.turned,
     )
     following = Following(shift=course.shift, arm=arm)
-    return Demand(thrust=push.along, alpha=alpha, joints=preferred, planned=plan, following=following)
+    return Demand(
+        thrust=push.along,
+        alpha=alpha,
+        joints=preferred,
+        planned=plan,
+        following=following,
+        across=push.across,
+        force_rate=None if course.reach is None else planned_rate(course.still, wanted[2:4], mass, model.gravity),
+    )
 
 
 def _course(
@@ -173,13 +194,14 @@ def _course(
 
     # drag at the reference's motion: at the present one it would feed noise and errors into the posture
     def drag(motion: Vec3) -> Vec3:
-        return R.apply(side_wrench(model, state.rotor_speeds, R.apply_T(motion), ZERO3).force)
+        return R.apply(side_wrench(model, state.rotor_speeds, R.apply_T(motion), ZERO3, par.uses_sideways).force)
 
     changes = (drag(base[2]), drag(base[3])) if par.moves_shift else (ZERO3, ZERO3)
     force = center_of_mass.quasi_static(par, mass, base, steady + drag(base[1]), changes)
-    still = _attitude(par, model, force, yaw)
+    reach = reach_of(par.mixer, derivative(level.com, 0), mass * model.gravity) if par.uses_sideways else None
+    still = _attitude(par, model, force, yaw, reach)
     if par.mode != "tip":
-        return Course(base=base, still=still, level=level, turned=joints)
+        return Course(base=base, still=still, level=level, turned=joints, reach=reach)
     goal = tip_reference.goal(vehicle, base, yaw, joints, level)
     turned = _level_links(par, model, goal, still, joints, level)
     upright_posture, level = level, posture(vehicle, turned, 4)
@@ -189,11 +211,13 @@ def _course(
         shift, *changing = tip_reference.differentiated(shift, offset[2], par.shift_bandwidth, dt)
         offset = [*offset, *changing]
     base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[len(offset) :]]
-    return Course(base=base, still=still, level=level, turned=turned, goal=goal, shift=shift)
+    return Course(base=base, still=still, level=level, turned=turned, goal=goal, shift=shift, reach=reach)
 
 
-def _attitude(par: CentroidalParameters, model: Model, force: Vec3, yaw: Taylor) -> Attitude:
-    """Attitude of a force; towards upright where the force is small, if the law shall."""
+def _attitude(par: CentroidalParameters, model: Model, force: Vec3, yaw: Taylor, reach: Reach | None) -> Attitude:
+    """Attitude of a force, or of what the rotors do not give sideways; upright where it is small, if the law shall."""
+    if reach is not None:
+        force = leaning(reach, force, par.sideways)
     if par.softens_attitude:
         force = upright(force, model.vehicle.mass * model.gravity, par.low_thrust)
     return attitude(force, yaw.truncated(2))

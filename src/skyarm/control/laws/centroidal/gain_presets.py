@@ -21,6 +21,7 @@ COMMON: Mapping[str, Any] = {
     "shift_bandwidth": 0.0,
     "low_thrust": 0.0,
     "arm_turn": 0.0,
+    "sideways": 0.0,
     "lag": (0.0, 0.0),
 }
 """Limits and weights of all presets; see :class:`CentroidalParameters`, :class:`TipGains` and :class:`BaseGains`."""
@@ -86,6 +87,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "shift_bandwidth": (0.0, 1e3),
     "low_thrust": (0.0, 1.0),
     "arm_turn": (0.0, 1e6),
+    "sideways": (0.0, 1.0),
 }
 """Lowest and highest value of the entries that are one number; the others are gains, at least 0."""
 

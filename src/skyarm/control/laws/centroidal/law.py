@@ -6,7 +6,8 @@ accelerations: of the joints' references, or of tip and link orientations. 6. In
 base: the real thrust goes in, the base's acceleration comes out, then body and joint torques. 7. Rotor commands undo
 the lag.
 
-Assumes a model of rigid bodies, rotors whose thrust is along body z but for the disturbance, and motor time constants.
+Assumes a model of rigid bodies, rotors whose thrust is along body z but for the disturbance (with ``sideways`` in any
+direction), and motor time constants.
 Sources: Lee, Leok, McClamroch 2010; Gao 2003; the parts cite their own.
 """
 
@@ -58,7 +59,13 @@ def centroidal(
     )
     alone = disturbance(observed) + feedforward
     unknown = with_side(
-        model, alone, observed.quaternion.rotation(), observed.rotor_speeds, observed.velocity, observed.rate
+        model,
+        alone,
+        observed.quaternion.rotation(),
+        observed.rotor_speeds,
+        observed.velocity,
+        observed.rate,
+        par.uses_sideways,
     )
     state = _present(par, model, measurement, memory, observed, unknown, dt)
     share = 1.0 - exp(-(par.tip.shift_rate * dt))
@@ -114,5 +121,5 @@ def _present(
         rotor_speeds=observed.rotor_speeds,
     )
     for command in memory.sent[1:]:
-        state = predict(model, state, command, unknown, dt)
+        state = predict(model, state, command, unknown, dt, par.uses_sideways)
     return state

@@ -59,7 +59,8 @@ def make_centroidal(
         changes: entries of the preset to replace.
 
     Raises:
-        ControllerError: an unknown mode or preset, an option out of its range, or no end effector.
+        ControllerError: an unknown mode or preset, an option out of its range, no end effector, or ``sideways`` for
+            rotors that do not span torque and force in all directions.
         AllocationError: the rotors do not span torque and thrust.
     """
     mode = MODE_ALIASES.get(mode, mode) if isinstance(mode, str) else mode
@@ -76,7 +77,7 @@ def make_centroidal(
     stiffness, damping = gains["arm"]
     par = CentroidalParameters(
         model=model,
-        mixer=_mixer(vehicle),
+        mixer=_mixer(vehicle, gains["sideways"] > 0.0),
         mode=mode,
         base=BaseGains(
             position=Vec3(kp, kp, kp),
@@ -116,6 +117,8 @@ def make_centroidal(
         softens_attitude=gains["low_thrust"] > 0.0,
         arm_turn=gains["arm_turn"],
         limits_arm=gains["arm_turn"] > 0.0 and vehicle.n > 0,
+        sideways=gains["sideways"],
+        uses_sideways=gains["sideways"] > 0.0,
         lag=_lag(gains["lag"], control_period),
     )
     if gains["bandwidth"] != 1.0:
@@ -124,7 +127,12 @@ def make_centroidal(
     return Controller(name=f"centroidal_{mode}", law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
 
 
-def _mixer(vehicle: Vehicle) -> Mixer:
+def _mixer(vehicle: Vehicle, sideways: bool) -> Mixer:
+    if sideways:
+        try:
+            return make_mixer(vehicle, "priority", sideways)
+        except AllocationError as error:
+            raise ControllerError(f"controller.sideways: {error}") from None
     try:
         return make_mixer(vehicle, "priority")
     except AllocationError:

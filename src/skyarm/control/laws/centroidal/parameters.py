@@ -65,6 +65,8 @@ class CentroidalParameters:
             leaves it out.
         arm_turn: rad/s^2, the most of angular acceleration that the base turns with to make good the arm's motion.
             limits_arm: False makes all of it good.
+        sideways: share of the rotors' room beside hover that a force across body z may take at a level attitude; what
+            is beyond tilts the base. uses_sideways: False leaves it out: all force is along body z.
         lag: how the bandwidth answers a lag that is found in flight; None for a law that trusts what it was told.
     """
 
@@ -100,6 +102,8 @@ class CentroidalParameters:
     softens_attitude: bool = False
     arm_turn: Annotated[Scalar, Unit("rad/s^2", "the most that the base turns with for the arm's motion")] = 0.0
     limits_arm: bool = False
+    sideways: Annotated[Scalar, Unit("", "share of the rotors' room that a force at level attitude takes")] = 0.0
+    uses_sideways: bool = False
     lag: LagGains | None = None
 
     def choices(self) -> list[str]:
@@ -110,6 +114,7 @@ class CentroidalParameters:
             "motion of the shift": self.moves_shift,
             "upright at low thrust": self.softens_attitude,
             "limited motion for the arm": self.limits_arm,
+            "sideways force": self.uses_sideways,
             "bandwidth by the lag found": self.lag is not None,
         }
         adapted += [name for name, there in added.items() if there]
