@@ -1,7 +1,7 @@
 """A governor of a scenario's reference: it slows the path parameter where the believed vehicle could not follow.
 
 The path stays as it is: no corner is cut. Errors are taken against the reference as it is commanded at each instant,
-and the lag s(t) - t stands beside them. The plan is made before the flight, from what the law believes; the scenario
+and the lag t - s(t) stands beside them. The plan is made before the flight, from what the law believes; the scenario
 keeps it as a curve of time (:class:`skyarm.reference.path_time.PathTime`), so that every engine flies the same numbers.
 """
 
@@ -52,7 +52,7 @@ def govern(scenario: Scenario, **options: float) -> Scenario:
 
     Args:
         scenario: whose reference, and whose law's belief.
-        options: reserve, tilt, joint_speed, fastest, as ``[reference.governor]`` of a scenario file has them.
+        options: reserve, tilt, turning, joint_speed, fastest, as ``[reference.governor]`` of a scenario file has them.
 
     Raises:
         ScenarioError: an option that there is not, or cannot be; a reference with phases that wait (until).
