@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
+from skyarm.actuation import yaw_room
 from skyarm.actuation.rotor import push
 from skyarm.algebra import ZERO3, Vec3, ldl_solve
 from skyarm.files.old_names import renamed
@@ -18,7 +19,7 @@ from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, add, divide, logical_and, maximum, minimum, mul, sqrt, sub, where
 from skyarm.vehicle.vehicle_records import Vehicle
 
-POLICIES = ("clip", "priority")
+POLICIES = ("clip", "priority", "thrust_before_yaw")
 
 OLD_POLICIES = {"rotors_clip": "clip"}
 """Names of the last version."""
@@ -40,7 +41,9 @@ class Mixer:
         inverse: one row of four per rotor, (rad/s)^2 per N m or N.
         highest: largest squared speed of each rotor, (rad/s)^2.
         policy: "clip" takes sqrt(max(0, w^2)) as RotorS does (the motor limits the speed later);
-            "priority" keeps roll and pitch torque, then thrust, then yaw within the rotors' limits.
+            "priority" keeps roll and pitch torque, then thrust, then yaw within the rotors' limits, where thrust makes
+            room for roll and pitch; with "thrust_before_yaw" yaw torque does so first (:mod:`yaw_room`).
+        yaw_slack: N m, by which "thrust_before_yaw" may turn against the wanted yaw torque to keep the thrust.
         across: one row of two per rotor for the force along body x and y, (rad/s)^2 per N; empty where rotors are not
             asked for one. ``inverse`` then gives none.
     """
@@ -51,6 +54,9 @@ class Mixer:
     ]
     highest: Annotated[tuple[Scalar, ...], Unit("(rad/s)^2", "largest squared speed of each rotor", infinite=True)]
     policy: str = "clip"
+    yaw_slack: Annotated[Scalar, Unit("N m", "yaw torque against the wanted one that keeping the thrust may take")] = (
+        0.0
+    )
     across: Annotated[
         tuple[tuple[Scalar, ...], ...],
         Unit("(rad/s)^2 per N", "for force along body x and y, a row a rotor; follows from the rotors"),
@@ -70,7 +76,7 @@ def allocation_matrix(vehicle: Vehicle, sideways: bool = False) -> list[list[Any
     return [[column[row] for column in columns] for row in range(6 if sideways else 4)]
 
 
-def make_mixer(vehicle: Vehicle, policy: str = "clip", sideways: bool = False) -> Mixer:
+def make_mixer(vehicle: Vehicle, policy: str = "clip", sideways: bool = False, yaw_slack: Any = 0.0) -> Mixer:
     """Moore-Penrose inverse A^T (A A^T)^-1 of the vehicle's allocation matrix; ``sideways`` of all its six rows.
 
     Raises:
@@ -88,11 +94,12 @@ def make_mixer(vehicle: Vehicle, policy: str = "clip", sideways: bool = False) -
         tuple(_dot([A[k][rotor] for k in range(size)], inverse_gram[j]) for j in range(size))
         for rotor in range(len(vehicle.rotors))
     )
-    if policy == "priority":
+    if policy != "clip":
         _require_thrust_shares(vehicle, [row[3] for row in rows])
     highest = tuple(push(rotor, rotor.max_speed) for rotor in vehicle.rotors)
     across = tuple(row[4:] for row in rows) if sideways else ()
-    return Mixer(inverse=tuple(row[:4] for row in rows), highest=highest, policy=policy, across=across)
+    inverse = tuple(row[:4] for row in rows)
+    return Mixer(inverse=inverse, highest=highest, policy=policy, yaw_slack=yaw_slack, across=across)
 
 
 def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
@@ -148,7 +155,7 @@ def mix(mixer: Mixer, torque: Vec3, thrust: Any, across: Vec3 = ZERO3) -> tuple[
         The commanded speeds and the squared speeds of torque and thrust before any limit.
     """
     raw = tuple(_dot(row, [*torque, thrust]) for row in mixer.inverse)
-    allowed = _prioritized(mixer, torque, thrust) if mixer.policy == "priority" else raw
+    allowed = _prioritized(mixer, torque, thrust) if mixer.policy != "clip" else raw
     if mixer.across:
         side = [_dot(row, [across.x, across.y]) for row in mixer.across]
         allowed = _with_side(mixer, raw, allowed, side)
@@ -163,14 +170,29 @@ def _prioritized(mixer: Mixer, torque: Vec3, thrust: Any) -> tuple[Any, ...]:
     """
     per_newton = [row[3] for row in mixer.inverse]
     tilt = [add(mul(row[0], torque.x), mul(row[1], torque.y)) for row in mixer.inverse]
-    yaw = [mul(row[2], torque.z) for row in mixer.inverse]
     share = _tilt_share(tilt, per_newton, mixer.highest)
     tilt = [mul(each, share) for each in tilt]
+    if mixer.policy == "thrust_before_yaw":
+        return _thrust_before_yaw(mixer, tilt, torque.z, thrust)
+    yaw = [mul(row[2], torque.z) for row in mixer.inverse]
     low, high = _thrust_range(tilt, per_newton, mixer.highest)
     held = minimum(maximum(thrust, low), high)
     kept = [add(mul(each, held), turn) for each, turn in zip(per_newton, tilt, strict=True)]
     yaw_share = _largest_share(kept, yaw, mixer.highest)
     wanted = [add(a, mul(b, yaw_share)) for a, b in zip(kept, yaw, strict=True)]
+    return tuple(minimum(maximum(w, 0.0), top) for w, top in zip(wanted, mixer.highest, strict=True))
+
+
+def _thrust_before_yaw(mixer: Mixer, tilt: Sequence[Any], yaw: Any, thrust: Any) -> tuple[Any, ...]:
+    """Squared speeds within [0, highest] beside those of roll and pitch: thrust first, then yaw torque."""
+    per_newton, per_turn = [row[3] for row in mixer.inverse], [row[2] for row in mixer.inverse]
+    bounds = yaw_room.bounds(tilt, per_newton, per_turn, mixer.highest, yaw, mixer.yaw_slack)
+    held = yaw_room.nearest_thrust(bounds, thrust)
+    turn = yaw_room.nearest_yaw(bounds, held, yaw)
+    wanted = [
+        add(add(value, mul(slope, held)), mul(turning, turn))
+        for value, slope, turning in zip(tilt, per_newton, per_turn, strict=True)
+    ]
     return tuple(minimum(maximum(w, 0.0), top) for w, top in zip(wanted, mixer.highest, strict=True))
 
 
@@ -218,7 +240,7 @@ def _with_side(mixer: Mixer, raw: Sequence[Any], allowed: Sequence[Any], side: S
     It may be what brings torque and thrust (``raw``) within the limits; where no share of it does, it takes what room
     is left beside what the limits leave of them (``allowed``).
     """
-    if mixer.policy != "priority":
+    if mixer.policy == "clip":
         return tuple(add(value, change) for value, change in zip(raw, side, strict=True))
     low: Any = 0.0
     high: Any = 1.0

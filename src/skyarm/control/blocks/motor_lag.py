@@ -41,14 +41,15 @@ def led(
 
     Args:
         rotors: with their time constants.
-        mixer: of all six rows.
+        mixer: of all six rows, or of four: then of the force along z alone.
         force_rate: planned, body axes, N/s.
         squares: of each rotor.
         dt: control period, s.
         share: of the lag that commands invert, as in :func:`command_for`.
     """
     ahead = []
-    for rotor, thrust, across, square in zip(rotors, mixer.inverse, mixer.across, squares, strict=True):
+    sides = mixer.across or ((0, 0),) * len(rotors)
+    for rotor, thrust, across, square in zip(rotors, mixer.inverse, sides, squares, strict=True):
         change = add(mul(thrust[3], force_rate.z), add(mul(across[0], force_rate.x), mul(across[1], force_rate.y)))
         tau = where(change > 0.0, rotor.time_constant_up, rotor.time_constant_down)
         ahead.append(square + change * divide(dt, 1.0 - (1.0 - share) * exp(divide(-dt, tau))))

@@ -7,16 +7,18 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
-from skyarm.control.blocks.attitude import Attitude, angular_acceleration, attitude, upright
+from skyarm.control.blocks.attitude import Attitude, angular_acceleration
 from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.force_trend import ForceTrend
 from skyarm.control.blocks.prediction import side_wrench
 from skyarm.control.blocks.series_kinematics import Posture, derivative, moving, posture
-from skyarm.control.blocks.sideways_force import Reach, leaning, planned_rate, reach_of
+from skyarm.control.blocks.sideways_force import Reach, planned_rate, reach_of
 from skyarm.control.laws.centroidal import com_tracking as center_of_mass
 from skyarm.control.laws.centroidal import tip_reference, tip_tasks
 from skyarm.control.laws.centroidal.arm_motion import ArmMotion, followed, made_good
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.tip_reference import ShiftMotion
+from skyarm.control.laws.centroidal.wanted_attitude import wanted_attitude
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.kinematics import Pose, link_poses
@@ -46,11 +48,12 @@ class Following:
     """What the demands of the next period need to know; empty where the law does without.
 
     Attributes:
-        shift: differentiators of the base's shift. arm: size and mean of the arm's motion.
+        shift: differentiators of the base's shift. arm: size and mean of the arm's motion. trend: of the force.
     """
 
     shift: ShiftMotion | tuple[()] = ()
     arm: ArmMotion | tuple[()] = ()
+    trend: ForceTrend | tuple[()] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -100,6 +103,7 @@ def demands(
     signals: Sequence[Taylor],
     unknown: Disturbance,
     steady: Vec3,
+    force_rate: Vec3,
     before: Following,
     dt: Any,
 ) -> Demand:
@@ -112,13 +116,14 @@ def demands(
         signals: x, y, z, yaw and the joints, series in time.
         unknown: disturbance.
         steady: its force without the rotors' own drag, which the posture follows.
+        force_rate: how the force changes, as far as that is believed, N/s, world axes.
         before: of the period before.
         dt: control period, s.
     """
     vehicle, mass = model.vehicle, model.vehicle.mass
     yaw, joints = signals[3], tuple(signals[4:])
     R, w = state.quaternion.rotation(), state.rate
-    course = _course(par, model, state, signals, steady, before, dt)
+    course = _course(par, model, state, signals, steady, force_rate, before, dt)
     now = posture(vehicle, moving(state.joints, state.joint_rates, (0,) * vehicle.n), 2)
     arm, h = before.arm, [derivative(course.level.com, k) for k in range(5)]
     if isinstance(arm, ArmMotion):
@@ -134,9 +139,10 @@ def demands(
         R=R,
         w=w,
         disturbance=unknown.force,
+        force_rate=force_rate,
         reach=course.reach,
     )
-    alpha = angular_acceleration(par.base, _attitude(par, model, push.force, yaw, course.reach), R, w)
+    alpha = angular_acceleration(par.base, wanted_attitude(par, push.force, yaw, course.reach), R, w)
     preferred = joint_accelerations(par, state, joints)
     if course.goal is not None:
         present = tip_tasks.Now(
@@ -164,7 +170,8 @@ def demands(
         proper=course.still.R.apply_T(course.base[2] + E_Z * par.model.gravity),
         joints=course.turned,
     )
-    following = Following(shift=course.shift, arm=arm)
+    following = Following(shift=course.shift, arm=arm, trend=before.trend)
+    ahead = par.leads_thrust or course.reach is not None
     return Demand(
         thrust=push.along,
         alpha=alpha,
@@ -172,7 +179,7 @@ def demands(
         planned=plan,
         following=following,
         across=push.across,
-        force_rate=None if course.reach is None else planned_rate(course.still, wanted[2:4], mass, model.gravity),
+        force_rate=planned_rate(course.still, wanted[2:4], mass, model.gravity) if ahead else None,
     )
 
 
@@ -182,6 +189,7 @@ def _course(
     state: State,
     signals: Sequence[Taylor],
     steady: Vec3,
+    force_rate: Vec3,
     before: Following,
     dt: Any,
 ) -> Course:
@@ -197,9 +205,10 @@ def _course(
         return R.apply(side_wrench(model, state.rotor_speeds, R.apply_T(motion), ZERO3, par.uses_sideways).force)
 
     changes = (drag(base[2]), drag(base[3])) if par.moves_shift else (ZERO3, ZERO3)
+    changes = (changes[0] + force_rate, changes[1])
     force = center_of_mass.quasi_static(par, mass, base, steady + drag(base[1]), changes)
     reach = reach_of(par.mixer, derivative(level.com, 0), mass * model.gravity) if par.uses_sideways else None
-    still = _attitude(par, model, force, yaw, reach)
+    still = wanted_attitude(par, force, yaw, reach)
     if par.mode != "tip":
         return Course(base=base, still=still, level=level, turned=joints, reach=reach)
     goal = tip_reference.goal(vehicle, base, yaw, joints, level)
@@ -212,15 +221,6 @@ def _course(
         offset = [*offset, *changing]
     base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[len(offset) :]]
     return Course(base=base, still=still, level=level, turned=turned, goal=goal, shift=shift, reach=reach)
-
-
-def _attitude(par: CentroidalParameters, model: Model, force: Vec3, yaw: Taylor, reach: Reach | None) -> Attitude:
-    """Attitude of a force, or of what the rotors do not give sideways; upright where it is small, if the law shall."""
-    if reach is not None:
-        force = leaning(reach, force, par.sideways)
-    if par.softens_attitude:
-        force = upright(force, model.vehicle.mass * model.gravity, par.low_thrust)
-    return attitude(force, yaw.truncated(2))
 
 
 def joint_accelerations(par: CentroidalParameters, state: State, joints: Sequence[Taylor]) -> tuple[Any, ...]:

@@ -11,6 +11,7 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains, first_observed
 from skyarm.control.blocks.extrapolation import Channel
+from skyarm.control.blocks.force_trend import first_trend, trend_gains
 from skyarm.control.blocks.lag_estimate import LagGains, first_lag, stride_of
 from skyarm.control.blocks.select import data
 from skyarm.control.controller import Controller, ControllerError, all_applied
@@ -77,7 +78,7 @@ def make_centroidal(
     stiffness, damping = gains["arm"]
     par = CentroidalParameters(
         model=model,
-        mixer=_mixer(vehicle, gains["sideways"] > 0.0),
+        mixer=_mixer(vehicle, gains["sideways"] > 0.0, gains["yaw_slack"]),
         mode=mode,
         base=BaseGains(
             position=Vec3(kp, kp, kp),
@@ -119,6 +120,12 @@ def make_centroidal(
         limits_arm=gains["arm_turn"] > 0.0 and vehicle.n > 0,
         sideways=gains["sideways"],
         uses_sideways=gains["sideways"] > 0.0,
+        attitude=gains["attitude"],
+        holds_attitude=_holds(gains["attitude"], gains["sideways"]),
+        approach=gains["approach"],
+        brakes=gains["approach"] > 0.0,
+        trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] > 0.0 else None,
+        leads_thrust=gains["thrust_lead"],
         lag=_lag(gains["lag"], control_period),
     )
     if gains["bandwidth"] != 1.0:
@@ -127,14 +134,25 @@ def make_centroidal(
     return Controller(name=f"centroidal_{mode}", law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
 
 
-def _mixer(vehicle: Vehicle, sideways: bool) -> Mixer:
+def _holds(attitude: tuple[float, float], sideways: float) -> bool:
+    """Whether the law holds an attitude other than level."""
+    if any(attitude) and not sideways:
+        raise ControllerError(f"controller.attitude = {shown(attitude)}: must be level without the option sideways")
+    return any(attitude)
+
+
+def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float) -> Mixer:
+    """Allocation; ``yaw_slack`` in rad/s^2 of the vehicle with its joints at zero."""
+    policy = "priority" if yaw_slack == 0.0 else "thrust_before_yaw"
+    inertia = dynamics.mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)[5][5] if yaw_slack else 0.0
+    slack = yaw_slack * float(inertia)
     if sideways:
         try:
-            return make_mixer(vehicle, "priority", sideways)
+            return make_mixer(vehicle, policy, sideways, slack)
         except AllocationError as error:
             raise ControllerError(f"controller.sideways: {error}") from None
     try:
-        return make_mixer(vehicle, "priority")
+        return make_mixer(vehicle, policy, yaw_slack=slack)
     except AllocationError:
         return make_mixer(vehicle)
 
@@ -176,6 +194,7 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
         following=Following(
             shift=ShiftMotion(acceleration=zero, jerk=zero) if par.moves_shift else (),
             arm=ArmMotion(size=0.0, mean=zero) if par.limits_arm else (),
+            trend=() if par.trend is None else first_trend(),
         ),
         lag=() if par.lag is None else first_lag(vehicle.n, par.lag.stride),
     )
