@@ -177,7 +177,7 @@ WINDOWS = Windows(
 )
 
 
-LATER = ("x_error_max", "ee_time_outside")
+LATER = ("x_error_max", "ee_time_outside", "reference_lag_mean", "reference_lag_max")
 """Metrics that there were not yet when the digests were taken."""
 
 

@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from skyarm.scenario.changes import Change
     from skyarm.scenario.endings import Ending
     from skyarm.scenario.numbers import with_numbers
+    from skyarm.scenario.path_governor import govern
     from skyarm.scenario.scenario_file import list_scenarios, load_scenario, scenario_from
     from skyarm.scenario.scenario_record import Delays, JointDrive, NamedSensor, Rates, Scenario, ScenarioError
     from skyarm.sensors.measurement import Measurement
@@ -121,6 +122,7 @@ _ROOMS = {
     "skyarm.scenario.changes": ("Change",),
     "skyarm.scenario.endings": ("Ending",),
     "skyarm.scenario.numbers": ("with_numbers",),
+    "skyarm.scenario.path_governor": ("govern",),
     "skyarm.scenario.scenario_file": ("list_scenarios", "load_scenario", "scenario_from"),
     "skyarm.scenario.scenario_record": ("Delays", "JointDrive", "NamedSensor", "Rates", "Scenario", "ScenarioError"),
     "skyarm.sensors.measurement": ("Measurement",),
@@ -205,6 +207,7 @@ __all__ = [
     "forward_dynamics",
     "frame_jacobian",
     "frame_pose_world",
+    "govern",
     "hover",
     "hover_delay",
     "inverse_dynamics",

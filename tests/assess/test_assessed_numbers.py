@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.actuation import make_mixer, mix
+from skyarm.actuation import make_mixer, mix, motion_demand
 from skyarm.actuation.hover import highest_thrust, hover_trim
 from skyarm.algebra import Sym3, Vec3
 from skyarm.assess import along_reference, mujoco_certificate
@@ -253,12 +253,12 @@ def test_the_locked_inertia_is_that_of_the_bodies_by_steiner():
 
 def test_attitude_and_rates_along_a_reference_are_a_rotation_s():
     time, w = np.linspace(0.0, 1.0, 401), 1.7
-    R = along_reference._attitude(np.array([np.sin(0.3), 0.0, np.cos(0.3)])[:, None] * np.ones(401), 0.0 * time)
+    R = motion_demand.attitude(np.array([np.sin(0.3), 0.0, np.cos(0.3)])[:, None] * np.ones(401), 0.0 * time)
     assert R[:, :, 0] == pytest.approx(
         np.array([[np.cos(0.3), 0.0, np.sin(0.3)], [0.0, 1.0, 0.0], [-np.sin(0.3), 0.0, np.cos(0.3)]]), abs=1e-12
     )
-    level = along_reference._attitude(np.array([0.0, 0.0, 1.0])[:, None] * np.ones(401), w * time)
-    rate, turning = along_reference._rates(level, time)
+    level = motion_demand.attitude(np.array([0.0, 0.0, 1.0])[:, None] * np.ones(401), w * time)
+    rate, turning = motion_demand.rates_of(level, time)
     assert rate[:, 200] == pytest.approx([0.0, 0.0, w], abs=1e-4)
     assert turning[:, 200] == pytest.approx([0.0, 0.0, 0.0], abs=1e-6)
 

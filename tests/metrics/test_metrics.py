@@ -38,7 +38,7 @@ def log(**arrays: Array | Callable[[Array], Array]) -> Log:
     values: dict[str, Any] = {
         field.name: np.zeros(shapes.get(field.name, (n, 3)))
         for field in dataclasses.fields(Log)
-        if field.name != "info"
+        if field.name not in ("info", "path_time")
     }
     values["time"] = t
     values["quaternion"][:, 0] = 1.0

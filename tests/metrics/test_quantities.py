@@ -41,6 +41,7 @@ def instant():
         before=tuple(BEFORE),
         held=goal(HELD),
         continuous=goal(SMOOTH),
+        lag=0.35,
     )
 
 
@@ -62,6 +63,7 @@ def expected(wanted):
         "pitch": pitch,
         "pitch_size": abs(pitch),
         "tilt": np.arccos(TURN.as_matrix()[2, 2]),
+        "lag": 0.35,
         "rate_square": np.sum(np.square(NOW["rate"])),
         "jitter_size": np.mean(np.abs(change)),
         "jitter_square": np.mean(change**2),

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from skyarm import dynamics
 from skyarm.actuation import make_mixer
-from skyarm.algebra import Mat3, Vec3
+from skyarm.actuation.motion_demand import Demand, demand_of_motion, motion_of
 from skyarm.assess.arm_poses import Array
 from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
 from skyarm.assess.joint_torques import effort_limits
-from skyarm.assess.level_hover import WRENCH, Allocation
+from skyarm.assess.level_hover import Allocation
 from skyarm.assess.servo_speeds import OFTEN, servo_speeds, servos
-from skyarm.dynamics.state import proper_acceleration
 from skyarm.environment import ForceWind
+from skyarm.records.leaves import field_names
+from skyarm.reference.path_time import governed
 from skyarm.scenario.scenario_record import Scenario
 
 INSTANTS, FEWEST = 2000, 9
@@ -33,22 +32,6 @@ JUMP = 1e-9
 
 LEFT = 1e-3
 """Share of its limit that a servo is taken to have left where its speed leaves it nothing."""
-
-
-@dataclass(frozen=True, slots=True)
-class Demand:
-    """What a reference asks for.
-
-    Attributes:
-        time: (K,) s. squared: (rotors, K) (rad/s)^2, of the exact mixer without limits. efforts: (n, K) N m or N.
-        joints, rates: (n, K) rad or m, and per s.
-    """
-
-    time: Array
-    squared: Array
-    efforts: Array
-    joints: Array
-    rates: Array
 
 
 def along_reference(scenario: Scenario) -> list[Finding]:
@@ -85,13 +68,14 @@ def _shares(scenario: Scenario, demand: Demand) -> Array:
 def demand_of(scenario: Scenario) -> Demand:
     """Rotor speeds and joint efforts that follow a scenario's reference exactly."""
     pieces = [_stretch(scenario, time) for time in _stretches(scenario)]
-    return Demand(*(np.concatenate(each, axis=-1) for each in zip(*pieces, strict=True)))
+    names = field_names(Demand) or ()
+    return Demand(*(np.concatenate([getattr(piece, name) for piece in pieces], axis=-1) for name in names))
 
 
 def _stretches(scenario: Scenario) -> list[Array]:
     """Instants between the reference's jumps, (K,) each, right-hand ends left out."""
     end = scenario.duration
-    cuts = [0.0, *(t for t in scenario.trajectory.switch_times() if 0.0 < t < end), end]
+    cuts = [0.0, *(t for t in _switches(scenario) if 0.0 < t < end), end]
     found = []
     for a, b in pairwise(cuts):
         if b - a < SHORTEST and end > SHORTEST:
@@ -101,59 +85,20 @@ def _stretches(scenario: Scenario) -> list[Array]:
     return found
 
 
-def _stretch(scenario: Scenario, time: Array) -> tuple[Array, ...]:
+def _switches(scenario: Scenario) -> list[float]:
+    """Times of the flight at which what the law is told may jump, in order, s."""
+    path, times = scenario.path_time, scenario.trajectory.switch_times()
+    return list(times) if path is None else [path.when(t) for t in times if t > 0.0]
+
+
+def _stretch(scenario: Scenario, time: Array) -> Demand:
     vehicle, gravity = scenario.world.vehicle, float(scenario.world.gravity)
-    reference, count = scenario.trajectory.at(time), len(time)
-
-    def lanes(values: object) -> Array:
-        rows = [np.broadcast_to(np.asarray(v, dtype=float), count) for v in values]  # type: ignore[attr-defined]
-        return np.stack(rows) if rows else np.zeros((0, count))
-
-    a, yaw = lanes(reference.acceleration), lanes([reference.yaw])[0]
-    q, qd, qdd = (lanes(v) for v in (reference.joints, reference.joint_rates, reference.joint_accelerations))
+    path = scenario.path_time
+    reference = scenario.trajectory.at(time) if path is None else governed(scenario.trajectory, path, time)
     wind = np.zeros((3, 1))
     if isinstance(scenario.wind, ForceWind):
         wind = np.array([[float(c)] for c in scenario.wind.force_W])
-    needed = float(vehicle.mass) * (a + np.array([[0.0], [0.0], [gravity]])) - wind
-    still = Vec3(0.0, 0.0, 0.0)
-    for _ in range(2):  # the reaction of the arm's own motion turns the force that the base must give
-        R = _attitude(needed, yaw)
-        base = proper_acceleration(_matrix(R), Vec3(*a), still, gravity)
-        force, _ = dynamics.inverse_dynamics(vehicle, tuple(q), still, tuple(qd), base, tuple(qdd))
-        needed = np.einsum("ijk,jk->ik", R, lanes(force.force)) - wind
-    R = _attitude(needed, yaw)
-    rate, turning = _rates(R, time)
-    base = proper_acceleration(_matrix(R), Vec3(*a), Vec3(*turning), gravity)
-    force, efforts = dynamics.inverse_dynamics(vehicle, tuple(q), Vec3(*rate), tuple(qd), base, tuple(qdd))
-    needed = np.einsum("ijk,jk->ik", R, lanes(force.force)) - wind
-    wrench = np.vstack([lanes(force.torque), np.einsum("ik,ik->k", R[:, 2], needed)[None]])
-    squared = Allocation.of(make_mixer(vehicle)).squared(wrench[:WRENCH])
-    friction = [
-        float(k.joint.damping) * rates + float(k.joint.coulomb) * np.tanh(rates / float(k.joint.coulomb_rate))
-        for k, rates in zip(vehicle.links, qd, strict=True)
-    ]
-    return time, squared, lanes(efforts) + (np.array(friction) if friction else 0.0), q, qd
-
-
-def _attitude(force: Array, yaw: Array) -> Array:
-    """R_WB (3, 3, K) whose z is along the force and whose x heads along the yaw (Mellinger, Kumar 2011)."""
-    z = force / np.maximum(np.linalg.norm(force, axis=0), 1e-12)
-    heading = np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)])
-    y = np.cross(z, heading, axis=0)
-    y /= np.maximum(np.linalg.norm(y, axis=0), 1e-12)
-    return np.stack([np.cross(y, z, axis=0), y, z], axis=1)
-
-
-def _rates(R: Array, time: Array) -> tuple[Array, Array]:
-    """Angular velocity and acceleration (3, K), base axes, by central differences."""
-    dR = np.gradient(R, time, axis=2, edge_order=2)
-    W = np.einsum("jik,jlk->ilk", R, dR)
-    rate = 0.5 * np.stack([W[2, 1] - W[1, 2], W[0, 2] - W[2, 0], W[1, 0] - W[0, 1]])
-    return rate, np.gradient(rate, time, axis=1, edge_order=2)
-
-
-def _matrix(R: Array) -> Mat3:
-    return Mat3(*(Vec3(*(R[i, j] for j in range(3))) for i in range(3)))
+    return demand_of_motion(vehicle, gravity, motion_of(reference, time), wind)
 
 
 def _jumps(scenario: Scenario) -> list[Finding]:

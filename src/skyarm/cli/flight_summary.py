@@ -11,10 +11,14 @@ from rich.text import Text
 from skyarm.cli.terminal_chart import chart
 from skyarm.cli.terminal_tables import add, shown, table_of
 from skyarm.files import printable
+from skyarm.metrics.path_distance import path_distance
 from skyarm.metrics.windows import Windows, windows_of
 from skyarm.simulate import Log
 
 LABELS = {"position": "position, m", "joints": "joints, rad or m", "tip": "tip, m"}
+
+BESIDE = {"lag": "governor's lag, s", "base_to_path": "base to its path, m", "tip_to_path": "tip to its path, m"}
+"""What stands beside the errors of a flight with a governor."""
 
 
 def episode(log: Log) -> RenderableType:
@@ -28,6 +32,8 @@ def episode(log: Log) -> RenderableType:
     table = table_of("error", f"mean, {steady}", f"max, {steady}", "max, whole flight")
     for what, found in errors(log).items():
         add(table, LABELS[what], *("-" if value is None else shown(value, 4) for value in found.values()))
+    for what, found in beside_errors(log).items():
+        add(table, BESIDE[what], *("-" if value is None else shown(value, 4) for value in found.values()))
     return Group(*heads, table, *([Text(lag_words(log))] if log.lag_found.size else []))
 
 
@@ -45,8 +51,11 @@ def facts(log: Log) -> dict[str, Any]:
     if not log.time.size:
         return found
     steady = steady_window(log)
-    lag = {"lag_found_s": log.lag_found[-1]} if log.lag_found.size else {}
-    return found | {"steady_window_s": [steady.start, steady.stop], "errors": errors(log)} | lag
+    found |= {"steady_window_s": [steady.start, steady.stop], "errors": errors(log)}
+    if log.lag_found.size:
+        found["lag_found_s"] = log.lag_found[-1]
+    beside = beside_errors(log)
+    return found | ({"governor": beside} if beside else {})
 
 
 def steady_window(log: Log) -> Any:
@@ -59,9 +68,26 @@ def errors(log: Log) -> dict[str, dict[str, float | None]]:
 
     None where nothing of the window was flown.
     """
+    return _summed(log, error_norms(log))
+
+
+def beside_errors(log: Log) -> dict[str, dict[str, float | None]]:
+    """The same of a governor's lag, s, and of the distances of base and tip to the curves that they follow, m.
+
+    Empty without a governor.
+    """
+    if not log.path_time.size:
+        return {}
+    distances = {"lag": log.time - log.path_time, "base_to_path": path_distance(log.position, log.position_reference)}
+    if not np.array_equal(log.tool, log.position):
+        distances["tip_to_path"] = path_distance(log.tool, log.tool_reference)
+    return _summed(log, distances)
+
+
+def _summed(log: Log, quantities: dict[str, Any]) -> dict[str, dict[str, float | None]]:
     inside = steady_window(log).of(log)
     found: dict[str, dict[str, float | None]] = {}
-    for what, error in error_norms(log).items():
+    for what, error in quantities.items():
         mean, most = (float(error[inside].mean()), float(error[inside].max())) if inside.any() else (None, None)
         found[what] = {"mean": mean, "max": most, "max_whole_flight": float(error.max())}
     return found

@@ -15,7 +15,7 @@ from skyarm.records.units import units
 
 SCHEMA = 1
 
-SCALARS = ("time", "yaw_held", "yaw_reference")
+SCALARS = ("time", "yaw_held", "yaw_reference", "path_time")
 """Arrays of a number an instant."""
 
 FOURS = ("quaternion",)
@@ -40,7 +40,7 @@ def log_of(content: Mapping[str, Any], info: Any, schema_words: str) -> Log:
         width = (3,) if name not in SCALARS else ()
         width = joints if name in JOINT_ARRAYS else rotors if name in ROTOR_ARRAYS else (4,) if name in FOURS else width
         array = np.asarray(content[name])
-        width = array.shape[1:2] if name in IF_ANY else width
+        width = array.shape[1:2] if name in IF_ANY and name not in SCALARS else width
         if len(count) != 1 or array.shape != (*count, *width) or array.ndim > 2 or array.dtype != np.float64:
             raise ValueError(schema_words)
     return Log(**content, info={name: value for name, value in info.items() if name != LAYOUT})

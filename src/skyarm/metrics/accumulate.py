@@ -42,7 +42,7 @@ class Instant:
     Attributes:
         state: of the plant. tool: its tip, world, m.
         command: issued now. before: rotor speeds commanded a period ago; those of now at the first instant.
-        held, continuous: the reference.
+        held, continuous: the reference. lag: s, by which a governor holds what the law is told back behind it.
     """
 
     state: State
@@ -51,6 +51,7 @@ class Instant:
     before: tuple[Scalar, ...]
     held: Goal
     continuous: Goal
+    lag: Scalar = 0.0
 
 
 def joint_norm(joints: tuple[Any, ...], wanted: tuple[Any, ...]) -> Any:
@@ -112,6 +113,7 @@ QUANTITIES: Mapping[str, Callable[[Instant, Goal], Any]] = {
     "tilt": lambda now, _: tilt(now.state.quaternion),
     "rate_square": lambda now, _: now.state.rate.dot(now.state.rate),
     "jitter_size": lambda now, _: _jitter_size(now),
+    "lag": lambda now, _: now.lag,
     "jitter_square": lambda now, _: _jitter_square(now),
 }
 """Errors (m, rad), attitude (rad), squared body rate, rotor jitter (rad/s, and squared); efforts are ``effort`` + i."""

@@ -108,6 +108,8 @@ FREE = {
     "rate_rms": _root_mean("steady", "rate_square"),
     "rotor_jitter": _root_mean("steady", "jitter_square"),
     "rotor_jitter_mean": _mean("steady", "jitter_size"),
+    "reference_lag_mean": _mean("steady", "lag"),
+    "reference_lag_max": _extreme("max", "whole", "lag"),
     # against the continuous reference always, as a mean height before the motion
     "hover_offset": _mean("hover", f"height{CONTINUOUS}"),
 }

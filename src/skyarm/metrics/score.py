@@ -130,4 +130,5 @@ def _instants(log: Log) -> Instant:
         before=rows(before),
         held=goal("held"),
         continuous=goal("reference"),
+        lag=log.time - log.path_time if log.path_time.size else np.zeros(log.time.size),
     )

@@ -40,6 +40,8 @@ WORDS: Mapping[str, tuple[str, str]] = {
     "tilt_rms": ("RMS tilt", "rad"),
     "tilt_max": ("largest tilt", "rad"),
     "rate_rms": ("RMS body rate", "rad/s"),
+    "reference_lag_mean": ("mean lag of the governor", "s"),
+    "reference_lag_max": ("largest lag of the governor", "s"),
     "rotor_jitter": ("RMS change of a rotor command per period", "rad/s"),
     "rotor_jitter_mean": ("mean change of a rotor command per period", "rad/s"),
 }

@@ -53,6 +53,9 @@ def places_of(scenario: Scenario, path: str) -> tuple[Place, ...]:
     for field in STRUCTURE:
         if path == field or path.startswith(f"{field}."):
             raise ScenarioError(f"path = {path!r}: {field} is structure, the same for all episodes; fly two studies")
+    if path.startswith("reference.") and scenario.path_time is not None:
+        allowed = "must stay as it is where the reference has a governor, which has planned for it"
+        raise ScenarioError(f"path = {path!r}: {allowed}; make a scenario of each (skyarm.govern)")
     if path.startswith("changes.") and not path.endswith(".value"):
         raise ScenarioError(f"path = {path!r}: must be changes.NUMBER.value; when a change comes is structure")
     for root, start in roots(scenario).items():

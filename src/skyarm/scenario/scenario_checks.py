@@ -86,6 +86,20 @@ def check_joined(scenario: Scenario) -> None:
             raise ValueError(f"reference.joined = {joined!r}: must not exceed the duration of {scenario.duration:g} s")
 
 
+def check_path_time(scenario: Scenario) -> None:
+    """A governor has planned for all of the flight."""
+    path = scenario.path_time
+    if path is None:
+        return
+    if scenario.trajectory.guards:
+        raise ValueError("reference.governor: must be left out of a reference whose phases wait (until)")
+    if path.duration < scenario.duration - 1e-9:
+        raise ValueError(
+            f"reference.governor: was planned for {path.duration:g} s, the flight lasts {scenario.duration:g} s; "
+            "plan it anew (skyarm.govern)"
+        )
+
+
 def check_additions(scenario: Scenario) -> None:
     """Named sensors tick with the loop and have names of their own; drives are of joints that are there."""
     rates, seen = scenario.rates, set[str]()

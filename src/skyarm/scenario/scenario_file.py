@@ -13,7 +13,8 @@ A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
                   without = ["coriolis", "coupling", "full_gravity", "feedforward"];
                   friction_compensation, rate_weights (one number a joint);
                   safety = true, or a table of limits (skyarm.control.safety.limits)
-    [reference]   see skyarm.reference.reference_tables; joined (s): the law rests at the reference of t = 0 until then
+    [reference]   see skyarm.reference.reference_tables; joined (s): the law rests at the reference of t = 0 until then;
+                  governor = true, or a table of limits (skyarm.scenario.path_governor)
     [environment] wind (see skyarm.environment.environment_tables), ground (true),
                   faults = [{ rotor or joint = name, effectiveness (a number or a signal), start }],
                   or { joint = name, stuck = true, start }
@@ -57,6 +58,7 @@ from skyarm.scenario import scenario_tables as tables
 from skyarm.scenario.change_checks import require_changes
 from skyarm.scenario.changes import Change, changes_from, require_within, without_law
 from skyarm.scenario.law_by_name import loop_facts
+from skyarm.scenario.path_governor import with_governor
 from skyarm.scenario.payload_tables import belief_changes, payloads_from
 from skyarm.scenario.reference_setting import in_folder, setting_of
 from skyarm.scenario.scenario_of_log import scenario_of_log
@@ -165,7 +167,8 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
     chosen["duration"] = number(chosen["duration"], "duration", low=0.0, strict=True)
     controller = Fields(top.take("controller"), "controller")
     rates, delays = tables.rates(top), tables.delays(top)
-    motion, joined = tables.joined(top.take("reference", {}))
+    governed, governor = tables.governor(top.take("reference", {}))
+    motion, joined = tables.joined(governed)
     longest = max(chosen["duration"], number(in_file["duration"], "duration"))
     setting = setting_of(world, longest)
     trajectory = reference_from(in_folder(motion, folder), world.vehicle.n, "reference", setting)
@@ -206,9 +209,9 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
     initial = top.take("initial", None)
     top.done()
     require_changes(scenario)
-    if initial is None:
-        return scenario
-    return dataclasses.replace(scenario, initial=tables.initial(Fields(initial, "initial"), scenario))
+    if initial is not None:
+        scenario = dataclasses.replace(scenario, initial=tables.initial(Fields(initial, "initial"), scenario))
+    return scenario if governor is None else with_governor(scenario, governor, setting)
 
 
 def _changes(top: Fields, replaced: Mapping[str, Any]) -> tuple[Change, ...]:

@@ -24,6 +24,7 @@ from skyarm.records.coerce import RecordError, accept
 from skyarm.records.field_rules import require_fields, rules
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.reference import Trajectory
+from skyarm.reference.path_time import PathTime
 from skyarm.registry.registrations import registrations
 from skyarm.scalars import Scalar, cos, data, minimum, sin
 from skyarm.scenario.changes import Change
@@ -35,6 +36,7 @@ from skyarm.scenario.scenario_checks import (
     check_delays,
     check_initial,
     check_joined,
+    check_path_time,
     check_vehicles,
     require_whole,
 )
@@ -89,6 +91,8 @@ class Scenario:
         changes: what is other from an instant of the flight on (:mod:`skyarm.scenario.in_flight`); those that would
             come after the end of a shortened flight do not.
         payloads: loads that are picked up and set down in flight; the law knows of them as far as it is told.
+        path_time: of a governor (:func:`skyarm.govern`): how far along the reference the law is led, while errors are
+            taken against the reference as it is commanded; None leads it as commanded.
     """
 
     name: str
@@ -118,6 +122,7 @@ class Scenario:
     windows: Windows = Windows()
     changes: tuple[Change, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
     payloads: tuple[TimedPayload, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
+    path_time: PathTime | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         try:
@@ -211,6 +216,7 @@ def _check(scenario: Scenario) -> None:
             raise ScenarioError(f"{field} = {shown(value)}: {must_be_one_of(allowed, value)}")
     check_delays(scenario)
     check_joined(scenario)
+    check_path_time(scenario)
     check_additions(scenario)
     check_vehicles(scenario)
     check_clocks(scenario)

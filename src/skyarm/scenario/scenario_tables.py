@@ -18,8 +18,10 @@ from skyarm.environment import payload_from
 from skyarm.files import Fields, number, shown
 from skyarm.records.leaves import field_names
 from skyarm.scenario.gains_file import controller_of_file, make_named_or_tuned
+from skyarm.scenario.governor_limits import GovernorOptions
 from skyarm.scenario.law_by_name import on_actuators
 from skyarm.scenario.law_table import by_words
+from skyarm.scenario.path_governor import options_from
 from skyarm.scenario.scenario_checks import check_quaternion
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario, trimmed_state
 from skyarm.sensors.noise import SensorNoise
@@ -216,6 +218,19 @@ def delays(top: Fields) -> Delays:
     longest = table.take("longest_command", None)
     table.done()
     return Delays(**seconds, **apart, longest_command=longest)
+
+
+def governor(reference: Any) -> tuple[Any, GovernorOptions | None]:
+    """The table of the reference without ``governor``, and its options; None where there is none."""
+    if not isinstance(reference, Mapping) or "governor" not in reference:
+        return reference, None
+    rest = {name: value for name, value in reference.items() if name != "governor"}
+    said = reference["governor"]
+    if isinstance(said, bool):
+        return rest, GovernorOptions() if said else None
+    if not isinstance(said, Mapping):
+        raise ValueError(f"reference.governor = {shown(said)}: must be true, false or a table of limits")
+    return rest, options_from(said)
 
 
 def joined(reference: Mapping[str, Any]) -> tuple[dict[str, Any], Any]:

@@ -16,6 +16,7 @@ from skyarm.registry.plugins import is_law_of_file
 from skyarm.scenario import registered_tables as added
 from skyarm.scenario import scenario_tables as tables
 from skyarm.scenario.law_by_name import controller_by_name, loop_facts
+from skyarm.scenario.path_governor import with_governor
 from skyarm.scenario.reference_setting import setting_of
 from skyarm.scenario.scenario_record import Scenario
 
@@ -62,9 +63,14 @@ def _controller(scenario: Scenario, table: Any) -> dict[str, Any]:
 
 
 def _reference(scenario: Scenario, table: Any) -> dict[str, Any]:
-    motion, joined = tables.joined(table)
+    governed, options = tables.governor(table)
+    motion, joined = tables.joined(governed)
     setting = setting_of(scenario.world, scenario.duration)
-    return {"trajectory": reference_from(motion, scenario.world.vehicle.n, "reference", setting), "joined": joined}
+    trajectory = reference_from(motion, scenario.world.vehicle.n, "reference", setting)
+    found = dataclasses.replace(scenario, trajectory=trajectory, joined=joined, path_time=None)
+    if options is not None:
+        found = with_governor(found, options, setting)
+    return {"trajectory": trajectory, "joined": joined, "path_time": found.path_time}
 
 
 def _of_reference(field: str) -> Callable[[Scenario, Any], dict[str, Any]]:
@@ -74,6 +80,9 @@ def _of_reference(field: str) -> Callable[[Scenario, Any], dict[str, Any]]:
     def read(scenario: Scenario, value: Any) -> dict[str, Any]:
         if scenario.trajectory.tip is not None:
             allowed = "must stay as it is where the reference has a tip; replace reference as a whole"
+            raise ValueError(f"reference.{field} = {shown(value)}: {allowed}")
+        if scenario.path_time is not None:
+            allowed = "must stay as it is where the reference has a governor; replace reference as a whole"
             raise ValueError(f"reference.{field} = {shown(value)}: {allowed}")
         setting = setting_of(scenario.world, scenario.duration)
         found: Trajectory = trajectory_from({field: value}, scenario.world.vehicle.n, "reference", setting)

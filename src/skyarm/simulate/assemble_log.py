@@ -70,6 +70,8 @@ def joined(
         info: what the log says of itself, where that is known already.
     """
     tables = [_tables(piece) for piece in pieces]
+    if any("path_time" in each for each in tables):
+        tables = [{"path_time": each["time"], **each} for each in tables]
     if len(tables) > 1:
         _fill(tables)
         tables = [{name: np.concatenate([table[name] for table in tables]) for name in tables[0]}]
@@ -112,6 +114,8 @@ def _tables(piece: Piece) -> dict[str, Array]:
         "wind_force": table(wind.force_W),
         "air_velocity": table(wind.air_velocity_W),
     }
+    if len(inputs.path_time):
+        tables["path_time"] = np.asarray(inputs.path_time)[start:stop]
     own = {"held": table(held.tip, start), "reference": table(free.tip)} if free.tip else {}
     if wind.held:
         tables["payload_mass"] = table(wind.held)

@@ -59,7 +59,9 @@ class Feed:
             goals = [self._goal_table(record) for record in (inputs.held_reference, inputs.reference)]
             held = np.array(inputs.held, dtype=float).reshape(scenario.steps, -1)
             columns += [held, *(np.stack(_columns(goal, scenario.steps), axis=1) for goal in goals)]
-            self.example = (*self.example, inputs.reference_example, *(_zeros(goal) for goal in goals))
+            columns += _columns((inputs.told_reference, inputs.path_time), scenario.steps)
+            governor = (inputs.row_example.told, inputs.row_example.path_time)
+            self.example = (*self.example, inputs.reference_example, *(_zeros(goal) for goal in goals), governor)
         self.rows = np.column_stack(columns)
 
     def _goal_table(self, reference: Reference) -> Goal:
@@ -80,12 +82,13 @@ class Feed:
             held, free = (varied.trajectory.at(t) for t in (rest[0], time))
             goals = goal_of(vehicle, held.dense()), goal_of(vehicle, free.dense())
             return Row(time=time, reference=held), goals, inside
-        reference, *tables = rest
+        reference, *tables, (told, path_time) = rest
+        row = Row(time=time, reference=reference, told=told, path_time=path_time)
         if self._own_arm(varied):
             free = varied.trajectory.at(time)
             goals = goal_of(vehicle, reference.dense()), goal_of(vehicle, free.dense())
-            return Row(time=time, reference=reference), goals, inside
-        return Row(time=time, reference=reference), (tables[0], tables[1]), inside
+            return row, goals, inside
+        return row, (tables[0], tables[1]), inside
 
     def _own_arm(self, varied: Scenario) -> bool:
         """Whether a varied number moves the tool of a vehicle whose joints stay where they are."""

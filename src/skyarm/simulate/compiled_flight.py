@@ -61,12 +61,11 @@ def trace_scenario(scenario: Scenario, inputs: EpisodeInputs) -> Traced:
     around = first_surroundings(scenario, carry)
     plant = RigidBodyPlant(scenario.world, around, scenario.integrator, 1.0 / scenario.rates.physics)
     period = make_period(stages, RigidBodySteps(stages, plant.substeps))
-    row = Row(time=0.0, reference=inputs.reference_example)
 
     def step(now: LoopState, _parameters: Any, fed: Row, uniforms: Any) -> tuple[LoopState, Sample]:
         return period(now, fed, uniforms)
 
-    loop = trace_loop(step, structure_of(carry), (), row, draws_needed(scenario), loops=True)
+    loop = trace_loop(step, structure_of(carry), (), inputs.row_example, draws_needed(scenario), loops=True)
     return Traced(loop, carry, loop.result[1])
 
 

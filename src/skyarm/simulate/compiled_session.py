@@ -63,7 +63,7 @@ class CompiledSteps:
         made = codes if codes is not None else []
         code = next((code for code in made if code.fits(overrides, scenario, self.first)), None)
         if code is None:
-            code = SessionCode(begun, overrides, scenario, self.first, self._inputs.reference_example, effort)
+            code = SessionCode(begun, overrides, scenario, self.first, self._inputs.row_example, effort)
             made.append(code)
         self._code, self._sample = code, code.sample
         start = np.array(leaves(self.first), dtype=float)

@@ -48,6 +48,7 @@ def make_counting_period(
             before=tuple(where(first, new, old) for new, old in pairs),
             held=goals[0],
             continuous=goals[1],
+            lag=0.0 if isinstance(row.path_time, tuple) else row.time - row.path_time,
         )
         alive = sample.alive > 0.5
         counts = {name: alive if within is True else logical_and(alive, within) for name, within in inside.items()}

@@ -14,7 +14,6 @@ from skyarm.compile import leaves, rebuild, trace
 from skyarm.control.blocks.lag_estimate import lags_found
 from skyarm.plant.interface import Plant
 from skyarm.records.leaves import parts
-from skyarm.reference import Reference
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate.command_line import switches
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
@@ -70,14 +69,15 @@ class FlatStages:
     command. Programs are made when they are first needed.
 
     Args:
-        stages: of the episode. first: its first loop state. reference: a held reference as an example.
+        stages: of the episode. first: its first loop state. row: what an instant is fed, as an example; in flight
+            its ``reference`` holds all that is fed but the time.
 
     Attributes:
         given: a command in place of the law's, whose memory stays; None for the law's own.
     """
 
-    def __init__(self, stages: Stages, first: LoopState, reference: Reference) -> None:
-        self._stages, self._first, self._row = stages, first, Row(time=0.0, reference=reference)
+    def __init__(self, stages: Stages, first: LoopState, row: Row) -> None:
+        self._stages, self._first, self._row = stages, first, row
         self._traced = stages.scenario.controller.compiled
         # not from zeros: a component may refuse numbers that are not its own
         self._around = stages.surroundings(first.components, first.drives, 0.0)
@@ -178,8 +178,8 @@ class FlatStages:
         memory, command = now.memory, self.given
         if command is None:
             # a law that cannot be traced is called with records of floats; its memory is its own
-            seen, wanted = rebuild(self.told, iter(told)), rebuild(self._row.reference, iter(row.reference))
-            memory, decided = self._stages.decide(memory, seen, self._stages.joined(wanted, row.time[0]))
+            seen, fed = rebuild(self.told, iter(told)), rebuild(self._row, iter((*row.time, *row.reference)))
+            memory, decided = self._stages.decide(memory, seen, self._stages.joined(fed))
             command = tuple(leaves(decided))
         parts = self._issue(begun.alive, now.ticks, now.state, now.queue, now.drives, command)
         found = Response._make((*parts, begun.around))

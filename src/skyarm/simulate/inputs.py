@@ -12,7 +12,9 @@ import numpy.typing as npt
 from skyarm.compile import Program, leaves, rebuild, trace
 from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.reference import Publisher, Reference
+from skyarm.reference.path_time import by_flight_time
 from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.loop_state import Row
 
 Array = npt.NDArray[Any]
 
@@ -52,10 +54,36 @@ class EpisodeInputs:
         return _rows(self.held_reference, self.scenario.steps)
 
     def rows(self, start: int, stop: int) -> Array:
-        """What the closed loop is fed at these instants: time and held reference."""
-        columns = (np.asarray(leaf, dtype=float) for leaf in (self.times, *leaves(self.held_reference)))
+        """What the closed loop is fed at these instants, leaves of a :class:`Row`."""
+        fed = Row(time=self.times, reference=self.held_reference, told=self.told_reference, path_time=self.path_time)
+        columns = (np.asarray(leaf, dtype=float) for leaf in leaves(fed))
         count = stop - start
         return np.stack([c[start:stop] if c.ndim else np.broadcast_to(c, (count,)) for c in columns], axis=1)
+
+    @cached_property
+    def told_reference(self) -> Reference | tuple[()]:
+        """The governed reference as published and held, a record of arrays; empty without a governor."""
+        path = self.scenario.path_time
+        if path is None:
+            return ()
+        rates = self.scenario.rates
+        publisher = Publisher(control_rate=rates.control, reference_rate=rates.reference)
+        s = path.derivatives(publisher.held_time(np.arange(self.scenario.steps)))
+        program = self._program
+        sampled: Reference = program.record(list(evaluate(program, [s[0]], self.scenario.steps)))
+        return by_flight_time(sampled, s)
+
+    @cached_property
+    def path_time(self) -> Array | tuple[()]:
+        """(steps,) time of the governed reference, s; empty without a governor."""
+        path = self.scenario.path_time
+        return () if path is None else np.asarray(path.derivatives(self.times)[0])
+
+    @cached_property
+    def row_example(self) -> Row:
+        """What one instant is fed."""
+        told: Any = _example(self.told_reference) if self.told_reference else ()
+        return Row(time=0.0, reference=self.reference_example, told=told, path_time=0.0 if told else ())
 
     @cached_property
     def goals(self) -> Array:

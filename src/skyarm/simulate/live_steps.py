@@ -66,7 +66,7 @@ class LiveSteps(CompiledSteps):
         self._rows = self._clock() if self._own_motion else self._inputs.rows(0, origin.steps)
         fed: Any = (0.0, 0.0)
         if not self._own_motion:
-            fed = Row(time=0.0, reference=self._inputs.reference_example)
+            fed = self._inputs.row_example
         loop = trace_loop(step, structure_of(self.first), numbers, fed, draws_needed(origin), loops=True)
         self._sample = loop.result[1]
         start, keys = np.array(leaves(self.first), dtype=float), {"seed": origin.seed, "episode": origin.episode}

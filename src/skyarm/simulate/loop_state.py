@@ -57,10 +57,16 @@ class LoopState:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Row:
-    """What a control instant is fed from outside: its time and the held reference."""
+    """What a control instant is fed from outside: its time and the held reference.
+
+    ``told`` is the governed sample that the law is told in its place and ``path_time`` the reference's time, s
+    (:mod:`skyarm.reference.path_time`); without a governor both are empty: structure.
+    """
 
     time: Scalar
     reference: Reference
+    told: Reference | tuple[()] = ()
+    path_time: Scalar | tuple[()] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

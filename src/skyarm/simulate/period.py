@@ -70,7 +70,7 @@ def begin(stages: Any, now: LoopState, row: Row, uniforms: Any) -> Begun:
 def respond(stages: Any, now: LoopState, row: Row, begun: Begun, force: Any, uniforms: Any) -> Response:
     """Sensors, estimator, law, command line and drives: the stages between the plant's two calls."""
     read = stages.sense(now.sensors, now.estimate, now.ticks, now.state, force, begun.acting, row.time, uniforms)
-    memory, command = stages.decide(now.memory, read.measurement, stages.joined(row.reference, row.time))
+    memory, command = stages.decide(now.memory, read.measurement, stages.joined(row))
     return issue(stages, now, begun, read, memory, command)
 
 

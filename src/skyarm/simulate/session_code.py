@@ -48,7 +48,7 @@ class SessionCode:
     Args:
         begun: the scenario as it began. overrides: what holds in the place of its own.
         scenario: both together.
-        first: its first loop state. reference: one of its references; both as examples.
+        first: its first loop state. row: what one of its instants is fed; both as examples.
         effort: of the compiler.
 
     Raises:
@@ -59,13 +59,13 @@ class SessionCode:
     """
 
     def __init__(
-        self, begun: Scenario, overrides: Overrides, scenario: Scenario, first: LoopState, reference: Reference,
+        self, begun: Scenario, overrides: Overrides, scenario: Scenario, first: LoopState, row: Row,
         effort: int = 2,
     ) -> None:  # fmt: skip
         self._shape, self._parts = overrides.parts_of(begun), overrides.parts
         self._paths = tuple(path for path, _ in overrides.numbers)
         self._example = structure_of(first)
-        self._row = Row(time=0.0, reference=reference)
+        self._row = row
         self._numbers = tuple(value for _, value in overrides.numbers)
         self._asked: dict[float, int] = {}
         self.draws = Stages(scenario).draws.needed

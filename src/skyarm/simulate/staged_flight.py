@@ -56,12 +56,14 @@ class StagedFlight:
             if abs(delay * scenario.rates.physics - round(delay * scenario.rates.physics)) > 1e-6:
                 raise ScenarioError(_WHOLE.format(name, delay))
         self._plant = make_plant(scenario, first_surroundings(scenario, first))
-        self._stages = FlatStages(stages, first, self.inputs.reference_example)
+        self._stages = FlatStages(stages, first, self.inputs.row_example)
         steps_of = FlatSteps(self._plant, stages)
         self._period = make_period(self._stages, steps_of, FlatStages.begin, FlatStages.respond)
         self.first, self._flat = first, flatten(first, called=not scenario.controller.compiled)
         self._needed = stages.draws.needed
-        self._held, self._times = list(map(tuple, self.inputs.held.tolist())), self.inputs.times.tolist()
+        # what stands behind the time: the held reference, and what a governor tells the law in its place
+        fed = self.inputs.rows(0, scenario.steps)
+        self._held, self._times = list(map(tuple, fed[:, 1:].tolist())), self.inputs.times.tolist()
         self._drawn: list[tuple[float, ...]] = []
         self._block = -1
         self._logged: list[tuple[Any, ...]] = []

@@ -33,7 +33,7 @@ from skyarm.simulate.check_endings import healthy
 from skyarm.simulate.command_line import command_delay, issued, mean_efforts, rotor_and_joint_delays, switches
 from skyarm.simulate.draws import Draws, draw_plan
 from skyarm.simulate.joined_reference import joined_reference
-from skyarm.simulate.loop_state import LoopState, SensorState, ended
+from skyarm.simulate.loop_state import LoopState, Row, SensorState, ended
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -118,9 +118,9 @@ class Stages:
         (rotors, _), (joints, _) = self.apart
         return Command(rotor_speeds=issued(queue, rotors).rotor_speeds, efforts=issued(queue, joints).efforts)
 
-    def joined(self, reference: Reference, time: Any) -> Reference:
-        """The reference that the law is told: before it joins, that of t = 0, at rest."""
-        return joined_reference(self.scenario, reference, time)
+    def joined(self, row: Row) -> Reference:
+        """The reference that the law is told: the governed one, if any; before it joins, that of t = 0, at rest."""
+        return joined_reference(self.scenario, row.told or row.reference, row.time)
 
     def sense(
         self, sensors: Sequence[SensorState], estimate: Any, ticks: Any, state: State, force: Vec3, acting: Command,

@@ -86,6 +86,7 @@ def hovering(scenario: Scenario) -> Scenario:
     return dataclasses.replace(
         scenario,
         trajectory=still,
+        path_time=None,
         duration=SETTLING,
         wind=NO_WIND,
         faults=(),
@@ -179,7 +180,7 @@ def frozen_instants(flight: Scenario, count: int) -> Iterator[Frozen]:
     traced = trace_scenario(flight, inputs)
     kernel = Kernel(traced.loop, Lanes(1), effort=0)
     differentiator = Differentiator(flight)
-    rows = np.column_stack([inputs.times, np.array(inputs.held, dtype=float).reshape(flight.steps, -1)])
+    rows = inputs.rows(0, flight.steps)
     carry = np.array(leaves(traced.carry), dtype=float)[:, None]
     at = 0
     for k in range(1, count + 1):

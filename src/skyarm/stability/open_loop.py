@@ -78,7 +78,7 @@ class Differentiator:
             self._ages = steps[0] // ratio, steps[1] // ratio
             self._joints_lates = (np.arange(ratio) + steps[1] - steps[0]) % ratio / scenario.rates.physics
         self._point = open_point(first, self._ages, len(scenario.power))
-        row = Row(time=0.0, reference=inputs.reference_example)
+        row = inputs.row_example
 
         def step(point: OpenPoint, given: tuple[Any, ...], fed: Row, _uniforms: Any) -> tuple[OpenPoint, Any]:
             return point, self._outputs(point, given, fed)
@@ -109,7 +109,7 @@ class Differentiator:
         count = noise_count(len(point.state.joints), len(point.state.rotor_speeds))
         now = measure(scenario.sensors, row.time, point.state, force.linear, [0] * count)
         memory, command = checked_law(scenario.controller)(
-            point.memory, point.seen, stages.joined(row.reference, row.time), self._period, par=scenario.controller.par
+            point.memory, point.seen, stages.joined(row), self._period, par=scenario.controller.par
         )
         # a drive hears the mean of both commands once in a period, as it does in flight
         heard = mean_efforts(point.old, point.new, lates[-1], self._period)

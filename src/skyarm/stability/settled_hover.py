@@ -58,8 +58,8 @@ class SettledHover:
         )
         self._leg = Leg(flight, stretches(flight)[0].overrides, range(flight.steps), options)
         inputs = episode_inputs(flight)
-        self._time = float(inputs.times[-1])
-        self._row = [self._time, *np.array(inputs.held, dtype=float).reshape(flight.steps, -1)[-1]]
+        self._row = inputs.rows(flight.steps - 1, flight.steps)[0].tolist()
+        self._time = float(self._row[0])
 
     def margins(self, values: Mapping[str, Array], *, measured: bool = False, threads: int = 1) -> list[Instant | None]:
         """Margins of each set of numbers; None where its hover diverged.

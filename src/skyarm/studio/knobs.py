@@ -125,7 +125,8 @@ def _paths(scenario: Scenario, root: str) -> Iterator[str]:
     elif root == "payloads":
         yield from (f"{root}.{i}.mass" for i in range(len(scenario.payloads)))
     elif root == "reference":
-        yield from _of_motion(scenario.trajectory)
+        if scenario.path_time is None:  # a governor has planned for the reference as it is
+            yield from _of_motion(scenario.trajectory)
     elif root == "sensors":
         yield from _below(scenario.sensors, root)
         for each in scenario.instruments:

@@ -96,6 +96,7 @@ def excited(scenario: Scenario, law: str | None = None, *, own_motion: bool = Fa
         found = dataclasses.replace(
             found,
             trajectory=motion(scenario.world.vehicle),
+            path_time=None,
             duration=DURATION,
             windows=Windows(steady=Window(SETTLED, BLOWN), gust=Window(BLOWN, STEPPED)),
         )

@@ -1,0 +1,43 @@
+"""How far a point was from a path as a curve, whenever the path passes there."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[Any]
+
+AT_ONCE = 256
+"""Points that are compared with the whole path at a time."""
+
+
+def path_distance(points: Array, path: Array) -> Array:
+    """Distance of each point to the line through the samples of a path.
+
+    Of a flight: ``path_distance(log.tip, log.tip_reference)``, which a governor keeps small where the error against the
+    reference of that instant is not.
+
+    Args:
+        points: (N, 3), m.
+        path: (M, 3), m, in order; a step of the path counts as the straight line between its ends.
+
+    Returns:
+        (N,), m.
+    """
+    points, path = np.asarray(points, dtype=float), np.asarray(path, dtype=float)
+    # where the path rests it is one point
+    moves = np.append(True, np.any(np.diff(path, axis=0) != 0.0, axis=1))
+    path = path[moves]
+    if len(path) == 1:
+        return np.asarray(np.linalg.norm(points - path[0], axis=1))
+    begin, along = path[:-1], np.diff(path, axis=0)
+    square = (along * along).sum(axis=1)
+    found = np.empty(len(points))
+    for start in range(0, len(points), AT_ONCE):
+        off = points[start : start + AT_ONCE, None] - begin
+        share = np.clip((off * along).sum(axis=2) / square, 0.0, 1.0)
+        left = off - share[..., None] * along
+        found[start : start + AT_ONCE] = np.sqrt((left * left).sum(axis=2).min(axis=1))
+    return found

@@ -1,0 +1,253 @@
+"""How fast a reference may go along its path: ceilings of ds/dt over the path, and the time that keeps below them.
+
+1. The ceilings are at most the commanded speed (1), and 0 where the path turns a corner: where a velocity jumps.
+2. ds/dt falls and rises no faster than the path's acceleration allows; a flight stands still at a corner for a moment.
+3. What the resulting motion asks of the vehicle is judged by inverse dynamics. Where it is too much, the ceiling is
+   lowered there, or the path's acceleration where that alone is to blame; then again from 2.
+
+A limit lies in the judgement of the motion as it will be told, with its smoothing and its jerk, not in a bound for it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.actuation.motion_demand import Motion
+from skyarm.reference.path_time import PathTime
+from skyarm.reference.signals import Derivatives
+
+Array = npt.NDArray[Any]
+
+STEP = 0.2
+"""s between control points of the reference's time: its rate follows a change within three of them."""
+
+GRID = 0.01
+"""s of the path between two ceilings."""
+
+LOOK = 0.01
+"""s of the flight between two instants that are judged."""
+
+CALM = 0.5
+"""s of the flight before and after a place that is too fast which are slowed with it: it does not stutter."""
+
+ACCELERATION = 1.0
+"""1/s, the largest of ds/dt."""
+
+SLOWEST = 0.02
+"""Of ds/dt but for a corner."""
+
+RATES = tuple(0.93**k for k in range(54))
+"""Even rates that are tried, from the commanded one to SLOWEST."""
+
+ROUNDS = 60
+
+CATCH_UP = 1.0
+"""s within which ds/dt above 1 comes back to it as the lag goes."""
+
+DIGITS = 9
+"""Of the control points in s: what a machine's last bits say of the judgement is not written down."""
+
+
+@dataclass(kw_only=True)
+class Ceilings:
+    """What bounds ds/dt over the path, a number every GRID seconds of it.
+
+    Attributes:
+        rate: ds/dt. acceleration: 1/s. stops: s, corners at which the path stands still. fastest: ds/dt to catch up.
+    """
+
+    duration: float
+    fastest: float
+    stops: Sequence[float] = ()
+    rate: Array = field(init=False)
+    acceleration: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        count = math.ceil(self.duration / GRID) + 2
+        self.rate, self.acceleration = np.full(count, self.fastest), np.full(count, ACCELERATION)
+
+    def lower(self, values: Array, at: Array, to: Array, least: float, rate: float = 1.0) -> None:
+        """Lower some values, at places of the path (s) and CALM seconds of a flight at a rate around them.
+
+        None comes below ``least``.
+        """
+        index = np.clip(np.round(at / GRID).astype(int), 0, len(values) - 1)
+        lowered = np.full_like(values, math.inf)
+        np.minimum.at(lowered, index, to)
+        reach = math.ceil(CALM * rate / GRID)
+        padded = np.concatenate([np.full(reach, math.inf), lowered, np.full(reach, math.inf)])
+        around = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).min(axis=1)
+        np.copyto(values, np.maximum(np.minimum(values, around), least))
+
+    def squares(self) -> Array:
+        """(ds/dt)^2 over the path: below the ceilings, with no more than the path's acceleration."""
+        square = self.rate**2
+        for stop in self.stops:
+            index = min(round(stop / GRID), len(square) - 1)
+            square[index] = 0.0
+        gain = 2.0 * GRID * self.acceleration
+        found = square.tolist()
+        rise = gain.tolist()
+        for i in range(len(found) - 2, -1, -1):
+            found[i] = min(found[i], found[i + 1] + rise[i])
+        for i in range(1, len(found)):
+            found[i] = min(found[i], found[i - 1] + rise[i])
+        return np.array(found)
+
+
+def follow(ceilings: Ceilings, duration: float) -> PathTime:
+    """The time of a reference that goes as fast as the ceilings let it, at rest at each stop for a moment."""
+    square, parts = ceilings.squares(), 10
+    small = STEP / parts
+    stops = [stop for stop in sorted(ceilings.stops) if stop < duration]
+    first = 0.0 if stops and stops[0] <= 0.0 else _first_rate(square)
+    points = [(i - 2) * STEP * first for i in range(5)]
+    stops = [stop for stop in stops if stop > 0.0]
+    s, t, rest = points[-1], 2.0 * STEP, 0
+    while t < duration + 3.0 * STEP:
+        for _ in range(parts):
+            t += small
+            if rest:
+                rest -= 1
+                continue
+            at = s / GRID
+            index = min(int(at), len(square) - 2)
+            share = min(at - index, 1.0)
+            w = square[index] + share * (square[index + 1] - square[index])
+            if stops:
+                w = min(w, 2.0 * ceilings.acceleration[index] * (stops[0] - s))
+            rate = max(math.sqrt(max(w, 0.0)), ceilings.acceleration[index] * small)
+            rate = min(rate, max(1.0, 1.0 + (t - s) / CATCH_UP)) if rate > 1.0 else rate
+            s = min(s + rate * small, t)
+            if stops and s >= stops[0] - rate * small:
+                s, rest = stops.pop(0), 6 * parts
+        points.append(s)
+    return PathTime(points=tuple(round(p, DIGITS) for p in points), step=STEP)
+
+
+def _first_rate(square: Array) -> float:
+    """The largest ds/dt that may stay for the first two steps.
+
+    Of the control points in these s(0) is made: they stand on one line, so that it is exactly 0.
+    """
+    rates = (share for share in RATES if square[: round(2.0 * STEP * share / GRID) + 1].min() >= share**2)
+    return next(rates, SLOWEST)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Plan:
+    """A planned time of a reference.
+
+    Attributes:
+        path_time: None where the reference may go as it is commanded.
+        beyond: share of a limit that is asked for at most, 1 or less where all are kept. limit: number of that limit.
+        at: s of the path, where.
+    """
+
+    path_time: PathTime | None
+    beyond: float
+    limit: int
+    at: float
+
+
+SLACK = 1.002
+"""Share of a limit that counts as kept."""
+
+NOTHING = 1e-7
+"""s of lag that is rounding."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Judge:
+    """What a motion along the path asks of the vehicle.
+
+    Attributes:
+        motion: from the reference's time and its derivatives at K instants, and these, s.
+        shares: of the limits that a motion asks for. at_rest: the same of its postures, which no slower motion lessens.
+    """
+
+    motion: Callable[[Derivatives, Array], Motion]
+    shares: Callable[[Motion], Array]
+    at_rest: Callable[[Motion], Array]
+
+    def over(self, s: Derivatives, time: Array) -> Array:
+        """(limits, K) shares over what is allowed: 1, or what the posture alone asks for."""
+        with np.errstate(all="ignore"):
+            motion = self.motion(s, time)
+            found = np.asarray(self.shares(motion) / np.maximum(1.0, self.at_rest(motion)))
+        sound = np.isfinite(found).all(axis=0)
+        if not sound.all():
+            at = float(s[0][int(np.argmin(sound))])
+            raise ValueError(f"reference.governor: nobody knows what the reference asks for at {at:.3g} s: not finite")
+        return found
+
+
+def even_rates(judge: Judge, ceilings: Ceilings) -> None:
+    """Lower the ceilings to the largest even rate that keeps within the limits at each place of the path."""
+    path = np.arange(-BEYOND, ceilings.duration + BEYOND + 0.5 * GRID, GRID)
+    inside = (path > -0.5 * GRID) & (path < ceilings.duration + 0.5 * GRID)
+    open_, still = np.ones(len(path), dtype=bool), np.zeros_like(path)
+    for rate in (ceilings.fastest * share for share in RATES):
+        if rate <= SLOWEST or not open_.any():
+            break
+        over = judge.over((path, still + rate, still, still, still), path / rate).max(axis=0)
+        open_ &= (over > SLACK) & inside
+        if open_.any():
+            ceilings.lower(ceilings.rate, path[open_], np.full(int(open_.sum()), rate * RATES[1]), SLOWEST, rate)
+
+
+def plan(judge: Judge, ceilings: Ceilings) -> Plan:
+    """Lower the ceilings until the motion keeps within all limits, also while its rate changes."""
+    duration = ceilings.duration
+    time = np.arange(0.0, duration + BEYOND + 0.5 * LOOK, LOOK)
+    inside = time < duration + 0.5 * LOOK
+    even_rates(judge, ceilings)
+    kept = Plan(path_time=None, beyond=math.inf, limit=0, at=0.0)
+    for _ in range(ROUNDS):
+        found = follow(ceilings, duration)
+        s = found.derivatives(time)
+        over = judge.over(s, time)[:, inside]
+        s = s[0][inside], s[1][inside], s[2], s[3], s[4]
+        worst = float(over.max())
+        if worst < kept.beyond:
+            i, k = np.unravel_index(int(np.argmax(over)), over.shape)
+            as_commanded = float(np.abs(s[0] - time[inside]).max()) < NOTHING
+            kept = Plan(path_time=None if as_commanded else found, beyond=worst, limit=int(i), at=float(s[0][k]))
+        if worst <= SLACK:
+            break
+        _calm(ceilings, s, over.max(axis=0))
+    return kept
+
+
+def _calm(ceilings: Ceilings, s: Derivatives, over: Array) -> None:
+    """Where the motion asks too much let ds/dt change more slowly, and be lower by a little."""
+    more = over > SLACK
+    place, rate = s[0][more], np.maximum(s[1][more], SLOWEST)
+    index = np.clip(np.round(place / GRID).astype(int), 0, len(ceilings.rate) - 1)
+    calmest = ceilings.acceleration[index] <= LEAST_ACCELERATION
+    calmer, around = CALMER * ceilings.acceleration[index], float(np.median(rate))
+    ceilings.lower(ceilings.acceleration, place, calmer, LEAST_ACCELERATION, around)
+    # what is on its way to a ceiling is not helped by a lower one
+    there = (rate > THERE * ceilings.rate[index]) | calmest
+    if there.any():
+        slower = np.clip(over[more] ** -0.35, 0.93, 0.995) * rate
+        ceilings.lower(ceilings.rate, place[there], slower[there], SLOWEST, around)
+
+
+CALMER = 0.85
+"""By which the path's acceleration is lowered at a time."""
+
+THERE = 0.8
+"""Share of a ceiling from which ds/dt counts as bounded by it."""
+
+LEAST_ACCELERATION = 0.1
+"""1/s, below which it is not lowered."""
+
+BEYOND = 0.3
+"""s of the flight that are looked at past both ends: differences and means there need neighbours."""

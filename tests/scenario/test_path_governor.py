@@ -1,0 +1,306 @@
+"""What a governor plans, judged by other lines than its own: second differences of what is told, and those of check."""
+
+import dataclasses
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.actuation.hover import highest_thrust
+from skyarm.actuation.motion_demand import Motion
+from skyarm.actuation.servo import PositionServo
+from skyarm.assess.along_reference import demand_of
+from skyarm.reference import Constant, Sine, Sum, Trajectory
+from skyarm.reference.compose import Product, sequence
+from skyarm.reference.path_time import governed
+from skyarm.reference.signals import Ramp, Signal
+from skyarm.scenario.governor_limits import GovernorOptions, Limits
+from skyarm.scenario.path_governor import GovernorWarning
+from skyarm.scenario.scenario_file import scenario_from
+from skyarm.scenario.whole_parts import with_part
+from skyarm.vehicle.vehicle_records import MountedDrive
+
+DOCUMENT = {
+    "name": "governed",
+    "duration": 5.0,
+    "plant": {"vehicle": "hummingbird_arm2_rotors"},
+    "controller": {"preset": "paper_ct"},
+    "reference": {"base": {"kind": "hover", "position": [0.0, 0.0, 2.0]}},
+}
+HOVER = scenario_from(DOCUMENT)
+EASE = Ramp(start=0.5, duration=1.5, height=1.0, shape="quintic")
+
+
+def eased(amplitude, frequency, phase=0.0):
+    return Product(EASE, Sine(amplitude=amplitude, frequency_hz=frequency, phase=phase))
+
+
+REST = Trajectory(z=Constant(2.0), joints=(Constant(0.0), Constant(0.0)))
+
+
+def flight(duration=5.0, **signals):
+    return dataclasses.replace(HOVER, trajectory=dataclasses.replace(REST, **signals), duration=duration)
+
+
+CIRCLE = flight(x=eased(1.0, 1.0, math.pi / 2.0), y=eased(1.0, 1.0))
+DROP = flight(z=Sum((Constant(2.0), eased(0.4, 1.2))))
+SWING = flight(joints=(eased(1.0, 3.0), eased(1.0, 3.0, 0.9)))
+CORNERS = flight(
+    9.0,
+    x=sequence(0.5, [(0.4, 1.0), (0.4, 1.0), (0.4, 0.0)]),
+    y=sequence(0.5, [(0.4, 0.0), (0.4, 1.0), (0.4, 1.0)]),
+)
+OPTIONS = GovernorOptions()
+GOVERNED = {
+    name: skyarm.govern(scenario)
+    for name, scenario in (("circle", CIRCLE), ("drop", DROP), ("swing", SWING), ("corners", CORNERS))
+}
+TIME = np.arange(0.05, 4.95, 0.005)
+
+
+def accelerations(scenario):
+    """(3, K) of the base as told, by second differences of where it is led."""
+    h = 1e-3
+
+    def position(t):
+        return np.stack([c + 0.0 * t for c in governed(scenario.trajectory, scenario.path_time, t).position])
+
+    return (position(TIME + h) - 2.0 * position(TIME) + position(TIME - h)) / h**2
+
+
+@pytest.mark.parametrize("name", GOVERNED)
+def test_the_path_s_time_runs_forward_and_never_ahead(name):
+    s, rate = GOVERNED[name].path_time.derivatives(np.linspace(0.0, 5.0, 4000))[:2]
+    assert abs(s[0]) < 1e-15
+    assert np.diff(s).min() >= 0.0
+    assert rate.min() > -1e-15
+    assert rate.max() < 1.0 + 1e-6
+    assert (s - np.linspace(0.0, 5.0, 4000)).max() < 1e-8
+    assert s[-1] < 4.9
+
+
+@pytest.mark.parametrize("name", ["circle", "drop", "swing"])
+def test_what_is_told_keeps_thrust_and_tilt_that_the_command_does_not(name):
+    vehicle = HOVER.world.vehicle
+    most = float(highest_thrust(vehicle)) / float(vehicle.mass)
+    force = accelerations(GOVERNED[name]) + np.array([[0.0], [0.0], [9.81]])
+    size = np.linalg.norm(force, axis=0)
+    assert size.max() < most * (1.0 - OPTIONS.reserve)
+    assert np.arctan2(np.hypot(force[0], force[1]), force[2]).max() < OPTIONS.tilt
+    # of the least thrust, the reserve's share of the weight is left
+    assert force[2].min() > OPTIONS.reserve * 9.81
+
+
+@pytest.mark.parametrize("name", ["circle", "drop", "swing"])
+def test_rotors_and_joints_saturate_as_commanded_and_not_as_governed(name):
+    def shares(scenario):
+        demand, vehicle = demand_of(scenario), scenario.world.vehicle
+        top = np.array([float(rotor.max_speed) ** 2 for rotor in vehicle.rotors])[:, None]
+        limits = np.array([float(link.joint.effort_limit) for link in vehicle.links])[:, None]
+        return demand.squared / top, np.abs(demand.efforts) / limits
+
+    asked, _ = shares(dataclasses.replace(GOVERNED[name], path_time=None))
+    assert asked.max() > 1.0 or asked.min() < 0.0
+    rotors, joints = shares(GOVERNED[name])
+    assert rotors.max() < 1.0
+    assert rotors.min() > 0.0
+    assert joints.max() < 1.0
+
+
+def test_a_climb_keeps_below_the_rotors_most():
+    up = Ramp(start=0.4, duration=0.3, height=0.9, shape="quintic")
+    climb = skyarm.govern(flight(2.0, z=Sum((Constant(1.0), up))), reserve=0.5)
+    demand, most = demand_of(climb), float(climb.world.vehicle.rotors[0].max_speed) ** 2
+    assert 0.4 * most < demand.squared.max() < 0.5 * most * 1.01
+
+
+def test_joints_keep_their_efforts_and_servos_theirs():
+    swing = flight(3.0, joints=SWING.trajectory.joints)
+    weak = skyarm.with_numbers(swing, {"model.vehicle.links.link1.joint.effort_limit": 0.06})
+    efforts = np.abs(demand_of(skyarm.govern(weak)).efforts[0])
+    # the plan's attitude is smoother than this one's: that is what the reserve is for
+    assert 0.035 < efforts.max() < 0.06
+    vehicle = weak.controller.par.model.vehicle
+    name = vehicle.links[0].joint.name
+    drive = MountedDrive(
+        name=name, drive=PositionServo(stiffness=5.0, inertia=0.01, torque_limit=0.04, speed_limit=1.5)
+    )
+    model = dataclasses.replace(weak.controller.par.model, vehicle=dataclasses.replace(vehicle, drives=(drive,)))
+    limits = Limits(unlimited(model), OPTIONS)
+    fast, slow = (limits.shares(turning(vehicle, rate))[:, 0] for rate in (3.0, 0.02))
+    speed, effort = (limits.names().index(f"{word} of joint {name!r}") for word in ("speed", "effort"))
+    assert fast[speed] == pytest.approx(3.0 / 1.5)
+    assert slow[effort] == pytest.approx(abs(effort_of(vehicle, 0.02)) / (0.04 * (1.0 - OPTIONS.reserve)), rel=1e-3)
+
+
+def unlimited(model):
+    """A belief in which nothing but the servo limits the first joint."""
+    first, *others = model.vehicle.links
+    first = dataclasses.replace(first, joint=dataclasses.replace(first.joint, effort_limit=math.inf))
+    return dataclasses.replace(model, vehicle=dataclasses.replace(model.vehicle, links=(first, *others)))
+
+
+def turning(vehicle, rate):
+    """A level base at rest while the first joint turns through its middle."""
+    count = 9
+    zeros = np.zeros((vehicle.n, count))
+    rates = zeros.copy()
+    rates[0] = rate
+    return Motion(
+        time=np.arange(count) * 0.01,
+        acceleration=np.zeros((3, count)),
+        yaw=np.zeros(count),
+        joints=zeros + 0.3,
+        rates=rates,
+        accelerations=zeros,
+    )
+
+
+def effort_of(vehicle, rate):
+    """Effort of the first joint there by the front of arrays, base level: what the arm's reaction tilts is left out."""
+    speeds = np.zeros(6 + vehicle.n)
+    speeds[6] = rate
+    q, level = np.full(vehicle.n, 0.3), [1.0, 0.0, 0.0, 0.0]
+    force = skyarm.inverse_dynamics(vehicle, np.zeros(3), level, q, speeds, np.zeros(6 + vehicle.n))
+    joint = vehicle.links[0].joint
+    return force[6] + float(joint.damping) * rate + float(joint.coulomb) * np.tanh(rate / float(joint.coulomb_rate))
+
+
+class Parabola(Signal):
+    """At rest until 2 s, from then on at 6 m/s^2 for half a second, then as fast as it is."""
+
+    def derivatives(self, t):
+        u = np.clip(np.asarray(t) - 2.0, 0.0, 0.5)
+        on = (np.asarray(t) >= 2.0) & (np.asarray(t) < 2.5)
+        after = np.maximum(np.asarray(t) - 2.5, 0.0)
+        return 3.0 * u * u + 3.0 * after, 6.0 * u, 6.0 * on, 0, 0
+
+    def switch_times(self):
+        return (2.0, 2.5)
+
+
+def test_a_jump_of_the_acceleration_is_told_as_a_small_one():
+    path = skyarm.govern(flight(3.0, x=Parabola())).path_time
+    assert 0.1 < 6.0 * float(path.derivatives(path.when(2.0))[1]) ** 2 < 1.0
+
+
+def test_the_path_stands_still_at_a_corner_and_only_there():
+    path = GOVERNED["corners"].path_time
+    for corner in (0.5, 0.9, 1.3):
+        when = path.when(corner)
+        s, *rates = path.derivatives(when + 0.1)
+        assert abs(float(s) - corner) < 1e-12
+        assert max(abs(float(rate)) for rate in rates) < 1e-6
+    between = [path.when(0.5 * (a + b)) for a, b in ((0.5, 0.9), (0.9, 1.3))]
+    assert path.derivatives(np.array(between))[1].min() > 0.2
+
+
+def test_a_feasible_reference_is_left_as_it_is():
+    slow = flight(x=Ramp(start=0.5, duration=3.0, height=0.3, shape="quintic"), joints=(eased(0.2, 0.5), Constant(0.1)))
+    assert skyarm.govern(slow) == slow
+    assert skyarm.govern(slow, fastest=1.3) == slow
+    assert scenario_from(DOCUMENT | {"reference": {**DOCUMENT["reference"], "governor": True}}) == HOVER
+
+
+def test_what_moves_at_once_sets_off_from_rest():
+    path = skyarm.govern(flight(x=Sine(amplitude=0.3, frequency_hz=0.3))).path_time
+    assert [float(each) for each in path.derivatives(0.0)] == [0.0] * 5
+
+
+def test_it_catches_up_only_if_it_may_and_never_overtakes():
+    late = flight(6.5, x=Ramp(start=0.5, duration=0.8, height=0.7, shape="quintic"))
+    slow, quick = (skyarm.govern(late, fastest=fastest).path_time for fastest in (1.0, 1.5))
+    t = np.linspace(0.0, 6.5, 1000)
+    assert quick.derivatives(t)[1].max() > 1.05
+    assert quick.derivatives(t)[1].max() < 1.5 + 1e-6
+    assert slow.derivatives(t)[1].max() < 1.0 + 1e-6
+    assert float(quick.derivatives(6.5)[0]) > float(slow.derivatives(6.5)[0]) + 0.2
+    assert (quick.derivatives(t)[0] - t).max() < 1e-8
+
+
+def test_less_tilt_is_kept_and_more_reserve_is_slower():
+    round_ = skyarm.govern(flight(x=eased(1.0, 0.5, 0.5 * math.pi), y=eased(1.0, 0.5)), tilt=0.15)
+    force = accelerations(round_) + np.array([[0.0], [0.0], [9.81]])
+    tilt = np.arctan2(np.hypot(force[0], force[1]), force[2]).max()
+    assert 0.12 < tilt < 0.151
+    spared = skyarm.govern(DROP, reserve=0.5).path_time.derivatives(5.0)[0]
+    assert spared < GOVERNED["drop"].path_time.derivatives(5.0)[0] - 0.3
+
+
+def test_joints_keep_their_speed():
+    path = skyarm.govern(SWING, joint_speed=2.0).path_time
+    told = governed(SWING.trajectory, path, TIME)
+    assert max(np.abs(rate).max() for rate in told.joint_rates) < 2.01
+
+
+def test_a_step_is_told_of_since_no_rate_makes_it_smaller():
+    step = flight(x=Ramp(start=2.0, duration=1e-12, height=0.5))
+    with pytest.warns(GovernorWarning, match=r"reference\.governor: the reference jumps by 0\.5 m at 2 s"):
+        skyarm.govern(step)
+
+
+@pytest.mark.parametrize(
+    ("governor", "words"),
+    [
+        ({"reserve": 1.5}, "reference.governor.reserve = 1.5: must be at most 0.9"),
+        ({"tilt": 0}, "reference.governor.tilt = 0.0: must be above 0"),
+        ({"fastest": 0.5}, "reference.governor.fastest = 0.5: must be at least 1"),
+        ({"fastest": 3}, "reference.governor.fastest = 3.0: must be at most 2"),
+        ({"joint_speed": -1}, "reference.governor.joint_speed = -1.0: must be above 0"),
+        ({"turning": "fast"}, "reference.governor.turning = 'fast': must be a finite number"),
+        ({"speed": 1.0}, "reference.governor.speed"),
+        ("yes", "reference.governor = 'yes': must be true, false or a table of limits"),
+    ],
+)
+def test_wrong_limits_are_refused_in_one_line(governor, words):
+    document = DOCUMENT | {"reference": {**DOCUMENT["reference"], "governor": governor}}
+    with pytest.raises(skyarm.ScenarioError) as caught:
+        scenario_from(document)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_cannot_be_planned_is_refused_in_one_line():
+    for make, words in (
+        (lambda: skyarm.govern(HOVER, speed=1.0), "speed: is no option of a governor; there are reserve, tilt"),
+        (lambda: skyarm.govern("case3"), "scenario = 'case3': must be a Scenario"),
+        (lambda: dataclasses.replace(GOVERNED["drop"], duration=9.0), "was planned for 5.4 s, the flight lasts 9 s"),
+        (lambda: skyarm.with_numbers(GOVERNED["drop"], {"reference.x.value": 1.0}), "must stay as it is where"),
+        (lambda: skyarm.govern(flight(x=Ramp(start=0.0, duration=1.0, height=1e308))), "not finite"),
+    ):
+        with pytest.raises(skyarm.ScenarioError) as caught:
+            make()
+        assert words in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+
+def test_tasks_whose_instants_would_come_too_early_are_refused():
+    waits = {"kind": "hold", "duration": 1.0, "until": {"error": 0.1}}
+    task = {"kind": "phases", "position": [0.0, 0.0, 2.0], "phases": [waits]}
+    with pytest.raises(skyarm.ScenarioError, match=r"reference\.governor: must be left out of .* wait \(until\)"):
+        scenario_from(DOCUMENT | {"reference": {"base": task, "governor": True}})
+    pick = {"kind": "pick", "payload": "box", "position": [0.1, 0.0, 2.0], "dwell": 1.0}
+    task = {"kind": "phases", "position": [0.0, 0.0, 2.0], "phases": [pick]}
+    box = {"name": "box", "mass": 0.05}
+    with pytest.raises(skyarm.ScenarioError, match=r"reference\.governor: must be left out of .* picks or places"):
+        scenario_from(DOCUMENT | {"reference": {"base": task, "governor": True}, "payloads": [box]})
+
+
+def test_a_reference_that_takes_another_s_place_is_governed_by_its_own_table():
+    motion = {"kind": "sine", "amplitude": 0.5, "frequency_hz": 1.0}
+    moving = {"base": {"kind": "signals", "z": 2.0, "x": motion}}
+    governed_one = with_part(HOVER, "reference", moving | {"governor": {"tilt": 0.3}})
+    assert governed_one.path_time is not None
+    with pytest.raises(ValueError, match=r"reference\.base = .*must stay as it is where the reference has a governor"):
+        with_part(governed_one, "reference.base", {"kind": "hover", "position": [0.0, 0.0, 1.0]})
+    assert with_part(governed_one, "reference", moving).path_time is None
+
+
+def test_the_page_lists_the_limits_with_their_defaults():
+    page = (Path(__file__).resolve().parents[2] / "docs/path_governor.md").read_text("utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| .* \| ([\w.]+) \|$", page, re.MULTILINE)
+    fields = dataclasses.fields(GovernorOptions)
+    assert {name: float(value) for name, value in rows} == {field.name: field.default for field in fields}
