@@ -15,6 +15,7 @@ from skyarm.control.laws.centroidal import com_tracking as center_of_mass
 from skyarm.control.laws.centroidal import tip_reference, tip_tasks
 from skyarm.control.laws.centroidal.arm_motion import ArmMotion, followed, made_good
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.control.laws.centroidal.swing_shift import SwingPace, followed_pace, levers, shift_for_swing
 from skyarm.control.laws.centroidal.tip_reference import ShiftMotion
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -45,11 +46,12 @@ class Following:
     """What the demands of the next period need to know; empty where the law does without.
 
     Attributes:
-        shift: differentiators of the base's shift. arm: size and mean of the arm's motion.
+        shift: differentiators of the base's shift. arm: size and mean of the arm's motion. pace: of its swing.
     """
 
     shift: ShiftMotion | tuple[()] = ()
     arm: ArmMotion | tuple[()] = ()
+    pace: SwingPace | tuple[()] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -71,7 +73,7 @@ class Course:
         base: of the base origin, value to fourth derivative, world axes.
         still: quasi-static attitude. level: posture of ``turned``, the joints' signals.
         goal: of the tip mode, else None.
-        shift: differentiators, one period later.
+        shift, pace: of the shift's motion, one period later.
     """
 
     base: list[Vec3]
@@ -80,6 +82,7 @@ class Course:
     turned: tuple[Taylor, ...]
     goal: tip_reference.Goal | None = None
     shift: ShiftMotion | tuple[()] = ()
+    pace: SwingPace | tuple[()] = ()
 
 
 def demands(
@@ -151,7 +154,7 @@ def demands(
         proper=course.still.R.apply_T(course.base[2] + E_Z * par.model.gravity),
         joints=course.turned,
     )
-    following = Following(shift=course.shift, arm=arm)
+    following = Following(shift=course.shift, arm=arm, pace=course.pace)
     return Demand(thrust=push.along, alpha=alpha, joints=preferred, planned=plan, following=following)
 
 
@@ -184,12 +187,17 @@ def _course(
     turned = _level_links(par, model, goal, still, joints, level)
     upright_posture, level = level, posture(vehicle, turned, 4)
     offset = tip_reference.shift(upright_posture, yaw, level, still, par.tip.shift_limit)
-    shift = before.shift
-    if isinstance(shift, ShiftMotion):
+    shift, pace = before.shift, before.pace
+    if isinstance(shift, ShiftMotion) and isinstance(pace, SwingPace):
+        pace = followed_pace(pace, levers(upright_posture), par.swing_rate, dt)
+        swung = shift_for_swing(pace, offset, upright_posture, model.gravity)
+        shift, jerk, snap = tip_reference.differentiated(shift, swung.steady, par.shift_bandwidth, dt)
+        offset = [*swung.offset, jerk + swung.jerk, snap + swung.snap]
+    elif isinstance(shift, ShiftMotion):
         shift, *changing = tip_reference.differentiated(shift, offset[2], par.shift_bandwidth, dt)
         offset = [*offset, *changing]
     base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[len(offset) :]]
-    return Course(base=base, still=still, level=level, turned=turned, goal=goal, shift=shift)
+    return Course(base=base, still=still, level=level, turned=turned, goal=goal, shift=shift, pace=pace)
 
 
 def _attitude(par: CentroidalParameters, model: Model, force: Vec3, yaw: Taylor) -> Attitude:
