@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from skyarm.compare.perturbed_plants import Spread, draw
+from skyarm.compare.vehicle_spread import RESERVE, arm_length, spread_of, thrust_margin
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import PERFECT_SENSORS
 from skyarm.tune.excitation import BLOWN, DURATION, STEP, STEPPED, excited, motion, of_vehicle
-from skyarm.tune.plant_spread import RESERVE, arm_length, draw_plants, spread_of, thrust_margin
+from skyarm.tune.plant_spread import draw_plants
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 FORCE = "environment.forces.0.force_W"

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.compare.vehicle_spread import arm_length
 from skyarm.log.batch_log import BatchLog
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.batch import Batch
 from skyarm.tune.law_knobs import Knob
-from skyarm.tune.plant_spread import Plants, arm_length
+from skyarm.tune.plant_spread import Plants
 
 Array = npt.NDArray[np.float64]
 

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from skyarm.compare.vehicle_spread import thrust_margin
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Delays, Scenario
 from skyarm.stability.open_loop import LAGS
@@ -26,7 +27,6 @@ from skyarm.tune.hover_margins import required
 from skyarm.tune.law_knobs import Knob
 from skyarm.tune.loop_edges import Edges, edges, with_dead_time
 from skyarm.tune.loop_parts import differences, groups, slowed
-from skyarm.tune.plant_spread import thrust_margin
 
 SHARES = (0.25, 0.4, 0.6, 0.8, 1.25, 1.6, 2.5)
 """Of a group's bandwidth that are tried."""
