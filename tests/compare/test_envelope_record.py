@@ -222,6 +222,6 @@ def test_every_plant_is_a_trial_of_the_rules():
         ("lost", 2, ["nmpc", "paper_ct"]),
         ("worse", 1, ["paper_ct"]),
     ]
-    assert violation_rows(found)[1] == ["wrong plants 1 times, 1 of the plants", "worse than paper_ct", "120", "100"]
+    assert violation_rows(found)[1] == ["wrong plants 1 times (1 of the plants)", "worse than paper_ct", "120", "100"]
     row = next(csv.DictReader(io.StringIO(envelope_csv(envelope() | {"axes": {"p": axis((1.0,), nmpc=[few])}}))))
     assert [row[key] for key in ("plants", "plants_held", "plants_lost")] == ["3", "0", "0"]

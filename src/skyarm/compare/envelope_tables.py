@@ -93,7 +93,7 @@ def violation_rows(found: Sequence[Mapping[str, Any]]) -> list[list[str]]:
     """A row for each violation: trial, rule, the flagship's error, the other law's."""
     rows = []
     for each in found:
-        count = f", {each['plants']} of the plants" if "plants" in each else ""
+        count = f" ({each['plants']} of the plants)" if "plants" in each else ""
         trial = f"{each['axis'].replace('_', ' ')} {each['value']:g} {each['unit']}{count}"
         if each["rule"] == LOST:
             rows.append([trial, f"lost; not lost: {', '.join(each['kept_by'])}", DASH, DASH])
