@@ -14,7 +14,8 @@ from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Delays
 from skyarm.stability.along import evidence
 from skyarm.tune.excitation import excited
-from skyarm.tune.explain import explain, plain, words
+from skyarm.tune.explain import explain
+from skyarm.tune.explanation_words import plain, words
 from skyarm.tune.hover_margins import calm, required, with_gains
 from skyarm.tune.law_knobs import find_knobs
 from skyarm.tune.loop_parts import differences
