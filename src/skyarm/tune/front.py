@@ -135,6 +135,11 @@ def undominated(points: Sequence[Point]) -> list[Point]:
     return found
 
 
+def front_of(before: Point, found: Sequence[Point]) -> list[Point]:
+    """What nothing beats of what was found and of the gains that the search began with, which stay where they lead."""
+    return undominated([before, *found])
+
+
 def pick(points: Sequence[Point], required: Required) -> int:
     """Number of the point that :data:`RULE` picks; where none meets the constraints, the one that is least short."""
     allowed = [i for i, point in enumerate(points) if is_allowed(point, required)]

@@ -98,7 +98,7 @@ class CentroidalParameters:
     adapts_friction: bool
     shift_bandwidth: Annotated[Scalar, Unit("rad/s", "differentiators of the base's shift")] = 0.0
     moves_shift: bool = False
-    swing_rate: Annotated[Scalar, Unit("1/s", "means of the pace of the arm's swing")] = 0.0
+    swing_rate: Annotated[Scalar, Unit("1/s", "rate of the adapted pace of the arm's swing")] = 0.0
     follows_swing: bool = False
     low_thrust: Annotated[Scalar, Unit("", "share of the weight below which a force turns the attitude less")] = 0.0
     softens_attitude: bool = False
