@@ -46,6 +46,7 @@ ELSEWHERE |= {name: tests for name, tests in OTHERS.items() if name in PAGES}
 TABLES = {
     ("tip_and_tasks.md", "toml"): "tests/test_docs_of_tasks.py",
     ("scenario_files.md", "toml"): "tests/test_docs.py",
+    ("centroidal_law.md", "toml"): "tests/control/test_level_flights.py",
     ("arm_from_urdf.md", "toml"): "tests/cli/test_attach_command.py",
     ("tuning.md", "toml"): "tests/tune/test_files_of_gains_shown.py",
     ("sweeps.md", "toml"): "tests/test_docs_pictures.py",

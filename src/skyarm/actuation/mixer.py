@@ -1,5 +1,6 @@
 """Control allocation: body torque and thrust to squared rotor speeds, for any rotor layout.
 
+Rotors that span all six directions of a wrench may give a force across body z besides.
 Source: Furrer et al. 2016 (RotorS), eq. (97)-(103) of the paper; the pseudo-inverse for any number of rotors.
 """
 
@@ -9,15 +10,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
+from skyarm.actuation import yaw_room
 from skyarm.actuation.rotor import push
-from skyarm.algebra import Vec3, ldl_solve
+from skyarm.algebra import ZERO3, Vec3, ldl_solve
 from skyarm.files.old_names import renamed
 from skyarm.records.coerce import concrete
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, add, divide, maximum, minimum, mul, sqrt, sub, where
+from skyarm.scalars import Scalar, add, divide, logical_and, maximum, minimum, mul, sqrt, sub, where
 from skyarm.vehicle.vehicle_records import Vehicle
 
-POLICIES = ("clip", "priority")
+POLICIES = ("clip", "priority", "thrust_before_yaw")
 
 OLD_POLICIES = {"rotors_clip": "clip"}
 """Names of the last version."""
@@ -39,7 +41,11 @@ class Mixer:
         inverse: one row of four per rotor, (rad/s)^2 per N m or N.
         highest: largest squared speed of each rotor, (rad/s)^2.
         policy: "clip" takes sqrt(max(0, w^2)) as RotorS does (the motor limits the speed later);
-            "priority" keeps roll and pitch torque, then thrust, then yaw within the rotors' limits.
+            "priority" keeps roll and pitch torque, then thrust, then yaw within the rotors' limits, where thrust makes
+            room for roll and pitch; with "thrust_before_yaw" yaw torque does so first (:mod:`yaw_room`).
+        yaw_slack: N m, by which "thrust_before_yaw" may turn against the wanted yaw torque to keep the thrust.
+        across: one row of two per rotor for the force along body x and y, (rad/s)^2 per N; empty where rotors are not
+            asked for one. ``inverse`` then gives none.
     """
 
     inverse: Annotated[
@@ -48,40 +54,52 @@ class Mixer:
     ]
     highest: Annotated[tuple[Scalar, ...], Unit("(rad/s)^2", "largest squared speed of each rotor", infinite=True)]
     policy: str = "clip"
+    yaw_slack: Annotated[Scalar, Unit("N m", "yaw torque against the wanted one that keeping the thrust may take")] = (
+        0.0
+    )
+    across: Annotated[
+        tuple[tuple[Scalar, ...], ...],
+        Unit("(rad/s)^2 per N", "for force along body x and y, a row a rotor; follows from the rotors"),
+    ] = ()
 
 
-def allocation_matrix(vehicle: Vehicle) -> list[list[Any]]:
-    """A: rows torque x, y, z (base axes, about the base origin) and thrust along body z, per squared rotor speed."""
+def allocation_matrix(vehicle: Vehicle, sideways: bool = False) -> list[list[Any]]:
+    """A: rows torque x, y, z (base axes, about the base origin) and thrust along body z, per squared rotor speed.
+
+    ``sideways`` adds the rows of force along body x and y.
+    """
     columns = []
     for rotor in vehicle.rotors:
         force = rotor.axis * rotor.thrust_coefficient
         drag = rotor.axis * mul(mul(-rotor.direction, rotor.moment_coefficient), rotor.thrust_coefficient)
-        columns.append((*(rotor.position.cross(force) + drag), force.z))
-    return [[column[row] for column in columns] for row in range(4)]
+        columns.append((*(rotor.position.cross(force) + drag), force.z, *((force.x, force.y) if sideways else ())))
+    return [[column[row] for column in columns] for row in range(6 if sideways else 4)]
 
 
-def make_mixer(vehicle: Vehicle, policy: str = "clip") -> Mixer:
-    """Moore-Penrose inverse A^T (A A^T)^-1 of the vehicle's allocation matrix.
+def make_mixer(vehicle: Vehicle, policy: str = "clip", sideways: bool = False, yaw_slack: Any = 0.0) -> Mixer:
+    """Moore-Penrose inverse A^T (A A^T)^-1 of the vehicle's allocation matrix; ``sideways`` of all its six rows.
 
     Raises:
-        AllocationError: unknown policy, the rotors do not span torque and thrust (rank below 4), or, for "priority", a
-            rotor has no share in the thrust.
+        AllocationError: unknown policy, the rotors do not span torque and thrust (rank below 4; for ``sideways`` below
+            6), or, for "priority", a rotor has no share in the thrust.
     """
     policy = renamed("mixer policy", policy, OLD_POLICIES)
     if policy not in POLICIES:
         raise AllocationError(f"mixer policy = {policy!r}: must be one of {list(POLICIES)}")
-    A = allocation_matrix(vehicle)
+    A = allocation_matrix(vehicle, sideways)
     _require_rank(vehicle, A)
-    gram = [[_dot(a, b) for b in A] for a in A]
-    inverse_gram = [ldl_solve(gram, [1 if i == j else 0 for i in range(4)]) for j in range(4)]
+    gram, size = [[_dot(a, b) for b in A] for a in A], len(A)
+    inverse_gram = [ldl_solve(gram, [1 if i == j else 0 for i in range(size)]) for j in range(size)]
     rows = tuple(
-        tuple(_dot([A[k][rotor] for k in range(4)], inverse_gram[j]) for j in range(4))
+        tuple(_dot([A[k][rotor] for k in range(size)], inverse_gram[j]) for j in range(size))
         for rotor in range(len(vehicle.rotors))
     )
-    if policy == "priority":
+    if policy != "clip":
         _require_thrust_shares(vehicle, [row[3] for row in rows])
     highest = tuple(push(rotor, rotor.max_speed) for rotor in vehicle.rotors)
-    return Mixer(inverse=rows, highest=highest, policy=policy)
+    across = tuple(row[4:] for row in rows) if sideways else ()
+    inverse = tuple(row[:4] for row in rows)
+    return Mixer(inverse=inverse, highest=highest, policy=policy, yaw_slack=yaw_slack, across=across)
 
 
 def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
@@ -92,12 +110,12 @@ def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
 
 
 def _require_rank(vehicle: Vehicle, A: list[list[Any]]) -> None:
-    """Concrete layouts must reach torque about three axes and thrust independently."""
+    """Concrete layouts must reach torque about three axes and thrust, or all of a wrench, independently."""
     if not concrete(*(entry for row in A for entry in row)):
         return
     import numpy as np
 
-    matrix = np.array(A, dtype=float).reshape(4, len(vehicle.rotors))
+    matrix = np.array(A, dtype=float).reshape(len(A), len(vehicle.rotors))
     for rotor, column in zip(vehicle.rotors, np.abs(matrix).max(axis=0, initial=0.0), strict=True):
         if not column < LARGEST:
             raise AllocationError(
@@ -105,13 +123,14 @@ def _require_rank(vehicle: Vehicle, A: list[list[Any]]) -> None:
                 f"below {LARGEST:g}; check its thrust_coefficient and position"
             )
     # rows are scaled to unit length, because torque and thrust have different units
-    lengths = np.linalg.norm(matrix, axis=1, keepdims=True) if matrix.size else np.zeros((4, 1))
+    lengths = np.linalg.norm(matrix, axis=1, keepdims=True) if matrix.size else np.zeros((len(A), 1))
     scaled = matrix / np.where(lengths > 0.0, lengths, 1.0)
     rank = int(np.linalg.matrix_rank(scaled, tol=1e-6)) if matrix.size else 0
-    if rank < 4:
+    if rank < len(A):
+        needed = "4 (torque about x, y, z and thrust)" if len(A) == 4 else "6 (torque and force along x, y, z)"
         raise AllocationError(
             f"vehicle '{vehicle.name}': allocation of {len(vehicle.rotors)} rotors has rank {rank}: "
-            "must be 4 (torque about x, y, z and thrust); check rotor positions, axes and directions"
+            f"must be {needed}; check rotor positions, axes and directions"
         )
 
 
@@ -127,14 +146,19 @@ def _require_thrust_shares(vehicle: Vehicle, per_newton: Sequence[Any]) -> None:
             )
 
 
-def mix(mixer: Mixer, torque: Vec3, thrust: Any) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-    """Rotor speeds (rad/s) for a body torque (N m) and a thrust along body z (N).
+def mix(mixer: Mixer, torque: Vec3, thrust: Any, across: Vec3 = ZERO3) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """Rotor speeds (rad/s) for a body torque (N m), a thrust along body z and a force across it (N).
+
+    Policy "priority" gives of the force across body z the largest share that torque and thrust leave room for.
 
     Returns:
-        The commanded speeds and the squared speeds before any limit.
+        The commanded speeds and the squared speeds of torque and thrust before any limit.
     """
     raw = tuple(_dot(row, [*torque, thrust]) for row in mixer.inverse)
-    allowed = _prioritized(mixer, torque, thrust) if mixer.policy == "priority" else raw
+    allowed = _prioritized(mixer, torque, thrust) if mixer.policy != "clip" else raw
+    if mixer.across:
+        side = [_dot(row, [across.x, across.y]) for row in mixer.across]
+        allowed = _with_side(mixer, raw, allowed, side)
     return tuple(sqrt(maximum(value, 0.0)) for value in allowed), raw
 
 
@@ -146,14 +170,29 @@ def _prioritized(mixer: Mixer, torque: Vec3, thrust: Any) -> tuple[Any, ...]:
     """
     per_newton = [row[3] for row in mixer.inverse]
     tilt = [add(mul(row[0], torque.x), mul(row[1], torque.y)) for row in mixer.inverse]
-    yaw = [mul(row[2], torque.z) for row in mixer.inverse]
     share = _tilt_share(tilt, per_newton, mixer.highest)
     tilt = [mul(each, share) for each in tilt]
+    if mixer.policy == "thrust_before_yaw":
+        return _thrust_before_yaw(mixer, tilt, torque.z, thrust)
+    yaw = [mul(row[2], torque.z) for row in mixer.inverse]
     low, high = _thrust_range(tilt, per_newton, mixer.highest)
     held = minimum(maximum(thrust, low), high)
     kept = [add(mul(each, held), turn) for each, turn in zip(per_newton, tilt, strict=True)]
     yaw_share = _largest_share(kept, yaw, mixer.highest)
     wanted = [add(a, mul(b, yaw_share)) for a, b in zip(kept, yaw, strict=True)]
+    return tuple(minimum(maximum(w, 0.0), top) for w, top in zip(wanted, mixer.highest, strict=True))
+
+
+def _thrust_before_yaw(mixer: Mixer, tilt: Sequence[Any], yaw: Any, thrust: Any) -> tuple[Any, ...]:
+    """Squared speeds within [0, highest] beside those of roll and pitch: thrust first, then yaw torque."""
+    per_newton, per_turn = [row[3] for row in mixer.inverse], [row[2] for row in mixer.inverse]
+    bounds = yaw_room.bounds(tilt, per_newton, per_turn, mixer.highest, yaw, mixer.yaw_slack)
+    held = yaw_room.nearest_thrust(bounds, thrust)
+    turn = yaw_room.nearest_yaw(bounds, held, yaw)
+    wanted = [
+        add(add(value, mul(slope, held)), mul(turning, turn))
+        for value, slope, turning in zip(tilt, per_newton, per_turn, strict=True)
+    ]
     return tuple(minimum(maximum(w, 0.0), top) for w, top in zip(wanted, mixer.highest, strict=True))
 
 
@@ -193,3 +232,27 @@ def _largest_share(fixed: Sequence[Any], wanted: Sequence[Any], highest: Sequenc
         limit = where(change > 0.0, up, where(change < 0.0, down, share))
         share = minimum(share, maximum(limit, 0.0))
     return share
+
+
+def _with_side(mixer: Mixer, raw: Sequence[Any], allowed: Sequence[Any], side: Sequence[Any]) -> tuple[Any, ...]:
+    """Squared speeds with the largest share of a force across body z that fits.
+
+    It may be what brings torque and thrust (``raw``) within the limits; where no share of it does, it takes what room
+    is left beside what the limits leave of them (``allowed``).
+    """
+    if mixer.policy == "clip":
+        return tuple(add(value, change) for value, change in zip(raw, side, strict=True))
+    low: Any = 0.0
+    high: Any = 1.0
+    for value, change, top in zip(raw, side, mixer.highest, strict=True):
+        to_zero, to_top = divide(0.0 - value, change), divide(top - value, change)
+        inside = logical_and(value >= 0.0, value <= top)
+        low = maximum(low, where(change > 0.0, to_zero, where(change < 0.0, to_top, where(inside, 0.0, 2.0))))
+        high = minimum(high, where(change > 0.0, to_top, where(change < 0.0, to_zero, 1.0)))
+    left = _largest_share(allowed, side, mixer.highest)
+    fits = low <= high
+    rows = zip(raw, allowed, side, mixer.highest, strict=True)
+    return tuple(
+        minimum(where(fits, add(value, mul(high, change)), add(kept, mul(left, change))), top)
+        for value, kept, change, top in rows
+    )

@@ -23,6 +23,7 @@ from skyarm.assess.mass_balance import center_of_mass_shift, mass_and_inertia
 from skyarm.assess.mujoco_certificate import certificate
 from skyarm.assess.rotor_layout import rotor_layout
 from skyarm.assess.servo_stiffness import servo_stiffness
+from skyarm.assess.sideways_reach import sideways_reach
 from skyarm.assess.thrust_margin import thrust_margin
 from skyarm.assess.torque_authority import torque_authority
 from skyarm.files import number
@@ -138,6 +139,7 @@ def _of_vehicle(vehicle: Vehicle, gravity: float, payload: float, poses: ArmPose
         found += joint_torques(held, hanging, gravity, words)
     if allocation is not None:
         found += torque_authority(loads[-1][0], allocation, poses.of(loads[-1][0]), gravity)
+        found += sideways_reach(loads[-1][0], poses.of(loads[-1][0]), gravity)
         found += largest_payload(vehicle, allocation, poses, gravity, payload)
         found += largest_wind(vehicle, gravity, payload)
     endurance = [each for held, words in loads for each in time_aloft(held, gravity, words)]

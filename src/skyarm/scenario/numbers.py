@@ -155,7 +155,7 @@ def with_numbers(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
     changed: Any = dataclasses.replace(scenario, **fields) if fields else scenario
     if any(place[: len(ROTORS)] == ROTORS for place in leaves):
         par = changed.controller.par
-        mixer = make_mixer(par.model.vehicle, par.mixer.policy)
+        mixer = make_mixer(par.model.vehicle, par.mixer.policy, bool(par.mixer.across))
         changed = dataclasses.replace(changed, controller=_with_par(changed.controller, mixer=mixer))
     if any(place[: len(DRIVES)] == DRIVES and place[-1] == "latency" for place in leaves):
         made = with_believed_queues(changed.controller, 1.0 / scenario.rates.control)

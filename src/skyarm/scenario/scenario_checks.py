@@ -233,6 +233,8 @@ def check_law(par: Any, joints: int, rotors: int) -> None:
         _require_count("controller.mixer.inverse", mixer.inverse, rotors)
         for i, row in enumerate(mixer.inverse):
             _require_count(f"controller.mixer.inverse[{i}]", row, 4)
+        if mixer.across:
+            _require_count("controller.mixer.across", mixer.across, rotors)
 
 
 def _require_count(field: str, values: tuple[Any, ...], count: int) -> None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
-from skyarm.scalars import clip, divide, exp, minimum, where
+from skyarm.actuation import Mixer
+from skyarm.algebra import Vec3
+from skyarm.scalars import add, clip, divide, exp, minimum, mul, where
 from skyarm.vehicle.vehicle_records import Rotor
 
 
@@ -26,3 +29,28 @@ def command_for(rotor: Rotor, speed: Any, wanted: Any, dt: Any, share: Any) -> A
         divide(1.0, 1.0 - exp(divide(-dt, tau))) - 1.0 for tau in (rotor.time_constant_up, rotor.time_constant_down)
     )
     return clip(target + change * (share * where(change > 0.0, rise, fall)), 0.0, rotor.max_speed)
+
+
+def led(
+    rotors: Sequence[Rotor], mixer: Mixer, force_rate: Vec3, squares: Sequence[Any], dt: Any, share: Any
+) -> tuple[Any, ...]:
+    """Squared speeds, (rad/s)^2, changed by what the motors lag behind a force that changes as planned.
+
+    A target that :func:`command_for` is given once a period is followed dt / (1 - (1 - share) e) late, e = exp(-dt /
+    tau); without that the mean speed of a period is the wanted one at its middle.
+
+    Args:
+        rotors: with their time constants.
+        mixer: of all six rows, or of four: then of the force along z alone.
+        force_rate: planned, body axes, N/s.
+        squares: of each rotor.
+        dt: control period, s.
+        share: of the lag that commands invert, as in :func:`command_for`.
+    """
+    ahead = []
+    sides = mixer.across or ((0, 0),) * len(rotors)
+    for rotor, thrust, across, square in zip(rotors, mixer.inverse, sides, squares, strict=True):
+        change = add(mul(thrust[3], force_rate.z), add(mul(across[0], force_rate.x), mul(across[1], force_rate.y)))
+        tau = where(change > 0.0, rotor.time_constant_up, rotor.time_constant_down)
+        ahead.append(square + change * divide(dt, 1.0 - (1.0 - share) * exp(divide(-dt, tau))))
+    return tuple(ahead)

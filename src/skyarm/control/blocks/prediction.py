@@ -21,26 +21,32 @@ SUBSTEPS = 5
 """Model steps per control period across the delay: 1 ms at 200 Hz."""
 
 
-def rotor_wrench(model: Model, squares: Sequence[Any]) -> Force:
-    """Torque and thrust along body z of squared rotor speeds: what the mixer commands."""
-    rows = allocation_matrix(model.vehicle)
-    x, y, z, thrust = (_dot(row, squares) for row in rows)
-    return Force(Vec3(x, y, z), Vec3(0, 0, thrust))
+def rotor_wrench(model: Model, squares: Sequence[Any], sideways: bool = False) -> Force:
+    """Torque and thrust along body z of squared rotor speeds, or in all directions: what the mixer commands."""
+    rows = allocation_matrix(model.vehicle, sideways)
+    x, y, z, thrust, *across = (_dot(row, squares) for row in rows)
+    return Force(Vec3(x, y, z), Vec3.of([*(across or (0, 0)), thrust]))
 
 
-def side_wrench(model: Model, speeds: Sequence[Any], velocity_B: Vec3, rate: Vec3) -> Force:
+def side_wrench(model: Model, speeds: Sequence[Any], velocity_B: Vec3, rate: Vec3, sideways: bool = False) -> Force:
     """What rotors do besides :func:`rotor_wrench`: hub drag in still air, rolling moment, thrust across body z."""
     total = Force(ZERO3, ZERO3)
     for rotor, speed in zip(model.vehicle.rotors, speeds, strict=True):
         total = total + rotor_force(rotor, speed, velocity_B + rate.cross(rotor.position))
-    return total - rotor_wrench(model, [speed * speed for speed in speeds])
+    return total - rotor_wrench(model, [speed * speed for speed in speeds], sideways)
 
 
 def with_side(
-    model: Model, unknown: Disturbance, R: Mat3, speeds: Sequence[Any], velocity: Vec3, rate: Vec3
+    model: Model,
+    unknown: Disturbance,
+    R: Mat3,
+    speeds: Sequence[Any],
+    velocity: Vec3,
+    rate: Vec3,
+    sideways: bool = False,
 ) -> Disturbance:
     """A disturbance and the :func:`side_wrench` at a world velocity."""
-    side = side_wrench(model, speeds, R.apply_T(velocity), rate)
+    side = side_wrench(model, speeds, R.apply_T(velocity), rate, sideways)
     return Disturbance(
         force=unknown.force + R.apply(side.force), torque=unknown.torque + side.torque, efforts=unknown.efforts
     )
@@ -97,7 +103,9 @@ def motor_speeds(model: Model, speeds: Sequence[Any], command: Command, dt: Any)
     return speeds_after(model.vehicle.rotors, speeds, command.rotor_speeds, dt)
 
 
-def predict(model: Model, state: State, command: Command, unknown: Disturbance, dt: Any) -> State:
+def predict(
+    model: Model, state: State, command: Command, unknown: Disturbance, dt: Any, sideways: bool = False
+) -> State:
     """The state after one control period of a held command, by symplectic steps of the model."""
     h = dt / SUBSTEPS
 
@@ -105,7 +113,7 @@ def predict(model: Model, state: State, command: Command, unknown: Disturbance, 
         R = x.quaternion.rotation()
         speeds = motor_speeds(model, x.rotor_speeds, command, h)
         squares = [0.5 * (a * a + b * b) for a, b in zip(x.rotor_speeds, speeds, strict=True)]
-        applied = rotor_wrench(model, squares)
+        applied = rotor_wrench(model, squares, sideways)
         linear, angular, qdd = acceleration(
             model, R, x.rate, x.joints, x.joint_rates, applied, command.efforts, unknown
         )

@@ -14,6 +14,7 @@ from typing import Any
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
 from skyarm.control.blocks.attitude import Attitude, reachable
 from skyarm.control.blocks.series_kinematics import derivative
+from skyarm.control.blocks.sideways_force import Reach, across, applied
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.scalars import divide, mul, sqrt
 from skyarm.scalars.taylor import Taylor
@@ -21,11 +22,18 @@ from skyarm.scalars.taylor import Taylor
 
 @dataclass(frozen=True, slots=True)
 class Thrust:
-    """Wanted force (series of second order, world axes, N), its part along the present thrust axis, and a_c, m/s^2."""
+    """Force that the centre of mass is moved with.
+
+    Attributes:
+        force: wanted, series of second order, world axes, N.
+        along: N, of it along the present thrust axis. across: what the rotors give beside it, body axes, N.
+        acceleration: a_c, m/s^2, that they give.
+    """
 
     force: Vec3
     along: Any
     acceleration: Vec3
+    across: Vec3 = ZERO3
 
 
 def quasi_static(
@@ -73,6 +81,8 @@ def thrust(
     R: Mat3,
     w: Vec3,
     disturbance: Vec3,
+    force_rate: Vec3 = ZERO3,
+    reach: Reach | None = None,
 ) -> Thrust:
     """Force m (p_c,d'' + g e_3 + PD) - d and its derivatives, which use the acceleration that the real thrust gives.
 
@@ -85,25 +95,50 @@ def thrust(
         R: R_WB.
         w: body rate, rad/s.
         disturbance: N, world axes.
+        force_rate: what is known of its derivative, N/s.
+        reach: of the force across the thrust axis, if the rotors shall give one.
     """
-    kp, kv, gravity, limit = par.base.position, par.base.velocity, E_Z * par.model.gravity, par.base.pull
+    kv, gravity, limit = par.base.velocity, E_Z * par.model.gravity, par.base.pull
     e, ed = position - wanted[0], velocity - wanted[1]
-    pull = [kp.scaled(e) + kv.scaled(ed)]
+    off = [e]
+    pull = [_attraction(par, off) + kv.scaled(ed)]
     force = (wanted[2] + gravity - _bounded(pull, limit)) * mass - disturbance
-    b3, b3d = R.column(2), R.apply(w.cross(E_Z))
-    along = force.dot(b3)
     per_mass = divide(1.0, mass)
-    edd = (b3 * along + disturbance) * per_mass - gravity - wanted[2]
-    pull.append(kp.scaled(ed) + kv.scaled(edd))
-    first = (wanted[3] - _bounded(pull, limit)) * mass
-    change = first.dot(b3) + force.dot(b3d)
-    eddd = (b3 * change + b3d * along) * per_mass - wanted[3]
-    pull.append(kp.scaled(edd) + kv.scaled(eddd))
+    edd = (applied(reach, [force], R, w) + disturbance) * per_mass - gravity - wanted[2]
+    off.append(ed)
+    pull.append(_attraction(par, off) + kv.scaled(edd))
+    first = (wanted[3] - _bounded(pull, limit)) * mass - force_rate
+    eddd = applied(reach, [force, first], R, w) * per_mass - wanted[3]
+    off.append(edd)
+    pull.append(_attraction(par, off) + kv.scaled(eddd))
     second = (wanted[4] - _bounded(pull, limit)) * mass
     series = (Taylor((f, g, mul(0.5, h))) for f, g, h in zip(force, first, second, strict=True))
     held = reachable(Vec3(*series), par.tilt, par.thrust_floor)
-    pushed = derivative(held, 0).dot(b3)
-    return Thrust(held, pushed, (b3 * pushed + disturbance) * per_mass - gravity)
+    pushed = applied(reach, [derivative(held, 0)], R, w)
+    return Thrust(
+        force=held,
+        along=derivative(held, 0).dot(R.column(2)),
+        acceleration=(pushed + disturbance) * per_mass - gravity,
+        across=ZERO3 if reach is None else across(R.apply_T(pushed)),
+    )
+
+
+def _attraction(par: CentroidalParameters, errors: list[Vec3]) -> Vec3:
+    """Highest given derivative of kp e, or of what stands for it where the law brakes in time.
+
+    The velocity that kp e + kv e' settles at is kp / kv e, which no bounded thrust can stop from far away. With
+    e_0 = 2 a (kv / kp)^2 it is kp e / (1 + |e / e_0|^4)^(1/8): near by kp e, far away the velocity sqrt(2 a |e|), which
+    falls at the rate a (``par.approach``).
+    """
+    kp, kv = par.base.position, par.base.velocity
+    if not par.brakes:
+        return kp.scaled(errors[-1])
+    near = [divide(p * p, v * v * (2.0 * par.approach)) for p, v in zip(kp, kv, strict=True)]
+    series = [Taylor.of_derivatives(each) for each in zip(*errors, strict=True)]
+    x, y, z = (each * share for each, share in zip(series, near, strict=True))
+    square = x * x + y * y + z * z
+    left = 1.0 / sqrt(sqrt(sqrt(square * square + 1.0)))
+    return Vec3(*(p * (each * left).derivative(len(errors) - 1) for p, each in zip(kp, series, strict=True)))
 
 
 def _bounded(pull: list[Vec3], limit: Any) -> Vec3:

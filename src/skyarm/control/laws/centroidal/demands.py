@@ -9,13 +9,15 @@ from typing import Any
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
 from skyarm.control.blocks.attitude import Attitude, angular_acceleration, attitude, upright
 from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.force_trend import ForceTrend
 from skyarm.control.blocks.prediction import side_wrench
 from skyarm.control.blocks.series_kinematics import Posture, derivative, moving, posture
+from skyarm.control.blocks.sideways_force import Reach, leaning, planned_rate, reach_of
 from skyarm.control.laws.centroidal import com_tracking as center_of_mass
 from skyarm.control.laws.centroidal import tip_reference, tip_tasks
 from skyarm.control.laws.centroidal.arm_motion import ArmMotion, followed, made_good
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
-from skyarm.control.laws.centroidal.swing_shift import SwingPace, followed_pace, levers, shift_for_swing
+from skyarm.control.laws.centroidal.swing_shift import SwingPace, moved_shift
 from skyarm.control.laws.centroidal.tip_reference import ShiftMotion
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -46,23 +48,34 @@ class Following:
     """What the demands of the next period need to know; empty where the law does without.
 
     Attributes:
-        shift: differentiators of the base's shift. arm: size and mean of the arm's motion. pace: of its swing.
+        shift: differentiators of the base's shift. arm: size and mean of the arm's motion. trend: of the force.
+        pace: of the arm's swing.
     """
 
     shift: ShiftMotion | tuple[()] = ()
     arm: ArmMotion | tuple[()] = ()
+    trend: ForceTrend | tuple[()] = ()
     pace: SwingPace | tuple[()] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Demand:
-    """Thrust along body z (N), angular acceleration (body axes, rad/s^2), joint accelerations; the planned motion."""
+    """What rotors and joints shall do.
+
+    Attributes:
+        thrust: N, along body z. across: N, beside it, body axes.
+        alpha: angular acceleration, body axes, rad/s^2. joints: accelerations.
+        planned: motion without errors.
+        force_rate: N/s, body axes, of the planned force; None where nothing is commanded ahead.
+    """
 
     thrust: Any
     alpha: Vec3
     joints: tuple[Any, ...]
     planned: Planned
     following: Following = Following()
+    across: Vec3 = ZERO3
+    force_rate: Vec3 | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -72,7 +85,7 @@ class Course:
     Attributes:
         base: of the base origin, value to fourth derivative, world axes.
         still: quasi-static attitude. level: posture of ``turned``, the joints' signals.
-        goal: of the tip mode, else None.
+        goal: of the tip mode, else None. reach: of sideways force, if it is used.
         shift, pace: of the shift's motion, one period later.
     """
 
@@ -83,6 +96,7 @@ class Course:
     goal: tip_reference.Goal | None = None
     shift: ShiftMotion | tuple[()] = ()
     pace: SwingPace | tuple[()] = ()
+    reach: Reach | None = None
 
 
 def demands(
@@ -92,6 +106,7 @@ def demands(
     signals: Sequence[Taylor],
     unknown: Disturbance,
     steady: Vec3,
+    force_rate: Vec3,
     before: Following,
     dt: Any,
 ) -> Demand:
@@ -104,29 +119,33 @@ def demands(
         signals: x, y, z, yaw and the joints, series in time.
         unknown: disturbance.
         steady: its force without the rotors' own drag, which the posture follows.
+        force_rate: how the force changes, as far as that is believed, N/s, world axes.
         before: of the period before.
         dt: control period, s.
     """
     vehicle, mass = model.vehicle, model.vehicle.mass
     yaw, joints = signals[3], tuple(signals[4:])
     R, w = state.quaternion.rotation(), state.rate
-    course = _course(par, model, state, signals, steady, before, dt)
+    course = _course(par, model, state, signals, steady, force_rate, before, dt)
     now = posture(vehicle, moving(state.joints, state.joint_rates, (0,) * vehicle.n), 2)
     arm, h = before.arm, [derivative(course.level.com, k) for k in range(5)]
     if isinstance(arm, ArmMotion):
         arm = followed(arm, course.level.com, model.gravity, dt)
         h = made_good(arm, par.arm_turn, h)
+    wanted = center_of_mass.goal(course.base, h, course.still, par.moves_shift)
     push = center_of_mass.thrust(
         par,
         mass,
-        wanted=center_of_mass.goal(course.base, h, course.still, par.moves_shift),
+        wanted=wanted,
         position=state.position + R.apply(derivative(now.com, 0)),
         velocity=state.velocity + _velocity(R, w, now.com),
         R=R,
         w=w,
         disturbance=unknown.force,
+        force_rate=force_rate,
+        reach=course.reach,
     )
-    alpha = angular_acceleration(par.base, _attitude(par, model, push.force, yaw), R, w)
+    alpha = angular_acceleration(par.base, _attitude(par, model, push.force, yaw, course.reach), R, w)
     preferred = joint_accelerations(par, state, joints)
     if course.goal is not None:
         present = tip_tasks.Now(
@@ -154,8 +173,17 @@ def demands(
         proper=course.still.R.apply_T(course.base[2] + E_Z * par.model.gravity),
         joints=course.turned,
     )
-    following = Following(shift=course.shift, arm=arm, pace=course.pace)
-    return Demand(thrust=push.along, alpha=alpha, joints=preferred, planned=plan, following=following)
+    following = Following(shift=course.shift, arm=arm, trend=before.trend, pace=course.pace)
+    ahead = par.leads_thrust or course.reach is not None
+    return Demand(
+        thrust=push.along,
+        alpha=alpha,
+        joints=preferred,
+        planned=plan,
+        following=following,
+        across=push.across,
+        force_rate=planned_rate(course.still, wanted[2:4], mass, model.gravity) if ahead else None,
+    )
 
 
 def _course(
@@ -164,6 +192,7 @@ def _course(
     state: State,
     signals: Sequence[Taylor],
     steady: Vec3,
+    force_rate: Vec3,
     before: Following,
     dt: Any,
 ) -> Course:
@@ -176,32 +205,28 @@ def _course(
 
     # drag at the reference's motion: at the present one it would feed noise and errors into the posture
     def drag(motion: Vec3) -> Vec3:
-        return R.apply(side_wrench(model, state.rotor_speeds, R.apply_T(motion), ZERO3).force)
+        return R.apply(side_wrench(model, state.rotor_speeds, R.apply_T(motion), ZERO3, par.uses_sideways).force)
 
     changes = (drag(base[2]), drag(base[3])) if par.moves_shift else (ZERO3, ZERO3)
+    changes = (changes[0] + force_rate, changes[1])
     force = center_of_mass.quasi_static(par, mass, base, steady + drag(base[1]), changes)
-    still = _attitude(par, model, force, yaw)
+    reach = reach_of(par.mixer, derivative(level.com, 0), mass * model.gravity) if par.uses_sideways else None
+    still = _attitude(par, model, force, yaw, reach)
     if par.mode != "tip":
-        return Course(base=base, still=still, level=level, turned=joints)
+        return Course(base=base, still=still, level=level, turned=joints, reach=reach)
     goal = tip_reference.goal(vehicle, base, yaw, joints, level)
     turned = _level_links(par, model, goal, still, joints, level)
     upright_posture, level = level, posture(vehicle, turned, 4)
     offset = tip_reference.shift(upright_posture, yaw, level, still, par.tip.shift_limit)
-    shift, pace = before.shift, before.pace
-    if isinstance(shift, ShiftMotion) and isinstance(pace, SwingPace):
-        pace = followed_pace(pace, levers(upright_posture), par.swing_rate, dt)
-        swung = shift_for_swing(pace, offset, upright_posture, model.gravity)
-        shift, jerk, snap = tip_reference.differentiated(shift, swung.steady, par.shift_bandwidth, dt)
-        offset = [*swung.offset, jerk + swung.jerk, snap + swung.snap]
-    elif isinstance(shift, ShiftMotion):
-        shift, *changing = tip_reference.differentiated(shift, offset[2], par.shift_bandwidth, dt)
-        offset = [*offset, *changing]
+    shift, pace, offset = moved_shift(par, before.shift, before.pace, offset, upright_posture, dt)
     base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[len(offset) :]]
-    return Course(base=base, still=still, level=level, turned=turned, goal=goal, shift=shift, pace=pace)
+    return Course(base=base, still=still, level=level, turned=turned, goal=goal, shift=shift, pace=pace, reach=reach)
 
 
-def _attitude(par: CentroidalParameters, model: Model, force: Vec3, yaw: Taylor) -> Attitude:
-    """Attitude of a force; towards upright where the force is small, if the law shall."""
+def _attitude(par: CentroidalParameters, model: Model, force: Vec3, yaw: Taylor, reach: Reach | None) -> Attitude:
+    """Attitude of a force, or of what the rotors do not give sideways; upright where it is small, if the law shall."""
+    if reach is not None:
+        force = leaning(reach, force, par.sideways)
     if par.softens_attitude:
         force = upright(force, model.vehicle.mass * model.gravity, par.low_thrust)
     return attitude(force, yaw.truncated(2))

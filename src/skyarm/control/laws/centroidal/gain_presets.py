@@ -22,6 +22,11 @@ COMMON: Mapping[str, Any] = {
     "swing_rate": 0.0,
     "low_thrust": 0.0,
     "arm_turn": 0.0,
+    "sideways": 0.0,
+    "approach": 0.0,
+    "force_trend": 0.0,
+    "yaw_slack": 0.0,
+    "thrust_lead": False,
     "lag": (0.0, 0.0),
 }
 """Limits and weights of all presets; see :class:`CentroidalParameters`, :class:`TipGains` and :class:`BaseGains`."""
@@ -45,6 +50,12 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "swing_rate": 2.0,
         "low_thrust": 0.8,
         "arm_turn": 20.0,
+        "pull": 8.0,
+        "approach": 2.0,
+        "shift_limit": 0.4,
+        "force_trend": 10.0,
+        "yaw_slack": 5.0,
+        "thrust_lead": True,
         "lag": (0.02, 0.012),
     },
     "stiff": {
@@ -90,6 +101,10 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "swing_rate": (0.0, 50.0),
     "low_thrust": (0.0, 1.0),
     "arm_turn": (0.0, 1e6),
+    "sideways": (0.0, 1.0),
+    "approach": (0.0, 1e3),
+    "force_trend": (0.0, 1e3),
+    "yaw_slack": (0.0, 1e6),
 }
 """Lowest and highest value of the entries that are one number; the others are gains, at least 0."""
 

@@ -6,32 +6,36 @@ accelerations: of the joints' references, or of tip and link orientations. 6. In
 base: the real thrust goes in, the base's acceleration comes out, then body and joint torques. 7. Rotor commands undo
 the lag.
 
-Assumes a model of rigid bodies, rotors whose thrust is along body z but for the disturbance, and motor time constants.
+Assumes a model of rigid bodies, rotors whose thrust is along body z but for the disturbance (with ``sideways`` in any
+direction), and motor time constants.
 Sources: Lee, Leok, McClamroch 2010; Gao 2003; the parts cite their own.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 from skyarm.actuation import Command
+from skyarm.algebra import ZERO3, Vec3
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance, observe
 from skyarm.control.blocks.extrapolation import extrapolate, samples
+from skyarm.control.blocks.force_trend import ForceTrend, followed, trusted_rate
 from skyarm.control.blocks.lag_estimate import LagMemory, learn, shares
 from skyarm.control.blocks.prediction import predict, with_side
 from skyarm.control.blocks.saturation import all_follow
 from skyarm.control.controller import all_applied
 from skyarm.control.laws.centroidal.adaptation import adapt
 from skyarm.control.laws.centroidal.bandwidth import at_shares
-from skyarm.control.laws.centroidal.demands import demands
+from skyarm.control.laws.centroidal.demands import Following, demands
 from skyarm.control.laws.centroidal.memory import CentroidalMemory
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.reference import Reference
-from skyarm.scalars import add, exp, mul, sub, where
+from skyarm.scalars import add, divide, exp, mul, sub, where
 from skyarm.sensors.measurement import Measurement
 
 
@@ -44,31 +48,46 @@ def centroidal(
     )
     if par.lag is not None and isinstance(memory.lag, LagMemory):
         par = at_shares(par, *shares(par.lag, memory.lag, dt))
-    model, before, feedforward = par.model, memory.observed, memory.learned.feedforward
+    model, then, feedforward = par.model, memory.observed, memory.learned.feedforward
     observed, told = observe(
         model,
         par.observer,
-        before,
+        then,
         measurement,
         memory.sent[0],
-        disturbance(before) + feedforward,
+        disturbance(then) + feedforward,
         memory.started,
         memory.free,
         dt,
     )
     alone = disturbance(observed) + feedforward
     unknown = with_side(
-        model, alone, observed.quaternion.rotation(), observed.rotor_speeds, observed.velocity, observed.rate
+        model,
+        alone,
+        observed.quaternion.rotation(),
+        observed.rotor_speeds,
+        observed.velocity,
+        observed.rate,
+        par.uses_sideways,
     )
     state = _present(par, model, measurement, memory, observed, unknown, dt)
     share = 1.0 - exp(-(par.tip.shift_rate * dt))
     slow = memory.slow_force + (observed.force - memory.slow_force) * share
     steady = (slow if par.mode == "tip" else observed.force) + feedforward.force
-    demand = demands(par, model, state, signals, unknown, steady, memory.following, dt)
+    before: Following = memory.following
+    rate: Vec3 = ZERO3
+    if par.trend is not None and isinstance(before.trend, ForceTrend):
+        trend = followed(par.trend, before.trend, observed.force, dt)
+        rate = trusted_rate(par.trend, trend)
+        before = dataclasses.replace(before, trend=trend)
+        late = divide(2.0, par.observer.force)
+        unknown = dataclasses.replace(unknown, force=unknown.force + rate * late)
+        steady = steady + rate * (late + divide(1.0, par.tip.shift_rate) if par.mode == "tip" else late)
+    demand = demands(par, model, state, signals, unknown, steady, rate, before, dt)
     done = actuate(par, model, state, demand, unknown, memory.trim, memory.applied[0], dt)
     # a command that others changed moves the vehicle away from its plan: nothing of that is a load or friction
-    followed = all_follow(memory.applied)
-    free = tuple(where(followed, each, 0.0) for each in memory.free)
+    unchanged = all_follow(memory.applied)
+    free = tuple(where(unchanged, each, 0.0) for each in memory.free)
     lag = memory.lag
     if par.lag is not None and isinstance(lag, LagMemory):
         lag = learn(par.lag, lag, told, measurement, memory.started, memory.free, dt)
@@ -114,5 +133,5 @@ def _present(
         rotor_speeds=observed.rotor_speeds,
     )
     for command in memory.sent[1:]:
-        state = predict(model, state, command, unknown, dt)
+        state = predict(model, state, command, unknown, dt, par.uses_sideways)
     return state

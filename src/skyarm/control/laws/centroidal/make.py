@@ -11,6 +11,7 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains, first_observed
 from skyarm.control.blocks.extrapolation import Channel
+from skyarm.control.blocks.force_trend import first_trend, trend_gains
 from skyarm.control.blocks.lag_estimate import LagGains, first_lag, stride_of
 from skyarm.control.blocks.select import data
 from skyarm.control.controller import Controller, ControllerError, all_applied
@@ -60,7 +61,8 @@ def make_centroidal(
         changes: entries of the preset to replace.
 
     Raises:
-        ControllerError: an unknown mode or preset, an option out of its range, or no end effector.
+        ControllerError: an unknown mode or preset, an option out of its range, no end effector, or ``sideways`` for
+            rotors that do not span torque and force in all directions.
         AllocationError: the rotors do not span torque and thrust.
     """
     mode = MODE_ALIASES.get(mode, mode) if isinstance(mode, str) else mode
@@ -77,7 +79,7 @@ def make_centroidal(
     stiffness, damping = gains["arm"]
     par = CentroidalParameters(
         model=model,
-        mixer=_mixer(vehicle),
+        mixer=_mixer(vehicle, gains["sideways"] > 0.0, gains["yaw_slack"]),
         mode=mode,
         base=BaseGains(
             position=Vec3(kp, kp, kp),
@@ -119,6 +121,12 @@ def make_centroidal(
         softens_attitude=gains["low_thrust"] > 0.0,
         arm_turn=gains["arm_turn"],
         limits_arm=gains["arm_turn"] > 0.0 and vehicle.n > 0,
+        sideways=gains["sideways"],
+        uses_sideways=gains["sideways"] > 0.0,
+        approach=gains["approach"],
+        brakes=gains["approach"] > 0.0,
+        trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] > 0.0 else None,
+        leads_thrust=gains["thrust_lead"],
         lag=_lag(gains["lag"], control_period),
     )
     if gains["bandwidth"] != 1.0:
@@ -127,9 +135,18 @@ def make_centroidal(
     return Controller(name=f"centroidal_{mode}", law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
 
 
-def _mixer(vehicle: Vehicle) -> Mixer:
+def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float) -> Mixer:
+    """Allocation; ``yaw_slack`` in rad/s^2 of the vehicle with its joints at zero."""
+    policy = "priority" if yaw_slack == 0.0 else "thrust_before_yaw"
+    inertia = dynamics.mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)[5][5] if yaw_slack else 0.0
+    slack = yaw_slack * float(inertia)
+    if sideways:
+        try:
+            return make_mixer(vehicle, policy, sideways, slack)
+        except AllocationError as error:
+            raise ControllerError(f"controller.sideways: {error}") from None
     try:
-        return make_mixer(vehicle, "priority")
+        return make_mixer(vehicle, policy, yaw_slack=slack)
     except AllocationError:
         return make_mixer(vehicle)
 
@@ -171,6 +188,7 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
         following=Following(
             shift=ShiftMotion(acceleration=zero, jerk=zero) if par.moves_shift else (),
             arm=ArmMotion(size=0.0, mean=zero) if par.limits_arm else (),
+            trend=() if par.trend is None else first_trend(),
             pace=SwingPace(rate=0.0, acceleration=0.0) if par.follows_swing else (),
         ),
         lag=() if par.lag is None else first_lag(vehicle.n, par.lag.stride),

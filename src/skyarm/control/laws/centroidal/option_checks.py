@@ -40,6 +40,10 @@ def checked(name: str, value: Any) -> Any:
     if name not in ENTRIES:
         raise ControllerError(f"controller.{name}: must be one of {sorted(ENTRIES)}")
     example = PRESETS["robust"][name]
+    if isinstance(example, bool):
+        if not isinstance(value, bool):
+            raise ControllerError(f"controller.{name} = {shown(value)}: must be true or false")
+        return value
     if not isinstance(example, tuple):
         return bounded(name, value, *RANGES[name])
     if not isinstance(value, (list, tuple)) or len(value) != len(example):

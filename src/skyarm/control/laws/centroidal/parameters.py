@@ -8,6 +8,7 @@ from typing import Annotated
 from skyarm.actuation import Mixer
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains
+from skyarm.control.blocks.force_trend import TrendGains
 from skyarm.control.blocks.lag_estimate import LagGains
 from skyarm.control.model import JointGains, Model
 from skyarm.records.units import Unit
@@ -67,6 +68,12 @@ class CentroidalParameters:
             leaves it out.
         arm_turn: rad/s^2, the most of angular acceleration that the base turns with to make good the arm's motion.
             limits_arm: False makes all of it good.
+        sideways: share of the rotors' room beside hover that a force across body z may take at a level attitude; what
+            is beyond tilts the base. uses_sideways: False leaves it out: all force is along body z.
+        approach: m/s^2, rate at which the velocity falls that a distant base comes back with. brakes: False leaves it
+            to the gains.
+        trend: how the rate of the observed force is found; None for a law that takes the force as it stands.
+        leads_thrust: True commands rotors ahead of the planned force by what motors lag.
         lag: how the bandwidth answers a lag that is found in flight; None for a law that trusts what it was told.
     """
 
@@ -104,6 +111,12 @@ class CentroidalParameters:
     softens_attitude: bool = False
     arm_turn: Annotated[Scalar, Unit("rad/s^2", "the most that the base turns with for the arm's motion")] = 0.0
     limits_arm: bool = False
+    sideways: Annotated[Scalar, Unit("", "share of the rotors' room that a force at level attitude takes")] = 0.0
+    uses_sideways: bool = False
+    approach: Annotated[Scalar, Unit("m/s^2", "rate at which a base that comes back from afar slows down")] = 0.0
+    brakes: bool = False
+    trend: TrendGains | None = None
+    leads_thrust: bool = False
     lag: LagGains | None = None
 
     def choices(self) -> list[str]:
@@ -115,6 +128,10 @@ class CentroidalParameters:
             "shift by the pace of the swing": self.follows_swing,
             "upright at low thrust": self.softens_attitude,
             "limited motion for the arm": self.limits_arm,
+            "sideways force": self.uses_sideways,
+            "braking in time": self.brakes,
+            "trend of the force": self.trend is not None,
+            "thrust ahead of its plan": self.leads_thrust,
             "bandwidth by the lag found": self.lag is not None,
         }
         adapted += [name for name, there in added.items() if there]

@@ -27,6 +27,8 @@ from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.series_kinematics import Posture, derivative
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.control.laws.centroidal.tip_reference import ShiftMotion, differentiated
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, divide, where
 
@@ -101,3 +103,32 @@ def shift_for_swing(memory: SwingPace, needed: list[Vec3], level: Posture, gravi
     steady = needed[2] - swing[2]
     offset = (needed[0] + swing[2] * gain, needed[1] + swing[1] * (share - 1.0), steady + swing[2] * share)
     return SwingShift(offset, steady, swing[3] * share, swing[4] * share)
+
+
+def moved_shift(
+    par: CentroidalParameters,
+    shift: ShiftMotion | tuple[()],
+    pace: SwingPace | tuple[()],
+    needed: list[Vec3],
+    level: Posture,
+    dt: Any,
+) -> tuple[ShiftMotion | tuple[()], SwingPace | tuple[()], list[Vec3]]:
+    """Memories of the shift's motion one period later, and the shift with as many derivatives as the law has of it.
+
+    Args:
+        par: constants.
+        shift: memory of its differentiators; empty where they are left out.
+        pace: memory of the swing's pace; empty where that is left out.
+        needed: shift that each instant asks for, with two derivatives.
+        level: posture of the references of a level base.
+        dt: control period, s.
+    """
+    if not isinstance(shift, ShiftMotion):
+        return shift, pace, needed
+    if not isinstance(pace, SwingPace):
+        shift, jerk, snap = differentiated(shift, needed[2], par.shift_bandwidth, dt)
+        return shift, pace, [*needed, jerk, snap]
+    pace = followed_pace(pace, levers(level), par.swing_rate, dt)
+    swung = shift_for_swing(pace, needed, level, par.model.gravity)
+    shift, jerk, snap = differentiated(shift, swung.steady, par.shift_bandwidth, dt)
+    return shift, pace, [*swung.offset, jerk + swung.jerk, snap + swung.snap]

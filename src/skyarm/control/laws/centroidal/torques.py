@@ -10,7 +10,7 @@ from skyarm import dynamics
 from skyarm.actuation import Command, friction, mix
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3, ldl_solve
 from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.blocks.motor_lag import command_for
+from skyarm.control.blocks.motor_lag import command_for, led
 from skyarm.control.blocks.prediction import motor_speeds
 from skyarm.control.blocks.select import data
 from skyarm.control.blocks.underactuated import forces_under_thrust
@@ -37,7 +37,7 @@ def needed(model: Model, state: State, demand: Demand, unknown: Disturbance) -> 
         state.joints,
         state.rate,
         qd,
-        applied=E_Z * demand.thrust + state.quaternion.rotation().apply_T(unknown.force),
+        applied=E_Z * demand.thrust + demand.across + state.quaternion.rotation().apply_T(unknown.force),
         angular=demand.alpha,
         joint_accelerations=demand.joints,
     )
@@ -112,11 +112,14 @@ def actuate(
     held = tuple(clip(data(effort), -limit, limit) for effort, limit in zip(efforts, limits, strict=True))
     missing = [sub(effort, kept) for effort, kept in zip(efforts, held, strict=True)]
     torque = torque - fallen_away(model.vehicle, state.joints, missing)
-    wanted, squares = mix(par.mixer, torque, demand.thrust)
+    wanted, squares = mix(par.mixer, torque, demand.thrust, demand.across)
     inside: Any = demand.thrust > 0.0
     for square, highest in zip(squares, par.mixer.highest, strict=True):
         inside = logical_and(inside, logical_and(square > 0.0, square < highest))
-    targets = [sqrt(maximum(w * w + t, 0.0)) for w, t in zip(wanted, trim, strict=True)]
+    ahead = trim
+    if demand.force_rate is not None:
+        ahead = led(model.vehicle.rotors, par.mixer, demand.force_rate, trim, dt, par.lag_inversion)
+    targets = [sqrt(maximum(w * w + t, 0.0)) for w, t in zip(wanted, ahead, strict=True)]
     speeds = tuple(
         command_for(rotor, speed, target, dt, par.lag_inversion)
         for rotor, speed, target in zip(model.vehicle.rotors, state.rotor_speeds, targets, strict=True)

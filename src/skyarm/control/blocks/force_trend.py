@@ -1,0 +1,109 @@
+"""The trend of an observed force: its rate, trusted as far as it foretold the force so far.
+
+A steady turn of the wind can be foretold, turbulence and noise cannot. The rate comes from a second-order tracker,
+    level' = rate + 2 w (d - level),    rate' = w^2 (d - level),
+d the observer's force. Force and rate then pass the same chain of three first-order filters of together ``horizon``
+seconds: what the force has changed by since, d - late(d), is what late(rate) foretold to be horizon late(rate). The
+trust is the slope of the one against the other in the least squares of the last seconds, within 0 and 1.
+Sources: Gao 2003 (poles of the tracker); the slope is the Wiener coefficient of a prediction by one regressor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.algebra import Vec3
+from skyarm.control.blocks.select import data, vector_data
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, divide, exp, maximum, minimum
+
+STAGES = 3
+"""Of the chain that delays."""
+
+HORIZON, FORGET = 0.25, 0.7
+"""s and 1/s, as in :class:`TrendGains`."""
+
+SLOWEST = 0.2
+"""m/s^3: change of the force per mass that is too slow to tell."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TrendGains:
+    """Constants.
+
+    Attributes:
+        bandwidth: rad/s, of the tracker. horizon: s, over which the force is foretold to find the trust.
+        forget: 1/s, rate at which what was found is forgotten. doubt: (N/s)^2, mean square of rates too small to tell.
+    """
+
+    bandwidth: Annotated[Scalar, Unit("rad/s", "tracker of the observed force")]
+    horizon: Annotated[Scalar, Unit("s", "over which the force is foretold to find the trust")]
+    forget: Annotated[Scalar, Unit("1/s", "rate at which the trust's evidence is forgotten")]
+    doubt: Annotated[Scalar, Unit("(N/s)^2", "mean square of rates that are too small to tell")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ForceTrend:
+    """Memory.
+
+    Attributes:
+        level, rate: of the tracker, N and N/s, world axes. forces, rates: stages of the two chains.
+        agreement, size: mean of late(rate) . change / horizon and of late(rate)^2, (N/s)^2.
+    """
+
+    level: Annotated[Vec3, Unit("N", "of the tracker, world axes")]
+    rate: Annotated[Vec3, Unit("N/s", "of the tracker, world axes")]
+    forces: Annotated[tuple[Vec3, ...], Unit("N", "the force, later with each stage")]
+    rates: Annotated[tuple[Vec3, ...], Unit("N/s", "the rate, later with each stage")]
+    agreement: Annotated[Scalar, Unit("(N/s)^2", "mean product of the foretold and the real rate")]
+    size: Annotated[Scalar, Unit("(N/s)^2", "mean square of the foretold rate")]
+
+
+def trend_gains(bandwidth: float, mass: float) -> TrendGains:
+    """Constants for a tracker's bandwidth (rad/s) and a vehicle's mass (kg)."""
+    return TrendGains(bandwidth=bandwidth, horizon=HORIZON, forget=FORGET, doubt=(SLOWEST * mass) * (SLOWEST * mass))
+
+
+def first_trend() -> ForceTrend:
+    """Memory before the first measurement."""
+    zero = Vec3(0.0, 0.0, 0.0)
+    chain = (zero,) * STAGES
+    return ForceTrend(level=zero, rate=zero, forces=chain, rates=chain, agreement=0.0, size=0.0)
+
+
+def followed(gains: TrendGains, memory: ForceTrend, force: Vec3, dt: Any) -> ForceTrend:
+    """The memory one period later; ``force`` is the observer's, N, world axes."""
+    b = exp(-(gains.bandwidth * dt))
+    ahead = memory.level + memory.rate * dt
+    miss = force - ahead
+    level, rate = ahead + miss * (1.0 - b * b), memory.rate + miss * divide((1.0 - b) * (1.0 - b), dt)
+    share = 1.0 - exp(-divide(STAGES * dt, gains.horizon))
+    forces, rates = _delayed(memory.forces, force, share), _delayed(memory.rates, rate, share)
+    change = (force - forces[-1]) * divide(1.0, gains.horizon)
+    told = rates[-1]
+    slow = 1.0 - exp(-(gains.forget * dt))
+    return ForceTrend(
+        level=vector_data(level),
+        rate=vector_data(rate),
+        forces=forces,
+        rates=rates,
+        agreement=data(memory.agreement + slow * (told.dot(change) - memory.agreement)),
+        size=data(memory.size + slow * (told.dot(told) - memory.size)),
+    )
+
+
+def _delayed(chain: tuple[Vec3, ...], value: Vec3, share: Any) -> tuple[Vec3, ...]:
+    """The stages one period later."""
+    found = []
+    for each in chain:
+        value = vector_data(each + (value - each) * share)
+        found.append(value)
+    return tuple(found)
+
+
+def trusted_rate(gains: TrendGains, memory: ForceTrend) -> Vec3:
+    """N/s, world axes: what is believed of the rate."""
+    slope = divide(memory.agreement, memory.size + gains.doubt)
+    rate: Vec3 = memory.rate * minimum(maximum(slope, 0.0), 1.0)
+    return rate

@@ -1,0 +1,147 @@
+"""Force across the thrust axis: how much of it rotors give beside hover, and what is left for a tilt.
+
+A force F at the common centre of mass r_c of a vehicle that does not turn is the wrench (r_c x F, F) about the base
+origin; each rotor's squared speed is linear in it. With b_i what the vertical part takes and c_i what the rest adds,
+room_i the distance from b_i to the limit that c_i goes to, the gauge of the reachable forces is max_i |c_i| / room_i;
+its place is taken by the 8-norm (sum_i (c_i / room_i)^8)^(1/8) >= max, which has all derivatives: nothing that it
+allows is beyond a rotor.
+
+Of a wanted force the part (1 + (gauge / share)^8)^(-1/8) goes sideways at a level attitude, 1 well inside and share /
+gauge far beyond; the attitude is that of the rest.
+Source: Franchi, Carli, Bicego, Ryll 2018, Full-pose tracking control for aerial robotic systems with laterally bounded
+input force, whose hard bound of the lateral force is smooth here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.actuation import Mixer
+from skyarm.algebra import E_X, E_Y, E_Z, Mat3, Vec3
+from skyarm.control.blocks.attitude import Attitude
+from skyarm.control.blocks.series_kinematics import derivative
+from skyarm.scalars import divide, mul, sqrt
+from skyarm.scalars.taylor import Taylor, chosen
+
+LEAST = 0.05
+"""Of what hover takes of a rotor: the least room that is reckoned with."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """What forces take of rotors.
+
+    Attributes:
+        rows: squared speed of each rotor per force at the centre of mass, body axes, (rad/s)^2 / N.
+        highest: of each, (rad/s)^2. least: room, (rad/s)^2.
+    """
+
+    rows: tuple[Vec3, ...]
+    highest: tuple[Any, ...]
+    least: tuple[Any, ...]
+
+
+def reach_of(mixer: Mixer, com: Vec3, weight: Any) -> Reach:
+    """Reach of a mixer of six rows; ``com`` in base axes, m, ``weight`` in N."""
+    rows = []
+    for turning, across in zip(mixer.inverse, mixer.across, strict=True):
+        rows.append(Vec3.of([*across, turning[3]]) + Vec3.of(turning[:3]).cross(com))
+    least = tuple(LEAST * weight * turning[3] for turning in mixer.inverse)
+    return Reach(rows=tuple(rows), highest=mixer.highest, least=least)
+
+
+def gauge(reach: Reach, force: Vec3) -> Taylor:
+    """Eighth power of the share that a force across body z takes of the rotors' room; body axes, series."""
+    total: Any = 0
+    for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
+        held, change = force.z * row.z, force.x * row.x + force.y * row.y
+        room = chosen(change > 0.0, held * -1 + top, held)
+        room = chosen(room > least, room, least)
+        share = change / room
+        square = share * share
+        fourth = square * square
+        total = fourth * fourth + total
+    result: Taylor = total
+    return result
+
+
+def leaning(reach: Reach, force: Vec3, share: Any) -> Vec3:
+    """The force (series of second order, world axes, N) that the attitude is computed with: without its sideways part.
+
+    Its second derivative counts as the rest does: sideways force makes up for an attitude that is late by it, and the
+    snap of a reference is rough where its acceleration bends.
+    """
+    x, y, z = force
+    side = _square((x * x + y * y) * slightest(reach, z) * divide(1.0, share * share))
+    left = 1.0 - 1.0 / sqrt(sqrt(sqrt(_square(side) + 1.0)))
+    rest = left.c[0]
+    return Vec3(*(Taylor([*each.c[:2], mul(rest, each.c[2])]) for each in (x * left, y * left, z)))
+
+
+def slightest(reach: Reach, vertical: Taylor) -> Taylor:
+    """Square of the gauge of 1 N across z in the worst direction, 1/N^2, beside a vertical force (series, N)."""
+    total: Any = 0
+    for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
+        held, size = vertical * row.z, row.x * row.x + row.y * row.y
+        for room in (held, held * -1 + top):
+            share = _square(1.0 / _square(chosen(room > least, room, least)) * size)
+            total = _square(_square(share)) + total
+    root: Taylor = sqrt(sqrt(sqrt(total)))
+    return root
+
+
+def _square(value: Taylor) -> Taylor:
+    return value * value
+
+
+def applied(reach: Reach | None, force: Sequence[Vec3], R: Mat3, w: Vec3) -> Vec3:
+    """What the rotors give of a force at this attitude, world axes, N, or its first derivative, N/s.
+
+    Args:
+        reach: of the force across body z; None for none.
+        force: wanted, world axes, and if so its derivative.
+        R: R_WB.
+        w: body rate, rad/s.
+    """
+    order = len(force) - 1
+    if reach is None:
+        b3: Vec3 = R.column(2)
+        along = force[0].dot(b3)
+        pushed: Vec3 = b3 * along
+        if order:
+            b3d = R.apply(w.cross(E_Z))
+            pushed = b3 * (force[1].dot(b3) + force[0].dot(b3d)) + b3d * along
+        return pushed
+    wanted = [Taylor.of_derivatives(each) for each in zip(*force, strict=True)]
+    axes = []
+    for k, axis in enumerate((E_X, E_Y, E_Z)):
+        motion = [R.column(k), R.apply(w.cross(axis))][: order + 1]
+        axes.append([Taylor.of_derivatives(each) for each in zip(*motion, strict=True)])
+    x, y, z = (a[0] * wanted[0] + a[1] * wanted[1] + a[2] * wanted[2] for a in axes)
+    side = gauge(reach, Vec3(x, y, z))
+    share = 1.0 / _eighth_root(chosen(side > 1.0, side, 1.0))
+    x, y = x * share, y * share
+    given = Vec3(*(axes[0][i] * x + axes[1][i] * y + axes[2][i] * z for i in range(3)))
+    return derivative(given, order)
+
+
+def across(force: Vec3) -> Vec3:
+    """Part of a force across z."""
+    return Vec3(force.x, force.y, 0)
+
+
+def planned_rate(still: Attitude, motion: Sequence[Vec3], mass: Any, gravity: Any) -> Vec3:
+    """How the planned force changes, axes of the planned body, N/s; ``motion`` of the centre of mass: p'', p'''.
+
+    With f = m (p'' + g) it is R^T m p''' - w x R^T f.
+    """
+    force: Vec3 = still.R.apply_T(motion[0] + E_Z * gravity) * mass
+    change: Vec3 = still.R.apply_T(motion[1]) * mass
+    return change - still.rate.cross(force)
+
+
+def _eighth_root(value: Taylor) -> Taylor:
+    root: Taylor = sqrt(sqrt(sqrt(value)))
+    return root
