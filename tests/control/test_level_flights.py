@@ -89,6 +89,19 @@ def test_under_noise_the_tip_is_kept_where_a_tilting_base_does_not():
     assert most > 8.0
 
 
+@pytest.mark.thorough
+def test_a_roll_and_pitch_are_held_while_the_base_moves_and_turns():
+    trajectory = dataclasses.replace(across(2.5), yaw=Sine(amplitude=1.0, frequency_hz=0.2))
+    flown = fly(scenario(HEXA, trajectory, sideways=0.9, attitude=[-0.06, 0.1]))
+    late = flown.time >= 1.0
+    assert flown.base[0][late].max() < 1.0
+    w, x, y, z = flown.quaternion[0][late].T
+    roll, pitch = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)), np.arcsin(2.0 * (w * y - z * x))
+    # in the first second it turns there from level; a turning heading is followed 0.2 deg late
+    assert np.abs(roll + 0.06).max() < 0.01
+    assert np.abs(pitch - 0.1).max() < 0.01
+
+
 @pytest.mark.parametrize("plant", ["rigid_body", pytest.param("mujoco", marks=pytest.mark.thorough)])
 def test_a_force_beyond_the_rotors_reach_is_flown_by_tilting(plant, tmp_path):
     """The scenario of the page in 12 N of wind, half the weight: 6.1 N go sideways at most, the rest leans."""

@@ -19,7 +19,7 @@ from skyarm.compile import leaves, rebuild, trace
 from skyarm.control.blocks.attitude import Attitude
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.motor_lag import command_for, led
-from skyarm.control.blocks.sideways_force import applied, gauge, leaning, planned_rate, reach_of, slightest
+from skyarm.control.blocks.sideways_force import applied, gauge, leaning, planned_rate, reach_of, slightest, thrust_axis
 from skyarm.control.catalogue import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.demands import Following, demands
@@ -130,6 +130,35 @@ def test_what_leans_is_little_inside_all_beyond_and_has_its_derivative():
     )
 
 
+def test_a_held_attitude_is_that_of_its_angles_and_gives_way_where_sideways_force_ends():
+    """Z-Y-X angles by SciPy, under a yaw that turns; what hovers within the reach leans nowhere else."""
+    yaw, angles = Taylor([0.7, 0.4, 0.1]), (0.12, -0.1)
+    axis = thrust_axis(angles, yaw)
+
+    def by_scipy(t):
+        return Rotation.from_euler("ZYX", [0.7 + 0.4 * t + 0.1 * t * t, angles[1], angles[0]]).as_matrix()[:, 2]
+
+    h = 1e-5
+    np.testing.assert_allclose([float(c.derivative(0)) for c in axis], by_scipy(0.0), atol=1e-12)
+    slope = (by_scipy(h) - by_scipy(-h)) / (2.0 * h)
+    np.testing.assert_allclose([float(c.derivative(1)) for c in axis], slope, atol=1e-9)
+    hover = Vec3(*(Taylor([c, 0.0, 0.0]) for c in (0.0, 0.0, WEIGHT)))
+    for size, within in ((0.5, 1e-4), (6.0, math.inf)):
+        axis = thrust_axis((size * 0.12, size * -0.1), yaw)
+        b3 = array(Vec3(*(c.derivative(0) for c in leaning(REACH, hover, 0.9, axis))))
+        off = np.linalg.norm(np.cross(b3 / np.linalg.norm(b3), [float(c.derivative(0)) for c in axis]))
+        assert off < within
+    # beyond: between the wanted axis and upright
+    assert 0.2 < off < 0.8
+
+
+def test_an_attitude_without_sideways_force_is_refused():
+    with pytest.raises(ControllerError, match=r"^controller.attitude = .*: must be level without the option sideways"):
+        make_centroidal(Model(vehicle=HEXA), attitude=(0.1, 0.0))
+    with pytest.raises(ControllerError, match=r"^controller.attitude\[1\] = -1.5: "):
+        make_centroidal(Model(vehicle=HEXA), sideways=0.9, attitude=(0.1, -1.5))
+
+
 def test_the_planned_force_changes_in_the_planned_bodys_axes_as_differences_say():
     def force(t):
         p2 = np.array([math.sin(t), math.cos(2.0 * t), 0.4 * t])
@@ -174,7 +203,8 @@ def test_the_planned_attitude_does_not_count_the_rotors_sideways_force_as_a_dist
     found = []
     for speeds in ((480.0,) * 6, (300.0, 520.0, 480.0, 610.0, 350.0, 600.0)):
         state = dataclasses.replace(RESTING, rotor_speeds=speeds)
-        demand = demands(flown.par, flown.par.model, state, signals, NOTHING, Vec3(0.0, 9.0, 0.0), Following(), 0.005)
+        wind, steady = Vec3(0.0, 9.0, 0.0), Vec3(0.0, 0.0, 0.0)
+        demand = demands(flown.par, flown.par.model, state, signals, NOTHING, wind, steady, Following(), 0.005)
         found.append(demand.planned.R)
     tilted = math.degrees(math.acos(float(found[0].column(2).z)))
     assert tilted > 5.0
@@ -206,7 +236,9 @@ def test_a_vehicle_without_sideways_force_is_refused_by_the_options_name():
 @pytest.mark.parametrize("mode", [pytest.param("joint", marks=pytest.mark.thorough), "tip"])
 def test_every_engine_computes_the_same(mode):
     """A trace bit for bit, NumPy lanes up to rounding; with delay, at attitudes and speeds far from hover."""
-    flown = make_centroidal(Model(vehicle=ARM), mode=mode, sideways=0.9, delay=0.005, preset="adaptive")
+    flown = make_centroidal(
+        Model(vehicle=ARM), mode=mode, sideways=0.9, delay=0.005, preset="adaptive", attitude=(0.1, -0.2)
+    )
     turning = (300.0, 520.0, 480.0, 610.0, 0.0, 700.0)
     inputs = [
         (dataclasses.replace(case.measurement(), rotor_speeds=turning), case.reference()) for case in cases(3, seed=8)

@@ -40,3 +40,15 @@ def test_a_law_in_c_has_the_bits_of_python_call_after_call(tmp_path, law):
 def test_every_member_of_every_struct_of_a_law_has_its_unit(law):
     for line in re.findall(r"^    double \w+(?:\[\d+\])*;.*$", text_of(controller_of(law)), re.MULTILINE):
         assert re.search(r"/\* .*\S \*/$", line), line
+
+
+@needs_cc
+@pytest.mark.thorough
+def test_sideways_force_in_c_has_the_bits_of_python(tmp_path):
+    vehicle = skyarm.load_vehicle("tilted_hexarotor")
+    controller = make_controller("centroidal", Model(vehicle=vehicle), sideways=0.9, attitude=[0.05, -0.1], delay=0.005)
+    in_c = Loaded(text_of(controller), tmp_path, ("-O1", *CAREFUL, "-ffp-contract=off"))
+    memory = controller.memory
+    for measurement, reference in inputs("tilted_hexarotor", count=12):
+        memory, command = controller.law(memory, measurement, reference, 0.005, par=controller.par)
+        assert same_bits(in_c(measurement, reference), [float(x) for x in command.rotor_speeds])

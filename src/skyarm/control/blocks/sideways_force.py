@@ -6,8 +6,8 @@ room_i the distance from b_i to the limit that c_i goes to, the gauge of the rea
 its place is taken by the 8-norm (sum_i (c_i / room_i)^8)^(1/8) >= max, which has all derivatives: nothing that it
 allows is beyond a rotor.
 
-Of a wanted force the part (1 + (gauge / share)^8)^(-1/8) goes sideways at a level attitude, 1 well inside and share /
-gauge far beyond; the attitude is that of the rest.
+Of a wanted force the part (1 + (gauge / share)^8)^(-1/8) goes sideways at a level attitude, or another that is wanted,
+1 well inside and share / gauge far beyond; the attitude is that of the rest.
 Source: Franchi, Carli, Bicego, Ryll 2018, Full-pose tracking control for aerial robotic systems with laterally bounded
 input force, whose hard bound of the lateral force is smooth here.
 """
@@ -22,11 +22,12 @@ from skyarm.actuation import Mixer
 from skyarm.algebra import E_X, E_Y, E_Z, Mat3, Vec3
 from skyarm.control.blocks.attitude import Attitude
 from skyarm.control.blocks.series_kinematics import derivative
-from skyarm.scalars import divide, mul, sqrt
+from skyarm.scalars import cos, divide, mul, sin, sqrt
 from skyarm.scalars.taylor import Taylor, chosen
 
-LEAST = 0.05
-"""Of what hover takes of a rotor: the least room that is reckoned with."""
+LEAST = 0.4
+"""Of what hover takes of a rotor: the least room that is reckoned with. Less lets the base swing far over when thrust
+goes away for a moment; more counts on force that is not there (tried from 0.05 to 1 near free fall)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,17 +68,30 @@ def gauge(reach: Reach, force: Vec3) -> Taylor:
     return result
 
 
-def leaning(reach: Reach, force: Vec3, share: Any) -> Vec3:
+def leaning(reach: Reach, force: Vec3, share: Any, upright: Vec3 | None = None) -> Vec3:
     """The force (series of second order, world axes, N) that the attitude is computed with: without its sideways part.
+
+    Sideways is across the thrust axis that is wanted: ``upright`` (series), or world z without one.
 
     Its second derivative counts as the rest does: sideways force makes up for an attitude that is late by it, and the
     snap of a reference is rough where its acceleration bends.
     """
-    x, y, z = force
-    side = _square((x * x + y * y) * slightest(reach, z) * divide(1.0, share * share))
+    along: Any = force.z if upright is None else force.dot(upright)
+    thrust = (E_Z if upright is None else upright) * along
+    x, y, z = Vec3(force.x, force.y, 0) if upright is None else force - thrust
+    side = _square((x * x + y * y + z * z) * slightest(reach, along) * divide(1.0, share * share))
     left = 1.0 - 1.0 / sqrt(sqrt(sqrt(_square(side) + 1.0)))
     rest = left.c[0]
-    return Vec3(*(Taylor([*each.c[:2], mul(rest, each.c[2])]) for each in (x * left, y * left, z)))
+    kept = Vec3(x * left, y * left, z * left) + thrust
+    return Vec3(*(Taylor([*each.c[:2], mul(rest, each.c[2])]) for each in kept))
+
+
+def thrust_axis(attitude: Sequence[Any], yaw: Taylor) -> Vec3:
+    """Body z in world axes (series) at a roll and pitch (rad, Z-Y-X angles) that do not change."""
+    roll, pitch = attitude
+    forward, left, up = cos(roll) * sin(pitch), -sin(roll), cos(roll) * cos(pitch)
+    c, s = cos(yaw), sin(yaw)
+    return Vec3(c * forward - s * left, s * forward + c * left, Taylor.constant(up, len(yaw.c) - 1))
 
 
 def slightest(reach: Reach, vertical: Taylor) -> Taylor:
@@ -86,7 +100,8 @@ def slightest(reach: Reach, vertical: Taylor) -> Taylor:
     for row, top, least in zip(reach.rows, reach.highest, reach.least, strict=True):
         held, size = vertical * row.z, row.x * row.x + row.y * row.y
         for room in (held, held * -1 + top):
-            share = _square(1.0 / _square(chosen(room > least, room, least)) * size)
+            inverse = 1.0 / chosen(room > least, room, least)
+            share = _square(_square(inverse) * size)
             total = _square(_square(share)) + total
     root: Taylor = sqrt(sqrt(sqrt(total)))
     return root

@@ -7,18 +7,19 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
-from skyarm.control.blocks.attitude import Attitude, angular_acceleration, attitude, upright
+from skyarm.control.blocks.attitude import Attitude, angular_acceleration
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.force_trend import ForceTrend
 from skyarm.control.blocks.prediction import side_wrench
 from skyarm.control.blocks.series_kinematics import Posture, derivative, moving, posture
-from skyarm.control.blocks.sideways_force import Reach, leaning, planned_rate, reach_of
+from skyarm.control.blocks.sideways_force import Reach, planned_rate, reach_of
 from skyarm.control.laws.centroidal import com_tracking as center_of_mass
 from skyarm.control.laws.centroidal import tip_reference, tip_tasks
 from skyarm.control.laws.centroidal.arm_motion import ArmMotion, followed, made_good
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.swing_shift import SwingPace, moved_shift
 from skyarm.control.laws.centroidal.tip_reference import ShiftMotion
+from skyarm.control.laws.centroidal.wanted_attitude import wanted_attitude
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.kinematics import Pose, link_poses
@@ -145,7 +146,7 @@ def demands(
         force_rate=force_rate,
         reach=course.reach,
     )
-    alpha = angular_acceleration(par.base, _attitude(par, model, push.force, yaw, course.reach), R, w)
+    alpha = angular_acceleration(par.base, wanted_attitude(par, push.force, yaw, course.reach), R, w)
     preferred = joint_accelerations(par, state, joints)
     if course.goal is not None:
         present = tip_tasks.Now(
@@ -211,7 +212,7 @@ def _course(
     changes = (changes[0] + force_rate, changes[1])
     force = center_of_mass.quasi_static(par, mass, base, steady + drag(base[1]), changes)
     reach = reach_of(par.mixer, derivative(level.com, 0), mass * model.gravity) if par.uses_sideways else None
-    still = _attitude(par, model, force, yaw, reach)
+    still = wanted_attitude(par, force, yaw, reach)
     if par.mode != "tip":
         return Course(base=base, still=still, level=level, turned=joints, reach=reach)
     goal = tip_reference.goal(vehicle, base, yaw, joints, level)
@@ -221,15 +222,6 @@ def _course(
     shift, pace, offset = moved_shift(par, before.shift, before.pace, offset, upright_posture, dt)
     base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[len(offset) :]]
     return Course(base=base, still=still, level=level, turned=turned, goal=goal, shift=shift, pace=pace, reach=reach)
-
-
-def _attitude(par: CentroidalParameters, model: Model, force: Vec3, yaw: Taylor, reach: Reach | None) -> Attitude:
-    """Attitude of a force, or of what the rotors do not give sideways; upright where it is small, if the law shall."""
-    if reach is not None:
-        force = leaning(reach, force, par.sideways)
-    if par.softens_attitude:
-        force = upright(force, model.vehicle.mass * model.gravity, par.low_thrust)
-    return attitude(force, yaw.truncated(2))
 
 
 def joint_accelerations(par: CentroidalParameters, state: State, joints: Sequence[Taylor]) -> tuple[Any, ...]:

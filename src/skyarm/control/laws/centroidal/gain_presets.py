@@ -23,6 +23,7 @@ COMMON: Mapping[str, Any] = {
     "low_thrust": 0.0,
     "arm_turn": 0.0,
     "sideways": 0.0,
+    "attitude": (0.0, 0.0),
     "approach": 0.0,
     "force_trend": 0.0,
     "yaw_slack": 0.0,
@@ -102,11 +103,12 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "low_thrust": (0.0, 1.0),
     "arm_turn": (0.0, 1e6),
     "sideways": (0.0, 1.0),
+    "attitude": (-1.0, 1.0),
     "approach": (0.0, 1e3),
     "force_trend": (0.0, 1e3),
     "yaw_slack": (0.0, 1e6),
 }
-"""Lowest and highest value of the entries that are one number; the others are gains, at least 0."""
+"""Lowest and highest value; entries that are not here are gains, at least 0."""
 
 PERIODS = (1e-5, 10.0)
 """Shortest and longest period, s, of control and of published samples."""

@@ -123,6 +123,8 @@ def make_centroidal(
         limits_arm=gains["arm_turn"] > 0.0 and vehicle.n > 0,
         sideways=gains["sideways"],
         uses_sideways=gains["sideways"] > 0.0,
+        attitude=gains["attitude"],
+        holds_attitude=_holds(gains["attitude"], gains["sideways"]),
         approach=gains["approach"],
         brakes=gains["approach"] > 0.0,
         trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] > 0.0 else None,
@@ -133,6 +135,13 @@ def make_centroidal(
         par = at_shares(par, gains["bandwidth"], gains["bandwidth"])
     memory = first_memory(par, periods)
     return Controller(name=f"centroidal_{mode}", law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
+
+
+def _holds(attitude: tuple[float, float], sideways: float) -> bool:
+    """Whether the law holds an attitude other than level."""
+    if any(attitude) and not sideways:
+        raise ControllerError(f"controller.attitude = {shown(attitude)}: must be level without the option sideways")
+    return any(attitude)
 
 
 def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float) -> Mixer:

@@ -48,7 +48,8 @@ def checked(name: str, value: Any) -> Any:
         return bounded(name, value, *RANGES[name])
     if not isinstance(value, (list, tuple)) or len(value) != len(example):
         raise ControllerError(f"controller.{name} = {shown(value)}: must be {len(example)} numbers")
-    return tuple(bounded(f"{name}[{i}]", each, 0.0) for i, each in enumerate(value))
+    limits = RANGES.get(name, (0.0, math.inf))
+    return tuple(bounded(f"{name}[{i}]", each, *limits) for i, each in enumerate(value))
 
 
 def periods_of(delay: Any, control_period: Any) -> int:

@@ -70,6 +70,7 @@ class CentroidalParameters:
             limits_arm: False makes all of it good.
         sideways: share of the rotors' room beside hover that a force across body z may take at a level attitude; what
             is beyond tilts the base. uses_sideways: False leaves it out: all force is along body z.
+        attitude: roll and pitch that sideways force holds in place of level, rad. holds_attitude: False holds level.
         approach: m/s^2, rate at which the velocity falls that a distant base comes back with. brakes: False leaves it
             to the gains.
         trend: how the rate of the observed force is found; None for a law that takes the force as it stands.
@@ -113,6 +114,8 @@ class CentroidalParameters:
     limits_arm: bool = False
     sideways: Annotated[Scalar, Unit("", "share of the rotors' room that a force at level attitude takes")] = 0.0
     uses_sideways: bool = False
+    attitude: Annotated[tuple[Scalar, Scalar], Unit("rad", "roll and pitch that sideways force holds")] = (0.0, 0.0)
+    holds_attitude: bool = False
     approach: Annotated[Scalar, Unit("m/s^2", "rate at which a base that comes back from afar slows down")] = 0.0
     brakes: bool = False
     trend: TrendGains | None = None
@@ -129,6 +132,7 @@ class CentroidalParameters:
             "upright at low thrust": self.softens_attitude,
             "limited motion for the arm": self.limits_arm,
             "sideways force": self.uses_sideways,
+            "held attitude": self.holds_attitude,
             "braking in time": self.brakes,
             "trend of the force": self.trend is not None,
             "thrust ahead of its plan": self.leads_thrust,

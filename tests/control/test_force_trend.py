@@ -1,0 +1,86 @@
+"""The trend of a force: ramps and turns are foretold, noise and steps are not."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.signal import lsim
+
+from skyarm.algebra import Vec3
+from skyarm.control.blocks.force_trend import FORGET, HORIZON, STAGES, first_trend, followed, trend_gains, trusted_rate
+
+DT = 0.005
+GAINS = trend_gains(10.0, 0.8)
+
+
+def fed(forces, gains=GAINS):
+    """Memories after each of the forces (n, 3)."""
+    memory, found = first_trend(), []
+    for each in forces:
+        memory = followed(gains, memory, Vec3(*map(float, each)), DT)
+        found.append(memory)
+    return found
+
+
+def rates(memories, gains=GAINS):
+    return np.array([list(trusted_rate(gains, each)) for each in memories])
+
+
+def test_a_steady_rate_is_found_and_trusted():
+    t = np.arange(0.0, 6.0, DT)
+    slope = np.array([1.5, -0.7, 0.4])
+    memories = fed(np.outer(t, slope))
+    last = memories[-1]
+    assert list(last.rate) == pytest.approx(slope, rel=1e-6)
+    assert list(last.level) == pytest.approx(slope * t[-1], rel=1e-6)
+    trust = last.agreement / (last.size + GAINS.doubt)
+    assert trust == pytest.approx((slope @ slope) / (slope @ slope + GAINS.doubt), rel=0.06)
+    # a force that rises for ever is never ahead of itself: the trust stays within 1
+    assert (np.linalg.norm(rates(memories), axis=1) <= np.linalg.norm([list(m.rate) for m in memories], axis=1)).all()
+
+
+def test_the_tracker_and_the_chain_are_those_of_their_transfer_functions():
+    """Against SciPy's integration of w^2 s / (s + w)^2 and of (1 + s T / n)^-n in continuous time."""
+    t = np.arange(0.0, 3.0, DT)
+    force = np.sin(2.0 * t) + 0.3 * np.sin(5.0 * t)
+    memories = fed(np.stack([force, 0 * t, 0 * t], axis=1))
+    w, T = 10.0, HORIZON / STAGES
+    _, rate, _ = lsim(([w * w, 0.0], [1.0, 2.0 * w, w * w]), force, t)
+    _, late, _ = lsim(([1.0], np.poly1d([T, 1.0]) ** STAGES), force, t)
+    assert [m.rate.x for m in memories] == pytest.approx(rate, abs=0.06)
+    assert [m.forces[-1].x for m in memories] == pytest.approx(late, abs=0.04)
+    _, held, _ = lsim(([1.0], np.poly1d([T, 1.0]) ** STAGES), rate, t)
+    assert [m.rates[-1].x for m in memories] == pytest.approx(held, abs=0.1)
+
+
+def test_a_turning_force_is_foretold_noise_is_not():
+    t = np.arange(0.0, 20.0, DT)
+    turn = 2.0 * np.stack([np.cos(1.256 * t), np.sin(1.256 * t), 0 * t], axis=1)
+    settled = slice(int(5.0 / DT), None)
+    told = rates(fed(turn))[settled]
+    true = np.gradient(turn, DT, axis=0)[settled]
+    assert np.linalg.norm(told - true, axis=1).mean() < 0.3 * np.linalg.norm(true, axis=1).mean()
+    rng = np.random.default_rng(3)
+    share = []
+    for _ in range(2):
+        noise = 0.3 * rng.normal(size=(len(t), 3))
+        memories = fed(noise)
+        raw = np.linalg.norm([list(m.rate) for m in memories], axis=1)[settled]
+        share.append(np.linalg.norm(rates(memories), axis=1)[settled].mean() / raw.mean())
+    assert np.mean(share) < 0.12
+
+
+def test_what_was_found_is_forgotten_at_its_rate():
+    memory = dataclasses.replace(first_trend(), agreement=1.0, size=2.0)
+    for _ in range(200):
+        memory = followed(GAINS, memory, Vec3(0.0, 0.0, 0.0), DT)
+    assert memory.agreement == pytest.approx(np.exp(-FORGET * 1.0), rel=1e-9)
+    assert memory.size == pytest.approx(2.0 * np.exp(-FORGET * 1.0), rel=1e-9)
+
+
+def test_trust_stays_within_nothing_and_all():
+    for agreement, trust in ((-3.0, 0.0), (1.0, 1.0 / (2.0 + GAINS.doubt)), (30.0, 1.0)):
+        memory = dataclasses.replace(first_trend(), rate=Vec3(1.0, 2.0, -1.0), agreement=agreement, size=2.0)
+        assert list(trusted_rate(GAINS, memory)) == pytest.approx(np.array([1.0, 2.0, -1.0]) * trust)
