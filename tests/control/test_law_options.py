@@ -80,8 +80,8 @@ GAINED += ("l1_adaptive", "learned_compensator")
             JointGains(stiffness=(1.0, 1.0), damping=(1.0,)),
             r"^controller\.joint_gains\.damping: 1 values, must be 2",
         ),
-        ("mixer_policy", "fair", r"^controller\.mixer = 'fair': must be one of clip, priority$"),
-        ("mixer_policy", [1], r"^controller\.mixer = \[1\]: must be one of clip, priority$"),
+        ("mixer_policy", "fair", r"^controller\.mixer = 'fair': must be one of clip, priority, thrust_before_yaw$"),
+        ("mixer_policy", [1], r"^controller\.mixer = \[1\]: must be one of clip, priority, thrust_before_yaw$"),
     ],
 )
 def test_gains_and_mixers_that_no_law_can_fly_are_refused_by_name(law, option, value, words):
