@@ -120,11 +120,11 @@ def test_a_layout_without_full_rank_is_refused_by_name(rotors, rank):
 
 
 def test_an_unknown_policy_lists_the_policies():
-    with pytest.raises(AllocationError, match=r"mixer policy = 'fair': must be one of \['clip', 'priority'\]"):
+    with pytest.raises(AllocationError, match=r"mixer policy = 'fair': must be one of \['clip', 'priority', 'thrust_before_yaw'\]"):
         make_mixer(HUMMINGBIRD, "fair")
 
 
-@pytest.mark.parametrize("policy", ["clip", "priority"])
+@pytest.mark.parametrize("policy", ["clip", "priority", "thrust_before_yaw"])
 def test_a_batch_is_a_loop_of_singles(policy):
     mixer = make_mixer(LAYOUTS["lopsided"], policy)
     rng = np.random.default_rng(3)
@@ -136,7 +136,7 @@ def test_a_batch_is_a_loop_of_singles(policy):
         np.testing.assert_array_equal([s[lane] for s in speeds], single)
 
 
-@pytest.mark.parametrize("policy", ["clip", "priority"])
+@pytest.mark.parametrize("policy", ["clip", "priority", "thrust_before_yaw"])
 def test_a_traced_mixer_gives_the_same_bits(policy):
     mixer = make_mixer(LAYOUTS["hexa"], policy)
     program = trace(lambda torque, thrust: mix(mixer, torque, thrust), Vec3(0.0, 0.0, 0.0), 0.0)

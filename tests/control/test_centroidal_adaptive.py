@@ -182,6 +182,19 @@ def test_derivatives_of_the_attraction_are_those_of_a_moving_error():
     assert attraction([e, v, a]) == pytest.approx((at(h) - 2.0 * at(0.0) + at(-h)) / h**2, rel=1e-4, abs=1e-4)
 
 
+def test_the_forces_rate_is_the_thrusts_with_the_other_sign():
+    par, still = make_centroidal(MODEL, mode="tip", preset="adaptive").par, [Vec3(0.0, 0.0, 0.0)] * 5
+    known = {"wanted": still, "position": still[0], "velocity": still[0], "R": Mat3.identity(), "w": still[0]}
+    rate = vec([0.5, -0.3, 0.2])
+    without, with_rate = (
+        com_tracking.thrust(par, 0.8, disturbance=vec([0.1, 0.2, 0.0]), force_rate=each, **known)
+        for each in (still[0], rate)
+    )
+    off = [a.derivative(1) - b.derivative(1) for a, b in zip(with_rate.force, without.force, strict=True)]
+    assert off == pytest.approx([-each for each in rate])
+    assert with_rate.along == without.along
+
+
 def test_the_thrust_leads_its_plan_by_the_lag_of_the_motors():
     """Squared speeds ahead by rate times lag: by the mean lag of a motor that is told a ramp once a period."""
     rotors, mixer = MODEL.vehicle.rotors, make_mixer(MODEL.vehicle)

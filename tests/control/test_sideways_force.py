@@ -44,6 +44,7 @@ RESTING = State(
     joints=(0.3, -0.2),
     joint_rates=(0.0, 0.0),
 )
+RESTING_ROTORS = dataclasses.replace(RESTING, rotor_speeds=(480.0,) * 6)
 NOTHING = Disturbance(force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0), efforts=(0.0, 0.0))
 COM = Vec3(0.01, -0.02, -0.06)
 REACH = reach_of(MIXER, COM, WEIGHT)
@@ -150,6 +151,16 @@ def test_a_held_attitude_is_that_of_its_angles_and_gives_way_where_sideways_forc
         assert off < within
     # beyond: between the wanted axis and upright
     assert 0.2 < off < 0.8
+    # turned together, force and axis lean as about world z
+    turn = Rotation.from_rotvec([0.5, -0.3, 0.2])
+    series, level = leant(5.0, 0.9)
+    turned = [vec(turn.apply([each[k] for each in series])) for k in range(3)]
+    force = Vec3(*(Taylor(each) for each in zip(*turned, strict=True)))
+    z = vec(turn.apply([0.0, 0.0, 1.0]))
+    found = leaning(REACH, force, 0.9, Vec3(*(Taylor.constant(c, 2) for c in z)))
+    for k in range(3):
+        expected = turn.apply([float(c.c[k]) for c in level])
+        np.testing.assert_allclose([float(c.c[k]) for c in found], expected, atol=1e-9)
 
 
 def test_an_attitude_without_sideways_force_is_refused():
@@ -209,6 +220,10 @@ def test_the_planned_attitude_does_not_count_the_rotors_sideways_force_as_a_dist
     tilted = math.degrees(math.acos(float(found[0].column(2).z)))
     assert tilted > 5.0
     assert leaves(found[1]) == pytest.approx(leaves(found[0]), abs=1e-12)
+    flown = make_centroidal(Model(vehicle=ARM), mode="tip", sideways=0.9, attitude=(0.05, -0.1))
+    demand = demands(flown.par, flown.par.model, RESTING_ROTORS, signals, NOTHING, steady, steady, Following(), 0.005)
+    expected = Rotation.from_euler("ZYX", [0.0, -0.1, 0.05]).as_matrix()[:, 2]
+    np.testing.assert_allclose(array(demand.planned.R.column(2)), expected, atol=1e-4)
 
 
 def test_a_belief_with_another_rotor_has_its_own_mixer():
