@@ -30,6 +30,7 @@ def drawn(vehicle: Vehicle, count: int = 37, rate: float = 200, seed: int = 1) -
     arrays: dict[str, Any] = {}
     for name in units(Log):
         width = (vehicle.n,) if name in JOINTS else (len(vehicle.rotors),) if name in ROTORS else (3,)
+        width = (2,) if name == "lag_found" else width
         arrays[name] = rng.normal(size=(count,) if name in SCALARS else (count, *width))
     q = rng.normal(size=(count, 4))
     arrays["quaternion"], arrays["time"] = q / np.linalg.norm(q, axis=1, keepdims=True), np.arange(count) / rate

@@ -23,6 +23,7 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "plot": ("flight.npz", "-o", "flight.png", "--kind", "tip"),
     "film": ("flight.npz", "flight.viser", "--fps", "5"),
     "export": ("flight.npz", "--to", "csv"),
+    "identify": ("flight.npz", "--end", "2"),
     "export-c": ("paper_ct", "--vehicle", "hummingbird_arm2", "-o", "x.c"),
     "margins": ("short.toml", "--instants", "0"),
     "tune": ("hummingbird", "--controller", "decoupled_pd", "--explain"),
@@ -38,7 +39,7 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
 KEPT: Mapping[str, tuple[str, ...]] = {"new": ("fresh.py", "test_fresh.py"), "attach": ("mine.toml",)}
 """Command that never overwrites -> its files, which are removed before it runs again."""
 
-NEEDS = {"sweep": "pyarrow", "stats": "pyarrow", "film": "viser", "tune": "cmaes"}
+NEEDS = {"sweep": "pyarrow", "stats": "pyarrow", "film": "viser", "tune": "cmaes", "identify": "scipy"}
 """Command -> the library without which it is not tried."""
 
 SERVES: Mapping[str, str] = {"studio": "it flies on a page until Ctrl-C"}

@@ -100,7 +100,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (path / "study.toml").write_text(STUDY)
     arm = link("mount"), link("a"), joint("j", "mount", "a", limits())
     (path / "arm.urdf").write_text(robot(*arm))
-    package.save_log(package.run(package.load_scenario("case3", duration=0.25)), path / "flight.npz")
+    package.save_log(package.run(package.load_scenario("case3", duration=1.1)), path / "flight.npz")
     return path
 
 

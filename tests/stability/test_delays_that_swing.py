@@ -9,7 +9,8 @@ import pytest
 from swinging_flights import TABLE, hover, swings_from
 
 import skyarm
-from skyarm.stability.hover_delay import ENOUGH, believed_delay, hover_delay
+from skyarm.control.catalogue import make_named
+from skyarm.stability.hover_delay import ENOUGH, believed_delay, hover_delay, hover_of
 
 
 def around(delay):
@@ -58,5 +59,22 @@ def test_what_is_believed_is_what_the_law_is_told_or_the_scenario_states():
 def test_one_and_a_half_times_the_believed_delay_is_enough(share, enough):
     from skyarm.stability.hover_delay import HoverDelay
 
-    assert HoverDelay(margin=share * ENOUGH * 0.01, swings=0.1, believed=0.01).enough is enough
+    found = HoverDelay(margin=share * ENOUGH * 0.01, swings=0.1, believed=0.01, period=0.005)
+    assert (found.enough, found.shortfall) == (enough, "" if enough else "below 1.5 times the believed delay")
     assert not HoverDelay(margin=0.0, swings=0.0, believed=0.0).enough
+    # where none is believed: what a command of the next period takes
+    found = HoverDelay(margin=share * 0.005, swings=0.1, believed=0.0, period=0.005)
+    assert (found.enough, found.shortfall) == (enough, "" if enough else "below one control period, 5 ms")
+
+
+def test_a_controller_made_for_a_vehicle_is_asked_in_a_hover_of_it():
+    """The same loop by two ways: the controller alone, and the hover that its scenario was written for."""
+    vehicle, law, _ = TABLE[1]
+    believed = skyarm.Model(vehicle=skyarm.load_vehicle(vehicle), gravity=9.81)
+    controller = make_named(law, believed, {"control_period": 0.005})
+    alone, planned = hover_delay(hover_of(controller)), hover_delay(hover(vehicle, law, (0.0, 0.0)))
+    assert alone.margin == pytest.approx(planned.margin, abs=2e-4)
+    # one that is told of 10 ms hovers with measurements so old
+    other = make_named("centroidal_tip", believed, {"control_period": 0.005})
+    told = dataclasses.replace(other, par=dataclasses.replace(other.par, delay_periods=2))
+    assert (hover_of(told).delays.measurement, believed_delay(hover_of(told))) == (0.01, 0.01)

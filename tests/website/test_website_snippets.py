@@ -113,6 +113,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 SLOW = {
     "actuators.md",
     "can_it_fly.md",
+    "delays.md",
     "first_flight.md",
     "reading_margins.md",
     "scenario_files.md",

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 from skyarm import __version__
 from skyarm.actuation import AllocationError
 from skyarm.cli.lines import say_if_many
 from skyarm.cli.machine_output import give
+from skyarm.cli.said_margin import margin_said, plain_margin
 from skyarm.control.catalogue import choices, is_named, meant
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model
@@ -21,10 +23,15 @@ from skyarm.scenario.changes import without_law
 from skyarm.scenario.gains_file import make_named_or_tuned
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.scenario.scenario_parts import HIGHEST_RATE
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.stability.hover_delay import hover_of
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 RATE = 200.0
 """Hz, as the scenarios' own default."""
+
+FASTEST_HOVER, MOST_JOINTS = 2000, 12
+"""Hz and joints up to which the delay margin is asked for: it takes 3 s for six joints at 200 Hz."""
 
 SLOWEST = 1e-3
 """Hz: a slower control law is a slip of the keyboard."""
@@ -40,7 +47,7 @@ def export(
     name: str | None = None,
     single: bool = False,
 ) -> str:
-    """Write a controller as a C file; returns one line on what was written.
+    """Write a controller as a C file; returns a line on what was written and one on the delay that it bears.
 
     Args:
         controller: a preset, a law, LAW_tuned or a file of gains, built for the vehicle; or a scenario, whose
@@ -59,7 +66,7 @@ def export(
     held = None if rate is None else number(rate, "--rate", low=0.0, strict=True)
     if held is not None and not SLOWEST <= held <= HIGHEST_RATE:
         raise ValueError(f"--rate = {rate!r}: must be from {SLOWEST:g} to {HIGHEST_RATE} Hz")
-    note, estimator = "", None
+    note, estimator, flown = "", None, None
     if is_named(controller) or _is_of_gains(controller):
         if vehicle is None:
             raise ValueError(f"--vehicle: is missing; controller {controller!r} must know the vehicle it flies")
@@ -76,6 +83,7 @@ def export(
         estimator = planned.estimator if isinstance(planned.estimator, ErrorStateFilter) else None
         if len(without_law(planned.changes)) < len(planned.changes):
             note = f"; the law as {controller} begins, without its changes in flight"
+        flown = planned if held in (None, float(planned.rates.control)) else None
         held = held or float(planned.rates.control)
     say_if_many(title, chosen.par.model.vehicle.n)
     period = 1.0 / (held or RATE)
@@ -89,7 +97,9 @@ def export(
         estimator=estimator,
     )
     write_atomically(written, exported.text.encode("ascii"))
+    said, facts = _margin(chosen, flown, held or RATE)
     give(
+        facts,
         file=written,
         function=f"{exported.name}_step",
         law=chosen.name,
@@ -102,8 +112,26 @@ def export(
     return (
         f"{written}: {exported.name}_step, {chosen.name} for {chosen.par.model.vehicle.name}, "
         f"{exported.operations} operations in {'float' if single else 'double'}, {len(exported.parameters)} parameters"
-        f"{note}"
+        f"{note}\n{said}"
     )
+
+
+def _margin(chosen: Controller, flown: Scenario | None, rate: float) -> tuple[str, dict[str, Any]]:
+    """What is said of the delay that a controller bears: in its scenario, else in a hover of the vehicle it knows."""
+    joints = chosen.par.model.vehicle.n
+    reason = ""
+    if rate != round(rate) or rate > FASTEST_HOVER:
+        reason = f"a rate of {rate:g} Hz; it is asked for at whole numbers up to {FASTEST_HOVER}"
+    elif joints > MOST_JOINTS:
+        reason = f"{joints} joints; 'skyarm check SCENARIO' takes its time for it"
+    if reason:
+        return f"delay margin: not known: {reason}", plain_margin(None)
+    if flown is None:
+        try:
+            flown = hover_of(chosen, round(rate))
+        except ValueError as error:
+            return f"delay margin: not known: {error}", plain_margin(None)
+    return margin_said(flown, chosen.name)
 
 
 def _built(name: str, model: Model, period: float) -> Controller:

@@ -147,3 +147,24 @@ def export(
         tell(f"log: {written}")
     if shown:
         tell(f"layouts: {', '.join(map(str, shown))}")
+
+
+@app.command()
+def identify(
+    flight: Annotated[str, typer.Argument(help="the log of a flight: .npz, .mcap or .parquet")],
+    vehicle: Annotated[str | None, typer.Option(help="a vehicle; the one that the log's law believes in")] = None,
+    gravity: Annotated[float | None, typer.Option(help="m/s^2; the log's, or 9.81")] = None,
+    begin: Annotated[float | None, typer.Option(help="s, of the part that is looked at")] = None,
+    end: Annotated[float | None, typer.Option(help="s, of the part that is looked at")] = None,
+    out: Annotated[str | None, typer.Option("--out", "-o", metavar="FILE", help="write the TOML lines there")] = None,
+) -> None:
+    """Find delays and lags of a vehicle in a log.
+
+    How late the rotors follow their commands, how late the joints: dead times and time constants, each with the
+    interval of 95 %, and the TOML lines to paste. Exit code 3 if the flight does not tell, as a calm hover.
+    """
+    from skyarm.cli.identify_command import identify as perform
+
+    known = perform(flight, console, vehicle=vehicle, gravity=gravity, begin=begin, end=end, out=out)
+    if not known:
+        raise typer.Exit(NOT_COMPLETED)

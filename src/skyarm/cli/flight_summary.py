@@ -28,7 +28,13 @@ def episode(log: Log) -> RenderableType:
     table = table_of("error", f"mean, {steady}", f"max, {steady}", "max, whole flight")
     for what, found in errors(log).items():
         add(table, LABELS[what], *("-" if value is None else shown(value, 4) for value in found.values()))
-    return Group(*heads, table)
+    return Group(*heads, table, *([Text(lag_words(log))] if log.lag_found.size else []))
+
+
+def lag_words(log: Log) -> str:
+    """What the law found at the end of how late its loops act."""
+    rotors, joints = 1e3 * log.lag_found[-1]
+    return f"lag found at the end, beyond what the law was told: rotors {rotors:.1f} ms, joints {joints:.1f} ms"
 
 
 def facts(log: Log) -> dict[str, Any]:
@@ -39,7 +45,8 @@ def facts(log: Log) -> dict[str, Any]:
     if not log.time.size:
         return found
     steady = steady_window(log)
-    return found | {"steady_window_s": [steady.start, steady.stop], "errors": errors(log)}
+    lag = {"lag_found_s": log.lag_found[-1]} if log.lag_found.size else {}
+    return found | {"steady_window_s": [steady.start, steady.stop], "errors": errors(log)} | lag
 
 
 def steady_window(log: Log) -> Any:

@@ -99,6 +99,7 @@ def run(
     picture: Annotated[
         str | None, typer.Option("--plot", metavar="FILE", help="a picture of the flight (.png, .svg or .pdf)")
     ] = None,
+    margin: Annotated[bool, typer.Option("--margin", help="say first how much delay the loop bears in hover")] = False,
 ) -> None:
     """Fly a scenario; write its log (npz, CSV, MCAP).
 
@@ -135,6 +136,13 @@ def run(
         require_replaceable(*files, partial_file(files[0]))
         say_if_many(planned.name, planned.world.vehicle.n)
         say_unlikely(planned.name, unlikely_numbers(planned))
+        if margin:
+            from skyarm.cli.said_margin import margin_said
+
+            with waiting(f"{planned.name}: delay margin", console):
+                line, borne = margin_said(planned, planned.controller.name)
+            tell(line)
+            give(borne)
         with journal_beside(files[0], say) as journal:
             with bar(planned.name, console) as advance:
                 log = fly(planned, lambda done, total: advance(done, total, ""), keep=journal)

@@ -40,7 +40,7 @@ HELD = "reference as published and held"
 CONTINUOUS = "continuous reference"
 
 
-IF_ANY = ("payload_mass",)
+IF_ANY = ("payload_mass", "lag_found")
 """Arrays of what not every flight has: left out of files, with no column, where there is none."""
 
 
@@ -63,6 +63,8 @@ class Log:
             ``tip_held`` and ``tip_reference`` are the same arrays; files keep the first names.
         wind_force, air_velocity: (N, 3).
         payload_mass: (N, payloads) what is held of each payload with a time; without columns where there is none.
+        lag_found: (N, 2) s, how late the rotors' and the joints' loops act beyond what the law was told, as it has
+            found (:mod:`skyarm.control.blocks.lag_estimate`); without columns for a law that does not look for it.
         measured_position, measured_joints: what the sensors said at this instant; a delayed controller saw it later.
         info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground",
             "controller_undefined"), cause, end time; ``scenario_record`` is all that was flown as plain data, and
@@ -97,6 +99,7 @@ class Log:
     measured_position: Annotated[Array, Unit("m", "measured, world axes")]
     measured_joints: Annotated[Array, Unit("rad or m", "measured")]
     payload_mass: Annotated[Array, Unit("kg", "held of each payload with a time")] = field(default_factory=_nothing)
+    lag_found: Annotated[Array, Unit("s", "found by the law beyond what it was told")] = field(default_factory=_nothing)
     info: dict[str, Any]
 
     @property

@@ -38,6 +38,9 @@ SETPOINT = "joint_setpoint"
 ROTOR_ARRAYS = {"rotor_speeds": "rotor_speed", "rotor_commands": "rotor_command"}
 """Array of a number for each rotor -> beginning of its columns."""
 
+LOOPS = {"lag_found": ("rotors", "joints")}
+"""Array of a number for each group of loops -> endings of its columns."""
+
 RENAMED = {"tool": "tip", "tool_held": "tip_held", "tool_reference": "tip_reference"}
 """Array that a log's file of arrays keeps under its first name -> the word for it."""
 
@@ -139,6 +142,8 @@ def _endings(array: str, width: int | None, names: Names) -> list[str]:
         return [f"{JOINT_ARRAYS[array]}_{word(each, 'joint')}" for each in names.joints]
     if array in ROTOR_ARRAYS:
         return [f"{ROTOR_ARRAYS[array]}_{word(each, 'rotor')}" for each in names.rotors]
+    if array in LOOPS:
+        return [f"{begin}_{each}" for each in LOOPS[array][:width]]
     if array in IF_ANY:
         return [f"{begin}_{i}" for i in range(width)]
     return [f"{begin}_{axis}" for axis in AXES.get(width, map(str, range(width)))]

@@ -117,7 +117,7 @@ RESERVED: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "a command": (
             *("reproduce", "run", "list", "show", "export-c", "cache", "replay", "diff", "export", "plot", "film"),
             *("sweep", "stats", "margins", "basin", "bench", "compare", "studio"),
-            *("check", "new", "doctor", "completion", "attach", "export-mjcf", "tune"),
+            *("check", "new", "doctor", "completion", "attach", "export-mjcf", "tune", "identify"),
         ),
     },
     "law": {

@@ -11,7 +11,7 @@ import numpy as np
 from skyarm.compile import leaves
 from skyarm.environment import WindSample
 from skyarm.files import versions
-from skyarm.log.flight_log import Array, Log
+from skyarm.log.flight_log import IF_ANY, Array, Log
 from skyarm.log.tip_positions import level_tip, tip
 from skyarm.metrics.windows import Windows
 from skyarm.records.identity import log_digest
@@ -29,12 +29,14 @@ class Samples:
 
     Attributes:
         wind: its scalars (N,) or longer; numbers that stand for every instant.
+        lags: (N, 2) that the law found, or without columns.
     """
 
     states: Array
     commands: Array
     readings: Array
     wind: WindSample
+    lags: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +71,17 @@ def joined(
     """
     tables = [_tables(piece) for piece in pieces]
     if len(tables) > 1:
+        _fill(tables)
         tables = [{name: np.concatenate([table[name] for table in tables]) for name in tables[0]}]
     return Log(**tables[0], info=describe(scenario, ending) if info is None else info)
+
+
+def _fill(tables: Sequence[dict[str, Array]]) -> None:
+    """Give each table the arrays that only others have: zeros, in periods of a law that finds no lag."""
+    widths = {name: table[name].shape[1:] for table in tables for name in table if name in IF_ANY}
+    for table in tables:
+        for name, width in widths.items():
+            table.setdefault(name, np.zeros((len(table["time"]), *width)))
 
 
 def _tables(piece: Piece) -> dict[str, Array]:
@@ -104,6 +115,8 @@ def _tables(piece: Piece) -> dict[str, Array]:
     own = {"held": table(held.tip, start), "reference": table(free.tip)} if free.tip else {}
     if wind.held:
         tables["payload_mass"] = table(wind.held)
+    if flown.lags.shape[1]:
+        tables["lag_found"] = flown.lags
     del free  # its derivatives take more memory than the log of it
     for kind in ("held", "reference"):
         goals = (tables[f"{name}_{kind}"] for name in ("position", "yaw", "joints"))

@@ -11,6 +11,7 @@ from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.compile import leaves, rebuild, trace
+from skyarm.control.blocks.lag_estimate import lags_found
 from skyarm.plant.interface import Plant
 from skyarm.records.leaves import parts
 from skyarm.reference import Reference
@@ -183,6 +184,16 @@ class FlatStages:
         parts = self._issue(begun.alive, now.ticks, now.state, now.queue, now.drives, command)
         found = Response._make((*parts, begun.around))
         return found._replace(memory=memory, sensors=sensors, estimate=estimate, reading=reading, command=command)
+
+    @cached_property
+    def lag_places(self) -> tuple[int, ...]:
+        """Places of the lags that the law finds among the numbers of its memory."""
+        first = self._first.memory
+        return lags_found(rebuild((first,), iter(range(len(leaves(first)))))[0]) if self._traced else ()
+
+    def lags(self, memory: Any) -> Flat:
+        """What the law has found of its loops' lags, for the log."""
+        return tuple(memory[place] for place in self.lag_places)
 
     def keep(self, alive: Flat, following: LoopState, now: LoopState) -> LoopState:
         """The next period's state."""

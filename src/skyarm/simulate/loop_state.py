@@ -65,13 +65,17 @@ class Row:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Sample:
-    """What may be logged of a control instant; ``reading`` is the full state as its sensor read it now."""
+    """What may be logged of a control instant.
+
+    ``reading`` is the full state as its sensor read it now; ``lags`` are those that the law found, if it looks for any.
+    """
 
     alive: Scalar
     state: State
     command: Command
     reading: Measurement
     wind: WindSample
+    lags: tuple[Scalar, ...] = ()
 
 
 def ended(now: LoopState) -> LoopState:

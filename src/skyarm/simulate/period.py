@@ -123,7 +123,12 @@ def make_period(
             drives=found.drives,
         )
         sample = Sample(
-            alive=found.alive, state=now.state, command=found.command, reading=found.reading, wind=begun.wind
+            alive=found.alive,
+            state=now.state,
+            command=found.command,
+            reading=found.reading,
+            wind=begun.wind,
+            lags=stages.lags(found.memory),
         )
         return stages.keep(found.alive, following, now), sample
 

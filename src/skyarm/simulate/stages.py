@@ -15,6 +15,7 @@ from typing import Any
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.compile.tracing.repeat import repeat
+from skyarm.control.blocks.lag_estimate import lags_found
 from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
@@ -174,6 +175,10 @@ class Stages:
     def felt(self, around: Surroundings, state: State) -> WindSample:
         """What the log keeps of the surroundings."""
         return felt(around, self.scenario.world.vehicle, state)
+
+    def lags(self, memory: Any) -> tuple[Any, ...]:
+        """What the law has found of its loops' lags, for the log; () of most laws."""
+        return lags_found(memory)
 
     def count(self, ticks: Any, alive: Any) -> Any:
         """Control periods flown."""

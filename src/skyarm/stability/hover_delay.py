@@ -6,8 +6,13 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.scenario.scenario_record import Scenario
-from skyarm.stability.along import frozen_instants, hovering
+from skyarm.actuation import AllocationError
+from skyarm.compile.machine_code import NoMachineCodeError
+from skyarm.control.controller import Controller, ControllerError
+from skyarm.plant.interface import Truth
+from skyarm.reference import hover
+from skyarm.scenario.scenario_record import Delays, Rates, Scenario, ScenarioError
+from skyarm.stability.along import SETTLING, frozen_instants, hovering
 from skyarm.stability.frozen_scenario import LAGS, nominal, without_adaptation
 from skyarm.stability.margins import delay_margin
 
@@ -24,16 +29,43 @@ class HoverDelay:
             loop is unstable as it is.
         swings: s of further dead time from which on flights really swing.
         believed: s of delay that the law is told of, or the scenario has.
+        period: s, of the control: a computer that sends its command in the next period is late by so much.
     """
 
     margin: float
     swings: float
     believed: float
+    period: float = 0.0
+
+    @property
+    def needed(self) -> float:
+        """Least margin that is not warned of, s: ``ENOUGH`` times the believed delay, and one control period."""
+        return max(ENOUGH * self.believed, self.period)
 
     @property
     def enough(self) -> bool:
-        """Whether the margin is at least ``ENOUGH`` times the believed delay; an unstable loop's never is."""
-        return self.margin > 0.0 and self.margin >= ENOUGH * self.believed
+        """Whether the margin is as large as it should be; an unstable loop's never is."""
+        return self.margin > 0.0 and self.margin >= self.needed
+
+    def sentence(self, law: str) -> str:
+        """What a law bears, from when on flights swing, and what is believed."""
+        if not self.margin > 0.0:
+            return f"the loop of {law} is unstable in hover as it is"
+        if math.isinf(self.margin):
+            borne = "more than 100 ms"
+        else:
+            swings = "" if math.isinf(self.swings) else f" (flights swing from {1e3 * self.swings:.3g} ms on)"
+            borne = f"{1e3 * self.margin:.3g} ms{swings}"
+        return f"{law} in hover bears {borne} of further delay; {1e3 * self.believed:.3g} ms are believed"
+
+    @property
+    def shortfall(self) -> str:
+        """What the margin is below of, in words; empty where it is enough or where there is none."""
+        if self.enough or not self.margin > 0.0:
+            return ""
+        if self.needed > ENOUGH * self.believed:
+            return f"below one control period, {1e3 * self.period:.3g} ms"
+        return f"below {ENOUGH:g} times the believed delay"
 
 
 def hover_delay(scenario: Scenario) -> HoverDelay:
@@ -45,10 +77,54 @@ def hover_delay(scenario: Scenario) -> HoverDelay:
     still = without_adaptation(scenario)
     found = next(frozen_instants(hovering(nominal(still)), 1), None)
     believed = believed_delay(scenario)
+    period = 1.0 / scenario.rates.control
     if found is None:
-        return HoverDelay(margin=0.0, swings=0.0, believed=believed)
+        return HoverDelay(margin=0.0, swings=0.0, believed=believed, period=period)
     margin = min(delay_margin(found.opened(lag)) for lag in LAGS)
-    return HoverDelay(margin=margin, swings=delay_margin(found.opened("between")), believed=believed)
+    return HoverDelay(margin=margin, swings=delay_margin(found.opened("between")), believed=believed, period=period)
+
+
+def hover_delay_if_known(scenario: Scenario) -> HoverDelay | str:
+    """The delay margin of a scenario's hover, or in words why there is none."""
+    try:
+        return hover_delay(scenario)
+    except (ScenarioError, ControllerError, AllocationError, NoMachineCodeError) as error:
+        return str(error)
+
+
+FASTEST = 1000
+"""Hz, least rate of the physics of a hover."""
+
+
+def hover_of(controller: Controller, rate: int = 200) -> Scenario:
+    """A hover of the vehicle that a controller believes in, with the delay that it is told, to ask for its margin.
+
+    Args:
+        controller: of any law.
+        rate: Hz, of the control.
+
+    Raises:
+        ValueError: no such rate, or a vehicle that is a belief only.
+    """
+    par: Any = controller.par
+    model = par.model
+    joints = tuple(min(max(0.0, float(j.lower)), float(j.upper)) for j in (link.joint for link in model.vehicle.links))
+    physics = rate * max(1, math.ceil(FASTEST / rate))
+    held = getattr(getattr(par, "inner", par), "reference_period", None)
+    reference = rate if held is None else round(1.0 / float(held))
+    return Scenario(
+        name=model.vehicle.name,
+        rates=Rates(physics=physics, control=rate, reference=reference),
+        world=Truth(vehicle=model.vehicle, gravity=model.gravity),
+        controller=controller,
+        trajectory=hover((0.0, 0.0, HEIGHT), joints=joints),
+        duration=SETTLING,
+        delays=Delays(measurement=float(getattr(getattr(par, "inner", par), "delay_periods", 0)) / rate),
+    )
+
+
+HEIGHT = 10.0
+"""m, far from the ground."""
 
 
 def believed_delay(scenario: Scenario) -> float:

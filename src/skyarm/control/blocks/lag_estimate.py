@@ -81,6 +81,7 @@ class LagMemory:
         believed, measured: of three filters in a row, accelerations by the model and by differences.
         past: believed accelerations in the band, newest first.
         base, arm: banks.
+        found: lag of the rotors' loops and of the joints', by which the bandwidth of the period was chosen.
     """
 
     count: Annotated[Scalar, Unit("", "periods seen")]
@@ -91,6 +92,7 @@ class LagMemory:
     past: Annotated[tuple[tuple[Scalar, ...], ...], Unit("rad/s^2 or m/s^2", "by the model in the band, newest first")]
     base: Bank
     arm: Bank
+    found: Annotated[tuple[Scalar, Scalar], Unit("s", "lag of the rotors' loops and of the joints' that was answered")]
 
 
 def first_lag(joints: int, stride: int) -> LagMemory:
@@ -106,7 +108,14 @@ def first_lag(joints: int, stride: int) -> LagMemory:
         past=(none,) * (stride * (CANDIDATES - 1)),
         base=bank,
         arm=bank,
+        found=(0.0, 0.0),
     )
+
+
+def lags_found(memory: Any) -> tuple[Any, ...]:
+    """Lags of the rotors' and the joints' loops in the memory of a law, also of one under guard; () without them."""
+    lag = getattr(getattr(memory, "inner", memory), "lag", ())
+    return lag.found if isinstance(lag, LagMemory) else ()
 
 
 def stride_of(control_period: float) -> int:
@@ -116,12 +125,18 @@ def stride_of(control_period: float) -> int:
 
 def shares(gains: LagGains, memory: LagMemory, dt: Any) -> tuple[Any, Any]:
     """Shares of the bandwidth that the lags leave: of the rotors' loops and of the joints', 0 to 1."""
+    base, joints = _lags(gains, memory, dt)
+
+    def share(half: Any, lag: Any) -> Any:
+        return divide(half, half + maximum(lag - IGNORED, 0.0))
+
+    return share(gains.base, base), share(gains.joints, joints)
+
+
+def _lags(gains: LagGains, memory: LagMemory, dt: Any) -> tuple[Any, Any]:
+    """Lags of the rotors' loops and of the joints', s."""
     step = dt * gains.stride
-
-    def share(half: Any, bank: Bank) -> Any:
-        return divide(half, half + maximum(estimate(bank, step) - IGNORED, 0.0))
-
-    return share(gains.base, memory.base), share(gains.joints, memory.arm)
+    return estimate(memory.base, step), estimate(memory.arm, step)
 
 
 def estimate(bank: Bank, step: Any) -> Any:
@@ -186,6 +201,7 @@ def learn(
         past=(band, *memory.past[:-1]),
         base=base,
         arm=arm,
+        found=_lags(gains, memory, dt),
     )
 
 

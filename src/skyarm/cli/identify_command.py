@@ -1,0 +1,176 @@
+"""``skyarm identify``: which flight, which part of it, against which vehicle; what it prints and gives."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.text import Text
+
+from skyarm.cli.lines import say
+from skyarm.cli.machine_output import give
+from skyarm.cli.progress import waiting
+from skyarm.cli.terminal_tables import aligned
+from skyarm.files import number, output_file, printable, shown, unreadable, write_atomically
+from skyarm.identify.attitude_age import attitude_age
+from skyarm.identify.lag_records import Estimated, Lag, LoopLags
+from skyarm.identify.lag_tables import lag_tables
+from skyarm.identify.loop_lags import loop_lags
+from skyarm.log.flight_log import Log, rows_of
+from skyarm.log.formats import load_log, require_format
+from skyarm.vehicle.vehicle_files import load_vehicle
+from skyarm.vehicle.vehicle_records import Vehicle
+
+
+def identify(
+    flight: str,
+    console: Console,
+    *,
+    vehicle: str | None,
+    gravity: float | None,
+    begin: float | None,
+    end: float | None,
+    out: str | None,
+) -> bool:
+    """Say what a log tells of delays and lags; whether it tells anything.
+
+    Raises:
+        ValueError, OSError: one line.
+    """
+    require_format(flight, "flight")
+    reason = unreadable(Path(flight))
+    if reason:
+        raise ValueError(f"flight = {shown(flight)}: {reason}")
+    written = None if out is None else output_file(out, "--out")
+    log = _part(load_log(flight), begin, end)
+    believed, felt, stated = _believed(log, vehicle, gravity)
+    with waiting(f"{Path(flight).name}: delays and lags", console):
+        found = loop_lags(log, believed, felt)
+        age, half = attitude_age(log)
+    lags = [*([found.rotors] if found.rotors else []), *found.joints]
+    tables = lag_tables(found, measured=stated["measurement"] or 0.0)
+    console.print(Text(printable(f"{Path(flight).name}: {found.seconds:g} s, vehicle {believed.name}"), style="bold"))
+    for line in aligned([HEADS, *(_row(each) for each in lags)]):
+        console.print(line, soft_wrap=True)
+    for line in _notes(found, lags, age, half, stated):
+        console.print(line, soft_wrap=True)
+    if tables:
+        console.print(f"\n{tables}", soft_wrap=True, markup=False, highlight=False)
+    if written is not None and tables:
+        write_atomically(written, tables.encode())
+    known = any(each.known for each in lags)
+    give(
+        _plain(found),
+        vehicle=believed.name,
+        attitude_age_s=[age, half],
+        stated=stated,
+        tables=tables,
+        file=written if tables else None,
+    )
+    if not known:
+        say("the flight does not tell: fly with more motion, or longer")
+    return known
+
+
+ALIKE = 1e-4
+"""s: ages that are no further apart are the same."""
+
+HEADS = ("", "delay and lag", "delay", "up", "down", "over believed", "explained")
+
+
+def _part(log: Log, begin: float | None, end: float | None) -> Log:
+    """The log between two times."""
+    for option, value in (("--begin", begin), ("--end", end)):
+        if value is not None:
+            number(value, option, low=0.0)
+    low, high = 0.0 if begin is None else begin, math.inf if end is None else end
+    if not low < high:
+        raise ValueError(f"--end = {end:g}: must be after --begin = {low:g}")
+    if begin is None and end is None:
+        return log
+    inside = np.flatnonzero((log.time >= low) & (log.time <= high))
+    if not len(inside):
+        raise ValueError(f"--begin = {low:g}: nothing of the flight lies between it and --end")
+    return rows_of(log, slice(int(inside[0]), int(inside[-1]) + 1))
+
+
+def _believed(log: Log, vehicle: str | None, gravity: float | None) -> tuple[Vehicle, float, dict[str, float | None]]:
+    """The vehicle that motion is compared with, gravity, and the delays that the log's scenario states, s."""
+    record = log.info.get("scenario_record")
+    delays = record.get("delays", {}) if isinstance(record, dict) else {}
+    stated = {name: float(delays[name]) if name in delays else None for name in ("command", "measurement")}
+    felt = 9.81 if gravity is None else number(gravity, "--gravity", low=0.0)
+    if vehicle is not None:
+        return load_vehicle(vehicle), felt, stated
+    if not record:
+        raise ValueError("--vehicle: is missing; the log does not say which vehicle flew")
+    model = log.scenario.controller.par.model
+    return model.vehicle, float(model.gravity) if gravity is None else felt, stated
+
+
+def _row(lag: Lag) -> tuple[str, ...]:
+    if not lag.known:
+        return (lag.name, "not known", "", "", "", "", f"{lag.explained:.0%}")
+    factors = " ".join(f"{each:.2f}" for each in dict.fromkeys(lag.factor) if not math.isnan(each))
+    cells = (_cell(each) for each in (lag.together, lag.delay, lag.up, lag.down))
+    return (lag.name, *cells, factors or "-", f"{lag.explained:.0%}")
+
+
+def _cell(found: Estimated) -> str:
+    """Milliseconds with the interval."""
+    return f"{1e3 * found.value:.1f} ({1e3 * found.low:.1f}-{1e3 * found.high:.1f})"
+
+
+def _notes(found: LoopLags, lags: list[Lag], age: float, half: float, stated: dict[str, float | None]) -> list[str]:
+    """What a reader must know of the numbers."""
+    lines = ["ms, with the interval of 95 %; 'delay and lag': both together, as a small swing meets them."]
+    lines += [f"{each.name}: not known: {each.reason}" for each in lags if not each.known]
+    lines += [f"{name}: not asked: {reason}" for name, reason in found.left_out.items()]
+    vague = [each.name for each in lags if each.known and not each.apart and each.together.low > 0.0]
+    if vague:
+        who = ", ".join(vague)
+        lines.append(f"{who}: delay and lag cannot be told apart in this flight; trust what they are together")
+    if stated["command"] is None:
+        lines.append("The delay runs from a command to the logged rates: if the log holds them as they were received,")
+        lines.append("their age is in it, and what passes through the loop shows the sum of both only.")
+    else:
+        told = ", ".join(f"{name} {1e3 * (value or 0.0):g} ms" for name, value in stated.items())
+        lines.append(f"The log holds the true state: delays are of commands alone. The scenario states: {told}.")
+    if not math.isnan(age):
+        older = (
+            f"{1e3 * abs(age):.1f} ms {'older' if age > 0.0 else 'newer'} than"
+            if abs(age) > half + ALIKE
+            else "as old as"
+        )
+        lines.append(f"The attitude is {older} the rates, within {1e3 * (half + ALIKE):.1f} ms.")
+    return [printable(line) for line in lines]
+
+
+def _plain(found: LoopLags) -> dict[str, Any]:
+    def numbers(each: Estimated) -> list[float]:
+        return [each.value, each.low, each.high]
+
+    def lag(each: Lag) -> dict[str, Any]:
+        return {
+            "name": each.name,
+            "known": each.known,
+            "reason": each.reason,
+            "together_s": numbers(each.together),
+            "delay_s": numbers(each.delay),
+            "time_constant_up_s": numbers(each.up),
+            "time_constant_down_s": numbers(each.down),
+            "over_believed": list(each.factor),
+            "explained": each.explained,
+            "told_apart": each.apart,
+        }
+
+    return {
+        "seconds": found.seconds,
+        "period_s": found.period,
+        "rotors": None if found.rotors is None else lag(found.rotors),
+        "joints": [lag(each) for each in found.joints],
+        "not_asked": dict(found.left_out),
+    }

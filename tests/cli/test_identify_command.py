@@ -1,0 +1,87 @@
+"""``skyarm identify``: logs of skyarm and of others, what is refused, and what a flight does not tell."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skyarm as library
+from commanded import refused, skyarm
+
+pytest.importorskip("scipy", reason="needs the extra 'identify'")
+
+
+@pytest.fixture(scope="module")
+def flights(tmp_path_factory):
+    """A flight with late commands on a vehicle without an arm, the same as another program would log it, and none."""
+    folder: Path = tmp_path_factory.mktemp("flights")
+    document = {
+        "schema": 1,
+        "name": "late",
+        "duration": 1.1,
+        "plant": {"vehicle": "hummingbird"},
+        "controller": {"preset": "rotors_sim_hummingbird"},
+        "delays": {"command": 0.01},
+        "sensors": {"rate": 0.02, "attitude": 0.005},
+        "reference": {"base": {"kind": "circle", "radius": 0.5, "frequency_hz": 0.5, "center": [0.0, 0.0, 1.0]}},
+    }
+    log = library.run(library.scenario_from(document))
+    library.save_log(log, folder / "late.npz")
+    other = {name: value for name, value in log.info.items() if name != "scenario_record"}
+    library.save_log(dataclasses.replace(log, info=other), folder / "other.npz")
+    still = dataclasses.replace(log, rotor_commands=np.full_like(log.rotor_commands, 450.0))
+    library.save_log(still, folder / "still.npz")
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def here(flights, monkeypatch):
+    monkeypatch.chdir(flights)
+
+
+def test_a_flight_says_its_delay_and_the_lines_to_paste():
+    done = skyarm("identify", "late.npz", "-o", "found.toml")
+    assert (done.code, done.err) == (0, "")
+    assert "The scenario states: command 10 ms, measurement 0 ms" in done.out
+    assert "The attitude is as old as the rates" in done.out
+    found = tomllib.loads(Path("found.toml").read_text())
+    assert found["delays"]["command"] == pytest.approx(0.01, abs=0.0015)
+    assert Path("found.toml").read_text() in done.out
+
+
+def test_a_log_of_another_program_needs_a_vehicle_and_is_told_what_its_delay_is():
+    refused(skyarm("identify", "other.npz"), "--vehicle: is missing; the log does not say which vehicle flew")
+    done = skyarm("identify", "other.npz", "--vehicle", "hummingbird")
+    assert "shows the sum of both only" in done.out
+    assert "The log holds the true state" not in done.out
+
+
+def test_a_flight_that_does_not_tell_ends_with_3():
+    done = skyarm("identify", "still.npz", "-o", "empty.toml")
+    assert (done.code, "rotors: not known: the commands hardly change" in done.out) == (3, True)
+    assert "the flight does not tell" in done.err
+    assert not Path("empty.toml").exists()
+    found = json.loads(skyarm("identify", "still.npz", "--json").out)
+    assert (found["rotors"]["known"], found["rotors"]["delay_s"], found["tables"]) == (False, [None] * 3, "")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("none.npz",), "flight = 'none.npz': no such file"),
+        (("late.txt",), "flight = 'late.txt': suffix 'txt'"),
+        (("late.npz", "--begin", "1", "--end", "0.5"), "--end = 0.5: must be after --begin = 1"),
+        (("late.npz", "--begin", "9"), "--begin = 9: nothing of the flight lies between"),
+        (("late.npz", "--end", "0.5"), "time: 0.5 s are too short"),
+        (("late.npz", "--vehicle", "pelican_arm2"), "joints: the log has 0, vehicle 'pelican_arm2' 2"),
+        (("late.npz", "--vehicle", "tilted_hexarotor"), "rotor_commands: the log has 4"),
+        (("late.npz", "--gravity", "nan"), "--gravity = nan"),
+    ],
+)
+def test_what_cannot_be_is_one_line(words, message):
+    refused(skyarm("identify", *words), message)

@@ -1,0 +1,64 @@
+"""Delays and lags planted in noisy flights, found in what the sensors said of them: the table of docs/delays.md."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.actuation.lagged_torque import LaggedTorque
+from skyarm.identify.loop_lags import loop_lags
+from skyarm.scenario.scenario_record import JointDrive
+from skyarm.simulate import compiled_flight
+from skyarm.simulate.assemble_log import assemble
+from skyarm.simulate.inputs import episode_inputs
+from skyarm.tune.excitation import excited, of_vehicle
+
+pytest.importorskip("scipy", reason="needs the extra 'identify'")
+
+
+def as_measured(scenario):
+    """The log of a flight as a vehicle keeps it: what its sensors said in place of the true state."""
+    inputs = episode_inputs(scenario)
+    flown = compiled_flight.fly(scenario, inputs)
+    found = compiled_flight.samples(flown)
+    log, m, n = assemble(scenario, inputs, found, None), found.readings, scenario.world.vehicle.n
+    quaternion = m[:, 4:8] / np.linalg.norm(m[:, 4:8], axis=1, keepdims=True)
+    parts = {"position": m[:, 1:4], "quaternion": quaternion, "velocity": m[:, 8:11], "rate": m[:, 11:14]}
+    return dataclasses.replace(log, **parts, joints=m[:, 17 : 17 + n], joint_rates=m[:, 17 + n : 17 + 2 * n])
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("vehicle", ["hummingbird_arm2_rotors", "crazyflie_arm1", "hexarotor_arm6"])
+@pytest.mark.parametrize(("late", "slower", "drive"), [(0.005, 0.5, 0.01), (0.01, 2.0, 0.02), (0.02, 1.0, 0.0)])
+def test_five_noisy_seconds_tell(vehicle, late, slower, drive):
+    believed = skyarm.load_vehicle(vehicle)
+    rotors = tuple(
+        dataclasses.replace(
+            each,
+            time_constant_up=slower * each.time_constant_up,
+            time_constant_down=slower * each.time_constant_down,
+        )
+        for each in believed.rotors
+    )
+    base = excited(of_vehicle(believed, "centroidal_tip_adaptive"))
+    drives = tuple(
+        JointDrive(joint=link.joint.name, drive=LaggedTorque(time_constant=drive)) for link in believed.links if drive
+    )
+    scenario = dataclasses.replace(
+        base,
+        duration=5.0,
+        seed=23,
+        drives=drives,
+        delays=skyarm.Delays(measurement=0.005, command=late),
+        world=dataclasses.replace(base.world, vehicle=dataclasses.replace(believed, rotors=rotors)),
+    )
+    log = as_measured(scenario)
+    assert log.time[-1] > 3.0
+    found = loop_lags(log, believed).rotors
+    assert found.known
+    assert abs(found.delay.value - late) < 0.0025
+    assert found.delay.low <= late <= found.delay.high
+    assert found.factor == pytest.approx((slower, slower), rel=0.12)

@@ -1,0 +1,78 @@
+"""The lag that the centroidal law finds while flying stands in the log; of other laws there is nothing of it."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.compare.suite import NOISE
+from skyarm.control.blocks.lag_estimate import lags_found
+from skyarm.control.safety import with_safety_layer
+from skyarm.simulate.loop import run_in_python
+
+LATE = 0.02
+"""s, of the commands, of which nobody told the law."""
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    planned = skyarm.load_scenario("case3", controller="centroidal_tip_adaptive", duration=0.6)
+    return dataclasses.replace(planned, sensors=NOISE, delays=skyarm.Delays(command=LATE))
+
+
+@pytest.fixture(scope="module")
+def log(scenario):
+    return skyarm.run(scenario)
+
+
+def test_what_is_found_is_how_late_the_commands_are(log):
+    assert log.lag_found.shape == (len(log.time), 2)
+    # nothing is known at first; after half a second both loops' lag is within half a step of the bank
+    assert log.lag_found[0] == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert log.lag_found[-1] == pytest.approx([LATE, LATE], abs=0.0025)
+
+
+def test_it_is_found_under_guard_as_well(scenario):
+    assert lags_found(with_safety_layer(scenario.controller).memory) == (0.0, 0.0)
+    assert lags_found(skyarm.load_scenario("case3").controller.memory) == ()
+
+
+@pytest.mark.thorough
+def test_it_is_what_the_law_holds_until_another_takes_over(scenario, log):
+    change = skyarm.Change(at=0.1, path="controller.law", value="indi")
+    session = skyarm.Session(dataclasses.replace(scenario, duration=0.15, changes=(change,)))
+    for _ in range(19):
+        session.step()
+    # the lag that the last period answered
+    assert session.now.memory.lag.found == tuple(log.lag_found[18])
+    while session.step():
+        pass
+    found = session.log.lag_found
+    assert found.shape == (30, 2)
+    assert np.array_equal(found[:20], log.lag_found[:20])
+    assert found[19].any()
+    # a law that finds none leaves none
+    assert not found[20:].any()
+
+
+@pytest.mark.thorough
+def test_it_is_the_same_in_every_engine_and_under_guard(scenario, log):
+    short = dataclasses.replace(scenario, duration=0.2)
+    assert np.array_equal(run_in_python(short).lag_found, log.lag_found[:40])
+    guarded = dataclasses.replace(short, controller=with_safety_layer(scenario.controller))
+    assert guarded.controller.memory.inner.lag.found == (0.0, 0.0)
+    assert skyarm.run(guarded).lag_found.shape == (40, 2)
+
+
+def test_files_keep_it_under_names_and_a_law_without_it_leaves_it_out(log, tmp_path):
+    for name in ("x.npz", "x.mcap"):
+        skyarm.save_log(log, tmp_path / name)
+        assert np.array_equal(skyarm.load_log(tmp_path / name).lag_found, log.lag_found)
+    head = skyarm.save_log(log, tmp_path / "x.csv").read_text().split("\n", 1)[0]
+    assert head.endswith("lag_found_rotors [s],lag_found_joints [s]")
+    other = skyarm.run(skyarm.load_scenario("case3", duration=0.05))
+    assert other.lag_found.shape == (0, 0)
+    assert "lag_found" not in other.arrays()
