@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from skyarm.scalars.philox import normals
     from skyarm.scenario.changes import Change
     from skyarm.scenario.endings import Ending
+    from skyarm.scenario.gains_file import load_controller
     from skyarm.scenario.numbers import with_numbers
     from skyarm.scenario.path_governor import govern
     from skyarm.scenario.scenario_file import list_scenarios, load_scenario, scenario_from
@@ -121,6 +122,7 @@ _ROOMS = {
     "skyarm.scalars.philox": ("normals",),
     "skyarm.scenario.changes": ("Change",),
     "skyarm.scenario.endings": ("Ending",),
+    "skyarm.scenario.gains_file": ("load_controller",),
     "skyarm.scenario.numbers": ("with_numbers",),
     "skyarm.scenario.path_governor": ("govern",),
     "skyarm.scenario.scenario_file": ("list_scenarios", "load_scenario", "scenario_from"),
@@ -214,6 +216,7 @@ __all__ = [
     "list_scenarios",
     "list_studies",
     "list_vehicles",
+    "load_controller",
     "load_log",
     "load_scenario",
     "load_study",

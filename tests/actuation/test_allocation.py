@@ -120,7 +120,9 @@ def test_a_layout_without_full_rank_is_refused_by_name(rotors, rank):
 
 
 def test_an_unknown_policy_lists_the_policies():
-    with pytest.raises(AllocationError, match=r"mixer policy = 'fair': must be one of \['clip', 'priority', 'thrust_before_yaw'\]"):
+    with pytest.raises(
+        AllocationError, match=r"mixer policy = 'fair': must be one of \['clip', 'priority', 'thrust_before_yaw'\]"
+    ):
         make_mixer(HUMMINGBIRD, "fair")
 
 

@@ -13,8 +13,10 @@ from skyarm.compare import envelope_flights, envelope_suite
 from skyarm.compare.cells import fly, key
 from skyarm.compare.envelope_axes import AXES, TIP, TIP_MAX
 from skyarm.compare.envelope_flights import axis_flights, perform_axes
+from skyarm.compare.envelope_plants import PLANTS, widened
 from skyarm.compare.envelope_setting import PAPER, setting_of
 from skyarm.compare.envelope_suite import Envelope, fly_envelope, planned, with_laws_of
+from skyarm.compare.perturbed_plants import Spread, draw
 from skyarm.dynamics.array_front import frame_pose_world
 from skyarm.scenario.numbers import with_numbers
 
@@ -106,6 +108,38 @@ def test_every_value_meets_the_same_noise():
     (cell,) = axis_flights("paper_pd", axis, setting_of(PAPER, 5.0))
     lanes, alone = (fly(each).metrics["rotor_jitter"] for each in (cell, dataclasses.replace(cell, points=(0.0,))))
     assert lanes[0] == lanes[1] == alone[0] != lanes[2]
+
+
+def test_a_lane_of_wrong_plants_is_the_flight_of_one_plant_and_all_values_meet_the_same_ones():
+    (cell,) = axis_flights("paper_pd", AXES["wrong_plants"], setting_of(PAPER, 8.0))
+    scenario = cell.scenario()
+    values = cell.values(scenario)
+    half, once = draw(scenario, widened(Spread(), 0.5), PLANTS, seed=0), draw(scenario, Spread(), PLANTS, seed=0)
+    mass, delay = "plant.vehicle.links.1.body.mass", "delays.command"
+    for path in values:
+        assert np.array_equal(values[path][: 2 * PLANTS], np.concatenate([half[path], once[path]])), path
+    assert widened(Spread(), 0.5).thrust == (-0.05, 0.025)
+    nominal = scenario.world.vehicle.links[1].body.mass
+    assert values[mass][:PLANTS] - nominal == pytest.approx(0.5 * (values[mass][PLANTS : 2 * PLANTS] - nominal))
+    few = dataclasses.replace(cell, points=(2.0,))
+    assert np.array_equal(few.values(scenario)[mass], values[mass][-PLANTS:])
+    flown = fly(few)
+    assert flown.status.shape == (PLANTS,)
+    numbers = {path: float(column[-1]) for path, column in few.values(scenario).items()}
+    numbers[delay] = round(1e3 * numbers[delay]) * 1e-3
+    log = skyarm.run(with_numbers(scenario, numbers))
+    assert log.status == flown.status[-1]
+    # a batch rounds the delay to its own step
+    assert flown.metrics[TIP][-1] == pytest.approx(skyarm.score(log, [TIP], few.case.windows)[TIP], rel=1e-2)
+
+
+def test_wrong_plants_of_another_vehicle_are_its_own_spread():
+    (cell,) = axis_flights("centroidal_tip", AXES["wrong_plants"], setting_of("hexarotor_arm6", 8.0))
+    scenario = cell.scenario()
+    masses = cell.values(scenario)["plant.payload.mass"]
+    weight = float(scenario.world.vehicle.mass)
+    assert 0.1 < masses.max() / (2.0 * 0.1 * weight / 0.806) <= 1.0
+    assert masses[:PLANTS] == pytest.approx(0.25 * masses[-PLANTS:])
 
 
 def test_values_seeds_and_vehicles_are_part_of_what_a_cell_is(flown):

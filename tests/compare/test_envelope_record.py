@@ -11,6 +11,7 @@ import numpy as np
 from skyarm.compare.cells import Cell
 from skyarm.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, TIP, TIP_MAX
 from skyarm.compare.envelope_page import envelope_page, envelope_section
+from skyarm.compare.envelope_plants import point_of_plants
 from skyarm.compare.envelope_record import JUDGED, lost_at, points_of, sentence, violations, within
 from skyarm.compare.envelope_tables import (
     axis_rows,
@@ -184,3 +185,43 @@ def test_the_page_holds_every_number_and_lets_no_name_through_unescaped():
     part = envelope_section(envelope(), "envelope/report.html")
     assert 'href="envelope/report.html"' in part
     assert "1 / 2" in part
+
+
+def plants(*flights):
+    """A value of wrong plants."""
+    return point_of_plants(flights)
+
+
+def test_a_value_of_wrong_plants_is_judged_by_the_worst_that_flies_and_lost_where_one_is():
+    both = plants(point(0.004, largest=0.0201), point(0.002, largest=0.0199), point(0.009, largest=0.019))
+    assert (both["judged"], both["tip_mean"], both["tip_max"], both["lost"]) == (0.009, 0.004, 0.0201, False)
+    assert [both["plants"][key] for key in ("of", "held", "lost")] == [3, 2, 0]
+    assert cell_text(both, "") == "2 of 3; 4.00 / 20.1"
+    one = plants(point(0.004), LOST, point(0.03))
+    assert (one["judged"], one["lost"], one["status"]) == (0.03, True, "ground")
+    assert cell_text(one, "") == "1 of 3; 1 lost; 17.0 / 60.0"
+    none = plants(LOST, LOST)
+    assert (none["judged"], none["tip_mean"], none["lost"]) == (None, None, True)
+    assert cell_text(none, "") == "0 of 2; 2 lost"
+
+
+def test_lanes_are_grouped_value_by_value():
+    columns = {TIP: np.arange(6) * 1e-3, TIP_MAX: np.arange(6) * 1e-2, OUTSIDE: np.zeros(6), "tilt_max": np.zeros(6)}
+    found = points_of(Cell(columns, np.array(["completed"] * 6)), AXES["wrong_plants"], 2)
+    assert [each["judged"] for each in found] == [2e-3, 5e-3]
+    assert [each["plants"]["held"] for each in found] == [3, 0]
+
+
+def test_every_plant_is_a_trial_of_the_rules():
+    own = plants(point(0.10), point(0.12), LOST, LOST)
+    paper = plants(point(0.10), point(0.10), LOST, point(0.1))
+    few = plants(point(0.2), point(0.2), point(0.3))
+    laws = {"centroidal_tip": [own], "paper_ct": [paper], "nmpc": [few]}
+    found = violations({"wrong_plants": axis((1.0,), "times", **laws)})
+    assert [(each["rule"], each["plants"], sorted(each["kept_by"])) for each in found] == [
+        ("lost", 2, ["nmpc", "paper_ct"]),
+        ("worse", 1, ["paper_ct"]),
+    ]
+    assert violation_rows(found)[1] == ["wrong plants 1 times (1 of the plants)", "worse than paper_ct", "120", "100"]
+    row = next(csv.DictReader(io.StringIO(envelope_csv(envelope() | {"axes": {"p": axis((1.0,), nmpc=[few])}}))))
+    assert [row[key] for key in ("plants", "plants_held", "plants_lost")] == ["3", "0", "0"]

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import os
 import re
+from pathlib import Path
 
 import pytest
 
+import skyarm
 from added_components import registry_kept
+from skyarm.cli.export_command import export
 from skyarm.files import read_toml
 from skyarm.registry.plugins import load_file
 from skyarm.scenario.gains_file import controller_of_file
@@ -110,7 +113,9 @@ def test_gains_of_a_law_of_ones_own_fly_once_its_file_is_loaded(tmp_path, monkey
     source = (
         "import dataclasses\nimport skyarm\nfrom skyarm.control.catalogue import make_controller\n\n\n"
         "def make(model: skyarm.Model, *, push: float = 1.0) -> skyarm.Controller:\n"
-        "    return dataclasses.replace(make_controller('decoupled_pd', model), name='mine')\n"
+        "    made = make_controller('decoupled_pd', model)\n"
+        "    gains = dataclasses.replace(made.par.gains, rate=made.par.gains.rate * push)\n"
+        "    return dataclasses.replace(made, name='mine', par=dataclasses.replace(made.par, gains=gains))\n"
     )
     (tmp_path / "own_of_gains.py").write_text(source, "utf-8")
     monkeypatch.chdir(tmp_path)
@@ -120,3 +125,34 @@ def test_gains_of_a_law_of_ones_own_fly_once_its_file_is_loaded(tmp_path, monkey
     with registry_kept():
         load_file("own_of_gains.py")
         assert tuple(load_scenario("case3", controller=path).controller.par.gains.position) == (8.0, 8.0, 8.0)
+        usual = load_scenario("case3", controller=path).controller.par.gains.rate
+        options = GAINS.replace('preset = "paper_ct"', 'law = "own_of_gains.py:make"\npush = 2.0')
+        pushed = load_scenario("case3", controller=write(tmp_path, options)).controller.par.gains
+        assert (pushed.rate, pushed.position.x) == (usual * 2.0, 8.0)
+        with pytest.raises(ValueError, match=r"law.pusch = 2.0: law '.*own_of_gains.py:make' has no such option"):
+            load_scenario("case3", controller=write(tmp_path, options.replace("push =", "pusch =")))
+
+
+def test_a_file_of_gains_is_a_controller_in_python(tmp_path):
+    model = skyarm.Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"))
+    adaptive = GAINS.replace("paper_ct", "centroidal_tip_adaptive").split('"gains.position"')[0]
+    path = Path(write(tmp_path, adaptive + '"base.position" = 20.0\n'))
+    found = skyarm.load_controller(path, model, delay=0.01, control_period=0.0025).par
+    assert (tuple(found.base.position), found.delay_periods) == ((20.0, 20.0, 20.0), 4)
+    assert found.lag.stride == 2, "the period reaches the law"
+    for wrong, words in (({"delay": -1.0}, "delay = -1.0: must be"), ({"control_period": 0.0}, "control_period = 0.0")):
+        with pytest.raises(ValueError, match=words):
+            skyarm.load_controller(path, model, **wrong)
+    with pytest.raises(ValueError, match="model = 'hummingbird': must be a Model"):
+        skyarm.load_controller(path, "hummingbird")
+
+
+def test_a_file_of_gains_is_exported(tmp_path):
+    path, out = write(tmp_path, GAINS, "calm gains.toml"), tmp_path / "law.c"
+    told = export(path, str(out), vehicle="hummingbird_arm2")
+    assert "calm_gains_step, hybrid_computed_torque for hummingbird_arm2" in told
+    assert "{8.0, 8.0, 8.0}, /* gains_position */" in out.read_text()
+    with pytest.raises(ValueError, match=r"--vehicle: is missing; controller '.*calm gains.toml'"):
+        export(path, str(out))
+    with pytest.raises(ValueError, match=r"did you mean 'position'"):
+        export(write(tmp_path, GAINS.replace("gains.position", "gains.positon")), str(out), vehicle="hummingbird_arm2")

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from skyarm.tune.front import LoopMargins, Point, Required, finalists, pick, undominated
+from skyarm.tune.front import LoopMargins, Point, Required, finalists, front_of, pick, undominated
 from skyarm.tune.objective import Scores
 
 REQUIRED = Required(delay=0.010, gain=1.5)
@@ -31,6 +31,15 @@ def point(error, jitter, margins=WIDE, lost=0.0, saturated=0.0):
 def test_the_front_goes_from_calm_to_stiff_without_points_that_another_beats():
     points = [point(3.0, 1.0), point(1.0, 5.0), point(2.0, 2.0), point(2.5, 3.0), point(0.5, 9.0, lost=0.1)]
     assert [(each.error, each.jitter) for each in undominated(points)] == [(3.0, 1.0), (2.0, 2.0), (1.0, 5.0)]
+
+
+def test_the_gains_that_a_search_began_with_stay_where_none_found_is_better():
+    found = [point(3.0, 1.0), point(1.2, 5.0)]
+    assert front_of(point(1.0, 4.0), found) == [found[0], point(1.0, 4.0)]
+    assert pick(front_of(point(1.0, 4.0), found), REQUIRED) == 1
+    # calm and nearly as good: what was found is still better
+    assert front_of(point(1.21, 0.5), found) == found
+    assert front_of(point(1.0, 4.0, lost=0.01), found) == found
 
 
 def test_the_pick_is_the_calmest_within_five_percent_of_the_least_error_that_meets_all():

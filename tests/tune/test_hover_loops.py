@@ -8,17 +8,18 @@ import math
 import numpy as np
 import pytest
 
+from skyarm.compare.vehicle_spread import thrust_margin
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import Delays
 from skyarm.stability.along import evidence
 from skyarm.tune.excitation import excited
-from skyarm.tune.explain import explain, plain, words
+from skyarm.tune.explain import explain
+from skyarm.tune.explanation_words import plain, words
 from skyarm.tune.hover_margins import calm, required, with_gains
 from skyarm.tune.law_knobs import find_knobs
 from skyarm.tune.loop_parts import differences
 from skyarm.tune.margin_tests import MarginTests
-from skyarm.tune.plant_spread import thrust_margin
 
 CASE = load_scenario("case3")
 KNOBS = find_knobs(CASE.controller, CASE.controller.name)

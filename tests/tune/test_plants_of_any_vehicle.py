@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from skyarm.compare.perturbed_plants import Spread, draw
+from skyarm.compare.vehicle_spread import RESERVE, arm_length, spread_of, thrust_margin
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import PERFECT_SENSORS
+from skyarm.tune.candidate_flights import CandidateFlights
 from skyarm.tune.excitation import BLOWN, DURATION, STEP, STEPPED, excited, motion, of_vehicle
-from skyarm.tune.plant_spread import RESERVE, arm_length, draw_plants, spread_of, thrust_margin
+from skyarm.tune.plant_spread import draw_plants
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 FORCE = "environment.forces.0.force_W"
@@ -92,3 +94,13 @@ def test_a_scenario_keeps_its_loop_and_gets_noise_only_where_it_has_none():
     weight = case.world.vehicle.mass * case.world.gravity
     assert gust.peak.norm() == pytest.approx(0.15 * weight, rel=0.01)
     assert gust.start == BLOWN
+
+
+def test_joints_with_servos_are_charged_no_effort():
+    flight = excited(of_vehicle(load_vehicle("quadrotor_roll_arm2"), "decoupled_pd"))
+    flight = dataclasses.replace(flight, duration=1.0)
+    flights = CandidateFlights(flight, (), draw_plants(flight, 2, seed=0))
+    flown = flights.fly(np.zeros((1, 0)))
+    flights.close()
+    assert flown.effort.tolist() == [[0.0, 0.0]]
+    assert (flown.jitter > 0.0).all()

@@ -63,6 +63,8 @@ def prepared(name: str) -> dict[str, str]:
     vehicle, flight = blocks(PAGES["vehicle_files.md"])[1].text, blocks(PAGES["scenario_files.md"])[1].text
     case = (library / "case3.toml").read_text("utf-8")
     files = {"my/vehicle.toml": vehicle, "my/flight.toml": flight, "flight.toml": flight}
+    if name == "export_c.md":
+        files["tuned.toml"] = next(block.text for block in blocks(PAGES["tuning.md"]) if "[gains]" in block.text)
     if name == "extending.md":
         plugin, table, *_ = blocks(PAGES[name])
         files |= {"wandering.py": plugin.text, "mine.toml": f"{case}\n{table.text}"}

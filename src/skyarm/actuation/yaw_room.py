@@ -71,7 +71,7 @@ def nearest_thrust(bounds: Sequence[Bound], wanted: Any) -> Any:
                 continue
             # under.low + under.slope f <= over.high + over.slope f
             steeper, room = sub(under.slope, over.slope), sub(over.high, under.low)
-            edge = divide(room, where(steeper == 0.0, 1.0, steeper))
+            edge = divide(room, where(absolute(steeper) > 0.0, steeper, 1.0))
             high = minimum(high, where(steeper > 0.0, edge, high))
             low = maximum(low, where(steeper < 0.0, edge, low))
     return minimum(maximum(wanted, low), high)

@@ -11,14 +11,16 @@ from skyarm.actuation import AllocationError
 from skyarm.cli.lines import say_if_many
 from skyarm.cli.machine_output import give
 from skyarm.cli.said_margin import margin_said, plain_margin
-from skyarm.control.catalogue import choices, is_named, make_named, meant
+from skyarm.control.catalogue import choices, is_named, meant
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model
 from skyarm.estimate.error_state_filter import ErrorStateFilter
-from skyarm.files import number, output_file, shown, write_atomically
+from skyarm.files import number, output_file, read_toml, shown, unreadable, write_atomically
+from skyarm.files.kinds_of_files import kind_of
 from skyarm.onboard.export_c import export_c
 from skyarm.registry.plugins import identities, law_of_file_name
 from skyarm.scenario.changes import without_law
+from skyarm.scenario.gains_file import make_named_or_tuned
 from skyarm.scenario.scenario_file import list_scenarios, load_scenario
 from skyarm.scenario.scenario_parts import HIGHEST_RATE
 from skyarm.scenario.scenario_record import Scenario
@@ -48,8 +50,8 @@ def export(
     """Write a controller as a C file; returns a line on what was written and one on the delay that it bears.
 
     Args:
-        controller: a preset, a law or LAW_tuned, built for the vehicle; or a scenario, whose controller is taken as it
-            flies.
+        controller: a preset, a law, LAW_tuned or a file of gains, built for the vehicle; or a scenario, whose
+            controller is taken as it flies.
         file: to write.
         vehicle: what the controller believes in; a scenario brings its own.
         gravity: m/s^2, believed; 9.81 if left out, a scenario brings its own.
@@ -65,12 +67,12 @@ def export(
     if held is not None and not SLOWEST <= held <= HIGHEST_RATE:
         raise ValueError(f"--rate = {rate!r}: must be from {SLOWEST:g} to {HIGHEST_RATE} Hz")
     note, estimator, flown = "", None, None
-    if is_named(controller):
+    if is_named(controller) or _is_of_gains(controller):
         if vehicle is None:
             raise ValueError(f"--vehicle: is missing; controller {controller!r} must know the vehicle it flies")
         felt = 9.81 if gravity is None else number(gravity, "--gravity", low=0.0)
         model = Model(vehicle=load_vehicle(vehicle), gravity=felt)
-        chosen, title = _built(controller, model, 1.0 / (held or RATE)), law_of_file_name(controller)
+        chosen, title = _built(controller, model, 1.0 / (held or RATE)), _title(controller)
     else:
         _require_known(controller)
         for option, value in (("--vehicle", vehicle), ("--gravity", gravity)):
@@ -134,9 +136,24 @@ def _margin(chosen: Controller, flown: Scenario | None, rate: float) -> tuple[st
 
 def _built(name: str, model: Model, period: float) -> Controller:
     try:
-        return make_named(name, model, {"control_period": period})
+        return make_named_or_tuned(name, model, {"control_period": period})
     except AllocationError as error:
         raise ValueError(f"--vehicle = {model.vehicle.name!r}: {error}") from None
+
+
+def _is_of_gains(controller: str) -> bool:
+    """Whether it is the path of a file of gains."""
+    path = Path(controller)
+    if path.suffix != ".toml" or unreadable(path):
+        return False
+    try:
+        return kind_of(read_toml(path.read_bytes())) == "gains"
+    except (OSError, ValueError):
+        return False
+
+
+def _title(controller: str) -> str:
+    return Path(controller).stem if _is_of_gains(controller) else law_of_file_name(controller)
 
 
 def _require_known(controller: str) -> None:

@@ -120,7 +120,7 @@ def explain(target: str, controller: str | None, knobs: Sequence[str] | None, co
     """
     wanted = wanted_of(target, controller)
     from skyarm.tune.explain import explain as look
-    from skyarm.tune.explain import plain, words
+    from skyarm.tune.explanation_words import plain, words
     from skyarm.tune.law_knobs import find_knobs
 
     scenario = wanted.scenario

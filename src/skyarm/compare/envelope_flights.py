@@ -16,6 +16,7 @@ import numpy.typing as npt
 from skyarm.compare.cells import Cell, Cells, Flights, fly
 from skyarm.compare.entrants import Entrant
 from skyarm.compare.envelope_axes import AXES, OUTSIDE, OVERSHOOT, Axis
+from skyarm.compare.envelope_plants import PLANTS, plants_at
 from skyarm.compare.envelope_setting import DURATION, PAPER, Setting, setting_of
 from skyarm.compare.suite import Case, Condition
 from skyarm.metrics.windows import Window, Windows
@@ -59,15 +60,22 @@ class AxisFlights(Flights):
 
     def values(self, scenario: Scenario) -> dict[str, Array]:
         """Numbers of every value, by path."""
-        if self.axis.numbers is None:
+        if not self.axis.batched:
             return {}
         setting = setting_of(self.vehicle, self.duration, self.plant)
+        if self.axis.plants:
+            count = self.episodes(scenario) // len(self.points)
+            drawn = [plants_at(setting, scenario, value, count, seed=self.seed) for value in self.points]
+            return {path: np.concatenate([each[path] for each in drawn]) for path in drawn[0]}
+        assert self.axis.numbers is not None
         rows = [self.axis.numbers(setting, value) for value in self.points]
         return {path: np.array([row[path] for row in rows]) for path in rows[0]}
 
     def episodes(self, scenario: Scenario) -> int:
-        """One for each value."""
-        return len(self.points)
+        """One for each value; of an axis of plants as many as a law meets, value after value."""
+        if not self.axis.plants:
+            return len(self.points)
+        return len(self.points) * (min(PLANTS, self.one_by_one) if self.alone(scenario) else PLANTS)
 
     def keys(self, count: int) -> Array:
         """The noise of the first episode for every value."""
@@ -102,7 +110,7 @@ def axis_flights(
     points = axis.of(setting)
     facts: dict[str, Any] = {"duration": setting.duration, "seed": seed, "plant": plant}
     whole = flights_at(law, axis.name, setting.vehicle, points, **facts)
-    if axis.numbers is not None and not whole.alone(whole.scenario()):
+    if axis.batched and not whole.alone(whole.scenario()):
         return [whole]
     return [flights_at(law, axis.name, setting.vehicle, (value,), **facts) for value in points]
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from skyarm.compare.cells import Cell
 from skyarm.compare.envelope_axes import OUTSIDE, OVERSHOOT, TIP, TIP_MAX, Axis
+from skyarm.compare.envelope_plants import NEAR, point_of_plants
 from skyarm.compare.envelope_setting import Setting
 
 FLAGSHIP = "centroidal_tip"
@@ -30,12 +31,26 @@ TILTED = math.radians(80.0)
 MEASURED = {"tip_mean": TIP, "tip_max": TIP_MAX, "outside": OUTSIDE, "tilt": "tilt_max"}
 """Key of a point -> metric, m, s and rad."""
 
+OF_PLANTS = f"plants that keep the tip within {1e3 * NEAR:g} mm, tip of all: median of means / largest"
+"""The same of an axis of wrong plants."""
+
 JUDGED = {TIP: "tip, mean / largest", OVERSHOOT: "overshoot of the base; time with the tip over 5 cm away"}
 """What the numbers of an axis are, in words."""
 
 
-def points_of(cell: Cell, axis: Axis) -> list[dict[str, Any]]:
-    """One record for each lane of a cell: errors in m, tilt in rad, the ending, whether the vehicle was lost."""
+def points_of(cell: Cell, axis: Axis, values: int | None = None) -> list[dict[str, Any]]:
+    """One record for each lane of a cell: errors in m, tilt in rad, the ending, whether the vehicle was lost.
+
+    Of an axis of plants one for each of so many ``values``.
+    """
+    found = _lanes(cell, axis)
+    if not axis.plants:
+        return found
+    count = len(found) // (values or 1)
+    return [point_of_plants(found[k : k + count]) for k in range(0, len(found), count)]
+
+
+def _lanes(cell: Cell, axis: Axis) -> list[dict[str, Any]]:
     found = []
     for k, status in enumerate(cell.status):
         numbers = {
@@ -56,7 +71,7 @@ def axis_record(axis: Axis, setting: Setting) -> dict[str, Any]:
         "title": axis.title,
         "unit": axis.unit,
         "values": [float(f"{value * axis.shown:.6g}") for value in axis.of(setting)],
-        "judged": JUDGED[axis.metric],
+        "judged": OF_PLANTS if axis.plants else JUDGED[axis.metric],
         "noisy": axis.noisy,
         "window_s": [axis.start, setting.duration],
         "laws": {},
@@ -79,21 +94,43 @@ def lost_at(points: Sequence[Mapping[str, Any]]) -> list[int]:
 
 
 def violations(axes: Mapping[str, Any], flagship: str = FLAGSHIP) -> list[dict[str, Any]]:
-    """Trials in which the flagship is lost and another law is not, or is over 10 % worse than the paper's law."""
+    """Trials in which the flagship is lost and another law is not, or is over 10 % worse than the paper's law.
+
+    Every plant of an axis of plants is a trial; those of a value that violate one rule are told together.
+    """
     found = []
     for name, axis in axes.items():
         laws = axis["laws"]
-        paper = next((law for law in PAPER_LAWS if law in laws), None)
-        for k, point in enumerate(laws.get(flagship, ())):
+        for k in range(len(laws.get(flagship, ()))):
             at = {"axis": name, "value": axis["values"][k], "unit": axis["unit"]}
-            if point["lost"]:
-                kept = [law for law, points in laws.items() if law != flagship and not points[k]["lost"]]
-                if kept:
-                    found.append({**at, "rule": "lost", "kept_by": kept, "own": None, "other": None})
-            elif paper is not None and not laws[paper][k]["lost"]:
-                own, other = point["judged"], laws[paper][k]["judged"]
-                if own > WORSE * other:
-                    found.append({**at, "rule": "worse", "kept_by": [paper], "own": own, "other": other})
+            found += [{**at, **each} for each in _violations_at({law: laws[law][k] for law in laws}, flagship)]
+    return found
+
+
+def _violations_at(points: Mapping[str, Any], flagship: str) -> list[dict[str, Any]]:
+    """Violations of one value: at most one of each rule."""
+    trials = {law: point["plants"]["each"] if "plants" in point else [point] for law, point in points.items()}
+    paper = next((law for law in PAPER_LAWS if law in points), None)
+    kept: dict[str, None] = {}
+    lost, worse = [], []
+    for k, own in enumerate(trials[flagship]):
+        others = {law: flown[k] for law, flown in trials.items() if law != flagship and k < len(flown)}
+        if own["lost"]:
+            survive = [law for law, other in others.items() if not other["lost"]]
+            kept |= dict.fromkeys(survive)
+            lost += [k] if survive else []
+        elif paper in others and not others[paper]["lost"] and own["judged"] > WORSE * others[paper]["judged"]:
+            worse.append((own["judged"] / others[paper]["judged"], k))
+    found: list[dict[str, Any]] = []
+    if lost:
+        found.append({"rule": "lost", "kept_by": list(kept), "own": None, "other": None})
+    if worse:
+        _, k = max(worse)
+        own, other = (trials[law][k]["judged"] for law in (flagship, paper) if law)
+        found.append({"rule": "worse", "kept_by": [paper], "own": own, "other": other})
+    if "plants" in points[flagship]:
+        counts = {"lost": len(lost), "worse": len(worse)}
+        return [{**each, "plants": counts[each["rule"]]} for each in found]
     return found
 
 

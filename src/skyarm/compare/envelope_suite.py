@@ -144,7 +144,7 @@ def envelope_record(
     axes: dict[str, Any] = {name: axis_record(envelope.axis(name), envelope.setting) for name in envelope.flown}
     for flights, cell in zip(todo, cells, strict=True):
         laws = axes[flights.case.name]["laws"]
-        laws.setdefault(flights.entrant.name, []).extend(points_of(cell, flights.axis))
+        laws.setdefault(flights.entrant.name, []).extend(points_of(cell, flights.axis, len(flights.points)))
     laws = [law for law in envelope.laws if law not in refused]
     found: dict[str, Any] = {
         "schema": 1,

@@ -25,13 +25,28 @@ MEANING = (
 
 
 def cell_text(point: Mapping[str, Any], judged: str) -> str:
-    """Mean and largest error in mm; of a step overshoot in mm and time away in s; or that the vehicle was lost."""
+    """Mean and largest error in mm; of a step overshoot in mm and time away in s; or that the vehicle was lost.
+
+    Of wrong plants how many keep the tip and how many are lost, the median of their means and the largest error.
+    """
+    if "plants" in point:
+        return _plants_text(point)
     if point["lost"]:
         return LOST
     first = number(1e3 * point["judged"])
     if judged == JUDGED[TIP]:
         return f"{first} / {number(1e3 * point['tip_max'])}"
     return f"{first}; {number(point['outside'])} s"
+
+
+def _plants_text(point: Mapping[str, Any]) -> str:
+    plants = point["plants"]
+    told = [f"{plants['held']} of {plants['of']}"]
+    if plants["lost"]:
+        told.append(f"{plants['lost']} lost")
+    if plants["lost"] < plants["of"]:
+        told.append(f"{number(1e3 * point['tip_mean'])} / {number(1e3 * point['tip_max'])}")
+    return "; ".join(told)
 
 
 def axis_head(axis: Mapping[str, Any]) -> list[str]:
@@ -78,7 +93,8 @@ def violation_rows(found: Sequence[Mapping[str, Any]]) -> list[list[str]]:
     """A row for each violation: trial, rule, the flagship's error, the other law's."""
     rows = []
     for each in found:
-        trial = f"{each['axis'].replace('_', ' ')} {each['value']:g} {each['unit']}"
+        count = f" ({each['plants']} of the plants)" if "plants" in each else ""
+        trial = f"{each['axis'].replace('_', ' ')} {each['value']:g} {each['unit']}{count}"
         if each["rule"] == LOST:
             rows.append([trial, f"lost; not lost: {', '.join(each['kept_by'])}", DASH, DASH])
         else:
@@ -124,6 +140,9 @@ COLUMNS = (
     "tip_max_mm",
     "outside_s",
     "tilt_deg",
+    "plants",
+    "plants_held",
+    "plants_lost",
 )
 
 
@@ -138,8 +157,10 @@ def envelope_csv(found: Mapping[str, Any]) -> str:
                 numbers = [_scaled(point[key], 1e3) for key in ("judged", "tip_mean", "tip_max")]
                 tilt = _scaled(point["tilt"], 57.29577951308232)
                 numbers.append(_scaled(point["outside"], 1.0))
+                plants = point.get("plants", {})
+                counts = [plants.get(key, "") for key in ("of", "held", "lost")]
                 fixed = (name, f"{value:g}", axis["unit"], law, axis["judged"])
-                writer.writerow((*fixed, *numbers, tilt, point["status"], int(point["lost"])))
+                writer.writerow((*fixed, *numbers, tilt, *counts, point["status"], int(point["lost"])))
     return stream.getvalue()
 
 

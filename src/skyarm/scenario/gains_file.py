@@ -20,7 +20,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from skyarm.control.catalogue import make_controller, make_named, suitable_options
+from skyarm.control.catalogue import make_named
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model
 from skyarm.files import Fields, did_you_mean, number, read_toml, shown, unreadable
@@ -28,7 +28,7 @@ from skyarm.files.kinds_of_files import require_kind
 from skyarm.records.leaves import Place, is_leaf, is_record, parts, walk
 from skyarm.records.replace_parts import replaced
 from skyarm.registry.plugins import is_law_of_file, register_loaded_law
-from skyarm.scenario.law_table import by_words
+from skyarm.scenario.law_table import by_words, registered_law_from
 
 SUFFIX = ".toml"
 
@@ -47,6 +47,39 @@ def make_named_or_tuned(name: str, model: Model, known: Mapping[str, Any]) -> Co
     if is_gains_file(name):
         return controller_of_file(name, Path(), model, known, "controller")
     return make_named(name, model, known)
+
+
+def load_controller(
+    file: str | Path,
+    model: Model,
+    *,
+    delay: float = 0.0,
+    control_period: float = 0.005,
+    reference_period: float = 0.02,
+) -> Controller:
+    """The law of a file of gains, as ``skyarm tune`` writes it, for a belief.
+
+    Args:
+        file: path, .toml.
+        model: what the law believes.
+        delay: known age of the measurement, s; for laws with such an option, as all that follow.
+        control_period: s.
+        reference_period: between published samples, s.
+
+    Raises:
+        ValueError: one line: file, field, value, what is allowed.
+    """
+    if not isinstance(model, Model):
+        raise ValueError(f"model = {shown(model)}: must be a Model of vehicle and gravity")
+    late = number(delay, "delay", low=0.0)
+    ticking = number(control_period, "control_period", low=0.0, strict=True)
+    known = {
+        "control_period": ticking,
+        "reference_period": number(reference_period, "reference_period", low=0.0, strict=True),
+        "delay": late,
+        "delay_periods": round(late / ticking),
+    }
+    return controller_of_file(os.fspath(file), Path(), model, known, "file")
 
 
 def controller_of_file(name: Any, folder: Path, model: Model, known: Mapping[str, Any], field: str) -> Controller:
@@ -93,9 +126,7 @@ def _controller(top: Fields, model: Model, known: Mapping[str, Any]) -> Controll
             raise ValueError(
                 f"law.law = {shown(law)}: must be loaded on the command line: --plugin {law.split(':')[0]}"
             )
-        words.take("law")
-        words.done()
-        found = make_controller(law, model, **suitable_options(law, known))
+        found = registered_law_from(words, model, known)
     else:
         found = by_words(words, model, known)
     return with_gains(found, gains, "gains")

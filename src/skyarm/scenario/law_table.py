@@ -65,11 +65,17 @@ def law_from(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controll
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
-    law, best = fields.take("law"), fields.take("tuned", False)
+    law = fields.table.get("law")
     if is_law_of_file(law):
         raise ValueError(
             f"{fields.at('law')} = {shown(law)}: must not be a file's; only --controller takes FILE.py:make"
         )
+    return registered_law_from(fields, model, known)
+
+
+def registered_law_from(fields: Fields, model: Model, known: Mapping[str, Any]) -> Controller:
+    """The same, where the law of a file is allowed that the command line has loaded."""
+    law, best = fields.take("law"), fields.take("tuned", False)
     if not isinstance(law, str) or law not in LAWS:
         hint = f"; it is a preset: preset = {law!r}" if isinstance(law, str) and law in PRESETS else ""
         raise ValueError(f"{fields.at('law')} = {shown(law)}: {must_be_one_of(LAWS, law)}{hint}")

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.compare.vehicle_spread import arm_length
 from skyarm.log.batch_log import BatchLog
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.batch import Batch
 from skyarm.tune.law_knobs import Knob
-from skyarm.tune.plant_spread import Plants, arm_length
+from skyarm.tune.plant_spread import Plants
 
 Array = npt.NDArray[np.float64]
 
@@ -83,7 +84,8 @@ class CandidateFlights:
         vehicle = scenario.world.vehicle
         self._arm, self._has_tip = arm_length(vehicle), bool(vehicle.end_effector)
         self._keeps_tip = scenario.controller.keeps_tip
-        self._efforts = tuple(f"tau{i + 1}_rms" for i in range(vehicle.n))
+        # a servo is told setpoints: its torque is its own
+        self._efforts = tuple(f"tau{i + 1}_rms" for i, told in enumerate(scenario.told) if not told)
         self._windows = ("", "gust_") if gust else ("",)
         self._errors = ("position", "joint", "ee") if self._has_tip else ("position", "joint")
         metrics = [_error(window, each) for window in self._windows for each in self._errors]

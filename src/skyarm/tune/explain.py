@@ -11,22 +11,21 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from skyarm.compare.vehicle_spread import thrust_margin
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Delays, Scenario
 from skyarm.stability.open_loop import LAGS
 from skyarm.stability.settled_hover import SettledHover
 from skyarm.tune.blas_threads import threadpool_limits
-from skyarm.tune.front import LoopMargins, Required
+from skyarm.tune.explanation import THRUST, WORTH, Cause, Explanation, Remedy
 from skyarm.tune.hover_margins import required
 from skyarm.tune.law_knobs import Knob
 from skyarm.tune.loop_edges import Edges, edges, with_dead_time
 from skyarm.tune.loop_parts import differences, groups, slowed
-from skyarm.tune.plant_spread import thrust_margin
 
 SHARES = (0.25, 0.4, 0.6, 0.8, 1.25, 1.6, 2.5)
 """Of a group's bandwidth that are tried."""
@@ -34,73 +33,10 @@ SHARES = (0.25, 0.4, 0.6, 0.8, 1.25, 1.6, 2.5)
 SETTLING = (1.0, 0.6, 0.35)
 """Shares of all bandwidths with which a hover is flown to linearise there; the first that settles."""
 
-WORTH = 1.1
-"""Gain in margins from which on a cause is named."""
-
-THRUST = 1.5
-"""Largest thrust over that of a hover: below, wind and turns leave too little for torques."""
-
 ALL = "all gains"
 
 DeadTimes = tuple[int, float, float, float]
 """Of measurements, in control periods; of all commands, and on top of it of the rotors' and of the joints', s."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Cause:
-    """What costs margin: the part, what of it, the loop without it, and by what factor the margins grow then.
-
-    What the plant has otherwise than believed is a cause whatever it costs: not all of it shows in a hover.
-    """
-
-    part: str
-    words: str
-    without: Edges | None
-    relief: float
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Remedy:
-    """A change of one group of gains.
-
-    Attributes:
-        part: the group. share: of its bandwidth. after: the loop then. meets: whether that is enough.
-        relief: factor by which the margins grow.
-        gains: path of the controller -> number.
-    """
-
-    part: str
-    share: float
-    after: Edges
-    meets: bool
-    relief: float
-    gains: Mapping[str, float]
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Explanation:
-    """Of a loop: its margins now, what is required, causes and remedies, the best first.
-
-    ``now`` is None where no hover settles at all.
-    """
-
-    now: Edges | None
-    required: Required
-    thrust_margin: float
-    causes: tuple[Cause, ...]
-    remedies: tuple[Remedy, ...]
-
-    @property
-    def short(self) -> bool:
-        """Whether anything is short of what is required."""
-        low = self.thrust_margin < THRUST
-        return low or self.now is None or self.now.shortness(self.required) > 1.0
-
-    @property
-    def parts(self) -> tuple[str, ...]:
-        """Parts that are named, the one that costs most first: causes, then the gains that help most."""
-        best = [remedy.part for remedy in self.remedies[:1]] if self.short else []
-        return tuple(dict.fromkeys([*(cause.part for cause in self.causes), *best]))
 
 
 def explain(scenario: Scenario, knobs: Sequence[Knob]) -> Explanation:
@@ -119,38 +55,6 @@ def explain(scenario: Scenario, knobs: Sequence[Knob]) -> Explanation:
             return probe.explanation()
         finally:
             probe.close()
-
-
-def words(found: Explanation) -> list[str]:
-    """What was found, a line each."""
-    wanted = f"delay {1e3 * found.required.delay:.3g} ms, gains {1 / found.required.gain:.2f}-{found.required.gain:.2f}"
-    if found.now is None:
-        lines = ["no hover settles, not even with slow gains: thrust, torques or the belief are far off"]
-    else:
-        stable = found.now.growth <= 0.0
-        state = "stable" if stable else f"UNSTABLE, grows {found.now.growth:.3g} 1/s"
-        lines = [f"hover: {state}; {margins_in_words(found.now.margins)}; wanted: {wanted}"]
-        where = "swings" if not stable else "nearest to swinging"
-        if found.now.frequency > 0.0:
-            lines.append(f"{where} at {found.now.frequency:.2g} Hz")
-    for cause in found.causes:
-        lines.append(f"{cause.part}: {cause.words}{_without(cause)}")
-    if not found.short:
-        lines.append("nothing is short of margin")
-    for remedy in found.remedies:
-        enough = "enough" if remedy.meets else "helps, not enough"
-        lines.append(
-            f"{remedy.part} at {remedy.share:g} of its bandwidth: {margins_in_words(remedy.after.margins)} ({enough})"
-        )
-    return lines
-
-
-def _without(cause: Cause) -> str:
-    if cause.without is None:
-        return ""
-    if cause.relief < WORTH:
-        return "; in a hover that costs no margin"
-    return f"; without: {margins_in_words(cause.without.margins)}"
 
 
 class _Probe:
@@ -268,55 +172,3 @@ class _Probe:
     def close(self) -> None:
         """End the threads."""
         self._loops.close()
-
-
-def margins_in_words(margins: LoopMargins) -> str:
-    """Margins on one line."""
-    delay = f"{1e3 * margins.delay:.3g} ms" if math.isfinite(margins.delay) else "over 50 ms"
-    rotors, joints = (
-        "-".join("none" if k in (0.0, math.inf) else f"{k:.2f}" for k in pair)
-        for pair in (margins.rotors, margins.joints)
-    )
-    return f"delay {delay}, rotors {rotors}, joints {joints}"
-
-
-def plain(found: Explanation) -> dict[str, Any]:
-    """What was found as plain data; what is not finite becomes null in JSON."""
-    return {
-        "short": found.short,
-        "parts": list(found.parts),
-        "thrust_margin": found.thrust_margin,
-        "required": {"delay_margin_s": found.required.delay, "gain_margin": found.required.gain},
-        "now": None if found.now is None else _plain_edges(found.now),
-        "causes": [
-            {
-                "part": cause.part,
-                "words": cause.words,
-                "relief": cause.relief,
-                "without": None if cause.without is None else _plain_edges(cause.without),
-            }
-            for cause in found.causes
-        ],
-        "remedies": [
-            {
-                "part": remedy.part,
-                "bandwidth": remedy.share,
-                "enough": remedy.meets,
-                "relief": remedy.relief,
-                "after": _plain_edges(remedy.after),
-                "gains": dict(remedy.gains),
-            }
-            for remedy in found.remedies
-        ],
-    }
-
-
-def _plain_edges(found: Edges) -> dict[str, Any]:
-    margins = found.margins
-    return {
-        "growth_1_s": found.growth,
-        "frequency_hz": found.frequency,
-        "delay_margin_s": margins.delay,
-        "rotor_gain": margins.rotors,
-        "joint_gain": margins.joints,
-    }

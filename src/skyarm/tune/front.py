@@ -135,6 +135,15 @@ def undominated(points: Sequence[Point]) -> list[Point]:
     return found
 
 
+def front_of(before: Point, found: Sequence[Point]) -> list[Point]:
+    """What nothing beats of what was found; with the gains that the search began with where none found is better.
+
+    Where some are, the beginning stays away: it is often calmer, and the rule would pick it for 5 % of the error.
+    """
+    leads = all((before.lost, before.error) <= (each.lost, each.error) for each in found)
+    return undominated([before, *found] if leads else found)
+
+
 def pick(points: Sequence[Point], required: Required) -> int:
     """Number of the point that :data:`RULE` picks; where none meets the constraints, the one that is least short."""
     allowed = [i for i, point in enumerate(points) if is_allowed(point, required)]

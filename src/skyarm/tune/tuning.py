@@ -24,7 +24,7 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.tune.archive import Archive
 from skyarm.tune.blas_threads import threadpool_limits
 from skyarm.tune.candidate_flights import CandidateFlights, Flown
-from skyarm.tune.front import POINTS, LoopMargins, Point, Required, finalists, is_allowed, pick, undominated
+from skyarm.tune.front import POINTS, LoopMargins, Point, Required, finalists, front_of, is_allowed, pick
 from skyarm.tune.gain_search import Effort, search, with_margins
 from skyarm.tune.hover_margins import required
 from skyarm.tune.known_gains import known_gains
@@ -137,7 +137,7 @@ def tune(plan: Plan, folder: Path, *, threads: int = 1, progress: Progress | Non
             points = conductor.check(asked[last], again.part(last))
         finally:
             conductor.close()
-    front = undominated(points[1:])
+    front = front_of(points[0], points[1:])
     wanted = required(plan.flight)
     return Tuning(
         plan=plan,

@@ -17,6 +17,7 @@ from skyarm.control.laws.centroidal import com_tracking as center_of_mass
 from skyarm.control.laws.centroidal import tip_reference, tip_tasks
 from skyarm.control.laws.centroidal.arm_motion import ArmMotion, followed, made_good
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.control.laws.centroidal.swing_shift import SwingPace, moved_shift
 from skyarm.control.laws.centroidal.tip_reference import ShiftMotion
 from skyarm.control.laws.centroidal.wanted_attitude import wanted_attitude
 from skyarm.control.model import Model
@@ -49,11 +50,13 @@ class Following:
 
     Attributes:
         shift: differentiators of the base's shift. arm: size and mean of the arm's motion. trend: of the force.
+        pace: of the arm's swing.
     """
 
     shift: ShiftMotion | tuple[()] = ()
     arm: ArmMotion | tuple[()] = ()
     trend: ForceTrend | tuple[()] = ()
+    pace: SwingPace | tuple[()] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -84,7 +87,7 @@ class Course:
         base: of the base origin, value to fourth derivative, world axes.
         still: quasi-static attitude. level: posture of ``turned``, the joints' signals.
         goal: of the tip mode, else None. reach: of sideways force, if it is used.
-        shift: differentiators, one period later.
+        shift, pace: of the shift's motion, one period later.
     """
 
     base: list[Vec3]
@@ -93,6 +96,7 @@ class Course:
     turned: tuple[Taylor, ...]
     goal: tip_reference.Goal | None = None
     shift: ShiftMotion | tuple[()] = ()
+    pace: SwingPace | tuple[()] = ()
     reach: Reach | None = None
 
 
@@ -170,7 +174,7 @@ def demands(
         proper=course.still.R.apply_T(course.base[2] + E_Z * par.model.gravity),
         joints=course.turned,
     )
-    following = Following(shift=course.shift, arm=arm, trend=before.trend)
+    following = Following(shift=course.shift, arm=arm, trend=before.trend, pace=course.pace)
     ahead = par.leads_thrust or course.reach is not None
     return Demand(
         thrust=push.along,
@@ -215,12 +219,9 @@ def _course(
     turned = _level_links(par, model, goal, still, joints, level)
     upright_posture, level = level, posture(vehicle, turned, 4)
     offset = tip_reference.shift(upright_posture, yaw, level, still, par.tip.shift_limit)
-    shift = before.shift
-    if isinstance(shift, ShiftMotion):
-        shift, *changing = tip_reference.differentiated(shift, offset[2], par.shift_bandwidth, dt)
-        offset = [*offset, *changing]
+    shift, pace, offset = moved_shift(par, before.shift, before.pace, offset, upright_posture, dt)
     base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[len(offset) :]]
-    return Course(base=base, still=still, level=level, turned=turned, goal=goal, shift=shift, reach=reach)
+    return Course(base=base, still=still, level=level, turned=turned, goal=goal, shift=shift, pace=pace, reach=reach)
 
 
 def joint_accelerations(par: CentroidalParameters, state: State, joints: Sequence[Taylor]) -> tuple[Any, ...]:

@@ -19,6 +19,7 @@ COMMON: Mapping[str, Any] = {
     "friction_adaptation": 2.0,
     "bandwidth": 1.0,
     "shift_bandwidth": 0.0,
+    "swing_rate": 0.0,
     "low_thrust": 0.0,
     "arm_turn": 0.0,
     "sideways": 0.0,
@@ -47,6 +48,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
     "adaptive": {
         **ROBUST,
         "shift_bandwidth": 60.0,
+        "swing_rate": 2.0,
         "low_thrust": 0.8,
         "arm_turn": 20.0,
         "pull": 8.0,
@@ -72,9 +74,10 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
 
 "robust" was chosen under noise and one period of delay on perturbed plants, "stiff" on perfect state; both survive
 10 ms of delay that they do not know. "adaptive" has the gains of "robust" and all that the law knows besides: the
-motion of the base's shift, an attitude towards upright at low thrust, a limit of what the base does for the arm, and a
-bandwidth by the lag that it finds (s at which half of it is left, of the rotors' and of the joints' loops); each is
-left out by 0. ``bandwidth`` scales all gains of a preset.
+motion of the base's shift, what a swinging arm asks of it (``swing_rate``, with ``shift_bandwidth`` only), an attitude
+towards upright at low thrust, a limit of what the base does for the arm, and a bandwidth by the lag that it finds (s at
+which half of it is left, of the rotors' and of the joints' loops); each is left out by 0.
+``bandwidth`` scales all gains of a preset.
 """
 
 ENTRIES = tuple(PRESETS["robust"])
@@ -96,6 +99,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "shift_rate": (0.0, 1e3),
     "bandwidth": (0.01, 10.0),
     "shift_bandwidth": (0.0, 1e3),
+    "swing_rate": (0.0, 50.0),
     "low_thrust": (0.0, 1.0),
     "arm_turn": (0.0, 1e6),
     "sideways": (0.0, 1.0),

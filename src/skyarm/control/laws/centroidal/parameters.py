@@ -62,6 +62,8 @@ class CentroidalParameters:
             and (m/s)^2. adapts_friction: False leaves it out.
         shift_bandwidth: rad/s, of the differentiators that give jerk and snap of the base's shift. moves_shift: False
             takes shift, drag and turned links as they stand, without their motion.
+        swing_rate: 1/s, of the means by which the pace of the arm's swing is found. follows_swing: False shifts the
+            base as each instant asks for.
         low_thrust: share of the weight below which a vertical force turns the attitude less. softens_attitude: False
             leaves it out.
         arm_turn: rad/s^2, the most of angular acceleration that the base turns with to make good the arm's motion.
@@ -104,6 +106,8 @@ class CentroidalParameters:
     adapts_friction: bool
     shift_bandwidth: Annotated[Scalar, Unit("rad/s", "differentiators of the base's shift")] = 0.0
     moves_shift: bool = False
+    swing_rate: Annotated[Scalar, Unit("1/s", "rate of the adapted pace of the arm's swing")] = 0.0
+    follows_swing: bool = False
     low_thrust: Annotated[Scalar, Unit("", "share of the weight below which a force turns the attitude less")] = 0.0
     softens_attitude: bool = False
     arm_turn: Annotated[Scalar, Unit("rad/s^2", "the most that the base turns with for the arm's motion")] = 0.0
@@ -124,6 +128,7 @@ class CentroidalParameters:
         adapted += ["adapted friction"] if self.adapts_friction else []
         added = {
             "motion of the shift": self.moves_shift,
+            "shift by the pace of the swing": self.follows_swing,
             "upright at low thrust": self.softens_attitude,
             "limited motion for the arm": self.limits_arm,
             "sideways force": self.uses_sideways,
