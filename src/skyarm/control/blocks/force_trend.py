@@ -4,7 +4,8 @@ A steady turn of the wind can be foretold, turbulence and noise cannot. The rate
     level' = rate + 2 w (d - level),    rate' = w^2 (d - level),
 d the observer's force. Force and rate then pass the same chain of three first-order filters of together ``horizon``
 seconds: what the force has changed by since, d - late(d), is what late(rate) foretold to be horizon late(rate). The
-trust is the slope of the one against the other in the least squares of the last seconds, within 0 and 1.
+slope of the one against the other in the least squares of the last seconds says how far to trust the rate: not at all
+up to a half, in full at 1. Steps leave no evidence, and a rate as steep as a step's is not believed.
 Sources: Gao 2003 (poles of the tracker); the slope is the Wiener coefficient of a prediction by one regressor.
 """
 
@@ -24,8 +25,11 @@ STAGES = 3
 HORIZON, FORGET = 0.25, 0.7
 """s and 1/s, as in :class:`TrendGains`."""
 
-SLOWEST = 0.2
-"""m/s^3: change of the force per mass that is too slow to tell."""
+CHANCE = 0.5
+"""Slope up to which a rate is not believed: turbulence reaches it by chance."""
+
+SLOWEST, STEEPEST = 0.1, 5.0
+"""m/s^3: changes of the force per mass that are too slow to tell, and too quick to go on."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -35,12 +39,14 @@ class TrendGains:
     Attributes:
         bandwidth: rad/s, of the tracker. horizon: s, over which the force is foretold to find the trust.
         forget: 1/s, rate at which what was found is forgotten. doubt: (N/s)^2, mean square of rates too small to tell.
+        steep: N/s; a rate well beyond it is a step, which goes on no further.
     """
 
     bandwidth: Annotated[Scalar, Unit("rad/s", "tracker of the observed force")]
     horizon: Annotated[Scalar, Unit("s", "over which the force is foretold to find the trust")]
     forget: Annotated[Scalar, Unit("1/s", "rate at which the trust's evidence is forgotten")]
     doubt: Annotated[Scalar, Unit("(N/s)^2", "mean square of rates that are too small to tell")]
+    steep: Annotated[Scalar, Unit("N/s", "rate beyond which a change is a step")]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -62,14 +68,22 @@ class ForceTrend:
 
 def trend_gains(bandwidth: float, mass: float) -> TrendGains:
     """Constants for a tracker's bandwidth (rad/s) and a vehicle's mass (kg)."""
-    return TrendGains(bandwidth=bandwidth, horizon=HORIZON, forget=FORGET, doubt=(SLOWEST * mass) * (SLOWEST * mass))
+    return TrendGains(
+        bandwidth=bandwidth,
+        horizon=HORIZON,
+        forget=FORGET,
+        doubt=(SLOWEST * mass) * (SLOWEST * mass),
+        steep=STEEPEST * mass,
+    )
 
 
-def first_trend() -> ForceTrend:
-    """Memory before the first measurement."""
+def first_trend(gains: TrendGains) -> ForceTrend:
+    """Memory before the first measurement: as if rates of half a step's had foretold nothing."""
     zero = Vec3(0.0, 0.0, 0.0)
     chain = (zero,) * STAGES
-    return ForceTrend(level=zero, rate=zero, forces=chain, rates=chain, agreement=0.0, size=0.0)
+    return ForceTrend(
+        level=zero, rate=zero, forces=chain, rates=chain, agreement=0.0, size=0.25 * gains.steep * gains.steep
+    )
 
 
 def followed(gains: TrendGains, memory: ForceTrend, force: Vec3, dt: Any) -> ForceTrend:
@@ -81,7 +95,7 @@ def followed(gains: TrendGains, memory: ForceTrend, force: Vec3, dt: Any) -> For
     share = 1.0 - exp(-divide(STAGES * dt, gains.horizon))
     forces, rates = _delayed(memory.forces, force, share), _delayed(memory.rates, rate, share)
     change = (force - forces[-1]) * divide(1.0, gains.horizon)
-    told = rates[-1]
+    told = rates[-1] * _no_step(gains, change)
     slow = 1.0 - exp(-(gains.forget * dt))
     return ForceTrend(
         level=vector_data(level),
@@ -89,7 +103,7 @@ def followed(gains: TrendGains, memory: ForceTrend, force: Vec3, dt: Any) -> For
         forces=forces,
         rates=rates,
         agreement=data(memory.agreement + slow * (told.dot(change) - memory.agreement)),
-        size=data(memory.size + slow * (told.dot(told) - memory.size)),
+        size=data(memory.size + slow * (told.dot(rates[-1]) - memory.size)),
     )
 
 
@@ -105,5 +119,12 @@ def _delayed(chain: tuple[Vec3, ...], value: Vec3, share: Any) -> tuple[Vec3, ..
 def trusted_rate(gains: TrendGains, memory: ForceTrend) -> Vec3:
     """N/s, world axes: what is believed of the rate."""
     slope = divide(memory.agreement, memory.size + gains.doubt)
-    rate: Vec3 = memory.rate * minimum(maximum(slope, 0.0), 1.0)
+    trust = minimum(maximum((slope - CHANCE) * (1.0 / (1.0 - CHANCE)), 0.0), 1.0)
+    rate: Vec3 = memory.rate * (trust * _no_step(gains, memory.rate))
     return rate
+
+
+def _no_step(gains: TrendGains, rate: Vec3) -> Any:
+    """1 for a rate well below that of a step, 0 far beyond."""
+    square = rate.dot(rate) * divide(1.0, gains.steep * gains.steep)
+    return divide(1.0, square * square + 1.0)

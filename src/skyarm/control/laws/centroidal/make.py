@@ -197,7 +197,7 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
         following=Following(
             shift=ShiftMotion(acceleration=zero, jerk=zero) if par.moves_shift else (),
             arm=ArmMotion(size=0.0, mean=zero) if par.limits_arm else (),
-            trend=() if par.trend is None else first_trend(),
+            trend=() if par.trend is None else first_trend(par.trend),
             pace=SwingPace(rate=0.0, acceleration=0.0) if par.follows_swing else (),
         ),
         lag=() if par.lag is None else first_lag(vehicle.n, par.lag.stride),
