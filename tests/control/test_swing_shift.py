@@ -80,7 +80,7 @@ def swung(**options):
     joints = tuple(Sine(amplitude=0.5, frequency_hz=1.0, phase=phase) for phase in (0.0, 0.9))
     motion = dataclasses.replace(hover((0.0, 0.0, 1.5)), joints=joints)
     model = Model(vehicle=scenario.world.vehicle, gravity=scenario.world.gravity)
-    controller = preset("centroidal_tip_adaptive", model, options)
+    controller = preset("centroidal_tip", model, options)
     scenario = dataclasses.replace(
         scenario, trajectory=motion, controller=controller, wind=ForceWind(force_W=Vec3(0.0, 2.0, 0.0))
     )

@@ -43,7 +43,7 @@ def test_five_noisy_seconds_tell(vehicle, late, slower, drive):
         )
         for each in believed.rotors
     )
-    base = excited(of_vehicle(believed, "centroidal_tip_adaptive"))
+    base = excited(of_vehicle(believed, "centroidal_tip"))
     drives = tuple(
         JointDrive(joint=link.joint.name, drive=LaggedTorque(time_constant=drive)) for link in believed.links if drive
     )

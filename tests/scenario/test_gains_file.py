@@ -135,7 +135,7 @@ def test_gains_of_a_law_of_ones_own_fly_once_its_file_is_loaded(tmp_path, monkey
 
 def test_a_file_of_gains_is_a_controller_in_python(tmp_path):
     model = skyarm.Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"))
-    adaptive = GAINS.replace("paper_ct", "centroidal_tip_adaptive").split('"gains.position"')[0]
+    adaptive = GAINS.replace("paper_ct", "centroidal_tip").split('"gains.position"')[0]
     path = Path(write(tmp_path, adaptive + '"base.position" = 20.0\n'))
     found = skyarm.load_controller(path, model, delay=0.01, control_period=0.0025).par
     assert (tuple(found.base.position), found.delay_periods) == ((20.0, 20.0, 20.0), 4)

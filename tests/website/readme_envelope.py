@@ -22,14 +22,14 @@ from skyarm.compare.envelope_tables import summary_head, summary_rows, violation
 ROOT = Path(__file__).resolve().parents[2]
 BLOCK = re.compile(r"<!-- the envelope: make envelope -->\n(.*?)<!-- /the envelope -->", re.S)
 TABLE = re.compile(r"<!-- adaptive against robust: make envelope -->\n(.*?)<!-- /adaptive against robust -->", re.S)
-ADAPTIVE, LAW = "centroidal_tip_adaptive", "docs/centroidal_law.md"
+ROBUST, LAW = "centroidal_tip_robust", "docs/centroidal_law.md"
 PICTURE = "docs/images/envelope.png"
 
 
 def block(found: Mapping[str, Any]) -> str:
     """What stands between the marks of the README, from the content of ``envelope.json``."""
     laws, axes = found["laws"], found["axes"]
-    own = [law for law in (FLAGSHIP, ADAPTIVE) if law in found["sentences"]]
+    own = [law for law in (FLAGSHIP, ROBUST) if law in found["sentences"]]
     words = "\n\n".join(f"`{law}` keeps the tip {found['sentences'][law]}" for law in own)
     trials = {law: ", ".join(row[0] for row in violation_rows(violations(axes, law))) or "none" for law in own}
     rules = "\n\n".join(
@@ -47,7 +47,7 @@ def beside(found: Mapping[str, Any]) -> str:
         values = ", ".join(f"{value:g}" for value in axis["values"])
         cells = [
             ", ".join("lost" if point["lost"] else number(1e3 * point["judged"]) for point in axis["laws"][law])
-            for law in (FLAGSHIP, ADAPTIVE)
+            for law in (ROBUST, FLAGSHIP)
         ]
         rows.append([f"{name.replace('_', ' ')}: {values} {axis['unit']}", *cells])
     return markdown(["trial", "robust", "adaptive"], rows) + "\n"

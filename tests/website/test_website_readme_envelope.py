@@ -6,7 +6,7 @@ import json
 import re
 from pathlib import Path
 
-from readme_envelope import ADAPTIVE, BLOCK, LAW, PICTURE, ROOT, TABLE, block
+from readme_envelope import BLOCK, LAW, PICTURE, ROBUST, ROOT, TABLE, block
 
 from skyarm.compare.envelope_record import FLAGSHIP
 from skyarm.compare.envelope_suite import Envelope, envelope_record, planned
@@ -28,7 +28,7 @@ def test_the_readme_shows_what_flights_give(tmp_path):
     from skyarm.compare.envelope_flights import perform_axes
 
     head, rows = shown()
-    envelope = Envelope(laws=("paper_ct", FLAGSHIP, ADAPTIVE), axes=FLOWN)
+    envelope = Envelope(laws=("paper_ct", FLAGSHIP, ROBUST), axes=FLOWN)
     todo, _ = planned(envelope)
     found = envelope_record(envelope, todo, perform_axes(todo, tmp_path), {})
     for row in summary_rows(found["axes"], envelope.laws):
@@ -42,7 +42,7 @@ def test_every_axis_and_law_stands_in_it():
 
     head, rows = shown()
     assert len(rows) == len(AXES)
-    assert {"paper_pd", "paper_ct", "l1_adaptive", FLAGSHIP, ADAPTIVE} <= set(head)
+    assert {"paper_pd", "paper_ct", "l1_adaptive", FLAGSHIP, ROBUST} <= set(head)
     (beside,) = TABLE.findall((ROOT / LAW).read_text("utf-8"))
     assert len(beside.splitlines()) == len(AXES) + 2
     assert README.index("0.12 and 1.3 mm are numbers of a slow circle") < README.index(PICTURE)

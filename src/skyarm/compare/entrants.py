@@ -80,7 +80,8 @@ def _all() -> tuple[Entrant, ...]:
         *("bulut2019", "guo2023", "li2024"),
         *("kim2013", "l1_adaptive", "l1_adaptive_lateral", "indi"),
     )
-    stiff, own = {"preset": "stiff"}, "centroidal"
+    own = "centroidal"
+    gains: Mapping[str, Any] = {"perfect": {"preset": "stiff"}, "noisy": {"preset": "adaptive"}}
     return (
         Entrant(name="paper_pd", group="paper", law="paper_pd"),
         Entrant(name="paper_ct", group="paper", law="paper_ct"),
@@ -94,16 +95,20 @@ def _all() -> tuple[Entrant, ...]:
         Entrant(name="nmpc", group="published", law="nmpc"),
         Entrant(name="nmpc (tuned)", group="published", law="nmpc", tuned=True),
         Entrant(
-            name="centroidal_joint", group="centroidal", law="centroidal", options={"mode": "joint"}, perfect=stiff
+            name="centroidal_joint",
+            group="centroidal",
+            law="centroidal",
+            options={"mode": "joint"},
+            **gains,
         ),
-        Entrant(name="centroidal_tip", group=own, law="centroidal", options={"mode": "tip"}, perfect=stiff),
+        Entrant(name="centroidal_tip", group=own, law="centroidal", options={"mode": "tip"}, **gains),
         *(
             Entrant(
                 name=f"centroidal_tip {name}",
                 group="part",
                 law="centroidal",
                 options={"mode": "tip", **without},
-                perfect=stiff,
+                **gains,
             )
             for name, without in ABLATIONS.items()
         ),
@@ -112,7 +117,7 @@ def _all() -> tuple[Entrant, ...]:
             group="part",
             law="centroidal",
             options={"mode": "tip"},
-            perfect=stiff,
+            **gains,
             told=False,
         ),
         Entrant(
@@ -120,7 +125,7 @@ def _all() -> tuple[Entrant, ...]:
             group="part",
             law="centroidal",
             options={"mode": "tip", "adaptation": 0.0, "friction_adaptation": 0.0},
-            perfect=stiff,
+            **gains,
         ),
     )
 

@@ -23,12 +23,12 @@ from skyarm.registry.plugins import identities
 
 ENVELOPE = "envelope-suite"
 
-LAWS = ("paper_pd", "paper_ct", "l1_adaptive", "centroidal_tip", "centroidal_tip_adaptive")
+LAWS = ("paper_pd", "paper_ct", "l1_adaptive", "centroidal_tip", "centroidal_tip_robust")
 """What flies where nobody chooses; nmpc takes a quarter of an hour more (--laws nmpc)."""
 
 TUNED_LAWS = (
     *("decoupled_pd_tuned", "hybrid_computed_torque_tuned", "l1_adaptive"),
-    *("centroidal_tip", "centroidal_tip_adaptive"),
+    *("centroidal_tip", "centroidal_tip_robust"),
 )
 """The same on another vehicle than the paper's, which the paper's gains are not for."""
 
@@ -104,7 +104,7 @@ def fly_envelope(envelope: Envelope, folder: Path, *, threads: int = 1, progress
     return found
 
 
-ORDER = (*LAWS[:2], *TUNED_LAWS[:2], "l1_adaptive", "nmpc", "centroidal_tip", "centroidal_tip_adaptive")
+ORDER = (*LAWS[:2], *TUNED_LAWS[:2], "l1_adaptive", "nmpc", "centroidal_tip", "centroidal_tip_robust")
 """Of laws in tables; others follow."""
 
 

@@ -72,23 +72,27 @@ _SHIPPED: Mapping[str, Preset] = {
         "RotorS's controller with its Hummingbird's gains, joints free", "rotors_sim_position", {"gains": HUMMINGBIRD}
     ),
     "centroidal_joint": Preset(
-        "the centroidal law, base and joints on their references, robust", "centroidal", {"mode": "joint"}
+        "the centroidal law, base and joints on their references",
+        "centroidal",
+        {"mode": "joint", "preset": "adaptive"},
     ),
     "centroidal_joint_stiff": Preset(
         "the centroidal law, base and joints on their references, for perfect state",
         "centroidal",
         {"mode": "joint", "preset": "stiff"},
     ),
-    "centroidal_tip": Preset("the centroidal law, the tip on its reference, robust", "centroidal", {"mode": "tip"}),
-    "centroidal_joint_adaptive": Preset(
-        "the centroidal law, base and joints on their references, its bandwidth by the lag that it finds",
-        "centroidal",
-        {"mode": "joint", "preset": "adaptive"},
+    "centroidal_tip": Preset(
+        "the centroidal law, the tip on its reference", "centroidal", {"mode": "tip", "preset": "adaptive"}
     ),
-    "centroidal_tip_adaptive": Preset(
-        "the centroidal law, the tip on its reference, its bandwidth by the lag that it finds",
+    "centroidal_joint_robust": Preset(
+        "the centroidal law as it was in 0.1, base and joints on their references",
         "centroidal",
-        {"mode": "tip", "preset": "adaptive"},
+        {"mode": "joint", "preset": "robust"},
+    ),
+    "centroidal_tip_robust": Preset(
+        "the centroidal law as it was in 0.1, the tip on its reference",
+        "centroidal",
+        {"mode": "tip", "preset": "robust"},
     ),
     "centroidal_tip_stiff": Preset(
         "the centroidal law, the tip on its reference, for perfect state",
