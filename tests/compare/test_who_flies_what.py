@@ -72,15 +72,15 @@ LACKING = {
 
 @pytest.mark.parametrize("noisy", [False, True])
 @pytest.mark.parametrize("name", CENTROIDAL)
-def test_the_centroidal_law_flies_stiff_gains_on_perfect_state_and_robust_ones_in_noise_with_its_part_left_out(
+def test_the_centroidal_law_flies_stiff_gains_on_perfect_state_and_adaptive_ones_in_noise_with_its_part_left_out(
     name, noisy
 ):
     """docs/comparing_laws.md names the presets; a part that is left out is a constant at zero."""
     par = ENTRANTS[name].controller(MODEL, noisy=noisy).par
-    stiff, robust = (make_controller("centroidal", MODEL, preset=preset).par for preset in ("stiff", "robust"))
-    assert leaves(stiff.base) != leaves(robust.base)
-    assert leaves(par.base) == leaves((robust if noisy else stiff).base)
-    assert leaves(par.tip) == leaves((robust if noisy else stiff).tip)
+    stiff, adaptive = (make_controller("centroidal", MODEL, preset=preset).par for preset in ("stiff", "adaptive"))
+    assert leaves(stiff.base) != leaves(adaptive.base)
+    assert leaves(par.base) == leaves((adaptive if noisy else stiff).base)
+    assert leaves(par.tip) == leaves((adaptive if noisy else stiff).tip)
     assert par.mode == ("joint" if name == "centroidal_joint" else "tip")
     assert {part for part in PARTS if float(getattr(par, part)) == 0.0} == LACKING.get(name, set())
     assert float(par.measured_rates) == (1.0 if "observer" in name else 0.0)

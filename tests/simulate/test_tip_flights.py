@@ -88,7 +88,9 @@ def test_a_phase_waits_until_the_error_is_small_and_no_longer_than_its_timeout()
     ]
     path = {"kind": "phases", "position": [0.0, 0.0, 0.7], "phases": phases}
     tip = {"posture": [0.4, -0.8], "path": path}
-    scenario = skyarm.scenario_from(TASK | {"duration": 3.0, "reference": {"tip": tip}})
+    # gains that leave something to wait for
+    slow = {"controller": {"preset": "centroidal_tip_robust"}, "duration": 3.0}
+    scenario = skyarm.scenario_from(TASK | slow | {"reference": {"tip": tip}})
     with pytest.raises(skyarm.ScenarioError, match=r"only skyarm\.run finds how long"):
         Batch(scenario)
     log = skyarm.run(scenario)
