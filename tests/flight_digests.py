@@ -34,15 +34,15 @@ ARRAYS = (
 )
 """Arrays of a log as they were when the digests were taken; later ones do not count."""
 
-BATCHED = ("paper_ct", "paper_pd", "centroidal_tip", "centroidal_joint_stiff", "l1_adaptive", "indi", "kim2013")
+BATCHED = ("paper_ct", "paper_pd", "centroidal_tip_robust", "centroidal_joint_stiff", "l1_adaptive", "indi", "kim2013")
 LANES, SECONDS = 64, 6.0
 MODES = ("bit_exact", "double", "single")
 
 
 AS_TAKEN = {
-    "centroidal_joint": "exact_joint",
+    "centroidal_joint_robust": "exact_joint",
     "centroidal_joint_stiff": "exact_joint_stiff",
-    "centroidal_tip": "exact_ee",
+    "centroidal_tip_robust": "exact_ee",
     "centroidal_tip_stiff": "exact_ee_stiff",
     "centroidal": "exact",
     "rotors_sim_position": "rotors_position",
@@ -153,7 +153,7 @@ GUSTS: dict[str, Any] = {
 }
 """Moving air with a gust of each shape, which begins between two control instants."""
 
-GUSTED = ("paper_ct", "centroidal_tip")
+GUSTED = ("paper_ct", "centroidal_tip_robust")
 
 VARIED = {
     "plant.vehicle.base.mass": (0.6, 0.9),
