@@ -22,7 +22,6 @@ from skyarm.control.laws.centroidal.tip_reference import ShiftMotion
 from skyarm.control.laws.centroidal.wanted_attitude import wanted_attitude
 from skyarm.control.model import Model
 from skyarm.dynamics import State
-from skyarm.dynamics.kinematics import Pose, link_poses
 from skyarm.scalars import add, mul, sub
 from skyarm.scalars.taylor import Taylor
 
@@ -216,7 +215,7 @@ def _course(
     if par.mode != "tip":
         return Course(base=base, still=still, level=level, turned=joints, reach=reach)
     goal = tip_reference.goal(vehicle, base, yaw, joints, level)
-    turned = _level_links(par, model, goal, still, joints, level)
+    turned = tip_tasks.turned_joints(vehicle, par.tip, goal, still, joints, level, par.moves_shift)
     upright_posture, level = level, posture(vehicle, turned, 4)
     offset = tip_reference.shift(upright_posture, yaw, level, still, par.tip.shift_limit)
     shift, pace, offset = moved_shift(par, before.shift, before.pace, offset, upright_posture, dt)
@@ -238,24 +237,3 @@ def joint_accelerations(par: CentroidalParameters, state: State, joints: Sequenc
 def _velocity(R: Mat3, w: Vec3, point: Vec3) -> Vec3:
     """World velocity of a point of the vehicle against the base origin."""
     return R.apply(w.cross(derivative(point, 0)) + derivative(point, 1))
-
-
-def _level_links(
-    par: CentroidalParameters,
-    model: Model,
-    goal: tip_reference.Goal,
-    still: Attitude,
-    joints: Sequence[Taylor],
-    level: Posture,
-) -> tuple[Taylor, ...]:
-    """The joints whose links turn as those of a level base, at the quasi-static attitude and, if so, its motion."""
-    vehicle = model.vehicle
-    poses = [Pose(Mat3(*(derivative(row, 0) for row in pose.R.rows)), ZERO3) for pose in level.links]
-    change = tip_tasks.level_joints(vehicle, par.tip, goal, still.R, poses)
-    if not par.moves_shift:
-        return tuple(q + c for q, c in zip(joints, change, strict=True))
-    values = tuple(add(q.derivative(0), c) for q, c in zip(joints, change, strict=True))
-    told = [[q.derivative(k) for q in joints] for k in (1, 2)]
-    motion = tip_tasks.level_motion(vehicle, par.tip, goal, still, link_poses(vehicle, values), told)
-    rows = zip(joints, values, *motion, strict=True)
-    return tuple(Taylor((value, rate, mul(0.5, turning), *q.c[3:])) for q, value, rate, turning in rows)

@@ -21,6 +21,7 @@ from skyarm.control.laws.centroidal.parameters import TipGains
 from skyarm.control.laws.centroidal.tip_reference import Goal
 from skyarm.dynamics.kinematics import Pose, jacobian_columns, link_poses
 from skyarm.scalars import add, divide, mul
+from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import BASE, Vehicle
 
 
@@ -154,6 +155,27 @@ def level_motion(
         second.require(orientation_rows(vehicle, directions, i), R.apply_T(wanted.accelerations[i]) - bias, weight)
     second.prefer(told[1], gains.posture * gains.posture)
     return rates, second.solve()
+
+
+def turned_joints(
+    vehicle: Vehicle,
+    gains: TipGains,
+    goal: Goal,
+    still: Attitude,
+    joints: Sequence[Taylor],
+    level: Posture,
+    moving: bool,
+) -> tuple[Taylor, ...]:
+    """The joints whose links turn as those of a level base, at an attitude and, if ``moving``, while it turns."""
+    poses = [Pose(Mat3(*(derivative(row, 0) for row in pose.R.rows)), ZERO3) for pose in level.links]
+    change = level_joints(vehicle, gains, goal, still.R, poses)
+    if not moving:
+        return tuple(q + c for q, c in zip(joints, change, strict=True))
+    values = tuple(add(q.derivative(0), c) for q, c in zip(joints, change, strict=True))
+    told = [[q.derivative(k) for q in joints] for k in (1, 2)]
+    motion = level_motion(vehicle, gains, goal, still, link_poses(vehicle, values), told)
+    rows = zip(joints, values, *motion, strict=True)
+    return tuple(Taylor((value, rate, mul(0.5, turning), *q.c[3:])) for q, value, rate, turning in rows)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
