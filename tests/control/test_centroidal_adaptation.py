@@ -171,7 +171,7 @@ def planned_at(scenario, time):
     state = dataclasses.replace(state, rotor_speeds=(0.0,) * len(state.rotor_speeds))
     nothing = Disturbance(force=Vec3(0.4, -0.3, 0.2), torque=ZERO, efforts=(0.0, 0.0))
     signals = [Taylor.of_derivatives(each) for each in derivatives(reference, time)]
-    return demands(par, par.model, state, signals, nothing, nothing.force, Following(), 0.005).planned
+    return demands(par, par.model, state, signals, nothing, nothing.force, ZERO, Following(), 0.005).planned
 
 
 def derivatives(trajectory, time):

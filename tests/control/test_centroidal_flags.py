@@ -175,7 +175,7 @@ def moved(par, offset, velocity, force, rotation):
     still = (0.0,) * 3
     signals = [Taylor.of_derivatives((each, *still, 0.0)) for each in (0.0, 0.0, 0.0, 0.0, 0.2, -0.6)]
     unknown = dataclasses.replace(NONE, force=Vec3(*force))
-    found = demands(par, par.model, state, signals, unknown, ZERO, Following(), 0.005)
+    found = demands(par, par.model, state, signals, unknown, ZERO, ZERO, Following(), 0.005)
     np.testing.assert_allclose([*found.alpha], 0.0, atol=1e-12)
     return np.array(found.joints)
 

@@ -36,7 +36,7 @@ def test_an_unknown_rate_error_is_refused_with_the_choices():
 
 
 def test_an_unknown_mixer_policy_is_refused_with_the_choices():
-    with pytest.raises(ControllerError, match=r"^controller\.mixer = 'cut': must be one of clip, priority$"):
+    with pytest.raises(ControllerError, match=r"^controller\.mixer = 'cut': must be one of clip, priority, thrust_before_yaw$"):
         make_controller("decoupled_pd", MODEL, mixer_policy="cut")
 
 
@@ -69,7 +69,7 @@ def test_every_preset_flies_its_law_with_the_published_gains():
         "paper_pd": ("decoupled_pd", TORQUE),
         "rotors_sim_hummingbird": ("rotors_sim_position", None),
     }
-    exact = {f"centroidal_{mode}{kind}" for mode in ("joint", "tip") for kind in ("", "_adaptive", "_stiff")}
+    exact = {f"centroidal_{mode}{kind}" for mode in ("joint", "tip") for kind in ("", "_robust", "_stiff")}
     assert set(laws) | exact == set(PRESETS)
     for name, (law, joint_gains) in laws.items():
         found = preset(name, MODEL)

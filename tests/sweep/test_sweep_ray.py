@@ -44,6 +44,7 @@ print(json.dumps({"killed": killed, "alive": sorted(alive)}))
 FIELDS = {"episodes": 64, "chunk": 4, "duration": 2.0}
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGKILL")
 def test_a_cluster_that_loses_a_worker_gives_the_same_files(tmp_path: Path) -> None:
     pytest.importorskip("ray")

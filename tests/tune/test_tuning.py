@@ -101,6 +101,7 @@ TINY = tuple(
 )
 
 
+@pytest.mark.thorough
 def test_a_law_judged_one_by_one_costs_what_it_costs_in_a_batch():
     """The same law both ways, in this process and in two others."""
     paths = ("gains.position", "joint_gains.damping")

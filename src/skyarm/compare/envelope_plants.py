@@ -15,6 +15,7 @@ from skyarm.compare.envelope_setting import PAPER, Setting
 from skyarm.compare.perturbed_plants import Spread, draw
 from skyarm.compare.vehicle_spread import fitted_damping, spread_of
 from skyarm.environment import ForceWind
+from skyarm.records.leaves import walk
 from skyarm.scenario.scenario_parts import Delays
 from skyarm.scenario.scenario_record import Scenario
 
@@ -55,7 +56,7 @@ def plants_at(setting: Setting, scenario: Scenario, times: float, count: int, *,
 def widened(spread: Spread, times: float) -> Spread:
     """A spread so many times as wide."""
     low, high = spread.thrust
-    shares = {f.name: getattr(spread, f.name) * times for f in dataclasses.fields(spread) if f.name != "thrust"}
+    shares = {place[0]: value * times for place, value in walk(spread) if place[0] != "thrust"}
     return Spread(**shares, thrust=(low * times, high * times))
 
 
