@@ -36,7 +36,9 @@ def test_an_unknown_rate_error_is_refused_with_the_choices():
 
 
 def test_an_unknown_mixer_policy_is_refused_with_the_choices():
-    with pytest.raises(ControllerError, match=r"^controller\.mixer = 'cut': must be one of clip, priority, thrust_before_yaw$"):
+    with pytest.raises(
+        ControllerError, match=r"^controller\.mixer = 'cut': must be one of clip, priority, thrust_before_yaw$"
+    ):
         make_controller("decoupled_pd", MODEL, mixer_policy="cut")
 
 

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import skyarm
 from flown import ARM2, MODEL, cases, controller, pushes, vec
 from skyarm import dynamics
-from skyarm.actuation import Command, make_mixer
+from skyarm.actuation import Command, allocation_matrix, make_mixer
 from skyarm.algebra import ZERO3, Force, Mat3, Vec3
 from skyarm.control.controller import ControllerError, with_applied_command
 from skyarm.control.model import Model
@@ -155,6 +156,24 @@ def test_yaw_gives_way_before_roll_pitch_and_thrust():
     np.testing.assert_allclose(got[:2], torque[:2], rtol=1e-9)
     assert lift == pytest.approx(thrust, rel=1e-9)
     assert abs(got[2]) < abs(torque[2])
+
+
+def test_a_law_that_ranks_demands_keeps_its_own_order():
+    for mixer in (make_mixer(ARM2, "priority"), make_mixer(ARM2, "thrust_before_yaw", yaw_slack=0.1)):
+        assert with_priorities(MODEL, mixer) is mixer
+    assert with_priorities(MODEL, make_mixer(ARM2)).policy == "priority"
+
+
+def test_speeds_out_of_reach_keep_their_sideways_force():
+    tilted = Model(vehicle=skyarm.load_vehicle("tilted_hexarotor"))
+    mixer = make_mixer(tilted.vehicle, "thrust_before_yaw", sideways=True)
+    asked = (500.0, 560.0, 500.0, 460.0, 520.0, 755.0)  # the last one is beyond 750 rad/s
+    found = np.array(reachable(tilted, mixer, asked))
+    assert max(found) <= 750.0 + 1e-9
+    A = np.array([[float(v) for v in row] for row in allocation_matrix(tilted.vehicle, sideways=True)])
+    wanted, got = (A @ np.square(each) for each in (asked, found))
+    assert np.abs(wanted[4:]).max() > 1.0
+    np.testing.assert_allclose(got[4:], wanted[4:], atol=0.25)
 
 
 def test_speeds_in_reach_pass_bit_for_bit():

@@ -31,13 +31,18 @@ def block(found: Mapping[str, Any]) -> str:
     laws, axes = found["laws"], found["axes"]
     own = [law for law in (FLAGSHIP, ROBUST) if law in found["sentences"]]
     words = "\n\n".join(f"`{law}` keeps the tip {found['sentences'][law]}" for law in own)
-    trials = {law: ", ".join(row[0] for row in violation_rows(violations(axes, law))) or "none" for law in own}
+    trials = {law: ", ".join(words_of(row) for row in violation_rows(violations(axes, law))) or "none" for law in own}
     rules = "\n\n".join(
         f"Trials in which `{law}` is lost and another of these laws is not, or over 10 % worse than the paper's: "
         f"{trials[law]}."
         for law in own
     )
     return f"{words}\n\n{markdown(summary_head(laws), summary_rows(axes, laws))}\n\n{rules}\n"
+
+
+def words_of(row: list[str]) -> str:
+    """A violation: its trial, and which rule."""
+    return f"{row[0]} {row[1].split(';')[0]}"
 
 
 def beside(found: Mapping[str, Any]) -> str:

@@ -43,7 +43,8 @@ class Mixer:
         policy: "clip" takes sqrt(max(0, w^2)) as RotorS does (the motor limits the speed later);
             "priority" keeps roll and pitch torque, then thrust, then yaw within the rotors' limits, where thrust makes
             room for roll and pitch; with "thrust_before_yaw" yaw torque does so first (:mod:`yaw_room`).
-        yaw_slack: N m, by which "thrust_before_yaw" may turn against the wanted yaw torque to keep the thrust.
+        yaw_slack: N m, by which "thrust_before_yaw" may turn beyond no yaw torque, or beyond the wanted one, to keep
+            the thrust.
         across: one row of two per rotor for the force along body x and y, (rad/s)^2 per N; empty where rotors are not
             asked for one. ``inverse`` then gives none.
     """
@@ -142,14 +143,14 @@ def _require_thrust_shares(vehicle: Vehicle, per_newton: Sequence[Any]) -> None:
         if value <= 1e-6 * max(per_newton):
             raise AllocationError(
                 f"vehicle '{vehicle.name}': rotors[{rotor.name}] takes {value:.3g} (rad/s)^2 per N of thrust: must be "
-                "positive for the mixer policy 'priority'; use 'clip' or change the rotor's axis"
+                "positive for a mixer policy with priorities; use 'clip' or change the rotor's axis"
             )
 
 
 def mix(mixer: Mixer, torque: Vec3, thrust: Any, across: Vec3 = ZERO3) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
     """Rotor speeds (rad/s) for a body torque (N m), a thrust along body z and a force across it (N).
 
-    Policy "priority" gives of the force across body z the largest share that torque and thrust leave room for.
+    A policy with priorities gives of the force across body z the largest share that torque and thrust leave room for.
 
     Returns:
         The commanded speeds and the squared speeds of torque and thrust before any limit.

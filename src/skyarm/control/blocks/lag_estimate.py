@@ -52,8 +52,8 @@ class LagGains:
     """How the loop answers a lag.
 
     Attributes:
-        base, joints: s; lags at which half of the bandwidth is left, of position, attitude and their observer, and of
-            joints, tip and theirs.
+        base, joints: s; lags beyond 2 ms at which half of the bandwidth is left, of position, attitude and their
+            observer, and of joints, tip and theirs.
         stride: control periods between two lags of the bank.
     """
 

@@ -7,13 +7,18 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.actuation import AllocationError, Command, Mixer, allocation_matrix, make_mixer, mix
-from skyarm.algebra import Vec3
+from skyarm.algebra import ZERO3, Vec3
 from skyarm.control.model import Model
 from skyarm.scalars import Scalar, add, clip, logical_or, mul, sqrt, sub, where
 
 
 def with_priorities(model: Model, mixer: Mixer) -> Mixer:
-    """Return the mixer with priorities, if the rotors allow them: then a demand is ranked before it is cut off."""
+    """Return the mixer with priorities, if the rotors allow them: then a demand is ranked before it is cut off.
+
+    A law that ranks demands already, in whatever order, keeps its own.
+    """
+    if mixer.policy != "clip":
+        return mixer
     try:
         make_mixer(model.vehicle, "priority")
     except AllocationError:
@@ -30,12 +35,14 @@ def reachable(model: Model, mixer: Mixer, speeds: Sequence[Scalar]) -> tuple[Any
     for speed, top in zip(speeds, mixer.highest, strict=True):
         beyond = logical_or(beyond, speed > sqrt(top))
     pushes: list[Any] = []
-    for row in allocation_matrix(model.vehicle):
+    sideways = bool(mixer.across)
+    for row in allocation_matrix(model.vehicle, sideways):
         total: Any = 0
         for entry, speed in zip(row, speeds, strict=True):
             total = add(total, mul(entry, speed * speed))
         pushes.append(total)
-    again, _ = mix(mixer, Vec3(*pushes[:3]), pushes[3])
+    across = Vec3(pushes[4], pushes[5], 0) if sideways else ZERO3
+    again, _ = mix(mixer, Vec3(*pushes[:3]), pushes[3], across)
     return tuple(where(beyond, new, old) for new, old in zip(again, speeds, strict=True))
 
 
