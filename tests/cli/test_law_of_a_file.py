@@ -116,7 +116,9 @@ def test_sweep_flies_it_beside_others_and_refuses_another_file(folder, ways):
 @pytest.mark.parametrize(
     ("plant", "words", "at", "name"),
     [
-        ("rigid_body", SUITE, ("perfect", "case1"), "make_lqr of own_law.py"),
+        pytest.param(
+            *("rigid_body", SUITE, ("perfect", "case1"), "make_lqr of own_law.py"), marks=pytest.mark.thorough
+        ),
         ("mujoco", ["short.toml"], ("given", "short"), LAW),
     ],
 )

@@ -85,7 +85,7 @@ FAILED = [OverflowError(), np.linalg.LinAlgError("singular"), ValueError("math d
 
 @pytest.mark.parametrize(
     "how",
-    sampled([nan, unmakeable, *map(raising, FAILED)], 3),
+    sampled([nan, unmakeable, *map(raising, FAILED)], 6),
     ids=["nan", "record", *(type(e).__name__ for e in FAILED)],
 )
 def test_a_predictive_law_that_fails_is_replaced_by_the_recovery(how):

@@ -162,6 +162,8 @@ def _require_known(controller: str) -> None:
             f"controller = {shown(controller)}: {meant(controller)}must be {choices()}, "
             f"or a scenario ({', '.join(list_scenarios())}) or a scenario's .toml file"
         )
+    if controller not in list_scenarios() and not Path(controller).is_file():
+        raise ValueError(f"controller = {shown(controller)}: no such file; must be one of a scenario or of gains")
 
 
 def _identifier(title: str) -> str:
