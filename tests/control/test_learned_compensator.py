@@ -159,6 +159,7 @@ def test_machine_code_and_python_of_the_law_are_one():
     np.testing.assert_allclose(log[-1, :, 0], result[len(memory) :], rtol=1e-9)
 
 
+@pytest.mark.thorough
 @needs_cc
 def test_in_c_it_has_the_bits_of_the_law_in_python_over_several_steps(tmp_path):
     ours, some = learned(), cases(5, seed=3)

@@ -34,6 +34,10 @@ from skyarm.simulate import run
 PLANTS = ("rigid_body", "mujoco")
 
 
+pytestmark = pytest.mark.thorough
+"""They fly the paper's campaign a second time; `make reproduce` prints the same column."""
+
+
 @pytest.fixture(scope="module")
 def table(campaign: Campaign) -> dict[str, Any]:
     facts = settings(campaign.all_logs()) | shown.inferred_facts(shipped_evidence())

@@ -34,6 +34,7 @@ def test_points_are_scipys_sobol_sequence():
     np.testing.assert_allclose(found, wanted, atol=2.0**-32)
 
 
+@pytest.mark.thorough
 def test_a_small_budget_repeats_and_is_no_worse_than_the_untouched_law(tmp_path):
     first, second = tune(LAW, SMALL), tune(LAW, SMALL)
     assert first == second
