@@ -301,6 +301,12 @@ def test_a_fast_circle_is_flown_with_the_motion_of_the_bases_shift(hertz, most):
     assert tip_error("adaptive", trajectory=still(x=x, y=y, joints=joints)) < most
 
 
+@pytest.mark.parametrize("left_out", [{"observer": (0.0, 31.0, 34.0, 60.0)}, {"shift_rate": 0.0}])
+def test_it_flies_without_what_the_trend_makes_up_for(left_out):
+    """Filters that stand still are late for ever: nothing is foretold that far ahead."""
+    assert tip_error("adaptive", law=left_out, duration=5.0) < np.inf
+
+
 @pytest.mark.thorough
 def test_it_holds_the_tip_while_the_arm_swings():
     swing = still(joints=tuple(Sine(amplitude=1.0, frequency_hz=1.5, phase=p) for p in (np.pi / 2, np.pi / 2 + 0.9)))

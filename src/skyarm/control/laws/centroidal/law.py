@@ -35,8 +35,11 @@ from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.reference import Reference
-from skyarm.scalars import add, divide, exp, mul, sub, where
+from skyarm.scalars import add, divide, exp, maximum, mul, sub, where
 from skyarm.sensors.measurement import Measurement
+
+SLOWEST = 1.0
+"""rad/s; no force is foretold further ahead than filters of this bandwidth are late."""
 
 
 def centroidal(
@@ -80,9 +83,11 @@ def centroidal(
         trend = followed(par.trend, before.trend, observed.force, dt)
         rate = trusted_rate(par.trend, trend)
         before = dataclasses.replace(before, trend=trend)
-        late = divide(2.0, par.observer.force)
+        late = divide(2.0, maximum(par.observer.force, SLOWEST))
         unknown = dataclasses.replace(unknown, force=unknown.force + rate * late)
-        steady = steady + rate * (late + divide(1.0, par.tip.shift_rate) if par.mode == "tip" else late)
+        steady = steady + rate * (
+            late + divide(1.0, maximum(par.tip.shift_rate, SLOWEST)) if par.mode == "tip" else late
+        )
     demand = demands(par, model, state, signals, unknown, steady, rate, before, dt)
     done = actuate(par, model, state, demand, unknown, memory.trim, memory.applied[0], dt)
     # a command that others changed moves the vehicle away from its plan: nothing of that is a load or friction
