@@ -62,6 +62,7 @@ def centroidal(
         memory.started,
         memory.free,
         dt,
+        par.accelerometer,
     )
     alone = disturbance(observed) + feedforward
     unknown = with_side(
@@ -84,6 +85,8 @@ def centroidal(
         rate = trusted_rate(par.trend, trend)
         before = dataclasses.replace(before, trend=trend)
         late = divide(2.0, maximum(par.observer.force, SLOWEST))
+        if par.accelerometer is not None:
+            late = divide(1.0, maximum(par.accelerometer.force, SLOWEST))
         unknown = dataclasses.replace(unknown, force=unknown.force + rate * late)
         steady = steady + rate * (
             late + divide(1.0, maximum(par.tip.shift_rate, SLOWEST)) if par.mode == "tip" else late
