@@ -16,7 +16,7 @@ from skyarm import dynamics
 from skyarm.actuation import Command
 from skyarm.algebra import ZERO3, Mat3, Motion, Quaternion, Vec3
 from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.blocks.felt_acceleration import AccelerometerGains, feel
+from skyarm.control.blocks.felt_acceleration import AccelerometerGains, Felt, feel
 from skyarm.control.blocks.filters import double_pole
 from skyarm.control.blocks.prediction import acceleration, motor_speeds, rotor_wrench, with_side
 from skyarm.control.blocks.select import choose, choose_each, data, vector_data
@@ -94,25 +94,24 @@ def observe(
     shares = [double_pole(bandwidth, dt) for bandwidth in (gains.force, gains.torque, gains.joints)]
     fast, slow = [L1 for L1, _ in shares], [L2 / dt for _, L2 in shares]
     turning, bending = ew * slow[1], [mul(e, slow[2]) for e in er]
-    velocity, bias, going = v + ev * fast[0], memory.bias, ev * slow[0]
-    if accelerometer is not None and isinstance(bias, Vec3):
+    base = Felt(velocity=v + ev * fast[0], bias=memory.bias, change=ev * slow[0], learns=free[0])
+    if accelerometer is not None:
         beyond = rotor_wrench(model, [s * s - mean for s, mean in zip(speeds, squares, strict=True)])
-        felt = feel(model, accelerometer, memory.velocity, bias, measurement, R, linear, beyond, dt)
-        velocity, bias, going = felt.velocity, choose(started > 0.5, felt.bias, bias), felt.change
-    push, turn, pulls = inertia_times(model, R, joints, going, turning, bending)
+        base = feel(model, accelerometer, memory.velocity, base, measurement, R, linear, beyond, free[1:], dt)
+    push, turn, pulls = inertia_times(model, R, joints, base.change, turning, bending)
     running = started > 0.5
     learned = Observed(
         position=place.position,
         quaternion=place.quaternion,
         joints=place.joints,
-        velocity=velocity,
+        velocity=base.velocity,
         rate=w + ew * fast[1],
         joint_rates=tuple(r + mul(e, fast[2]) for r, e in zip(rates, er, strict=True)),
-        force=memory.force + push * free[0],
+        force=memory.force + push * base.learns,
         torque=memory.torque + turn * free[0],
         efforts=tuple(d + mul(p, f) for d, p, f in zip(memory.efforts, pulls, free[1:], strict=True)),
         rotor_speeds=tuple(data(s) for s in speeds),
-        bias=bias,
+        bias=base.bias,
     )
     running_on = dataclasses.replace(
         learned,
@@ -123,6 +122,7 @@ def observe(
         torque=choose(running, learned.torque, memory.torque),
         efforts=choose_each(running, learned.efforts, memory.efforts),
         rotor_speeds=choose_each(running, learned.rotor_speeds, memory.rotor_speeds),
+        bias=choose(running, base.bias, memory.bias) if isinstance(memory.bias, Vec3) else (),
     )
     told = Told(angular=angular, joints=qdd, angular_correction=turning, joint_corrections=tuple(bending))
     return running_on, told

@@ -17,16 +17,17 @@ Sources: Brown, Hwang 2012, chapter 8 (complementary filters); Gao 2003 (both po
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import E_Z, Force, Mat3, Vec3
 from skyarm.control.blocks.filters import double_pole, low_pass_share
-from skyarm.control.blocks.select import vector_data
+from skyarm.control.blocks.select import choose, vector_data
 from skyarm.control.controller import ControllerError
 from skyarm.control.model import Model
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, divide
+from skyarm.scalars import Scalar, divide, mul, where
 from skyarm.sensors.measurement import Measurement
 
 
@@ -45,40 +46,47 @@ class AccelerometerGains:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Felt:
-    """What an accelerometer tells of one period.
+    """What a period tells of the base's translation.
 
     Attributes:
-        velocity: of the base origin, world axes, m/s. bias: of the accelerometer, base axes, m/s^2.
+        velocity: of the base origin, world axes, m/s. bias: of the accelerometer, base axes, m/s^2; empty without one.
         change: acceleration by which the unknown force changes, world axes, m/s^2.
+        learns: 1 where that change is taken, 0 where the force is held.
     """
 
     velocity: Vec3
-    bias: Vec3
+    bias: Any
     change: Vec3
+    learns: Any
 
 
 def feel(
     model: Model,
     gains: AccelerometerGains,
     velocity: Vec3,
-    bias: Vec3,
+    seen: Felt,
     measurement: Measurement,
     R: Mat3,
     linear: Vec3,
     rotors: Force,
+    joints: Sequence[Any],
     dt: Any,
 ) -> Felt:
-    """Velocity, bias and change of the force at the measurement's time.
+    """What the period tells with the accelerometer.
+
+    A joint at its limit shakes the base by what the model lacks, because the disturbance of that joint is held: the
+    measured velocity alone says the force then. Rotors at their limit hold nothing up: what they give is in the model.
 
     Args:
         model: belief.
         gains: bandwidths.
         velocity: one period earlier, world axes.
-        bias: one period earlier, base axes.
+        seen: what the measured velocity alone tells, with the bias of one period earlier.
         measurement: the new one.
         R: R_WB amid the period.
         linear: acceleration of the base origin by the model, mean of the period, world axes.
         rotors: what their wrench at the end of the period, where it was felt, is beyond that of the mean.
+        joints: 1 for each that is not at its limit, else 0.
         dt: s.
 
     Raises:
@@ -90,12 +98,16 @@ def feel(
             "controller.accelerometer: must be left out, the measurement has no specific_force (m/s^2, base axes)"
         )
     modelled = R.apply_T(linear + E_Z * model.gravity) + rotors.force * divide(1.0, model.vehicle.mass)
-    beside = R.apply(felt - bias - modelled)
+    beside = R.apply(felt - seen.bias - modelled)
     ahead = velocity + (linear + beside) * dt
     e = measurement.velocity - ahead
     fast, slow = double_pole(gains.velocity, dt)
+    moving: Any = 1.0
+    for each in joints:
+        moving = mul(moving, each)
     return Felt(
         velocity=ahead + e * fast,
-        bias=vector_data(bias - R.apply_T(e) * divide(slow, dt)),
-        change=beside * low_pass_share(gains.force, dt),
+        bias=vector_data(seen.bias - R.apply_T(e) * divide(slow, dt)),
+        change=choose(moving > 0.5, beside * low_pass_share(gains.force, dt), seen.change),
+        learns=where(moving > 0.5, 1.0, seen.learns),
     )
