@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
+from skyarm.control.blocks.air_drag import against_air, hull_drag_along
 from skyarm.control.blocks.attitude import Attitude, angular_acceleration
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.force_trend import ForceTrend
@@ -207,9 +208,11 @@ def _course(
     def drag(motion: Vec3) -> Vec3:
         return R.apply(side_wrench(model, state.rotor_speeds, R.apply_T(motion), ZERO3, par.uses_sideways).force)
 
-    changes = (drag(base[2]), drag(base[3])) if par.moves_shift else (ZERO3, ZERO3)
+    hull = hull_drag_along(model, par.air, R, base[1:4])
+    changes = (drag(base[2]) + hull[1], drag(base[3]) + hull[2]) if par.moves_shift else (ZERO3, ZERO3)
     changes = (changes[0] + force_rate, changes[1])
-    force = center_of_mass.quasi_static(par, mass, base, steady + drag(base[1]), changes)
+    against = drag(against_air(par.air, base[1])) + hull[0]
+    force = center_of_mass.quasi_static(par, mass, base, steady + against, changes)
     reach = reach_of(par.mixer, derivative(level.com, 0), mass * model.gravity) if par.uses_sideways else None
     still = wanted_attitude(par, force, yaw, reach)
     if par.mode != "tip":

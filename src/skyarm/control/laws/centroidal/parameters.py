@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from skyarm.actuation import Mixer
+from skyarm.control.blocks.air_drag import BelievedAir
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains
 from skyarm.control.blocks.felt_acceleration import AccelerometerGains
@@ -78,6 +79,7 @@ class CentroidalParameters:
         leads_thrust: True commands rotors ahead of the planned force by what motors lag.
         lag: how the bandwidth answers a lag that is found in flight; None for a law that trusts what it was told.
         accelerometer: bandwidths of its part in velocity and force; None for a law that does without one.
+        air: wind and drag of the hull that are believed; None for still air and no hull.
     """
 
     model: Model
@@ -124,6 +126,7 @@ class CentroidalParameters:
     leads_thrust: bool = False
     lag: LagGains | None = None
     accelerometer: AccelerometerGains | None = None
+    air: BelievedAir | None = None
 
     def choices(self) -> list[str]:
         """What is structure, in words."""
@@ -141,6 +144,8 @@ class CentroidalParameters:
             "thrust ahead of its plan": self.leads_thrust,
             "bandwidth by the lag found": self.lag is not None,
             "force by the accelerometer": self.accelerometer is not None,
+            "drag of the hull": self.air is not None and self.air.hull,
+            "believed wind": self.air is not None and type(self.air.wind.x) is not int,
         }
         adapted += [name for name, there in added.items() if there]
         return [f"mode '{self.mode}'", f"measurements {self.delay_periods} periods old", *adapted]
