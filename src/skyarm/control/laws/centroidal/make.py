@@ -27,6 +27,7 @@ from skyarm.control.laws.centroidal.parameters import MODE_ALIASES, MODES, Centr
 from skyarm.control.laws.centroidal.swing_shift import SwingPace
 from skyarm.control.laws.centroidal.tip_reference import ShiftMotion
 from skyarm.control.model import JointGains, Model
+from skyarm.control.vectored_layer import pairs_model, with_tilting
 from skyarm.files import shown
 from skyarm.scalars import minimum
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -70,6 +71,10 @@ def make_centroidal(
     one_of("preset", preset, sorted(PRESETS))
     gains = {**PRESETS[preset], **{name: checked(name, value) for name, value in changes.items()}}
     periods = periods_of(delay, control_period)
+    if gains["sideways"] > 0.0 and model.vehicle.tilts:
+        known = {"delay": delay, "control_period": control_period, "reference_period": reference_period}
+        known |= {"mode": mode, "preset": preset, "tip_mass_limit": tip_mass_limit}
+        return with_tilting(make_centroidal(pairs_model(model), **known, **changes), model)
     vehicle = model.vehicle
     if (mode == "tip" or ("adaptation" in changes and gains["adaptation"])) and not vehicle.end_effector:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: has no end_effector, which mode 'tip' must have")
