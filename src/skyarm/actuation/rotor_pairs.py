@@ -77,7 +77,7 @@ def _pair(rotor: Rotor, tilt: Tilt) -> list[Rotor]:
 
 
 def speeds_of_pairs(vehicle: Vehicle, speeds: Sequence[Any], angles: Sequence[Any]) -> tuple[Any, ...]:
-    """Speeds (rad/s) of the pairs that push as the rotors do at their speeds and angles; an angle beyond an end is it."""
+    """Speeds (rad/s) of the pairs that push as the rotors do; an angle beyond an end counts as that end."""
     found: list[Any] = []
     left = iter(angles)
     for rotor, speed in zip(vehicle.rotors, speeds, strict=True):
@@ -86,8 +86,8 @@ def speeds_of_pairs(vehicle: Vehicle, speeds: Sequence[Any], angles: Sequence[An
             continue
         angle, (low, high) = next(left), ends(rotor.tilt)
         square, between = mul(speed, speed), sin(sub(high, low))
-        for part in (sin(sub(high, angle)), sin(sub(angle, low))):
-            found.append(sqrt(maximum(divide(mul(square, part), between), 0.0)))
+        parts = sin(sub(high, angle)), sin(sub(angle, low))
+        found += [sqrt(maximum(divide(mul(square, part), between), 0.0)) for part in parts]
     return tuple(found)
 
 

@@ -19,15 +19,16 @@ from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.scalars import Scalar, add, clip, cos, data, divide, maximum, minimum, mul, sqrt, sub, where
 from skyarm.sensors.measurement import Measurement
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.vehicle.tilt import Tilt
+from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
-LEAD = 2.0
-"""How many times the way to its angle a servo is told to go: its lag becomes that much shorter."""
+MOST_LEAD = 3.0
+"""Times the way to its angle that a servo is told to go at most: noise in the angle is enlarged by as much."""
 
 STILL = 0.02
-"""Share of a rotor's largest thrust below which its angle, which then hardly matters, moves towards a new one slowly."""
+"""Share of a rotor's largest squared speed below which its angle, which hardly matters then, moves slowly."""
 
-YAW_DAMPING = 0.1
+YAW_DAMPING = 1.0
 """Of the rotors' squared reach in torque about z at rest: what the correction of that torque is damped with, so that
 angles at which thrusts give none of it ask for none."""
 
@@ -38,13 +39,13 @@ class VectoredParameters:
 
     Attributes:
         model: belief. mixer: of the pairs of fixed rotors that the law knows.
-        lead: of the servos' setpoints.
+        lead: of each servo's setpoint.
         inner: constants of the law; its model is that of the pairs, its mixer the one above.
     """
 
     model: Model
     mixer: Mixer
-    lead: Annotated[Scalar, Unit("", "times the way to its angle that a servo is told to go", low=1.0)] = LEAD
+    lead: Annotated[tuple[Scalar, ...], Unit("", "times the way to its angle that a servo is told to go")]
     inner: Any
 
 
@@ -92,10 +93,17 @@ def with_tilting(controller: Controller, model: Model) -> Controller:
         par=VectoredParameters(
             model=model,
             mixer=controller.par.mixer,
+            lead=tuple(_lead(rotor, rotor.tilt) for rotor in vehicle.rotors if rotor.tilt is not None),
             inner=dataclasses.replace(controller.par, model=None, mixer=None),
         ),
         memory=VectoredMemory(inner=controller.memory, goals=rest, angles=rest),
     )
+
+
+def _lead(rotor: Rotor, tilt: Tilt) -> float:
+    """How far ahead a servo is told to go: its angle then lags as the rotor's speed does, as the law reckons."""
+    motor = 0.5 * (float(rotor.time_constant_up) + float(rotor.time_constant_down))
+    return min(max(1.0, float(tilt.time_constant) / motor), MOST_LEAD)
 
 
 def vectored_law(
@@ -120,8 +128,8 @@ def vectored_law(
     forces = forces_of_pairs(vehicle, command.rotor_speeds)
     goals = goal_angles(vehicle, forces, memory.goals)
     setpoints = tuple(
-        clip(add(now, mul(par.lead, sub(goal, now))), tilt.lower, tilt.upper)
-        for now, goal, tilt in zip(angles, goals, vehicle.tilts, strict=True)
+        clip(add(now, mul(lead, sub(goal, now))), tilt.lower, tilt.upper)
+        for now, goal, lead, tilt in zip(angles, goals, par.lead, vehicle.tilts, strict=True)
     )
     squares = squares_at(vehicle, forces, angles)
     moved = VectoredMemory(
@@ -134,7 +142,7 @@ def vectored_law(
 
 
 def goal_angles(vehicle: Vehicle, forces: Sequence[Force], last: Sequence[Any]) -> tuple[Any, ...]:
-    """Angles of the wanted forces, rad; a force next to nothing, whose direction says little, moves its angle slowly."""
+    """Angles of the wanted forces, rad; one next to nothing, whose direction says little, moves its angle slowly."""
     rows = [(r, f) for r, f in zip(vehicle.rotors, forces, strict=True) if r.tilt is not None]
     found = []
     for (rotor, force), before in zip(rows, last, strict=True):
@@ -153,8 +161,8 @@ def squares_at(vehicle: Vehicle, forces: Sequence[Force], angles: Sequence[Any])
     """
     wanted = [force.angle for rotor, force in zip(vehicle.rotors, forces, strict=True) if rotor.tilt is not None]
     left = iter(angles)
-    missed = [sub(f.angle, next(left)) if r.tilt is not None else 0 for r, f in zip(vehicle.rotors, forces, strict=True)]
-    kept = [maximum(mul(f.push, cos(by)), 0.0) for f, by in zip(forces, missed, strict=True)]
+    stand = [next(left) if rotor.tilt is not None else 0 for rotor in vehicle.rotors]
+    kept = [maximum(mul(f.push, cos(sub(f.angle, now))), 0.0) for f, now in zip(forces, stand, strict=True)]
     goal = _times(allocation_matrix(turned(vehicle, wanted)), [force.push for force in forces])
     A = allocation_matrix(turned(vehicle, angles))
     short = [sub(a, b) for a, b in zip(goal, _times(A, kept), strict=True)]

@@ -201,8 +201,8 @@ def check_vehicles(scenario: Scenario) -> None:
 
 def check_initial(state: State, vehicle: Vehicle) -> None:
     """An initial state has a number for each joint and rotor, speeds that the rotors can turn at, and a quaternion."""
-    counts = (("joints", vehicle.n), ("joint_rates", vehicle.n), ("rotor_speeds", len(vehicle.rotors)))
-    counts = (*counts, ("tilts", len(vehicle.tilts)))
+    rotors, tilts = len(vehicle.rotors), len(vehicle.tilts)
+    counts = (("joints", vehicle.n), ("joint_rates", vehicle.n), ("rotor_speeds", rotors), ("tilts", tilts))
     for name, count in counts:
         if len(getattr(state, name)) != count:
             raise ValueError(f"initial.{name}: {len(getattr(state, name))} values, must be {count}")

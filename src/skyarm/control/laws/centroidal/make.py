@@ -72,8 +72,8 @@ def make_centroidal(
     gains = {**PRESETS[preset], **{name: checked(name, value) for name, value in changes.items()}}
     periods = periods_of(delay, control_period)
     if gains["sideways"] > 0.0 and model.vehicle.tilts:
-        known = {"delay": delay, "control_period": control_period, "reference_period": reference_period}
-        known |= {"mode": mode, "preset": preset, "tip_mass_limit": tip_mass_limit}
+        known: dict[str, Any] = {"mode": mode, "preset": preset, "delay": delay, "control_period": control_period}
+        known |= {"reference_period": reference_period, "tip_mass_limit": tip_mass_limit}
         return with_tilting(make_centroidal(pairs_model(model), **known, **changes), model)
     vehicle = model.vehicle
     if (mode == "tip" or ("adaptation" in changes and gains["adaptation"])) and not vehicle.end_effector:
