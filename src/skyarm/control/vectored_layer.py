@@ -63,6 +63,14 @@ class VectoredMemory:
     angles: Annotated[tuple[Scalar, ...], Unit("rad", "angles of the believed servos")]
 
 
+def turns_rotors(controller: Controller) -> bool:
+    """Whether a law's commands have angles of rotors that tilt, under whatever other layers."""
+    par = controller.par
+    while par is not None and not isinstance(par, VectoredParameters):
+        par = getattr(par, "inner", None)
+    return par is not None
+
+
 def pairs_model(model: Model) -> Model:
     """The belief as a law knows it: two fixed rotors for each that tilts."""
     return dataclasses.replace(model, vehicle=as_pairs(model.vehicle))

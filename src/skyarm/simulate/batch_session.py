@@ -228,7 +228,7 @@ class BatchSession:
         """Fly one control period in every lane.
 
         Args:
-            actions: (rotors + joints, lanes): rotor speeds (rad/s), then joint setpoints; (rotors + joints, 1) are
+            actions: (rotors + joints, lanes): rotor speeds (rad/s), joint setpoints, angles of tilting rotors; (..., 1) are
                 those of every lane. Those of the last step if left out.
 
         Returns:
