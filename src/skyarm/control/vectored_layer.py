@@ -17,7 +17,7 @@ from skyarm.control.law_checks import check_controller, checked_law
 from skyarm.control.model import Model
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar, add, clip, cos, data, divide, maximum, minimum, mul, sqrt, sub, where
+from skyarm.scalars import Scalar, add, clip, cos, data, divide, exp, maximum, minimum, mul, sqrt, sub, where
 from skyarm.sensors.measurement import Measurement
 from skyarm.vehicle.tilt import Tilt
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
@@ -56,11 +56,25 @@ class VectoredMemory:
     Attributes:
         inner: memory of the law.
         goals: angles that the last wrench asked for. angles: those that the believed servos have reached.
+        matched: angles of servos that would lag just as the motors do, as the law reckons.
     """
 
     inner: Any
     goals: Annotated[tuple[Scalar, ...], Unit("rad", "angles that the last wrench asked for")]
     angles: Annotated[tuple[Scalar, ...], Unit("rad", "angles of the believed servos")]
+    matched: Annotated[tuple[Scalar, ...], Unit("rad", "angles of servos that lag as the motors do")]
+
+
+def law_inside(controller: Controller) -> Controller:
+    """The law for pairs of fixed rotors that a controller of :func:`with_tilting` has inside."""
+    held: Any = controller.law
+    par, memory = own_parameters(controller.par), controller.memory.inner
+    return dataclasses.replace(controller, law=held.keywords["inner"], par=par, memory=memory)
+
+
+def own_parameters(par: VectoredParameters) -> Any:
+    """Constants of the law inside, with the belief that it knows."""
+    return dataclasses.replace(par.inner, model=pairs_model(par.model), mixer=par.mixer)
 
 
 def turns_rotors(controller: Controller) -> bool:
@@ -104,14 +118,27 @@ def with_tilting(controller: Controller, model: Model) -> Controller:
             lead=tuple(_lead(rotor, rotor.tilt) for rotor in vehicle.rotors if rotor.tilt is not None),
             inner=dataclasses.replace(controller.par, model=None, mixer=None),
         ),
-        memory=VectoredMemory(inner=controller.memory, goals=rest, angles=rest),
+        memory=VectoredMemory(inner=controller.memory, goals=rest, angles=rest, matched=rest),
     )
 
 
 def _lead(rotor: Rotor, tilt: Tilt) -> float:
     """How far ahead a servo is told to go: its angle then lags as the rotor's speed does, as the law reckons."""
-    motor = 0.5 * (float(rotor.time_constant_up) + float(rotor.time_constant_down))
-    return min(max(1.0, float(tilt.time_constant) / motor), MOST_LEAD)
+    return min(max(1.0, float(tilt.time_constant) / float(_motor_lag(rotor))), MOST_LEAD)
+
+
+def _motor_lag(rotor: Rotor) -> Any:
+    """Mean of a rotor's two time constants, s."""
+    return mul(0.5, add(rotor.time_constant_up, rotor.time_constant_down))
+
+
+def _matched(vehicle: Vehicle, angles: Sequence[Any], goals: Sequence[Any], dt: Any) -> list[Any]:
+    """Angles of servos that lag as the motors of their rotors do, one period later."""
+    rotors = [each for each in vehicle.rotors if each.tilt is not None]
+    return [
+        add(goal, mul(sub(now, goal), exp(divide(sub(0.0, dt), _motor_lag(rotor)))))
+        for rotor, now, goal in zip(rotors, angles, goals, strict=True)
+    ]
 
 
 def vectored_law(
@@ -127,7 +154,7 @@ def vectored_law(
 ) -> tuple[VectoredMemory, Command]:
     """One step of the law ``inner``, which knows pairs of fixed rotors; its command as speeds and angles."""
     vehicle = par.model.vehicle
-    own = dataclasses.replace(par.inner, model=pairs_model(par.model), mixer=par.mixer)
+    own = own_parameters(par)
     law = checked_law(Controller(name=name, law=inner, par=own, compiled=compiled))
     angles = measurement.tilts or memory.angles
     turning = speeds_of_pairs(vehicle, measurement.rotor_speeds, angles)
@@ -139,11 +166,13 @@ def vectored_law(
         clip(add(now, mul(lead, sub(goal, now))), tilt.lower, tilt.upper)
         for now, goal, lead, tilt in zip(angles, goals, par.lead, vehicle.tilts, strict=True)
     )
-    squares = squares_at(vehicle, forces, angles)
+    ahead = zip(goals, angles, memory.matched, strict=True)
+    squares = squares_at(vehicle, forces, [add(goal, sub(now, due)) for goal, now, due in ahead])
     moved = VectoredMemory(
         inner=following,
         goals=tuple(data(each) for each in goals),
         angles=tuple(data(each) for each in angles_after(vehicle, angles, setpoints, dt)),
+        matched=tuple(data(each) for each in _matched(vehicle, memory.matched, goals, dt)),
     )
     speeds = tuple(data(sqrt(maximum(each, 0.0))) for each in squares)
     return moved, Command(rotor_speeds=speeds, efforts=command.efforts, tilts=tuple(data(a) for a in setpoints))

@@ -118,9 +118,7 @@ class ErrorStateFilter(FilterNumbers):
         rate = imu.rate - belief.gyro_bias
         # servos of rotors that tilt count as where they are told to be
         leaning = tilting.turned(self.vehicle, command.tilts) if command.tilts else self.vehicle
-        force = modelled_force(
-            leaning, velocity, rate, joints.joints, joints.rates, (old, speeds), command.efforts
-        )
+        force = modelled_force(leaning, velocity, rate, joints.joints, joints.rates, (old, speeds), command.efforts)
         kept = tuple(choose(started, each, force) for each in memory.modelled[1:])
         return replace(memory, rotor_speeds=speeds, modelled=(*kept, force))
 

@@ -105,7 +105,9 @@ def export_c(
     if estimator is not None:
         estimator.require_torques(vehicle.name, {each.name: each.drive for each in vehicle.drives})
     records = _examples(controller, period, estimator)
-    seen = level(blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts)), float(controller.par.model.gravity))
+    seen = level(
+        blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts)), float(controller.par.model.gravity)
+    )
     try_law(controller, period, seen, (records["reference"],) * PERIODS)
     program = _traced(controller, records, estimator)
     structs = _structs(controller, records, program, behind_filter=estimator is not None)
