@@ -1,4 +1,4 @@
-"""Tilting rotors as pairs of fixed ones: the same wrench, Kamel's least squares by NumPy, limits that the rotor keeps."""
+"""Tilting rotors as pairs of fixed ones: the same wrench, Kamel's least squares by NumPy, limits that are kept."""
 
 from __future__ import annotations
 

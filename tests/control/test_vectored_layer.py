@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from skyarm.control.vectored_layer import goal_angles, squares_at, turns_rotors,
 from skyarm.environment import ForceWind
 from skyarm.plant.interface import Truth
 from skyarm.reference import Trajectory
+from skyarm.reference.compose import Product
 from skyarm.reference.signals import Constant, Ramp, Sine
 from skyarm.scenario.scenario_record import Delays, Scenario
 from skyarm.sensors.noise import SensorNoise
@@ -105,9 +108,9 @@ def test_only_a_law_that_is_told_to_turns_rotors():
         with_tilting(without, Model(vehicle=skyarm.load_vehicle("tilted_hexarotor")))
 
 
-def across(seconds, joints=()):
-    """A metre along x from 0.5 s on."""
-    x = Ramp(start=0.5, duration=seconds, height=1.0, shape="quintic")
+def across(seconds, joints=(), start=0.5):
+    """A metre along x."""
+    x = Ramp(start=start, duration=seconds, height=1.0, shape="quintic")
     return Trajectory(x=x, y=Constant(0.0), z=Constant(1.5), yaw=Constant(0.0), joints=joints)
 
 
@@ -200,6 +203,34 @@ def test_a_safety_layer_goes_around_the_law_of_pairs():
     assert len(guarded.memory.inner.sent.rotor_speeds) == 12
     with pytest.raises(ControllerError, match="has a safety layer already"):
         with_safety_layer(guarded, LIMITS)
+
+
+def eased_circle(speed):
+    """A circle of 1 m that is eased in from 1 s to 4 s."""
+    ease = Ramp(start=1.0, duration=3.0, height=1.0, shape="quintic")
+    hertz = speed / (2.0 * np.pi)
+    x, y = (Product(Sine(amplitude=1.0, frequency_hz=hertz, phase=phase), ease) for phase in (0.5 * np.pi, 0.0))
+    return Trajectory(x=x, y=y, z=Constant(1.5), yaw=Constant(0.0), joints=SWINGING)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("trial", "trajectory"),
+    [("1 m in 3 s", across(3.0, SWINGING, 1.0)), ("circle of 1 m, 1 m/s", eased_circle(1.0))],
+    ids=["metre", "circle"],
+)
+def test_the_table_of_the_page_is_flown(trial, trajectory):
+    page = (Path(__file__).resolve().parents[2] / "docs" / "centroidal_law.md").read_text("utf-8")
+    text = page[page.index("### Rotors that tilt") :]
+    (row,) = [line.split("|")[2:] for line in text.splitlines() if line.startswith(f"| {trial} |")]
+    seconds = 5.0 if trial.startswith("1 m") else 12.0
+    for cell, options in ((row[0], {"sideways": 0.0}), (row[1], {})):
+        log = run(scenario(VOLIRO, trajectory, seconds, **options))
+        late = log.time >= 1.0
+        mean, most, angle = map(float, re.findall(r"[0-9.]+", cell))
+        found = errors(log, "tip")[late]
+        assert [found.mean(), found.max()] == pytest.approx([mean, most], abs=6e-3)
+        assert tilt(log)[late].max() == pytest.approx(angle, abs=0.06)
 
 
 @pytest.mark.thorough

@@ -1,4 +1,4 @@
-"""Tilting rotors in a vehicle file: the servo's axis and numbers, the lines that refuse them, and a record read back."""
+"""Tilting rotors in a vehicle file: the servo's axis and numbers, what refuses them, and a record read back."""
 
 from __future__ import annotations
 
@@ -65,9 +65,10 @@ def test_what_no_servo_has_is_refused_in_one_line(tmp_path, old, new, line):
 
 
 def test_a_range_of_nothing_is_refused():
-    with pytest.raises(skyarm.VehicleError, match="lower = 0.0: must be below upper = 0.0"):
-        tilt = dataclasses.replace(VOLIRO.rotors[0].tilt, lower=0.0, upper=0.0)
-        dataclasses.replace(VOLIRO, rotors=(dataclasses.replace(VOLIRO.rotors[0], tilt=tilt),))
+    tilt = dataclasses.replace(VOLIRO.rotors[0].tilt, lower=0.0, upper=0.0)
+    rotors = (dataclasses.replace(VOLIRO.rotors[0], tilt=tilt),)
+    with pytest.raises(skyarm.VehicleError, match=r"lower = 0\.0: must be below upper = 0\.0"):
+        dataclasses.replace(VOLIRO, rotors=rotors)
     with pytest.raises(ValueError, match="must be a number"):
         Tilt(axis=(1, 0, 0), lower="a", upper=1.0, time_constant=0.1)
 

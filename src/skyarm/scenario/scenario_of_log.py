@@ -48,7 +48,7 @@ def scenario_of_log(path: str | os.PathLike[str], replaced: Mapping[str, Any] | 
 
 
 def _has_layers(log: Any) -> bool:
-    """Whether a log's law flew under the safety layer, on servos or on rotors that tilt, which the law that replaces it keeps."""
+    """Whether a log's law flew inside a layer, of which the law that replaces it keeps safety and servos."""
     held: Any = log.info.get("scenario_record")
     for name in ("controller", "par", "type"):
         held = held.get(name) if isinstance(held, dict) else None

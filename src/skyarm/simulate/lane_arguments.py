@@ -159,7 +159,7 @@ def lane_actions(actions: Any, shape: tuple[int, int]) -> Array:
     """
     found = _array("actions", actions)
     if found.shape not in (shape, (shape[0], 1)) or found.dtype.kind not in "fiu":
-        allowed = f"must be numbers of shape {shape} or {(shape[0], 1)}: rotor speeds, joint setpoints, angles of tilting rotors"
+        allowed = f"must be numbers of shape {shape} or {(shape[0], 1)}: rotor speeds, then joint setpoints"
         raise ScenarioError(f"actions: {found.dtype} of shape {found.shape}, {allowed}")
     return found
 

@@ -268,7 +268,7 @@ def _thrust(every: int, vehicle: Vehicle | None) -> list[Topic]:
 
     def values(part: Part) -> dict[str, Any]:
         slip = Vec3(*part.in_base(part["velocity"] - part["air_velocity"]).T)
-        rotors = turned(vehicle, part["tilts"].T).rotors if vehicle.tilts else vehicle.rotors
+        rotors = turned(vehicle, tuple(part["tilts"].T)).rotors if vehicle.tilts else vehicle.rotors
         total = rotor_forces(rotors, tuple(part["rotor_speeds"].T), slip, Vec3(*part["rate"].T))
         wrench = {"force": xyz(total.force), "torque": xyz(total.torque)}
         return {"header": part.header(BASE_LINK), "wrench": wrench}
