@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import skyarm
+from skyarm.actuation import Command
 from skyarm.actuation.rotor_pairs import Force
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
@@ -18,6 +19,9 @@ from skyarm.control.model import Model
 from skyarm.control.safety import with_safety_layer
 from skyarm.control.vectored_layer import goal_angles, squares_at, turns_rotors, with_tilting
 from skyarm.environment import ForceWind
+from skyarm.log.log_columns import columns
+from skyarm.log.ros.instants import Part
+from skyarm.log.ros.topics import _thrust
 from skyarm.plant.interface import Truth
 from skyarm.reference import Trajectory
 from skyarm.reference.compose import Product
@@ -25,6 +29,7 @@ from skyarm.reference.signals import Constant, Ramp, Sine
 from skyarm.scenario.scenario_record import Delays, Scenario
 from skyarm.sensors.noise import SensorNoise
 from skyarm.simulate import run
+from skyarm.simulate.batch import Batch
 from skyarm.stability.frozen_scenario import nominal
 
 VOLIRO = skyarm.load_vehicle("voliro_like")
@@ -240,3 +245,42 @@ def test_a_pitch_is_held_in_hover_and_the_safety_layer_stays_out_of_it():
         late = log.time >= 3.0
         np.testing.assert_allclose(log.euler[late, 1], 0.3, atol=0.01)
         assert errors(log, "tip")[late].max() < 2.0
+
+
+def test_a_log_names_the_angles_by_their_rotors_and_its_wrench_is_that_of_the_turned_ones():
+    log = moved()
+    names = [each.name for each in columns(log) if each.array in ("tilts", "tilt_commands")]
+    assert names == [f"rotor_{kind}_{i}" for kind in ("tilt", "tilt_command") for i in range(6)]
+    (topic,) = _thrust(1, BARE)
+    rows = slice(40, 400, 120)
+    force = topic.values(Part(log, rows))["wrench"]["force"]
+    found = np.stack([force[axis] for axis in "xyz"], axis=1)
+    pushed = [wrench(a, w**2)[3:] for a, w in zip(log.tilts[rows], log.rotor_speeds[rows], strict=True)]
+    # hub drag of six rotors at up to 1.3 m/s is below 0.8 N
+    np.testing.assert_allclose(found, pushed, atol=0.8)
+    assert np.abs(np.array(pushed)[:, 0]).max() > 5.0
+
+
+@pytest.mark.thorough
+def test_a_session_and_a_batch_turn_rotors_by_commands_and_a_lag_is_swept():
+    planned = scenario(BARE, across(1.5), 1.5)
+    session = skyarm.Session(planned)
+    for _ in range(20):
+        session.step(Command(rotor_speeds=(480.0,) * 6, tilts=(0.1,) * 6))
+    held = session.state.tilts
+    np.testing.assert_allclose(held, 0.1 * (1.0 - np.exp(-2.0)), rtol=1e-9)
+    session.step(Command(rotor_speeds=(480.0,) * 6))
+    assert session.state.tilts[0] < held[0]
+    with pytest.raises(skyarm.ScenarioError, match="5 tilts: must be 6, or none"):
+        session.step(Command(rotor_speeds=(480.0,) * 6, tilts=(0.1,) * 5))
+    batch = Batch(planned, ["plant.vehicle.rotors.0.tilt.time_constant"], bit_exact=True)
+    lags = np.array([0.02, 0.05, 0.2])
+    found = batch.fly({"plant.vehicle.rotors.0.tilt.time_constant": lags}).state
+    for lane, lag in enumerate(lags):
+        first = dataclasses.replace(BARE.rotors[0], tilt=dataclasses.replace(BARE.rotors[0].tilt, time_constant=lag))
+        truth = dataclasses.replace(BARE, rotors=(first, *BARE.rotors[1:]))
+        alone = skyarm.Session(scenario(BARE, across(1.5), 1.5, truth=truth))
+        while alone.step():
+            pass
+        np.testing.assert_allclose([each[lane] for each in found.tilts], alone.state.tilts, rtol=1e-12)
+        assert found.position.x[lane] == pytest.approx(alone.state.position.x, abs=1e-12)

@@ -18,8 +18,7 @@ from typing import Any
 
 from skyarm.actuation.rotor import push
 from skyarm.actuation.tilting import turned_rotor
-from skyarm.records.coerce import concrete
-from skyarm.scalars import add, atan2, cos, divide, maximum, mul, sin, sqrt, sub
+from skyarm.scalars import add, atan2, cos, divide, maximum, minimum, mul, sin, sqrt, sub
 from skyarm.vehicle.tilt import Tilt
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
@@ -37,9 +36,7 @@ class Force:
 
 def ends(tilt: Tilt) -> tuple[Any, Any]:
     """Angles of the two axes of a rotor's pair, rad: the servo's range within +-WIDEST."""
-    if concrete(tilt.lower, tilt.upper):
-        return max(float(tilt.lower), -WIDEST), min(float(tilt.upper), WIDEST)
-    return tilt.lower, tilt.upper
+    return maximum(tilt.lower, -WIDEST), minimum(tilt.upper, WIDEST)
 
 
 def as_pairs(vehicle: Vehicle) -> Vehicle:
