@@ -81,7 +81,7 @@ def thrust(
     R: Mat3,
     w: Vec3,
     disturbance: Vec3,
-    force_rate: Vec3 = ZERO3,
+    changes: Sequence[Vec3] = (ZERO3, ZERO3),
     reach: Reach | None = None,
 ) -> Thrust:
     """Force m (p_c,d'' + g e_3 + PD) - d and its derivatives, which use the acceleration that the real thrust gives.
@@ -95,7 +95,7 @@ def thrust(
         R: R_WB.
         w: body rate, rad/s.
         disturbance: N, world axes.
-        force_rate: what is known of its derivative, N/s.
+        changes: what is known of its derivatives, N/s and N/s^2.
         reach: of the force across the thrust axis, if the rotors shall give one.
     """
     kv, gravity, limit = par.base.velocity, E_Z * par.model.gravity, par.base.pull
@@ -107,11 +107,11 @@ def thrust(
     edd = (applied(reach, [force], R, w) + disturbance) * per_mass - gravity - wanted[2]
     off.append(ed)
     pull.append(_attraction(par, off) + kv.scaled(edd))
-    first = (wanted[3] - _bounded(pull, limit)) * mass - force_rate
+    first = (wanted[3] - _bounded(pull, limit)) * mass - changes[0]
     eddd = applied(reach, [force, first], R, w) * per_mass - wanted[3]
     off.append(edd)
     pull.append(_attraction(par, off) + kv.scaled(eddd))
-    second = (wanted[4] - _bounded(pull, limit)) * mass
+    second = (wanted[4] - _bounded(pull, limit)) * mass - changes[1]
     series = (Taylor((f, g, mul(0.5, h))) for f, g, h in zip(force, first, second, strict=True))
     held = reachable(Vec3(*series), par.tilt, par.thrust_floor)
     pushed = applied(reach, [derivative(held, 0)], R, w)

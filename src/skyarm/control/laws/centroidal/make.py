@@ -24,6 +24,7 @@ from skyarm.control.laws.centroidal.law import centroidal
 from skyarm.control.laws.centroidal.memory import CentroidalMemory
 from skyarm.control.laws.centroidal.option_checks import bounded, checked, one_of, periods_of
 from skyarm.control.laws.centroidal.parameters import MODE_ALIASES, MODES, CentroidalParameters, TipGains
+from skyarm.control.laws.centroidal.path_shift import AT_REST
 from skyarm.control.laws.centroidal.swing_shift import SwingPace
 from skyarm.control.laws.centroidal.tip_reference import ShiftMotion
 from skyarm.control.model import JointGains, Model
@@ -117,6 +118,8 @@ def make_centroidal(
         moves_shift=gains["shift_bandwidth"] > 0.0 and mode == "tip",
         swing_rate=gains["swing_rate"],
         follows_swing=gains["swing_rate"] > 0.0 and gains["shift_bandwidth"] > 0.0 and mode == "tip" and vehicle.n > 0,
+        path_rate=gains["path_rate"],
+        follows_path=gains["path_rate"] > 0.0 and gains["shift_bandwidth"] > 0.0 and mode == "tip" and vehicle.n > 0,
         low_thrust=gains["low_thrust"],
         softens_attitude=gains["low_thrust"] > 0.0,
         arm_turn=gains["arm_turn"],
@@ -199,6 +202,7 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
             arm=ArmMotion(size=0.0, mean=zero) if par.limits_arm else (),
             trend=() if par.trend is None else first_trend(par.trend),
             pace=SwingPace(rate=0.0, acceleration=0.0) if par.follows_swing else (),
+            path=(AT_REST, AT_REST) if par.follows_path else (),
         ),
         lag=() if par.lag is None else first_lag(vehicle.n, par.lag.stride),
     )

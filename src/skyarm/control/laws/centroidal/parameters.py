@@ -108,6 +108,8 @@ class CentroidalParameters:
     moves_shift: bool = False
     swing_rate: Annotated[Scalar, Unit("1/s", "rate of the adapted pace of the arm's swing")] = 0.0
     follows_swing: bool = False
+    path_rate: Annotated[Scalar, Unit("1/s", "rate of the adapted pace of the base's path")] = 0.0
+    follows_path: bool = False
     low_thrust: Annotated[Scalar, Unit("", "share of the weight below which a force turns the attitude less")] = 0.0
     softens_attitude: bool = False
     arm_turn: Annotated[Scalar, Unit("rad/s^2", "the most that the base turns with for the arm's motion")] = 0.0
@@ -129,6 +131,7 @@ class CentroidalParameters:
         added = {
             "motion of the shift": self.moves_shift,
             "shift by the pace of the swing": self.follows_swing,
+            "shift by the pace of the path": self.follows_path,
             "upright at low thrust": self.softens_attitude,
             "limited motion for the arm": self.limits_arm,
             "sideways force": self.uses_sideways,
