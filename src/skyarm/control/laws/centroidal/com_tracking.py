@@ -81,7 +81,8 @@ def thrust(
     R: Mat3,
     w: Vec3,
     disturbance: Vec3,
-    changes: Sequence[Vec3] = (ZERO3, ZERO3),
+    force_rate: Vec3 = ZERO3,
+    force_bend: Vec3 = ZERO3,
     reach: Reach | None = None,
 ) -> Thrust:
     """Force m (p_c,d'' + g e_3 + PD) - d and its derivatives, which use the acceleration that the real thrust gives.
@@ -95,7 +96,8 @@ def thrust(
         R: R_WB.
         w: body rate, rad/s.
         disturbance: N, world axes.
-        changes: what is known of its derivatives, N/s and N/s^2.
+        force_rate: what is known of its derivative, N/s.
+        force_bend: of its second derivative, N/s^2.
         reach: of the force across the thrust axis, if the rotors shall give one.
     """
     kv, gravity, limit = par.base.velocity, E_Z * par.model.gravity, par.base.pull
@@ -107,11 +109,11 @@ def thrust(
     edd = (applied(reach, [force], R, w) + disturbance) * per_mass - gravity - wanted[2]
     off.append(ed)
     pull.append(_attraction(par, off) + kv.scaled(edd))
-    first = (wanted[3] - _bounded(pull, limit)) * mass - changes[0]
+    first = (wanted[3] - _bounded(pull, limit)) * mass - force_rate
     eddd = applied(reach, [force, first], R, w) * per_mass - wanted[3]
     off.append(edd)
     pull.append(_attraction(par, off) + kv.scaled(eddd))
-    second = (wanted[4] - _bounded(pull, limit)) * mass - changes[1]
+    second = (wanted[4] - _bounded(pull, limit)) * mass - force_bend
     series = (Taylor((f, g, mul(0.5, h))) for f, g, h in zip(force, first, second, strict=True))
     held = reachable(Vec3(*series), par.tilt, par.thrust_floor)
     pushed = applied(reach, [derivative(held, 0)], R, w)

@@ -146,7 +146,8 @@ def demands(
         R=R,
         w=w,
         disturbance=unknown.force,
-        changes=course.changes,
+        force_rate=course.changes[0],
+        force_bend=course.changes[1],
         reach=course.reach,
     )
     alpha = angular_acceleration(par.base, wanted_attitude(par, push.force, yaw, course.reach), R, w)

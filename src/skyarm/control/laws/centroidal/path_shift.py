@@ -120,7 +120,7 @@ def moved_path(
     # what an arm that swings under a steady tilt asks for is no motion along the path: see swing_shift
     u1, u2 = (asked[k] - com[k] + tilt * lever[k] for k in (1, 2))
     rows = zip(path, zip(*base, strict=True), u1, u2, strict=False)
-    x, y = (_followed(axis, reference, (a, b), per, par.path_rate, dt) for axis, reference, a, b in rows)
+    x, y = (moved_axis(axis, reference, (a, b), per, par.path_rate, dt) for axis, reference, a, b in rows)
     return x, y
 
 
@@ -134,7 +134,7 @@ def _per(level: Posture, gravity: Any) -> Any:
     return divide(levers(level)[0], gravity)
 
 
-def _followed(
+def moved_axis(
     axis: AxisShift, reference: tuple[Any, ...], asked: tuple[Any, Any], per: Any, rate: Any, dt: Any
 ) -> AxisShift:
     """Memory of an axis one period later; ``asked`` are u' and u'' of the present attitude."""
