@@ -124,7 +124,7 @@ def test_the_centroidal_law_shown_is_made():
     (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     names = {"model": made("centroidal").controller.par.model}
     exec(compile(code, "centroidal_law.md", "exec"), names)
-    assert (names["controller"].name, names["controller"].par.delay_periods) == ("centroidal_tip", 1)
+    assert (names["controller"].name, names["controller"].par.delay_periods) == ("centroidal_tip_robust", 1)
 
 
 def test_a_scenario_tells_the_laws_its_clocks_and_its_delay():

@@ -19,7 +19,8 @@ from skyarm.control.laws.centroidal.adaptation import SLOW, STICKIEST, first_lea
 from skyarm.control.laws.centroidal.arm_motion import ArmMotion
 from skyarm.control.laws.centroidal.bandwidth import at_shares
 from skyarm.control.laws.centroidal.demands import Following
-from skyarm.control.laws.centroidal.gain_presets import ENTRIES, PERIODS, PRESETS
+from skyarm.control.laws.centroidal.gain_presets import ENTRIES, PERIODS, PRESETS, name_of
+from skyarm.control.laws.centroidal.joint_room import Ends, ends_of
 from skyarm.control.laws.centroidal.law import centroidal
 from skyarm.control.laws.centroidal.memory import CentroidalMemory
 from skyarm.control.laws.centroidal.option_checks import bounded, checked, one_of, periods_of
@@ -129,12 +130,19 @@ def make_centroidal(
         brakes=gains["approach"] > 0.0,
         trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] > 0.0 else None,
         leads_thrust=gains["thrust_lead"],
+        ends=_ends(vehicle, gains["joint_limits"]),
         lag=_lag(gains["lag"], control_period),
     )
     if gains["bandwidth"] != 1.0:
         par = at_shares(par, gains["bandwidth"], gains["bandwidth"])
     memory = first_memory(par, periods)
-    return Controller(name=f"centroidal_{mode}", law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
+    return Controller(name=name_of(mode, preset), law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
+
+
+def _ends(vehicle: Vehicle, kept: bool) -> Ends:
+    """Limits that the joints are kept off; none where no joint has one."""
+    ends = ends_of(vehicle) if kept else ()
+    return ends if any(low or high for low, high in ends) else ()
 
 
 def _holds(attitude: tuple[float, float], sideways: float) -> bool:
