@@ -73,9 +73,9 @@ def test_run_takes_any_law(folder: Path, name: str, law: str) -> None:
 @pytest.mark.parametrize("mode", ["joint", "tip"])
 def test_a_controller_tells_its_preset_by_its_name(mode: str) -> None:
     """As the catalogue names it; without the preset's word all of a mode are one law."""
-    for preset in ("", "_robust", "_stiff"):
-        made = make_named(f"centroidal_{mode}{preset}", MODEL)
-        assert made.name == f"centroidal_{mode}{preset}"
+    for words in ("", "_robust", "_stiff"):
+        made = make_named(f"centroidal_{mode}{words}", MODEL)
+        assert made.name == f"centroidal_{mode}{words}"
         assert without_preset(made.name) == f"centroidal_{mode}"
     assert without_preset("my_robust") == "my_robust"
 

@@ -80,7 +80,7 @@ def make_centroidal(
     stiffness, damping = gains["arm"]
     par = CentroidalParameters(
         model=model,
-        mixer=_mixer(vehicle, gains["sideways"] > 0.0, gains["yaw_slack"]),
+        mixer=_mixer(vehicle, gains["sideways"] > 0.0, gains["yaw_slack"], "yaw_slack" in changes),
         mode=mode,
         base=BaseGains(
             position=Vec3(kp, kp, kp),
@@ -152,8 +152,11 @@ def _holds(attitude: tuple[float, float], sideways: float) -> bool:
     return any(attitude)
 
 
-def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float) -> Mixer:
-    """Allocation; ``yaw_slack`` in rad/s^2 of the vehicle with its joints at zero."""
+def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float, asked: bool) -> Mixer:
+    """Allocation; ``yaw_slack`` in rad/s^2 of the vehicle with its joints at zero.
+
+    A preset flies rotors that allow no priorities without them; who ``asked`` for the slack is refused.
+    """
     policy = "priority" if yaw_slack == 0.0 else "thrust_before_yaw"
     inertia = dynamics.mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)[5][5] if yaw_slack else 0.0
     slack = yaw_slack * float(inertia)
@@ -164,7 +167,9 @@ def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float) -> Mixer:
             raise ControllerError(f"controller.sideways: {error}") from None
     try:
         return make_mixer(vehicle, policy, yaw_slack=slack)
-    except AllocationError:
+    except AllocationError as error:
+        if asked and yaw_slack > 0.0:
+            raise ControllerError(f"controller.yaw_slack = {shown(yaw_slack)}: must be 0 here: {error}") from None
         return make_mixer(vehicle)
 
 
