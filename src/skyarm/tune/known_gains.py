@@ -11,6 +11,7 @@ from skyarm.actuation import AllocationError
 from skyarm.control.actuator_layer import plain_model
 from skyarm.control.catalogue import LAWS, PRESETS, TUNED, make_named, tuned_factors
 from skyarm.control.controller import ControllerError
+from skyarm.control.laws.centroidal.gain_presets import without_preset
 from skyarm.scenario.law_by_name import loop_facts
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.tune.law_knobs import Knob, KnobError, find_knobs
@@ -33,7 +34,7 @@ def known_gains(scenario: Scenario, knobs: tuple[Knob, ...]) -> Array:
     for name in [*names, *PRESETS]:
         try:
             made = make_named(name, model, facts)
-            if made.name != law:
+            if without_preset(made.name) != without_preset(law):
                 continue
             theirs = {knob.path: knob for knob in find_knobs(made, law)}
         except (ControllerError, AllocationError, KnobError):  # it does not fit this vehicle

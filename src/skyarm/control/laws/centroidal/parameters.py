@@ -75,6 +75,7 @@ class CentroidalParameters:
             to the gains.
         trend: how the rate of the observed force is found; None for a law that takes the force as it stands.
         leads_thrust: True commands rotors ahead of the planned force by what motors lag.
+        ends: whether each joint has a lower and an upper limit that it is kept off; empty leaves it out.
         lag: how the bandwidth answers a lag that is found in flight; None for a law that trusts what it was told.
     """
 
@@ -122,6 +123,7 @@ class CentroidalParameters:
     brakes: bool = False
     trend: TrendGains | None = None
     leads_thrust: bool = False
+    ends: tuple[tuple[bool, bool], ...] = ()
     lag: LagGains | None = None
 
     def choices(self) -> list[str]:
@@ -139,6 +141,7 @@ class CentroidalParameters:
             "braking in time": self.brakes,
             "trend of the force": self.trend is not None,
             "thrust ahead of its plan": self.leads_thrust,
+            "joints kept within their limits": bool(self.ends),
             "bandwidth by the lag found": self.lag is not None,
         }
         adapted += [name for name, there in added.items() if there]
