@@ -76,8 +76,8 @@ def tune(
     from skyarm.tune.gains_result import front_name, gains_text
     from skyarm.tune.law_knobs import find_knobs
     from skyarm.tune.tune_page import tune_page
-    from skyarm.tune.tuning import Plan
     from skyarm.tune.tuning import tune as perform
+    from skyarm.tune.tuning_records import Plan
 
     scenario = wanted.scenario
     say_if_many(scenario.name, scenario.world.vehicle.n)
@@ -87,6 +87,7 @@ def tune(
     plan = Plan(
         flight=flight,
         check=excited(scenario, own_motion=True) if wanted.has_motion else flight,
+        aside=excited(scenario, unseen=True),
         knobs=find_knobs(scenario.controller, scenario.controller.name, _paths(knobs)),
         effort=Effort().scaled(candidates, plants),
         seed=seed,
@@ -196,6 +197,8 @@ def _document(target: str) -> dict[str, Any]:
 
 
 def _print(found: Any, console: Console, seconds: float) -> None:
+    from skyarm.tune.tuning_records import ASIDE
+
     rows = [("", "tip error", "jitter", "effort", "lost", "saturated", "delay", "rotors", "joints")]
     for i, point in enumerate((found.before, *found.points)):
         mark = "before" if i == 0 else "pick" if i - 1 == found.picked else ""
@@ -219,6 +222,10 @@ def _print(found: Any, console: Console, seconds: float) -> None:
         f"{seconds:.0f} s",
         soft_wrap=True,
     )
+    console.print(f"on {ASIDE} plants and a path by which nothing was chosen:")
+    aside = [(name, f"{1e3 * x.tip:.3g} mm", f"{x.jitter:.3g}", f"{x.lost:.1%}") for name, x in found.aside.items()]
+    for line in aligned([("", "tip error", "jitter", "lost"), *aside]):
+        console.print(line, soft_wrap=True)
     if found.pick.margins.why_none:
         say(f"margins are not asked for: {found.pick.margins.why_none}")
     if not found.meets:
@@ -234,7 +241,7 @@ def _margins(margins: Any) -> tuple[str, str, str]:
 
 
 def _plain(found: Any) -> dict[str, Any]:
-    from skyarm.tune.gains_result import about, gains_of, plain_point
+    from skyarm.tune.gains_result import about, gains_of, plain_aside, plain_point
 
     return {
         "controller": found.plan.label,
@@ -243,6 +250,7 @@ def _plain(found: Any) -> dict[str, Any]:
         "before": plain_point(found.before),
         "front": [plain_point(point) | {"gains": gains_of(found, point)} for point in found.points],
         "picked": found.picked,
+        "aside": {name: plain_aside(each) for name, each in found.aside.items()},
         "meets_constraints": found.meets,
         "required": {"delay_margin_s": found.required.delay, "gain_margin": found.required.gain},
     } | ({"plugins": identities()} if identities() else {})

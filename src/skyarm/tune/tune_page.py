@@ -16,7 +16,7 @@ from skyarm.pages import section, table
 from skyarm.tune.front import RULE, LoopMargins, Point
 from skyarm.tune.front_plot import front_plot, short_words
 from skyarm.tune.gains_result import front_name, gains_of
-from skyarm.tune.tuning import Tuning
+from skyarm.tune.tuning_records import Tuning
 
 CHOSEN = """#stop{i}:checked ~ .panels .panel{i} {{ display: block; }}
 #stop{i}:checked ~ .stops .at{i} i {{ background: var(--accent); border-color: var(--accent); }}
