@@ -1,4 +1,4 @@
-"""Flies the candidates of a tuning: the rounds of the search, its best once more, the front, the pick and the starts."""
+"""Flies the candidates of a tuning: the rounds of the search, its best once more, the front, at last the starts."""
 
 from __future__ import annotations
 
@@ -11,14 +11,13 @@ import numpy.typing as npt
 
 from skyarm.tune.archive import Archive
 from skyarm.tune.candidate_flights import CandidateFlights, Flown
-from skyarm.tune.front import POINTS, LoopMargins, Point
+from skyarm.tune.front import POINTS, LoopMargins, Point, is_allowed
 from skyarm.tune.gain_search import with_margins
 from skyarm.tune.hover_margins import required
-from skyarm.tune.known_gains import Centred
 from skyarm.tune.margin_tests import MarginTests, NoMargins
 from skyarm.tune.objective import WEIGHTS, Scores, scores
 from skyarm.tune.plant_spread import Plants, draw_plants
-from skyarm.tune.tuning_records import ASIDE, PICKED, Aside, Plan
+from skyarm.tune.tuning_records import ASIDE, Aside, Plan
 
 Array = npt.NDArray[np.float64]
 
@@ -116,20 +115,25 @@ class Conductor:
         self._progress(self._total, self._total, "margins")
         return _points(rows, again, flown, self._margins().measured(rows))
 
-    def fly_aside(self, start: Centred, picked: Point) -> dict[str, Aside]:
-        """The pick and every start on plants and a path by which nothing was chosen."""
+    def fly_aside(self, points: dict[str, Point]) -> dict[str, Aside]:
+        """The pick and every start, by name, on plants and a path by which nothing was chosen."""
         plan = self._plan
-        rows = {**start.starts, PICKED: picked.logs}
+        wanted = required(plan.flight)
         self._progress(self._total, self._total, "plants and a path kept aside")
         plants = draw_plants(plan.aside, ASIDE, seed=plan.seed + 3)
         flights = CandidateFlights(plan.aside, plan.knobs, plants, threads=self._threads, seed=plan.seed + 3)
         try:
-            flown = scores(flights.fly(np.array(list(rows.values()))))
+            flown = scores(flights.fly(np.array([point.logs for point in points.values()])))
         finally:
             flights.close()
         return {
-            name: Aside(tip=float(flown.tip[i]), jitter=float(flown.jitter[i]), lost=float(flown.lost[i]))
-            for i, name in enumerate(rows)
+            name: Aside(
+                tip=float(flown.tip[i]),
+                jitter=float(flown.jitter[i]),
+                lost=float(flown.lost[i]),
+                meets=is_allowed(point, wanted),
+            )
+            for i, (name, point) in enumerate(points.items())
         }
 
     def close(self) -> None:

@@ -108,9 +108,10 @@ def plain_point(point: Point) -> dict[str, Any]:
     }
 
 
-def plain_aside(aside: Aside) -> dict[str, float]:
+def plain_aside(aside: Aside) -> dict[str, float | bool]:
     """Scores on plants and a path by which nothing was chosen."""
-    return {"tip_m": _short(aside.tip), "jitter_rad_s": _short(aside.jitter), "lost": _short(aside.lost)}
+    scores = {"tip_m": aside.tip, "jitter_rad_s": aside.jitter, "lost": aside.lost}
+    return {**{name: _short(value) for name, value in scores.items()}, "meets_constraints": aside.meets}
 
 
 def plain_margins(margins: LoopMargins) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from skyarm.tune.gain_search import search
 from skyarm.tune.hover_margins import required
 from skyarm.tune.known_gains import centred
 from skyarm.tune.plant_spread import draw_plants
-from skyarm.tune.tuning_records import Plan, Tuning
+from skyarm.tune.tuning_records import PICKED, Plan, Tuning
 
 
 def tune(plan: Plan, folder: Path, *, threads: int = 1, progress: Progress | None = None) -> Tuning:
@@ -63,7 +63,8 @@ def tune(plan: Plan, folder: Path, *, threads: int = 1, progress: Progress | Non
             wanted = required(plan.flight)
             front = front_of(points[:count], points[count:], wanted)
             picked = pick(front, wanted)
-            aside = conductor.fly_aside(start, front[picked])
+            known = dict(zip(start.starts, points, strict=False))
+            aside = conductor.fly_aside({**known, PICKED: front[picked]})
         finally:
             conductor.close()
     return Tuning(

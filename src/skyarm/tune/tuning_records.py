@@ -62,11 +62,17 @@ class Plan:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Aside:
-    """Scores on plants and a path by which nothing was chosen: tip's 90 % quantile, m; jitter, rad/s; share lost."""
+    """Scores on plants and a path by which nothing was chosen.
+
+    Attributes:
+        tip: m, 90 % quantile. jitter: rad/s, median. lost: share.
+        meets: whether the gains met all constraints where the front was judged.
+    """
 
     tip: float
     jitter: float
     lost: float
+    meets: bool
 
 
 @dataclass(frozen=True, kw_only=True)
