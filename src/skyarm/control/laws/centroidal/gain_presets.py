@@ -31,6 +31,7 @@ COMMON: Mapping[str, Any] = {
     "thrust_lead": False,
     "joint_limits": False,
     "lag": (0.0, 0.0),
+    "accelerometer": (0.0, 0.0),
 }
 """Limits and weights of all presets; see :class:`CentroidalParameters`, :class:`TipGains` and :class:`BaseGains`."""
 
@@ -112,6 +113,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "approach": (0.0, 1e3),
     "force_trend": (0.0, 1e3),
     "yaw_slack": (0.0, 1e6),
+    "accelerometer": (0.0, 1e3),
 }
 """Lowest and highest value; entries that are not here are gains, at least 0."""
 

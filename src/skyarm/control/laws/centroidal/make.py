@@ -11,6 +11,7 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains, first_observed
 from skyarm.control.blocks.extrapolation import Channel
+from skyarm.control.blocks.felt_acceleration import AccelerometerGains
 from skyarm.control.blocks.force_trend import first_trend, trend_gains
 from skyarm.control.blocks.lag_estimate import LagGains, first_lag, stride_of
 from skyarm.control.blocks.select import data
@@ -135,6 +136,7 @@ def make_centroidal(
         leads_thrust=gains["thrust_lead"],
         ends=_ends(vehicle, gains["joint_limits"]),
         lag=_lag(gains["lag"], control_period),
+        accelerometer=_accelerometer(gains["accelerometer"]),
     )
     if gains["bandwidth"] != 1.0:
         par = at_shares(par, gains["bandwidth"], gains["bandwidth"])
@@ -192,6 +194,15 @@ def _lag(halves: tuple[float, float], control_period: float) -> LagGains | None:
     return LagGains(base=base, joints=joints, stride=stride_of(control_period)) if base > 0.0 else None
 
 
+def _accelerometer(bandwidths: tuple[float, float]) -> AccelerometerGains | None:
+    """Bandwidths of force and velocity; None where the law does without the accelerometer."""
+    force, velocity = bandwidths
+    if (force > 0.0) != (velocity > 0.0):
+        allowed = "must be two bandwidths above 0, or twice 0"
+        raise ControllerError(f"controller.accelerometer = {shown(bandwidths)}: {allowed}")
+    return AccelerometerGains(force=force, velocity=velocity) if force > 0.0 else None
+
+
 def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMemory:
     """Memory before the first step: a level hover with the joints at zero, as the model sees it."""
     model, vehicle = par.model, par.model.vehicle
@@ -203,7 +214,7 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
         started=0.0,
         age=0.0,
         channels=(Channel(),) * (4 + vehicle.n),
-        observed=first_observed(vehicle.n, speeds),
+        observed=first_observed(vehicle.n, speeds, par.accelerometer is not None),
         sent=(standing,) * (delay_periods + 1),
         applied=all_applied(vehicle.n),
         free=(1.0,) * (1 + vehicle.n),
