@@ -126,7 +126,6 @@ RESERVED: Mapping[str, Mapping[str, tuple[str, ...]]] = {
             *("centroidal_joint", "centroidal_joint_robust", "centroidal_joint_stiff"),
             *("centroidal_tip", "centroidal_tip_robust", "centroidal_tip_stiff"),
             *("exact_joint", "exact_joint_stiff", "exact_ee", "exact_ee_stiff"),
-            *("centroidal_joint_adaptive", "centroidal_tip_adaptive"),
         ),
         "the controller of the scenario": ("own",),
     },

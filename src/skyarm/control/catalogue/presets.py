@@ -46,8 +46,6 @@ ALIASES: Mapping[str, str] = {
     "exact_joint_stiff": "centroidal_joint_stiff",
     "exact_ee": "centroidal_tip",
     "exact_ee_stiff": "centroidal_tip_stiff",
-    "centroidal_joint_adaptive": "centroidal_joint",
-    "centroidal_tip_adaptive": "centroidal_tip",
 }
 """Other names that stay."""
 
