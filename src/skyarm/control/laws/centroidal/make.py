@@ -16,6 +16,7 @@ from skyarm.control.blocks.lag_estimate import LagGains, first_lag, stride_of
 from skyarm.control.blocks.select import data
 from skyarm.control.controller import Controller, ControllerError, all_applied
 from skyarm.control.laws.centroidal.adaptation import SLOW, STICKIEST, first_learned
+from skyarm.control.laws.centroidal.arm_length import damping_share
 from skyarm.control.laws.centroidal.arm_motion import ArmMotion
 from skyarm.control.laws.centroidal.bandwidth import at_shares
 from skyarm.control.laws.centroidal.demands import Following
@@ -73,6 +74,8 @@ def make_centroidal(
     gains = {**PRESETS[preset], **{name: checked(name, value) for name, value in changes.items()}}
     periods = periods_of(delay, control_period)
     vehicle = model.vehicle
+    if preset == "adaptive" and mode == "tip" and vehicle.end_effector and "damping" not in changes:
+        gains["damping"] *= damping_share(vehicle)
     if (mode == "tip" or ("adaptation" in changes and gains["adaptation"])) and not vehicle.end_effector:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: has no end_effector, which mode 'tip' must have")
     adaptation = gains["adaptation"] if vehicle.n and vehicle.end_effector else 0.0
