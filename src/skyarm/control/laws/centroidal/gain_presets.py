@@ -20,6 +20,7 @@ COMMON: Mapping[str, Any] = {
     "bandwidth": 1.0,
     "shift_bandwidth": 0.0,
     "swing_rate": 0.0,
+    "path_rate": 0.0,
     "low_thrust": 0.0,
     "arm_turn": 0.0,
     "sideways": 0.0,
@@ -30,6 +31,7 @@ COMMON: Mapping[str, Any] = {
     "thrust_lead": False,
     "joint_limits": False,
     "lag": (0.0, 0.0),
+    "accelerometer": (0.0, 0.0),
 }
 """Limits and weights of all presets; see :class:`CentroidalParameters`, :class:`TipGains` and :class:`BaseGains`."""
 
@@ -50,6 +52,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         **ROBUST,
         "shift_bandwidth": 60.0,
         "swing_rate": 2.0,
+        "path_rate": 2.0,
         "low_thrust": 0.8,
         "arm_turn": 20.0,
         "pull": 8.0,
@@ -102,6 +105,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "bandwidth": (0.01, 10.0),
     "shift_bandwidth": (0.0, 1e3),
     "swing_rate": (0.0, 50.0),
+    "path_rate": (0.0, 50.0),
     "low_thrust": (0.0, 1.0),
     "arm_turn": (0.0, 1e6),
     "sideways": (0.0, 1.0),
@@ -109,6 +113,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "approach": (0.0, 1e3),
     "force_trend": (0.0, 1e3),
     "yaw_slack": (0.0, 1e6),
+    "accelerometer": (0.0, 1e3),
 }
 """Lowest and highest value; entries that are not here are gains, at least 0."""
 

@@ -11,6 +11,7 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains, first_observed
 from skyarm.control.blocks.extrapolation import Channel
+from skyarm.control.blocks.felt_acceleration import AccelerometerGains
 from skyarm.control.blocks.force_trend import first_trend, trend_gains
 from skyarm.control.blocks.lag_estimate import LagGains, first_lag, stride_of
 from skyarm.control.blocks.select import data
@@ -26,6 +27,7 @@ from skyarm.control.laws.centroidal.law import centroidal
 from skyarm.control.laws.centroidal.memory import CentroidalMemory
 from skyarm.control.laws.centroidal.option_checks import bounded, checked, one_of, periods_of
 from skyarm.control.laws.centroidal.parameters import MODE_ALIASES, MODES, CentroidalParameters, TipGains
+from skyarm.control.laws.centroidal.path_shift import AT_REST
 from skyarm.control.laws.centroidal.reference_drag import pushes_across
 from skyarm.control.laws.centroidal.swing_shift import SwingPace
 from skyarm.control.laws.centroidal.tip_reference import ShiftMotion
@@ -122,6 +124,8 @@ def make_centroidal(
         moves_shift=gains["shift_bandwidth"] > 0.0 and mode == "tip",
         swing_rate=gains["swing_rate"],
         follows_swing=gains["swing_rate"] > 0.0 and gains["shift_bandwidth"] > 0.0 and mode == "tip" and vehicle.n > 0,
+        path_rate=gains["path_rate"],
+        follows_path=gains["path_rate"] > 0.0 and gains["shift_bandwidth"] > 0.0 and mode == "tip" and vehicle.n > 0,
         low_thrust=gains["low_thrust"],
         softens_attitude=gains["low_thrust"] > 0.0,
         arm_turn=gains["arm_turn"],
@@ -137,6 +141,7 @@ def make_centroidal(
         ends=_ends(vehicle, gains["joint_limits"]),
         pushes_across=pushes_across(vehicle) and not gains["sideways"] > 0.0,
         lag=_lag(gains["lag"], control_period),
+        accelerometer=_accelerometer(gains["accelerometer"]),
     )
     if gains["bandwidth"] != 1.0:
         par = at_shares(par, gains["bandwidth"], gains["bandwidth"])
@@ -194,6 +199,15 @@ def _lag(halves: tuple[float, float], control_period: float) -> LagGains | None:
     return LagGains(base=base, joints=joints, stride=stride_of(control_period)) if base > 0.0 else None
 
 
+def _accelerometer(bandwidths: tuple[float, float]) -> AccelerometerGains | None:
+    """Bandwidths of force and velocity; None where the law does without the accelerometer."""
+    force, velocity = bandwidths
+    if (force > 0.0) != (velocity > 0.0):
+        allowed = "must be two bandwidths above 0, or twice 0"
+        raise ControllerError(f"controller.accelerometer = {shown(bandwidths)}: {allowed}")
+    return AccelerometerGains(force=force, velocity=velocity) if force > 0.0 else None
+
+
 def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMemory:
     """Memory before the first step: a level hover with the joints at zero, as the model sees it."""
     model, vehicle = par.model, par.model.vehicle
@@ -205,7 +219,7 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
         started=0.0,
         age=0.0,
         channels=(Channel(),) * (4 + vehicle.n),
-        observed=first_observed(vehicle.n, speeds),
+        observed=first_observed(vehicle.n, speeds, par.accelerometer is not None),
         sent=(standing,) * (delay_periods + 1),
         applied=all_applied(vehicle.n),
         free=(1.0,) * (1 + vehicle.n),
@@ -217,6 +231,7 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
             arm=ArmMotion(size=0.0, mean=zero) if par.limits_arm else (),
             trend=() if par.trend is None else first_trend(par.trend),
             pace=SwingPace(rate=0.0, acceleration=0.0) if par.follows_swing else (),
+            path=(AT_REST, AT_REST) if par.follows_path else (),
         ),
         lag=() if par.lag is None else first_lag(vehicle.n, par.lag.stride),
     )
