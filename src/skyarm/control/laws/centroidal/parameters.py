@@ -77,6 +77,7 @@ class CentroidalParameters:
         trend: how the rate of the observed force is found; None for a law that takes the force as it stands.
         leads_thrust: True commands rotors ahead of the planned force by what motors lag.
         ends: whether each joint has a lower and an upper limit that it is kept off; empty leaves it out.
+        pushes_across: rotors push across body z, which the law does not use.
         lag: how the bandwidth answers a lag that is found in flight; None for a law that trusts what it was told.
         accelerometer: bandwidths of its part in velocity and force; None for a law that does without one.
     """
@@ -126,6 +127,7 @@ class CentroidalParameters:
     trend: TrendGains | None = None
     leads_thrust: bool = False
     ends: tuple[tuple[bool, bool], ...] = ()
+    pushes_across: bool = False
     lag: LagGains | None = None
     accelerometer: AccelerometerGains | None = None
 
