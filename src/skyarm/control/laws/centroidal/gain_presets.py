@@ -28,6 +28,7 @@ COMMON: Mapping[str, Any] = {
     "force_trend": 0.0,
     "yaw_slack": 0.0,
     "thrust_lead": False,
+    "arm_scaling": 0.0,
     "lag": (0.0, 0.0),
 }
 """Limits and weights of all presets; see :class:`CentroidalParameters`, :class:`TipGains` and :class:`BaseGains`."""
@@ -107,6 +108,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "approach": (0.0, 1e3),
     "force_trend": (0.0, 1e3),
     "yaw_slack": (0.0, 1e6),
+    "arm_scaling": (0.0, 1.0),
 }
 """Lowest and highest value; entries that are not here are gains, at least 0."""
 

@@ -129,6 +129,8 @@ def make_centroidal(
         brakes=gains["approach"] > 0.0,
         trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] > 0.0 else None,
         leads_thrust=gains["thrust_lead"],
+        arm_scaling=gains["arm_scaling"],
+        scales_arm=gains["arm_scaling"] > 0.0 and vehicle.n > 0,
         lag=_lag(gains["lag"], control_period),
     )
     if gains["bandwidth"] != 1.0:

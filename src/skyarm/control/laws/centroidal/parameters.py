@@ -75,6 +75,8 @@ class CentroidalParameters:
             to the gains.
         trend: how the rate of the observed force is found; None for a law that takes the force as it stands.
         leads_thrust: True commands rotors ahead of the planned force by what motors lag.
+        arm_scaling: share of a rotor's squared speed in hover that joint accelerations leave free at both ends of its
+            range. scales_arm: False gives the joints their accelerations whatever the rotors can.
         lag: how the bandwidth answers a lag that is found in flight; None for a law that trusts what it was told.
     """
 
@@ -120,6 +122,8 @@ class CentroidalParameters:
     brakes: bool = False
     trend: TrendGains | None = None
     leads_thrust: bool = False
+    arm_scaling: Annotated[Scalar, Unit("", "share of a rotor's hover that joint accelerations leave free")] = 0.0
+    scales_arm: bool = False
     lag: LagGains | None = None
 
     def choices(self) -> list[str]:
@@ -136,6 +140,7 @@ class CentroidalParameters:
             "braking in time": self.brakes,
             "trend of the force": self.trend is not None,
             "thrust ahead of its plan": self.leads_thrust,
+            "joints slowed where rotors do not reach": self.scales_arm,
             "bandwidth by the lag found": self.lag is not None,
         }
         adapted += [name for name, there in added.items() if there]
