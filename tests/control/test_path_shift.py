@@ -51,7 +51,7 @@ def flown(lever, w, seconds=3.0):
 
 @pytest.mark.parametrize(("lever", "w"), [(0.3, 1.0), (0.3, 3.0), (0.3, 5.0), (0.05, 6.0), (-0.3, 3.0)])
 def test_on_a_sine_the_attitude_answers_the_shifted_path(lever, w):
-    """u - (l / g) u'' = (l / g) a is solved by (l / g) a / (1 + r), r = l w^2 / g; then a + u'' = a / (1 + r)."""
+    """u - (l / g) u'' = (l / g) a: u = (l / g) a / (1 + r) with r = l w^2 / g, so that a + u'' = a / (1 + r)."""
     _, base, answered = flown(lever, w)
     left = 1.0 / (1.0 + lever * w * w / G)
     size = [SIZE * w**k for k in range(5)]

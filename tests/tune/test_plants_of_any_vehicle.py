@@ -12,8 +12,10 @@ from skyarm.compare.vehicle_spread import RESERVE, arm_length, spread_of, thrust
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import PERFECT_SENSORS
-from skyarm.tune.candidate_flights import CandidateFlights
-from skyarm.tune.excitation import BLOWN, DURATION, STEP, STEPPED, excited, motion, of_vehicle
+from skyarm.tune.candidate_flights import CandidateFlights, Flown
+from skyarm.tune.excitation import BLOWN, DURATION, excited, of_vehicle
+from skyarm.tune.motion_mix import KINDS, STEP, STEPPED, draw_motions, motion, unseen_motion
+from skyarm.tune.objective import scores
 from skyarm.tune.plant_spread import draw_plants
 from skyarm.vehicle.vehicle_files import load_vehicle
 
@@ -60,18 +62,20 @@ def test_load_and_wind_shrink_where_the_thrust_would_not_reach():
     assert arm_length(vehicle) == pytest.approx(0.3, rel=0.01)
 
 
-def test_the_flight_moves_everything_from_rest_within_the_joints_limits():
+@pytest.mark.parametrize("made", [motion, unseen_motion])
+def test_the_flight_moves_everything_from_rest_within_the_joints_limits(made):
     vehicle = load_vehicle("octo_coaxial_two_arms")
-    path = motion(vehicle)
+    path = made(vehicle)
     for k, signal in enumerate((path.x, path.y, path.z, path.yaw, *path.joints)):
-        _, rate, *_ = signal.derivatives(0.0)
-        assert float(rate) == 0.0
-        assert abs(float(signal.derivatives(1.0 + 1e-9)[1])) < 1e-6
+        _, rate, acceleration, *_ = signal.derivatives(0.0)
+        assert (float(rate), float(acceleration)) == (0.0, 0.0)
         moved = [float(signal.derivatives(t)[0]) for t in np.linspace(0.0, STEPPED, 200)]
         assert np.ptp(moved) > 0.01, k
         if k >= 4:
             joint = vehicle.links[k - 4].joint
             assert float(joint.lower) < min(moved) <= max(moved) < float(joint.upper)
+    if made is unseen_motion:
+        return
     jump = float(path.x.derivatives(STEPPED)[0]) - float(path.x.derivatives(STEPPED - 1e-9)[0])
     assert jump == pytest.approx(STEP, abs=1e-6)
 
@@ -104,3 +108,53 @@ def test_joints_with_servos_are_charged_no_effort():
     flights.close()
     assert flown.effort.tolist() == [[0.0, 0.0]]
     assert (flown.jitter > 0.0).all()
+
+
+def test_every_plant_flies_its_own_motion_and_the_kinds_take_turns():
+    flight = excited(of_vehicle(load_vehicle("octo_coaxial_two_arms")))
+    plants = draw_plants(flight, 12, seed=3, mixed=True)
+    assert plants.kinds.tolist() == [k % len(KINDS) for k in range(12)]
+    assert draw_plants(flight, 12, seed=3).kinds.tolist() == [0] * 12
+    few = draw_plants(flight, 7, seed=3, mixed=True)
+    moved = {path for path in plants.values if path.startswith("reference.")}
+    joints = flight.world.vehicle.n
+    assert len(moved) == 3 * (4 + joints)
+    for path in moved:
+        np.testing.assert_array_equal(few.values[path], plants.values[path][:7])
+    fastest = np.zeros(3)
+    time = np.linspace(0.0, STEPPED, 200, endpoint=False)
+    for k in range(12):
+        path = with_numbers(flight, {each: float(plants.values[each][k]) for each in moved}).trajectory
+        x, y = (np.array(signal.derivatives(time)[:3]) for signal in (path.x, path.y))
+        # what any of the shipped vehicles can fly
+        assert np.abs([x[2], y[2]]).max() < 2.5
+        if plants.kinds[k] == 0:
+            away = np.hypot(x[0], y[0])[100:]
+            np.testing.assert_allclose(away, away[0], rtol=1e-6)  # a circle once it is eased in
+        swung = [np.array(signal.derivatives(time)[:2]) for signal in path.joints]
+        for link, (angle, _) in zip(flight.world.vehicle.links, swung, strict=True):
+            assert float(link.joint.lower) < angle.min() <= angle.max() < float(link.joint.upper)
+        fastest[plants.kinds[k]] = max(fastest[plants.kinds[k]], *(np.abs(rate).max() for _, rate in swung))
+    assert fastest[1] > 1.5 * fastest[[0, 2]].max()
+    assert len(draw_motions(flight.world.vehicle, 4, seed=3)[0]) == len(moved)
+
+
+def test_an_error_of_several_kinds_is_the_mean_of_their_quantiles_and_not_the_hardest_one():
+    errors = np.concatenate([np.full(10, 1e-3), np.full(10, 0.1)])[None]
+    errors[0, 3] = 5.0
+    kinds = np.repeat([0, 1], 10)
+    none = np.zeros((1, 20))
+    flown = Flown(
+        error=errors,
+        tip=errors,
+        base=none,
+        joints=none,
+        jitter=none,
+        effort=none,
+        lost=none > 1.0,
+        saturated=none,
+        kinds=kinds,
+    )
+    # of ten, the greatest but one: sqrt(5 * 0.1) where the quantile takes the greatest
+    assert scores(flown).error[0] == pytest.approx(np.sqrt(5.0 * 0.1))
+    assert scores(dataclasses.replace(flown, kinds=0 * kinds)).error[0] == pytest.approx(0.1)

@@ -16,6 +16,7 @@ from skyarm.control.blocks.sideways_force import Reach, planned_rate, reach_of
 from skyarm.control.laws.centroidal import com_tracking as center_of_mass
 from skyarm.control.laws.centroidal import tip_reference, tip_tasks
 from skyarm.control.laws.centroidal.arm_motion import ArmMotion, followed, made_good
+from skyarm.control.laws.centroidal.joint_room import within_limits
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.path_shift import PathShift, moved_path, with_shift
 from skyarm.control.laws.centroidal.swing_shift import SwingPace, moved_shift
@@ -171,6 +172,8 @@ def demands(
             par.tip.reach,
         )
         preferred = tip_tasks.joint_accelerations(vehicle, par.tip, goal, present, preferred)
+    if par.ends:
+        preferred = within_limits(vehicle, par.ends, par.joint_gains, state, joints, preferred)
     plan = Planned(
         R=course.still.R,
         rate=course.still.rate,

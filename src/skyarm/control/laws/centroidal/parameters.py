@@ -8,6 +8,7 @@ from typing import Annotated
 from skyarm.actuation import Mixer
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains
+from skyarm.control.blocks.felt_acceleration import AccelerometerGains
 from skyarm.control.blocks.force_trend import TrendGains
 from skyarm.control.blocks.lag_estimate import LagGains
 from skyarm.control.model import JointGains, Model
@@ -75,7 +76,9 @@ class CentroidalParameters:
             to the gains.
         trend: how the rate of the observed force is found; None for a law that takes the force as it stands.
         leads_thrust: True commands rotors ahead of the planned force by what motors lag.
+        ends: whether each joint has a lower and an upper limit that it is kept off; empty leaves it out.
         lag: how the bandwidth answers a lag that is found in flight; None for a law that trusts what it was told.
+        accelerometer: bandwidths of its part in velocity and force; None for a law that does without one.
     """
 
     model: Model
@@ -122,7 +125,9 @@ class CentroidalParameters:
     brakes: bool = False
     trend: TrendGains | None = None
     leads_thrust: bool = False
+    ends: tuple[tuple[bool, bool], ...] = ()
     lag: LagGains | None = None
+    accelerometer: AccelerometerGains | None = None
 
     def choices(self) -> list[str]:
         """What is structure, in words."""
@@ -139,7 +144,9 @@ class CentroidalParameters:
             "braking in time": self.brakes,
             "trend of the force": self.trend is not None,
             "thrust ahead of its plan": self.leads_thrust,
+            "joints kept within their limits": bool(self.ends),
             "bandwidth by the lag found": self.lag is not None,
+            "force by the accelerometer": self.accelerometer is not None,
         }
         adapted += [name for name, there in added.items() if there]
         return [f"mode '{self.mode}'", f"measurements {self.delay_periods} periods old", *adapted]
