@@ -92,6 +92,10 @@ def test_a_scenario_keeps_its_loop_and_gets_noise_only_where_it_has_none():
     )
     assert flight.duration == DURATION
     assert (own.trajectory, own.duration) == (case.trajectory, case.duration)
+    aside = excited(case, unseen=True)
+    assert aside.trajectory == unseen_motion(case.world.vehicle) != flight.trajectory
+    # once the gust of one second is over
+    assert (aside.windows.steady.start, aside.windows.steady.stop) == (BLOWN + 2.0, aside.duration)
     noisy = dataclasses.replace(case, sensors=dataclasses.replace(case.sensors, position=0.01))
     assert excited(noisy).sensors == noisy.sensors
     gust = flight.forces[-1].gusts[0]
@@ -135,6 +139,9 @@ def test_every_plant_flies_its_own_motion_and_the_kinds_take_turns():
         for link, (angle, _) in zip(flight.world.vehicle.links, swung, strict=True):
             assert float(link.joint.lower) < angle.min() <= angle.max() < float(link.joint.upper)
         fastest[plants.kinds[k]] = max(fastest[plants.kinds[k]], *(np.abs(rate).max() for _, rate in swung))
+    # five joints share what two would swing: 0.25 rad each, 1.6 times it at most
+    widest = max(plants.values[f"reference.joints.{i}.signals.1.signal.amplitude"].max() for i in range(joints))
+    assert 0.6 * 1.6 * 0.25 * 2 / 5 < widest <= 1.6 * 0.25 * 2 / 5 + 1e-9
     assert fastest[1] > 1.5 * fastest[[0, 2]].max()
     assert len(draw_motions(flight.world.vehicle, 4, seed=3)[0]) == len(moved)
 
