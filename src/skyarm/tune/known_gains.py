@@ -18,6 +18,7 @@ from skyarm.actuation import AllocationError
 from skyarm.control.actuator_layer import plain_model
 from skyarm.control.catalogue import LAWS, PRESETS, TUNED, full_name, make_named, tuned_factors
 from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.laws.centroidal.gain_presets import without_preset
 from skyarm.records.leaves import Place
 from skyarm.records.replace_parts import replaced
 from skyarm.scenario.law_by_name import loop_facts
@@ -105,7 +106,7 @@ def _known(scenario: Scenario, knobs: tuple[Knob, ...]) -> dict[str, Numbers]:
     found: dict[str, Numbers] = {}
     for name in [*names, *PRESETS]:
         made = _made(name, model, facts)
-        if made is None or made.name != law:
+        if made is None or without_preset(made.name) != without_preset(law):
             continue
         try:
             theirs = {knob.path: knob for knob in find_knobs(made, law)}
