@@ -16,7 +16,7 @@ from skyarm.tune.candidate_flights import CandidateFlights, Flown
 from skyarm.tune.excitation import BLOWN, DURATION, excited, of_vehicle
 from skyarm.tune.motion_mix import KINDS, STEP, STEPPED, draw_motions, motion, unseen_motion
 from skyarm.tune.objective import scores
-from skyarm.tune.plant_spread import draw_plants
+from skyarm.tune.plant_spread import draw_plants, with_lost
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 FORCE = "environment.forces.0.force_W"
@@ -165,3 +165,20 @@ def test_an_error_of_several_kinds_is_the_mean_of_their_quantiles_and_not_the_ha
     # of ten, the greatest but one: sqrt(5 * 0.1) where the quantile takes the greatest
     assert scores(flown).error[0] == pytest.approx(np.sqrt(5.0 * 0.1))
     assert scores(dataclasses.replace(flown, kinds=0 * kinds)).error[0] == pytest.approx(0.1)
+
+
+def test_half_of_the_plants_are_ones_that_candidates_lost_and_the_telling_ones_come_first():
+    flight = excited(of_vehicle(load_vehicle("crazyflie_arm1")))
+    pool = draw_plants(flight, 24, seed=2, mixed=True)
+    lost = np.zeros((3, 24), dtype=bool)
+    lost[:, 10] = True  # by all: perhaps nothing flies it
+    lost[:2, 12] = lost[:1, 20] = lost[2:, 23] = True
+    lost[:, 3] = True  # is there anyway
+    found = with_lost(pool, 6, lost)
+    assert found.kinds.tolist() == pool.kinds[[0, 1, 2, 12, 20, 23]].tolist()
+    for path, numbers in pool.values.items():
+        np.testing.assert_array_equal(found.values[path], numbers[[0, 1, 2, 12, 20, 23]])
+    more = with_lost(pool, 8, lost).values["plant.payload.mass"]
+    np.testing.assert_array_equal(more, pool.values["plant.payload.mass"][[0, 1, 2, 3, 10, 12, 20, 23]])
+    none = with_lost(pool, 6, lost & False)
+    np.testing.assert_array_equal(none.values["plant.payload.mass"], pool.values["plant.payload.mass"][:6])
