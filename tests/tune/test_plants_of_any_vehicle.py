@@ -131,7 +131,7 @@ def test_every_plant_flies_its_own_motion_and_the_kinds_take_turns():
         path = with_numbers(flight, {each: float(plants.values[each][k]) for each in moved}).trajectory
         x, y = (np.array(signal.derivatives(time)[:3]) for signal in (path.x, path.y))
         # what any of the shipped vehicles can fly
-        assert np.abs([x[2], y[2]]).max() < 2.5
+        assert np.abs([x[2], y[2]]).max() < 1.5
         if plants.kinds[k] == 0:
             away = np.hypot(x[0], y[0])[100:]
             np.testing.assert_allclose(away, away[0], rtol=1e-6)  # a circle once it is eased in
