@@ -146,6 +146,8 @@ def make_centroidal(
         leads_thrust=gains["thrust_lead"],
         ends=_ends(vehicle, gains["joint_limits"]),
         pushes_across=pushes_across(vehicle) and not gains["sideways"] > 0.0,
+        arm_scaling=gains["arm_scaling"],
+        scales_arm=gains["arm_scaling"] > 0.0 and vehicle.n > 0,
         lag=_lag(gains["lag"], control_period),
         accelerometer=_accelerometer(gains["accelerometer"]),
         air=_air(vehicle, gains["hull_drag"], gains["wind"]),
