@@ -197,7 +197,7 @@ def test_what_is_left_out_leaves_the_law_as_it_was_and_wrong_options_are_refused
 
 @pytest.mark.thorough
 def test_drag_that_is_known_is_led_on_a_circle_in_wind():
-    """3 m/s on 3 m in 3 m/s of wind: tip errors of 3.8 mm, of 3.4 with the hull alone and of 2.7 with the wind."""
+    """3 m/s on 3 m in 3 m/s of wind: tip errors of 3.6 mm, of 2.8 with the hull alone and of 1.4 with the wind."""
     setting = setting_of()
     built = motions.circle(setting, 3.0, 3.0)
     drag = BodyDrag(area=Vec3(*(2.0 * 0.02 / RHO,) * 3), air_density=RHO)
@@ -212,5 +212,5 @@ def test_drag_that_is_known_is_led_on_a_circle_in_wind():
         metric = "ee_error_mean_continuous"
         batch = Batch(flown, (), metrics=(metric,), windows=Windows(steady=Window(7.0, 20.0)), effort=0)
         errors.append(float(batch.fly({}, episodes=np.arange(1)).metrics[metric][0]))
-    assert errors[2] < 0.75 * errors[0]
+    assert errors[2] < 0.6 * errors[0]
     assert errors[2] < errors[1] < errors[0]
