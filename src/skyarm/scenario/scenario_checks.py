@@ -140,7 +140,8 @@ def check_vehicles(scenario: Scenario) -> None:
 
 def check_initial(state: State, vehicle: Vehicle) -> None:
     """An initial state has a number for each joint and rotor, speeds that the rotors can turn at, and a quaternion."""
-    counts = (("joints", vehicle.n), ("joint_rates", vehicle.n), ("rotor_speeds", len(vehicle.rotors)))
+    rotors, tilts = len(vehicle.rotors), len(vehicle.tilts)
+    counts = (("joints", vehicle.n), ("joint_rates", vehicle.n), ("rotor_speeds", rotors), ("tilts", tilts))
     for name, count in counts:
         if len(getattr(state, name)) != count:
             raise ValueError(f"initial.{name}: {len(getattr(state, name))} values, must be {count}")
@@ -151,13 +152,17 @@ def check_initial(state: State, vehicle: Vehicle) -> None:
                 f"initial.rotor_speeds[{i}] = {speed!r}: must be from 0 to {rotor.max_speed:g} rad/s, the highest "
                 f"speed of rotor {i}"
             )
+    for i, (angle, tilt) in enumerate(zip(state.tilts, vehicle.tilts, strict=True)):
+        if concrete(angle, tilt.lower, tilt.upper) and not tilt.lower <= angle <= tilt.upper:
+            allowed = f"must be from {tilt.lower:g} to {tilt.upper:g} rad, the range of its servo"
+            raise ValueError(f"initial.tilts[{i}] = {angle!r}: {allowed}")
     check_quaternion(tuple(state.quaternion))
 
 
 def as_data(state: State) -> State:
     """The state without integers, which would be structure, its quaternion exactly of unit length."""
     held: dict[str, Any] = {}
-    for name in ("position", "quaternion", "velocity", "rate", "joints", "joint_rates", "rotor_speeds"):
+    for name in ("position", "quaternion", "velocity", "rate", "joints", "joint_rates", "rotor_speeds", "tilts"):
         value = getattr(state, name)
         numbers = tuple(data(each) for each in value)
         held[name] = numbers if isinstance(value, tuple) else type(value)(*numbers)

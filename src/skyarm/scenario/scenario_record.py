@@ -253,6 +253,7 @@ def trimmed_state(world: Truth, position: Vec3, yaw: float, joints: tuple[Any, .
         joints=tuple(data(q) for q in joints),
         joint_rates=still,
         rotor_speeds=tuple(data(minimum(w, r.max_speed)) for w, r in zip(trim.speeds, vehicle.rotors, strict=True)),
+        tilts=(0.0,) * len(vehicle.tilts),
     )
 
 

@@ -32,6 +32,7 @@ from skyarm.control.laws.centroidal.reference_drag import pushes_across
 from skyarm.control.laws.centroidal.swing_shift import SwingPace
 from skyarm.control.laws.centroidal.tip_reference import ShiftMotion
 from skyarm.control.model import JointGains, Model
+from skyarm.control.vectored_layer import pairs_model, with_tilting
 from skyarm.files import shown
 from skyarm.scalars import minimum
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -75,6 +76,10 @@ def make_centroidal(
     one_of("preset", preset, sorted(PRESETS))
     gains = {**PRESETS[preset], **{name: checked(name, value) for name, value in changes.items()}}
     periods = periods_of(delay, control_period)
+    if gains["sideways"] > 0.0 and model.vehicle.tilts:
+        known: dict[str, Any] = {"mode": mode, "preset": preset, "delay": delay, "control_period": control_period}
+        known |= {"reference_period": reference_period, "tip_mass_limit": tip_mass_limit}
+        return with_tilting(make_centroidal(pairs_model(model), **known, **changes), model)
     vehicle = model.vehicle
     if preset == "adaptive" and mode == "tip" and vehicle.end_effector and "damping" not in changes:
         gains["damping"] *= damping_share(vehicle)
@@ -140,6 +145,8 @@ def make_centroidal(
         leads_thrust=gains["thrust_lead"],
         ends=_ends(vehicle, gains["joint_limits"]),
         pushes_across=pushes_across(vehicle) and not gains["sideways"] > 0.0,
+        arm_scaling=gains["arm_scaling"],
+        scales_arm=gains["arm_scaling"] > 0.0 and vehicle.n > 0,
         lag=_lag(gains["lag"], control_period),
         accelerometer=_accelerometer(gains["accelerometer"]),
     )
