@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm import dynamics
 from skyarm.actuation import Command, friction, mix
 from skyarm.algebra import E_Z, Vec3
 from skyarm.control.blocks.disturbance import Disturbance
