@@ -39,7 +39,7 @@ def bounded(vehicle, q, rate, told, wanted):
 
 
 @pytest.mark.parametrize(
-    ("push", "told", "end"), [(1e3, 0.2, 0.6), (-1e3, 0.2, -0.65), (1e3, 1.3, 1.0), (1e3, 1.0, 1.0)]
+    ("push", "told", "end"), [(1e3, 0.2, 0.6), (-1e3, 0.2, -0.65), (1e3, 1.3, 1.0), (-1e3, -1.9, -1.5)]
 )
 def test_a_joint_that_is_pushed_comes_to_rest_where_it_may_go(push, told, end):
     """On the way that two equal poles of 30 rad/s take from the first instant at which the bound holds."""
