@@ -39,7 +39,7 @@ from skyarm.scalars.taylor import Taylor
 STILL = 0.1
 """(m/s^2)^2: mean square of an axis' acceleration below which it counts as at rest."""
 
-FOLLOWING = 5.0
+FOLLOWING = 2.0
 """1/s, at which u'' is pulled to what the attitude asks for: slowly, so that jumps of the reference's snap pass by."""
 
 BELOW, ABOVE = 1.0, 0.5
