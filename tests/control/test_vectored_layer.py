@@ -127,9 +127,9 @@ def still_law(memory, measurement, reference, dt, *, par):
     return (*memory[:12], *measurement.rotor_speeds), Command(rotor_speeds=memory[:12])
 
 
-def stepped(measured, memory=None):
+def stepped(measured, memory=None, share=1.0):
     """Memory and command of one step of the layer around a law that wants WANTED; angles as measured, or none."""
-    pairs = speeds_of_pairs(BARE, [f.push**0.5 for f in WANTED], [f.angle for f in WANTED])
+    pairs = speeds_of_pairs(BARE, [(share * f.push) ** 0.5 for f in WANTED], [f.angle for f in WANTED])
     inside = make_centroidal(pairs_model(MODEL))
     made = with_tilting(dataclasses.replace(inside, law=still_law, memory=(*pairs, *pairs)), MODEL)
     seen = dataclasses.replace(blank_measurement(0, 6), rotor_speeds=(470.0,) * 6, tilts=measured)
@@ -144,6 +144,11 @@ def test_a_servo_is_told_to_go_ahead_of_its_angle_and_no_further_than_its_range(
     now = (0.1, -0.2, 0.3, 1.5, -1.5, 0.0)
     _, command = stepped(now)
     np.testing.assert_allclose(command.tilts, np.clip(now + 1.25 * (np.array(GOALS) - now), -np.pi / 2, np.pi / 2))
+
+
+def test_next_to_no_thrust_turns_no_servo():
+    _, command = stepped((0.0,) * 6, share=1e-4)
+    assert np.abs(command.tilts).max() < 1e-3
 
 
 def test_thrusts_change_only_for_an_angle_that_is_not_as_the_motors_lag():
