@@ -161,4 +161,3 @@ def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
     for x, y in zip(a, b, strict=True):
         total = add(total, mul(x, y))
     return total
-
