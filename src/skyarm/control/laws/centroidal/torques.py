@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm import dynamics
 from skyarm.actuation import Command, friction, mix
 from skyarm.algebra import E_Z, Vec3
 from skyarm.control.blocks.disturbance import Disturbance
