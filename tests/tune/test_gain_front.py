@@ -61,6 +61,18 @@ def test_the_pick_is_the_calmest_within_five_percent_of_the_least_error_that_mee
     assert pick([point(1.2, 1.0), point(1.06, 2.0), point(1.0, 3.0)], REQUIRED) == 2
 
 
+@pytest.mark.parametrize(("tip", "picked"), [(1.04, 0.8), (1.06, 0.95), (9.0, 0.95)])
+def test_a_better_error_is_not_bought_with_the_tip_along_the_scenarios_motion(tip, picked):
+    """Two of one start's 1.0 and 1.0: the stiffer has less error, and its tip's is what is asked."""
+    found = [point(3.0, 0.5), point(0.95, 2.0), dataclasses.replace(point(0.8, 3.0), tip=tip)]
+    front = front_of([point(1.0, 1.5)], found, REQUIRED)
+    assert front[pick(front, REQUIRED)].error == picked
+    assert front[0] == found[0]
+    # nothing is left: the start stays
+    front = front_of([point(1.0, 1.5)], [dataclasses.replace(each, tip=9.0) for each in found], REQUIRED)
+    assert front[pick(front, REQUIRED)] == point(1.0, 1.5)
+
+
 @pytest.mark.parametrize(
     "worse",
     [
