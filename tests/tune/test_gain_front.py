@@ -91,6 +91,8 @@ def test_what_misses_a_constraint_is_not_picked_though_its_error_is_least(worse)
 def test_where_none_meets_the_margins_the_least_short_is_picked():
     near, far = (dataclasses.replace(WIDE, delay=delay) for delay in (0.009, 0.004))
     assert pick([point(2.0, 1.0, far), point(3.0, 2.0, near)], REQUIRED) == 1
+    none = dataclasses.replace(WIDE, delay=0.0)
+    assert pick([point(3.0, 1.0, none), point(2.0, 2.0, none), point(2.5, 3.0, none)], REQUIRED) == 1
     assert near.shortness(REQUIRED) == pytest.approx(10.0 / 9.0)
     assert dataclasses.replace(WIDE, rotors=(0.8, 3.0)).shortness(REQUIRED) == pytest.approx(1.2)
 

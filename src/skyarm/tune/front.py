@@ -161,7 +161,12 @@ def pick(points: Sequence[Point], required: Required) -> int:
     """Number of the point that :data:`RULE` picks; where none meets the constraints, the one that is least short."""
     allowed = [i for i, point in enumerate(points) if is_allowed(point, required)]
     if not allowed:
-        return min(range(len(points)), key=lambda i: (points[i].lost, points[i].margins.shortness(required)))
+
+        def short(i: int) -> tuple[float, float, float]:
+            # of equals, as where no hover settles, the one of least error
+            return points[i].lost, points[i].margins.shortness(required), points[i].error
+
+        return min(range(len(points)), key=short)
     least = min(points[i].error for i in allowed)
     good = [i for i in allowed if points[i].error <= WORTH * least]
     return min(good, key=lambda i: points[i].activity)
