@@ -14,7 +14,7 @@ from skyarm.files import read_toml
 from skyarm.records.identity import identity
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.tune import conductor, tuning
-from skyarm.tune.conductor import FURTHER
+from skyarm.tune.conductor import FURTHER, POOL
 from skyarm.tune.plant_spread import draw_plants
 from skyarm.tune.tuning_records import ASIDE, UNSEEN
 from skyarm.vehicle.vehicle_files import load_vehicle
@@ -65,10 +65,11 @@ def test_gains_are_better_than_before_and_the_file_says_where_they_come_from(tun
 def test_what_is_said_at_last_comes_from_plants_and_a_path_that_chose_nothing(tuned):
     folder, told = tuned
     seeds, counts, paths, mixed = zip(*DRAWN, strict=True)
-    assert len(set(seeds)) == 4
-    assert counts == (4, FURTHER, UNSEEN, ASIDE)
-    assert paths[0] == paths[1] == paths[2] != paths[3]
-    assert mixed == (True, True, True, False)
+    # of the search, which plants its leaders lose, of what is left of it once more, of the front, of what is said
+    assert seeds == (2, 2, 4, 3, 5)
+    assert counts == (4, POOL * 4, FURTHER, UNSEEN, ASIDE)
+    assert paths[0] == paths[1] == paths[2] == paths[3] != paths[4]
+    assert mixed == (True, True, True, True, False)
     aside = told["aside"]
     assert list(aside) == ["before", "decoupled_pd", "decoupled_pd_tuned", "pick"]
     assert aside["before"] == aside["decoupled_pd"]

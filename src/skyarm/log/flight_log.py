@@ -40,7 +40,7 @@ HELD = "reference as published and held"
 CONTINUOUS = "continuous reference"
 
 
-IF_ANY = ("payload_mass", "lag_found", "path_time")
+IF_ANY = ("payload_mass", "lag_found", "path_time", "tilts", "tilt_commands")
 """Arrays of what not every flight has: left out of files, with no column, where there is none."""
 
 
@@ -67,6 +67,7 @@ class Log:
             found (:mod:`skyarm.control.blocks.lag_estimate`); without columns for a law that does not look for it.
         path_time: (N,) how far along the reference a governor leads the law, s; ``time - path_time`` is its lag. Empty
             without a governor.
+        tilts, tilt_commands: (N, tilting rotors) rad; without columns where no rotor tilts.
         measured_position, measured_joints: what the sensors said at this instant; a delayed controller saw it later.
         info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground",
             "controller_undefined"), cause, end time; ``scenario_record`` is all that was flown as plain data, and
@@ -105,6 +106,8 @@ class Log:
     path_time: Annotated[Array, Unit("s", "time of the reference that a governor leads the law along")] = field(
         default_factory=_nothing
     )
+    tilts: Annotated[Array, units(State)["tilts"]] = field(default_factory=_nothing)
+    tilt_commands: Annotated[Array, Unit("rad", "commanded")] = field(default_factory=_nothing)
     info: dict[str, Any]
 
     @property

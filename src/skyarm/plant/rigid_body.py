@@ -17,14 +17,14 @@ from skyarm.dynamics import State
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.plant.interface import Truth
 from skyarm.plant.loaded_vehicle import loaded_vehicle
-from skyarm.plant.loads import applied_force, lagged
+from skyarm.plant.loads import applied_force, lagged, tilted
 from skyarm.plant.surroundings import Around
 from skyarm.scalars import Scalar, add, mul
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Rate:
-    """Time derivative of a state (rotor speeds apart, which are solved exactly)."""
+    """Time derivative of a state (rotor speeds and tilt angles apart, which are solved exactly)."""
 
     position: Vec3
     quaternion: Quaternion
@@ -76,16 +76,19 @@ def step_rk4(world: Truth, state: State, command: Command, around: Around, dt: f
     Source: Kutta 1901; Hairer, Norsett, Wanner 1993, II.1.
     """
     half, whole = (lagged(world.vehicle, state, command, part, around) for part in (0.5 * dt, dt))
+    half_angles, angles = (tilted(world.vehicle, state, command, part) for part in (0.5 * dt, dt))
 
-    def slope(at: State, speeds: Sequence[Any]) -> Rate:
+    def slope(at: State, speeds: Sequence[Any], turned: tuple[Any, ...]) -> Rate:
+        if turned:
+            at = replace(at, tilts=turned)
         return derivative(world, at, speeds, command.efforts, around, command.rotor_speeds)
 
-    k1 = slope(state, state.rotor_speeds)
-    k2 = slope(_moved(state, k1, 0.5 * dt), half)
-    k3 = slope(_moved(state, k2, 0.5 * dt), half)
-    k4 = slope(_moved(state, k3, dt), whole)
+    k1 = slope(state, state.rotor_speeds, state.tilts)
+    k2 = slope(_moved(state, k1, 0.5 * dt), half, half_angles)
+    k3 = slope(_moved(state, k2, 0.5 * dt), half, half_angles)
+    k4 = slope(_moved(state, k3, dt), whole, angles)
     moved = _moved(_moved(_moved(_moved(state, k1, dt / 6.0), k2, dt / 3.0), k3, dt / 3.0), k4, dt / 6.0)
-    return replace(moved, quaternion=moved.quaternion.normalized(), rotor_speeds=whole)
+    return replace(moved, quaternion=moved.quaternion.normalized(), rotor_speeds=whole, tilts=angles)
 
 
 def _moved(state: State, rate: Rate, dt: Any) -> State:
@@ -102,6 +105,7 @@ def _moved(state: State, rate: Rate, dt: Any) -> State:
         joints=line(state.joints, rate.joints),
         joint_rates=line(state.joint_rates, rate.joint_rates),
         rotor_speeds=state.rotor_speeds,
+        tilts=state.tilts,
     )
 
 
@@ -123,6 +127,7 @@ def step_euler(world: Truth, state: State, command: Command, around: Around, dt:
         joints=tuple(add(x, mul(dx, dt)) for x, dx in zip(state.joints, joint_rates, strict=True)),
         joint_rates=joint_rates,
         rotor_speeds=lagged(world.vehicle, state, command, dt, around),
+        tilts=tilted(world.vehicle, state, command, dt),
     )
 
 

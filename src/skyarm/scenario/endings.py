@@ -187,13 +187,15 @@ def state_words(vehicle: Vehicle) -> list[str]:
     named = [f"{word}.{axis}" for word, letters in axes for axis in letters]
     joints = [link.joint.name for link in vehicle.links]
     named += [f"joint '{name}'" for name in joints] + [f"rate of joint '{name}'" for name in joints]
-    return named + [f"speed of rotor '{rotor.name}'" for rotor in vehicle.rotors]
+    named += [f"speed of rotor '{rotor.name}'" for rotor in vehicle.rotors]
+    return named + [f"angle of rotor '{rotor.name}'" for rotor in vehicle.rotors if rotor.tilt is not None]
 
 
 def command_words(vehicle: Vehicle) -> list[str]:
     """Words for the numbers of a command, in order."""
     found = [f"commanded speed of rotor '{rotor.name}'" for rotor in vehicle.rotors]
-    return found + [f"commanded effort of joint '{link.joint.name}'" for link in vehicle.links]
+    found += [f"commanded effort of joint '{link.joint.name}'" for link in vehicle.links]
+    return found + [f"commanded angle of rotor '{rotor.name}'" for rotor in vehicle.rotors if rotor.tilt is not None]
 
 
 def not_finite(vehicle: Vehicle, command: Sequence[float]) -> str | None:

@@ -16,7 +16,7 @@ from skyarm.tune.gain_search import with_margins
 from skyarm.tune.hover_margins import required
 from skyarm.tune.margin_tests import MarginTests, NoMargins
 from skyarm.tune.objective import WEIGHTS, Scores, scores
-from skyarm.tune.plant_spread import Plants, draw_plants
+from skyarm.tune.plant_spread import Plants, draw_plants, with_lost
 from skyarm.tune.tuning_records import ASIDE, Aside, Plan
 
 Array = npt.NDArray[np.float64]
@@ -28,6 +28,9 @@ Margins = MarginTests | NoMargins
 
 LEADERS = 3
 """Of the scatter, for each weight: candidates whose margins are looked at."""
+
+POOL = 8
+"""Times the plants of the search: what the leaders of the scatter fly."""
 
 SEMIFINALISTS, FURTHER = 32, 64
 """Candidates of the search that fly once more, and the plants that they do: a few plants flatter."""
@@ -45,10 +48,12 @@ class Conductor:
         self._plan, self._plants, self._archive, self._threads = plan, plants, archive, threads
         self._progress, self._done = progress, 0
         self._flights: CandidateFlights | None = None
+        self._first: tuple[Array, Scores] | None = None
+        self._searched: Plants | None = None
         self._tests: Margins | None = None
         effort = plan.effort
         rounds = effort.scatter * effort.first_plants
-        rounds += (effort.candidates - effort.scatter) * effort.plants
+        rounds += (effort.candidates - effort.scatter) * effort.plants + len(WEIGHTS) * POOL * effort.plants
         self._total = rounds + SEMIFINALISTS * FURTHER + POINTS * plan.unseen
 
     def judge(self, number: int, asked: Array, plants: int) -> Scores:
@@ -58,12 +63,30 @@ class Conductor:
             if self._flights is None:
                 self._progress(self._done, self._total, "making machine code")
                 self._flights = self._flown_by(self._plants)
-            flown, groups = scores(self._flights.fly(asked, plants)), self._groups(number, len(asked))
+            flown = scores(self._flights.fly(asked, plants, others=self._telling() if number else None))
+            groups = self._groups(number, len(asked))
             found = with_margins(flown, asked, groups, self._margins().costs)
             self._archive.put(number, asked, found)
+        if number == 0:
+            self._first = (asked, found)
         self._done += len(asked) * plants
         self._progress(self._done, self._total, f"round {number} of {self._plan.effort.rounds}")
         return found
+
+    def _telling(self) -> Plants:
+        """The plants that all rounds but the first fly: its leaders fly more of them, and what they lose is taken in.
+
+        A search that loses one plant in fifty does not see it on two dozen.
+        """
+        if self._searched is None:
+            assert self._flights is not None
+            assert self._first is not None
+            asked, found = self._first
+            leaders = list(dict.fromkeys(int(found.cost(weight).argmin()) for weight in WEIGHTS))
+            pool = draw_plants(self._plan.flight, POOL * self._plants.count, seed=self._plan.seed, mixed=True)
+            lost = self._flights.fly(asked[leaders], others=pool).lost
+            self._searched = with_lost(pool, self._plants.count, lost)
+        return self._searched
 
     def _flown_by(self, plants: Plants) -> CandidateFlights:
         plan = self._plan

@@ -68,3 +68,21 @@ def draw_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool = Fals
         moved, kinds = draw_motions(truth, count, seed=seed)
         values |= moved
     return Plants(spread=spread, eased=eased, values=values, kinds=kinds)
+
+
+def with_lost(pool: Plants, count: int, lost: npt.NDArray[np.bool_]) -> Plants:
+    """The first plants of a pool, up to half of them replaced by others that were lost.
+
+    Those come first that some candidates lost and some flew: they tell one from another. Then those that all lost.
+
+    Args:
+        pool: more plants than are wanted.
+        count: of the plants that are wanted.
+        lost: (candidates, plants of the pool).
+    """
+    times = lost[:, count:].sum(axis=0)
+    order = np.lexsort((np.arange(len(times)), -times, times == len(lost)))
+    taken = count + order[times[order] > 0][: count // 2]
+    which = np.concatenate([np.arange(count - len(taken)), np.sort(taken)])
+    values = {path: numbers[which] for path, numbers in pool.values.items()}
+    return Plants(spread=pool.spread, eased=pool.eased, values=values, kinds=pool.kinds[which])

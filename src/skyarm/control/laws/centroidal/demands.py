@@ -10,7 +10,6 @@ from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
 from skyarm.control.blocks.attitude import Attitude, angular_acceleration
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.force_trend import ForceTrend
-from skyarm.control.blocks.prediction import side_wrench
 from skyarm.control.blocks.series_kinematics import Posture, derivative, moving, posture
 from skyarm.control.blocks.sideways_force import Reach, planned_rate, reach_of
 from skyarm.control.laws.centroidal import com_tracking as center_of_mass
@@ -19,6 +18,7 @@ from skyarm.control.laws.centroidal.arm_motion import ArmMotion, followed, made_
 from skyarm.control.laws.centroidal.joint_room import within_limits
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.path_shift import PathShift, moved_path, with_shift
+from skyarm.control.laws.centroidal.reference_drag import reference_drag
 from skyarm.control.laws.centroidal.swing_shift import SwingPace, moved_shift
 from skyarm.control.laws.centroidal.tip_reference import ShiftMotion
 from skyarm.control.laws.centroidal.wanted_attitude import wanted_attitude
@@ -210,16 +210,17 @@ def _course(
     base = [Vec3(*(signal.derivative(k) for signal in signals[:3])) for k in range(5)]
     yaw, joints = signals[3], tuple(signals[4:])
     level = posture(vehicle, joints, 4)
-    R = state.quaternion.rotation()
-
-    # drag at the reference's motion: at the present one it would feed noise and errors into the posture
-    def drag(motion: Vec3) -> Vec3:
-        return R.apply(side_wrench(model, state.rotor_speeds, R.apply_T(motion), ZERO3, par.uses_sideways).force)
-
     answered = with_shift(before.path, base, level, par.model.gravity)
-    drags = (drag(answered[2]), drag(answered[3])) if par.moves_shift else (ZERO3, ZERO3)
-    changes = (drags[0] + force_rate, drags[1])
-    force = center_of_mass.quasi_static(par, mass, answered, steady + drag(base[1]), changes)
+    drag = reference_drag(
+        model,
+        state,
+        [*base[:2], *answered[2:4]],
+        sideways=par.uses_sideways,
+        moving=par.moves_shift,
+        across=par.pushes_across,
+    )
+    changes = (drag[1] + force_rate, drag[2])
+    force = center_of_mass.quasi_static(par, mass, answered, steady + drag[0], changes)
     changes = changes if par.follows_path else (force_rate, ZERO3)
     reach = reach_of(par.mixer, derivative(level.com, 0), mass * model.gravity) if par.uses_sideways else None
     still = wanted_attitude(par, force, yaw, reach)

@@ -30,6 +30,7 @@ COMMON: Mapping[str, Any] = {
     "yaw_slack": 0.0,
     "thrust_lead": False,
     "joint_limits": False,
+    "arm_scaling": 0.0,
     "lag": (0.0, 0.0),
     "accelerometer": (0.0, 0.0),
 }
@@ -114,6 +115,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "force_trend": (0.0, 1e3),
     "yaw_slack": (0.0, 1e6),
     "accelerometer": (0.0, 1e3),
+    "arm_scaling": (0.0, 1.0),
 }
 """Lowest and highest value; entries that are not here are gains, at least 0."""
 

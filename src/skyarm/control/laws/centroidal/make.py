@@ -17,6 +17,7 @@ from skyarm.control.blocks.lag_estimate import LagGains, first_lag, stride_of
 from skyarm.control.blocks.select import data
 from skyarm.control.controller import Controller, ControllerError, all_applied
 from skyarm.control.laws.centroidal.adaptation import SLOW, STICKIEST, first_learned
+from skyarm.control.laws.centroidal.arm_length import damping_share
 from skyarm.control.laws.centroidal.arm_motion import ArmMotion
 from skyarm.control.laws.centroidal.bandwidth import at_shares
 from skyarm.control.laws.centroidal.demands import Following
@@ -27,9 +28,11 @@ from skyarm.control.laws.centroidal.memory import CentroidalMemory
 from skyarm.control.laws.centroidal.option_checks import bounded, checked, one_of, periods_of
 from skyarm.control.laws.centroidal.parameters import MODE_ALIASES, MODES, CentroidalParameters, TipGains
 from skyarm.control.laws.centroidal.path_shift import AT_REST
+from skyarm.control.laws.centroidal.reference_drag import pushes_across
 from skyarm.control.laws.centroidal.swing_shift import SwingPace
 from skyarm.control.laws.centroidal.tip_reference import ShiftMotion
 from skyarm.control.model import JointGains, Model
+from skyarm.control.vectored_layer import pairs_model, with_tilting
 from skyarm.files import shown
 from skyarm.scalars import minimum
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -73,7 +76,13 @@ def make_centroidal(
     one_of("preset", preset, sorted(PRESETS))
     gains = {**PRESETS[preset], **{name: checked(name, value) for name, value in changes.items()}}
     periods = periods_of(delay, control_period)
+    if gains["sideways"] > 0.0 and model.vehicle.tilts:
+        known: dict[str, Any] = {"mode": mode, "preset": preset, "delay": delay, "control_period": control_period}
+        known |= {"reference_period": reference_period, "tip_mass_limit": tip_mass_limit}
+        return with_tilting(make_centroidal(pairs_model(model), **known, **changes), model)
     vehicle = model.vehicle
+    if preset == "adaptive" and mode == "tip" and vehicle.end_effector and "damping" not in changes:
+        gains["damping"] *= damping_share(vehicle)
     if (mode == "tip" or ("adaptation" in changes and gains["adaptation"])) and not vehicle.end_effector:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: has no end_effector, which mode 'tip' must have")
     adaptation = gains["adaptation"] if vehicle.n and vehicle.end_effector else 0.0
@@ -135,6 +144,9 @@ def make_centroidal(
         trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] > 0.0 else None,
         leads_thrust=gains["thrust_lead"],
         ends=_ends(vehicle, gains["joint_limits"]),
+        pushes_across=pushes_across(vehicle) and not gains["sideways"] > 0.0,
+        arm_scaling=gains["arm_scaling"],
+        scales_arm=gains["arm_scaling"] > 0.0 and vehicle.n > 0,
         lag=_lag(gains["lag"], control_period),
         accelerometer=_accelerometer(gains["accelerometer"]),
     )

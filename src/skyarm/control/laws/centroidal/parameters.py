@@ -79,6 +79,9 @@ class CentroidalParameters:
         trend: how the rate of the observed force is found; None for a law that takes the force as it stands.
         leads_thrust: True commands rotors ahead of the planned force by what motors lag.
         ends: whether each joint has a lower and an upper limit that it is kept off; empty leaves it out.
+        pushes_across: rotors push across body z, which the law does not use.
+        arm_scaling: share of a rotor's squared speed in hover that joint accelerations leave free at both ends of its
+            range. scales_arm: False gives the joints their accelerations whatever the rotors can.
         lag: how the bandwidth answers a lag that is found in flight; None for a law that trusts what it was told.
         accelerometer: bandwidths of its part in velocity and force; None for a law that does without one.
     """
@@ -128,6 +131,9 @@ class CentroidalParameters:
     trend: TrendGains | None = None
     leads_thrust: bool = False
     ends: tuple[tuple[bool, bool], ...] = ()
+    pushes_across: bool = False
+    arm_scaling: Annotated[Scalar, Unit("", "share of a rotor's hover that joint accelerations leave free")] = 0.0
+    scales_arm: bool = False
     lag: LagGains | None = None
     accelerometer: AccelerometerGains | None = None
 
@@ -147,6 +153,7 @@ class CentroidalParameters:
             "trend of the force": self.trend is not None,
             "thrust ahead of its plan": self.leads_thrust,
             "joints kept within their limits": bool(self.ends),
+            "joints slowed where rotors do not reach": self.scales_arm,
             "bandwidth by the lag found": self.lag is not None,
             "force by the accelerometer": self.accelerometer is not None,
         }
