@@ -218,6 +218,7 @@ def _course(
         sideways=par.uses_sideways,
         moving=par.moves_shift,
         across=par.pushes_across,
+        air=par.air,
     )
     changes = (drag[1] + force_rate, drag[2])
     force = center_of_mass.quasi_static(par, mass, answered, steady + drag[0], changes)

@@ -33,6 +33,8 @@ COMMON: Mapping[str, Any] = {
     "arm_scaling": 0.0,
     "lag": (0.0, 0.0),
     "accelerometer": (0.0, 0.0),
+    "hull_drag": False,
+    "wind": (0.0, 0.0, 0.0),
 }
 """Limits and weights of all presets; see :class:`CentroidalParameters`, :class:`TipGains` and :class:`BaseGains`."""
 
@@ -115,6 +117,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "force_trend": (0.0, 1e3),
     "yaw_slack": (0.0, 1e6),
     "accelerometer": (0.0, 1e3),
+    "wind": (-100.0, 100.0),
     "arm_scaling": (0.0, 1.0),
 }
 """Lowest and highest value; entries that are not here are gains, at least 0."""
