@@ -66,6 +66,8 @@ class CentroidalParameters:
             takes shift, drag and turned links as they stand, without their motion.
         swing_rate: 1/s, of the means by which the pace of the arm's swing is found. follows_swing: False shifts the
             base as each instant asks for.
+        path_rate: 1/s, of the means by which the pace of the base's path is found. follows_path: False turns the base
+            for its reference alone.
         low_thrust: share of the weight below which a vertical force turns the attitude less. softens_attitude: False
             leaves it out.
         arm_turn: rad/s^2, the most of angular acceleration that the base turns with to make good the arm's motion.
