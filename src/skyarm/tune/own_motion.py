@@ -75,10 +75,9 @@ class FlightsWithOwn:
         kinds = flown.kinds[:plants]
         found = []
         for flights, which in ((self._drawn, kinds != OWN), (self._own, kinds == OWN)):
-            if which.any():
-                some = flown.taken(np.flatnonzero(which))
-                some = _without_motions(some) if flights is self._own else some
-                found.append((which, flights.fly(logs, others=some)))
+            some = flown.taken(np.flatnonzero(which))
+            some = _without_motions(some) if flights is self._own else some
+            found.append((which, flights.fly(logs, others=some)))
         return _joined(found, kinds)
 
     def close(self) -> None:
