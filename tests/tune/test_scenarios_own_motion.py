@@ -44,6 +44,9 @@ def short():
         (90.0, (40.0, 90.0), 15.0, (10.0, 15.0)),
         (30.0, (9.0, 12.0), 12.0, (9.0, 12.0)),
         (6.0, None, 6.0, (2.0, 6.0)),
+        # a third of it is no whole number of control periods
+        (16.0, None, 10.335, (16.0 / 3.0, 16.0 / 3.0 + 5.0)),
+        (30.0, (9.0, 12.002), 12.005, (9.0, 12.002)),
     ],
 )
 def test_a_search_flies_the_own_motion_until_enough_of_it_was_looked_at(duration, steady, flown, window):

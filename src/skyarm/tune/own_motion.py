@@ -8,6 +8,7 @@ plants are a batch of their own.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -43,7 +44,8 @@ def shortened(own: Scenario) -> Scenario:
     steady = Windows().of_flight(own.duration, own.windows).steady
     start = min(steady.start, LATEST)
     stop = min(steady.stop, start + LOOKED_AT)
-    return dataclasses.replace(own, duration=stop, windows=Windows(steady=Window(start, stop)))
+    periods = math.ceil(stop * own.rates.control - 1e-9)
+    return dataclasses.replace(own, duration=periods / own.rates.control, windows=Windows(steady=Window(start, stop)))
 
 
 def with_own(plants: Plants) -> Plants:
