@@ -9,11 +9,12 @@ from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import Program, trace
 from skyarm.dynamics import State
+from skyarm.plant.coupled_memory import places_in
 from skyarm.plant.impact import after_impact
 from skyarm.plant.integrators import FRICTION_STEP, INTEGRATORS
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
 from skyarm.plant.largest_step import divisions, largest_step
-from skyarm.plant.rigid_body import STEP, accelerate
+from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate
 from skyarm.plant.stop_rate import joint_rate
 from skyarm.plant.surroundings import Around
 from skyarm.vehicle.check import require_plant
@@ -58,7 +59,7 @@ class RigidBodyPlant:
         n, rotors = world.vehicle.n, len(world.vehicle.rotors)
         self._examples = (example_state(n, rotors), example_command(n, rotors), around)
         self._steps: dict[float, Program] = {}
-        self._largest = largest_step(around)
+        self._largest, self._coupled = largest_step(around), places_in(around)
         self._per_second = joint_rate(world.vehicle) / FRICTION_STEP
 
     @cached_property
@@ -72,9 +73,9 @@ class RigidBodyPlant:
 
     def _step(self, dt: float) -> Program:
         if dt not in self._steps:
-            law = STEP[self._integrator]
+            law = COUPLED_STEP[self._integrator]
 
-            def step(state: State, command: Command, around: Around) -> State:
+            def step(state: State, command: Command, around: Around) -> Moved:
                 return law(self._world, state, command, around, dt)
 
             self._steps[dt] = trace(step, *self._examples)
@@ -87,14 +88,15 @@ class RigidBodyPlant:
         return whole_steps(seconds, self._physics_step) * divisions(self._physics_step, self._largest)
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
-        """State after ``seconds`` of held command and surroundings."""
-        inputs = (*command, *around)
+        """State after ``seconds`` of held command and surroundings, then the coupled memories."""
         divided = self._integrator != "euler" or self._largest is not None
         count = self.substeps(seconds)
         step = self._step(seconds / count if divided else self._physics_step)
-        x = tuple(state)
+        x, end, given = tuple(state), len(state), list(around)
         for _ in range(count):
-            x = step.flat((*x, *inputs))
+            x = step.flat((*x[:end], *command, *given))
+            for place, value in zip(self._coupled, x[end:], strict=True):
+                given[place] = value
         return x
 
     @cached_property

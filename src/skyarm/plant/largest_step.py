@@ -33,7 +33,7 @@ def _least(records: Iterable[Component | Drive]) -> float | None:
     return min(stated, default=None)
 
 
-STATED = ("plant.drives.", "plant.vehicle.drives.", "environment.air.", "environment.forces.")
+STATED = ("plant.drives.", "plant.vehicle.drives.", "environment.air.", "environment.forces.", "world.")
 """Beginnings of the paths of numbers from which a largest step may follow."""
 
 

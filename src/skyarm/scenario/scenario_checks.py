@@ -134,6 +134,7 @@ def check_additions(scenario: Scenario) -> None:
         if concrete(latency) and latency * rates.control > LONGEST_QUEUE_OF_SERVO:
             most = f"{LONGEST_QUEUE_OF_SERVO} control periods, {LONGEST_QUEUE_OF_SERVO / rates.control:g} s"
             raise ValueError(f"{where}.latency = {latency!r}: must be at most {most}")
+    added += [("world", contact) for contact in scenario.contacts]
     check_largest_step(added, 1.0 / rates.control)
     for joint in driven:
         if joint not in joints or driven.count(joint) > 1:

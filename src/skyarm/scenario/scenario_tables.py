@@ -10,6 +10,7 @@ from typing import Any
 
 from skyarm.actuation import AllocationError
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.contact.contact import Contact
 from skyarm.control.actuator_layer import plain_model
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.model import Model
@@ -17,6 +18,7 @@ from skyarm.dynamics import State
 from skyarm.environment import payload_from
 from skyarm.files import Fields, number, shown
 from skyarm.records.leaves import field_names
+from skyarm.records.read_table import record_from
 from skyarm.scenario.gains_file import controller_of_file, make_named_or_tuned
 from skyarm.scenario.governor_limits import GovernorOptions
 from skyarm.scenario.law_by_name import on_actuators
@@ -92,6 +94,12 @@ def with_payload(carrier: Vehicle, fields: Fields) -> Vehicle:
         return held.held_by(carrier)
     except ValueError as error:
         raise ValueError(f"{fields.at('payload')}: {error}") from None
+
+
+def contact(top: Fields) -> Contact | None:
+    """[world]: surfaces, and points of the vehicle that touch them."""
+    table = top.take("world", None)
+    return None if table is None else record_from(Contact, Fields(table, "world"))
 
 
 def gravity(fields: Fields) -> float:

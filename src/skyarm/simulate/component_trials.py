@@ -115,6 +115,7 @@ def _components(scenario: Scenario, period: float) -> Iterator[Trial]:
     places = ["environment.wind", *(f"environment.air[{i}]" for i in range(len(scenario.air)))]
     places += [f"environment.forces[{i}]" for i in range(len(scenario.forces))]
     places += [f"payloads[{i}]" for i in range(len(scenario.payloads))]
+    places += ["world"] * len(scenario.contacts)
     places += ["plant.vehicle.battery"] * len(scenario.power)
     starts = start_draws(scenario, scenario.seed, scenario.episode)
     for place, component, (_, count), row in zip(places, scenario.components, plan, starts, strict=True):
