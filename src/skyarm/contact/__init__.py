@@ -1,4 +1,4 @@
-"""Contact of a vehicle with surfaces of the world: material, surfaces, points that touch, and the force between them."""
+"""Contact of a vehicle with surfaces of the world: material, surfaces, points that touch, the force between them."""
 
 from skyarm.contact.contact import Contact, ContactMemory, Touch
 from skyarm.contact.contact_point import ContactPoint

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.contact.contact_point import ContactPoint
@@ -18,7 +18,8 @@ from skyarm.dynamics.state import State
 from skyarm.environment.component import Force, Wrench
 from skyarm.files import shown
 from skyarm.records.field_rules import accept_fields
-from skyarm.scalars import maximum, minimum, neg, sqrt
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, maximum, minimum, neg, sqrt
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -58,7 +59,8 @@ class Touch:
     @property
     def force(self) -> Vec3:
         """Both forces, N."""
-        return self.axis * self.normal + self.friction
+        total: Vec3 = self.axis * self.normal + self.friction
+        return total
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -71,9 +73,12 @@ class Contact(Force):
 
     surfaces: tuple[Surface, ...]
     points: tuple[ContactPoint, ...] = ()
+    rotor_radius: Annotated[Scalar, Unit("m", "of the rotors' discs, which may touch nothing; 0: hubs", low=0.0)] = 0
 
     def __post_init__(self) -> None:
         accept_fields(self, "world")
+        if type(self.rotor_radius) is float and self.rotor_radius == 0.0:
+            object.__setattr__(self, "rotor_radius", 0)
         for what, records in (("surfaces", self.surfaces), ("points", self.points)):
             names = [record.name for record in records]
             for name in names:
@@ -81,12 +86,12 @@ class Contact(Force):
                     raise ValueError(f"world.{what}: name = {shown(name)}: must be of one only")
 
     @property
-    def coupled(self) -> bool:
+    def coupled(self) -> bool:  # type: ignore[override]
         """Bristles and clock go on within a control period."""
         return True
 
     @property
-    def largest_step(self) -> Any:
+    def largest_step(self) -> Any:  # type: ignore[override]
         """Longest integration step (s) that every material bears; None without surfaces."""
         steps = [surface.material.largest_step for surface in self.surfaces]
         least = steps[0] if steps else None
@@ -104,6 +109,11 @@ class Contact(Force):
     def pairs(self) -> tuple[tuple[Surface, ContactPoint], ...]:
         """Every surface with every point, in the order of the bristles."""
         return tuple((surface, point) for surface in self.surfaces for point in self.points)
+
+    @property
+    def still(self) -> tuple[Surface, ...]:
+        """Surfaces that do not move."""
+        return tuple(surface for surface in self.surfaces if not surface.moves)
 
     def check(self, vehicle: Vehicle) -> None:
         """Raise ValueError with one line unless the vehicle has the points."""

@@ -40,7 +40,7 @@ class Surface:
     shape: str = "plane"
     size: Annotated[tuple[Scalar, ...], Unit("m", low=0.0, strict=True)] = ()
     position: Annotated[Vec3, Unit("m", "of its middle, or of a point of a plane, world axes", folds=True)] = ZERO3
-    angles: Annotated[Vec3, Unit("rad", "roll, pitch, yaw: turned about x, then y, then z of the world", folds=True)] = ZERO3
+    angles: Annotated[Vec3, Unit("rad", "roll, pitch, yaw: about x, then y, then z of the world", folds=True)] = ZERO3
     motion: SignalVector = NO_SIGNALS
     material: Material = field(default_factory=Material)
 
@@ -99,17 +99,55 @@ class Surface:
         its middle.
 
         Args:
-            point_W: middle of the ball, m, world axes. radius: of it, m; an int of 0 is a point. t: s.
+            point_W: middle of the ball, m, world axes.
+            radius: of it, m; an int of 0 is a point.
+            t: s.
         """
         R = self.rotation
         faces = self._faces(R.apply_T(point_W - self.place(t)[0]))
-        height, normal = faces[0]
-        for above, axis in faces[1:]:
-            nearer = above > height
-            height, normal = where(nearer, above, height), _either(nearer, axis, normal)
+        height, normal = _nearest(faces)
         if len(faces) > 1 and not (type(radius) is int and radius == 0):
             height, normal = _rounded(faces, height, normal)
         return radius - height, R.apply(normal)
+
+    def clearance(self, centre_W: Vec3, axis_W: Vec3, radius: Any, t: Any) -> Any:
+        """Distance of a disc from the surface, m; negative where they may meet.
+
+        A plane between both is looked for among the faces and across the way from the disc's middle to the nearest
+        point of the surface: what one of them parts, does not touch. Next to a corner the disc may still be some
+        millimetres away where none does.
+
+        Args:
+            centre_W: middle of the disc, m, world axes.
+            axis_W: unit vector across it, world axes.
+            radius: of the disc, m; an int of 0 is a point.
+            t: s.
+        """
+        R = self.rotation
+        axis, faces = R.apply_T(axis_W), self._faces(R.apply_T(centre_W - self.place(t)[0]))
+        known = [*faces, _rounded(faces, *_nearest(faces))] if len(faces) > 1 else faces
+        found = [height - _half_width(axis, normal, radius) for height, normal in known]
+        widest = found[0]
+        for each in found[1:]:
+            widest = maximum(widest, each)
+        return widest
+
+
+def _half_width(axis: Vec3, normal: Vec3, radius: Any) -> Any:
+    """How far a disc reaches along a unit vector, m."""
+    if type(radius) is int and radius == 0:
+        return 0
+    along = axis.dot(normal)
+    return radius * sqrt(maximum(1.0 - along * along, 0.0) + _CENTRE)
+
+
+def _nearest(faces: tuple[Face, ...]) -> Face:
+    """The face that a point is highest above, or least deep below."""
+    height, normal = faces[0]
+    for above, axis in faces[1:]:
+        nearer = above > height
+        height, normal = where(nearer, above, height), _either(nearer, axis, normal)
+    return height, normal
 
 
 def _slab(c: Any, size: Any, axis: Vec3) -> Face:

@@ -89,7 +89,8 @@ class MujocoPlant:
     MuJoCo's own integrators hold forces for each physics step, which makes both methods of first order in it. With
     "rk4_staged" forces are evaluated at each stage, and the method is of fourth order. A spring whose force is held for
     a step of "rk4" gains energy, so "rk4" is "rk4_staged" where joints have stops, a drive states a largest step or
-    there is contact. Not for two threads at once: each call works in the same MuJoCo data, though nothing in it outlives the call.
+    there is contact. Not for two threads at once: each call works in the same MuJoCo data, though nothing in it
+    outlives the call.
 
     Args:
         world: true vehicle and gravity. A planar model is refused: no real body has its inertia.
@@ -128,7 +129,7 @@ class MujocoPlant:
         self._loads = Quick(self._forces_and_speeds, zeros, (0.0,) * layout.rotors, efforts, around)
         ends = (0, layout.nq, layout.nq + layout.nv, layout.end)
         self._parts = tuple(self._loads.inputs[a:b] for a, b in pairwise(ends))
-        ends = (0, layout.nv, layout.nv + layout.rotors, None)
+        ends = (0, layout.nv, layout.nv + layout.rotors, len(self._loads.outputs))
         self._pushed, self._turned, self._remembered = (self._loads.outputs[a:b] for a, b in pairwise(ends))
         self._coupled = [*places_in(around)]
         self._around = self._loads.inputs[layout.end + layout.rotors + world.vehicle.n :]

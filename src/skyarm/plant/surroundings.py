@@ -70,9 +70,7 @@ class Surroundings:
 
     def slopes(self, motion: PointMotion, rotor_speeds: Sequence[Any]) -> tuple[Any, ...]:
         """Rates of their memories, 1/s."""
-        return tuple(
-            self.components[i].slope(self.memories[i], self.time, motion, rotor_speeds) for i in self.coupled
-        )
+        return tuple(self.components[i].slope(self.memories[i], self.time, motion, rotor_speeds) for i in self.coupled)
 
     def effort(self, index: int, setpoint: Any, position: Any, rate: Any) -> Any:
         """What a joint's drive gives before its limit and friction, N m or N."""
@@ -107,6 +105,4 @@ def felt(around: Surroundings, vehicle: Vehicle, state: State) -> WindSample:
     held = tuple(data(mul(each.mass, memory.held)) for each, memory in pairs if isinstance(each, TimedPayload))
     pairs = zip(around.components, around.memories, strict=True)
     own = tuple(data(number) for each, memory in pairs for number in each.logged(memory, motion))
-    return WindSample(
-        Vec3(*(data(c) for c in force)), ZERO3, Vec3(*(data(c) for c in air)), held=held, contacts=own
-    )
+    return WindSample(Vec3(*(data(c) for c in force)), ZERO3, Vec3(*(data(c) for c in air)), held=held, contacts=own)
