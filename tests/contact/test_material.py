@@ -69,7 +69,8 @@ def test_friction_stands_against_the_slip_with_the_share_that_the_bristle_is_ben
 
 def test_it_never_leaves_the_cone_and_is_nothing_without_pressure():
     rng = np.random.default_rng(3)
-    for z, v, normal in zip(rng.normal(size=(300, 3)), rng.normal(size=(300, 3)), rng.exponential(3.0, 300)):
+    drawn = rng.normal(size=(300, 3)), rng.normal(size=(300, 3)), rng.exponential(3.0, 300)
+    for z, v, normal in zip(*drawn, strict=True):
         force = np.array([*STEEL.friction_force(Vec3(*(1e-4 * z)), Vec3(*(0.2 * v)), normal)])
         assert np.linalg.norm(force) <= 0.3 * normal * (1.0 + 1e-12)
     assert [*STEEL.friction_force(Vec3(1e-4, 0.0, 0.0), Vec3(0.1, 0.0, 0.0), 0.0)] == [0.0, 0.0, 0.0]

@@ -268,6 +268,7 @@ FLOWN = (
     "drives",
     "delays",
     "initial",
+    "contact",
 )
 """Fields of a scenario, beside the law's constants, whose numbers a flight takes."""
 
@@ -285,6 +286,13 @@ def require_flight(scenario: Any) -> None:
     for field in FLOWN:
         _require_plain(getattr(scenario, field), field)
     _require_plain(scenario.controller.par, "controller")
+    if scenario.contacts:
+        from skyarm.scenario.start_in_world import require_start_outside
+
+        try:
+            require_start_outside(scenario)
+        except ValueError as error:
+            raise ScenarioError(str(error)) from None
 
 
 def _require_plain(record: Any, where: str) -> None:

@@ -1,6 +1,6 @@
 """A vehicle that stands on a surface of its world at rest: how deep, and how tilted, its weight presses it.
 
-It is set down from the height of its position: level until the surfaces carry its weight, then tilted until they carry
+It is set down from 5 cm above its position: level until the surfaces carry its weight, then tilted until they carry
 its moment, too. A flight that begins so does not jump.
 """
 
@@ -22,8 +22,9 @@ from skyarm.plant.interface import Truth
 
 Array = npt.NDArray[np.float64]
 
-STEP, LOWEST = 0.002, 100.0
-"""m, by which a vehicle is lowered until it stands, and how far at most."""
+STEP, LOWEST, LIFT = 0.002, 100.0, 0.05
+"""m, by which a vehicle is lowered until it stands, how far at most, and how far above its position it begins: a
+reference that presses it to the ground lies a little below where it stands."""
 
 ROUNDS, SMALL = 30, 1e-12
 """Newton steps at most, and the residual force by the weight at which they end."""
@@ -44,7 +45,9 @@ def standing(world: Truth, contact: Contact, state: State) -> State:
         ValueError: one line: nothing carries it there, or it tips over.
     """
     rest = _Rest(world, contact, state)
-    lowered = 0.0
+    lowered = -LIFT
+    if rest.residual(np.array([LIFT, 0.0, 0.0]))[0] > -1.0:
+        raise ValueError("initial.standing = true: must begin above what it is set down on; it touches at 5 cm above")
     while rest.residual(np.array([-lowered, 0.0, 0.0]))[0] < 0.0:
         lowered += STEP
         if lowered > LOWEST or rest.weight <= 0.0:
