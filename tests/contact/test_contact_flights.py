@@ -61,10 +61,10 @@ def test_columns_are_named_by_surface_and_point_and_files_keep_them(pressed, tmp
 
 
 def test_both_plants_fly_the_same(press, pressed):
-    """To a micrometre and a millinewton after half a second of touches at other steps: 1.67 and 1 ms."""
+    """To 20 um and 50 mN after touches of 0.2 s, though their steps are 1.67 and 1 ms."""
     theirs = skyarm.run(scenario_from(press, replaced={"plant": "mujoco"}))
     assert np.abs(theirs.position - pressed.position).max() < 2e-5
-    assert theirs.contact_force[-20:] == pytest.approx(pressed.contact_force[-20:], abs=0.02)
+    assert theirs.contact_force[-20:] == pytest.approx(pressed.contact_force[-20:], abs=0.05)
 
 
 def test_python_floats_and_every_lane_of_a_batch_fly_the_same_bits(press, pressed):

@@ -95,6 +95,10 @@ class Component:
         """Rate of each number of a coupled component's memory, 1/s, as a record of its kind; arguments as above."""
         raise NotImplementedError(f"{type(self).__name__} is coupled and must say the slope of its memory")
 
+    def far(self, memory: Any, motion: PointMotion, seconds: Any) -> Any:
+        """Whether a coupled component will ask for nothing within so many seconds, so that its steps may wait."""
+        return False
+
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
         """Numbers of this instant that a log keeps."""
         return ()

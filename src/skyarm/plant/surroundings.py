@@ -11,7 +11,7 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.environment import Component, Effectiveness, TimedPayload, WindSample, Wrench
-from skyarm.scalars import Scalar, data, mul
+from skyarm.scalars import Scalar, data, logical_and, mul
 from skyarm.vehicle.vehicle_records import BASE, Vehicle
 
 
@@ -71,6 +71,14 @@ class Surroundings:
     def slopes(self, motion: PointMotion, rotor_speeds: Sequence[Any]) -> tuple[Any, ...]:
         """Rates of their memories, 1/s."""
         return tuple(self.components[i].slope(self.memories[i], self.time, motion, rotor_speeds) for i in self.coupled)
+
+    def far(self, motion: PointMotion, seconds: Any) -> Any:
+        """Whether none of them asks for its steps within so many seconds."""
+        found: Any = True
+        for i in self.coupled:
+            there = self.components[i].far(self.memories[i], motion, seconds)
+            found = there if found is True else logical_and(found, there)
+        return found
 
     def effort(self, index: int, setpoint: Any, position: Any, rate: Any) -> Any:
         """What a joint's drive gives before its limit and friction, N m or N."""

@@ -14,13 +14,14 @@ from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
-from skyarm.compile.tracing.repeat import repeat
+from skyarm.compile.tracing.repeat import repeat, repeat_while
 from skyarm.control.blocks.lag_estimate import lags_found
 from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.environment import Grasp, TimedPayload, WindSample, effectiveness_at
 from skyarm.estimate.estimator import FULL_STATE
+from skyarm.plant.compiled import Steps
 from skyarm.plant.coupled_memory import Memories, memories_of, with_memories
 from skyarm.plant.impact import after_impact
 from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate
@@ -259,11 +260,17 @@ class RigidBodySteps:
     def _held(self, now: Moved, command: Command, around: Surroundings, seconds: Any) -> Moved:
         count = self._substeps(seconds if type(seconds) is float else self._period)
         step, world = COUPLED_STEP[self._scenario.integrator], self._scenario.world
+        rounds: Any = count
+        if isinstance(count, Steps):
+            motion = PointMotion(world.vehicle, now[0])
+            there = around.with_coupled(now[1]).far(motion, seconds)
+            rounds = where(there, float(count.far), float(count))
+        dt = seconds / rounds
 
         def stepped(both: Moved) -> Moved:
-            return step(world, both[0], command, with_memories(around, both[1]), seconds / count)
+            return step(world, both[0], command, with_memories(around, both[1]), dt)
 
-        return repeat(count, stepped, now)
+        return repeat(count, stepped, now) if rounds is count else repeat_while(count, rounds, stepped, now)
 
 
 def commands_waiting(scenario: Scenario) -> int:
