@@ -152,6 +152,17 @@ def test_the_ground_of_the_world_takes_the_place_of_the_ground_that_ends_a_fligh
     assert skyarm.run(scenario_from(low)).status == "ground", "a wall is no ground"
 
 
+@pytest.mark.thorough
+def test_the_examples_fly_as_their_first_lines_say():
+    landed = skyarm.run(skyarm.load_scenario(EXAMPLES / "land_on_skids.toml"))
+    assert landed.status == "completed"
+    assert landed.contact_force[800].max() == 0.0 < landed.contact_force[0].min()
+    assert landed.position[800, 2] > 0.5
+    assert (landed.contact_force[-100:].sum(axis=1) > 0.0).mean() > 0.5
+    pressed = skyarm.run(skyarm.load_scenario(EXAMPLES / "press_a_wall.toml"))
+    assert (pressed.status, pressed.info["cause"]) == ("rotor_contact", "rotor 'front' touched surface 'wall'")
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [({"surfaces": []}, "world.surfaces: is missing"),
