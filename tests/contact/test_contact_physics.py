@@ -67,7 +67,7 @@ def test_an_elastic_bounce_keeps_its_energy(stiffness):
         rows = fall(bird, start, around(wall, points=tip), 0.06, gravity=0.0)
         energy = [float(kinetic_energy(bird, each)) for each in states(start, rows)]
         first = float(kinetic_energy(bird, start))
-        assert min(energy) < 0.99 * first, "it touched"
+        assert min(energy) < 0.995 * first, "it touched"
         assert -2e-4 < energy[-1] / first - 1.0 < 2e-4
 
 
