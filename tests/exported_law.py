@@ -52,7 +52,7 @@ class Loaded:
             getattr(self.library, f"{self.name}_step")(*arguments)
         else:
             getattr(self.library, f"{self.name}_step_with")(ctypes.byref(parameters), *arguments)
-        return [*command.rotor_speeds, *getattr(command, "efforts", ())]
+        return [*command.rotor_speeds, *getattr(command, "efforts", ()), *getattr(command, "tilts", ())]
 
     def copy_of_parameters(self):
         copy = self.kinds["parameters"]()

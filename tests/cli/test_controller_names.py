@@ -21,6 +21,7 @@ from skyarm.control.catalogue import (
     preset,
     tuned_factors,
 )
+from skyarm.control.laws.centroidal.gain_presets import without_preset
 from skyarm.control.model import Model
 from skyarm.simulate import Log
 
@@ -61,10 +62,22 @@ def test_a_controller_is_told_of_its_loop(name: str, periods: int) -> None:
     assert make_named(name, MODEL).par.delay_periods == 0
 
 
-@pytest.mark.parametrize(("name", "law"), [("centroidal", "centroidal_joint"), ("indi", "indi"), ("kim2013", "")])
+@pytest.mark.parametrize(
+    ("name", "law"), [("centroidal", "centroidal_joint_robust"), ("indi", "indi"), ("kim2013", "")]
+)
 def test_run_takes_any_law(folder: Path, name: str, law: str) -> None:
     assert skyarm("run", "case1", "--duration", "0.1", "--controller", name).code == 0
     assert Log.load_npz(folder / "out" / "run" / "case1.npz").info["controller"] == (law or name)
+
+
+@pytest.mark.parametrize("mode", ["joint", "tip"])
+def test_a_controller_tells_its_preset_by_its_name(mode: str) -> None:
+    """As the catalogue names it; without the preset's word all of a mode are one law."""
+    for words in ("", "_robust", "_stiff"):
+        made = make_named(f"centroidal_{mode}{words}", MODEL)
+        assert made.name == f"centroidal_{mode}{words}"
+        assert without_preset(made.name) == f"centroidal_{mode}"
+    assert without_preset("my_robust") == "my_robust"
 
 
 def test_run_takes_tuned_gains(folder: Path) -> None:

@@ -99,7 +99,10 @@ controller = {{ {controller} }}
 
 def test_a_file_takes_other_names(folder: Path) -> None:
     for i, (words, name) in enumerate(
-        [('preset = "exact_ee_stiff"', "centroidal_tip"), ('law = "exact"\nmode = "ee"', "centroidal_tip")]
+        [
+            ('preset = "exact_ee_stiff"', "centroidal_tip_stiff"),
+            ('law = "exact"\nmode = "ee"', "centroidal_tip_robust"),
+        ]
     ):
         (folder / f"{i}.toml").write_text(table(words.replace("\n", ", ")))
         assert load_scenario(folder / f"{i}.toml").controller.name == name

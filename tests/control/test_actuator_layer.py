@@ -14,6 +14,7 @@ from skyarm.algebra import Sym3, Vec3
 from skyarm.control.actuator_layer import with_actuators
 from skyarm.control.catalogue import make_controller
 from skyarm.control.model import Model
+from skyarm.control.safety import with_safety_layer
 from skyarm.sensors.measurement import blank_measurement
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Body, Joint, Link, MountedDrive
@@ -64,3 +65,14 @@ def test_the_belief_of_a_servo_begins_where_the_joint_is():
     (servo,) = memory.drives
     assert servo.goal == pytest.approx(Q + EFFORT / 9.0)
     assert servo.integral == pytest.approx(EFFORT / 9.0 * 0.005)
+
+
+def test_a_law_on_servos_may_have_its_safety_layer_inside():
+    """The belief stands once, for all layers: each finds it when the controller is made."""
+    vehicle, servo = load_vehicle("hummingbird_arm2"), PositionServo(stiffness=9.0, damping=0.2, inertia=INERTIA)
+    drives = tuple(MountedDrive(name=link.joint.name, drive=servo) for link in vehicle.links)
+    model = Model(vehicle=dataclasses.replace(vehicle, drives=drives))
+    guarded = with_safety_layer(make_controller("centroidal", model), {"stiffness": 8.0, "damping": 4.0})
+    made = with_actuators(guarded, model, 0.005)
+    assert made.name == "guarded_centroidal_joint"
+    assert made.par.inner.inner.model is None

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.actuation.lagged_torque import LaggedTorque
+from planted_lags import lagging_drives, with_slower_motors
 from skyarm.identify.attitude_age import attitude_age, turns
 from skyarm.identify.lag_records import Estimated, LoopLags
 from skyarm.identify.lag_tables import lag_tables
@@ -17,7 +17,7 @@ from skyarm.identify.lagged_inputs import Followed, wrench_of_pushes
 from skyarm.identify.loop_lags import joint_lag, loop_lags, rotor_lag
 from skyarm.identify.needed_forces import Needed, needed, to_base
 from skyarm.log.flight_log import rows_of
-from skyarm.scenario.scenario_record import JointDrive, first_state
+from skyarm.scenario.scenario_record import first_state
 from skyarm.tune.excitation import excited, of_vehicle
 
 pytest.importorskip("scipy", reason="needs the extra 'identify'")
@@ -31,19 +31,12 @@ DELAY, SLOWER, DRIVE = 0.012, 1.5, 0.02
 @pytest.fixture(scope="module")
 def flown():
     """Two noisy seconds of a vehicle whose commands are late and whose motors and drives are slow."""
-    rotors = tuple(
-        dataclasses.replace(
-            each,
-            time_constant_up=SLOWER * each.time_constant_up,
-            time_constant_down=SLOWER * each.time_constant_down,
-        )
-        for each in VEHICLE.rotors
-    )
     base = excited(of_vehicle(VEHICLE, "paper_ct"))
-    plant = dataclasses.replace(base.world, vehicle=dataclasses.replace(VEHICLE, rotors=rotors))
-    drives = tuple(JointDrive(joint=link.joint.name, drive=LaggedTorque(time_constant=DRIVE)) for link in VEHICLE.links)
+    plant = dataclasses.replace(base.world, vehicle=with_slower_motors(VEHICLE, SLOWER))
     delays = skyarm.Delays(measurement=PERIOD, command=DELAY)
-    return skyarm.run(dataclasses.replace(base, duration=2.0, world=plant, drives=drives, delays=delays))
+    return skyarm.run(
+        dataclasses.replace(base, duration=2.0, world=plant, drives=lagging_drives(VEHICLE, DRIVE), delays=delays)
+    )
 
 
 @pytest.fixture(scope="module")

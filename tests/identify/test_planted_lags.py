@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.actuation.lagged_torque import LaggedTorque
+from planted_lags import lagging_drives, with_slower_motors
 from skyarm.identify.loop_lags import loop_lags
-from skyarm.scenario.scenario_record import JointDrive
 from skyarm.simulate import compiled_flight
 from skyarm.simulate.assemble_log import assemble
 from skyarm.simulate.inputs import episode_inputs
@@ -35,25 +34,14 @@ def as_measured(scenario):
 @pytest.mark.parametrize(("late", "slower", "drive"), [(0.005, 0.5, 0.01), (0.01, 2.0, 0.02), (0.02, 1.0, 0.0)])
 def test_five_noisy_seconds_tell(vehicle, late, slower, drive):
     believed = skyarm.load_vehicle(vehicle)
-    rotors = tuple(
-        dataclasses.replace(
-            each,
-            time_constant_up=slower * each.time_constant_up,
-            time_constant_down=slower * each.time_constant_down,
-        )
-        for each in believed.rotors
-    )
     base = excited(of_vehicle(believed, "centroidal_tip"))
-    drives = tuple(
-        JointDrive(joint=link.joint.name, drive=LaggedTorque(time_constant=drive)) for link in believed.links if drive
-    )
     scenario = dataclasses.replace(
         base,
         duration=5.0,
         seed=23,
-        drives=drives,
+        drives=lagging_drives(believed, drive),
         delays=skyarm.Delays(measurement=0.005, command=late),
-        world=dataclasses.replace(base.world, vehicle=dataclasses.replace(believed, rotors=rotors)),
+        world=dataclasses.replace(base.world, vehicle=with_slower_motors(believed, slower)),
     )
     log = as_measured(scenario)
     assert log.time[-1] > 3.0

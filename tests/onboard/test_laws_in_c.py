@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 
 import pytest
@@ -52,3 +53,21 @@ def test_sideways_force_in_c_has_the_bits_of_python(tmp_path):
     for measurement, reference in inputs("tilted_hexarotor", count=12):
         memory, command = controller.law(memory, measurement, reference, 0.005, par=controller.par)
         assert same_bits(in_c(measurement, reference), [float(x) for x in command.rotor_speeds])
+
+
+@needs_cc
+@pytest.mark.thorough
+@pytest.mark.parametrize("sideways", [0.0, 0.9])
+def test_a_law_on_rotors_that_tilt_has_the_bits_of_python_in_c(tmp_path, sideways):
+    vehicle = skyarm.load_vehicle("voliro_like")
+    controller = make_controller("centroidal", Model(vehicle=vehicle), sideways=sideways, delay=0.005)
+    text = text_of(controller)
+    assert re.search(r"double tilts\[6\]; /\* rad, angles of the rotors that tilt \*/", text)
+    in_c = Loaded(text, tmp_path, ("-O1", *CAREFUL, "-ffp-contract=off"))
+    memory = controller.memory
+    for k, (measurement, reference) in enumerate(inputs("voliro_like", count=12)):
+        seen = dataclasses.replace(measurement, tilts=tuple(0.01 * k * (i - 2) for i in range(6)))
+        memory, command = controller.law(memory, seen, reference, 0.005, par=controller.par)
+        sent = [float(x) for x in (*command.rotor_speeds, *command.efforts, *command.tilts)]
+        assert len(sent) == (14 if sideways else 8)
+        assert same_bits(in_c(seen, reference), sent)

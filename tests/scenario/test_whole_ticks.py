@@ -10,8 +10,9 @@ import pytest
 
 from skyarm.dynamics.broadcast import unit_quaternion
 from skyarm.plant.interface import whole_steps
+from skyarm.scenario.clock_checks import check_clocks, require_whole
 from skyarm.scenario.law_table import _require_clock
-from skyarm.scenario.scenario_checks import check_clocks, check_quaternion, require_whole
+from skyarm.scenario.scenario_checks import check_quaternion
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate import Delays

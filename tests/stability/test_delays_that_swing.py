@@ -67,6 +67,21 @@ def test_one_and_a_half_times_the_believed_delay_is_enough(share, enough):
     assert (found.enough, found.shortfall) == (enough, "" if enough else "below one control period, 5 ms")
 
 
+def test_the_margin_of_a_law_that_finds_a_lag_is_said_to_be_that_of_before():
+    from skyarm.control.safety.safety_layer import with_safety_layer
+    from skyarm.stability.hover_delay import HoverDelay, finds_lag
+
+    model = skyarm.Model(vehicle=skyarm.load_vehicle("crazyflie_arm1"), gravity=9.81)
+    adaptive, robust = (make_named(name, model) for name in ("centroidal_tip", "centroidal_tip_robust"))
+    assert [finds_lag(each) for each in (adaptive, with_safety_layer(adaptive), robust)] == [True, True, False]
+    told = HoverDelay(margin=0.01, swings=0.02, believed=0.01, period=0.005, finds_lag=True)
+    words = "10 ms are believed; this is before the law finds a lag, for which it gives up bandwidth"
+    assert told.sentence("law").endswith(words)
+    assert told.before == ", before it finds a lag"
+    plain = dataclasses.replace(told, finds_lag=False)
+    assert (plain.sentence("law")[-18:], plain.before) == ("10 ms are believed", "")
+
+
 def test_a_controller_made_for_a_vehicle_is_asked_in_a_hover_of_it():
     """The same loop by two ways: the controller alone, and the hover that its scenario was written for."""
     vehicle, law, _ = TABLE[1]

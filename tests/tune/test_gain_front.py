@@ -33,13 +33,26 @@ def test_the_front_goes_from_calm_to_stiff_without_points_that_another_beats():
     assert [(each.error, each.jitter) for each in undominated(points)] == [(3.0, 1.0), (2.0, 2.0), (1.0, 5.0)]
 
 
-def test_the_gains_that_a_search_began_with_stay_where_none_found_is_better():
-    found = [point(3.0, 1.0), point(1.2, 5.0)]
-    assert front_of(point(1.0, 4.0), found) == [found[0], point(1.0, 4.0)]
-    assert pick(front_of(point(1.0, 4.0), found), REQUIRED) == 1
+def test_the_best_of_the_gains_known_before_stays_where_none_found_is_better():
+    found, worse = [point(3.0, 1.0), point(1.2, 5.0)], point(9.0, 0.2)
+    kept = front_of([worse, point(1.0, 4.0)], found, REQUIRED)
+    assert kept == [found[0], point(1.0, 4.0)]
+    assert pick(kept, REQUIRED) == 1
     # calm and nearly as good: what was found is still better
-    assert front_of(point(1.21, 0.5), found) == found
-    assert front_of(point(1.0, 4.0, lost=0.01), found) == found
+    assert front_of([worse, point(1.21, 0.5)], found, REQUIRED) == found
+    assert front_of([point(1.0, 4.0, lost=0.01), worse], found, REQUIRED) == found
+
+
+@pytest.mark.parametrize("start", [0.99, 1.02, 1.2])
+def test_what_is_picked_is_never_worse_than_gains_known_before(start):
+    """The calmest within 5 % would be at 1.04; a start that meets all constraints and is better forbids it."""
+    found = [point(2.0, 1.0), point(1.04, 2.0), point(1.0, 3.0)]
+    front = front_of([point(5.0, 9.0), point(start, 2.5)], found, REQUIRED)
+    assert front[pick(front, REQUIRED)].error == (start if start < 1.0 else 1.0 if start < 1.04 else 1.04)
+    # one that does not meet them forbids nothing
+    short = point(start, 2.5, dataclasses.replace(WIDE, delay=0.009))
+    front = front_of([short], found, REQUIRED)
+    assert front[pick(front, REQUIRED)].error == 1.04
 
 
 def test_the_pick_is_the_calmest_within_five_percent_of_the_least_error_that_meets_all():

@@ -12,9 +12,11 @@ from skyarm.compare.vehicle_spread import RESERVE, arm_length, spread_of, thrust
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import PERFECT_SENSORS
-from skyarm.tune.candidate_flights import CandidateFlights
-from skyarm.tune.excitation import BLOWN, DURATION, STEP, STEPPED, excited, motion, of_vehicle
-from skyarm.tune.plant_spread import draw_plants
+from skyarm.tune.candidate_flights import CandidateFlights, Flown
+from skyarm.tune.excitation import BLOWN, DURATION, excited, of_vehicle
+from skyarm.tune.motion_mix import KINDS, STEP, STEPPED, draw_motions, motion, unseen_motion
+from skyarm.tune.objective import scores
+from skyarm.tune.plant_spread import draw_plants, with_lost
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 FORCE = "environment.forces.0.force_W"
@@ -60,18 +62,20 @@ def test_load_and_wind_shrink_where_the_thrust_would_not_reach():
     assert arm_length(vehicle) == pytest.approx(0.3, rel=0.01)
 
 
-def test_the_flight_moves_everything_from_rest_within_the_joints_limits():
+@pytest.mark.parametrize("made", [motion, unseen_motion])
+def test_the_flight_moves_everything_from_rest_within_the_joints_limits(made):
     vehicle = load_vehicle("octo_coaxial_two_arms")
-    path = motion(vehicle)
+    path = made(vehicle)
     for k, signal in enumerate((path.x, path.y, path.z, path.yaw, *path.joints)):
-        _, rate, *_ = signal.derivatives(0.0)
-        assert float(rate) == 0.0
-        assert abs(float(signal.derivatives(1.0 + 1e-9)[1])) < 1e-6
+        _, rate, acceleration, *_ = signal.derivatives(0.0)
+        assert (float(rate), float(acceleration)) == (0.0, 0.0)
         moved = [float(signal.derivatives(t)[0]) for t in np.linspace(0.0, STEPPED, 200)]
         assert np.ptp(moved) > 0.01, k
         if k >= 4:
             joint = vehicle.links[k - 4].joint
             assert float(joint.lower) < min(moved) <= max(moved) < float(joint.upper)
+    if made is unseen_motion:
+        return
     jump = float(path.x.derivatives(STEPPED)[0]) - float(path.x.derivatives(STEPPED - 1e-9)[0])
     assert jump == pytest.approx(STEP, abs=1e-6)
 
@@ -88,6 +92,10 @@ def test_a_scenario_keeps_its_loop_and_gets_noise_only_where_it_has_none():
     )
     assert flight.duration == DURATION
     assert (own.trajectory, own.duration) == (case.trajectory, case.duration)
+    aside = excited(case, unseen=True)
+    assert aside.trajectory == unseen_motion(case.world.vehicle) != flight.trajectory
+    # once the gust of one second is over
+    assert (aside.windows.steady.start, aside.windows.steady.stop) == (BLOWN + 2.0, aside.duration)
     noisy = dataclasses.replace(case, sensors=dataclasses.replace(case.sensors, position=0.01))
     assert excited(noisy).sensors == noisy.sensors
     gust = flight.forces[-1].gusts[0]
@@ -104,3 +112,73 @@ def test_joints_with_servos_are_charged_no_effort():
     flights.close()
     assert flown.effort.tolist() == [[0.0, 0.0]]
     assert (flown.jitter > 0.0).all()
+
+
+def test_every_plant_flies_its_own_motion_and_the_kinds_take_turns():
+    flight = excited(of_vehicle(load_vehicle("octo_coaxial_two_arms")))
+    plants = draw_plants(flight, 12, seed=3, mixed=True)
+    assert plants.kinds.tolist() == [k % len(KINDS) for k in range(12)]
+    assert draw_plants(flight, 12, seed=3).kinds.tolist() == [0] * 12
+    few = draw_plants(flight, 7, seed=3, mixed=True)
+    moved = {path for path in plants.values if path.startswith("reference.")}
+    joints = flight.world.vehicle.n
+    assert len(moved) == 3 * (4 + joints)
+    for path in moved:
+        np.testing.assert_array_equal(few.values[path], plants.values[path][:7])
+    fastest = np.zeros(3)
+    time = np.linspace(0.0, STEPPED, 200, endpoint=False)
+    for k in range(12):
+        path = with_numbers(flight, {each: float(plants.values[each][k]) for each in moved}).trajectory
+        x, y = (np.array(signal.derivatives(time)[:3]) for signal in (path.x, path.y))
+        # what any of the shipped vehicles can fly
+        assert np.abs([x[2], y[2]]).max() < 1.5
+        if plants.kinds[k] == 0:
+            away = np.hypot(x[0], y[0])[100:]
+            np.testing.assert_allclose(away, away[0], rtol=1e-6)  # a circle once it is eased in
+        swung = [np.array(signal.derivatives(time)[:2]) for signal in path.joints]
+        for link, (angle, _) in zip(flight.world.vehicle.links, swung, strict=True):
+            assert float(link.joint.lower) < angle.min() <= angle.max() < float(link.joint.upper)
+        fastest[plants.kinds[k]] = max(fastest[plants.kinds[k]], *(np.abs(rate).max() for _, rate in swung))
+    # five joints share what two would swing: 0.25 rad each, 1.6 times it at most
+    widest = max(plants.values[f"reference.joints.{i}.signals.1.signal.amplitude"].max() for i in range(joints))
+    assert 0.6 * 1.6 * 0.25 * 2 / 5 < widest <= 1.6 * 0.25 * 2 / 5 + 1e-9
+    assert fastest[1] > 1.5 * fastest[[0, 2]].max()
+    assert len(draw_motions(flight.world.vehicle, 4, seed=3)[0]) == len(moved)
+
+
+def test_an_error_of_several_kinds_is_the_mean_of_their_quantiles_and_not_the_hardest_one():
+    errors = np.concatenate([np.full(10, 1e-3), np.full(10, 0.1)])[None]
+    errors[0, 3] = 5.0
+    kinds = np.repeat([0, 1], 10)
+    none = np.zeros((1, 20))
+    flown = Flown(
+        error=errors,
+        tip=errors,
+        base=none,
+        joints=none,
+        jitter=none,
+        effort=none,
+        lost=none > 1.0,
+        saturated=none,
+        kinds=kinds,
+    )
+    # of ten, the greatest but one: sqrt(5 * 0.1) where the quantile takes the greatest
+    assert scores(flown).error[0] == pytest.approx(np.sqrt(5.0 * 0.1))
+    assert scores(dataclasses.replace(flown, kinds=0 * kinds)).error[0] == pytest.approx(0.1)
+
+
+def test_half_of_the_plants_are_ones_that_candidates_lost_and_the_telling_ones_come_first():
+    flight = excited(of_vehicle(load_vehicle("crazyflie_arm1")))
+    pool = draw_plants(flight, 24, seed=2, mixed=True)
+    lost = np.zeros((3, 24), dtype=bool)
+    lost[:, 10] = True  # by all: perhaps nothing flies it
+    lost[:2, 12] = lost[:1, 20] = lost[2:, 23] = True
+    lost[:, 3] = True  # is there anyway
+    found = with_lost(pool, 6, lost)
+    assert found.kinds.tolist() == pool.kinds[[0, 1, 2, 12, 20, 23]].tolist()
+    for path, numbers in pool.values.items():
+        np.testing.assert_array_equal(found.values[path], numbers[[0, 1, 2, 12, 20, 23]])
+    more = with_lost(pool, 8, lost).values["plant.payload.mass"]
+    np.testing.assert_array_equal(more, pool.values["plant.payload.mass"][[0, 1, 2, 3, 10, 12, 20, 23]])
+    none = with_lost(pool, 6, lost & False)
+    np.testing.assert_array_equal(none.values["plant.payload.mass"], pool.values["plant.payload.mass"][:6])

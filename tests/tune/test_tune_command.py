@@ -13,6 +13,10 @@ from skyarm.cli.commands import app
 from skyarm.files import read_toml
 from skyarm.records.identity import identity
 from skyarm.scenario.scenario_file import load_scenario
+from skyarm.tune import conductor, tuning
+from skyarm.tune.conductor import FURTHER, POOL
+from skyarm.tune.plant_spread import draw_plants
+from skyarm.tune.tuning_records import ASIDE, UNSEEN
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 SMALL = ("hummingbird", "--controller", "decoupled_pd", "--candidates", "100", "--plants", "4", "--seed", "2")
@@ -22,10 +26,22 @@ def tune(*words, folder):
     return CliRunner().invoke(app, ["tune", *SMALL, "--out", str(folder), *words], catch_exceptions=False)
 
 
+DRAWN = []
+"""(seed, plants, trajectory, mixed) of everything that was drawn for the flights of :func:`tuned`."""
+
+
 @pytest.fixture(scope="module")
 def tuned(tmp_path_factory):
     folder = tmp_path_factory.mktemp("tuned")
-    result = tune("--workers", "1", "--json", folder=folder)
+
+    def drawn(scenario, count, *, seed, mixed=False):
+        DRAWN.append((seed, count, scenario.trajectory, mixed))
+        return draw_plants(scenario, count, seed=seed, mixed=mixed)
+
+    with pytest.MonkeyPatch.context() as patch:
+        for room in (tuning, conductor):
+            patch.setattr(room, "draw_plants", drawn)
+        result = tune("--workers", "1", "--json", folder=folder)
     assert result.exit_code == 0, result.output
     return folder, json.loads(result.stdout)
 
@@ -44,6 +60,25 @@ def test_gains_are_better_than_before_and_the_file_says_where_they_come_from(tun
     assert told["front"][told["picked"]]["gains"] == found["gains"]
     jitter = [point["jitter_rad_s"] for point in told["front"]]
     assert jitter == sorted(jitter)
+
+
+def test_what_is_said_at_last_comes_from_plants_and_a_path_that_chose_nothing(tuned):
+    folder, told = tuned
+    seeds, counts, paths, mixed = zip(*DRAWN, strict=True)
+    # of the search, which plants its leaders lose, of what is left of it once more, of the front, of what is said
+    assert seeds == (2, 2, 4, 3, 5)
+    assert counts == (4, POOL * 4, FURTHER, UNSEEN, ASIDE)
+    assert paths[0] == paths[1] == paths[2] == paths[3] != paths[4]
+    assert mixed == (True, True, True, True, False)
+    aside = told["aside"]
+    assert list(aside) == ["before", "decoupled_pd", "decoupled_pd_tuned", "pick"]
+    assert aside["before"] == aside["decoupled_pd"]
+    assert aside["pick"]["tip_m"] < 0.8 * aside["before"]["tip_m"]
+    # stiffer gains for the paper's vehicle are short of delay margin on this one, and lose plants
+    assert [each["meets_constraints"] for each in aside.values()] == [True, True, False, True]
+    assert aside["pick"]["lost"] == 0.0
+    assert read_toml((folder / "tuned.toml").read_bytes())["about"]["aside"] == aside
+    assert f"{1e3 * aside['pick']['tip_m']:.3g}</td>" in (folder / "tune.html").read_text("utf-8")
 
 
 def test_the_gains_fly(tuned):

@@ -23,6 +23,7 @@ NAMES = (
     "pelican_arm2",
     "quadrotor_roll_arm2",
     "tilted_hexarotor",
+    "voliro_like",
 )
 FLYING = tuple(name for name in NAMES if name != "hummingbird_arm2")
 

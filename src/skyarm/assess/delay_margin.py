@@ -42,7 +42,7 @@ def delay_margin(scenario: Scenario) -> list[Finding]:
             unit="s",
             remedy=""
             if level == OK
-            else f"{found.shortfall}: softer gains, faster motors or a shorter delay; "
+            else f"{found.shortfall}{found.before}: softer gains, faster motors or a shorter delay; "
             "skyarm margins shows which loop is short of it",
         )
     ]

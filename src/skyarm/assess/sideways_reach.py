@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from skyarm.actuation import AllocationError, make_mixer
+from skyarm.actuation.rotor_pairs import as_pairs
 from skyarm.assess.arm_poses import ArmPoses, Array
 from skyarm.assess.finding import OK, Finding
 from skyarm.assess.level_hover import Allocation, hover_efforts
@@ -21,7 +22,7 @@ def sideways_reach(vehicle: Vehicle, poses: ArmPoses, gravity: float) -> list[Fi
     six rotors is less than they could.
     """
     try:
-        mixer = make_mixer(vehicle, "priority", sideways=True)
+        mixer = make_mixer(as_pairs(vehicle), "priority", sideways=True)
     except AllocationError:
         return []
     allocation, across = Allocation.of(mixer), np.array(mixer.across, dtype=float)

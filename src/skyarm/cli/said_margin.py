@@ -24,7 +24,8 @@ def margin_said(scenario: Scenario, label: str) -> tuple[str, dict[str, Any]]:
         return f"delay margin: not known: {found}", plain_margin(None)
     short = found.shortfall if found.margin > 0.0 else "no margin at all"
     if short:
-        say(f"warning: {label}: delay margin: {short}: softer gains or another law ('skyarm margins' shows which loop)")
+        remedy = "softer gains or another law ('skyarm margins' shows which loop)"
+        say(f"warning: {label}: delay margin: {short}{found.before}: {remedy}")
     return f"delay margin: {found.sentence(label)}", plain_margin(found)
 
 

@@ -11,13 +11,13 @@ from typing import Any
 from rich.console import Console
 from rich.text import Text
 
-from skyarm.cli.lines import say, say_if_many, say_unlikely
+from skyarm.cli.lines import say_if_many, say_unlikely
 from skyarm.cli.machine_output import give
 from skyarm.cli.progress import bar, waiting
-from skyarm.cli.terminal_tables import aligned
+from skyarm.cli.tune_report import plain_tuning, print_front
 from skyarm.control.catalogue import choices, is_named, meant
 from skyarm.files import read_toml, require_writable, shown, taken_back, write_atomically
-from skyarm.registry.plugins import identities, is_law_of_file, law_of_file_name
+from skyarm.registry.plugins import is_law_of_file, law_of_file_name
 from skyarm.scenario.gains_file import is_gains_file
 from skyarm.scenario.scenario_file import LIBRARY, list_scenarios, load_scenario
 from skyarm.scenario.scenario_record import Scenario
@@ -76,8 +76,8 @@ def tune(
     from skyarm.tune.gains_result import front_name, gains_text
     from skyarm.tune.law_knobs import find_knobs
     from skyarm.tune.tune_page import tune_page
-    from skyarm.tune.tuning import Plan
     from skyarm.tune.tuning import tune as perform
+    from skyarm.tune.tuning_records import Plan
 
     scenario = wanted.scenario
     say_if_many(scenario.name, scenario.world.vehicle.n)
@@ -87,6 +87,7 @@ def tune(
     plan = Plan(
         flight=flight,
         check=excited(scenario, own_motion=True) if wanted.has_motion else flight,
+        aside=excited(scenario, unseen=True),
         knobs=find_knobs(scenario.controller, scenario.controller.name, _paths(knobs)),
         effort=Effort().scaled(candidates, plants),
         seed=seed,
@@ -103,12 +104,12 @@ def tune(
         (folder / front_name(stale)).unlink(missing_ok=True)
     write_atomically(folder / PAGE, tune_page(found).encode())
     write_atomically(folder / GAINS, gains_text(found, found.pick, wanted.words, wanted.kept).encode())
-    _print(found, console, time.perf_counter() - begin)
+    print_front(found, console, time.perf_counter() - begin)
     console.print(f"written: {folder / GAINS}; the page of the front: {folder / PAGE}", soft_wrap=True)
     loads = f" --plugin {wanted.label.rpartition(':')[0]}" if is_law_of_file(wanted.label) else ""
     flown = target if wanted.has_motion else "SCENARIO"
     console.print(f"next: skyarm run {flown}{loads} --controller {folder / GAINS}", soft_wrap=True)
-    give(_plain(found), folder=folder, gains=folder / GAINS, page=folder / PAGE)
+    give(plain_tuning(found), folder=folder, gains=folder / GAINS, page=folder / PAGE)
     return bool(found.meets)
 
 
@@ -193,56 +194,3 @@ def _document(target: str) -> dict[str, Any]:
     if target in list_scenarios():
         return read_toml((LIBRARY / f"{target}.toml").read_bytes())
     return read_toml(Path(target).read_bytes()) if Path(target).suffix == ".toml" else {}
-
-
-def _print(found: Any, console: Console, seconds: float) -> None:
-    rows = [("", "tip error", "jitter", "effort", "lost", "saturated", "delay", "rotors", "joints")]
-    for i, point in enumerate((found.before, *found.points)):
-        mark = "before" if i == 0 else "pick" if i - 1 == found.picked else ""
-        rows.append(
-            (
-                mark,
-                f"{1e3 * point.tip:.3g} mm",
-                f"{point.jitter:.3g}",
-                f"{point.effort:.3g}",
-                f"{point.lost:.0%}",
-                f"{point.saturated:.1%}",
-                *_margins(point.margins),
-            )
-        )
-    plan = found.plan
-    console.print(Text(f"{plan.label} for {plan.flight.world.vehicle.name}, from calm to stiff", style="bold"))
-    for line in aligned(rows):
-        console.print(line, soft_wrap=True)
-    console.print(
-        f"{plan.effort.candidates} candidates on {plan.effort.plants} wrong plants, the front on {plan.unseen} others: "
-        f"{seconds:.0f} s",
-        soft_wrap=True,
-    )
-    if found.pick.margins.why_none:
-        say(f"margins are not asked for: {found.pick.margins.why_none}")
-    if not found.meets:
-        say("no point meets all constraints; the pick is the one that is least short of them")
-
-
-def _margins(margins: Any) -> tuple[str, str, str]:
-    """Delay and factors in cells; dashes where there are none."""
-    if margins.why_none:
-        return "-", "-", "-"
-    rotors, joints = ("-".join(f"{k:.2f}" for k in pair) for pair in (margins.rotors, margins.joints))
-    return f"{1e3 * margins.delay:.3g} ms", rotors, joints
-
-
-def _plain(found: Any) -> dict[str, Any]:
-    from skyarm.tune.gains_result import about, gains_of, plain_point
-
-    return {
-        "controller": found.plan.label,
-        "scenario": found.plan.check.name,
-        "about": about(found),
-        "before": plain_point(found.before),
-        "front": [plain_point(point) | {"gains": gains_of(found, point)} for point in found.points],
-        "picked": found.picked,
-        "meets_constraints": found.meets,
-        "required": {"delay_margin_s": found.required.delay, "gain_margin": found.required.gain},
-    } | ({"plugins": identities()} if identities() else {})

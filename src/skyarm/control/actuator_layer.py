@@ -175,7 +175,7 @@ def actuator_law(
     if servos:
         efforts, drives = _setpoints(memory, told, efforts, own.model, par.model, dt)
     moved = ActuatorMemory(inner=following, started=1.0, drives=drives)
-    return moved, Command(rotor_speeds=speeds, efforts=efforts)
+    return moved, dataclasses.replace(command, rotor_speeds=speeds, efforts=efforts)
 
 
 def _setpoints(

@@ -67,11 +67,12 @@ class Controller:
 
 
 def _whole(par: Any) -> Any:
-    """Constants of a law; those of one under guard, which stand in ``inner``, with the belief that they share."""
+    """Constants of a law; those inside layers, which stand in ``inner``, with the belief that they share."""
     inner: Any = getattr(par, "inner", None)
     if inner is None or getattr(inner, "model", par) is not None:
         return par
-    return dataclasses.replace(par, inner=dataclasses.replace(inner, model=par.model, mixer=par.mixer))
+    held = dataclasses.replace(inner, model=par.model, mixer=par.mixer)
+    return dataclasses.replace(par, inner=_whole(held))
 
 
 def with_applied_command(memory: Any, sent: Command) -> Any:

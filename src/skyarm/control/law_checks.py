@@ -187,7 +187,7 @@ def _whole(controller: Controller, command: Command, rotors: int, joints: int) -
                 raise wrong(controller, f"gives {field}[{i}] as {kind_of(value)}: must be a number")
     if any(type(value) is int for value in (*command.rotor_speeds, *command.efforts)):
         speeds, efforts = ([data(value) for value in part] for part in (command.rotor_speeds, command.efforts))
-        return Command(rotor_speeds=tuple(speeds), efforts=tuple(efforts))
+        return dataclasses.replace(command, rotor_speeds=tuple(speeds), efforts=tuple(efforts))
     return command
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 from skyarm.algebra import E_Z, Mat3, Motion, Quaternion, Vec3
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
 
@@ -22,11 +23,14 @@ class State:
     joints: Annotated[tuple[Scalar, ...], Unit("rad or m")] = ()
     joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s")] = ()
     rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "unsigned")] = ()
+    tilts: Annotated[tuple[Scalar, ...], Unit("rad", "of the rotors that tilt")] = field(
+        default=(), metadata=WRITTEN_IF_ANY
+    )
 
     def __post_init__(self) -> None:
         # made at every stage of the integrator: what holds vectors and tuples already is not looked at
         vectors = type(self.position) is type(self.velocity) is type(self.rate) is Vec3
-        tuples = type(self.joints) is type(self.joint_rates) is type(self.rotor_speeds) is tuple
+        tuples = type(self.joints) is type(self.joint_rates) is type(self.rotor_speeds) is type(self.tilts) is tuple
         if not (vectors and tuples and type(self.quaternion) is Quaternion):
             accept_fields(self, "state")
 

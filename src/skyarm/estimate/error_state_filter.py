@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from skyarm.actuation import Command
+from skyarm.actuation import Command, tilting
 from skyarm.actuation.rotor import speeds_after
 from skyarm.algebra import Vec3
 from skyarm.estimate.error_covariance import (
@@ -116,9 +116,9 @@ class ErrorStateFilter(FilterNumbers):
         old = tuple(where(started, a, b) for a, b in zip(memory.rotor_speeds, speeds, strict=True))
         velocity = belief.quaternion.rotation().apply_T(belief.velocity)
         rate = imu.rate - belief.gyro_bias
-        force = modelled_force(
-            self.vehicle, velocity, rate, joints.joints, joints.rates, (old, speeds), command.efforts
-        )
+        # servos of rotors that tilt count as where they are told to be
+        leaning = tilting.turned(self.vehicle, command.tilts) if command.tilts else self.vehicle
+        force = modelled_force(leaning, velocity, rate, joints.joints, joints.rates, (old, speeds), command.efforts)
         kept = tuple(choose(started, each, force) for each in memory.modelled[1:])
         return replace(memory, rotor_speeds=speeds, modelled=(*kept, force))
 

@@ -4,7 +4,8 @@ A residual is what a candidate's prediction leaves of an impulse, summed up over
 rates is white in it, what disturbs is slow. Each row is whitened by an autoregressive filter that is found from its own
 residuals, in turns with the parameters (generalised least squares, Clarke 1967): in a closed loop, in which commands
 follow the measured noise, only then is the fit unbiased (Ljung, System Identification, 1999, 13.4). Intervals are those
-of the sandwich of scores summed over blocks of half a second, by Student's t (White 1980; Liang and Zeger 1986).
+of the sandwich of scores summed over blocks of half a second, each of the residuals that a fit without the block leaves
+(White 1980; Liang and Zeger 1986; Bell and McCaffrey 2002), by Student's t.
 """
 
 from __future__ import annotations
@@ -127,10 +128,9 @@ def fit(
         scales = np.maximum(_white(rest, filters, np.ones(rows)).std(axis=0), RIDGE * size + 1e-300)
     flat, slope = around(values)
     error = flat.reshape(-1, rows)
-    curvature = np.linalg.pinv(slope.T @ slope)
-    scores = (slope.reshape(*error.shape, -1) * error[:, :, None]).sum(axis=1)
-    sums = np.array([part.sum(axis=0) for part in np.array_split(scores, blocks)])
-    covariance = curvature @ (sums.T @ sums) @ curvature * blocks / (blocks - 1)
+    curvature = np.asarray(np.linalg.pinv(slope.T @ slope), dtype=float)
+    sums = _jackknifed(slope.reshape(*error.shape, -1), error, curvature, blocks)
+    covariance = curvature @ (sums.T @ sums) @ curvature * (blocks - 1) / blocks
     edge = 0.01 * (bounds[1] - bounds[0])
     unexplained = float((error**2).sum() / max((_white(nothing, filters, scales) ** 2).sum(), 1e-300))
     return Fit(
@@ -140,6 +140,21 @@ def fit(
         explained=max(0.0, 1.0 - unexplained),
         beyond=values > bounds[1] - edge,
     )
+
+
+def _jackknifed(slope: Array, error: Array, curvature: Array, blocks: int) -> Array:
+    """(blocks, parameters) scores of every block, of residuals of the fit without it.
+
+    A fit comes closest to the blocks that tell most, so that their own residuals are too small: of the block b,
+    with G_b = S_b^T S_b of its slopes and A the inverse of the whole, (I - G_b A)^-1 S_b^T e_b is the score of what
+    the other blocks foretell (Bell and McCaffrey 2002).
+    """
+    found = []
+    for block, rest in zip(np.array_split(slope, blocks), np.array_split(error, blocks), strict=True):
+        s = block.reshape(-1, block.shape[-1])
+        left = np.eye(len(curvature)) - s.T @ s @ curvature
+        found.append(np.linalg.lstsq(left, s.T @ rest.ravel(), rcond=None)[0])
+    return np.array(found)
 
 
 class _Steps:

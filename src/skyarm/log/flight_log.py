@@ -40,7 +40,16 @@ HELD = "reference as published and held"
 CONTINUOUS = "continuous reference"
 
 
-IF_ANY = ("payload_mass", "lag_found", "path_time", "contact_force", "contact_friction", "contact_depth")
+IF_ANY = (
+    "payload_mass",
+    "lag_found",
+    "path_time",
+    "tilts",
+    "tilt_commands",
+    "contact_force",
+    "contact_friction",
+    "contact_depth",
+)
 """Arrays of what not every flight has: left out of files, with no column, where there is none."""
 
 
@@ -70,6 +79,7 @@ class Log:
         contact_force, contact_friction, contact_depth: (N, pairs) how strongly a surface of the world pushes a point of
             the vehicle along its normal, and how strongly across (N), and how deep the point is in it (m), at the
             instant; the first surface with each point, then the next one. Without columns where there is no world.
+        tilts, tilt_commands: (N, tilting rotors) rad; without columns where no rotor tilts.
         measured_position, measured_joints: what the sensors said at this instant; a delayed controller saw it later.
         info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground",
             "controller_undefined", "rotor_contact", "body_contact"), cause, end time; ``scenario_record`` is all that
@@ -117,6 +127,8 @@ class Log:
     contact_depth: Annotated[Array, Unit("m", "penetration of a point into a surface")] = field(
         default_factory=_nothing
     )
+    tilts: Annotated[Array, units(State)["tilts"]] = field(default_factory=_nothing)
+    tilt_commands: Annotated[Array, Unit("rad", "commanded")] = field(default_factory=_nothing)
     info: dict[str, Any]
 
     @property

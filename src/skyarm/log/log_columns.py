@@ -38,6 +38,9 @@ SETPOINT = "joint_setpoint"
 ROTOR_ARRAYS = {"rotor_speeds": "rotor_speed", "rotor_commands": "rotor_command"}
 """Array of a number for each rotor -> beginning of its columns."""
 
+TILT_ARRAYS = {"tilts": "rotor_tilt", "tilt_commands": "rotor_tilt_command"}
+"""Array of a number for each rotor that tilts -> beginning of its columns."""
+
 LOOPS = {"lag_found": ("rotors", "joints")}
 """Array of a number for each group of loops -> endings of its columns."""
 
@@ -77,14 +80,15 @@ class Column:
 class Names:
     """Names of the plant's joints and rotors as its file has them, the joints' kinds, and what they are told.
 
-    ``setpoints`` has a unit for each joint that takes a setpoint in place of a torque, None for the others;
-    ``contacts`` are the pairs of a surface of the world and a point of the vehicle.
+    ``setpoints`` has a unit for each joint that takes a setpoint in place of a torque, None for the others; ``tilting``
+    are the rotors that tilt, ``contacts`` the pairs of a surface of the world and a point of the vehicle.
     """
 
     joints: tuple[str, ...]
     kinds: tuple[str, ...]
     rotors: tuple[str, ...]
     setpoints: tuple[str | None, ...]
+    tilting: tuple[str, ...] = ()
     contacts: tuple[str, ...] = ()
 
 
@@ -107,6 +111,7 @@ def names_of(log: Log) -> Names:
             unit_of_kind(Unit(told[each["name"]]), kind) if each["name"] in told else None
             for each, kind in zip(found, kinds, strict=True)
         ),
+        tuple(each["name"] for each in map(_table, turning) if each.get("tilt")),
         _contacts(log),
     )
 
@@ -157,6 +162,8 @@ def _endings(array: str, width: int | None, names: Names) -> list[str]:
         return [f"{JOINT_ARRAYS[array]}_{word(each, 'joint')}" for each in names.joints]
     if array in ROTOR_ARRAYS:
         return [f"{ROTOR_ARRAYS[array]}_{word(each, 'rotor')}" for each in names.rotors]
+    if array in TILT_ARRAYS and len(names.tilting) == width:
+        return [f"{TILT_ARRAYS[array]}_{word(each, 'rotor')}" for each in names.tilting]
     if array in LOOPS:
         return [f"{begin}_{each}" for each in LOOPS[array][:width]]
     if array in CONTACT_ARRAYS and len(names.contacts) == width:

@@ -121,12 +121,15 @@ def _instants(log: Log) -> Instant:
         joints=rows(log.joints),
         joint_rates=rows(log.joint_rates),
         rotor_speeds=rows(log.rotor_speeds),
+        tilts=rows(log.tilts),
     )
     before = np.vstack([log.rotor_commands[:1], log.rotor_commands[:-1]])
     return Instant(
         state=state,
         tool=Vec3(*log.tool.T),
-        command=Command(rotor_speeds=rows(log.rotor_commands), efforts=rows(log.efforts)),
+        command=Command(
+            rotor_speeds=rows(log.rotor_commands), efforts=rows(log.efforts), tilts=rows(log.tilt_commands)
+        ),
         before=rows(before),
         held=goal("held"),
         continuous=goal("reference"),

@@ -104,5 +104,7 @@ def as_data(command: Command) -> Command:
         return float(value) if isinstance(value, int) else value
 
     return Command(
-        rotor_speeds=tuple(number(w) for w in command.rotor_speeds), efforts=tuple(number(e) for e in command.efforts)
+        rotor_speeds=tuple(number(w) for w in command.rotor_speeds),
+        efforts=tuple(number(e) for e in command.efforts),
+        tilts=tuple(number(a) for a in command.tilts),
     )

@@ -23,6 +23,7 @@ from skyarm.control.controller import Controller
 from skyarm.control.law_checks import check_controller, checked_law
 from skyarm.control.law_trial import level, try_law
 from skyarm.control.model import TORQUE_GAINS
+from skyarm.control.vectored_layer import turns_rotors
 from skyarm.estimate.error_state_filter import ErrorStateFilter
 from skyarm.onboard.estimated_law import (
     EstimatedConstants,
@@ -104,7 +105,9 @@ def export_c(
     if estimator is not None:
         estimator.require_torques(vehicle.name, {each.name: each.drive for each in vehicle.drives})
     records = _examples(controller, period, estimator)
-    seen = level(blank_measurement(vehicle.n, len(vehicle.rotors)), float(controller.par.model.gravity))
+    seen = level(
+        blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts)), float(controller.par.model.gravity)
+    )
     try_law(controller, period, seen, (records["reference"],) * PERIODS)
     program = _traced(controller, records, estimator)
     structs = _structs(controller, records, program, behind_filter=estimator is not None)
@@ -133,7 +136,7 @@ def _examples(controller: Controller, period: float, estimator: ErrorStateFilter
     arm: dict[str, Any] = {f"joint{word}": joints for word in ("s", "_rates", "_accelerations", "_jerks", "_snaps")}
     found = {
         "parameters": Constants(parameters=controller.par, period=period),
-        "measurement": blank_measurement(vehicle.n, len(vehicle.rotors)),
+        "measurement": blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts)),
         "reference": Reference(**arm).dense(),
         "memory": controller.memory,
     }
@@ -165,7 +168,8 @@ def _structs(
     live = {node.index for node in program.lowered.nodes}
     used = [node.index in live for node in program.lowered.inputs]  # the parameters are the first inputs
     vehicle = controller.par.model.vehicle
-    command = Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=(0.0,) * vehicle.n)
+    angles = (0.0,) * (len(vehicle.tilts) if turns_rotors(controller) else 0)
+    command = Command(rotor_speeds=(0.0,) * len(vehicle.rotors), efforts=(0.0,) * vehicle.n, tilts=angles)
     units: dict[str, Units] = {"command": command_units(vehicle)}
     if behind_filter:
         units["memory"] = command_units(vehicle, "sent")

@@ -23,7 +23,7 @@ from skyarm.scalars import where
 from skyarm.vehicle.check import require_plant
 
 
-def example_state(joints: int, rotors: int) -> State:
+def example_state(joints: int, rotors: int, tilts: int = 0) -> State:
     """A state with the right number of leaves; its values are not used."""
     return State(
         position=Vec3(0.0, 0.0, 0.0),
@@ -33,12 +33,13 @@ def example_state(joints: int, rotors: int) -> State:
         joints=(0.0,) * joints,
         joint_rates=(0.0,) * joints,
         rotor_speeds=(0.0,) * rotors,
+        tilts=(0.0,) * tilts,
     )
 
 
-def example_command(joints: int, rotors: int) -> Command:
+def example_command(joints: int, rotors: int, tilts: int = 0) -> Command:
     """A command with the right number of leaves."""
-    return Command(rotor_speeds=(0.0,) * rotors, efforts=(0.0,) * joints)
+    return Command(rotor_speeds=(0.0,) * rotors, efforts=(0.0,) * joints, tilts=(0.0,) * tilts)
 
 
 class Steps(int):
@@ -76,8 +77,8 @@ class RigidBodyPlant:
             raise ValueError(f"integrator = {integrator!r}: must be one of {list(INTEGRATORS)}")
         self.vehicle = world.vehicle
         self._world, self._around, self._integrator, self._physics_step = world, around, integrator, physics_step
-        n, rotors = world.vehicle.n, len(world.vehicle.rotors)
-        self._examples = (example_state(n, rotors), example_command(n, rotors), around)
+        sizes = world.vehicle.n, len(world.vehicle.rotors), len(world.vehicle.tilts)
+        self._examples = (example_state(*sizes), example_command(*sizes), around)
         self._steps: dict[float, Program] = {}
         self._largest, self._coupled = largest_step(around), places_in(around)
         self._largest_far = largest_step(around, coupled=False)

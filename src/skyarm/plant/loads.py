@@ -7,6 +7,7 @@ from typing import Any
 
 from skyarm.actuation import Command, joint_force, rotor_forces, speeds_after, stop_force
 from skyarm.actuation.rotor import spin_torque
+from skyarm.actuation.tilting import angles_after, turned
 from skyarm.algebra import ZERO3, Force
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
@@ -28,13 +29,13 @@ def applied_force(
 
     Args:
         vehicle: the truth.
-        state: of the vehicle; its own rotor speeds are not read.
+        state: of the vehicle, with the angles of rotors that tilt; its own rotor speeds are not read.
         rotor_speeds: rad/s, now.
         setpoints: of the joints' drives; torques or forces unless the drive says otherwise.
         around: air, forces, faults and drives of the period.
         commands: rotor speeds that the rotors are on their way to, rad/s; empty for rotors that keep theirs.
     """
-    around = surroundings_of(around)
+    around, vehicle = surroundings_of(around), turned(vehicle, state.tilts)
     motion = PointMotion(vehicle, state, around.air_velocity)
     v_air = motion.rotation.apply_T(state.velocity - around.air_velocity(state.position))
     total, pushed = _outside(around.wrenches(motion, rotor_speeds), motion)
@@ -69,6 +70,11 @@ STEADY = Surroundings()
 def lagged(vehicle: Vehicle, state: State, command: Command, dt: Any, around: Around = STEADY) -> tuple[Any, ...]:
     """Rotor speeds after ``dt`` seconds of a held command under the period's supply."""
     return speeds_after(vehicle.rotors, state.rotor_speeds, supplied(vehicle, command.rotor_speeds, around), dt)
+
+
+def tilted(vehicle: Vehicle, state: State, command: Command, dt: Any) -> tuple[Any, ...]:
+    """Angles of rotors that tilt after ``dt`` seconds of a held command."""
+    return angles_after(vehicle, state.tilts, command.tilts, dt) if vehicle.tilts else ()
 
 
 def supplied(vehicle: Vehicle, commands: Sequence[Any], around: Around) -> Sequence[Any]:

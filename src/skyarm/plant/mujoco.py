@@ -23,7 +23,7 @@ from skyarm.plant.integrators import FRICTION_STEP, HELD_FRICTION_STEP, INTEGRAT
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
 from skyarm.plant.largest_step import divisions, drives_step, largest_step
 from skyarm.plant.loaded_vehicle import changes_inertia, payloads_of
-from skyarm.plant.loads import lagged
+from skyarm.plant.loads import lagged, tilted
 from skyarm.plant.mujoco_coupling import Coupling
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_loads import Loads
@@ -126,14 +126,15 @@ class MujocoPlant:
         self._layout = layout = Layout(world.vehicle, self.model)
         zeros = (0.0,) * layout.end
         efforts = (0.0,) * world.vehicle.n
-        self._loads = Quick(self._forces_and_speeds, zeros, (0.0,) * layout.rotors, efforts, around)
+        turning, angles = (0.0,) * layout.rotors, (0.0,) * layout.tilts
+        self._loads = Quick(self._forces_and_speeds, zeros, turning, efforts, angles, around)
         ends = (0, layout.nq, layout.nq + layout.nv, layout.end)
         self._parts = tuple(self._loads.inputs[a:b] for a, b in pairwise(ends))
-        ends = (0, layout.nv, layout.nv + layout.rotors, len(self._loads.outputs))
+        ends = (0, layout.nv, layout.end - layout.nq, len(self._loads.outputs))
         self._pushed, self._turned, self._remembered = (self._loads.outputs[a:b] for a, b in pairwise(ends))
         self._coupled = [*places_in(around)]
-        self._around = self._loads.inputs[layout.end + layout.rotors + world.vehicle.n :]
-        self._commanded = self._loads.inputs[layout.end :][: layout.rotors + world.vehicle.n]
+        self._around = self._loads.inputs[layout.end + layout.driven + world.vehicle.n :]
+        self._commanded = self._loads.inputs[layout.end :][: layout.driven + world.vehicle.n]
         self._written: tuple[Any, Any] = NOTHING
         # followers are held from step to step; without them nothing is
         self._forward = mujoco.mj_forward
@@ -148,14 +149,15 @@ class MujocoPlant:
         if integrator == "rk4_staged":
             self._staged = StagedRungeKutta(layout, self.model, self._data, around, physics_step, self._forward)
 
-    def _forces_and_speeds(self, x: Any, commanded: Any, setpoints: Any, around: Around) -> Any:
-        """Generalised forces in MuJoCo's order, the rotor speeds and the coupled memories after one physics step."""
-        state, command = self._layout.state(x), Command(rotor_speeds=commanded, efforts=setpoints)
+    def _forces_and_speeds(self, x: Any, commanded: Any, setpoints: Any, angles: Any, around: Around) -> Any:
+        """Generalised forces in MuJoCo's order, then after one physics step rotor speeds, tilts, coupled memories."""
+        state, command = self._layout.state(x), Command(rotor_speeds=commanded, efforts=setpoints, tilts=angles)
         forces = self._layout.generalized_forces(state, setpoints, around, commanded)
         turned = lagged(self.vehicle, state, command, self._physics_step, around)
+        leaning = tilted(self.vehicle, state, command, self._physics_step)
         slopes = slopes_of(self.vehicle, state, state.rotor_speeds, around)
         memories = leaves(moved(memories_of(around), slopes, self._physics_step))
-        return tuple(number(value) for value in (*forces, *turned, *memories))
+        return tuple(number(value) for value in (*forces, *turned, *leaning, *memories))
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
         """State after ``seconds`` (whole physics steps), inputs held, then the coupled memories.

@@ -16,21 +16,24 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 
 class Layout:
-    """Orders of a vehicle's numbers: ours, and MuJoCo's [qpos, qvel, rotor speeds], joints depth first.
+    """Orders of a vehicle's numbers: ours, and MuJoCo's [qpos, qvel, rotor speeds, tilt angles], joints depth first.
 
     Attributes:
-        nq, nv, rotors: how many numbers of each kind. end: of all three.
+        nq, nv, rotors, tilts: how many numbers of each kind. end: of all.
+        driven: numbers of rotor speeds and tilt angles together.
         to_mujoco, to_ours: a state's numbers in the other order, as tuples.
     """
 
     def __init__(self, vehicle: Vehicle, model: Any) -> None:
         self.vehicle = vehicle
         self.nq, self.nv, self.rotors = int(model.nq), int(model.nv), len(vehicle.rotors)
-        self.end = self.nq + self.nv + self.rotors
+        self.tilts = len(vehicle.tilts)
+        self.driven = self.rotors + self.tilts
+        self.end = self.nq + self.nv + self.driven
         q, v = joint_addresses(vehicle, model)
         self._every, n = v, vehicle.n
         self._dofs = v[:n]
-        # ours is position, quaternion, velocity, rate, joints, joint rates, rotor speeds
+        # ours is position, quaternion, velocity, rate, joints, joint rates, rotor speeds, tilt angles
         moving, speeds = range(self.nq, self.nq + 6), range(self.nq + self.nv, self.end)
         ours = (*range(7), *moving, *q[:n], *(self.nq + i for i in v[:n]), *speeds)
         whole = (*range(7), *moving, *q, *(self.nq + i for i in v), *speeds)
@@ -55,7 +58,8 @@ class Layout:
             rate=Vec3.of(ours[10:13]),
             joints=tuple(ours[13 : 13 + n]),
             joint_rates=tuple(ours[13 + n : 13 + 2 * n]),
-            rotor_speeds=tuple(ours[13 + 2 * n :]),
+            rotor_speeds=tuple(ours[13 + 2 * n :][: self.rotors]),
+            tilts=tuple(ours[13 + 2 * n + self.rotors :]),
         )
 
     def accelerations(self, qacc: Sequence[Any]) -> tuple[Vec3, Vec3, tuple[Any, ...]]:

@@ -22,7 +22,7 @@ from skyarm.compile.llvm.quick_function import Quick
 from skyarm.dynamics.state import State
 from skyarm.plant.coupled_memory import memories_of, places_in, slopes_of, with_memories
 from skyarm.plant.interface import number
-from skyarm.plant.loads import lagged
+from skyarm.plant.loads import lagged, tilted
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.surroundings import Around
 from skyarm.scalars import add, mul
@@ -51,12 +51,13 @@ class StagedRungeKutta:
     ) -> None:
         self._layout, self._model, self._data, self._forward = layout, model, data, forward
         self._qpos, self._qvel, self._force, self._qacc = data.qpos, data.qvel, data.qfrc_applied, data.qacc
-        nq, nv, rotors = layout.nq, layout.nv, layout.rotors
+        nq, nv = layout.nq, layout.nv
         own = 6 + layout.vehicle.n  # velocities but the followers'
         state, slopes = (0.0,) * layout.end, (0.0,) * (2 * own)
         self._coupled = (0.0,) * len(places_in(around))
         inputs = (*(state, self._coupled) * 2, (0.0,) * 3, slopes, self._coupled, (0.0,) * nv, (0.0,) * 4)
-        self._program = Quick(self._stage, *inputs, (0.0,) * rotors, (0.0,) * layout.vehicle.n, around)
+        given = (0.0,) * layout.rotors, (0.0,) * layout.vehicle.n, (0.0,) * layout.tilts
+        self._program = Quick(self._stage, *inputs, *given, around)
         ends = accumulate((len(part) for part in inputs), initial=0)
         parts = [self._program.inputs[a:b] for a, b in pairwise(ends)]
         self._start, self._first, self._now, self._memory, self._turn, self._sum, self._rates = parts[:7]
@@ -74,7 +75,7 @@ class StagedRungeKutta:
 
     def _stage(
         self, start: Any, kept: Any, now: Any, memory: Any, u: Any, total: Any, rates: Any, qacc: Any, weights: Any,
-        speeds: Any, setpoints: Any, around: Around,
+        speeds: Any, setpoints: Any, angles: Any, around: Around,
     ) -> tuple[Any, ...]:  # fmt: skip
         """Next state and coupled memories, its rotation vector, the sums of slopes, and the loads on the next state."""
         first, x, (own, share, earlier, time) = self._layout.state(start), self._layout.state(now), weights
@@ -87,8 +88,9 @@ class StagedRungeKutta:
         slope = self._slope(x, Vec3(*u), qacc)
         change = [add(mul(earlier, s), mul(own, k)) for s, k in zip(total, slope, strict=True)]
         following = _moved(first, change)
-        command = Command(rotor_speeds=speeds, efforts=setpoints)
-        following = replace(following, rotor_speeds=lagged(self._layout.vehicle, first, command, time, around))
+        command, vehicle = Command(rotor_speeds=speeds, efforts=setpoints, tilts=angles), self._layout.vehicle
+        turning = lagged(vehicle, first, command, time, around)
+        following = replace(following, rotor_speeds=turning, tilts=tilted(vehicle, first, command, time))
         sums = [add(s, mul(share, k)) for s, k in zip(total, slope, strict=True)]
         loads = self._layout.generalized_forces(following, setpoints, around, speeds)
         numbers = self._layout.to_mujoco(leaves(following))
@@ -110,7 +112,7 @@ class StagedRungeKutta:
             x: state now, in MuJoCo's order.
             memory: numbers of the coupled memories now.
             forces: generalised forces on it.
-            given: rotor commands, setpoints and numbers of the surroundings.
+            given: rotor commands, setpoints, angles and numbers of the surroundings.
             steps: how many.
         """
         model, data, program, forward = self._model, self._data, self._program.step, self._forward

@@ -18,14 +18,14 @@ from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.plant.coupled_memory import Memories, memories_of, moved, slopes_of, with_memories
 from skyarm.plant.interface import Truth
 from skyarm.plant.loaded_vehicle import loaded_vehicle
-from skyarm.plant.loads import applied_force, lagged
+from skyarm.plant.loads import applied_force, lagged, tilted
 from skyarm.plant.surroundings import Around
 from skyarm.scalars import Scalar, add, mul
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Rate:
-    """Time derivative of a state (rotor speeds apart, which are solved exactly)."""
+    """Time derivative of a state (rotor speeds and tilt angles apart, which are solved exactly)."""
 
     position: Vec3
     quaternion: Quaternion
@@ -82,21 +82,24 @@ def coupled_rk4(world: Truth, state: State, command: Command, around: Around, dt
     Source: Kutta 1901; Hairer, Norsett, Wanner 1993, II.1.
     """
     half, whole = (lagged(world.vehicle, state, command, part, around) for part in (0.5 * dt, dt))
+    half_angles, angles = (tilted(world.vehicle, state, command, part) for part in (0.5 * dt, dt))
     first = memories_of(around)
 
-    def slope(at: State, memories: Memories, speeds: Sequence[Any]) -> tuple[Rate, Memories]:
+    def slope(at: State, memories: Memories, speeds: Sequence[Any], turned: tuple[Any, ...]) -> tuple[Rate, Memories]:
+        if turned:
+            at = replace(at, tilts=turned)
         now = with_memories(around, memories)
         rate = derivative(world, at, speeds, command.efforts, now, command.rotor_speeds)
         return rate, slopes_of(world.vehicle, at, speeds, now)
 
-    k1, m1 = slope(state, first, state.rotor_speeds)
-    k2, m2 = slope(_moved(state, k1, 0.5 * dt), moved(first, m1, 0.5 * dt), half)
-    k3, m3 = slope(_moved(state, k2, 0.5 * dt), moved(first, m2, 0.5 * dt), half)
-    k4, m4 = slope(_moved(state, k3, dt), moved(first, m3, dt), whole)
+    k1, m1 = slope(state, first, state.rotor_speeds, state.tilts)
+    k2, m2 = slope(_moved(state, k1, 0.5 * dt), moved(first, m1, 0.5 * dt), half, half_angles)
+    k3, m3 = slope(_moved(state, k2, 0.5 * dt), moved(first, m2, 0.5 * dt), half, half_angles)
+    k4, m4 = slope(_moved(state, k3, dt), moved(first, m3, dt), whole, angles)
     after, memories = state, first
     for k, m, part in ((k1, m1, dt / 6.0), (k2, m2, dt / 3.0), (k3, m3, dt / 3.0), (k4, m4, dt / 6.0)):
         after, memories = _moved(after, k, part), moved(memories, m, part)
-    return replace(after, quaternion=after.quaternion.normalized(), rotor_speeds=whole), memories
+    return replace(after, quaternion=after.quaternion.normalized(), rotor_speeds=whole, tilts=angles), memories
 
 
 def _moved(state: State, rate: Rate, dt: Any) -> State:
@@ -113,6 +116,7 @@ def _moved(state: State, rate: Rate, dt: Any) -> State:
         joints=line(state.joints, rate.joints),
         joint_rates=line(state.joint_rates, rate.joint_rates),
         rotor_speeds=state.rotor_speeds,
+        tilts=state.tilts,
     )
 
 
@@ -136,6 +140,7 @@ def coupled_euler(world: Truth, state: State, command: Command, around: Around, 
         joints=tuple(add(x, mul(dx, dt)) for x, dx in zip(state.joints, joint_rates, strict=True)),
         joint_rates=joint_rates,
         rotor_speeds=lagged(world.vehicle, state, command, dt, around),
+        tilts=tilted(world.vehicle, state, command, dt),
     )
     return after, moved(memories_of(around), slopes, dt)
 

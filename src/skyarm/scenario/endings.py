@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from skyarm.actuation.tilting import turned
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves
 from skyarm.dynamics import State, link_poses
@@ -224,7 +225,7 @@ def rotor_clearances(scenario: Scenario, state: State) -> list[tuple[Any, str, s
     """(distance in m, rotor, surface) of every rotor's disc and every surface that stands still."""
     R, found = state.quaternion.rotation(), list[tuple[Any, str, str]]()
     for contact in scenario.contacts:
-        for rotor in scenario.world.vehicle.rotors:
+        for rotor in turned(scenario.world.vehicle, state.tilts).rotors:
             at, axis = state.position + R.apply(rotor.position), R.apply(rotor.axis)
             for surface in contact.still:
                 found.append((surface.clearance(at, axis, contact.rotor_radius, 0.0), rotor.name, surface.name))
@@ -263,13 +264,15 @@ def state_words(vehicle: Vehicle) -> list[str]:
     named = [f"{word}.{axis}" for word, letters in axes for axis in letters]
     joints = [link.joint.name for link in vehicle.links]
     named += [f"joint '{name}'" for name in joints] + [f"rate of joint '{name}'" for name in joints]
-    return named + [f"speed of rotor '{rotor.name}'" for rotor in vehicle.rotors]
+    named += [f"speed of rotor '{rotor.name}'" for rotor in vehicle.rotors]
+    return named + [f"angle of rotor '{rotor.name}'" for rotor in vehicle.rotors if rotor.tilt is not None]
 
 
 def command_words(vehicle: Vehicle) -> list[str]:
     """Words for the numbers of a command, in order."""
     found = [f"commanded speed of rotor '{rotor.name}'" for rotor in vehicle.rotors]
-    return found + [f"commanded effort of joint '{link.joint.name}'" for link in vehicle.links]
+    found += [f"commanded effort of joint '{link.joint.name}'" for link in vehicle.links]
+    return found + [f"commanded angle of rotor '{rotor.name}'" for rotor in vehicle.rotors if rotor.tilt is not None]
 
 
 def not_finite(vehicle: Vehicle, command: Sequence[float]) -> str | None:

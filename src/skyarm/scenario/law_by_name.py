@@ -9,6 +9,7 @@ from skyarm.control.actuator_layer import ActuatorParameters, has_tables, inner_
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model
 from skyarm.control.safety.memory import SafetyParameters
+from skyarm.control.vectored_layer import VectoredParameters, own_parameters
 from skyarm.records.leaves import parts
 from skyarm.scenario.changes import without_law
 from skyarm.scenario.gains_file import make_named_or_tuned
@@ -52,6 +53,8 @@ def on_actuators(made: Controller, model: Model, control_period: float, servos: 
 
 def _with_safety_of(before: Any, made: Controller, scenario: Scenario) -> Controller:
     """The controller with the safety layer whose constants are these; as it is if they are a law's."""
+    if isinstance(before, VectoredParameters):
+        before = own_parameters(before)
     if not isinstance(before, SafetyParameters):
         return made
     from skyarm.control.safety import with_safety_layer

@@ -1,4 +1,4 @@
-"""What could not fly is refused before anything is built: clocks, delays, vehicles, initial states.
+"""What could not fly is refused before anything is built: vehicles, additions, laws, initial states.
 
 Every refusal is a ValueError of one line; :class:`skyarm.scenario.scenario_record.Scenario` makes it a ScenarioError.
 """
@@ -21,6 +21,7 @@ from skyarm.records.directions import near_unit_quaternion
 from skyarm.records.leaves import named_leaves
 from skyarm.scalars import data
 from skyarm.scenario.check_frames import check_frames
+from skyarm.scenario.clock_checks import require_whole
 from skyarm.scenario.scenario_parts import ScenarioError
 from skyarm.vehicle.check import require_plant
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -28,54 +29,8 @@ from skyarm.vehicle.vehicle_records import Vehicle
 if TYPE_CHECKING:
     from skyarm.scenario.scenario_record import Scenario
 
-LONGEST_QUEUE = 100
-"""Control periods that a varied delay of the commands may take: the loop remembers as many commands."""
-
 LONGEST_QUEUE_OF_SERVO = 1000
 """Control periods that a servo's setpoints may be on their way: as many are remembered."""
-
-
-def check_delays(scenario: Scenario) -> None:
-    """Delays are whole numbers of steps within the flight; one that varies stays below its longest."""
-    rates = scenario.rates
-    for name, rate, unit in (
-        ("measurement", rates.control, "control periods"),
-        ("command", rates.physics, "physics steps"),
-        ("rotors", rates.physics, "physics steps"),
-        ("joints", rates.physics, "physics steps"),
-    ):
-        if not concrete(getattr(scenario.delays, name)):
-            continue
-        delay = number(getattr(scenario.delays, name), f"delays.{name}", low=0.0)
-        if delay > scenario.duration:
-            raise ValueError(f"delays.{name} = {delay!r}: must not exceed the duration of {scenario.duration:g} s")
-        # the closed loop in machine code takes any delay if it is told the longest; MuJoCo's plant steps
-        if name == "measurement" or scenario.delays.longest_command is None or scenario.plant == "mujoco":
-            require_whole(f"delays.{name}", delay, rate, unit)
-    _check_longest(scenario)
-
-
-def _check_longest(scenario: Scenario) -> None:
-    """A delay that varies stays below its longest."""
-    delays = scenario.delays
-    if delays.longest_command is None:
-        return
-    longest = number(delays.longest_command, "delays.longest_command", low=0.0, strict=True)
-    if longest * scenario.rates.control > LONGEST_QUEUE:
-        raise ValueError(
-            f"delays.longest_command = {longest!r}: must be at most {LONGEST_QUEUE} control periods, "
-            f"{LONGEST_QUEUE / scenario.rates.control:g} s"
-        )
-    if not concrete(delays.command):
-        return
-    for name in ("rotors", "joints", "command"):
-        added = getattr(delays, name)
-        own = name == "command"
-        if concrete(added) and (added if own else delays.command + added) > longest:
-            held, what = (added, "") if own else (delays.command + added, " with delays.command")
-            raise ValueError(
-                f"delays.{name} = {held!r}{what}: must not exceed delays.longest_command = {delays.longest_command!r}"
-            )
 
 
 def check_joined(scenario: Scenario) -> None:
@@ -145,22 +100,6 @@ def check_additions(scenario: Scenario) -> None:
             raise ValueError(f"plant.vehicle: joints[{joint}].effort_limit = 0: {words}")
 
 
-def check_clocks(scenario: Scenario) -> None:
-    """A law that is told of its clocks is told of those that tick."""
-    # a law with a safety layer keeps its own constants inside the layer's
-    par, rates = getattr(scenario.controller.par, "inner", scenario.controller.par), scenario.rates
-    cutoff = getattr(par, "cutoff", None)
-    if cutoff is not None and concrete(cutoff) and not 2.0 * cutoff < rates.control:
-        raise ValueError(
-            f"controller.cutoff = {cutoff!r}: must be below {0.5 * rates.control:g} Hz, half of rates.control"
-        )
-    for name, rate in (("control_period", rates.control), ("reference_period", rates.reference)):
-        believed = getattr(par, name, None)
-        if believed is not None and concrete(believed) and abs(believed * rate - 1.0) > 1e-6:
-            clock = name.removesuffix("_period")
-            raise ValueError(f"controller.{name} = {believed!r}: must be {1.0 / rate:g} s, as rates.{clock} has it")
-
-
 MOST_JOINTS = 256
 """Of a vehicle that flies. LLVM makes a loop's code in a stack whose depth grows with the loop: of 400 joints it still
 does, of 1200 it ends the process."""
@@ -202,7 +141,8 @@ def check_vehicles(scenario: Scenario) -> None:
 
 def check_initial(state: State, vehicle: Vehicle) -> None:
     """An initial state has a number for each joint and rotor, speeds that the rotors can turn at, and a quaternion."""
-    counts = (("joints", vehicle.n), ("joint_rates", vehicle.n), ("rotor_speeds", len(vehicle.rotors)))
+    rotors, tilts = len(vehicle.rotors), len(vehicle.tilts)
+    counts = (("joints", vehicle.n), ("joint_rates", vehicle.n), ("rotor_speeds", rotors), ("tilts", tilts))
     for name, count in counts:
         if len(getattr(state, name)) != count:
             raise ValueError(f"initial.{name}: {len(getattr(state, name))} values, must be {count}")
@@ -213,13 +153,17 @@ def check_initial(state: State, vehicle: Vehicle) -> None:
                 f"initial.rotor_speeds[{i}] = {speed!r}: must be from 0 to {rotor.max_speed:g} rad/s, the highest "
                 f"speed of rotor {i}"
             )
+    for i, (angle, tilt) in enumerate(zip(state.tilts, vehicle.tilts, strict=True)):
+        if concrete(angle, tilt.lower, tilt.upper) and not tilt.lower <= angle <= tilt.upper:
+            allowed = f"must be from {tilt.lower:g} to {tilt.upper:g} rad, the range of its servo"
+            raise ValueError(f"initial.tilts[{i}] = {angle!r}: {allowed}")
     check_quaternion(tuple(state.quaternion))
 
 
 def as_data(state: State) -> State:
     """The state without integers, which would be structure, its quaternion exactly of unit length."""
     held: dict[str, Any] = {}
-    for name in ("position", "quaternion", "velocity", "rate", "joints", "joint_rates", "rotor_speeds"):
+    for name in ("position", "quaternion", "velocity", "rate", "joints", "joint_rates", "rotor_speeds", "tilts"):
         value = getattr(state, name)
         numbers = tuple(data(each) for each in value)
         held[name] = numbers if isinstance(value, tuple) else type(value)(*numbers)
@@ -310,10 +254,3 @@ def check_quaternion(values: tuple[Any, ...]) -> None:
         raise ValueError(
             f"initial.quaternion_wxyz = {shown(list(values))}: must be four numbers of length 1 within {TOLERANCE:g}"
         )
-
-
-def require_whole(field: str, seconds: float, rate: int, unit: str) -> None:
-    """A time is a whole number of ticks of a clock (Hz), at least one if it is above 0."""
-    count = seconds * rate
-    if abs(count - round(count)) > 1e-6 or (seconds > 0.0 and round(count) < 1):
-        raise ValueError(f"{field} = {seconds!r}: must be a whole number of {unit} of {1.0 / rate:g} s")

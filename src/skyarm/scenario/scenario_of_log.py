@@ -12,6 +12,7 @@ from skyarm.actuation import AllocationError
 from skyarm.control.actuator_layer import ActuatorParameters
 from skyarm.control.model import Model
 from skyarm.control.safety.memory import SafetyParameters
+from skyarm.control.vectored_layer import VectoredParameters
 from skyarm.files import shown, unreadable
 from skyarm.log.formats import load_log
 from skyarm.records.plain import dotted
@@ -47,11 +48,11 @@ def scenario_of_log(path: str | os.PathLike[str], replaced: Mapping[str, Any] | 
 
 
 def _has_layers(log: Any) -> bool:
-    """Whether a log's law flew under the safety layer or on servos, which the law that replaces it keeps."""
+    """Whether a log's law flew inside a layer, of which the law that replaces it keeps safety and servos."""
     held: Any = log.info.get("scenario_record")
     for name in ("controller", "par", "type"):
         held = held.get(name) if isinstance(held, dict) else None
-    return held in (dotted(SafetyParameters), dotted(ActuatorParameters))
+    return held in (dotted(SafetyParameters), dotted(ActuatorParameters), dotted(VectoredParameters))
 
 
 def _named_law(name: str, model: Model, fields: Mapping[str, Any]) -> dict[str, Any]:

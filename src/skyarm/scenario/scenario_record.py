@@ -29,17 +29,15 @@ from skyarm.reference.path_time import PathTime
 from skyarm.registry.registrations import registrations
 from skyarm.scalars import Scalar, cos, data, minimum, sin
 from skyarm.scenario.changes import Change
+from skyarm.scenario.clock_checks import check_clocks, check_delays, require_whole
 from skyarm.scenario.endings import Ending
 from skyarm.scenario.scenario_checks import (
     as_data,
     check_additions,
-    check_clocks,
-    check_delays,
     check_initial,
     check_joined,
     check_path_time,
     check_vehicles,
-    require_whole,
 )
 from skyarm.scenario.scenario_parts import Delays, JointDrive, NamedSensor, Rates, ScenarioError, whole
 from skyarm.sensors.noise import SensorNoise
@@ -266,6 +264,7 @@ def trimmed_state(world: Truth, position: Vec3, yaw: float, joints: tuple[Any, .
         joints=tuple(data(q) for q in joints),
         joint_rates=still,
         rotor_speeds=tuple(data(minimum(w, r.max_speed)) for w, r in zip(trim.speeds, vehicle.rotors, strict=True)),
+        tilts=(0.0,) * len(vehicle.tilts),
     )
 
 

@@ -273,6 +273,7 @@ def initial(fields: Fields, scenario: Scenario) -> State:
         joints=joints,
         joint_rates=fields.numbers("joint_rates", trim.joint_rates),
         rotor_speeds=fields.numbers("rotor_speeds", trim.rotor_speeds, low=0.0),
+        tilts=fields.numbers("tilts", trim.tilts),
     )
     fields.done()
     return standing(scenario.world, scenario.contacts[0], state) if stands else state

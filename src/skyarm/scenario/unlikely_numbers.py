@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from skyarm.environment import ForceWind, MovingAir
 from skyarm.environment.wind import all_gusts
+from skyarm.scenario.law_and_rotors import law_without_priorities
 from skyarm.scenario.law_and_undriven import law_of_undriven
 from skyarm.scenario.reference_setting import feasibility_of
 from skyarm.scenario.scenario_record import Scenario
@@ -63,6 +64,7 @@ def unlikely_numbers(scenario: Scenario) -> tuple[str, ...]:
         *_plan(scenario),
         *_start(scenario),
         *law_of_undriven(scenario),
+        *law_without_priorities(scenario),
     )
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.dynamics.state import State
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
 
@@ -28,16 +29,19 @@ class Measurement:
     joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "see the joints above")] = ()
     joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s")] = ()
     rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "unsigned")] = ()
+    tilts: Annotated[tuple[Scalar, ...], Unit("rad", "angles of the rotors that tilt")] = field(
+        default=(), metadata=WRITTEN_IF_ANY
+    )
 
     def __post_init__(self) -> None:
         # made in every period: what holds vectors and tuples already is not looked at
         vectors = type(self.position) is type(self.velocity) is type(self.rate) is type(self.specific_force) is Vec3
-        tuples = type(self.joints) is type(self.joint_rates) is type(self.rotor_speeds) is tuple
+        tuples = type(self.joints) is type(self.joint_rates) is type(self.rotor_speeds) is type(self.tilts) is tuple
         if not (vectors and tuples and type(self.quaternion) is Quaternion and type(self.time) in (float, int)):
             accept_fields(self, "measurement")
 
 
-def blank_measurement(joints: int, rotors: int) -> Measurement:
+def blank_measurement(joints: int, rotors: int, tilts: int = 0) -> Measurement:
     """A reading of a vehicle that rests at the origin, level, at time 0: an example whose numbers are all data."""
     zero, still = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
     return Measurement(
@@ -50,6 +54,7 @@ def blank_measurement(joints: int, rotors: int) -> Measurement:
         joints=still,
         joint_rates=still,
         rotor_speeds=(0.0,) * rotors,
+        tilts=(0.0,) * tilts,
     )
 
 
@@ -65,4 +70,5 @@ def measurement_of(state: State, specific_force: Vec3) -> Measurement:
         joints=state.joints,
         joint_rates=state.joint_rates,
         rotor_speeds=state.rotor_speeds,
+        tilts=state.tilts,
     )

@@ -95,6 +95,7 @@ def measure(par: SensorNoise, time: Any, state: State, specific_force: Vec3, noi
         joints=many(state.joints, par.joints),
         joint_rates=many(state.joint_rates, par.joint_rates),
         rotor_speeds=many(state.rotor_speeds, par.rotor_speeds),
+        tilts=state.tilts,
     )
 
 

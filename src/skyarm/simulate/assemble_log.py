@@ -118,6 +118,8 @@ def _tables(piece: Piece) -> dict[str, Array]:
     if len(inputs.path_time):
         tables["path_time"] = np.asarray(inputs.path_time)[start:stop]
     own = {"held": table(held.tip, start), "reference": table(free.tip)} if free.tip else {}
+    if vehicle.tilts:
+        tables |= {"tilts": x[:, 13 + 2 * n + rotors :], "tilt_commands": u[:, rotors + n :]}
     if wind.held:
         tables["payload_mass"] = table(wind.held)
     for i, name in enumerate(CONTACT_ARRAYS if wind.contacts else ()):
@@ -136,9 +138,9 @@ def _tables(piece: Piece) -> dict[str, Array]:
         "rate": x[:, 10:13],
         "joints": joints,
         "joint_rates": x[:, 13 + n : 13 + 2 * n],
-        "rotor_speeds": x[:, 13 + 2 * n :],
+        "rotor_speeds": x[:, 13 + 2 * n :][:, :rotors],
         "rotor_commands": u[:, :rotors],
-        "efforts": u[:, rotors:],
+        "efforts": u[:, rotors:][:, :n],
         "tool": tip(vehicle, position, quaternion, joints),
         "measured_position": m[:, 1:4],
         "measured_joints": m[:, 17 : 17 + n],

@@ -228,7 +228,8 @@ class Batch:
         :meth:`session` begins the lanes; without it the first step does, with the scenario's numbers in each.
 
         Args:
-            actions: (rotors + joints, lanes): rotor speeds (rad/s), then joint setpoints.
+            actions: (rotors + joints, lanes): rotor speeds (rad/s), then joint setpoints; then a row of angles (rad)
+                for each rotor that tilts.
 
         Returns:
             the plant's state, a record of (lanes,) views that each step writes anew.
@@ -236,7 +237,7 @@ class Batch:
         if self.stepped is not None:
             return self.stepped.step(actions)
         vehicle = self.scenario.world.vehicle
-        rows, shape = len(vehicle.rotors) + vehicle.n, tuple(getattr(actions, "shape", ()))
+        rows, shape = len(vehicle.rotors) + vehicle.n + len(vehicle.tilts), tuple(getattr(actions, "shape", ()))
         if len(shape) != 2 or not shape[-1]:
             raise ScenarioError(f"actions = {shown(actions)}: must be an array of shape ({rows}, lanes)")
         return self.session(lanes=shape[-1]).step(actions)

@@ -228,8 +228,8 @@ class BatchSession:
         """Fly one control period in every lane.
 
         Args:
-            actions: (rotors + joints, lanes): rotor speeds (rad/s), then joint setpoints; (rotors + joints, 1) are
-                those of every lane. Those of the last step if left out.
+            actions: (rotors + joints, lanes): rotor speeds (rad/s), then joint setpoints, then a row of angles for
+                each rotor that tilts; (rotors + joints, 1) are those of every lane. Those of the last step if left out.
 
         Returns:
             ``state``: views that the next step writes anew.

@@ -63,7 +63,7 @@ def _both(a: Any, b: Any) -> Any:
 def ended_by(scenario: Scenario, time: float, x: Sequence[float], goal: Sequence[float]) -> Ended | None:
     """The ending that a state in flat floats means, or None; ``goal`` is the held reference's position."""
     vehicle = scenario.world.vehicle
-    state = rebuild(example_state(vehicle.n, len(vehicle.rotors)), iter(x))
+    state = rebuild(example_state(vehicle.n, len(vehicle.rotors), len(vehicle.tilts)), iter(x))
     for ending in endings_of(scenario):
         if not ending.fine(scenario, state, Vec3(*goal), 0):
             return Ended(ending.status, ending.cause(scenario, state, Vec3(*goal)), time)

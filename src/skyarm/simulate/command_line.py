@@ -49,7 +49,7 @@ def switches(before: Command, after: Command, rotors: Any, joints: Any) -> list[
         rotors: s within the period at which the rotors hear of it.
         joints: s within the period at which the joints do.
     """
-    rotors_first, joints_first = _mixed(after, before), _mixed(before, after)
+    rotors_first, joints_first = joined_parts(after, before), joined_parts(before, after)
     if type(rotors) is float and type(joints) is float:
         first, mixed = min(rotors, joints), rotors_first if rotors < joints else joints_first
         return [(first, before), (max(rotors, joints) - first, mixed)]
@@ -84,6 +84,6 @@ def mean_efforts(before: Command, after: Command, late: Any, period: float) -> t
     return tuple(new + (old - new) * share for old, new in zip(before.efforts, after.efforts, strict=True))
 
 
-def _mixed(rotors: Command, joints: Command) -> Command:
-    """Rotor speeds of one command, efforts of another."""
-    return Command(rotor_speeds=rotors.rotor_speeds, efforts=joints.efforts)
+def joined_parts(rotors: Command, joints: Command) -> Command:
+    """Rotor speeds and angles of one command, efforts of another."""
+    return Command(rotor_speeds=rotors.rotor_speeds, efforts=joints.efforts, tilts=rotors.tilts)

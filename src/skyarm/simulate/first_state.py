@@ -29,7 +29,8 @@ def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Any]] | None =
     if scenario.all_drives:
         rows = zip(scenario.all_drives, efforts, state.joints, strict=True)
         efforts = tuple(drive.standing(effort, q) for drive, effort, q in rows)
-    standing = Command(rotor_speeds=state.rotor_speeds, efforts=tuple(data(effort) for effort in efforts))
+    held = tuple(data(effort) for effort in efforts)
+    standing = Command(rotor_speeds=state.rotor_speeds, efforts=held, tilts=state.tilts)
     if draws is None:
         draws = [row.tolist() for row in start_draws(scenario, scenario.seed, scenario.episode)]
     period = 1.0 / scenario.rates.control
@@ -54,9 +55,9 @@ def _first_reading(scenario: Scenario, index: int) -> SensorState:
     vehicle, (_, sensor) = scenario.world.vehicle, scenario.all_sensors[index]
     waiting, memory = readings_waiting(scenario, index), sensor.start(vehicle)
     if index == 0:
-        blank: Any = blank_measurement(vehicle.n, len(vehicle.rotors))
+        blank: Any = blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts))
         return SensorState(memory=memory, held=(), waiting=(blank,) * waiting)
-    state, draws = example_state(vehicle.n, len(vehicle.rotors)), (0.5,) * sensor.uniforms(vehicle)
+    state, draws = example_state(vehicle.n, len(vehicle.rotors), len(vehicle.tilts)), (0.5,) * sensor.uniforms(vehicle)
     period = 1.0 / (sensor.frequency or scenario.rates.control)
     _, example = sensor.measure(memory, 0.0, state, state.velocity, draws, period)
     reading = rebuild(example, iter([0.0] * len(leaves(example))))

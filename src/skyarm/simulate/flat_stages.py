@@ -232,7 +232,8 @@ class FlatSteps:
     def __init__(self, plant: Plant, stages: Stages, around: Any) -> None:
         self._plant, self._period, self._late = plant, stages.period, stages.late
         self._kind, vehicle = stages.scenario.plant, stages.scenario.world.vehicle
-        self._rotors, self._end = len(vehicle.rotors), 13 + 2 * vehicle.n + len(vehicle.rotors)
+        self._rotors, self._joints = len(vehicle.rotors), vehicle.n
+        self._end = 13 + 2 * vehicle.n + len(vehicle.rotors) + len(vehicle.tilts)
         self._apart = None if stages.apart is None else tuple(late for _, late in stages.apart)
         self.specific_force = plant.specific_force
         self._impact, self._coupled = impact_of(plant, stages), places_in(around)
@@ -249,11 +250,11 @@ class FlatSteps:
 
     def _one_after_the_other(self, state: Flat, before: Flat, after: Flat, around: Flat) -> tuple[Flat, Flat]:
         """State after a period in which rotors and joints hear of the command at different times."""
-        n, left = self._rotors, self._period
-        old, new = (Command(rotor_speeds=u[:n], efforts=u[n:]) for u in (before, after))
+        n, end, left = self._rotors, self._rotors + self._joints, self._period
+        old, new = (Command(rotor_speeds=u[:n], efforts=u[n:end], tilts=u[end:]) for u in (before, after))
         for seconds, command in switches(old, new, *self._apart or ()):
             if seconds > 0.0:
-                acting: Any = (*command.rotor_speeds, *command.efforts)
+                acting: Any = (*command.rotor_speeds, *command.efforts, *command.tilts)
                 state, around = self._next(state, acting, around, seconds)
             left = left - seconds
         return self._last(state, after, around, left)

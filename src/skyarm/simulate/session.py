@@ -72,6 +72,7 @@ class Session:
         # the engine's own step is the session's, which a call between them would slow down by a tenth
         self._n = scenario.world.vehicle.n
         self._rotors = len(scenario.world.vehicle.rotors)
+        self._tilts = len(scenario.world.vehicle.tilts)
         if self._waits:
             self._let_change()
 
@@ -153,7 +154,7 @@ class Session:
             if self._waits and going:
                 self._let_change()
             return going
-        numbers = numbers_of_command(command, self._rotors, self._n)
+        numbers = numbers_of_command(command, self._rotors, self._n, self._tilts)
         going = self._engine.step(numbers)
         if self._waits and going:
             self._let_change()

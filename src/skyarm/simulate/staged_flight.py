@@ -130,8 +130,8 @@ class StagedFlight:
 
     def samples(self, start: int, stop: int) -> Samples:
         """What some of the periods left that this engine flew."""
-        n, rotors = self.scenario.world.vehicle.n, len(self.scenario.world.vehicle.rotors)
-        ends = np.cumsum([13 + 2 * n + rotors, rotors + n, len(leaves(self._stages.reading))])
+        examples = self.first.state, self.first.queue[0], self._stages.reading
+        ends = np.cumsum([len(leaves(each)) for each in examples])
         rows = self._rows(start - self.begun, stop - self.begun)
         lags = rows.shape[1] - len(self._stages.lag_places)
         states, commands, readings, wind, found = np.split(rows, [*ends.tolist(), lags], axis=1)

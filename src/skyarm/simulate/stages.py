@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.actuation import Command
+from skyarm.actuation.tilting import with_rest
 from skyarm.algebra import Vec3
 from skyarm.compile.tracing.repeat import repeat, repeat_while
 from skyarm.control.blocks.lag_estimate import lags_found
@@ -32,7 +33,14 @@ from skyarm.scalars import absolute, floor, logical_and, where
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.check_endings import healthy
-from skyarm.simulate.command_line import command_delay, issued, mean_efforts, rotor_and_joint_delays, switches
+from skyarm.simulate.command_line import (
+    command_delay,
+    issued,
+    joined_parts,
+    mean_efforts,
+    rotor_and_joint_delays,
+    switches,
+)
 from skyarm.simulate.draws import Draws, draw_plan
 from skyarm.simulate.joined_reference import joined_reference
 from skyarm.simulate.loop_state import LoopState, Row, SensorState, ended
@@ -118,7 +126,7 @@ class Stages:
         if self.apart is None:
             return issued(queue, self.whole)
         (rotors, _), (joints, _) = self.apart
-        return Command(rotor_speeds=issued(queue, rotors).rotor_speeds, efforts=issued(queue, joints).efforts)
+        return joined_parts(issued(queue, rotors), issued(queue, joints))
 
     def joined(self, row: Row) -> Reference:
         """The reference that the law is told: the governed one, if any; before it joins, that of t = 0, at rest."""
@@ -151,13 +159,13 @@ class Stages:
     def decide(self, memory: Any, measurement: Measurement, reference: Reference) -> tuple[Any, Command]:
         """The law."""
         controller = self.scenario.controller
-        found: tuple[Any, Command] = self._law(memory, measurement, reference, self.period, par=controller.par)
-        return found
+        following, command = self._law(memory, measurement, reference, self.period, par=controller.par)
+        return following, with_rest(self.scenario.world.vehicle, command)
 
     def send(self, alive: Any, queue: Sequence[Command], command: Command) -> tuple[Any, tuple[Command, ...], Command]:
         """Command line: refuses a command that is not finite; the queue, and what acts once it has moved."""
         going = alive > 0.5
-        for value in (*command.rotor_speeds, *command.efforts):
+        for value in (*command.rotor_speeds, *command.efforts, *command.tilts):
             going = logical_and(going, absolute(value) < float("inf"))
         moved = (*queue[1:], command)
         return where(going, 1.0, 0.0), moved, self._heard(moved)
@@ -213,7 +221,7 @@ class StagesByActions(Stages):
 
     def decide(self, memory: Any, measurement: Measurement, reference: Reference) -> tuple[Any, Command]:
         """The command from outside."""
-        return memory, self._command
+        return memory, with_rest(self.scenario.world.vehicle, self._command)
 
 
 class RigidBodySteps:

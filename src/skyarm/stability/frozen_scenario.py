@@ -7,6 +7,7 @@ from typing import Any
 
 from skyarm.actuation.servo import PositionServo
 from skyarm.compile import leaves
+from skyarm.control.vectored_layer import turns_rotors
 from skyarm.environment import MovingAir, Wind
 from skyarm.records.coerce import concrete
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, JointDrive, Scenario, ScenarioError
@@ -27,7 +28,12 @@ def nominal(scenario: Scenario) -> Scenario:
     """The scenario without noise, turbulence and changes in flight, which have no place in a linearisation.
 
     Nor has the rounding of an encoder in a servo, which is flat but for its steps: it is left out, as its mean is.
+    Rotors that tilt stay at rest under a law that does not turn them.
+
+    Raises:
+        ScenarioError: a law that turns rotors: channels and lags of their servos are not reckoned.
     """
+    scenario = _without_tilts(scenario)
     calm: Wind = scenario.wind
     if isinstance(calm, MovingAir):
         calm = dataclasses.replace(calm, turbulence=None)
@@ -38,6 +44,18 @@ def nominal(scenario: Scenario) -> Scenario:
         for each in scenario.joint_drives
     )
     return dataclasses.replace(scenario, sensors=PERFECT_SENSORS, wind=calm, changes=(), drives=drives)
+
+
+def _without_tilts(scenario: Scenario) -> Scenario:
+    """The scenario with rotors fixed at rest."""
+    vehicle = scenario.world.vehicle
+    if not vehicle.tilts:
+        return scenario
+    if turns_rotors(scenario.controller):
+        raise ScenarioError("controller.sideways: must be left out of margins, which do not reckon rotors that tilt")
+    fixed = dataclasses.replace(vehicle, rotors=tuple(dataclasses.replace(r, tilt=None) for r in vehicle.rotors))
+    first = None if scenario.initial is None else dataclasses.replace(scenario.initial, tilts=())
+    return dataclasses.replace(scenario, world=dataclasses.replace(scenario.world, vehicle=fixed), initial=first)
 
 
 def without_adaptation(scenario: Scenario) -> Scenario:

@@ -30,12 +30,15 @@ class HoverDelay:
         swings: s of further dead time from which on flights really swing.
         believed: s of delay that the law is told of, or the scenario has.
         period: s, of the control: a computer that sends its command in the next period is late by so much.
+        finds_lag: the law finds in flight how late its loop acts and gives up bandwidth for it; the margin is that of
+            before.
     """
 
     margin: float
     swings: float
     believed: float
     period: float = 0.0
+    finds_lag: bool = False
 
     @property
     def needed(self) -> float:
@@ -56,7 +59,8 @@ class HoverDelay:
         else:
             swings = "" if math.isinf(self.swings) else f" (flights swing from {1e3 * self.swings:.3g} ms on)"
             borne = f"{1e3 * self.margin:.3g} ms{swings}"
-        return f"{law} in hover bears {borne} of further delay; {1e3 * self.believed:.3g} ms are believed"
+        found = f"{law} in hover bears {borne} of further delay; {1e3 * self.believed:.3g} ms are believed"
+        return found + ("; this is before the law finds a lag, for which it gives up bandwidth" * self.finds_lag)
 
     @property
     def shortfall(self) -> str:
@@ -66,6 +70,11 @@ class HoverDelay:
         if self.needed > ENOUGH * self.believed:
             return f"below one control period, {1e3 * self.period:.3g} ms"
         return f"below {ENOUGH:g} times the believed delay"
+
+    @property
+    def before(self) -> str:
+        """Words behind a shortfall of a law that will find a lag; else empty."""
+        return ", before it finds a lag" if self.finds_lag else ""
 
 
 def hover_delay(scenario: Scenario) -> HoverDelay:
@@ -78,10 +87,18 @@ def hover_delay(scenario: Scenario) -> HoverDelay:
     found = next(frozen_instants(hovering(nominal(still)), 1), None)
     believed = believed_delay(scenario)
     period = 1.0 / scenario.rates.control
+    adapts = finds_lag(scenario.controller)
     if found is None:
-        return HoverDelay(margin=0.0, swings=0.0, believed=believed, period=period)
+        return HoverDelay(margin=0.0, swings=0.0, believed=believed, period=period, finds_lag=adapts)
     margin = min(delay_margin(found.opened(lag)) for lag in LAGS)
-    return HoverDelay(margin=margin, swings=delay_margin(found.opened("between")), believed=believed, period=period)
+    swings = delay_margin(found.opened("between"))
+    return HoverDelay(margin=margin, swings=swings, believed=believed, period=period, finds_lag=adapts)
+
+
+def finds_lag(controller: Controller) -> bool:
+    """Whether a law, under guard or not, answers a lag that it finds in flight."""
+    par: Any = controller.par
+    return getattr(getattr(par, "inner", par), "lag", None) is not None
 
 
 def hover_delay_if_known(scenario: Scenario) -> HoverDelay | str:

@@ -46,6 +46,7 @@ class Flown:
         jitter: rad/s, RMS change of a rotor command per period. effort: N m or N, RMS of all joint efforts.
         lost: ended early, or tilted by more than 80 degrees.
         saturated: share of rotor commands at their largest speed; NaN where it was not counted.
+        kinds: (plants,) kind of motion of each.
     """
 
     error: Array
@@ -56,6 +57,7 @@ class Flown:
     effort: Array
     lost: npt.NDArray[np.bool_]
     saturated: Array
+    kinds: npt.NDArray[np.int_]
 
 
 class CandidateFlights:
@@ -141,6 +143,7 @@ class CandidateFlights:
             effort=np.nan_to_num(np.sqrt(sum(squares)), nan=LOST) if squares else np.zeros((count, each)),
             lost=lost,
             saturated=self._saturated(found.log, count, each),
+            kinds=flown.kinds[:each],
         )
 
     def _asked(self, errors: Mapping[str, Array]) -> Array:

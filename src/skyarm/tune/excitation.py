@@ -1,15 +1,15 @@
 """The flight by which gains are tuned: base, heading and arm move at once through a wind with a gust; then a step.
 
-Gains belong to the loop (vehicle, delay, noise, wrong beliefs), not to a path: every vehicle flies the same motion,
-scaled to its arm. The scenario keeps its plant, belief, clocks, delays, sensors, drives, estimator and air; its motion,
-payloads, faults and changes in flight stay away. With perfect sensors nothing would keep gains from growing without
-end, so that a scenario without noise gets that of :data:`skyarm.compare.suite.NOISE`.
+Gains belong to the loop (vehicle, delay, noise, wrong beliefs), not to a path: every vehicle flies the same motions,
+scaled to its arm (:mod:`skyarm.tune.motion_mix`). The scenario keeps its plant, belief, clocks, delays, sensors,
+drives, estimator and air; its motion, payloads, faults and changes in flight stay away. With perfect sensors nothing
+would keep gains from growing without end, so that a scenario without noise gets that of
+:data:`skyarm.compare.suite.NOISE`.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import math
 
 from skyarm.algebra import Vec3
 from skyarm.compare.suite import DELAY, NOISE
@@ -19,27 +19,24 @@ from skyarm.environment.gust import Gust
 from skyarm.estimate.estimator import PASS_THROUGH
 from skyarm.metrics.windows import Window, Windows
 from skyarm.plant.interface import Truth
-from skyarm.reference import Constant, Shifted, Signal, Sine, Sum, Trajectory, Windowed
 from skyarm.scenario.gains_file import make_named_or_tuned
 from skyarm.scenario.law_by_name import controller_by_name, loop_facts
 from skyarm.scenario.scenario_record import PERFECT_SENSORS, Delays, Rates, Scenario
-from skyarm.vehicle.vehicle_records import Joint, Vehicle
+from skyarm.tune.motion_mix import STEPPED, motion, unseen_motion
+from skyarm.vehicle.vehicle_records import Vehicle
 
-DURATION, SETTLED, BLOWN, STEPPED = 10.0, 2.0, 5.0, 8.0
-"""s: of the flight; from when on errors count; when the gust comes, and when the step, after which they do not count.
+DURATION, SETTLED, BLOWN = 10.0, 2.0, 5.0
+"""s: of the flight; from when on errors count; when the gust comes. After the step errors do not count.
 
 Before the first the vehicle leaves a hover into the wind. The step is there to be survived: what error it leaves is the
 step's own, not that of gains.
 """
 
-STEP = 0.3
-"""m: of the base at the end; that of the paper's Case 3."""
+UNSEEN = Window(7.0, 12.0)
+"""s: of the errors along the path that is kept aside, which ends with it."""
 
 UNKNOWN_DELAY = 0.010
 """s: longest delay of the commands that the law does not know, as in the README's perturbed plants."""
-
-HEIGHT = 10.0
-"""m: of the flight; far from the ground, which counts for nothing here."""
 
 GUST, GUST_SHARE = Vec3(0.75, 0.5, 0.43), 0.15
 """Direction of the gust's force, and its size as a share of the weight."""
@@ -68,13 +65,14 @@ def of_vehicle(vehicle: Vehicle, law: str | None = None, *, gravity: float = 9.8
     )
 
 
-def excited(scenario: Scenario, law: str | None = None, *, own_motion: bool = False) -> Scenario:
+def excited(scenario: Scenario, law: str | None = None, *, own_motion: bool = False, unseen: bool = False) -> Scenario:
     """The flight by which a scenario's gains are judged.
 
     Args:
         scenario: whose plant, belief, clocks, sensors and air it keeps.
         law: any name of the catalogue in place of its own.
         own_motion: fly the scenario's own reference, for its own duration and windows.
+        unseen: fly the path that is kept aside; errors count once the gust is over.
     """
     noisy = scenario.sensors != PERFECT_SENSORS or scenario.instruments or scenario.estimator != PASS_THROUGH
     longest = float(scenario.delays.command) + UNKNOWN_DELAY
@@ -95,10 +93,10 @@ def excited(scenario: Scenario, law: str | None = None, *, own_motion: bool = Fa
     if not own_motion:
         found = dataclasses.replace(
             found,
-            trajectory=motion(scenario.world.vehicle),
+            trajectory=(unseen_motion if unseen else motion)(scenario.world.vehicle),
             path_time=None,
-            duration=DURATION,
-            windows=Windows(steady=Window(SETTLED, BLOWN), gust=Window(BLOWN, STEPPED)),
+            duration=UNSEEN.stop if unseen else DURATION,
+            windows=Windows(steady=UNSEEN if unseen else Window(SETTLED, BLOWN), gust=Window(BLOWN, STEPPED)),
         )
     if law is not None:
         found = dataclasses.replace(found, controller=controller_by_name(found, law))
@@ -108,33 +106,3 @@ def excited(scenario: Scenario, law: str | None = None, *, own_motion: bool = Fa
 def _gust(scenario: Scenario) -> Gust:
     weight = float(scenario.world.vehicle.mass) * float(scenario.world.gravity)
     return Gust(peak=GUST * (GUST_SHARE * weight), start=BLOWN, duration=1.0)
-
-
-def motion(vehicle: Vehicle) -> Trajectory:
-    """Base on three sines from rest, heading and joints on one each, all of different periods."""
-    return Trajectory(
-        x=Sum((_swing(0.45, 0.2), Windowed(Constant(STEP), start=STEPPED))),
-        y=_swing(0.35, 0.3),
-        z=Sum((Constant(HEIGHT), _swing(0.15, 0.4))),
-        yaw=_swing(0.2, 0.15),
-        joints=tuple(_joint_swing(link.joint, i) for i, link in enumerate(vehicle.links)),
-    )
-
-
-def _swing(amplitude: float, frequency: float) -> Signal:
-    """amplitude (1 - cos) from second 1 on: it begins at rest."""
-    sine = Sine(amplitude=amplitude, frequency_hz=frequency, phase=-0.5 * math.pi)
-    return Windowed(Sum((Constant(amplitude), Shifted(sine, 1.0))), start=1.0)
-
-
-def _joint_swing(joint: Joint, number: int) -> Signal:
-    """A swing of a tenth of what the joint may do, about its rest or the nearest place that leaves as much room again.
-
-    A joint that may do little, as a short slide, swings about its middle.
-    """
-    low, high = (float(bound) for bound in (joint.lower, joint.upper))
-    room = min(high - low, 2.0 * math.pi)
-    size = min(0.25, 0.1 * room)
-    rest = min(max(0.0, low + 4.0 * size), high - 4.0 * size)
-    # begins at the lower end, at rest
-    return Sum((Constant(rest - size), _swing(size, 0.5 + 0.07 * number)))

@@ -25,7 +25,7 @@ SATURATED = 0.05
 
 RULE = (
     "the calmest point that loses no plant, keeps its rotors below saturation, meets the margins, and whose error is "
-    f"within {WORTH - 1.0:.0%} of the least of such points"
+    f"within {WORTH - 1.0:.0%} of the least of such points and not above that of gains known before"
 )
 
 
@@ -135,13 +135,24 @@ def undominated(points: Sequence[Point]) -> list[Point]:
     return found
 
 
-def front_of(before: Point, found: Sequence[Point]) -> list[Point]:
-    """What nothing beats of what was found; with the gains that the search began with where none found is better.
+def front_of(starts: Sequence[Point], found: Sequence[Point], required: Required) -> list[Point]:
+    """What nothing beats of what was found; with the best of the gains known before where none found is better.
 
-    Where some are, the beginning stays away: it is often calmer, and the rule would pick it for 5 % of the error.
+    Where some are, the starts stay away: they are often calmer, and the rule would pick one for 5 % of the error. So
+    do found points that are within 5 % of the least error but above that of a start that meets the constraints.
     """
-    leads = all((before.lost, before.error) <= (each.lost, each.error) for each in found)
-    return undominated([before, *found] if leads else found)
+
+    def rank(point: Point) -> tuple[bool, float, float]:
+        return (not is_allowed(point, required), point.lost, point.error)
+
+    best = min(starts, key=rank)
+    leads = all(rank(best) <= rank(each) for each in found)
+    if leads:
+        return undominated([best, *found])
+    if not is_allowed(best, required):
+        return undominated(found)
+    least = min(each.error for each in found if is_allowed(each, required))
+    return undominated([each for each in found if not best.error < each.error <= WORTH * least])
 
 
 def pick(points: Sequence[Point], required: Required) -> int:

@@ -1,4 +1,4 @@
-"""Search for gains: a scatter about where they begin, then several CMA-ES side by side, from calm to stiff.
+"""Search for gains: a scatter about where it goes about, then several CMA-ES side by side, from calm to stiff.
 
 One covariance matrix adaptation (Hansen, Ostermeier 2001; the package ``cmaes``) for each weight of
 :data:`skyarm.tune.objective.WEIGHTS`; all of them ask at once, so that their candidates fly in one batch, and all learn
@@ -88,7 +88,7 @@ NOT_LOOKED_AT = 3.0
 
 
 def search(
-    knobs: Sequence[Knob], effort: Effort, judge: Judge, *, seed: int, known: Array | None = None
+    knobs: Sequence[Knob], effort: Effort, judge: Judge, *, seed: int, starts: Array | None = None
 ) -> tuple[Array, list[Scores]]:
     """Look for gains.
 
@@ -97,12 +97,12 @@ def search(
         effort: how much is flown.
         judge: scores of a round's candidates.
         seed: key of the search.
-        known: (starts, knobs) further candidates to begin with.
+        starts: (starts, knobs) the first candidates; factors of one if left out.
 
     Returns:
-        logarithms of the factors of every candidate (candidates, knobs), the beginning first; scores by round.
+        logarithms of the factors of every candidate (candidates, knobs), the starts first; scores by round.
     """
-    asked = scatter(knobs, effort.scatter, seed, known)
+    asked = scatter(knobs, effort.scatter, seed, starts)
     found = [judge(0, asked, effort.first_plants)]
     logs = asked
     strategies: list[Any] = []
@@ -161,16 +161,21 @@ def _best(logs: Array, found: Sequence[Scores], weight: float) -> Array:
     return best
 
 
-def scatter(knobs: Sequence[Knob], count: int, seed: int, known: Array | None = None) -> Array:
-    """The first candidates: the beginning, known ones, one bandwidth for all, Sobol points about all of them."""
-    begin = np.vstack([np.zeros((1, len(knobs))), *([] if known is None else [known])])
+def scatter(knobs: Sequence[Knob], count: int, seed: int, starts: Array | None = None) -> Array:
+    """The first candidates: the starts, one bandwidth for all, Sobol points about the starts.
+
+    The first start are the gains that were given. They may be off by any factor: where others are known, nothing is
+    scattered about them.
+    """
+    begin = np.zeros((1, len(knobs))) if starts is None else starts
+    centres = begin[1:] if len(begin) > 1 else begin
     speeds = np.linspace(-0.6, 0.6, LINE) * BOX
     line = speeds[:, None] * np.array([exponent(knob) for knob in knobs]) * 0.5
     rest = max(count - len(begin) - LINE, 0)
     numbers = np.arange(1 + 4096 * seed, 1 + 4096 * seed + rest)
     points = np.stack([(sobol(numbers, k).astype(float) + 0.5) / 2.0**BITS for k in range(len(knobs))], axis=1)
     reach = np.array(REACHES)[np.arange(rest) % len(REACHES)]
-    around = begin[np.arange(rest) // len(REACHES) % len(begin)] + (2.0 * points - 1.0) * (BOX * reach[:, None])
+    around = centres[np.arange(rest) // len(REACHES) % len(centres)] + (2.0 * points - 1.0) * (BOX * reach[:, None])
     low, high = _bounds(knobs).T
     found: Array = np.clip(np.vstack([begin, line, around]), low, high)
     return found

@@ -14,7 +14,7 @@ from skyarm.records.replace_parts import part
 from skyarm.tune.front import RULE, LoopMargins, Point
 from skyarm.tune.hover_margins import with_gains
 from skyarm.tune.law_knobs import inner_place
-from skyarm.tune.tuning import Tuning
+from skyarm.tune.tuning_records import Aside, Tuning
 
 DIGITS = 6
 """Of a gain in a file."""
@@ -72,6 +72,8 @@ def gains_text(tuning: Tuning, point: Point, words: Mapping[str, Any], kept: Map
     lines += _table("about", about(tuning))
     lines += _table("about.before", plain_point(tuning.before))
     lines += _table("about.after", plain_point(point))
+    for name, each in tuning.aside.items():
+        lines += _table(f"about.aside.{toml_key(name)}", plain_aside(each))
     lines += _table("about.required", {"delay_margin_s": tuning.required.delay, "gain_margin": tuning.required.gain})
     return "\n".join(lines) + "\n"
 
@@ -104,6 +106,12 @@ def plain_point(point: Point) -> dict[str, Any]:
         "saturated": _short(point.saturated),
         **plain_margins(point.margins),
     }
+
+
+def plain_aside(aside: Aside) -> dict[str, float | bool]:
+    """Scores on plants and a path by which nothing was chosen."""
+    scores = {"tip_m": aside.tip, "jitter_rad_s": aside.jitter, "lost": aside.lost}
+    return {**{name: _short(value) for name, value in scores.items()}, "meets_constraints": aside.meets}
 
 
 def plain_margins(margins: LoopMargins) -> dict[str, Any]:

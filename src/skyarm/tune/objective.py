@@ -14,7 +14,7 @@ from skyarm.tune.candidate_flights import Flown
 Array = npt.NDArray[np.float64]
 
 QUANTILE = 0.9
-"""Over the plants: the error that nine of ten plants stay below."""
+"""Over the plants of each kind of motion: the error that nine of ten plants stay below."""
 
 WEIGHTS = (2.0, 0.7, 0.25, 0.1, 0.03)
 """Of the logarithms of jitter and effort against that of the error, from calm to stiff."""
@@ -31,7 +31,8 @@ class Scores:
     """Of each candidate (candidates,).
 
     Attributes:
-        error, tip: m, 90 % quantiles over the plants. jitter: rad/s, effort: N m, medians over the plants.
+        error, tip: m, 90 % quantiles over the plants, of kinds of motion the geometric mean.
+        jitter: rad/s, effort: N m, medians over the plants.
         lost: share of the plants. short: cost of falling short of the margins.
     """
 
@@ -59,8 +60,8 @@ class Scores:
 def scores(flown: Flown) -> Scores:
     """Scores of candidates over the plants that they flew."""
     return Scores(
-        error=_quantile(flown.error),
-        tip=_quantile(flown.tip),
+        error=_quantile(flown.error, flown.kinds),
+        tip=_quantile(flown.tip, flown.kinds),
         jitter=np.median(flown.jitter, axis=1),
         effort=np.median(flown.effort, axis=1),
         lost=flown.lost.mean(axis=1),
@@ -68,7 +69,11 @@ def scores(flown: Flown) -> Scores:
     )
 
 
-def _quantile(errors: Array) -> Array:
-    """The smallest error that at least nine of ten plants do not exceed."""
-    found: Array = np.quantile(errors, QUANTILE, axis=1, method="higher")
+def _quantile(errors: Array, kinds: npt.NDArray[np.int_]) -> Array:
+    """The smallest error that at least nine of ten plants do not exceed; of several kinds their geometric mean.
+
+    One quantile over all would be that of the hardest kind alone.
+    """
+    each = [np.quantile(errors[:, kinds == kind], QUANTILE, axis=1, method="higher") for kind in np.unique(kinds)]
+    found: Array = np.exp(np.mean([np.log(np.maximum(one, SMALLEST)) for one in each], axis=0))
     return found

@@ -1,4 +1,7 @@
-"""Wrong plants of a tuning: the README's spread for a vehicle, the wind among the forces of the excited flight."""
+"""Wrong plants of a tuning: the README's spread for a vehicle, the wind among the forces of the excited flight.
+
+With ``mixed`` each plant flies a motion of its own (:mod:`skyarm.tune.motion_mix`).
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ from skyarm.compare.perturbed_plants import Spread, draw
 from skyarm.compare.vehicle_spread import fitted_damping, spread_of
 from skyarm.environment import ForceWind
 from skyarm.scenario.scenario_record import Scenario
+from skyarm.tune.motion_mix import draw_motions
 
 Array = npt.NDArray[np.float64]
 
@@ -22,11 +26,13 @@ class Plants:
     Attributes:
         spread: how wrong they are. eased: share of the README's payload and wind that the spare thrust leaves room for.
         values: path of the scenario -> (plants,).
+        kinds: (plants,) kind of motion that each flies; zeros where all fly the same.
     """
 
     spread: Spread
     eased: float
     values: dict[str, Array]
+    kinds: npt.NDArray[np.int_]
 
     @property
     def count(self) -> int:
@@ -34,13 +40,14 @@ class Plants:
         return len(next(iter(self.values.values())))
 
 
-def draw_plants(scenario: Scenario, count: int, *, seed: int) -> Plants:
+def draw_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool = False) -> Plants:
     """Plants for a flight that :func:`skyarm.tune.excitation.excited` made.
 
     Args:
         scenario: its truth is the middle of the spread; its last force is the wind that is drawn.
         count: plants; the first ones do not depend on it.
         seed: key.
+        mixed: a motion for each plant; the scenario flies that of :func:`skyarm.tune.motion_mix.motion`.
     """
     truth = scenario.world.vehicle
     own = float(scenario.delays.command)
@@ -56,4 +63,26 @@ def draw_plants(scenario: Scenario, count: int, *, seed: int) -> Plants:
     for axis in "xyz":
         values[f"environment.forces.{blown}.force_W.{axis}"] = values.pop(f"environment.wind.force_W.{axis}")
     assert isinstance(scenario.forces[blown], ForceWind)
-    return Plants(spread=spread, eased=eased, values=values)
+    kinds: npt.NDArray[np.int_] = np.zeros(count, dtype=int)
+    if mixed:
+        moved, kinds = draw_motions(truth, count, seed=seed)
+        values |= moved
+    return Plants(spread=spread, eased=eased, values=values, kinds=kinds)
+
+
+def with_lost(pool: Plants, count: int, lost: npt.NDArray[np.bool_]) -> Plants:
+    """The first plants of a pool, up to half of them replaced by others that were lost.
+
+    Those come first that some candidates lost and some flew: they tell one from another. Then those that all lost.
+
+    Args:
+        pool: more plants than are wanted.
+        count: of the plants that are wanted.
+        lost: (candidates, plants of the pool).
+    """
+    times = lost[:, count:].sum(axis=0)
+    order = np.lexsort((np.arange(len(times)), -times, times == len(lost)))
+    taken = count + order[times[order] > 0][: count // 2]
+    which = np.concatenate([np.arange(count - len(taken)), np.sort(taken)])
+    values = {path: numbers[which] for path, numbers in pool.values.items()}
+    return Plants(spread=pool.spread, eased=pool.eased, values=values, kinds=pool.kinds[which])

@@ -16,7 +16,7 @@ from skyarm.pages import section, table
 from skyarm.tune.front import RULE, LoopMargins, Point
 from skyarm.tune.front_plot import front_plot, short_words
 from skyarm.tune.gains_result import front_name, gains_of
-from skyarm.tune.tuning import Tuning
+from skyarm.tune.tuning_records import ASIDE, Tuning
 
 CHOSEN = """#stop{i}:checked ~ .panels .panel{i} {{ display: block; }}
 #stop{i}:checked ~ .stops .at{i} i {{ background: var(--accent); border-color: var(--accent); }}
@@ -54,6 +54,7 @@ def tune_page(found: Tuning) -> str:
         f"<p>Picked is {escape(RULE)}.{'' if found.meets else ' No point meets all: the pick is the least short.'}</p>"
     )
     body = section("From calm to stiff", rule + slider) + section("All stops", _all(found))
+    body += section("Plants and a path by which nothing was chosen", _aside(found))
     return plain_page(f"{plan.label} for {plan.flight.world.vehicle.name}", facts, body)
 
 
@@ -109,3 +110,13 @@ def _all(found: Tuning) -> str:
         rows.append([*row, _delay(margins), _gains(margins, margins.rotors), _gains(margins, margins.joints)])
     head = ["", ">tip, mm", ">jitter, rad/s", ">effort", ">lost", ">delay margin, ms", ">rotors", ">joints"]
     return table(head, rows)
+
+
+def _aside(found: Tuning) -> str:
+    """The pick beside all gains that were known before."""
+    rows = [
+        [name, f"{1e3 * x.tip:.3g}", f"{x.jitter:.3g}", f"{x.lost:.1%}", "yes" if x.meets else "no"]
+        for name, x in found.aside.items()
+    ]
+    shown = table(["", ">tip error, 90 % of plants, mm", ">jitter, rad/s", ">lost", "meets all constraints"], rows)
+    return f"<p>{ASIDE} plants.</p>{shown}"

@@ -131,6 +131,8 @@ def rotor(field: str, value: Rotor) -> None:
         number(f"{field}.{name}", getattr(value, name), low=0.0, strict=True)
     if concrete(value.max_speed) and not value.max_speed > 0.0:
         refuse(f"{field}.max_speed", value.max_speed, "must be greater than 0")
+    if value.tilt is not None:
+        value.tilt.require(f"{field}.tilt", value.axis)
 
 
 def unique(field: str, names: list[str]) -> None:

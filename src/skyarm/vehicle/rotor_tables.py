@@ -8,8 +8,9 @@ from skyarm.algebra import Vec3
 from skyarm.vehicle import description
 from skyarm.vehicle.battery import Battery, CellCurve
 from skyarm.vehicle.check import VehicleError, refuse
-from skyarm.vehicle.schema_tables import BatteryTable, RotorDefaults, RotorTable, ThrustTableTable
+from skyarm.vehicle.schema_tables import BatteryTable, RotorDefaults, RotorTable, ThrustTableTable, TiltTable
 from skyarm.vehicle.thrust_table import COLUMNS, ThrustTable
+from skyarm.vehicle.tilt import Tilt, arm_direction
 from skyarm.vehicle.vehicle_records import Rotor
 
 DIRECTIONS = {"ccw": 1, "cw": -1}
@@ -34,7 +35,19 @@ def rotor_of(table: RotorTable, defaults: RotorDefaults) -> Rotor:
             values[name] = description.zero_is_structure(values[name])
     values["axis"] = description.unit_axis(f"{field}.axis", values.get("axis", [0.0, 0.0, 1.0]))
     position: Vec3 = description.vector(table.position)
+    if (tilt := values.pop("tilt", None)) is not None:
+        values["tilt"] = _tilt_of(f"{field}.tilt", tilt, table.position, values["axis"])
     return Rotor(name=table.name, position=position, direction=DIRECTIONS[table.direction], **values)
+
+
+def _tilt_of(field: str, table: TiltTable, position: list[float], thrust_axis: Vec3) -> Tilt:
+    """A rotor's servo; its axis is the arm's direction where the table has none."""
+    values = {name: value for name in TiltTable.model_fields if (value := getattr(table, name)) is not None}
+    if table.axis is None:
+        values["axis"] = arm_direction(field, position, thrust_axis)
+    else:
+        values["axis"] = description.unit_axis(f"{field}.axis", table.axis)
+    return Tilt(**values)
 
 
 def _require_speeds(throttle: bool, coefficient: bool) -> None:

@@ -137,6 +137,16 @@ class ThrustTableTable(Table):
     throttle: Column = Field(default=[], description=COLUMN + ", 0 to 1")
 
 
+class TiltTable(Table):
+    """Servo that turns a rotor's axis."""
+
+    axis: Triple | None = Field(default=None, description="three finite numbers, across the rotor's axis, base frame")
+    lower: Finite = Field(description="a finite number from -pi to 0, rad")
+    upper: Finite = Field(description="a finite number from 0 to pi, rad")
+    time_constant: Positive = Field(description="a finite number greater than 0, s")
+    max_rate: Limit | None = Field(default=None, description="a number greater than 0, rad/s")
+
+
 class RotorDefaults(Table):
     """Values of every rotor that does not state its own."""
 
@@ -150,10 +160,11 @@ class RotorDefaults(Table):
     max_speed: Limit | None = Field(default=None, description="a number greater than 0, rad/s")
     inertia: NotNegative | None = Field(default=None, description=COEFFICIENT + ", kg m^2")
     thrust_table: ThrustTableTable | None = Field(default=None, description="a table of columns")
+    tilt: TiltTable | None = Field(default=None, description="a table: axis, lower, upper, time_constant, max_rate")
 
 
 class RotorTable(RotorDefaults):
-    """Rotor fixed to the base."""
+    """Rotor on the base."""
 
     name: Name = Field(description=NAME)
     position: Triple = Field(description=TRIPLE_M + ", in the base frame")

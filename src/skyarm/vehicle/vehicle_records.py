@@ -24,6 +24,7 @@ from skyarm.vehicle import check
 from skyarm.vehicle.battery import Battery
 from skyarm.vehicle.check import accept
 from skyarm.vehicle.thrust_table import ThrustTable
+from skyarm.vehicle.tilt import Tilt
 
 BASE = -1
 """Index that stands for the base where a link's index is asked for."""
@@ -187,17 +188,18 @@ _ROTOR: dict[str, coerce.Rule] = {
     **dict.fromkeys(("moment_coefficient", "drag_coefficient", "rolling_moment_coefficient"), coerce.coefficient),
     "inertia": coerce.coefficient,
     "table": _optional(ThrustTable),
+    "tilt": _optional(Tilt),
     "direction": coerce.whole,
 }
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Rotor:
-    """A rotor is fixed to the base and gives thrust and drag torque.
+    """A rotor sits on the base and gives thrust and drag torque.
 
     Attributes:
         position: hub in the base frame, m.
-        axis: unit vector of positive thrust, base frame.
+        axis: unit vector of positive thrust, base frame; of a rotor that tilts, at angle 0.
         direction: +1 turns counter-clockwise seen against the axis (ccw), -1 clockwise.
         thrust_coefficient: k_f, N s^2/rad^2: thrust = k_f W^2.
         moment_coefficient: k_m, m: drag torque = k_m thrust, against the direction of rotation.
@@ -209,6 +211,7 @@ class Rotor:
             It is part of the base's inertia too. An int of 0 is structure: no such effect.
         table: thrust and drag torque by speed in place of k_f W^2 and k_m thrust; k_f and k_m scale them and are what
             laws know.
+        tilt: servo that turns the axis; None for a rotor whose axis is fixed.
     """
 
     name: str
@@ -224,6 +227,7 @@ class Rotor:
     max_speed: Annotated[Scalar, Unit("rad/s", infinite=True)] = math.inf
     inertia: Annotated[Scalar, Unit("kg m^2", "of what turns")] = field(default=0, metadata=WRITTEN_IF_ANY)
     table: ThrustTable | None = field(default=None, metadata=WRITTEN_IF_ANY)
+    tilt: Tilt | None = field(default=None, metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         accept(self, "rotor", name=coerce.text)
@@ -323,6 +327,11 @@ class Vehicle:
     def n(self) -> int:
         """Number of joints."""
         return len(self.links)
+
+    @property
+    def tilts(self) -> tuple[Tilt, ...]:
+        """Servos that turn rotors, in the order of their rotors."""
+        return tuple(each.tilt for each in self.rotors if each.tilt is not None)
 
     @property
     def bodies(self) -> tuple[Body, ...]:

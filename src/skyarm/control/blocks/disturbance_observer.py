@@ -16,6 +16,8 @@ from skyarm import dynamics
 from skyarm.actuation import Command
 from skyarm.algebra import ZERO3, Mat3, Motion, Quaternion, Vec3
 from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.felt_acceleration import AccelerometerGains, Felt, feel
+from skyarm.control.blocks.filters import double_pole
 from skyarm.control.blocks.prediction import acceleration, motor_speeds, rotor_wrench, with_side
 from skyarm.control.blocks.select import choose, choose_each, data, vector_data
 from skyarm.control.model import Model
@@ -24,8 +26,8 @@ from skyarm.scalars import Scalar, exp, mul, where
 from skyarm.sensors.measurement import Measurement
 
 
-def first_observed(joints: int, rotor_speeds: Sequence[Any]) -> Observed:
-    """Memory before the first measurement."""
+def first_observed(joints: int, rotor_speeds: Sequence[Any], accelerometer: bool = False) -> Observed:
+    """Memory before the first measurement, with the bias of an accelerometer where one is used."""
     zero, still = Vec3(0.0, 0.0, 0.0), (0.0,) * joints
     return Observed(
         position=zero,
@@ -38,6 +40,7 @@ def first_observed(joints: int, rotor_speeds: Sequence[Any]) -> Observed:
         torque=zero,
         efforts=still,
         rotor_speeds=tuple(rotor_speeds),
+        bias=zero if accelerometer else (),
     )
 
 
@@ -56,6 +59,7 @@ def observe(
     started: Any,
     free: Sequence[Any],
     dt: Any,
+    accelerometer: AccelerometerGains | None = None,
 ) -> tuple[Observed, Told]:
     """Memory at the measurement's time, and the accelerations of the model on the way to it.
 
@@ -69,6 +73,7 @@ def observe(
         started: below 0.5 at the first measurement, which is taken as it is.
         free: 1 or 0 for the base and each joint; 0 holds that disturbance because an actuator is at its limit.
         dt: s.
+        accelerometer: bandwidths of its part; None leaves it to the measured velocity to tell the force.
     """
     place = filter_pose(gains.pose, memory, measurement, started, dt)
     half = motor_speeds(model, memory.rotor_speeds, acted, 0.5 * dt)
@@ -86,22 +91,27 @@ def observe(
     rates = [r + a * dt for r, a in zip(memory.joint_rates, qdd, strict=True)]
     ev, ew = measurement.velocity - v, measurement.rate - w
     er = [a - b for a, b in zip(measurement.joint_rates, rates, strict=True)]
-    shares = [correction(bandwidth, dt) for bandwidth in (gains.force, gains.torque, gains.joints)]
+    shares = [double_pole(bandwidth, dt) for bandwidth in (gains.force, gains.torque, gains.joints)]
     fast, slow = [L1 for L1, _ in shares], [L2 / dt for _, L2 in shares]
     turning, bending = ew * slow[1], [mul(e, slow[2]) for e in er]
-    push, turn, pulls = inertia_times(model, R, joints, ev * slow[0], turning, bending)
+    base = Felt(velocity=v + ev * fast[0], bias=memory.bias, change=ev * slow[0], learns=free[0])
+    if accelerometer is not None:
+        beyond = rotor_wrench(model, [s * s - mean for s, mean in zip(speeds, squares, strict=True)])
+        base = feel(model, accelerometer, memory.velocity, base, measurement, R, linear, beyond, free[1:], dt)
+    push, turn, pulls = inertia_times(model, R, joints, base.change, turning, bending)
     running = started > 0.5
     learned = Observed(
         position=place.position,
         quaternion=place.quaternion,
         joints=place.joints,
-        velocity=v + ev * fast[0],
+        velocity=base.velocity,
         rate=w + ew * fast[1],
         joint_rates=tuple(r + mul(e, fast[2]) for r, e in zip(rates, er, strict=True)),
-        force=memory.force + push * free[0],
+        force=memory.force + push * base.learns,
         torque=memory.torque + turn * free[0],
         efforts=tuple(d + mul(p, f) for d, p, f in zip(memory.efforts, pulls, free[1:], strict=True)),
         rotor_speeds=tuple(data(s) for s in speeds),
+        bias=base.bias,
     )
     running_on = dataclasses.replace(
         learned,
@@ -112,15 +122,10 @@ def observe(
         torque=choose(running, learned.torque, memory.torque),
         efforts=choose_each(running, learned.efforts, memory.efforts),
         rotor_speeds=choose_each(running, learned.rotor_speeds, memory.rotor_speeds),
+        bias=choose(running, base.bias, memory.bias) if isinstance(memory.bias, Vec3) else (),
     )
     told = Told(angular=angular, joints=qdd, angular_correction=turning, joint_corrections=tuple(bending))
     return running_on, told
-
-
-def correction(bandwidth: Any, dt: Any) -> tuple[Any, Any]:
-    """L1 and L2, which place both poles of an axis at b = exp(-bandwidth dt); bandwidth in rad/s, dt in s."""
-    b = exp(-(bandwidth * dt))
-    return 1.0 - b * b, (1.0 - b) * (1.0 - b)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -188,6 +193,7 @@ class Observed:
         velocity, rate, joint_rates: estimates.
         force: N, world axes, at the base origin. torque: N m, base axes. efforts: of the joints.
         rotor_speeds: of the modelled motors, rad/s.
+        bias: of the accelerometer, m/s^2, base axes; empty where none is used.
     """
 
     position: Annotated[Vec3, Unit("m", "filtered")]
@@ -200,6 +206,7 @@ class Observed:
     torque: Annotated[Vec3, Unit("N m", "unknown torque on the base, base axes")]
     efforts: Annotated[tuple[Scalar, ...], Unit("N m or N", "unknown efforts of the joints")]
     rotor_speeds: Annotated[tuple[Scalar, ...], Unit("rad/s", "of the modelled motors")]
+    bias: Annotated[Vec3 | tuple[()], Unit("m/s^2", "of the accelerometer, base axes")] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -15,7 +15,18 @@ ROOT_TWO = 1.4142135623730951
 
 def low_pass(old: Any, new: Any, bandwidth: Any, dt: Any) -> Any:
     """First-order low-pass: y += (1 - exp(-w dt)) (u - y), exact for an input held over the period."""
-    return old + (new - old) * (1.0 - exp(-(bandwidth * dt)))
+    return old + (new - old) * low_pass_share(bandwidth, dt)
+
+
+def low_pass_share(bandwidth: Any, dt: Any) -> Any:
+    """The share of a difference that a first-order low-pass makes good in one period; bandwidth in rad/s, dt in s."""
+    return 1.0 - exp(-(bandwidth * dt))
+
+
+def double_pole(bandwidth: Any, dt: Any) -> tuple[Any, Any]:
+    """L1 and L2, which place both poles of an observer at b = exp(-bandwidth dt); bandwidth in rad/s, dt in s."""
+    b = exp(-(bandwidth * dt))
+    return 1.0 - b * b, (1.0 - b) * (1.0 - b)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -19,6 +19,7 @@ from skyarm.control.safety.memory import SafetyMemory, SafetyParameters, blend_d
 from skyarm.control.safety.recovery import STOW_SPEEDS, Recovery, pose_of, stowed
 from skyarm.control.safety.step import arbitrate, govern
 from skyarm.control.safety.supervisor import finite, not_finite
+from skyarm.control.vectored_layer import VectoredParameters, law_inside, with_tilting
 from skyarm.files import shown
 from skyarm.records.coerce import RecordError
 from skyarm.records.leaves import parts
@@ -62,6 +63,9 @@ def with_safety_layer(
     if isinstance(controller.par, SafetyParameters):
         raise ControllerError(f"controller = {controller.name!r}: has a safety layer already")
     check_controller(controller)
+    if isinstance(controller.par, VectoredParameters):
+        guarded = with_safety_layer(law_inside(controller), limits, stow=stow)
+        return with_tilting(guarded, controller.par.model)
     if not hasattr(controller.par, "mixer"):
         raise wrong(controller, "has constants without a Mixer: par.mixer must be one for a law with a safety layer")
     model: Model = controller.par.model

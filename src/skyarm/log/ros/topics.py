@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.actuation import rotor_forces
+from skyarm.actuation.tilting import turned
 from skyarm.algebra import Vec3
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import Names, columns, names_of
@@ -267,7 +268,8 @@ def _thrust(every: int, vehicle: Vehicle | None) -> list[Topic]:
 
     def values(part: Part) -> dict[str, Any]:
         slip = Vec3(*part.in_base(part["velocity"] - part["air_velocity"]).T)
-        total = rotor_forces(vehicle.rotors, tuple(part["rotor_speeds"].T), slip, Vec3(*part["rate"].T))
+        rotors = turned(vehicle, tuple(part["tilts"].T)).rotors if vehicle.tilts else vehicle.rotors
+        total = rotor_forces(rotors, tuple(part["rotor_speeds"].T), slip, Vec3(*part["rate"].T))
         wrench = {"force": xyz(total.force), "torque": xyz(total.torque)}
         return {"header": part.header(BASE_LINK), "wrench": wrench}
 

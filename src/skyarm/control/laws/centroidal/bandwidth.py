@@ -11,6 +11,7 @@ from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 def at_shares(par: CentroidalParameters, rotors: Any, joints: Any) -> CentroidalParameters:
     """The constants with the rotors' loops (position, attitude, their observer) and the joints' at shares of both."""
     base, arm, tip, observer = par.base, par.joint_gains, par.tip, par.observer
+    felt = par.accelerometer
     once, twice = rotors * rotors, joints * joints
     return dataclasses.replace(
         par,
@@ -30,4 +31,5 @@ def at_shares(par: CentroidalParameters, rotors: Any, joints: Any) -> Centroidal
         observer=dataclasses.replace(
             observer, force=observer.force * rotors, torque=observer.torque * rotors, joints=observer.joints * joints
         ),
+        accelerometer=felt if felt is None else dataclasses.replace(felt, force=felt.force * rotors),
     )

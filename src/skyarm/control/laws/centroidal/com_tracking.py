@@ -82,6 +82,7 @@ def thrust(
     w: Vec3,
     disturbance: Vec3,
     force_rate: Vec3 = ZERO3,
+    force_bend: Vec3 = ZERO3,
     reach: Reach | None = None,
 ) -> Thrust:
     """Force m (p_c,d'' + g e_3 + PD) - d and its derivatives, which use the acceleration that the real thrust gives.
@@ -96,6 +97,7 @@ def thrust(
         w: body rate, rad/s.
         disturbance: N, world axes.
         force_rate: what is known of its derivative, N/s.
+        force_bend: of its second derivative, N/s^2.
         reach: of the force across the thrust axis, if the rotors shall give one.
     """
     kv, gravity, limit = par.base.velocity, E_Z * par.model.gravity, par.base.pull
@@ -111,7 +113,7 @@ def thrust(
     eddd = applied(reach, [force, first], R, w) * per_mass - wanted[3]
     off.append(edd)
     pull.append(_attraction(par, off) + kv.scaled(eddd))
-    second = (wanted[4] - _bounded(pull, limit)) * mass
+    second = (wanted[4] - _bounded(pull, limit)) * mass - force_bend
     series = (Taylor((f, g, mul(0.5, h))) for f, g, h in zip(force, first, second, strict=True))
     held = reachable(Vec3(*series), par.tilt, par.thrust_floor)
     pushed = applied(reach, [derivative(held, 0)], R, w)

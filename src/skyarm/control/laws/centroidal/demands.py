@@ -10,13 +10,15 @@ from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3
 from skyarm.control.blocks.attitude import Attitude, angular_acceleration
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.force_trend import ForceTrend
-from skyarm.control.blocks.prediction import side_wrench
 from skyarm.control.blocks.series_kinematics import Posture, derivative, moving, posture
 from skyarm.control.blocks.sideways_force import Reach, planned_rate, reach_of
 from skyarm.control.laws.centroidal import com_tracking as center_of_mass
 from skyarm.control.laws.centroidal import tip_reference, tip_tasks
 from skyarm.control.laws.centroidal.arm_motion import ArmMotion, followed, made_good
+from skyarm.control.laws.centroidal.joint_room import within_limits
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.control.laws.centroidal.path_shift import PathShift, moved_path, with_shift
+from skyarm.control.laws.centroidal.reference_drag import reference_drag
 from skyarm.control.laws.centroidal.swing_shift import SwingPace, moved_shift
 from skyarm.control.laws.centroidal.tip_reference import ShiftMotion
 from skyarm.control.laws.centroidal.wanted_attitude import wanted_attitude
@@ -56,6 +58,7 @@ class Following:
     arm: ArmMotion | tuple[()] = ()
     trend: ForceTrend | tuple[()] = ()
     pace: SwingPace | tuple[()] = ()
+    path: PathShift | tuple[()] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -96,6 +99,8 @@ class Course:
     goal: tip_reference.Goal | None = None
     shift: ShiftMotion | tuple[()] = ()
     pace: SwingPace | tuple[()] = ()
+    path: PathShift | tuple[()] = ()
+    changes: tuple[Vec3, Vec3] = (ZERO3, ZERO3)
     reach: Reach | None = None
 
 
@@ -142,7 +147,8 @@ def demands(
         R=R,
         w=w,
         disturbance=unknown.force,
-        force_rate=force_rate,
+        force_rate=course.changes[0],
+        force_bend=course.changes[1],
         reach=course.reach,
     )
     alpha = angular_acceleration(par.base, wanted_attitude(par, push.force, yaw, course.reach), R, w)
@@ -166,6 +172,8 @@ def demands(
             par.tip.reach,
         )
         preferred = tip_tasks.joint_accelerations(vehicle, par.tip, goal, present, preferred)
+    if par.ends:
+        preferred = within_limits(vehicle, par.ends, par.joint_gains, state, joints, preferred)
     plan = Planned(
         R=course.still.R,
         rate=course.still.rate,
@@ -173,7 +181,7 @@ def demands(
         proper=course.still.R.apply_T(course.base[2] + E_Z * par.model.gravity),
         joints=course.turned,
     )
-    following = Following(shift=course.shift, arm=arm, trend=before.trend, pace=course.pace)
+    following = Following(shift=course.shift, arm=arm, trend=before.trend, pace=course.pace, path=course.path)
     ahead = par.leads_thrust or course.reach is not None
     return Demand(
         thrust=push.along,
@@ -201,26 +209,41 @@ def _course(
     base = [Vec3(*(signal.derivative(k) for signal in signals[:3])) for k in range(5)]
     yaw, joints = signals[3], tuple(signals[4:])
     level = posture(vehicle, joints, 4)
-    R = state.quaternion.rotation()
-
-    # drag at the reference's motion: at the present one it would feed noise and errors into the posture
-    def drag(motion: Vec3) -> Vec3:
-        return R.apply(side_wrench(model, state.rotor_speeds, R.apply_T(motion), ZERO3, par.uses_sideways).force)
-
-    changes = (drag(base[2]), drag(base[3])) if par.moves_shift else (ZERO3, ZERO3)
-    changes = (changes[0] + force_rate, changes[1])
-    force = center_of_mass.quasi_static(par, mass, base, steady + drag(base[1]), changes)
+    answered = with_shift(before.path, base, level, par.model.gravity)
+    drag = reference_drag(
+        model,
+        state,
+        [*base[:2], *answered[2:4]],
+        sideways=par.uses_sideways,
+        moving=par.moves_shift,
+        across=par.pushes_across,
+    )
+    changes = (drag[1] + force_rate, drag[2])
+    force = center_of_mass.quasi_static(par, mass, answered, steady + drag[0], changes)
+    changes = changes if par.follows_path else (force_rate, ZERO3)
     reach = reach_of(par.mixer, derivative(level.com, 0), mass * model.gravity) if par.uses_sideways else None
     still = wanted_attitude(par, force, yaw, reach)
     if par.mode != "tip":
-        return Course(base=base, still=still, level=level, turned=joints, reach=reach)
+        return Course(base=base, still=still, level=level, turned=joints, reach=reach, changes=changes)
     goal = tip_reference.goal(vehicle, base, yaw, joints, level)
     turned = tip_tasks.turned_joints(vehicle, par.tip, goal, still, joints, level, par.moves_shift)
     upright_posture, level = level, posture(vehicle, turned, 4)
     offset = tip_reference.shift(upright_posture, yaw, level, still, par.tip.shift_limit)
+    path = moved_path(before.path, base, offset, yaw, upright_posture, level, still, par, dt)
     shift, pace, offset = moved_shift(par, before.shift, before.pace, offset, upright_posture, dt)
     base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[len(offset) :]]
-    return Course(base=base, still=still, level=level, turned=turned, goal=goal, shift=shift, pace=pace, reach=reach)
+    return Course(
+        base=base,
+        still=still,
+        level=level,
+        turned=turned,
+        goal=goal,
+        shift=shift,
+        pace=pace,
+        path=path,
+        reach=reach,
+        changes=changes,
+    )
 
 
 def joint_accelerations(par: CentroidalParameters, state: State, joints: Sequence[Taylor]) -> tuple[Any, ...]:

@@ -20,6 +20,7 @@ COMMON: Mapping[str, Any] = {
     "bandwidth": 1.0,
     "shift_bandwidth": 0.0,
     "swing_rate": 0.0,
+    "path_rate": 0.0,
     "low_thrust": 0.0,
     "arm_turn": 0.0,
     "sideways": 0.0,
@@ -28,7 +29,10 @@ COMMON: Mapping[str, Any] = {
     "force_trend": 0.0,
     "yaw_slack": 0.0,
     "thrust_lead": False,
+    "joint_limits": False,
+    "arm_scaling": 0.0,
     "lag": (0.0, 0.0),
+    "accelerometer": (0.0, 0.0),
 }
 """Limits and weights of all presets; see :class:`CentroidalParameters`, :class:`TipGains` and :class:`BaseGains`."""
 
@@ -49,6 +53,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         **ROBUST,
         "shift_bandwidth": 60.0,
         "swing_rate": 2.0,
+        "path_rate": 2.0,
         "low_thrust": 0.8,
         "arm_turn": 20.0,
         "pull": 8.0,
@@ -57,6 +62,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
         "force_trend": 10.0,
         "yaw_slack": 5.0,
         "thrust_lead": True,
+        "joint_limits": True,
         "lag": (0.02, 0.012),
     },
     "stiff": {
@@ -73,11 +79,11 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
 """Gains on accelerations: base (kp, kv, KR, Kw), yaw (KR, Kw), arm and tip (kp, kd); bandwidths of the observer, rad/s.
 
 "robust" was chosen under noise and one period of delay on perturbed plants, "stiff" on perfect state; both survive
-10 ms of delay that they do not know. "adaptive" has the gains of "robust" and nine parts more, each left out by 0 or
+10 ms of delay that they do not know. "adaptive" has the gains of "robust" and ten parts more, each left out by 0 or
 False: motion of the base's shift and the pace of the arm's swing, an attitude towards upright at low thrust, a limit of
 what the base does for the arm, braking in time, the trend of the force, thrust before yaw, thrust ahead of the motors,
-and a bandwidth by the lag that it finds (s beyond 2 ms that leave half of it, of the rotors' and the joints' loops).
-``bandwidth`` scales all gains of a preset.
+joints kept off their limits, and a bandwidth by the lag that it finds (s beyond 2 ms that leave half of it, of the
+rotors' and the joints' loops). ``bandwidth`` scales all gains of a preset.
 """
 
 ENTRIES = tuple(PRESETS["robust"])
@@ -100,6 +106,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "bandwidth": (0.01, 10.0),
     "shift_bandwidth": (0.0, 1e3),
     "swing_rate": (0.0, 50.0),
+    "path_rate": (0.0, 50.0),
     "low_thrust": (0.0, 1.0),
     "arm_turn": (0.0, 1e6),
     "sideways": (0.0, 1.0),
@@ -107,8 +114,23 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "approach": (0.0, 1e3),
     "force_trend": (0.0, 1e3),
     "yaw_slack": (0.0, 1e6),
+    "accelerometer": (0.0, 1e3),
+    "arm_scaling": (0.0, 1.0),
 }
 """Lowest and highest value; entries that are not here are gains, at least 0."""
 
 PERIODS = (1e-5, 10.0)
 """Shortest and longest period, s, of control and of published samples."""
+
+
+def name_of(mode: str, preset: str) -> str:
+    """Name of the law, that of the catalogue's preset: "adaptive" is the one that is not named."""
+    return f"centroidal_{mode}" if preset == "adaptive" else f"centroidal_{mode}_{preset}"
+
+
+def without_preset(name: str) -> str:
+    """The name of a law as all presets of the centroidal law have it in a mode; any other law's as it stands."""
+    for preset in PRESETS:
+        if name in (name_of(mode, preset) for mode in ("joint", "tip")):
+            return name.removesuffix(f"_{preset}")
+    return name

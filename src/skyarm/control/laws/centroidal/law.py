@@ -62,6 +62,7 @@ def centroidal(
         memory.started,
         memory.free,
         dt,
+        par.accelerometer,
     )
     alone = disturbance(observed) + feedforward
     unknown = with_side(
@@ -83,7 +84,7 @@ def centroidal(
         trend = followed(par.trend, before.trend, observed.force, dt)
         rate = trusted_rate(par.trend, trend)
         before = dataclasses.replace(before, trend=trend)
-        late = divide(2.0, maximum(par.observer.force, SLOWEST))
+        late = lateness(par)
         unknown = dataclasses.replace(unknown, force=unknown.force + rate * late)
         steady = steady + rate * (
             late + divide(1.0, maximum(par.tip.shift_rate, SLOWEST)) if par.mode == "tip" else late
@@ -111,6 +112,14 @@ def centroidal(
         lag=lag,
     )
     return following, done.command
+
+
+def lateness(par: CentroidalParameters) -> Any:
+    """By how long the observed force is late where it changes steadily, s."""
+    felt = par.accelerometer
+    if felt is None:
+        return divide(2.0, maximum(par.observer.force, SLOWEST))
+    return divide(1.0, maximum(felt.force, SLOWEST))
 
 
 def _present(

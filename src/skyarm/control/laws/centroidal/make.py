@@ -11,22 +11,28 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains, first_observed
 from skyarm.control.blocks.extrapolation import Channel
+from skyarm.control.blocks.felt_acceleration import AccelerometerGains
 from skyarm.control.blocks.force_trend import first_trend, trend_gains
 from skyarm.control.blocks.lag_estimate import LagGains, first_lag, stride_of
 from skyarm.control.blocks.select import data
 from skyarm.control.controller import Controller, ControllerError, all_applied
 from skyarm.control.laws.centroidal.adaptation import SLOW, STICKIEST, first_learned
+from skyarm.control.laws.centroidal.arm_length import damping_share
 from skyarm.control.laws.centroidal.arm_motion import ArmMotion
 from skyarm.control.laws.centroidal.bandwidth import at_shares
 from skyarm.control.laws.centroidal.demands import Following
-from skyarm.control.laws.centroidal.gain_presets import ENTRIES, PERIODS, PRESETS
+from skyarm.control.laws.centroidal.gain_presets import ENTRIES, PERIODS, PRESETS, name_of
+from skyarm.control.laws.centroidal.joint_room import Ends, ends_of
 from skyarm.control.laws.centroidal.law import centroidal
 from skyarm.control.laws.centroidal.memory import CentroidalMemory
 from skyarm.control.laws.centroidal.option_checks import bounded, checked, one_of, periods_of
 from skyarm.control.laws.centroidal.parameters import MODE_ALIASES, MODES, CentroidalParameters, TipGains
+from skyarm.control.laws.centroidal.path_shift import AT_REST
+from skyarm.control.laws.centroidal.reference_drag import pushes_across
 from skyarm.control.laws.centroidal.swing_shift import SwingPace
 from skyarm.control.laws.centroidal.tip_reference import ShiftMotion
 from skyarm.control.model import JointGains, Model
+from skyarm.control.vectored_layer import pairs_model, with_tilting
 from skyarm.files import shown
 from skyarm.scalars import minimum
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -70,7 +76,13 @@ def make_centroidal(
     one_of("preset", preset, sorted(PRESETS))
     gains = {**PRESETS[preset], **{name: checked(name, value) for name, value in changes.items()}}
     periods = periods_of(delay, control_period)
+    if gains["sideways"] > 0.0 and model.vehicle.tilts:
+        known: dict[str, Any] = {"mode": mode, "preset": preset, "delay": delay, "control_period": control_period}
+        known |= {"reference_period": reference_period, "tip_mass_limit": tip_mass_limit}
+        return with_tilting(make_centroidal(pairs_model(model), **known, **changes), model)
     vehicle = model.vehicle
+    if preset == "adaptive" and mode == "tip" and vehicle.end_effector and "damping" not in changes:
+        gains["damping"] *= damping_share(vehicle)
     if (mode == "tip" or ("adaptation" in changes and gains["adaptation"])) and not vehicle.end_effector:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: has no end_effector, which mode 'tip' must have")
     adaptation = gains["adaptation"] if vehicle.n and vehicle.end_effector else 0.0
@@ -79,7 +91,7 @@ def make_centroidal(
     stiffness, damping = gains["arm"]
     par = CentroidalParameters(
         model=model,
-        mixer=_mixer(vehicle, gains["sideways"] > 0.0, gains["yaw_slack"]),
+        mixer=_mixer(vehicle, gains["sideways"] > 0.0, gains["yaw_slack"], "yaw_slack" in changes),
         mode=mode,
         base=BaseGains(
             position=Vec3(kp, kp, kp),
@@ -117,6 +129,8 @@ def make_centroidal(
         moves_shift=gains["shift_bandwidth"] > 0.0 and mode == "tip",
         swing_rate=gains["swing_rate"],
         follows_swing=gains["swing_rate"] > 0.0 and gains["shift_bandwidth"] > 0.0 and mode == "tip" and vehicle.n > 0,
+        path_rate=gains["path_rate"],
+        follows_path=gains["path_rate"] > 0.0 and gains["shift_bandwidth"] > 0.0 and mode == "tip" and vehicle.n > 0,
         low_thrust=gains["low_thrust"],
         softens_attitude=gains["low_thrust"] > 0.0,
         arm_turn=gains["arm_turn"],
@@ -129,12 +143,23 @@ def make_centroidal(
         brakes=gains["approach"] > 0.0,
         trend=trend_gains(gains["force_trend"], float(vehicle.mass)) if gains["force_trend"] > 0.0 else None,
         leads_thrust=gains["thrust_lead"],
+        ends=_ends(vehicle, gains["joint_limits"]),
+        pushes_across=pushes_across(vehicle) and not gains["sideways"] > 0.0,
+        arm_scaling=gains["arm_scaling"],
+        scales_arm=gains["arm_scaling"] > 0.0 and vehicle.n > 0,
         lag=_lag(gains["lag"], control_period),
+        accelerometer=_accelerometer(gains["accelerometer"]),
     )
     if gains["bandwidth"] != 1.0:
         par = at_shares(par, gains["bandwidth"], gains["bandwidth"])
     memory = first_memory(par, periods)
-    return Controller(name=f"centroidal_{mode}", law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
+    return Controller(name=name_of(mode, preset), law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
+
+
+def _ends(vehicle: Vehicle, kept: bool) -> Ends:
+    """Limits that the joints are kept off; none where no joint has one."""
+    ends = ends_of(vehicle) if kept else ()
+    return ends if any(low or high for low, high in ends) else ()
 
 
 def _holds(attitude: tuple[float, float], sideways: float) -> bool:
@@ -144,8 +169,11 @@ def _holds(attitude: tuple[float, float], sideways: float) -> bool:
     return any(attitude)
 
 
-def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float) -> Mixer:
-    """Allocation; ``yaw_slack`` in rad/s^2 of the vehicle with its joints at zero."""
+def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float, asked: bool) -> Mixer:
+    """Allocation; ``yaw_slack`` in rad/s^2 of the vehicle with its joints at zero.
+
+    A preset flies rotors that allow no priorities without them; who ``asked`` for the slack is refused.
+    """
     policy = "priority" if yaw_slack == 0.0 else "thrust_before_yaw"
     inertia = dynamics.mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)[5][5] if yaw_slack else 0.0
     slack = yaw_slack * float(inertia)
@@ -156,7 +184,9 @@ def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float) -> Mixer:
             raise ControllerError(f"controller.sideways: {error}") from None
     try:
         return make_mixer(vehicle, policy, yaw_slack=slack)
-    except AllocationError:
+    except AllocationError as error:
+        if asked and yaw_slack > 0.0:
+            raise ControllerError(f"controller.yaw_slack = {shown(yaw_slack)}: must be 0 here: {error}") from None
         return make_mixer(vehicle)
 
 
@@ -176,6 +206,15 @@ def _lag(halves: tuple[float, float], control_period: float) -> LagGains | None:
     return LagGains(base=base, joints=joints, stride=stride_of(control_period)) if base > 0.0 else None
 
 
+def _accelerometer(bandwidths: tuple[float, float]) -> AccelerometerGains | None:
+    """Bandwidths of force and velocity; None where the law does without the accelerometer."""
+    force, velocity = bandwidths
+    if (force > 0.0) != (velocity > 0.0):
+        allowed = "must be two bandwidths above 0, or twice 0"
+        raise ControllerError(f"controller.accelerometer = {shown(bandwidths)}: {allowed}")
+    return AccelerometerGains(force=force, velocity=velocity) if force > 0.0 else None
+
+
 def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMemory:
     """Memory before the first step: a level hover with the joints at zero, as the model sees it."""
     model, vehicle = par.model, par.model.vehicle
@@ -187,7 +226,7 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
         started=0.0,
         age=0.0,
         channels=(Channel(),) * (4 + vehicle.n),
-        observed=first_observed(vehicle.n, speeds),
+        observed=first_observed(vehicle.n, speeds, par.accelerometer is not None),
         sent=(standing,) * (delay_periods + 1),
         applied=all_applied(vehicle.n),
         free=(1.0,) * (1 + vehicle.n),
@@ -199,6 +238,7 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
             arm=ArmMotion(size=0.0, mean=zero) if par.limits_arm else (),
             trend=() if par.trend is None else first_trend(par.trend),
             pace=SwingPace(rate=0.0, acceleration=0.0) if par.follows_swing else (),
+            path=(AT_REST, AT_REST) if par.follows_path else (),
         ),
         lag=() if par.lag is None else first_lag(vehicle.n, par.lag.stride),
     )

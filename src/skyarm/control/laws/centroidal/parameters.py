@@ -8,6 +8,7 @@ from typing import Annotated
 from skyarm.actuation import Mixer
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains
+from skyarm.control.blocks.felt_acceleration import AccelerometerGains
 from skyarm.control.blocks.force_trend import TrendGains
 from skyarm.control.blocks.lag_estimate import LagGains
 from skyarm.control.model import JointGains, Model
@@ -75,7 +76,12 @@ class CentroidalParameters:
             to the gains.
         trend: how the rate of the observed force is found; None for a law that takes the force as it stands.
         leads_thrust: True commands rotors ahead of the planned force by what motors lag.
+        ends: whether each joint has a lower and an upper limit that it is kept off; empty leaves it out.
+        pushes_across: rotors push across body z, which the law does not use.
+        arm_scaling: share of a rotor's squared speed in hover that joint accelerations leave free at both ends of its
+            range. scales_arm: False gives the joints their accelerations whatever the rotors can.
         lag: how the bandwidth answers a lag that is found in flight; None for a law that trusts what it was told.
+        accelerometer: bandwidths of its part in velocity and force; None for a law that does without one.
     """
 
     model: Model
@@ -108,6 +114,8 @@ class CentroidalParameters:
     moves_shift: bool = False
     swing_rate: Annotated[Scalar, Unit("1/s", "rate of the adapted pace of the arm's swing")] = 0.0
     follows_swing: bool = False
+    path_rate: Annotated[Scalar, Unit("1/s", "rate of the adapted pace of the base's path")] = 0.0
+    follows_path: bool = False
     low_thrust: Annotated[Scalar, Unit("", "share of the weight below which a force turns the attitude less")] = 0.0
     softens_attitude: bool = False
     arm_turn: Annotated[Scalar, Unit("rad/s^2", "the most that the base turns with for the arm's motion")] = 0.0
@@ -120,7 +128,12 @@ class CentroidalParameters:
     brakes: bool = False
     trend: TrendGains | None = None
     leads_thrust: bool = False
+    ends: tuple[tuple[bool, bool], ...] = ()
+    pushes_across: bool = False
+    arm_scaling: Annotated[Scalar, Unit("", "share of a rotor's hover that joint accelerations leave free")] = 0.0
+    scales_arm: bool = False
     lag: LagGains | None = None
+    accelerometer: AccelerometerGains | None = None
 
     def choices(self) -> list[str]:
         """What is structure, in words."""
@@ -129,6 +142,7 @@ class CentroidalParameters:
         added = {
             "motion of the shift": self.moves_shift,
             "shift by the pace of the swing": self.follows_swing,
+            "shift by the pace of the path": self.follows_path,
             "upright at low thrust": self.softens_attitude,
             "limited motion for the arm": self.limits_arm,
             "sideways force": self.uses_sideways,
@@ -136,7 +150,10 @@ class CentroidalParameters:
             "braking in time": self.brakes,
             "trend of the force": self.trend is not None,
             "thrust ahead of its plan": self.leads_thrust,
+            "joints kept within their limits": bool(self.ends),
+            "joints slowed where rotors do not reach": self.scales_arm,
             "bandwidth by the lag found": self.lag is not None,
+            "force by the accelerometer": self.accelerometer is not None,
         }
         adapted += [name for name, there in added.items() if there]
         return [f"mode '{self.mode}'", f"measurements {self.delay_periods} periods old", *adapted]

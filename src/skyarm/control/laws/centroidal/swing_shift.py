@@ -71,6 +71,13 @@ def levers(level: Posture) -> list[Any]:
     return [derivative(level.com, k).z - derivative(level.tip, k).z for k in range(5)]
 
 
+def tilt_of(needed: Vec3, level: Posture) -> Vec3:
+    """The tilt that a shift answers, rad: the shift over the height of the tip against the base."""
+    height = derivative(level.tip, 0).z
+    per_height = divide(height, height * height + SHORT * SHORT)
+    return Vec3(needed.x * per_height, needed.y * per_height, 0)
+
+
 def followed_pace(memory: SwingPace, lever: list[Any], rate: Any, dt: Any) -> SwingPace:
     """The memory one period later; ``rate`` in 1/s."""
     share = rate * dt
@@ -89,7 +96,7 @@ def shift_for_swing(memory: SwingPace, needed: list[Vec3], level: Posture, gravi
         level: posture of the references of a level base, series of fourth order.
         gravity: m/s^2.
     """
-    lever, height = levers(level), derivative(level.tip, 0).z
+    lever = levers(level)
     square = divide(memory.acceleration, memory.rate + STILL)
     per = divide(lever[0], gravity)
     r = per * square
@@ -97,8 +104,7 @@ def shift_for_swing(memory: SwingPace, needed: list[Vec3], level: Posture, gravi
     # 1 - share = gain w^2, so that a swing about an unknown mean needs its acceleration only
     gain = per * divide(1.0 + r + damped, (1.0 + r) * (1.0 + r) + damped * r)
     share = 1.0 - gain * square
-    per_height = divide(height, height * height + SHORT * SHORT)
-    tilt = Vec3(needed[0].x * per_height, needed[0].y * per_height, 0)
+    tilt = tilt_of(needed[0], level)
     swing = [tilt * -each for each in lever]
     steady = needed[2] - swing[2]
     offset = (needed[0] + swing[2] * gain, needed[1] + swing[1] * (share - 1.0), steady + swing[2] * share)

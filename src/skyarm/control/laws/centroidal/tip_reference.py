@@ -95,19 +95,31 @@ def shift(level: Posture, yaw: Taylor, turned_arm: Posture, still: Attitude, lim
         still: quasi-static attitude with its rate and acceleration; slow, as its disturbance is.
         limit: m; the offset stays within it, hardly changed up to half of it.
     """
-    R, w, alpha = still.R, still.rate, still.acceleration
-    r, rd, rdd = (derivative(turned_arm.tip, k) for k in range(3))
-    arm = turn_by_yaw(yaw.truncated(2), level.tip)
-    needed = [
-        derivative(arm, 0) - R.apply(r),
-        derivative(arm, 1) - R.apply(w.cross(r) + rd),
-        derivative(arm, 2) - R.apply(alpha.cross(r) + w.cross(w.cross(r)) + w.cross(rd) * 2.0 + rdd),
-    ]
+    needed = needed_shift(level.tip, yaw, turned_arm.tip, still)
     series = [Taylor.of_derivatives(each) for each in zip(*needed, strict=True)]
     square = (series[0] * series[0] + series[1] * series[1] + series[2] * series[2]) * divide(1.0, limit * limit)
     eighth = square * square * square * square
     share = 1.0 / sqrt(sqrt(sqrt(eighth + 1.0)))
     return [Vec3(*((each * share).derivative(k) for each in series)) for k in range(3)]
+
+
+def needed_shift(level: Vec3, yaw: Taylor, turned: Vec3, still: Attitude) -> list[Vec3]:
+    """How far a point of a level vehicle is from the same point of a tilted one, with two derivatives.
+
+    Args:
+        level: the point of the references, base axes.
+        yaw: heading.
+        turned: of the arm whose links are turned as those of a level base.
+        still: attitude with its rate and acceleration.
+    """
+    R, w, alpha = still.R, still.rate, still.acceleration
+    r, rd, rdd = (derivative(turned, k) for k in range(3))
+    arm = turn_by_yaw(yaw.truncated(2), level)
+    return [
+        derivative(arm, 0) - R.apply(r),
+        derivative(arm, 1) - R.apply(w.cross(r) + rd),
+        derivative(arm, 2) - R.apply(alpha.cross(r) + w.cross(w.cross(r)) + w.cross(rd) * 2.0 + rdd),
+    ]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

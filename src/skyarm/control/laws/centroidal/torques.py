@@ -6,19 +6,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm import dynamics
 from skyarm.actuation import Command, friction, mix
-from skyarm.algebra import E_Z, ZERO3, Mat3, Vec3, ldl_solve
+from skyarm.algebra import E_Z, Vec3
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.motor_lag import command_for, led
 from skyarm.control.blocks.prediction import motor_speeds
 from skyarm.control.blocks.select import data
 from skyarm.control.blocks.underactuated import forces_under_thrust
+from skyarm.control.laws.centroidal.arm_scaling import margins, reaction, slower
 from skyarm.control.laws.centroidal.demands import Demand
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.model import Model
 from skyarm.dynamics import State
-from skyarm.scalars import absolute, add, clip, divide, logical_and, maximum, mul, sqrt, sub, where
+from skyarm.scalars import absolute, add, clip, logical_and, maximum, sqrt, sub, where
 from skyarm.vehicle.vehicle_records import Vehicle
 
 TRIM = 0.1
@@ -50,30 +50,10 @@ def needed(model: Model, state: State, demand: Demand, unknown: Disturbance) -> 
 def fallen_away(vehicle: Vehicle, joints: Sequence[Any], missing: Sequence[Any]) -> Vec3:
     """Body torque (N m, base axes) that falls away when joint torques are less than wanted by ``missing``.
 
-    The joints then accelerate by S^-1 missing more slowly and push the base less; its angular acceleration stays what
-    was desired. Blocks of the mass matrix, with t the base's translation, w its rotation, j the joints: the base's
-    origin moves freely under the given force, so that S = M_jj - M_jt M_tj / m, and the torque loses
-    (M_wj - M_wt M_tj / m) S^-1 missing.
+    The joints then accelerate more slowly and push the base less; its angular acceleration stays what was desired.
     """
-    if not missing:
-        return ZERO3
-    M = dynamics.mass_matrix(vehicle, Mat3.identity(), joints)
-    share, n = divide(1.0, vehicle.mass), len(joints)
-
-    def reduced(row: int, column: int) -> Any:
-        total = M[row][column]
-        for k in range(3):
-            total = sub(total, mul(mul(M[row][k], M[column][k]), share))
-        return total
-
-    slower = ldl_solve([[reduced(6 + i, 6 + j) for j in range(n)] for i in range(n)], list(missing))
-    lost = []
-    for k in range(3, 6):
-        total: Any = 0
-        for j, each in enumerate(slower):
-            total = add(total, mul(reduced(k, 6 + j), each))
-        lost.append(total)
-    return Vec3(*lost)
+    found = reaction(vehicle, joints)
+    return found.torque(found.accelerations(missing))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -111,7 +91,15 @@ def actuate(
     limits = [link.joint.effort_limit for link in model.vehicle.links]
     held = tuple(clip(data(effort), -limit, limit) for effort, limit in zip(efforts, limits, strict=True))
     missing = [sub(effort, kept) for effort, kept in zip(efforts, held, strict=True)]
-    torque = torque - fallen_away(model.vehicle, state.joints, missing)
+    arm = reaction(model.vehicle, state.joints)
+    late = arm.accelerations(missing)
+    torque = torque - arm.torque(late)
+    if par.scales_arm:
+        left = [sub(wanted, less) for wanted, less in zip(demand.joints, late, strict=True)]
+        margin = margins(par.mixer, model.vehicle.mass * model.gravity, par.arm_scaling)
+        scaled = slower(par.mixer, arm, left, torque, held, demand.thrust, margin)
+        torque = scaled.torque
+        held = tuple(clip(data(each), -limit, limit) for each, limit in zip(scaled.efforts, limits, strict=True))
     wanted, squares = mix(par.mixer, torque, demand.thrust, demand.across)
     inside: Any = demand.thrust > 0.0
     for square, highest in zip(squares, par.mixer.highest, strict=True):

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from skyarm.actuation import Command, limited_effort
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.blocks.disturbance_observer import correction
+from skyarm.control.blocks.filters import double_pole
 from skyarm.control.blocks.prediction import motor_speeds
 from skyarm.control.laws.predictive.motion_plan import Inputs, advance
 from skyarm.control.model import Model
@@ -60,7 +60,7 @@ def observe(
     measured = (*measurement.velocity, *measurement.rate, *measurement.joint_rates)
     expected = (*foreseen.velocity, *foreseen.rate, *foreseen.joint_rates)
     speeds = (*(bandwidths.linear,) * 3, *(bandwidths.angular,) * 3, *(bandwidths.joints,) * n)
-    shares = [correction(w, dt) for w in speeds]
+    shares = [double_pole(w, dt) for w in speeds]
     e = [a - b for a, b in zip(measured, expected, strict=True)]
     v = [x + L1 * error for x, (L1, _), error in zip(expected, shares, e, strict=True)]
     push = [divide(L2 * error, dt) for (_, L2), error in zip(shares, e, strict=True)]

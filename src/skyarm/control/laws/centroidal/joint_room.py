@@ -1,0 +1,72 @@
+"""Joints kept within their limits: bounds of the acceleration that tip and links ask for.
+
+The tip mode takes joints off their references, and a task that the arm cannot do takes them far: to lift a tip that a
+gust tilted away a short slide runs to its end. A joint may go SHARE of the way from its reference to a limit; the rest
+is for forces that nobody foresaw. With d the way that is left and k the pole of the joints' own loop, half of its
+damping,
+
+    d'' + 2 k d' + k^2 d >= 0
+
+bounds the acceleration towards the limit, so that a joint comes to rest there no faster than the loop brings it to a
+reference. What is left out is the tip's loss, not the base's: the inverse dynamics gets the bounded acceleration.
+Source: Ames et al. 2019, "Control barrier functions: theory and applications", exponential barrier of degree two.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from skyarm.control.model import JointGains
+from skyarm.dynamics import State
+from skyarm.scalars import add, maximum, minimum, mul, sub
+from skyarm.scalars.taylor import Taylor
+from skyarm.vehicle.vehicle_records import Vehicle
+
+SHARE = 0.5
+"""Of the way from a joint's reference to its limit that tip and links may take."""
+
+Ends = tuple[tuple[bool, bool], ...]
+"""Whether each joint has a lower and an upper limit: structure."""
+
+
+def ends_of(vehicle: Vehicle) -> Ends:
+    """Which limits the joints of a vehicle have."""
+    joints = (link.joint for link in vehicle.links)
+    return tuple((math.isfinite(float(joint.lower)), math.isfinite(float(joint.upper))) for joint in joints)
+
+
+def within_limits(
+    vehicle: Vehicle,
+    ends: Ends,
+    gains: JointGains,
+    state: State,
+    references: Sequence[Taylor],
+    accelerations: Sequence[Any],
+) -> tuple[Any, ...]:
+    """Joint accelerations (rad/s^2 or m/s^2) that run into no limit.
+
+    Args:
+        vehicle: model.
+        ends: of its joints.
+        gains: of the joints' own loop.
+        state: now.
+        references: of the joints, as they were given.
+        accelerations: wanted.
+    """
+    found = []
+    for i, (wanted, (low, high)) in enumerate(zip(accelerations, ends, strict=True)):
+        joint, told = vehicle.links[i].joint, references[i].derivative(0)
+        pole, damping = mul(0.5, gains.damping[i]), gains.damping[i]
+        square = mul(pole, pole)
+        gone = add(mul(square, state.joints[i]), mul(damping, state.joint_rates[i]))
+        kept = wanted
+        if high:
+            end = minimum(add(told, mul(SHARE, sub(joint.upper, told))), joint.upper)
+            kept = minimum(kept, sub(mul(square, end), gone))
+        if low:
+            end = maximum(add(told, mul(SHARE, sub(joint.lower, told))), joint.lower)
+            kept = maximum(kept, sub(mul(square, end), gone))
+        found.append(kept)
+    return tuple(found)

@@ -1,0 +1,228 @@
+"""A layer between a law and rotors that tilt: the law knows two fixed rotors for each, the servos' lag stays here."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, Any
+
+from skyarm.actuation import Command, Mixer, allocation_matrix
+from skyarm.actuation.rotor_pairs import Force, as_pairs, forces_of_pairs, speeds_of_pairs
+from skyarm.actuation.tilting import angles_after, turned
+from skyarm.algebra import ldl_solve
+from skyarm.control.controller import Controller, ControllerError, Law
+from skyarm.control.law_checks import check_controller, checked_law
+from skyarm.control.model import Model
+from skyarm.records.units import Unit
+from skyarm.reference import Reference
+from skyarm.scalars import Scalar, add, clip, cos, data, divide, exp, maximum, minimum, mul, sqrt, sub, where
+from skyarm.sensors.measurement import Measurement
+from skyarm.vehicle.tilt import Tilt
+from skyarm.vehicle.vehicle_records import Rotor, Vehicle
+
+MOST_LEAD = 3.0
+"""Times the way to its angle that a servo is told to go at most: noise in the angle is enlarged by as much."""
+
+STILL = 0.02
+"""Share of a rotor's largest squared speed below which its angle, which hardly matters then, moves slowly."""
+
+YAW_DAMPING = 1.0
+"""Of the rotors' squared reach in torque about z at rest: what the correction of that torque is damped with, so that
+angles at which thrusts give none of it ask for none."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class VectoredParameters:
+    """Constants of a law on rotors that tilt: the belief with its servos, and the law's own constants.
+
+    Attributes:
+        model: belief. mixer: of the pairs of fixed rotors that the law knows.
+        lead: of each servo's setpoint.
+        inner: constants of the law; its model is that of the pairs, its mixer the one above.
+    """
+
+    model: Model
+    mixer: Mixer
+    lead: Annotated[tuple[Scalar, ...], Unit("", "times the way to its angle that a servo is told to go")]
+    inner: Any
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class VectoredMemory:
+    """State of a law on rotors that tilt between two steps.
+
+    Attributes:
+        inner: memory of the law.
+        goals: angles that the last wrench asked for. angles: those that the believed servos have reached.
+        matched: angles of servos that would lag just as the motors do, as the law reckons.
+    """
+
+    inner: Any
+    goals: Annotated[tuple[Scalar, ...], Unit("rad", "angles that the last wrench asked for")]
+    angles: Annotated[tuple[Scalar, ...], Unit("rad", "angles of the believed servos")]
+    matched: Annotated[tuple[Scalar, ...], Unit("rad", "angles of servos that lag as the motors do")]
+
+
+def law_inside(controller: Controller) -> Controller:
+    """The law for pairs of fixed rotors that a controller of :func:`with_tilting` has inside."""
+    held: Any = controller.law
+    par, memory = own_parameters(controller.par), controller.memory.inner
+    return dataclasses.replace(controller, law=held.keywords["inner"], par=par, memory=memory)
+
+
+def own_parameters(par: VectoredParameters) -> Any:
+    """Constants of the law inside, with the belief that it knows."""
+    return dataclasses.replace(par.inner, model=pairs_model(par.model), mixer=par.mixer)
+
+
+def turns_rotors(controller: Controller) -> bool:
+    """Whether a law's commands have angles of rotors that tilt, under whatever other layers."""
+    par = controller.par
+    while par is not None and not isinstance(par, VectoredParameters):
+        par = getattr(par, "inner", None)
+    return par is not None
+
+
+def pairs_model(model: Model) -> Model:
+    """The belief as a law knows it: two fixed rotors for each that tilts."""
+    return dataclasses.replace(model, vehicle=as_pairs(model.vehicle))
+
+
+def with_tilting(controller: Controller, model: Model) -> Controller:
+    """Return a law for ``pairs_model(model)`` whose commands are speeds and angles of the rotors that tilt.
+
+    The law's wrench is a sum of forces, one for each rotor: its size is a squared speed, its direction an angle. Servos
+    are slow beside motors, so the thrusts are those that give torque and thrust of the wrench at the angles that are
+    reached now, with the least change from the wanted forces' parts along the axes as they stand. The force across the
+    thrust comes as the angles come. Angles are measured; where a measurement has none, they are the believed servos'.
+
+    Raises:
+        ControllerError: the believed vehicle has no rotor that tilts, or the law has the layer already.
+    """
+    check_controller(controller)
+    if isinstance(controller.par, VectoredParameters):
+        raise ControllerError(f"law {controller.name!r} has its tilting rotors already")
+    vehicle = model.vehicle
+    if not vehicle.tilts:
+        raise ControllerError(f"model.vehicle = {vehicle.name!r}: must have a rotor with a tilt")
+    rest = (0.0,) * len(vehicle.tilts)
+    law = partial(vectored_law, inner=controller.law, name=controller.name, compiled=controller.compiled)
+    return dataclasses.replace(
+        controller,
+        law=law,
+        par=VectoredParameters(
+            model=model,
+            mixer=controller.par.mixer,
+            lead=tuple(_lead(rotor, rotor.tilt) for rotor in vehicle.rotors if rotor.tilt is not None),
+            inner=dataclasses.replace(controller.par, model=None, mixer=None),
+        ),
+        memory=VectoredMemory(inner=controller.memory, goals=rest, angles=rest, matched=rest),
+    )
+
+
+def _lead(rotor: Rotor, tilt: Tilt) -> float:
+    """How far ahead a servo is told to go: its angle then lags as the rotor's speed does, as the law reckons."""
+    return min(max(1.0, float(tilt.time_constant) / float(_motor_lag(rotor))), MOST_LEAD)
+
+
+def _motor_lag(rotor: Rotor) -> Any:
+    """Mean of a rotor's two time constants, s."""
+    return mul(0.5, add(rotor.time_constant_up, rotor.time_constant_down))
+
+
+def _matched(vehicle: Vehicle, angles: Sequence[Any], goals: Sequence[Any], dt: Any) -> list[Any]:
+    """Angles of servos that lag as the motors of their rotors do, one period later."""
+    rotors = [each for each in vehicle.rotors if each.tilt is not None]
+    return [
+        add(goal, mul(sub(now, goal), exp(divide(sub(0.0, dt), _motor_lag(rotor)))))
+        for rotor, now, goal in zip(rotors, angles, goals, strict=True)
+    ]
+
+
+def vectored_law(
+    memory: VectoredMemory,
+    measurement: Measurement,
+    reference: Reference,
+    dt: Any,
+    *,
+    par: VectoredParameters,
+    inner: Law,
+    name: str,
+    compiled: bool,
+) -> tuple[VectoredMemory, Command]:
+    """One step of the law ``inner``, which knows pairs of fixed rotors; its command as speeds and angles."""
+    vehicle = par.model.vehicle
+    own = own_parameters(par)
+    law = checked_law(Controller(name=name, law=inner, par=own, compiled=compiled))
+    angles = measurement.tilts or memory.angles
+    turning = speeds_of_pairs(vehicle, measurement.rotor_speeds, angles)
+    told = dataclasses.replace(measurement, rotor_speeds=turning, tilts=())
+    following, command = law(memory.inner, told, reference, dt, par=own)
+    forces = forces_of_pairs(vehicle, command.rotor_speeds)
+    goals = goal_angles(vehicle, forces, memory.goals)
+    setpoints = tuple(
+        clip(add(now, mul(lead, sub(goal, now))), tilt.lower, tilt.upper)
+        for now, goal, lead, tilt in zip(angles, goals, par.lead, vehicle.tilts, strict=True)
+    )
+    ahead = zip(goals, angles, memory.matched, strict=True)
+    squares = squares_at(vehicle, forces, [add(goal, sub(now, due)) for goal, now, due in ahead])
+    moved = VectoredMemory(
+        inner=following,
+        goals=tuple(data(each) for each in goals),
+        angles=tuple(data(each) for each in angles_after(vehicle, angles, setpoints, dt)),
+        matched=tuple(data(each) for each in _matched(vehicle, memory.matched, goals, dt)),
+    )
+    speeds = tuple(data(sqrt(maximum(each, 0.0))) for each in squares)
+    return moved, Command(rotor_speeds=speeds, efforts=command.efforts, tilts=tuple(data(a) for a in setpoints))
+
+
+def goal_angles(vehicle: Vehicle, forces: Sequence[Force], last: Sequence[Any]) -> tuple[Any, ...]:
+    """Angles of the wanted forces, rad; one next to nothing, whose direction says little, moves its angle slowly."""
+    rows = [(r, f) for r, f in zip(vehicle.rotors, forces, strict=True) if r.tilt is not None]
+    found = []
+    for (rotor, force), before in zip(rows, last, strict=True):
+        top = mul(rotor.max_speed, rotor.max_speed)
+        share = minimum(divide(force.push, mul(STILL, top)), 1.0)
+        found.append(add(before, mul(share, sub(force.angle, before))))
+    return tuple(found)
+
+
+def squares_at(vehicle: Vehicle, forces: Sequence[Force], angles: Sequence[Any]) -> list[Any]:
+    """Squared speeds whose torque and thrust are the wanted forces' while the rotors stand at ``angles``.
+
+    Beginning with each wanted force's part along its rotor's axis as it stands, the least change (in squares) gives the
+    four rows; as much of it is taken as the rotors' limits leave room for. Torque about z, which thrusts alone may
+    hardly give, is damped.
+    """
+    wanted = [force.angle for rotor, force in zip(vehicle.rotors, forces, strict=True) if rotor.tilt is not None]
+    left = iter(angles)
+    stand = [next(left) if rotor.tilt is not None else 0 for rotor in vehicle.rotors]
+    kept = [maximum(mul(f.push, cos(sub(f.angle, now))), 0.0) for f, now in zip(forces, stand, strict=True)]
+    goal = _times(allocation_matrix(turned(vehicle, wanted)), [force.push for force in forces])
+    A = allocation_matrix(turned(vehicle, angles))
+    short = [sub(a, b) for a, b in zip(goal, _times(A, kept), strict=True)]
+    gram = [[_dot(a, b) for b in A] for a in A]
+    at_rest = allocation_matrix(vehicle)[2]
+    gram[2][2] = add(gram[2][2], mul(YAW_DAMPING, _dot(at_rest, at_rest)))
+    weights = ldl_solve(gram, short)
+    change = [_dot([row[i] for row in A], weights) for i in range(len(kept))]
+    tops = [mul(rotor.max_speed, rotor.max_speed) for rotor in vehicle.rotors]
+    share: Any = 1.0
+    for value, by, top in zip(kept, change, tops, strict=True):
+        room = where(by > 0.0, sub(top, value), value)
+        size = where(by > 0.0, by, sub(0.0, by))
+        share = minimum(share, where(size > room, divide(maximum(room, 0.0), where(size > 0.0, size, 1.0)), 1.0))
+    return [minimum(add(value, mul(share, by)), top) for value, by, top in zip(kept, change, tops, strict=True)]
+
+
+def _times(A: Sequence[Sequence[Any]], column: Sequence[Any]) -> list[Any]:
+    return [_dot(row, column) for row in A]
+
+
+def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
+    total: Any = 0
+    for x, y in zip(a, b, strict=True):
+        total = add(total, mul(x, y))
+    return total

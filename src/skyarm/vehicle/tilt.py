@@ -1,0 +1,77 @@
+"""The servo that turns a rotor's thrust axis: its axis, range and speed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+from skyarm.algebra import Vec3
+from skyarm.records import coerce
+from skyarm.records.coerce import concrete
+from skyarm.records.directions import near_unit_vector
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar
+from skyarm.vehicle import check
+from skyarm.vehicle.check import VehicleError, accept, refuse
+
+ACROSS = 1e-6
+"""Cosine between a servo's axis and the rotor's within which they count as perpendicular."""
+
+NUMBERS = ("lower", "upper", "time_constant", "max_rate")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Tilt:
+    """A tilt turns a rotor about an axis of the base, through its hub and across its thrust.
+
+    The angle follows its setpoint as a first-order lag whose rate is limited. At angle 0, its rest, the thrust is along
+    the rotor's own axis; a positive angle turns it by the right-hand rule. Inertia and spin of what is turned push on
+    nothing.
+
+    Attributes:
+        axis: unit vector, base frame, perpendicular to the rotor's axis.
+        lower, upper: range of the angle, rad, with rest inside.
+        time_constant: of the lag, s.
+        max_rate: rad/s.
+    """
+
+    axis: Annotated[Vec3, Unit("", "unit vector of the servo's axis, base axes")]
+    lower: Annotated[Scalar, Unit("rad", "least angle")]
+    upper: Annotated[Scalar, Unit("rad", "largest angle")]
+    time_constant: Annotated[Scalar, Unit("s", "lag of the angle")]
+    max_rate: Annotated[Scalar, Unit("rad/s", "largest rate of the angle", infinite=True)] = math.inf
+
+    def __post_init__(self) -> None:
+        accept(self, "tilt", axis=near_unit_vector, **dict.fromkeys(NUMBERS, coerce.number))
+
+    def require(self, field: str, thrust_axis: Vec3) -> None:
+        """Refuse numbers that no servo has, or an axis that is not across the thrust; one line with the field."""
+        check.vector(f"{field}.axis", self.axis, unit=True)
+        if concrete(*self.axis, *thrust_axis) and abs(self.axis.dot(thrust_axis)) > ACROSS:
+            refuse(f"{field}.axis", tuple(self.axis), f"must be perpendicular to the rotor's axis {tuple(thrust_axis)}")
+        for name, low in (("lower", -math.pi), ("upper", 0.0)):
+            value = getattr(self, name)
+            if concrete(value) and not low <= value <= low + math.pi:
+                allowed = f"must be from {'-pi to 0' if low else '0 to pi'} rad: rest, where the angle is 0, is inside"
+                refuse(f"{field}.{name}", value, allowed)
+        if concrete(self.lower, self.upper) and not self.lower < self.upper:
+            refuse(f"{field}.lower", self.lower, f"must be below upper = {self.upper!r}")
+        check.number(f"{field}.time_constant", self.time_constant, low=0.0, strict=True)
+        if concrete(self.max_rate) and not self.max_rate > 0.0:
+            refuse(f"{field}.max_rate", self.max_rate, "must be greater than 0")
+
+
+def arm_direction(field: str, position: Sequence[float], thrust_axis: Vec3) -> Vec3:
+    """The direction from the base's origin to a hub, across the thrust: the usual axis of a servo in the arm.
+
+    Raises:
+        VehicleError: the hub lies on the line of its thrust through the origin.
+    """
+    hub = Vec3.of([float(c) for c in position])
+    across = hub - thrust_axis * thrust_axis.dot(hub)
+    length = math.sqrt(across.dot(across))
+    if not length > 1e-9:
+        raise VehicleError(f"{field}.axis = (missing): must stand here: the hub is not beside the base's origin")
+    return Vec3.described([c / length for c in across])

@@ -1,0 +1,239 @@
+"""The accelerometer in the disturbance observer: a bias is no force, a force is felt at once, noise is left out."""
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+import pytest
+from centroidal_flights import fly
+from scipy.spatial.transform import Rotation
+
+import skyarm
+from skyarm.actuation import Command
+from skyarm.algebra import ZERO3, Force, Mat3, Vec3
+from skyarm.control.blocks.disturbance import Disturbance as Unknown
+from skyarm.control.blocks.disturbance_observer import ObserverGains, first_observed, observe
+from skyarm.control.blocks.felt_acceleration import AccelerometerGains, Felt, feel
+from skyarm.control.controller import ControllerError
+from skyarm.control.laws.centroidal import make_centroidal
+from skyarm.control.laws.centroidal.bandwidth import at_shares
+from skyarm.control.laws.centroidal.law import lateness
+from skyarm.control.model import Model
+from skyarm.environment import Disturbance
+from skyarm.environment.signal_vector import SignalVector
+from skyarm.estimate.estimator import PassThrough
+from skyarm.metrics.windows import Window, Windows
+from skyarm.records.units import Unit
+from skyarm.reference import Constant, Ramp, Sine, Sum, Trajectory
+from skyarm.sensors.measurement import blank_measurement
+from skyarm.sensors.noise import SensorNoise
+from skyarm.simulate.batch import Batch
+
+DT, G = 0.005, 9.81
+GAINS = AccelerometerGains(force=40.0, velocity=5.0)
+ARM = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"), gravity=G)
+UP = np.array([0.0, 0.0, G])
+BIAS = np.array([0.3, -0.2, 0.25])
+NOTHING = Force(ZERO3, ZERO3)
+LEVEL = Rotation.identity()
+STILL = Felt(velocity=ZERO3, bias=Vec3(0.0, 0.0, 0.0), change=ZERO3, learns=0.0)
+
+
+def vec(a):
+    return Vec3(*(float(x) for x in a))
+
+
+def felt_in(turn, specific_force, velocity, before=STILL, joints=(), linear=ZERO3, rotors=NOTHING):
+    """What one period tells; ``before`` also stands for what the velocity alone tells."""
+    measured = dataclasses.replace(blank_measurement(0, 4), velocity=vec(velocity), specific_force=vec(specific_force))
+    R = Mat3(*(vec(row) for row in turn.as_matrix()))
+    return feel(ARM, GAINS, before.velocity, before, measured, R, linear, rotors, joints, DT)
+
+
+def felt_along(turn, accelerations, bias, start=0.0):
+    """The velocity that is true and what is felt, after each period; the model believes that nothing accelerates it."""
+    velocity, base, found = np.full(3, start), STILL, []
+    for a in accelerations:
+        velocity = velocity + a * DT
+        base = felt_in(turn, turn.inv().apply(a + UP) + bias, velocity, base)
+        found.append((velocity, base))
+    return found
+
+
+def test_a_constant_error_of_the_accelerometer_is_found_and_is_no_force():
+    turn = Rotation.from_euler("ZYX", [0.7, -0.2, 0.3])
+    t = np.arange(0.0, 5.0, DT)
+    accelerations = np.stack([np.sin(3.0 * t), 0.5 * np.cos(5.0 * t), 0.4 * np.sin(t)], axis=1)
+    found = felt_along(turn, accelerations, BIAS)
+    velocity, last = found[-1]
+    share = 1.0 - np.exp(-40.0 * DT)
+    assert list(last.bias) == pytest.approx(BIAS, abs=1e-9)  # 25 time constants
+    assert list(last.velocity) == pytest.approx(velocity, abs=1e-9)
+    assert list(last.change) == pytest.approx(share * accelerations[-1], abs=1e-9)
+
+
+def test_velocity_and_bias_come_to_the_truth_with_both_poles_where_they_were_placed():
+    """e_(k+2) - 2 beta e_(k+1) + beta^2 e_k = 0 for what the velocity is off, beta = exp(-w dt)."""
+    found = felt_along(LEVEL, np.zeros((200, 3)), BIAS, start=1.0)
+    off = np.array([velocity - np.array(list(base.velocity)) for velocity, base in found])
+    beta = np.exp(-5.0 * DT)
+    assert np.abs(off[2:] - 2.0 * beta * off[1:-1] + beta**2 * off[:-2]).max() < 1e-12
+    assert np.abs(off).max() > 0.1
+
+
+def test_what_the_model_knows_is_not_felt_as_a_force():
+    """A body at rest under a believed 2 m/s^2 sideways, and rotors that give 1.5 N more where it was felt."""
+    mass = float(ARM.vehicle.mass)
+    turn = Rotation.from_euler("ZYX", [0.7, -0.2, 0.3])
+    believed = np.array([2.0, -1.0, 0.5])
+    y = turn.inv().apply(believed + UP) + np.array([0.0, 0.0, 1.5 / mass])
+    rotors = Force(Vec3(9.0, 9.0, 9.0), Vec3(0.0, 0.0, 1.5))
+    felt = felt_in(turn, y, believed * DT, linear=vec(believed), rotors=rotors)
+    assert list(felt.change) == pytest.approx([0.0] * 3, abs=1e-12)
+    assert list(felt.velocity) == pytest.approx(believed * DT, abs=1e-12)
+
+
+def test_a_joint_at_its_limit_leaves_the_force_to_the_velocity_and_rotors_at_theirs_hold_nothing():
+    seen = dataclasses.replace(STILL, change=Vec3(7.0, 8.0, 9.0), learns=0.0)
+    y = (1.0, 0.0, G)
+    free, stuck = (felt_in(LEVEL, y, (0.0,) * 3, seen, joints) for joints in ((1.0, 1.0), (1.0, 0.0)))
+    assert free.change.x == pytest.approx(1.0 - np.exp(-40.0 * DT))
+    assert free.learns == 1.0
+    assert (list(stuck.change), stuck.learns) == ([7.0, 8.0, 9.0], 0.0)
+    # the velocity goes on with what is felt in either case
+    assert list(free.velocity) == list(stuck.velocity)
+    assert free.velocity.x > 0.0
+
+
+@pytest.mark.parametrize("pair", [None, GAINS])
+def test_rotors_at_their_limit_hold_a_force_that_is_computed_and_not_one_that_is_felt(pair):
+    speeds = (500.0,) * 4
+    readings = blank_measurement(2, 4)
+    measured = dataclasses.replace(readings, velocity=Vec3(0.1, 0.0, 0.0), specific_force=Vec3(2.0, 0.0, G))
+    observed, _ = observe(
+        ARM,
+        ObserverGains(force=27.0, torque=31.0, joints=34.0, pose=60.0),
+        first_observed(2, speeds, pair is not None),
+        measured,
+        Command(rotor_speeds=speeds, efforts=(0.0, 0.0)),
+        Unknown(force=ZERO3, torque=ZERO3, efforts=(0.0, 0.0)),
+        1.0,
+        (0.0, 1.0, 1.0),
+        DT,
+        pair,
+    )
+    assert (observed.force.x > 0.1) == (pair is not None)
+    assert list(observed.torque) == [0.0] * 3
+
+
+def test_the_part_is_left_out_by_twice_zero_and_its_force_goes_with_the_bandwidth():
+    off, on = (make_centroidal(ARM, accelerometer=pair) for pair in ((0.0, 0.0), (40.0, 5.0)))
+    assert off.par.accelerometer is None
+    assert off.memory == make_centroidal(ARM).memory
+    assert off.memory.observed.bias == ()
+    assert on.par.accelerometer == GAINS
+    assert "force by the accelerometer" in on.par.choices()
+    # what the trend of the force adds: two poles of the velocity's observer, one of the accelerometer's
+    assert lateness(off.par) == pytest.approx(2.0 / 27.0)
+    assert lateness(on.par) == pytest.approx(1.0 / 40.0)
+    shared = at_shares(on.par, 0.5, 0.25).accelerometer
+    assert shared == AccelerometerGains(force=20.0, velocity=5.0)
+
+
+@pytest.mark.parametrize("pair", [(40.0, 0.0), (0.0, 5.0), (40.0, -1.0), (1e4, 5.0), 40.0, (40.0,), ("a", 5.0)])
+def test_other_pairs_are_refused_in_one_line(pair):
+    with pytest.raises(ControllerError, match=r"controller\.accelerometer") as error:
+        make_centroidal(ARM, accelerometer=pair)
+    assert "\n" not in str(error.value)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Biased(PassThrough):
+    """Readings of an accelerometer with a bias along x."""
+
+    bias: Annotated[float, Unit("m/s^2")] = 0.0
+
+    def step(self, memory, readings, command, dt):
+        memory, told = PassThrough.step(self, memory, readings, command, dt)
+        force = told.specific_force
+        return memory, dataclasses.replace(told, specific_force=Vec3(force.x + self.bias, force.y, force.z))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class WithoutAccelerometer(PassThrough):
+    """Readings without a specific force: structural zeros."""
+
+    def step(self, memory, readings, command, dt):
+        memory, told = PassThrough.step(self, memory, readings, command, dt)
+        return memory, dataclasses.replace(told, specific_force=ZERO3)
+
+
+def hover(**changes):
+    """A bare vehicle that hovers, pushed by 3 N along x from 2 s on."""
+    found = skyarm.load_scenario("case3", duration=4.0)
+    vehicle = skyarm.load_vehicle("hummingbird")
+    push = SignalVector(x=Ramp(start=2.0, duration=DT, height=3.0))
+    law = {name: changes.pop(name) for name in ("accelerometer",) if name in changes}
+    return dataclasses.replace(
+        found,
+        world=dataclasses.replace(found.world, vehicle=vehicle),
+        controller=make_centroidal(Model(vehicle=vehicle, gravity=float(found.world.gravity)), **law),
+        trajectory=Trajectory(z=Constant(1.0)),
+        forces=(Disturbance(force=push),),
+        **changes,
+    )
+
+
+@pytest.fixture(scope="module")
+def hovers():
+    """Outcomes without and with the accelerometer, of perfect readings, of a bias of 0.3 m/s^2 and of noise."""
+    noise = {"velocity": 0.01, "rate": 0.01, "specific_force": 0.05}
+    found = {}
+    for name, pair in (("without", (0.0, 0.0)), ("with", (40.0, 5.0))):
+        scenario = hover(accelerometer=pair, sensors=SensorNoise(**noise), estimator=Biased())
+        batch = Batch(
+            scenario,
+            (*(f"sensors.{each}" for each in noise), "estimator.bias"),
+            metrics=("iae_position", "rotor_jitter"),
+            windows=Windows(steady=Window(1.0, 2.0)),
+            effort=0,
+        )
+        columns = {f"sensors.{each}": np.array([1e-9, 1e-9, sigma]) for each, sigma in noise.items()}
+        found[name] = batch.fly({**columns, "estimator.bias": np.array([0.0, 0.3, 0.0])})
+    return found
+
+
+def test_a_step_of_the_force_moves_the_base_less_and_noise_moves_the_rotors_less(hovers):
+    without, felt = (hovers[name].metrics for name in ("without", "with"))
+    assert felt["iae_position"][0] < 0.75 * without["iae_position"][0]
+    assert felt["rotor_jitter"][2] < 0.5 * without["rotor_jitter"][2]
+
+
+def test_a_bias_is_forgotten_in_flight(hovers):
+    """3 N hold the vehicle at its reference after 2 s, with a bias that would push a 0.7 kg vehicle by 0.2 N."""
+    x = np.asarray(hovers["with"].state.position.x)
+    assert np.abs(x[1] - x[0]) < 2e-4
+    assert np.abs(np.asarray(hovers["without"].state.position.x)[0]) < 2e-3
+    assert np.abs(x[0]) < 1e-3
+
+
+def test_a_true_model_feels_nothing_beside_itself_on_a_moving_vehicle():
+    """Base and arm in motion, thrust changing by a fifth: what is left is of the period's length, no force, no bias."""
+    found = skyarm.load_scenario("case3", duration=3.0)
+    belief = Model(vehicle=found.world.vehicle, gravity=float(found.world.gravity))
+    swing = Sine(amplitude=0.3, frequency_hz=1.0)
+    scenario = dataclasses.replace(
+        found,
+        controller=make_centroidal(belief, accelerometer=(40.0, 5.0)),
+        trajectory=Trajectory(z=Sum((Constant(1.0), Sine(amplitude=0.05, frequency_hz=1.0))), joints=(swing, swing)),
+    )
+    observed = fly(scenario).memory.observed
+    assert np.linalg.norm(list(observed.bias)) < 0.02
+    assert np.linalg.norm(list(observed.force)) < 0.03
+
+
+def test_a_measurement_without_a_specific_force_is_refused_in_one_line():
+    with pytest.raises(ControllerError, match=r"controller\.accelerometer: must be left out") as error:
+        skyarm.run(hover(accelerometer=(40.0, 5.0), estimator=WithoutAccelerometer()))
+    assert "\n" not in str(error.value)

@@ -1,0 +1,102 @@
+"""Joints that the centroidal law keeps within their limits."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.control.laws.centroidal.joint_room import SHARE, ends_of, within_limits
+from skyarm.control.laws.centroidal.make import make_centroidal
+from skyarm.control.model import JointGains, Model
+from skyarm.dynamics import State
+from skyarm.scalars.taylor import Taylor
+
+ARM1 = skyarm.load_vehicle("crazyflie_arm1")
+GAINS = JointGains(stiffness=(900.0,), damping=(60.0,))
+ZERO = Vec3(0.0, 0.0, 0.0)
+
+
+def with_limits(lower, upper):
+    (link,) = ARM1.links
+    joint = dataclasses.replace(link.joint, lower=lower, upper=upper)
+    return dataclasses.replace(ARM1, links=(dataclasses.replace(link, joint=joint),))
+
+
+def bounded(vehicle, q, rate, told, wanted):
+    state = State(
+        position=ZERO,
+        quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
+        velocity=ZERO,
+        rate=ZERO,
+        joints=(q,),
+        joint_rates=(rate,),
+        rotor_speeds=(0.0,) * 4,
+    )
+    return within_limits(vehicle, ends_of(vehicle), GAINS, state, (Taylor((told, 0.0, 0.0)),), (wanted,))[0]
+
+
+@pytest.mark.parametrize(
+    ("push", "told", "end"), [(1e3, 0.2, 0.6), (-1e3, 0.2, -0.65), (1e3, 1.3, 1.0), (1e3, 1.0, 1.0)]
+)
+def test_a_joint_that_is_pushed_comes_to_rest_where_it_may_go(push, told, end):
+    """On the way that two equal poles of 30 rad/s take from the first instant at which the bound holds."""
+    vehicle, dt = with_limits(-1.5, 1.0), 1e-4
+    assert end == pytest.approx(np.clip(told + SHARE * ((1.0 if push > 0.0 else -1.5) - told), -1.5, 1.0))
+    q, rate, path, met = 0.1, 0.0, [], None
+    for k in range(6000):
+        asked = bounded(vehicle, q, rate, told, push)
+        if met is None and asked != push:
+            met = k, q, rate
+        rate += asked * dt
+        q += rate * dt
+        path.append(q)
+    k, q_0, rate_0 = met
+    t = dt * np.arange(1, 6001 - k)
+    exact = end + (q_0 - end + (rate_0 + 30.0 * (q_0 - end)) * t) * np.exp(-30.0 * t)
+    assert np.array(path[k:]) == pytest.approx(exact, abs=3e-3)
+    assert q == pytest.approx(end, abs=1e-4)
+    assert max(np.sign(push) * (np.array(path) - end)) < 1e-6
+
+
+def test_a_motion_within_the_room_keeps_its_bits_and_no_limit_is_no_bound():
+    wide, free, above = (with_limits(*pair) for pair in ((-1.5, 1.5), (-np.inf, np.inf), (-np.inf, 1.0)))
+    for q, wanted in ((0.1, 3.3), (-0.3, -7.7), (0.4, 0.0)):
+        assert bounded(wide, q, 0.5, 0.1, wanted) == wanted
+    assert (ends_of(free), ends_of(above)) == (((False, False),), ((False, True),))
+    assert bounded(free, 5.0, 50.0, 0.0, 1e3) == 1e3
+    assert bounded(above, -5.0, -50.0, 0.0, -1e3) == -1e3
+    assert bounded(above, 0.9, 0.0, 0.0, 1e3) < 0.0
+
+
+def test_only_the_adaptive_preset_bounds_and_only_joints_that_have_limits():
+    model, free = Model(vehicle=ARM1), Model(vehicle=with_limits(-np.inf, np.inf))
+    assert make_centroidal(model, mode="tip", preset="adaptive").par.ends == ((True, True),)
+    assert make_centroidal(free, mode="tip", preset="adaptive").par.ends == ()
+    for preset in ("robust", "stiff"):
+        assert make_centroidal(model, mode="tip", preset=preset).par.ends == ()
+    assert make_centroidal(model, preset="robust", joint_limits=True).par.ends == ((True, True),)
+    assert make_centroidal(model, preset="adaptive", joint_limits=False).par.ends == ()
+
+
+def test_a_reference_beyond_a_limit_is_followed_up_to_it():
+    vehicle = with_limits(-1.5, 0.5)
+    scenario = skyarm.scenario_from(
+        {
+            "name": "beyond",
+            "duration": 1.5,
+            "plant": {"vehicle": "crazyflie_arm1"},
+            "controller": {"law": "centroidal"},
+            "endings": [{"kind": "joint_limits"}],
+            "reference": {
+                "base": {"kind": "hover", "position": [0.0, 0.0, 2.0]},
+                "joints": [{"kind": "ramp", "start": 0.2, "duration": 0.8, "height": 0.8}],
+            },
+        }
+    )
+    law = make_centroidal(Model(vehicle=vehicle), joint_limits=True)
+    world = dataclasses.replace(scenario.world, vehicle=vehicle)
+    log = skyarm.run(dataclasses.replace(scenario, world=world, controller=law))
+    assert log.status == "completed"
+    assert log.joints[-1, 0] == pytest.approx(0.5, abs=2e-3)

@@ -1,0 +1,286 @@
+"""A law on rotors that tilt: the wrench at the angles that stand, servos that are led, small thrusts, and flights."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.actuation import Command
+from skyarm.actuation.rotor_pairs import Force
+from skyarm.control.controller import ControllerError
+from skyarm.control.laws.centroidal import make_centroidal
+from skyarm.control.model import Model
+from skyarm.control.safety import with_safety_layer
+from skyarm.control.vectored_layer import goal_angles, squares_at, turns_rotors, with_tilting
+from skyarm.environment import ForceWind
+from skyarm.log.log_columns import columns
+from skyarm.log.ros.instants import Part
+from skyarm.log.ros.topics import _thrust
+from skyarm.plant.interface import Truth
+from skyarm.reference import Trajectory
+from skyarm.reference.compose import Product
+from skyarm.reference.signals import Constant, Ramp, Sine
+from skyarm.scenario.scenario_record import Delays, Scenario
+from skyarm.sensors.noise import SensorNoise
+from skyarm.simulate import run
+from skyarm.simulate.batch import Batch
+from skyarm.stability.frozen_scenario import nominal
+
+VOLIRO = skyarm.load_vehicle("voliro_like")
+BARE = dataclasses.replace(VOLIRO, links=(), frames=(), end_effector="")
+WANTED = tuple(
+    Force(push, angle)
+    for push, angle in zip(
+        (2.2e5, 2.4e5, 2.0e5, 2.3e5, 2.5e5, 2.1e5), (0.30, -0.25, 0.20, 0.35, -0.30, 0.15), strict=True
+    )
+)
+LIMITS = {"stiffness": 8.0, "damping": 4.0}
+NOISE = SensorNoise(position=1e-3, velocity=1e-2, attitude=2e-3, rate=1e-2, joints=1e-3, joint_rates=1e-2)
+
+
+def wrench(angles, squares):
+    """Torque and force of all rotors at their angles, written out with NumPy."""
+    total = np.zeros(6)
+    for rotor, angle, square in zip(BARE.rotors, angles, squares, strict=True):
+        at, n, t = (np.array([float(c) for c in v]) for v in (rotor.position, rotor.axis, rotor.tilt.axis))
+        push = float(rotor.thrust_coefficient) * float(square) * (n * np.cos(angle) + np.cross(t, n) * np.sin(angle))
+        twist = -rotor.direction * float(rotor.moment_coefficient) * push
+        total += np.array([*(np.cross(at, push) + twist), *push])
+    return total
+
+
+def test_torque_and_thrust_are_right_while_the_servos_are_on_their_way():
+    goal = wrench([f.angle for f in WANTED], [f.push for f in WANTED])
+    rng = np.random.default_rng(4)
+    for _ in range(10):
+        angles = [f.angle + late for f, late in zip(WANTED, rng.uniform(-0.2, 0.2, 6), strict=True)]
+        found = wrench(angles, squares_at(BARE, WANTED, angles))
+        np.testing.assert_allclose(found[[0, 1, 5]], goal[[0, 1, 5]], atol=1e-9)
+        left = wrench(angles, [f.push for f in WANTED])
+        # of the torque about z a part is left to the angles; without the correction the others are off too
+        assert abs(found[2] - goal[2]) < 0.75 * abs(left[2] - goal[2])
+        assert np.abs(left[[0, 1, 5]] - goal[[0, 1, 5]]).max() > 0.05
+
+
+def test_servos_that_stand_where_they_should_leave_the_thrusts_alone():
+    squares = squares_at(BARE, WANTED, [f.angle for f in WANTED])
+    np.testing.assert_allclose(squares, [f.push for f in WANTED], rtol=1e-9)
+
+
+def test_a_correction_stays_within_what_the_rotors_have():
+    top = 900.0**2
+    strong = tuple(Force(0.98 * top, 0.7) for _ in WANTED)
+    squares = np.array(squares_at(BARE, strong, [0.7, -0.7, 0.7, 0.0, 0.1, -0.5]), dtype=float)
+    assert squares.max() <= top * (1.0 + 1e-12)
+    weak = tuple(Force(1e3 * i, 0.1) for i in range(6))
+    assert min(squares_at(BARE, weak, [-0.7, 0.7, -0.7, 0.7, -0.7, 0.7])) >= -1e-6
+
+
+def test_an_angle_of_next_to_no_thrust_moves_slowly_and_any_other_at_once():
+    last = (0.5,) * 6
+    none = goal_angles(BARE, tuple(Force(0.0, -1.0) for _ in last), last)
+    assert none == last
+    little, most = 0.002 * 900.0**2, 0.1 * 900.0**2
+    moved = goal_angles(BARE, (Force(little, -1.0), *(Force(most, -1.0) for _ in last[1:])), last)
+    assert moved[0] == pytest.approx(0.5 - 1.5 * 0.1)
+    assert moved[1:] == pytest.approx((-1.0,) * 5)
+
+
+def test_servos_are_led_by_what_they_lag_more_than_the_motors():
+    def lead(seconds):
+        tilt = dataclasses.replace(VOLIRO.rotors[0].tilt, time_constant=seconds)
+        rotors = tuple(dataclasses.replace(each, tilt=tilt) for each in VOLIRO.rotors[:1])
+        believed = dataclasses.replace(BARE, rotors=(*rotors, *BARE.rotors[1:]))
+        return make_centroidal(Model(vehicle=believed), sideways=0.9).par.lead[0]
+
+    # motors of 30 ms up and 50 ms down
+    assert [lead(each) for each in (0.01, 0.05, 0.08, 1.0)] == pytest.approx([1.0, 1.25, 2.0, 3.0])
+
+
+def test_only_a_law_that_is_told_to_turns_rotors():
+    with_it, without = (make_centroidal(Model(vehicle=VOLIRO), mode="tip", sideways=s) for s in (0.9, 0.0))
+    assert turns_rotors(with_it)
+    assert not turns_rotors(without)
+    with pytest.raises(ControllerError, match="has its tilting rotors already"):
+        with_tilting(with_it, Model(vehicle=VOLIRO))
+    with pytest.raises(ControllerError, match="must have a rotor with a tilt"):
+        with_tilting(without, Model(vehicle=skyarm.load_vehicle("tilted_hexarotor")))
+
+
+def across(seconds, joints=(), start=0.5):
+    """A metre along x."""
+    x = Ramp(start=start, duration=seconds, height=1.0, shape="quintic")
+    return Trajectory(x=x, y=Constant(0.0), z=Constant(1.5), yaw=Constant(0.0), joints=joints)
+
+
+def scenario(vehicle, trajectory, duration, *, truth=None, delay=0.0, wind=(0.0, 0.0, 0.0), guarded=False, **options):
+    law = make_centroidal(
+        Model(vehicle=vehicle), mode="tip" if vehicle.n else "joint", delay=delay, **({"sideways": 0.9} | options)
+    )
+    return Scenario(
+        name="vectored",
+        duration=duration,
+        world=Truth(vehicle=truth or vehicle),
+        controller=with_safety_layer(law) if guarded else law,
+        trajectory=trajectory,
+        wind=ForceWind(force_W=wind),
+        delays=Delays(measurement=delay),
+        ground=False,
+    )
+
+
+def tilt(log):
+    """Degrees."""
+    q = log.quaternion
+    return np.degrees(np.arccos(1.0 - 2.0 * (q[:, 1] ** 2 + q[:, 2] ** 2)))
+
+
+def errors(log, name):
+    """Millimetres."""
+    return 1e3 * np.linalg.norm(getattr(log, name) - getattr(log, f"{name}_reference"), axis=1)
+
+
+@cache
+def moved():
+    return run(scenario(BARE, across(1.5), 2.2))
+
+
+def test_a_metre_is_flown_level_by_turning_the_rotors():
+    log = moved()
+    assert log.status == "completed"
+    assert tilt(log).max() < 0.3
+    assert errors(log, "position").max() < 3.0
+    assert 0.3 < np.abs(log.tilts).max() < 0.7
+    assert log.tilts.shape == log.tilt_commands.shape == (440, 6)
+
+
+def test_logged_angles_follow_their_commands_as_the_servos_do():
+    log = moved()
+    for i, servo in enumerate(BARE.tilts):
+        following = servo.time_constant
+        step = (log.tilt_commands[:-1, i] - log.tilts[:-1, i]) * (1.0 - np.exp(-0.005 / following))
+        slow = np.abs(log.tilt_commands[:-1, i] - log.tilts[:-1, i]) < servo.max_rate * following
+        np.testing.assert_allclose(np.diff(log.tilts[:, i])[slow], step[slow], atol=1e-9)
+
+
+def test_a_linearisation_holds_the_rotors_at_rest_or_says_that_it_cannot():
+    plain = scenario(BARE, across(1.5), 1.0, sideways=0.0)
+    assert nominal(plain).world.vehicle.tilts == ()
+    with pytest.raises(skyarm.ScenarioError, match="must be left out of margins"):
+        nominal(scenario(BARE, across(1.5), 1.0))
+
+
+SWINGING = tuple(Sine(amplitude=0.3, frequency_hz=0.4, phase=0.6 * i) for i in range(2))
+
+
+@pytest.mark.thorough
+def test_with_its_arm_swinging_the_tip_is_kept_level_and_within_a_millimetre():
+    for plant in ("rigid_body", "mujoco"):
+        log = run(dataclasses.replace(scenario(VOLIRO, across(3.0, SWINGING), 5.0), plant=plant))
+        late = log.time >= 0.5
+        assert tilt(log)[late].max() < 0.1
+        assert errors(log, "tip")[late].max() < 0.5
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("seconds", [0.02, 0.1])
+def test_servos_of_another_lag_than_believed_cost_little(seconds):
+    rotors = tuple(
+        dataclasses.replace(r, tilt=dataclasses.replace(r.tilt, time_constant=seconds)) for r in VOLIRO.rotors
+    )
+    flown = scenario(VOLIRO, across(1.5, SWINGING), 4.0, truth=dataclasses.replace(VOLIRO, rotors=rotors), delay=0.005)
+    log = run(dataclasses.replace(flown, sensors=NOISE))
+    late = log.time >= 0.5
+    assert tilt(log)[late].max() < 2.0
+    assert errors(log, "tip")[late].mean() < 1.5
+
+
+def test_a_safety_layer_goes_around_the_law_of_pairs():
+    guarded = with_safety_layer(make_centroidal(Model(vehicle=BARE), sideways=0.9), LIMITS)
+    assert guarded.name == "guarded_centroidal_joint"
+    assert turns_rotors(guarded)
+    assert len(guarded.memory.inner.sent.rotor_speeds) == 12
+    with pytest.raises(ControllerError, match="has a safety layer already"):
+        with_safety_layer(guarded, LIMITS)
+
+
+def eased_circle(speed):
+    """A circle of 1 m that is eased in from 1 s to 4 s."""
+    ease = Ramp(start=1.0, duration=3.0, height=1.0, shape="quintic")
+    hertz = speed / (2.0 * np.pi)
+    x, y = (Product(Sine(amplitude=1.0, frequency_hz=hertz, phase=phase), ease) for phase in (0.5 * np.pi, 0.0))
+    return Trajectory(x=x, y=y, z=Constant(1.5), yaw=Constant(0.0), joints=SWINGING)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("trial", "trajectory"),
+    [("1 m in 3 s", across(3.0, SWINGING, 1.0)), ("circle of 1 m, 1 m/s", eased_circle(1.0))],
+    ids=["metre", "circle"],
+)
+def test_the_table_of_the_page_is_flown(trial, trajectory):
+    page = (Path(__file__).resolve().parents[2] / "docs" / "centroidal_law.md").read_text("utf-8")
+    text = page[page.index("### Rotors that tilt") :]
+    (row,) = [line.split("|")[2:] for line in text.splitlines() if line.startswith(f"| {trial} |")]
+    seconds = 5.0 if trial.startswith("1 m") else 12.0
+    for cell, options in ((row[0], {"sideways": 0.0}), (row[1], {})):
+        log = run(scenario(VOLIRO, trajectory, seconds, **options))
+        late = log.time >= 1.0
+        mean, most, angle = map(float, re.findall(r"[0-9.]+", cell))
+        found = errors(log, "tip")[late]
+        assert [found.mean(), found.max()] == pytest.approx([mean, most], abs=6e-3)
+        assert tilt(log)[late].max() == pytest.approx(angle, abs=0.06)
+
+
+@pytest.mark.thorough
+def test_a_pitch_is_held_in_hover_and_the_safety_layer_stays_out_of_it():
+    for guarded in (False, True):
+        log = run(scenario(VOLIRO, across(2.0, SWINGING), 4.0, guarded=guarded, attitude=(0.0, 0.3)))
+        late = log.time >= 3.0
+        np.testing.assert_allclose(log.euler[late, 1], 0.3, atol=0.01)
+        assert errors(log, "tip")[late].max() < 2.0
+
+
+def test_a_log_names_the_angles_by_their_rotors_and_its_wrench_is_that_of_the_turned_ones():
+    log = moved()
+    names = [each.name for each in columns(log) if each.array in ("tilts", "tilt_commands")]
+    assert names == [f"rotor_{kind}_{i}" for kind in ("tilt", "tilt_command") for i in range(6)]
+    (topic,) = _thrust(1, BARE)
+    rows = slice(40, 400, 120)
+    force = topic.values(Part(log, rows))["wrench"]["force"]
+    found = np.stack([force[axis] for axis in "xyz"], axis=1)
+    pushed = [wrench(a, w**2)[3:] for a, w in zip(log.tilts[rows], log.rotor_speeds[rows], strict=True)]
+    # hub drag of six rotors at up to 1.3 m/s is below 0.8 N
+    np.testing.assert_allclose(found, pushed, atol=0.8)
+    assert np.abs(np.array(pushed)[:, 0]).max() > 5.0
+
+
+@pytest.mark.thorough
+def test_a_session_and_a_batch_turn_rotors_by_commands_and_a_lag_is_swept():
+    planned = scenario(BARE, across(1.5), 1.5)
+    session = skyarm.Session(planned)
+    for _ in range(20):
+        session.step(Command(rotor_speeds=(480.0,) * 6, tilts=(0.1,) * 6))
+    held = session.state.tilts
+    np.testing.assert_allclose(held, 0.1 * (1.0 - np.exp(-2.0)), rtol=1e-9)
+    session.step(Command(rotor_speeds=(480.0,) * 6))
+    assert session.state.tilts[0] < held[0]
+    with pytest.raises(skyarm.ScenarioError, match="5 tilts: must be 6, or none"):
+        session.step(Command(rotor_speeds=(480.0,) * 6, tilts=(0.1,) * 5))
+    batch = Batch(planned, ["plant.vehicle.rotors.0.tilt.time_constant"], bit_exact=True)
+    lags = np.array([0.02, 0.05, 0.2])
+    found = batch.fly({"plant.vehicle.rotors.0.tilt.time_constant": lags}).state
+    for lane, lag in enumerate(lags):
+        first = dataclasses.replace(BARE.rotors[0], tilt=dataclasses.replace(BARE.rotors[0].tilt, time_constant=lag))
+        truth = dataclasses.replace(BARE, rotors=(first, *BARE.rotors[1:]))
+        alone = skyarm.Session(scenario(BARE, across(1.5), 1.5, truth=truth))
+        while alone.step():
+            pass
+        np.testing.assert_allclose([each[lane] for each in found.tilts], alone.state.tilts, rtol=1e-12)
+        assert found.position.x[lane] == pytest.approx(alone.state.position.x, abs=1e-12)
