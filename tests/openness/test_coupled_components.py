@@ -64,5 +64,5 @@ def test_momentum_of_both_is_what_thrust_and_weight_give_on_both_plants(swinging
 
 
 def test_rates_of_another_structure_are_one_line(swinging):
-    with pytest.raises(ValueError, match="SprungMass.*gives the rates of its memory in another structure"):
+    with pytest.raises(ValueError, match=r"SprungMass.*gives the rates of its memory in another structure"):
         skyarm.run(dataclasses.replace(swinging, forces=(SprungMass(wrong=True),)))
