@@ -207,3 +207,34 @@ def test_standing_needs_a_world(press):
     without = {name: part for name, part in press.items() if name != "world"}
     with pytest.raises(skyarm.ScenarioError, match=r"initial.standing = true: must be false without a \[world\]"):
         scenario_from({**without, "initial": {"standing": True}})
+
+
+def test_periods_of_contact_are_read_from_the_log_and_said(pressed, capsys):
+    from skyarm.cli.flight_summary import contact_lines, contacts
+
+    periods, force = pressed.contact_periods, pressed.contact_force[:, 0]
+    assert len(periods) >= 2
+    assert all(each.end is not None for each in periods[:-1])
+    for each in periods:
+        inside = (pressed.time >= each.start) & (pressed.time < (each.end or 9.0))
+        assert (force[inside] > 0.0).all()
+        assert (each.peak, each.mean) == (force[inside].max(), force[inside].mean())
+    assert (
+        sum(((pressed.time >= p.start) & (pressed.time < (p.end or 9.0))).sum() for p in periods) == (force > 0).sum()
+    )
+    (told,) = contacts(pressed)
+    assert (told["surface"], told["point"], told["peak"]) == ("wall", "tip", force.max())
+    assert told["losses"] == sum(p.end is not None for p in periods)
+    (line,) = contact_lines(pressed)
+    assert line.startswith(f"wall touched tip at {periods[0].start:g} s: lost {told['losses']} times, largest force ")
+
+
+def test_steps_shorter_than_the_clock_are_said(press, capsys):
+    from skyarm.cli.lines import say_steps
+
+    say_steps(scenario_from(press))
+    assert capsys.readouterr().err == ""
+    stiff = copy.deepcopy(press)
+    stiff["world"]["surfaces"][0]["material"]["stiffness"] = 1e5
+    say_steps(scenario_from(stiff))
+    assert "surface 'wall' asks for integration steps of 0.38 ms in contact" in capsys.readouterr().err

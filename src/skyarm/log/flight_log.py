@@ -132,6 +132,13 @@ class Log:
     info: dict[str, Any]
 
     @property
+    def contact_periods(self) -> tuple[Any, ...]:
+        """From each touch to the loss of contact: :func:`skyarm.log.contact_periods.contact_periods`."""
+        from skyarm.log.contact_periods import contact_periods
+
+        return contact_periods(self)
+
+    @property
     def tip(self) -> Array:
         """Position of the tip (N, 3), m, world axes."""
         return self.tool
