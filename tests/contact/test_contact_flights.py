@@ -238,3 +238,14 @@ def test_steps_shorter_than_the_clock_are_said(press, capsys):
     stiff["world"]["surfaces"][0]["material"]["stiffness"] = 1e5
     say_steps(scenario_from(stiff))
     assert "surface 'wall' asks for integration steps of 0.38 ms in contact" in capsys.readouterr().err
+
+
+def test_a_film_shows_what_may_be_touched(pressed):
+    from skyarm.film.filmed_flight import COLORS, film_flight
+    from skyarm.film.solids import vehicle_solids
+
+    solids = vehicle_solids(film_flight(pressed, "a", COLORS[0], pressed.time[::40]))
+    (wall,) = (solid for solid in solids if solid.shape.role == "surface")
+    assert (wall.shape.kind, wall.shape.size) == ("box", (0.05, 1.0, 0.45))
+    assert np.array_equal(wall.position, np.tile([0.263, 0.0, 0.45], (3, 1)))
+    assert np.array_equal(wall.rotation[1], np.eye(3))

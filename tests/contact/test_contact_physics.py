@@ -150,3 +150,33 @@ def test_both_plants_apply_the_same_force(pressed):
     strength = np.abs(theirs).max(axis=1)
     assert (strength > 0.1).sum() > 700
     assert (np.abs(ours - theirs).max(axis=1) / np.maximum(strength, 1e-3)).max() < 1e-9
+
+
+def test_a_drop_is_that_of_mujocos_own_contact():
+    """Peak force and depth of MuJoCo's own contact, made as stiff per mass as ours, on its own body: within 5 %.
+
+    Without weight, which MuJoCo's contact carries without a depth.
+    """
+    import mujoco
+
+    mass, k = float(BIRD.mass), 5000.0
+    text = f"""<mujoco><option gravity="0 0 0" timestep="1e-4" cone="elliptic"/>
+      <default><geom condim="1" solref="-{k / mass} 0" solimp="0.9999 0.9999 0.001"/></default>
+      <worldbody><geom type="plane" size="1 1 1"/>
+      <body pos="0 0 0.1"><freejoint/><geom type="sphere" size="0.1" mass="{mass}"/></body></worldbody></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    data.qvel[2] = -0.3
+    depths, forces = [], []
+    for _ in range(600):
+        mujoco.mj_step(model, data)
+        depths.append(0.1 - data.qpos[2])
+        forces.append(mass * data.qacc[2])
+    under = (ContactPoint(name="below", body="base", position=Vec3(0.0, 0.0, -0.12)),)
+    start = at_rest(BIRD, (0.0, 0.0, 0.12), velocity=Vec3(0.0, 0.0, -0.3))
+    rows = fall(BIRD, start, around(ground(dissipation=0.0), points=under), 0.06, step=0.001, gravity=0.0)
+    assert (0.12 - rows[:, 2]).max() == pytest.approx(max(depths), rel=0.05)
+    assert k * (0.12 - rows[:, 2]).max() == pytest.approx(max(forces), rel=0.05)
+    assert rows[:, 9].max() == pytest.approx(0.3, rel=5e-3)
+    # m w^2 = k: half a period
+    assert (rows[:, 2] < 0.12).sum() * 1e-3 == pytest.approx(math.pi * math.sqrt(mass / k), rel=0.04)

@@ -85,6 +85,13 @@ def test_stiffer_materials_and_shorter_bristles_ask_for_shorter_steps():
     assert Material(stiffness=100.0).largest_step == 2.5e-3
 
 
+def test_left_out_a_material_is_that_of_the_measurements():
+    """k 5000 N/m, c 1 s/m, mu 0.3, bristles of 0.2 mm."""
+    assert Material() == Material(stiffness=5000.0, dissipation=1.0, friction=0.3, bristle_length=2e-4)
+    assert Material(friction=0.0, dissipation=0.0).friction == 0.0
+    assert Material(stiffness=0.05).stiffness == 0.05
+
+
 @pytest.mark.parametrize(
     ("field", "value", "allowed"),
     [("stiffness", 0.0, "above 0"), ("stiffness", -5.0, "above 0"), ("friction", -0.1, "at least 0"),
