@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from skyarm.algebra import Vec3
+from skyarm.algebra import Mat3, Vec3
 from skyarm.contact import Surface
 from skyarm.environment import SignalVector
 from skyarm.reference import Sine
@@ -99,6 +99,36 @@ def test_a_disc_is_clear_where_every_point_of_it_is_outside(name):
         wrong += deepest < -5e-3 and clear < 0.0
     assert wrong <= 4
     assert surface.clearance(Vec3(*centre), Vec3(*axis), 0, 0.0) == pytest.approx(-depth(surface, centre, 1e-12)[0])
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_disc_along_a_face_is_clear_though_it_reaches_beyond_the_edge(axis):
+    """3 cm above one face, its hub 8 cm beyond the edge: the way to the edge crosses it, the face does not."""
+    box, centre = Surface(name="s", shape="box", size=(0.4, 0.4, 0.4)), np.zeros(3)
+    centre[axis], centre[(axis + 1) % 3] = 0.23, 0.28
+    along = Vec3(*np.eye(3)[axis])
+    assert box.clearance(Vec3(*centre), along, 0.15, 0.0) == pytest.approx(0.03, abs=1e-9)
+    centre[axis] = 0.19
+    assert box.clearance(Vec3(*centre), along, 0.15, 0.0) == pytest.approx(-0.01, abs=1e-9), (
+        "a centimetre would part them"
+    )
+
+
+def test_nothing_is_undefined_in_the_middle():
+    for name in ("sphere", "cylinder"):
+        found, n = depth(SURFACES[name], TURNED["position"])
+        assert found == pytest.approx(SURFACES[name].size[0], abs=1e-9)
+        assert np.isfinite(n).all()
+    plane = SURFACES["plane"]
+    assert plane.clearance(Vec3(0.3, -0.2, 0.5), plane.rotation.column(2), 0.15, 0.0) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_zeros_of_a_file_are_structure_and_cost_nothing():
+    at_origin = Surface(name="s", position=Vec3(0.0, 1.0, 0.0), angles=Vec3(0.0, 0.0, 0.0))
+    assert [type(c) for c in at_origin.position] == [int, float, int]
+    assert at_origin.rotation == Mat3.identity()
+    assert all(type(entry) is int for row in at_origin.rotation.rows for entry in row)
+    assert at_origin.clearance(Vec3(0.0, 0.0, 0.7), Vec3(0, 0, 1), 0, 0.0) == 0.7
 
 
 @pytest.mark.parametrize(
