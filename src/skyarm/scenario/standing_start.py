@@ -57,17 +57,25 @@ def standing(world: Truth, contact: Contact, state: State) -> State:
     for _ in range(60):  # halves down to the last bit
         middle = 0.5 * (low + high)
         low, high = (middle, high) if rest.residual(np.array([middle, 0.0, 0.0]))[0] >= 0.0 else (low, middle)
-    x = np.array([low, 0.0, 0.0])
-    for _ in range(ROUNDS):
-        found = rest.residual(x)
-        if np.abs(found).max() < SMALL:
-            return rest.at(x)
-        columns = [(rest.residual(x + step) - found) / size for size, step in zip(NEAR, np.diag(NEAR), strict=True)]
-        try:
-            x = x - np.linalg.solve(np.stack(columns, axis=1), found)
-        except np.linalg.LinAlgError:
-            break
+    found = _balanced(rest, np.array([low, 0.0, 0.0]))
+    if found is not None:
+        return found
     raise ValueError("initial.standing = true: must stand on three points around its centre of mass; it tips over")
+
+
+def _balanced(rest: _Rest, x: Array) -> State | None:
+    """The state at which forces and moments vanish, by Newton's method; None where there is none nearby."""
+    with np.errstate(all="ignore"):  # of numbers beyond measure
+        for _ in range(ROUNDS):
+            found = rest.residual(x)
+            if np.abs(found).max() < SMALL:
+                return rest.at(x)
+            columns = [(rest.residual(x + step) - found) / size for size, step in zip(NEAR, np.diag(NEAR), strict=True)]
+            try:
+                x = x - np.linalg.solve(np.stack(columns, axis=1), found)
+            except np.linalg.LinAlgError:
+                return None
+    return None
 
 
 class _Rest:
