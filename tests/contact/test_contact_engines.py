@@ -100,6 +100,16 @@ def test_what_sticks_on_a_ball_turns_with_its_normal():
         assert float(touch.axis.dot(touch.axis)) == pytest.approx(1.0)
 
 
+def test_one_surface_that_moves_is_where_the_clock_says():
+    assert MEMORY.clock == (0.0,)
+    assert CONTACT.slope(MEMORY, 0.0, PointMotion(BIRD, START), ()).clock == (1.0,)
+    assert CONTACT.advance(MEMORY, 0.35, 0.005, START, ()).clock == (0.35,)
+    later = dataclasses.replace(MEMORY, clock=(0.25,))
+    before, after = (CONTACT.touches(each, PointMotion(BIRD, START)) for each in (MEMORY, later))
+    assert float(after[0].depth) == float(before[0].depth)
+    assert float(after[2].depth) > float(before[2].depth) + 0.005
+
+
 def touch_of_ball(**motion):
     """A ball of 0.1 m about the base's origin, 0.09 m above the ground."""
     ball = Contact(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import tomllib
 from pathlib import Path
 
@@ -141,6 +142,19 @@ def test_what_stands_at_rest_does_not_jump(landing):
     assert (log.contact_force[0] > 0.0).all()
     assert np.abs(log.velocity).max() < 2e-4
     assert log.contact_force.sum(axis=1) == pytest.approx(np.full(len(log.time), weight), rel=5e-3)
+
+
+def test_beside_turbulence_and_a_payload_every_engine_keeps_what_contact_remembers(landing):
+    """Memories of other components stand before and behind the contact's: floats, machine code and MuJoCo."""
+    wind = {"mode": "moving_air", "velocity": [2, 0, 0], "turbulence": {"altitude": 6, "wind_20ft": 4}}
+    load = {"name": "a", "mass": 0.02, "pick": 0.02, "kind": "hanging"}
+    found = scenario_from({**landing, "duration": 0.1, "environment": {"wind": wind}, "payloads": [load]})
+    quick, slow = skyarm.run(found), run_in_python(found)
+    assert np.array_equal(quick.contact_friction, slow.contact_friction)
+    assert np.array_equal(quick.position, slow.position)
+    theirs = skyarm.run(dataclasses.replace(found, plant="mujoco"))
+    assert quick.contact_friction[3:8].max() > 1e-3
+    assert theirs.contact_friction[:8] == pytest.approx(quick.contact_friction[:8], abs=0.02)
 
 
 def test_the_ground_of_the_world_takes_the_place_of_the_ground_that_ends_a_flight(landing):
