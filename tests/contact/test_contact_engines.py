@@ -54,7 +54,7 @@ def everything(*numbers):
 @pytest.mark.parametrize(
     ("engine", "tolerance"),
     [
-        ("numpy", 1e-12),
+        pytest.param("numpy", 1e-12, marks=pytest.mark.thorough),
         ("trace", 0.0),
         pytest.param("jax", 1e-10, marks=pytest.mark.thorough),  # one operation after the other: 5 s
         pytest.param("casadi", 1e-10, marks=pytest.mark.thorough),

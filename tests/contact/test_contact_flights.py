@@ -119,6 +119,7 @@ def test_a_rotor_that_comes_to_a_wall_ends_the_flight_with_its_cause(press):
     assert skyarm.run(scenario_from(near)).status == "completed"
 
 
+@pytest.mark.thorough
 def test_a_base_that_comes_into_a_surface_ends_the_flight(press):
     ball = {"name": "ball", "shape": "sphere", "size": [0.02], "position": [0.025, 0.0, 1.0]}
     found = {**press, "world": {"surfaces": [ball]}, "duration": 0.4}
@@ -144,6 +145,7 @@ def test_what_stands_at_rest_does_not_jump(landing):
     assert log.contact_force.sum(axis=1) == pytest.approx(np.full(len(log.time), weight), rel=5e-3)
 
 
+@pytest.mark.thorough
 def test_beside_turbulence_and_a_payload_every_engine_keeps_what_contact_remembers(landing):
     """Memories of other components stand before and behind the contact's: floats, machine code and MuJoCo."""
     wind = {"mode": "moving_air", "velocity": [2, 0, 0], "turbulence": {"altitude": 6, "wind_20ft": 4}}

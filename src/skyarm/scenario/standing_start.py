@@ -53,11 +53,7 @@ def standing(world: Truth, contact: Contact, state: State) -> State:
         if lowered > LOWEST or rest.weight <= 0.0:
             place = shown([float(c) for c in state.position])
             raise ValueError(f"initial.standing = true: must be above a surface; nothing carries it below {place} m")
-    low, high = -lowered, -lowered + STEP
-    for _ in range(60):  # halves down to the last bit
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if rest.residual(np.array([middle, 0.0, 0.0]))[0] >= 0.0 else (low, middle)
-    found = _balanced(rest, np.array([low, 0.0, 0.0]))
+    found = _balanced(rest, np.array([-lowered, 0.0, 0.0]))
     if found is not None:
         return found
     raise ValueError("initial.standing = true: must stand on three points around its centre of mass; it tips over")
