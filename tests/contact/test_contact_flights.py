@@ -12,7 +12,9 @@ import pytest
 
 import skyarm
 from skyarm.log.log_columns import columns
+from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.scenario.scenario_file import scenario_from
+from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop import run_in_python
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -50,6 +52,18 @@ def test_the_tip_is_stopped_by_the_wall_and_the_log_says_how_strongly(pressed):
     assert friction.max() > 0.1
     assert (force[depth == 0.0] < 0.1).all()
     assert np.abs(pressed.wind_force).max() == 0.0, "contact is no wind"
+
+
+def test_far_from_every_surface_a_flight_has_the_bits_and_the_steps_of_a_free_one(press):
+    away = copy.deepcopy(press) | {"duration": 0.3}
+    away["world"]["surfaces"][0]["position"][0] = 0.5
+    scenario = scenario_from(away)
+    near, free = skyarm.run(scenario), skyarm.run(dataclasses.replace(scenario, contact=None))
+    assert np.array_equal(near.position, free.position)
+    assert np.array_equal(near.joints, free.joints)
+    around = first_surroundings(scenario, first_loop_state(scenario))
+    steps = RigidBodyPlant(scenario.world, around).substeps(0.005)
+    assert (int(steps), steps.far) == (3, 1)
 
 
 def test_columns_are_named_by_surface_and_point_and_files_keep_them(pressed, tmp_path):
