@@ -74,5 +74,5 @@ def test_a_law_on_servos_may_have_its_safety_layer_inside():
     model = Model(vehicle=dataclasses.replace(vehicle, drives=drives))
     guarded = with_safety_layer(make_controller("centroidal", model), {"stiffness": 8.0, "damping": 4.0})
     made = with_actuators(guarded, model, 0.005)
-    assert made.name == "guarded_centroidal_joint"
+    assert made.name == "guarded_centroidal_joint_robust"
     assert made.par.inner.inner.model is None

@@ -20,11 +20,12 @@ from skyarm.control.blocks.motor_lag import command_for
 from skyarm.control.blocks.prediction import predict
 from skyarm.control.blocks.series_kinematics import derivative, moving, posture
 from skyarm.control.laws.centroidal import make_centroidal
+from skyarm.control.laws.centroidal.arm_scaling import reaction
 from skyarm.control.laws.centroidal.com_tracking import thrust
 from skyarm.control.laws.centroidal.demands import Demand, Planned
 from skyarm.control.laws.centroidal.tip_reference import Goal, goal, move_goal, shift
 from skyarm.control.laws.centroidal.tip_tasks import Now, joint_accelerations, level_joints, orientation_error
-from skyarm.control.laws.centroidal.torques import fallen_away, needed
+from skyarm.control.laws.centroidal.torques import needed
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.kinematics import frame_pose, link_poses
@@ -515,7 +516,8 @@ def test_a_torque_without_what_fell_away_turns_the_base_as_wished(joints):
     rng = np.random.default_rng([13, joints])
     vehicle, state = random_vehicle(rng, joints), random_state(rng, joints)
     missing, force = rng.normal(size=joints), rng.normal(size=6 + joints)
-    lost = array(fallen_away(vehicle, tuple(state.joints.tolist()), missing.tolist()))
+    found = reaction(vehicle, tuple(state.joints.tolist()))
+    lost = array(found.torque(found.accelerations(missing.tolist())))
     twin, less = TWINS["pinocchio"](vehicle), force.copy()
     less[3:6] -= lost
     less[6:] -= missing
@@ -525,7 +527,8 @@ def test_a_torque_without_what_fell_away_turns_the_base_as_wished(joints):
 
 
 def test_nothing_falls_away_from_a_vehicle_without_joints():
-    assert tuple(fallen_away(skyarm.load_vehicle("hummingbird"), (), ())) == (0, 0, 0)
+    found = reaction(skyarm.load_vehicle("hummingbird"), ())
+    assert tuple(found.torque(found.accelerations(()))) == (0, 0, 0)
 
 
 @pytest.mark.parametrize("length", [0.03, 0.12, 0.5])

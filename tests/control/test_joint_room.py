@@ -7,7 +7,7 @@ import pytest
 
 import skyarm
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.control.laws.centroidal.joint_room import SHARE, ends_of, within_limits
+from skyarm.control.laws.centroidal.joint_room import SHARE, WITH_STOP, ends_of, within_limits
 from skyarm.control.laws.centroidal.make import make_centroidal
 from skyarm.control.model import JointGains, Model
 from skyarm.dynamics import State
@@ -18,9 +18,10 @@ GAINS = JointGains(stiffness=(900.0,), damping=(60.0,))
 ZERO = Vec3(0.0, 0.0, 0.0)
 
 
-def with_limits(lower, upper):
+def with_limits(lower, upper, stops=False):
     (link,) = ARM1.links
-    joint = dataclasses.replace(link.joint, lower=lower, upper=upper)
+    stiffness = {} if stops else {"stop_stiffness": 0, "stop_damping": 0}
+    joint = dataclasses.replace(link.joint, lower=lower, upper=upper, **stiffness)
     return dataclasses.replace(ARM1, links=(dataclasses.replace(link, joint=joint),))
 
 
@@ -38,7 +39,7 @@ def bounded(vehicle, q, rate, told, wanted):
 
 
 @pytest.mark.parametrize(
-    ("push", "told", "end"), [(1e3, 0.2, 0.6), (-1e3, 0.2, -0.65), (1e3, 1.3, 1.0), (1e3, 1.0, 1.0)]
+    ("push", "told", "end"), [(1e3, 0.2, 0.6), (-1e3, 0.2, -0.65), (1e3, 1.3, 1.0), (-1e3, -1.9, -1.5)]
 )
 def test_a_joint_that_is_pushed_comes_to_rest_where_it_may_go(push, told, end):
     """On the way that two equal poles of 30 rad/s take from the first instant at which the bound holds."""
@@ -68,6 +69,10 @@ def test_a_motion_within_the_room_keeps_its_bits_and_no_limit_is_no_bound():
     assert bounded(free, 5.0, 50.0, 0.0, 1e3) == 1e3
     assert bounded(above, -5.0, -50.0, 0.0, -1e3) == -1e3
     assert bounded(above, 0.9, 0.0, 0.0, 1e3) < 0.0
+    # at rest, where it may go, nothing is asked: further where a stop holds it
+    for stops, share in ((False, SHARE), (True, WITH_STOP)):
+        vehicle = with_limits(-1.5, 1.5, stops)
+        assert bounded(vehicle, 1.5 * share, 0.0, 0.0, 1e3) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_only_the_adaptive_preset_bounds_and_only_joints_that_have_limits():

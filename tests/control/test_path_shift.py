@@ -26,9 +26,9 @@ def constant(x, y, z, rate=0.0):
     return Vec3(still + x, still + y, Taylor((z, rate, 0.0, 0.0, 0.0)))
 
 
-def hanging(lever, rate=0.0):
-    """A posture whose tip hangs below a centre of mass in the base's origin, farther by ``rate`` in m/s."""
-    return Posture(constant(0.0, 0.0, 0.0), constant(0.0, 0.0, -lever, -rate), ())
+def hanging(lever, rate=0.0, com=0.0):
+    """A posture whose tip hangs below the base's origin, farther by ``rate`` in m/s; the centre of mass at ``com``."""
+    return Posture(constant(0.0, 0.0, com), constant(0.0, 0.0, -lever, -rate), ())
 
 
 def sine(t, w):
@@ -101,11 +101,19 @@ def test_a_swing_under_a_steady_tilt_is_no_motion_along_the_path():
     base = sine(0.0, 2.0)
     _, y = moved_path((AT_REST, AT_REST), base, asked, *arguments, par, DT)
     assert abs(y.rate) < 0.02 * abs(asked[1].y)
-    # the same without a swing, of a base that turns: all of it is motion along the path
-    turning = dataclasses.replace(Attitude(R, zero, zero), rate=Vec3(0.5, 0.0, 0.0))
-    asked[1] = Vec3(0.0, -0.15 * c, 0.0)
-    _, y = moved_path((AT_REST, AT_REST), base, asked, arguments[0], hanging(0.3), hanging(0.3), turning, par, DT)
-    assert y.rate == pytest.approx(-0.15 * c)
+    # the same without a swing, of a base that turns: all of it is motion along the path, less the centre of mass's own
+    turning, lower = Attitude(R, Vec3(0.5, 0.0, 0.0), zero), hanging(0.3, 0.0, -0.05)
+    asked[1] = Vec3(0.0, -0.5 * 0.3 * c, 0.0)
+    _, y = moved_path((AT_REST, AT_REST), base, asked, arguments[0], lower, lower, turning, par, DT)
+    assert y.rate == pytest.approx(-0.5 * (0.3 - 0.05) * c)
+
+
+def test_one_step_finds_the_rate_of_a_known_pace():
+    """Of u' = (l / g) (a' - w^2 u'), whatever it was before: a Newton step of a linear equation."""
+    per, w2, jerk = 0.03, 9.0, 7.0
+    axis = dataclasses.replace(AT_REST, size=1e6, change=w2 * 1e6, rate=0.4)
+    found = moved_axis(axis, (0.0, 0.0, 1.0, jerk, 0.0), (per * (jerk - w2 * axis.rate), 0.0), per, 2.0, 1e-9)
+    assert found.rate == pytest.approx(per * jerk / (1.0 + per * w2), rel=1e-6)
 
 
 def test_the_tip_stays_on_a_fast_circle():

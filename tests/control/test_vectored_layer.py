@@ -12,21 +12,23 @@ import pytest
 
 import skyarm
 from skyarm.actuation import Command
-from skyarm.actuation.rotor_pairs import Force
+from skyarm.actuation.rotor_pairs import Force, speeds_of_pairs
+from skyarm.actuation.tilting import angle_after
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.model import Model
 from skyarm.control.safety import with_safety_layer
-from skyarm.control.vectored_layer import goal_angles, squares_at, turns_rotors, with_tilting
+from skyarm.control.vectored_layer import goal_angles, pairs_model, squares_at, turns_rotors, with_tilting
 from skyarm.environment import ForceWind
 from skyarm.log.log_columns import columns
 from skyarm.log.ros.instants import Part
 from skyarm.log.ros.topics import _thrust
 from skyarm.plant.interface import Truth
-from skyarm.reference import Trajectory
+from skyarm.reference import Reference, Trajectory
 from skyarm.reference.compose import Product
 from skyarm.reference.signals import Constant, Ramp, Sine
 from skyarm.scenario.scenario_record import Delays, Scenario
+from skyarm.sensors.measurement import blank_measurement
 from skyarm.sensors.noise import SensorNoise
 from skyarm.simulate import run
 from skyarm.simulate.batch import Batch
@@ -78,8 +80,15 @@ def test_a_correction_stays_within_what_the_rotors_have():
     strong = tuple(Force(0.98 * top, 0.7) for _ in WANTED)
     squares = np.array(squares_at(BARE, strong, [0.7, -0.7, 0.7, 0.0, 0.1, -0.5]), dtype=float)
     assert squares.max() <= top * (1.0 + 1e-12)
-    weak = tuple(Force(1e3 * i, 0.1) for i in range(6))
-    assert min(squares_at(BARE, weak, [-0.7, 0.7, -0.7, 0.7, -0.7, 0.7])) >= -1e-6
+    # as much of the whole correction is taken as fits: the same share for every rotor
+    angles = [0.4, 0.9, 0.3, 1.0, 0.5, 0.8]
+    roomy = dataclasses.replace(BARE, rotors=tuple(dataclasses.replace(r, max_speed=1e4) for r in BARE.rotors))
+    kept = np.array([f.push * np.cos(f.angle - a) for f, a in zip(strong, angles, strict=True)])
+    whole, cut = (np.array(squares_at(v, strong, angles)) - kept for v in (roomy, BARE))
+    assert (kept + whole).max() > 1.01 * top
+    np.testing.assert_allclose(cut / whole, cut[0] / whole[0], rtol=1e-9)
+    assert 0.0 < cut[0] / whole[0] < 0.99
+    assert (kept + cut).max() == pytest.approx(top)
 
 
 def test_an_angle_of_next_to_no_thrust_moves_slowly_and_any_other_at_once():
@@ -111,6 +120,64 @@ def test_only_a_law_that_is_told_to_turns_rotors():
         with_tilting(with_it, Model(vehicle=VOLIRO))
     with pytest.raises(ControllerError, match="must have a rotor with a tilt"):
         with_tilting(without, Model(vehicle=skyarm.load_vehicle("tilted_hexarotor")))
+
+
+def still_law(memory, measurement, reference, dt, *, par):
+    """Asks for what its memory holds; keeps the pairs' speeds that it was told of."""
+    return (*memory[:12], *measurement.rotor_speeds), Command(rotor_speeds=memory[:12])
+
+
+def stepped(measured, memory=None, share=1.0):
+    """Memory and command of one step of the layer around a law that wants WANTED; angles as measured, or none."""
+    pairs = speeds_of_pairs(BARE, [(share * f.push) ** 0.5 for f in WANTED], [f.angle for f in WANTED])
+    inside = make_centroidal(pairs_model(MODEL))
+    made = with_tilting(dataclasses.replace(inside, law=still_law, memory=(*pairs, *pairs)), MODEL)
+    seen = dataclasses.replace(blank_measurement(0, 6), rotor_speeds=(470.0,) * 6, tilts=measured)
+    return made.law(memory or made.memory, seen, Reference(), 0.005, par=made.par)
+
+
+MODEL = Model(vehicle=BARE)
+GOALS = [f.angle for f in WANTED]
+
+
+def test_a_servo_is_told_to_go_ahead_of_its_angle_and_no_further_than_its_range():
+    now = (0.1, -0.2, 0.3, 1.5, -1.5, 0.0)
+    _, command = stepped(now)
+    np.testing.assert_allclose(command.tilts, np.clip(now + 1.25 * (np.array(GOALS) - now), -np.pi / 2, np.pi / 2))
+
+
+def test_next_to_no_thrust_turns_no_servo():
+    _, command = stepped((0.0,) * 6, share=1e-4)
+    assert np.abs(command.tilts).max() < 1e-3
+
+
+def test_thrusts_change_only_for_an_angle_that_is_not_as_the_motors_lag():
+    first, begun = stepped((0.0,) * 6)
+    wanted = [f.push**0.5 for f in WANTED]
+    np.testing.assert_allclose(begun.rotor_speeds, wanted, rtol=1e-9)
+    # of motors of 40 ms, a period on
+    on_the_way = np.array(GOALS) * (1.0 - np.exp(-0.005 / 0.04))
+    np.testing.assert_allclose(first.matched, on_the_way, rtol=1e-9)
+    _, as_due = stepped(tuple(on_the_way), first)
+    np.testing.assert_allclose(as_due.rotor_speeds, wanted, rtol=1e-9)
+    off = np.array([0.1, -0.05, 0.08, 0.0, -0.1, 0.05])
+    _, corrected = stepped(tuple(on_the_way + off), first)
+    squares = np.square(corrected.rotor_speeds)
+    np.testing.assert_allclose(squares, squares_at(BARE, WANTED, tuple(np.array(GOALS) + off)), rtol=1e-9)
+    assert np.abs(np.array(corrected.rotor_speeds) / wanted - 1.0).max() > 1e-3
+
+
+def test_a_measurement_without_angles_leaves_the_belief_of_the_servos():
+    first, command = stepped(())
+    believed = [angle_after(t, 0.0, u, 0.005) for t, u in zip(BARE.tilts, command.tilts, strict=True)]
+    np.testing.assert_allclose(first.angles, believed, rtol=1e-9)
+    _, second = stepped((), first)
+    np.testing.assert_allclose(second.tilts, np.array(believed) + 1.25 * (np.array(GOALS) - believed), rtol=1e-9)
+
+
+def test_a_law_is_told_how_its_pairs_push():
+    memory, _ = stepped((0.2,) * 6)
+    np.testing.assert_allclose(memory.inner[12:], speeds_of_pairs(BARE, (470.0,) * 6, (0.2,) * 6), rtol=1e-12)
 
 
 def across(seconds, joints=(), start=0.5):
@@ -203,7 +270,7 @@ def test_servos_of_another_lag_than_believed_cost_little(seconds):
 
 def test_a_safety_layer_goes_around_the_law_of_pairs():
     guarded = with_safety_layer(make_centroidal(Model(vehicle=BARE), sideways=0.9), LIMITS)
-    assert guarded.name == "guarded_centroidal_joint"
+    assert guarded.name == "guarded_centroidal_joint_robust"
     assert turns_rotors(guarded)
     assert len(guarded.memory.inner.sent.rotor_speeds) == 12
     with pytest.raises(ControllerError, match="has a safety layer already"):

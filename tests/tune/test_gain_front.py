@@ -61,6 +61,18 @@ def test_the_pick_is_the_calmest_within_five_percent_of_the_least_error_that_mee
     assert pick([point(1.2, 1.0), point(1.06, 2.0), point(1.0, 3.0)], REQUIRED) == 2
 
 
+@pytest.mark.parametrize(("tip", "picked"), [(1.04, 0.8), (1.06, 0.95), (9.0, 0.95)])
+def test_a_better_error_is_not_bought_with_the_tip_along_the_scenarios_motion(tip, picked):
+    """Two of one start's 1.0 and 1.0: the stiffer has less error, and its tip's is what is asked."""
+    found = [point(3.0, 0.5), point(0.95, 2.0), dataclasses.replace(point(0.8, 3.0), tip=tip)]
+    front = front_of([point(1.0, 1.5)], found, REQUIRED)
+    assert front[pick(front, REQUIRED)].error == picked
+    assert front[0] == found[0]
+    # nothing is left: the start stays
+    front = front_of([point(1.0, 1.5)], [dataclasses.replace(each, tip=9.0) for each in found], REQUIRED)
+    assert front[pick(front, REQUIRED)] == point(1.0, 1.5)
+
+
 @pytest.mark.parametrize(
     "worse",
     [
@@ -79,6 +91,8 @@ def test_what_misses_a_constraint_is_not_picked_though_its_error_is_least(worse)
 def test_where_none_meets_the_margins_the_least_short_is_picked():
     near, far = (dataclasses.replace(WIDE, delay=delay) for delay in (0.009, 0.004))
     assert pick([point(2.0, 1.0, far), point(3.0, 2.0, near)], REQUIRED) == 1
+    none = dataclasses.replace(WIDE, delay=0.0)
+    assert pick([point(3.0, 1.0, none), point(2.0, 2.0, none), point(2.5, 3.0, none)], REQUIRED) == 1
     assert near.shortness(REQUIRED) == pytest.approx(10.0 / 9.0)
     assert dataclasses.replace(WIDE, rotors=(0.8, 3.0)).shortness(REQUIRED) == pytest.approx(1.2)
 

@@ -86,8 +86,14 @@ def test_an_archive_of_something_else_is_refused_by_what_differs(tmp_path):
 def test_the_scatter_begins_with_the_law_as_it_is_and_goes_along_one_bandwidth():
     points = scatter(KNOBS, 60, seed=0)
     np.testing.assert_array_equal(points[0], 0.0)
-    # on the line a stiffness moves as the square of a damping
-    np.testing.assert_allclose(points[1:25, 0], 2.0 * points[1:25, 1], atol=1e-12)
+    # on the line a stiffness moves as the square of a damping, or all gains alike
+    np.testing.assert_allclose(points[2:25:2, 0], 2.0 * points[2:25:2, 1], atol=1e-12)
+    np.testing.assert_allclose(points[1:25:2], np.repeat(points[1:25:2, :1], len(KNOBS), axis=1), atol=1e-12)
+    # gains three times too high or too low are near the right ones somewhere on it
+    for off in (np.log(3.0), -np.log(3.0)):
+        assert np.abs(points[1:25:2, 0] + off).min() < 0.2
+    known = scatter(KNOBS, 60, seed=0, starts=np.array([[1.0] * 4, [0.0] * 4]))
+    np.testing.assert_allclose(known[2:26, 0], 2.0 * known[2:26, 1], atol=1e-12)
     assert np.abs(points).max() <= BOX + 1e-6
 
 

@@ -25,7 +25,8 @@ SATURATED = 0.05
 
 RULE = (
     "the calmest point that loses no plant, keeps its rotors below saturation, meets the margins, and whose error is "
-    f"within {WORTH - 1.0:.0%} of the least of such points and not above that of gains known before"
+    f"within {WORTH - 1.0:.0%} of the least of such points and not above that of gains known before, "
+    "whose tip error it keeps within the same"
 )
 
 
@@ -136,30 +137,36 @@ def undominated(points: Sequence[Point]) -> list[Point]:
 
 
 def front_of(starts: Sequence[Point], found: Sequence[Point], required: Required) -> list[Point]:
-    """What nothing beats of what was found; with the best of the gains known before where none found is better.
+    """What nothing beats of what was found, so that :func:`pick` takes nothing worse than the gains known before.
 
-    Where some are, the starts stay away: they are often calmer, and the rule would pick one for 5 % of the error. So
-    do found points that are within 5 % of the least error but above that of a start that meets the constraints.
+    Where a start meets the constraints, the best of them is the measure: points that would be picked though their
+    error is above its own, or their tip's is more than 5 % above, stay away; where none is left, the start is there
+    itself. Else starts stay away: they are often calmer, and the rule would pick one for 5 % of the error.
     """
 
     def rank(point: Point) -> tuple[bool, float, float]:
         return (not is_allowed(point, required), point.lost, point.error)
 
     best = min(starts, key=rank)
-    leads = all(rank(best) <= rank(each) for each in found)
-    if leads:
-        return undominated([best, *found])
     if not is_allowed(best, required):
-        return undominated(found)
-    least = min(each.error for each in found if is_allowed(each, required))
-    return undominated([each for each in found if not best.error < each.error <= WORTH * least])
+        return undominated([best, *found] if all(rank(best) <= rank(each) for each in found) else found)
+    allowed = [each for each in found if is_allowed(each, required)]
+    fit = [each for each in allowed if each.error <= best.error and each.tip <= WORTH * best.tip]
+    least = min(each.error for each in fit or [best])
+    tempting = [each for each in allowed if each not in fit and each.error <= WORTH * least]
+    return undominated([*([] if fit else [best]), *(each for each in found if each not in tempting)])
 
 
 def pick(points: Sequence[Point], required: Required) -> int:
     """Number of the point that :data:`RULE` picks; where none meets the constraints, the one that is least short."""
     allowed = [i for i, point in enumerate(points) if is_allowed(point, required)]
     if not allowed:
-        return min(range(len(points)), key=lambda i: (points[i].lost, points[i].margins.shortness(required)))
+
+        def short(i: int) -> tuple[float, float, float]:
+            # of equals, as where no hover settles, the one of least error
+            return points[i].lost, points[i].margins.shortness(required), points[i].error
+
+        return min(range(len(points)), key=short)
     least = min(points[i].error for i in allowed)
     good = [i for i in allowed if points[i].error <= WORTH * least]
     return min(good, key=lambda i: points[i].activity)

@@ -165,12 +165,15 @@ def scatter(knobs: Sequence[Knob], count: int, seed: int, starts: Array | None =
     """The first candidates: the starts, one bandwidth for all, Sobol points about the starts.
 
     The first start are the gains that were given. They may be off by any factor: where others are known, nothing is
-    scattered about them.
+    scattered about them; where none are, the line goes through them twice, by bandwidth and by one factor for all.
     """
     begin = np.zeros((1, len(knobs))) if starts is None else starts
     centres = begin[1:] if len(begin) > 1 else begin
     speeds = np.linspace(-0.6, 0.6, LINE) * BOX
     line = speeds[:, None] * np.array([exponent(knob) for knob in knobs]) * 0.5
+    if len(begin) == 1:
+        # nobody knows which way these are off: every other point has one factor for all gains alike
+        line[::2] = speeds[::2, None]
     rest = max(count - len(begin) - LINE, 0)
     numbers = np.arange(1 + 4096 * seed, 1 + 4096 * seed + rest)
     points = np.stack([(sobol(numbers, k).astype(float) + 0.5) / 2.0**BITS for k in range(len(knobs))], axis=1)

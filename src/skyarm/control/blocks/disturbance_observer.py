@@ -15,6 +15,7 @@ from typing import Annotated, Any
 from skyarm import dynamics
 from skyarm.actuation import Command
 from skyarm.algebra import ZERO3, Mat3, Motion, Quaternion, Vec3
+from skyarm.control.blocks.air_drag import BelievedAir
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.felt_acceleration import AccelerometerGains, Felt, feel
 from skyarm.control.blocks.filters import double_pole
@@ -60,6 +61,7 @@ def observe(
     free: Sequence[Any],
     dt: Any,
     accelerometer: AccelerometerGains | None = None,
+    air: BelievedAir | None = None,
 ) -> tuple[Observed, Told]:
     """Memory at the measurement's time, and the accelerations of the model on the way to it.
 
@@ -74,6 +76,7 @@ def observe(
         free: 1 or 0 for the base and each joint; 0 holds that disturbance because an actuator is at its limit.
         dt: s.
         accelerometer: bandwidths of its part; None leaves it to the measured velocity to tell the force.
+        air: what is believed of it; None for still air and no hull.
     """
     place = filter_pose(gains.pose, memory, measurement, started, dt)
     half = motor_speeds(model, memory.rotor_speeds, acted, 0.5 * dt)
@@ -83,7 +86,7 @@ def observe(
     ]
     R = memory.quaternion.plus(place.quaternion, 1.0).normalized().rotation()
     joints = tuple(0.5 * (a + b) for a, b in zip(memory.joints, place.joints, strict=True))
-    pushing = with_side(model, unknown, R, half, memory.velocity, memory.rate)
+    pushing = with_side(model, unknown, R, half, memory.velocity, memory.rate, air=air)
     linear, angular, qdd = acceleration(
         model, R, memory.rate, joints, memory.joint_rates, rotor_wrench(model, squares), acted.efforts, pushing
     )

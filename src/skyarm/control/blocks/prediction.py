@@ -10,6 +10,7 @@ from skyarm.actuation import Command, friction, limited_effort, rotor_force, spe
 from skyarm.actuation.mixer import allocation_matrix
 from skyarm.algebra import ZERO3, Force, Mat3, Quaternion, Vec3
 from skyarm.compile.tracing.repeat import repeat
+from skyarm.control.blocks.air_drag import BelievedAir, against_air, hull_drag
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.select import data
 from skyarm.control.model import Model
@@ -44,11 +45,15 @@ def with_side(
     velocity: Vec3,
     rate: Vec3,
     sideways: bool = False,
+    air: BelievedAir | None = None,
 ) -> Disturbance:
-    """A disturbance and the :func:`side_wrench` at a world velocity."""
-    side = side_wrench(model, speeds, R.apply_T(velocity), rate, sideways)
+    """A disturbance, the :func:`side_wrench` at a world velocity and the drag of the hull, if it is believed."""
+    moving = R.apply_T(against_air(air, velocity))
+    side = side_wrench(model, speeds, moving, rate, sideways)
     return Disturbance(
-        force=unknown.force + R.apply(side.force), torque=unknown.torque + side.torque, efforts=unknown.efforts
+        force=unknown.force + R.apply(side.force + hull_drag(model, air, moving)),
+        torque=unknown.torque + side.torque,
+        efforts=unknown.efforts,
     )
 
 

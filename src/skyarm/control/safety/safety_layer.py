@@ -64,8 +64,8 @@ def with_safety_layer(
         raise ControllerError(f"controller = {controller.name!r}: has a safety layer already")
     check_controller(controller)
     if isinstance(controller.par, VectoredParameters):
-        guarded = with_safety_layer(law_inside(controller), limits, stow=stow)
-        return with_tilting(guarded, controller.par.model)
+        inside = with_safety_layer(law_inside(controller), limits, stow=stow)
+        return with_tilting(inside, controller.par.model)
     if not hasattr(controller.par, "mixer"):
         raise wrong(controller, "has constants without a Mixer: par.mixer must be one for a law with a safety layer")
     model: Model = controller.par.model

@@ -84,8 +84,10 @@ def largest_share(fixed: Sequence[Any], arm: Sequence[Any], highest: Sequence[An
     """Largest s in [0, 1] with min(m_i, a_i - m_i) <= a_i + s b_i <= max(top_i - m_i, a_i + m_i) for all i.
 
     Args:
-        fixed: a_i, squared speeds without the arm. arm: b_i, what the arm's accelerations add.
-        highest: top_i. margin: m_i. All (rad/s)^2.
+        fixed: a_i, squared speeds without the arm, (rad/s)^2, as all others.
+        arm: b_i, what the arm's accelerations add.
+        highest: top_i.
+        margin: m_i.
     """
     share: Any = 1.0
     for a, b, top, m in zip(fixed, arm, highest, margin, strict=True):
@@ -146,7 +148,10 @@ def slower(
     Args:
         mixer: of the rotors.
         found: reaction of the arm.
-        accelerations: of the joints. torque, efforts: that give them. thrust: N.
+        accelerations: of the joints.
+        torque: on the base, that gives them, N m, base axes.
+        efforts: of the joints, that give them.
+        thrust: N.
         margin: squared speeds that are kept free of the arm, (rad/s)^2.
     """
     arm = found.torque(accelerations)

@@ -51,7 +51,7 @@ class Following:
 
     Attributes:
         shift: differentiators of the base's shift. arm: size and mean of the arm's motion. trend: of the force.
-        pace: of the arm's swing.
+        pace: of the arm's swing. path: of the base's path.
     """
 
     shift: ShiftMotion | tuple[()] = ()
@@ -89,7 +89,8 @@ class Course:
         base: of the base origin, value to fourth derivative, world axes.
         still: quasi-static attitude. level: posture of ``turned``, the joints' signals.
         goal: of the tip mode, else None. reach: of sideways force, if it is used.
-        shift, pace: of the shift's motion, one period later.
+        shift, pace, path: of the shift's motion, one period later.
+        changes: of the disturbance, as far as they are known, N/s and N/s^2, world axes.
     """
 
     base: list[Vec3]
@@ -217,6 +218,7 @@ def _course(
         sideways=par.uses_sideways,
         moving=par.moves_shift,
         across=par.pushes_across,
+        air=par.air,
     )
     changes = (drag[1] + force_rate, drag[2])
     force = center_of_mass.quasi_static(par, mass, answered, steady + drag[0], changes)

@@ -33,6 +33,8 @@ COMMON: Mapping[str, Any] = {
     "arm_scaling": 0.0,
     "lag": (0.0, 0.0),
     "accelerometer": (0.0, 0.0),
+    "hull_drag": False,
+    "wind": (0.0, 0.0, 0.0),
 }
 """Limits and weights of all presets; see :class:`CentroidalParameters`, :class:`TipGains` and :class:`BaseGains`."""
 
@@ -79,11 +81,11 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
 """Gains on accelerations: base (kp, kv, KR, Kw), yaw (KR, Kw), arm and tip (kp, kd); bandwidths of the observer, rad/s.
 
 "robust" was chosen under noise and one period of delay on perturbed plants, "stiff" on perfect state; both survive
-10 ms of delay that they do not know. "adaptive" has the gains of "robust" and ten parts more, each left out by 0 or
-False: motion of the base's shift and the pace of the arm's swing, an attitude towards upright at low thrust, a limit of
-what the base does for the arm, braking in time, the trend of the force, thrust before yaw, thrust ahead of the motors,
-joints kept off their limits, and a bandwidth by the lag that it finds (s beyond 2 ms that leave half of it, of the
-rotors' and the joints' loops). ``bandwidth`` scales all gains of a preset.
+10 ms of delay that they do not know. "adaptive" has the gains of "robust" and eleven parts more, each left out by 0 or
+False: motion of the base's shift, the pace of the arm's swing and of the path, an attitude towards upright at low
+thrust, a limit of what the base does for the arm, braking in time, the trend of the force, thrust before yaw, thrust
+ahead of the motors, joints kept off their limits, and a bandwidth by the lag that it finds (s beyond 2 ms that leave
+half of it, of the rotors' and the joints' loops). ``bandwidth`` scales all gains of a preset.
 """
 
 ENTRIES = tuple(PRESETS["robust"])
@@ -115,6 +117,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "force_trend": (0.0, 1e3),
     "yaw_slack": (0.0, 1e6),
     "accelerometer": (0.0, 1e3),
+    "wind": (-100.0, 100.0),
     "arm_scaling": (0.0, 1.0),
 }
 """Lowest and highest value; entries that are not here are gains, at least 0."""

@@ -1,9 +1,9 @@
 """Joints kept within their limits: bounds of the acceleration that tip and links ask for.
 
 The tip mode takes joints off their references, and a task that the arm cannot do takes them far: to lift a tip that a
-gust tilted away a short slide runs to its end. A joint may go SHARE of the way from its reference to a limit; the rest
-is for forces that nobody foresaw. With d the way that is left and k the pole of the joints' own loop, half of its
-damping,
+gust tilted away a short slide runs to its end. A joint may go a share of the way from its reference to a limit; the
+rest is for forces that nobody foresaw, more of it where no stop holds the joint and passing the limit ends a flight.
+With d the way that is left and k the pole of the joints' own loop, half of its damping,
 
     d'' + 2 k d' + k^2 d >= 0
 
@@ -24,8 +24,8 @@ from skyarm.scalars import add, maximum, minimum, mul, sub
 from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
 
-SHARE = 0.5
-"""Of the way from a joint's reference to its limit that tip and links may take."""
+SHARE, WITH_STOP = 0.5, 0.75
+"""Of the way from a joint's reference to its limit that tip and links may take, without and with a hard stop there."""
 
 Ends = tuple[tuple[bool, bool], ...]
 """Whether each joint has a lower and an upper limit: structure."""
@@ -59,14 +59,14 @@ def within_limits(
     for i, (wanted, (low, high)) in enumerate(zip(accelerations, ends, strict=True)):
         joint, told = vehicle.links[i].joint, references[i].derivative(0)
         pole, damping = mul(0.5, gains.damping[i]), gains.damping[i]
-        square = mul(pole, pole)
+        square, share = mul(pole, pole), WITH_STOP if joint.has_stops else SHARE
         gone = add(mul(square, state.joints[i]), mul(damping, state.joint_rates[i]))
         kept = wanted
         if high:
-            end = minimum(add(told, mul(SHARE, sub(joint.upper, told))), joint.upper)
+            end = minimum(add(told, mul(share, sub(joint.upper, told))), joint.upper)
             kept = minimum(kept, sub(mul(square, end), gone))
         if low:
-            end = maximum(add(told, mul(SHARE, sub(joint.lower, told))), joint.lower)
+            end = maximum(add(told, mul(share, sub(joint.lower, told))), joint.lower)
             kept = maximum(kept, sub(mul(square, end), gone))
         found.append(kept)
     return tuple(found)

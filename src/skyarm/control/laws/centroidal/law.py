@@ -63,6 +63,7 @@ def centroidal(
         memory.free,
         dt,
         par.accelerometer,
+        par.air,
     )
     alone = disturbance(observed) + feedforward
     unknown = with_side(
@@ -73,6 +74,7 @@ def centroidal(
         observed.velocity,
         observed.rate,
         par.uses_sideways,
+        par.air,
     )
     state = _present(par, model, measurement, memory, observed, unknown, dt)
     share = 1.0 - exp(-(par.tip.shift_rate * dt))

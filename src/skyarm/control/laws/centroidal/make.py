@@ -7,7 +7,8 @@ from typing import Any
 from skyarm import dynamics
 from skyarm.actuation import AllocationError, Command, Mixer, make_mixer
 from skyarm.actuation.hover import hover_trim
-from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra import ZERO3, Mat3, Vec3
+from skyarm.control.blocks.air_drag import BelievedAir
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains, first_observed
 from skyarm.control.blocks.extrapolation import Channel
@@ -149,6 +150,7 @@ def make_centroidal(
         scales_arm=gains["arm_scaling"] > 0.0 and vehicle.n > 0,
         lag=_lag(gains["lag"], control_period),
         accelerometer=_accelerometer(gains["accelerometer"]),
+        air=_air(vehicle, gains["hull_drag"], gains["wind"]),
     )
     if gains["bandwidth"] != 1.0:
         par = at_shares(par, gains["bandwidth"], gains["bandwidth"])
@@ -213,6 +215,17 @@ def _accelerometer(bandwidths: tuple[float, float]) -> AccelerometerGains | None
         allowed = "must be two bandwidths above 0, or twice 0"
         raise ControllerError(f"controller.accelerometer = {shown(bandwidths)}: {allowed}")
     return AccelerometerGains(force=force, velocity=velocity) if force > 0.0 else None
+
+
+def _air(vehicle: Vehicle, hull: bool, wind: tuple[float, float, float]) -> BelievedAir | None:
+    """What is believed of the air; None for still air and no hull."""
+    if hull and not any(vehicle.drag.area):
+        raise ControllerError(
+            f"controller.hull_drag = true: model.vehicle = {vehicle.name!r} must have a drag.area, which it has not"
+        )
+    if not hull and not any(wind):
+        return None
+    return BelievedAir(wind=Vec3(*wind) if any(wind) else ZERO3, hull=hull)
 
 
 def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMemory:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from skyarm.actuation import Mixer
+from skyarm.control.blocks.air_drag import BelievedAir
 from skyarm.control.blocks.attitude import BaseGains
 from skyarm.control.blocks.disturbance_observer import ObserverGains
 from skyarm.control.blocks.felt_acceleration import AccelerometerGains
@@ -65,6 +66,8 @@ class CentroidalParameters:
             takes shift, drag and turned links as they stand, without their motion.
         swing_rate: 1/s, of the means by which the pace of the arm's swing is found. follows_swing: False shifts the
             base as each instant asks for.
+        path_rate: 1/s, of the means by which the pace of the base's path is found. follows_path: False turns the base
+            for its reference alone.
         low_thrust: share of the weight below which a vertical force turns the attitude less. softens_attitude: False
             leaves it out.
         arm_turn: rad/s^2, the most of angular acceleration that the base turns with to make good the arm's motion.
@@ -82,6 +85,7 @@ class CentroidalParameters:
             range. scales_arm: False gives the joints their accelerations whatever the rotors can.
         lag: how the bandwidth answers a lag that is found in flight; None for a law that trusts what it was told.
         accelerometer: bandwidths of its part in velocity and force; None for a law that does without one.
+        air: wind and drag of the hull that are believed; None for still air and no hull.
     """
 
     model: Model
@@ -134,6 +138,7 @@ class CentroidalParameters:
     scales_arm: bool = False
     lag: LagGains | None = None
     accelerometer: AccelerometerGains | None = None
+    air: BelievedAir | None = None
 
     def choices(self) -> list[str]:
         """What is structure, in words."""
@@ -154,6 +159,8 @@ class CentroidalParameters:
             "joints slowed where rotors do not reach": self.scales_arm,
             "bandwidth by the lag found": self.lag is not None,
             "force by the accelerometer": self.accelerometer is not None,
+            "drag of the hull": self.air is not None and self.air.hull,
+            "believed wind": self.air is not None and type(self.air.wind.x) is not int,
         }
         adapted += [name for name, there in added.items() if there]
         return [f"mode '{self.mode}'", f"measurements {self.delay_periods} periods old", *adapted]

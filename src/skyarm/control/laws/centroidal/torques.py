@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +18,6 @@ from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.scalars import absolute, add, clip, logical_and, maximum, sqrt, sub, where
-from skyarm.vehicle.vehicle_records import Vehicle
 
 TRIM = 0.1
 """Bound of the trim, of a rotor's largest squared speed: more than the lag of motors takes."""
@@ -45,15 +43,6 @@ def needed(model: Model, state: State, demand: Demand, unknown: Disturbance) -> 
         add(sub(effort, extra), friction(link.joint, rate, dry))
         for effort, extra, link, rate, dry in zip(efforts, unknown.efforts, vehicle.links, qd, dry_rates, strict=True)
     )
-
-
-def fallen_away(vehicle: Vehicle, joints: Sequence[Any], missing: Sequence[Any]) -> Vec3:
-    """Body torque (N m, base axes) that falls away when joint torques are less than wanted by ``missing``.
-
-    The joints then accelerate more slowly and push the base less; its angular acceleration stays what was desired.
-    """
-    found = reaction(vehicle, joints)
-    return found.torque(found.accelerations(missing))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -86,6 +75,10 @@ def actuate(
     Motors that slow down later than they speed up lose thrust under noise, so that the mean of what they do (their
     model knows it) misses the mean of what was wanted: the trim integrates that difference, within bounds, but not
     while others change the rotors' commands (``applied`` is 0), which would wind it up.
+
+    Joints whose torques are cut accelerate more slowly and push the base less: that part of the body torque falls away,
+    so that its angular acceleration stays what was desired. With ``par.scales_arm`` all joints are slowed where the
+    rotors do not reach.
     """
     torque, efforts = needed(model, state, demand, unknown)
     limits = [link.joint.effort_limit for link in model.vehicle.links]
