@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from skyarm.algebra import Mat3, Vec3
+from skyarm.compile import trace
 from skyarm.contact import Surface
 from skyarm.environment import SignalVector
-from skyarm.reference import Sine
+from skyarm.reference import Constant, Sine
 from thorough import sampled
 
 TURNED = {"position": (0.3, -0.2, 0.5), "angles": (0.4, -0.7, 1.1)}
@@ -72,6 +73,14 @@ def test_roll_pitch_and_yaw_turn_about_the_axes_of_the_world_one_after_the_other
     about_y = np.array([[c(-0.7), 0, s(-0.7)], [0, 1, 0], [-s(-0.7), 0, c(-0.7)]])
     about_z = np.array([[c(1.1), -s(1.1), 0], [s(1.1), c(1.1), 0], [0, 0, 1]])
     assert depth(SURFACES["plane"], (0.0, 0.0, 0.0))[1] == pytest.approx((about_z @ about_y @ about_x)[:, 2], abs=1e-12)
+
+
+def test_what_moves_is_structure_whatever_its_numbers_are():
+    assert not Surface(name="s").moves
+    assert not Surface(name="s", motion=SignalVector(x=Constant(0))).moves
+    assert Surface(name="s", motion=SignalVector(y=Constant(0.0))).moves
+    node = trace(lambda x: (1.0 if Surface(name="s", motion=SignalVector(z=Constant(x[0]))).moves else 0.0,), (0.5,))
+    assert node.flat((0.5,)) == (1.0,)
 
 
 def test_a_surface_moves_as_its_signals_say():
