@@ -134,6 +134,18 @@ def test_a_rotor_that_comes_to_a_wall_ends_the_flight_with_its_cause(press):
 
 
 @pytest.mark.thorough
+def test_lanes_of_a_batch_say_which_of_them_touched_with_a_rotor(press):
+    near = copy.deepcopy(press)
+    near["world"]["surfaces"][0] |= {"size": [0.1, 2.0, 3.0], "position": [0.2716 + 0.06, 0.0, 0.45]}
+    near["duration"] = 0.5
+    radii = np.array([0.05, 0.1, 0.08])
+    with skyarm.Batch(scenario_from(near), ["world.rotor_radius"], effort=0) as batch:
+        flown = batch.fly({"world.rotor_radius": radii})
+    assert flown.status.tolist() == ["completed", "rotor_contact", "completed"]
+    assert flown.end_time[1] == skyarm.run(scenario_from(near)).info["end_time"]
+
+
+@pytest.mark.thorough
 def test_a_base_that_comes_into_a_surface_ends_the_flight(press):
     ball = {"name": "ball", "shape": "sphere", "size": [0.02], "position": [0.025, 0.0, 1.0]}
     found = {**press, "world": {"surfaces": [ball]}, "duration": 0.4}
