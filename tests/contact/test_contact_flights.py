@@ -166,6 +166,7 @@ def test_what_stands_at_rest_does_not_jump(landing):
     weight = float(scenario.world.vehicle.mass) * float(scenario.world.gravity)
     log = skyarm.run(scenario_from({**landing, "duration": 0.05, "delays": {"command": 0.05}}))
     assert log.contact_force[0].sum() == pytest.approx(weight, rel=1e-9)
+    assert [*log.position[0, :2], log.euler[0, 2]] == pytest.approx([0.0] * 3, abs=1e-12)
     assert (log.contact_force[0] > 0.0).all()
     assert np.abs(log.velocity).max() < 2e-4
     assert log.contact_force.sum(axis=1) == pytest.approx(np.full(len(log.time), weight), rel=5e-3)
@@ -235,6 +236,7 @@ def test_worlds_that_cannot_be_are_refused_in_one_line(press, change, words):
     [({"standing": True, "velocity": [1, 0, 0]}, "initial.velocity: must be left out"),
      ({"standing": 1}, "initial.standing = 1: must be true or false"),
      ({"standing": True, "position": [0, 0, -5]}, "must begin above what it is set down on"),
+     ({"standing": True, "position": [0, 0, 4]}, "nothing carries it within 3 m below"),
      ({"standing": True, "joints": [1.5, 0.0]}, "tips over")],
 )  # fmt: skip
 def test_starts_that_cannot_stand_are_refused(landing, initial, words):
@@ -243,6 +245,11 @@ def test_starts_that_cannot_stand_are_refused(landing, initial, words):
         found["world"]["points"] = found["world"]["points"][:1]
     with pytest.raises(skyarm.ScenarioError, match=words):
         scenario_from(found)
+
+
+def test_without_weight_nothing_stands(landing):
+    with pytest.raises(skyarm.ScenarioError, match="gravity leaves no weight to stand with"):
+        scenario_from({**landing, "plant": {**landing["plant"], "gravity": 0.0}})
 
 
 def test_standing_needs_a_world(press):

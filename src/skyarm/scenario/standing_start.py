@@ -22,7 +22,7 @@ from skyarm.plant.interface import Truth
 
 Array = npt.NDArray[np.float64]
 
-STEP, LOWEST, LIFT = 0.002, 100.0, 0.05
+STEP, LOWEST, LIFT = 0.002, 3.0, 0.05
 """m, by which a vehicle is lowered until it stands, how far at most, and how far above its position it begins: a
 reference that presses it to the ground lies a little below where it stands."""
 
@@ -46,13 +46,16 @@ def standing(world: Truth, contact: Contact, state: State) -> State:
     """
     rest = _Rest(world, contact, state)
     lowered = -LIFT
+    if not rest.weight > 0.0:
+        raise ValueError("initial.standing = true: must be false where plant.gravity leaves no weight to stand with")
     if rest.residual(np.array([LIFT, 0.0, 0.0]))[0] > -1.0:
         raise ValueError("initial.standing = true: must begin above what it is set down on; it touches at 5 cm above")
     while rest.residual(np.array([-lowered, 0.0, 0.0]))[0] < 0.0:
         lowered += STEP
-        if lowered > LOWEST or rest.weight <= 0.0:
+        if lowered > LOWEST:
             place = shown([float(c) for c in state.position])
-            raise ValueError(f"initial.standing = true: must be above a surface; nothing carries it below {place} m")
+            below = f"nothing carries it within {LOWEST:g} m below {place} m"
+            raise ValueError(f"initial.standing = true: must be above a surface; {below}")
     found = _balanced(rest, np.array([-lowered, 0.0, 0.0]))
     if found is not None:
         return found
