@@ -9,9 +9,9 @@ that is more),
     d'' + 2 k d' + k^2 d >= 0
 
 bounds the acceleration towards the limit, so that a joint comes to rest there no faster than the loop brings it to a
-reference. The place where it may go moves with the reference, and d with it; the limit bounds as well, at rest. A reference
-that brakes before the limit as slowly as that is followed as it is. What is left out is the tip's loss, not the base's: the inverse dynamics
-gets the bounded acceleration.
+reference. The place where it may go moves with the reference, and d with it; the limit itself, at rest, bounds as well.
+A reference that brakes before the limit as slowly as that is followed as it is. What is left out is the tip's loss, not
+the base's: the inverse dynamics gets the bounded acceleration.
 Source: Ames et al. 2019, "Control barrier functions: theory and applications", exponential barrier of degree two.
 """
 
