@@ -174,7 +174,7 @@ def _holds(attitude: tuple[float, float], sideways: float) -> bool:
 def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float, asked: bool) -> Mixer:
     """Allocation; ``yaw_slack`` in rad/s^2 of the vehicle with its joints at zero.
 
-    A preset flies rotors that allow no priorities without them; who ``asked`` for the slack is refused.
+    A preset flies rotors that allow no priorities without them; a slack that was ``asked`` for is refused there.
     """
     policy = "priority" if yaw_slack == 0.0 else "thrust_before_yaw"
     inertia = dynamics.mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)[5][5] if yaw_slack else 0.0
