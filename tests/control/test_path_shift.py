@@ -12,6 +12,7 @@ from skyarm.control.blocks.series_kinematics import Posture
 from skyarm.control.catalogue import preset
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.path_shift import ABOVE, AT_REST, BELOW, moved_axis, moved_path, with_shift
+from skyarm.control.laws.centroidal.swing_shift import SwingPace, followed_pace
 from skyarm.control.model import Model
 from skyarm.metrics.windows import Window, Windows
 from skyarm.reference import Constant, Sine, hover
@@ -77,6 +78,20 @@ def test_the_pace_of_a_sine_has_no_ripple():
         axis = moved_axis(axis, tuple(each.y for each in sine(k * DT, 3.0)), (0.0, 0.0), 0.03, 2.0, DT)
         found.append(axis.change / axis.size)
     assert found == pytest.approx([9.0] * len(found), rel=1e-9)
+
+
+@pytest.mark.parametrize("rate", [50.0, 1000.0])
+def test_means_that_are_faster_than_the_law_stay_means(rate):
+    """At 20 Hz: two and a half time constants in a period and more, which a step by the present slope goes far beyond."""
+    axis, pace = AT_REST, SwingPace(rate=0.0, acceleration=0.0)
+    for k in range(200):
+        base = sine(0.05 * k, 3.0)
+        axis = moved_axis(axis, tuple(each.y for each in base), (0.0, 0.0), 0.03, rate, 0.05)
+        pace = followed_pace(pace, [0.3, *(each.y for each in base[:4])], rate, 0.05)
+    assert axis.size == pytest.approx((SIZE * 9.0) ** 2, rel=1e-9)
+    assert axis.change == pytest.approx((SIZE * 27.0) ** 2, rel=1e-9)
+    assert 0.0 <= pace.rate <= SIZE**2
+    assert 0.0 <= pace.acceleration <= (SIZE * 3.0) ** 2
 
 
 def test_a_path_at_rest_is_answered_as_it_is():

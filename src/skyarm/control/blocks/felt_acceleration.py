@@ -95,7 +95,7 @@ def feel(
         ControllerError: the measurement has no specific force.
     """
     felt = measurement.specific_force
-    if all(type(c) is int for c in felt):
+    if all(type(c) is int and c == 0 for c in felt):
         raise ControllerError(
             "controller.accelerometer: must be left out, the measurement has no specific_force (m/s^2, base axes)"
         )

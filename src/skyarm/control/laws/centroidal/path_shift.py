@@ -27,6 +27,7 @@ from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.attitude import Attitude
+from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data
 from skyarm.control.blocks.series_kinematics import Posture
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
@@ -37,7 +38,7 @@ from skyarm.scalars import Scalar, divide, maximum, minimum
 from skyarm.scalars.taylor import Taylor
 
 STILL = 0.1
-"""(m/s^2)^2: mean square of an axis' acceleration below which it counts as at rest."""
+"""(m/s^2)^2: ``size`` of an axis, twice its mean square, below which it counts as at rest."""
 
 FOLLOWING = 2.0
 """1/s, at which u'' is pulled to what the attitude asks for: slowly, so that jumps of the reference's snap pass by."""
@@ -137,14 +138,15 @@ def _per(level: Posture, gravity: Any) -> Any:
 def moved_axis(
     axis: AxisShift, reference: tuple[Any, ...], asked: tuple[Any, Any], per: Any, rate: Any, dt: Any
 ) -> AxisShift:
-    """Memory of an axis one period later; ``asked`` are u' and u'' of the present attitude."""
+    """Memory of an axis one period later; ``asked`` are u' and u'' of the present attitude, ``rate`` in 1/s."""
     _, v, a, jerk, snap = reference
+    share = low_pass_share(rate, dt)
     w2, size = square_of_pace(axis, per), maximum(axis.size, 0.0)
     newton = divide(1.0, 1.0 + maximum(per, 0.0) * w2)
     pull = (asked[1] * divide(size, size + STILL) - axis.acceleration) * FOLLOWING
     return AxisShift(
-        size=data(axis.size + (a * a - v * jerk - axis.size) * (rate * dt)),
-        change=data(axis.change + (jerk * jerk - a * snap - axis.change) * (rate * dt)),
+        size=data(axis.size + (a * a - v * jerk - axis.size) * share),
+        change=data(axis.change + (jerk * jerk - a * snap - axis.change) * share),
         rate=data(axis.rate + (asked[0] - axis.rate) * newton + axis.acceleration * dt),
         acceleration=data(axis.acceleration + (pull - axis.rate * w2) * dt),
     )
