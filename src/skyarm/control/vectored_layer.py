@@ -164,7 +164,7 @@ def vectored_law(
     vehicle = par.model.vehicle
     own = own_parameters(par)
     law = checked_law(Controller(name=name, law=inner, par=own, compiled=compiled))
-    angles = angles_seen(measurement, memory)
+    angles = angles_seen(measurement, memory.angles)
     turning = speeds_of_pairs(vehicle, measurement.rotor_speeds, angles)
     told = dataclasses.replace(measurement, rotor_speeds=turning, tilts=())
     following, command = law(memory.inner, told, reference, dt, par=own)
@@ -186,12 +186,12 @@ def vectored_law(
     return moved, Command(rotor_speeds=speeds, efforts=command.efforts, tilts=tuple(data(a) for a in setpoints))
 
 
-def angles_seen(measurement: Measurement, memory: VectoredMemory) -> tuple[Any, ...]:
+def angles_seen(measurement: Measurement, believed: tuple[Any, ...]) -> tuple[Any, ...]:
     """Measured angles, rad; the believed servos' where there are none, and in place of one that is no finite number."""
     if not measurement.tilts:
-        return memory.angles
-    rows = zip(measurement.tilts, memory.angles, strict=True)
-    return tuple(where(absolute(seen) < math.inf, seen, believed) for seen, believed in rows)
+        return believed
+    rows = zip(measurement.tilts, believed, strict=True)
+    return tuple(where(absolute(seen) < math.inf, seen, held) for seen, held in rows)
 
 
 def goal_angles(model: Model, forces: Sequence[Force], last: Sequence[Any], dt: Any) -> tuple[Any, ...]:
