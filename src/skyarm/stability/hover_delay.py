@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 from skyarm.actuation import AllocationError
 from skyarm.compile.machine_code import NoMachineCodeError
