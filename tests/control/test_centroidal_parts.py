@@ -368,7 +368,7 @@ def make_exact_gains():
 
 @pytest.mark.parametrize("change", [0.0, 2.0])
 def test_the_forces_derivatives_are_those_along_the_motion_that_the_thrust_makes(change):
-    """The centre of mass as a point under f b3 + d, which changes as it is known, with a body that turns: integrated by SciPy, differentiated."""
+    """The centre of mass under f b3 + d, d as it is known to change: integrated by SciPy, differentiated."""
     rng = np.random.default_rng(8)
     par = make_centroidal(Model(vehicle=TRUTH, gravity=9.8)).par
     mass, d, w = float(TRUTH.mass), rng.normal(size=3), rng.normal(size=3)

@@ -266,3 +266,9 @@ def test_a_measurement_without_a_specific_force_is_refused_in_one_line():
     with pytest.raises(ControllerError, match=r"controller\.accelerometer: must be left out") as error:
         skyarm.run(hover(accelerometer=(40.0, 5.0), estimator=WithoutAccelerometer()))
     assert "\n" not in str(error.value)
+
+
+def test_whole_numbers_are_a_specific_force():
+    measured = dataclasses.replace(blank_measurement(0, 4), velocity=ZERO3, specific_force=Vec3(0, 0, 10))
+    felt = feel(ARM, GAINS, ZERO3, STILL, measured, Mat3.identity(), ZERO3, ZERO3, (), DT)
+    assert felt.change.z == pytest.approx((10.0 - G) * (1.0 - np.exp(-40.0 * DT)))

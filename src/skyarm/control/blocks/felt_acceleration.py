@@ -85,7 +85,7 @@ def feel(
         measurement: the new one.
         R: R_WB amid the period.
         linear: acceleration of the base origin by the model, mean of the period, world axes.
-        rotors: what their thrust at the end of the period, where it was felt, is beyond that of ``linear``; N, base axes.
+        rotors: what their thrust at the end of the period, where it was felt, is beyond ``linear``'s; N, base axes.
             What their torque is beyond it is left out: by way of the offset of the common centre of mass it accelerates
             the base origin too, for a part of a period.
         joints: 1 for each that is not at its limit, else 0.
@@ -95,7 +95,7 @@ def feel(
         ControllerError: the measurement has no specific force.
     """
     felt = measurement.specific_force
-    if all(type(c) is int for c in felt):
+    if all(type(c) is int and c == 0 for c in felt):
         raise ControllerError(
             "controller.accelerometer: must be left out, the measurement has no specific_force (m/s^2, base axes)"
         )
