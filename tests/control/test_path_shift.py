@@ -10,6 +10,7 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.attitude import Attitude
 from skyarm.control.blocks.series_kinematics import Posture
 from skyarm.control.catalogue import preset
+from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.path_shift import ABOVE, AT_REST, BELOW, moved_axis, moved_path, with_shift
 from skyarm.control.laws.centroidal.swing_shift import SwingPace, followed_pace
@@ -113,7 +114,10 @@ def test_a_swing_under_a_steady_tilt_is_no_motion_along_the_path():
     zero, level = Vec3(0.0, 0.0, 0.0), hanging(0.3, rate)
     asked = [Vec3(0.0, -0.3 * s, 0.3 * (c - 1.0)), Vec3(0.0, -rate * s, rate * (c - 1.0)), zero]
     arguments = Taylor((0.0,) * 5), level, level, Attitude(R, zero, zero)
-    par = make_centroidal(Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"), gravity=G), path_rate=2.0).par
+    model = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"), gravity=G)
+    par = make_centroidal(model, path_rate=2.0, shift_bandwidth=60.0).par
+    with pytest.raises(ControllerError, match=r"controller\.path_rate = 2\.0: must be 0 without shift_bandwidth"):
+        make_centroidal(model, path_rate=2.0)
     base = sine(0.0, 2.0)
     _, y = moved_path((AT_REST, AT_REST), base, asked, *arguments, par, DT)
     assert abs(y.rate) < 0.02 * abs(asked[1].y)
