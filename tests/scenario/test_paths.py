@@ -9,6 +9,7 @@ import pytest
 from added_components import Blend, Ceiling, Fix, Lag, RandomPush, Shear, SteadyWrench
 from simulate_flights import document
 from skyarm.algebra import Vec3
+from skyarm.contact import Contact, Material, Surface
 from skyarm.environment import Fault, TimedPayload
 from skyarm.scenario.changes import Change
 from skyarm.scenario.numbers import number_at, require_apart, with_numbers
@@ -30,6 +31,7 @@ def scenario():
         faults=(Fault(rotor="front", effectiveness=0.9, start=2.0),),
         changes=(Change(at=0.02, path="environment.wind.gust.start", value=0.03),),
         payloads=(TimedPayload(mass=0.05, pick=0.01, name="parcel"),),
+        contact=Contact(surfaces=(Surface(name="wall", position=Vec3(0.0, 0.0, -9.0), material=Material()),)),
     )
 
 
@@ -56,6 +58,8 @@ EXAMPLES = {
     "plant.drives.joint2.lag": 0.04,
     "changes.0.value": 0.03,
     "payloads.parcel.pick": 0.01,
+    "world.surfaces.wall.material.stiffness": 5000.0,
+    "world.points.tip.radius": 0.0,
 }
 
 

@@ -34,7 +34,34 @@ def episode(log: Log) -> RenderableType:
         add(table, LABELS[what], *("-" if value is None else shown(value, 4) for value in found.values()))
     for what, found in beside_errors(log).items():
         add(table, BESIDE[what], *("-" if value is None else shown(value, 4) for value in found.values()))
-    return Group(*heads, table, *([Text(lag_words(log))] if log.lag_found.size else []))
+    lags = [lag_words(log)] if log.lag_found.size else []
+    return Group(*heads, table, *(Text(printable(line)) for line in (*lags, *contact_lines(log))))
+
+
+def contact_lines(log: Log) -> list[str]:
+    """What touched what in words, a line for each pair."""
+    return [
+        f"{each['surface']} touched {each['point']} at {each['first_touch']:g} s: lost {each['losses']} times, "
+        f"largest force {each['peak']:.3g} N"
+        for each in contacts(log)
+    ]
+
+
+def contacts(log: Log) -> list[dict[str, Any]]:
+    """Each pair that touched: time of the first touch, s, how often contact was lost, largest normal force, N."""
+    pairs: dict[tuple[str, str], list[Any]] = {}
+    for period in log.contact_periods:
+        pairs.setdefault((period.surface, period.point), []).append(period)
+    return [
+        {
+            "surface": surface,
+            "point": point,
+            "first_touch": periods[0].start,
+            "losses": sum(each.end is not None for each in periods),
+            "peak": max(each.peak for each in periods),
+        }
+        for (surface, point), periods in pairs.items()
+    ]
 
 
 def lag_words(log: Log) -> str:
@@ -54,6 +81,8 @@ def facts(log: Log) -> dict[str, Any]:
     found |= {"steady_window_s": [steady.start, steady.stop], "errors": errors(log)}
     if log.lag_found.size:
         found["lag_found_s"] = log.lag_found[-1]
+    if log.contact_force.size:
+        found["contacts"] = contacts(log)
     beside = beside_errors(log)
     return found | ({"governor": beside} if beside else {})
 

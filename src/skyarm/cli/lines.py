@@ -47,6 +47,18 @@ def say_unlikely(name: str, lines: Sequence[str]) -> None:
         say(f"warning: {name}: {len(lines) - MOST_WARNINGS} more numbers are unlikely")
 
 
+def say_steps(scenario: Any) -> None:
+    """Say where the material of a surface asks for shorter integration steps than the physics rate."""
+    for contact in scenario.contacts:
+        surface = min(contact.surfaces, key=lambda each: each.material.largest_step)
+        step, usual = float(surface.material.largest_step), 1.0 / scenario.rates.physics
+        if step < usual * (1.0 - 1e-9):
+            say(
+                f"{scenario.name}: the material of surface '{surface.name}' asks for integration steps of "
+                f"{1e3 * step:.2g} ms in contact, shorter than rates.physics has"
+            )
+
+
 def say_warning(message: Warning | str, category: type[Warning], *_where: Any, **_more: Any) -> None:
     """A warning as one line, in place of Python's two that show where in the source it arose."""
     say(f"{'warning' if issubclass(category, RuntimeWarning | UserWarning) else category.__name__}: {message}")

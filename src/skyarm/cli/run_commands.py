@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from skyarm.cli.app import NOT_COMPLETED, Out, app, console, tell, workers
-from skyarm.cli.lines import say, say_if_many, say_unlikely
+from skyarm.cli.lines import say, say_if_many, say_steps, say_unlikely
 from skyarm.cli.machine_output import give, is_document_wanted
 from skyarm.cli.progress import bar, waiting
 
@@ -136,6 +136,7 @@ def run(
         require_replaceable(*files, partial_file(files[0]))
         say_if_many(planned.name, planned.world.vehicle.n)
         say_unlikely(planned.name, unlikely_numbers(planned))
+        say_steps(planned)
         if margin:
             from skyarm.cli.said_margin import margin_said
 

@@ -5,7 +5,9 @@ whose lanes have other numbers, and on MuJoCo's plant. Its clock:
 
 * ``advance`` steps its memory once per control period, with the state at the period's beginning;
 * ``velocity`` and ``wrenches`` are evaluated at every stage of the integrator, with that memory and the period's time
-  held. They must not keep anything.
+  held. They must not keep anything;
+* of a *coupled* component the memory is a part of the plant's state: ``slope`` says how it changes, and every plant
+  integrates it together with the vehicle.
 
 Random numbers are uniform in (0, 1) and keyed by seed, episode, component and period: adding a component changes no
 other's draws.
@@ -57,6 +59,9 @@ class Component:
     largest_step: float | None = None
     """Longest integration step that it bears, s; None for any. May be a field, or a property of the other numbers."""
 
+    coupled: bool = False
+    """Whether its memory goes on within a control period, with the plant. A property will do."""
+
     def start(self, period: float, draws: Sequence[Any]) -> Any:
         """First memory: a record or tuple of scalars; ``()`` for a component without one.
 
@@ -84,6 +89,18 @@ class Component:
             motion: where every point of the vehicle is and how it moves.
             rotor_speeds: rad/s.
         """
+        return ()
+
+    def slope(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Any:
+        """Rate of each number of a coupled component's memory, 1/s, as a record of its kind; arguments as above."""
+        raise NotImplementedError(f"{type(self).__name__} is coupled and must say the slope of its memory")
+
+    def far(self, memory: Any, motion: PointMotion, seconds: Any) -> Any:
+        """Whether a coupled component will ask for nothing within so many seconds, so that its steps may wait."""
+        return False
+
+    def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
+        """Numbers of this instant that a log keeps."""
         return ()
 
 

@@ -31,6 +31,7 @@ class WindSample(Component):
         air_velocity_W: velocity of the air that rotors and body drag see, world axes, m/s.
         effectiveness: what faults leave of the actuators (:mod:`skyarm.environment.faults`); None for whole ones.
         held: kg, mass that is held of each payload with a time; for logs.
+        contacts: normal force (N), friction (N) and penetration (m) of each pair of surface and point; for logs.
     """
 
     force_W: Vec3 = ZERO3
@@ -38,6 +39,7 @@ class WindSample(Component):
     air_velocity_W: Vec3 = ZERO3
     effectiveness: Effectiveness | None = None
     held: tuple[Scalar, ...] = ()
+    contacts: tuple[Scalar, ...] = ()
 
     def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
         """The same everywhere and always."""

@@ -45,6 +45,17 @@ class Load:
     held_at: npt.NDArray[np.int64]
 
 
+@dataclass(frozen=True, slots=True)
+class FilmedSurface:
+    """A box, cylinder or sphere of the world: its size as the scenario says it, its middle (F, 3), R_WS (3, 3)."""
+
+    name: str
+    shape: str
+    size: tuple[float, ...]
+    position: Array
+    rotation: Array
+
+
 @dataclass(frozen=True, kw_only=True)
 class FilmedFlight:
     """What a film shows of one flight at F instants; world axes, SI units, radians.
@@ -57,7 +68,7 @@ class FilmedFlight:
         tip, desired_tip: (F, 3) m. force: (F, 3) N of the wind. air: (F, 3) m/s, velocity of the air.
         error: (F,) m, distance of the tip from its reference.
         error_time, error_curve: (N,) s and m, the same at every control instant.
-        loads: payloads that are taken or left on the way.
+        loads: payloads that are taken or left on the way. surfaces: of the world, but for planes.
         end: s; from then on the vehicle stays where it was. lost: why it ended early, in words; empty for a whole
             flight.
     """
@@ -81,6 +92,7 @@ class FilmedFlight:
     end: float
     lost: str
     loads: tuple[Load, ...] = ()
+    surfaces: tuple[FilmedSurface, ...] = ()
 
 
 def frame_times(logs: Sequence[Log], settings: FilmSettings) -> Array:
@@ -153,6 +165,7 @@ def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFligh
         end=_end_of(log) if whole else float(log.time[-1]),
         lost="" if whole else log.status.replace("_", " "),
         loads=tuple(_loads(log, times)),
+        surfaces=tuple(_surfaces(log, times)),
     )
 
 
@@ -179,6 +192,17 @@ def _loads(log: Log, times: Array) -> Iterator[Load]:
         # the last frame at which it was held, and before the first that one
         at = held[np.maximum(np.searchsorted(held, np.arange(len(times)), side="right") - 1, 0)]
         yield Load(mass=float(payload.mass), frame=payload.frame, held_at=at)
+
+
+def _surfaces(log: Log, times: Array) -> Iterator[FilmedSurface]:
+    """Surfaces that have an end; the ground of a film is the plane z = 0 whatever the world says."""
+    for contact in log.scenario.contacts:
+        for surface in contact.surfaces:
+            if surface.shape != "plane":
+                place = np.stack([np.broadcast_to(c, times.shape) for c in surface.place(times)[0]], axis=1)
+                rows = [[float(entry) for entry in row] for row in surface.rotation.rows]
+                size = tuple(float(each) for each in surface.size)
+                yield FilmedSurface(surface.name, surface.shape, size, place, np.array(rows))
 
 
 def _end_of(log: Log) -> float:

@@ -11,7 +11,8 @@ import numpy.typing as npt
 from skyarm.drawing.moving_poses import moving_poses
 from skyarm.drawing.shapes import Shape
 from skyarm.drawing.vehicle_shapes import payload_shape, vehicle_shapes
-from skyarm.film.filmed_flight import Color, FilmedFlight
+from skyarm.film.filmed_flight import Color, FilmedFlight, FilmedSurface
+from skyarm.vehicle.vehicle_records import BASE
 
 Array = npt.NDArray[np.float64]
 RGBA = tuple[float, float, float, float]
@@ -20,6 +21,7 @@ GHOST_OPACITY, ROTOR_OPACITY = 0.16, 0.45
 GHOST: Color = (0.15, 0.2, 0.3)
 DARK: Color = (0.16, 0.17, 0.2)
 TIP: Color = (0.85, 0.12, 0.16)
+SURFACE: RGBA = (0.62, 0.6, 0.56, 0.9)
 WHITE: Color = (1.0, 1.0, 1.0)
 
 
@@ -40,8 +42,17 @@ class Solid:
 
 
 def vehicle_solids(flight: FilmedFlight) -> list[Solid]:
-    """The vehicle in its colour, and the payloads that it takes and leaves."""
-    return [*_solids(flight, flight.position, flight.quaternion, flight.joints, ghost=False), *_loads(flight)]
+    """The vehicle in its colour, the payloads that it takes and leaves, the surfaces that it may touch."""
+    own = _solids(flight, flight.position, flight.quaternion, flight.joints, ghost=False)
+    return [*own, *_loads(flight), *map(_surface, flight.surfaces)]
+
+
+def _surface(surface: FilmedSurface) -> Solid:
+    """A surface of the world; a box has half lengths here."""
+    halves = tuple(0.5 * each for each in surface.size) if surface.shape == "box" else surface.size
+    shape = Shape(f"world/{surface.name}", "surface", surface.shape, BASE, halves)
+    turned = np.broadcast_to(surface.rotation, (len(surface.position), 3, 3))
+    return Solid(shape, SURFACE, surface.position, turned)
 
 
 def _loads(flight: FilmedFlight) -> Iterator[Solid]:

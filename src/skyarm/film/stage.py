@@ -27,6 +27,7 @@ KINDS = {
     "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
     "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
     "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+    "box": mujoco.mjtGeom.mjGEOM_BOX,
     "arrow": mujoco.mjtGeom.mjGEOM_ARROW,
     "line": mujoco.mjtGeom.mjGEOM_LINE,
 }

@@ -40,7 +40,16 @@ HELD = "reference as published and held"
 CONTINUOUS = "continuous reference"
 
 
-IF_ANY = ("payload_mass", "lag_found", "path_time", "tilts", "tilt_commands")
+IF_ANY = (
+    "payload_mass",
+    "lag_found",
+    "path_time",
+    "tilts",
+    "tilt_commands",
+    "contact_force",
+    "contact_friction",
+    "contact_depth",
+)
 """Arrays of what not every flight has: left out of files, with no column, where there is none."""
 
 
@@ -67,13 +76,16 @@ class Log:
             found (:mod:`skyarm.control.blocks.lag_estimate`); without columns for a law that does not look for it.
         path_time: (N,) how far along the reference a governor leads the law, s; ``time - path_time`` is its lag. Empty
             without a governor.
+        contact_force, contact_friction, contact_depth: (N, pairs) how strongly a surface of the world pushes a point of
+            the vehicle along its normal, and how strongly across (N), and how deep the point is in it (m), at the
+            instant; the first surface with each point, then the next one. Without columns where there is no world.
         tilts, tilt_commands: (N, tilting rotors) rad; without columns where no rotor tilts.
         measured_position, measured_joints: what the sensors said at this instant; a delayed controller saw it later.
         info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground",
-            "controller_undefined"), cause, end time; ``scenario_record`` is all that was flown as plain data, and
-            ``digest`` its SHA-256: logs of one digest, and of the same versions, are of the same flight
-            (:attr:`scenario` reads it back). ``plugins`` were loaded; ``code`` are the files of someone's own code
-            that flew, by name and SHA-256, which are part of the digest.
+            "controller_undefined", "rotor_contact", "body_contact"), cause, end time; ``scenario_record`` is all that
+            was flown as plain data, and ``digest`` its SHA-256: logs of one digest, and of the same versions, are of
+            the same flight (:attr:`scenario` reads it back). ``plugins`` were loaded; ``code`` are the files of
+            someone's own code that flew, by name and SHA-256, which are part of the digest.
     """
 
     time: Annotated[Array, Unit("s")]
@@ -106,9 +118,25 @@ class Log:
     path_time: Annotated[Array, Unit("s", "time of the reference that a governor leads the law along")] = field(
         default_factory=_nothing
     )
+    contact_force: Annotated[Array, Unit("N", "of a surface on a point, along its normal")] = field(
+        default_factory=_nothing
+    )
+    contact_friction: Annotated[Array, Unit("N", "of a surface on a point, across its normal")] = field(
+        default_factory=_nothing
+    )
+    contact_depth: Annotated[Array, Unit("m", "penetration of a point into a surface")] = field(
+        default_factory=_nothing
+    )
     tilts: Annotated[Array, units(State)["tilts"]] = field(default_factory=_nothing)
     tilt_commands: Annotated[Array, Unit("rad", "commanded")] = field(default_factory=_nothing)
     info: dict[str, Any]
+
+    @property
+    def contact_periods(self) -> tuple[Any, ...]:
+        """From each touch to the loss of contact: :func:`skyarm.log.contact_periods.contact_periods`."""
+        from skyarm.log.contact_periods import contact_periods
+
+        return contact_periods(self)
 
     @property
     def tip(self) -> Array:

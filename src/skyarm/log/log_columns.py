@@ -44,6 +44,11 @@ TILT_ARRAYS = {"tilts": "rotor_tilt", "tilt_commands": "rotor_tilt_command"}
 LOOPS = {"lag_found": ("rotors", "joints")}
 """Array of a number for each group of loops -> endings of its columns."""
 
+CONTACT_ARRAYS = ("contact_force", "contact_friction", "contact_depth")
+"""Arrays of a number for each surface of the world with each point of the vehicle."""
+
+WORLD = ("surfaces", "points")
+
 RENAMED = {"tool": "tip", "tool_held": "tip_held", "tool_reference": "tip_reference"}
 """Array that a log's file of arrays keeps under its first name -> the word for it."""
 
@@ -76,7 +81,7 @@ class Names:
     """Names of the plant's joints and rotors as its file has them, the joints' kinds, and what they are told.
 
     ``setpoints`` has a unit for each joint that takes a setpoint in place of a torque, None for the others; ``tilting``
-    are the rotors that tilt.
+    are the rotors that tilt, ``contacts`` the pairs of a surface of the world and a point of the vehicle.
     """
 
     joints: tuple[str, ...]
@@ -84,6 +89,7 @@ class Names:
     rotors: tuple[str, ...]
     setpoints: tuple[str | None, ...]
     tilting: tuple[str, ...] = ()
+    contacts: tuple[str, ...] = ()
 
 
 def names_of(log: Log) -> Names:
@@ -106,7 +112,15 @@ def names_of(log: Log) -> Names:
             for each, kind in zip(found, kinds, strict=True)
         ),
         tuple(each["name"] for each in map(_table, turning) if each.get("tilt")),
+        _contacts(log),
     )
+
+
+def _contacts(log: Log) -> tuple[str, ...]:
+    """Surface and point of each pair that may touch."""
+    world = _below(log.info, "scenario_record", "contact")
+    surfaces, points = ([word(str(_table(each).get("name"))) for each in world.get(of) or []] for of in WORLD)
+    return tuple(f"{surface}_{point}" for surface in surfaces for point in points)
 
 
 def _below(data: Any, *path: str) -> Mapping[str, Any]:
@@ -152,6 +166,8 @@ def _endings(array: str, width: int | None, names: Names) -> list[str]:
         return [f"{TILT_ARRAYS[array]}_{word(each, 'rotor')}" for each in names.tilting]
     if array in LOOPS:
         return [f"{begin}_{each}" for each in LOOPS[array][:width]]
+    if array in CONTACT_ARRAYS and len(names.contacts) == width:
+        return [f"{begin}_{each}" for each in names.contacts]
     if array in IF_ANY:
         return [f"{begin}_{i}" for i in range(width)]
     return [f"{begin}_{axis}" for axis in AXES.get(width, map(str, range(width)))]

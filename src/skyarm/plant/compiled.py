@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
+from typing import Any, Self
 
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import Program, trace
 from skyarm.dynamics import State
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.plant.coupled_memory import places_in
 from skyarm.plant.impact import after_impact
 from skyarm.plant.integrators import FRICTION_STEP, INTEGRATORS
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
 from skyarm.plant.largest_step import divisions, largest_step
-from skyarm.plant.rigid_body import STEP, accelerate
+from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate
 from skyarm.plant.stop_rate import joint_rate
-from skyarm.plant.surroundings import Around
+from skyarm.plant.surroundings import Around, Surroundings
+from skyarm.scalars import where
 from skyarm.vehicle.check import require_plant
 
 
@@ -36,6 +40,23 @@ def example_state(joints: int, rotors: int, tilts: int = 0) -> State:
 def example_command(joints: int, rotors: int, tilts: int = 0) -> Command:
     """A command with the right number of leaves."""
     return Command(rotor_speeds=(0.0,) * rotors, efforts=(0.0,) * joints, tilts=(0.0,) * tilts)
+
+
+class Steps(int):
+    """Integration steps of an interval, and how many are enough while the coupled components are far from acting."""
+
+    far: int
+
+    def __new__(cls, near: int, far: int) -> Self:
+        """Steps near and far."""
+        made = super().__new__(cls, near)
+        made.far = far
+        return made
+
+    def __eq__(self, other: object) -> bool:
+        return int(self) == other and self.far == getattr(other, "far", None)
+
+    __hash__ = int.__hash__
 
 
 class RigidBodyPlant:
@@ -59,7 +80,8 @@ class RigidBodyPlant:
         sizes = world.vehicle.n, len(world.vehicle.rotors), len(world.vehicle.tilts)
         self._examples = (example_state(*sizes), example_command(*sizes), around)
         self._steps: dict[float, Program] = {}
-        self._largest = largest_step(around)
+        self._largest, self._coupled = largest_step(around), places_in(around)
+        self._largest_far = largest_step(around, coupled=False)
         self._per_second = joint_rate(world.vehicle) / FRICTION_STEP
 
     @cached_property
@@ -73,30 +95,44 @@ class RigidBodyPlant:
 
     def _step(self, dt: float) -> Program:
         if dt not in self._steps:
-            law = STEP[self._integrator]
+            law = COUPLED_STEP[self._integrator]
 
-            def step(state: State, command: Command, around: Around) -> State:
+            def step(state: State, command: Command, around: Around) -> Moved:
                 return law(self._world, state, command, around, dt)
 
             self._steps[dt] = trace(step, *self._examples)
         return self._steps[dt]
 
     def substeps(self, seconds: float) -> int:
-        """Integration steps that an interval is cut into."""
+        """Integration steps that an interval is cut into; :class:`Steps` where fewer will do far from contact."""
+        near, far = (self._count(seconds, largest) for largest in (self._largest, self._largest_far))
+        return near if near == far else Steps(near, far)
+
+    def _count(self, seconds: float, largest: float | None) -> int:
         if self._integrator != "euler":
-            return max(1, math.ceil(seconds * self._per_second), divisions(seconds, self._largest))
-        return whole_steps(seconds, self._physics_step) * divisions(self._physics_step, self._largest)
+            return max(1, math.ceil(seconds * self._per_second), divisions(seconds, largest))
+        return whole_steps(seconds, self._physics_step) * divisions(self._physics_step, largest)
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
-        """State after ``seconds`` of held command and surroundings."""
-        inputs = (*command, *around)
+        """State after ``seconds`` of held command and surroundings, then the coupled memories."""
         divided = self._integrator != "euler" or self._largest is not None
         count = self.substeps(seconds)
+        if isinstance(count, Steps) and self._far.flat((*state, *around, seconds))[0] > 0.5:
+            count = count.far
         step = self._step(seconds / count if divided else self._physics_step)
-        x = tuple(state)
+        x, end, given = tuple(state), len(state), list(around)
         for _ in range(count):
-            x = step.flat((*x, *inputs))
+            x = step.flat((*x[:end], *command, *given))
+            for place, value in zip(self._coupled, x[end:], strict=True):
+                given[place] = value
         return x
+
+    @cached_property
+    def _far(self) -> Program:
+        def far(state: State, around: Surroundings, seconds: tuple[float]) -> tuple[Any]:
+            return (where(around.far(PointMotion(self.vehicle, state), seconds[0]), 1.0, 0.0),)
+
+        return trace(far, self._examples[0], self._around, (0.0,))
 
     @cached_property
     def _impact(self) -> Program:

@@ -37,7 +37,10 @@ class Plant(Protocol):
     vehicle: Vehicle
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
-        """State after ``seconds`` (whole physics steps, or one control period) of held command and surroundings."""
+        """State after ``seconds`` (whole physics steps, or one control period) of held command and surroundings.
+
+        Behind its numbers stand those of the coupled memories (:mod:`skyarm.plant.coupled_memory`), if there are any.
+        """
         ...
 
     def specific_force(self, state: Flat, command: Flat, around: Flat) -> tuple[float, float, float]:

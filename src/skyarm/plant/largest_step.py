@@ -18,9 +18,14 @@ MOST_STEPS = 1000
 """Integration steps of a control period at most: a record that asks for more is a slip of units."""
 
 
-def largest_step(around: Any) -> float | None:
-    """The smallest ``largest_step`` (s) of the air, forces and drives of a period; None where none states one."""
-    return _least((*around.components, *around.drives)) if isinstance(around, Surroundings) else None
+def largest_step(around: Any, *, coupled: bool = True) -> float | None:
+    """The smallest ``largest_step`` (s) of the air, forces and drives of a period; None where none states one.
+
+    ``coupled`` says whether components count whose memories go on with the plant: far from acting they bear any step.
+    """
+    if not isinstance(around, Surroundings):
+        return None
+    return _least((*(each for each in around.components if coupled or not each.coupled), *around.drives))
 
 
 def drives_step(around: Any) -> float | None:
@@ -33,7 +38,7 @@ def _least(records: Iterable[Component | Drive]) -> float | None:
     return min(stated, default=None)
 
 
-STATED = ("plant.drives.", "plant.vehicle.drives.", "environment.air.", "environment.forces.")
+STATED = ("plant.drives.", "plant.vehicle.drives.", "environment.air.", "environment.forces.", "world.")
 """Beginnings of the paths of numbers from which a largest step may follow."""
 
 

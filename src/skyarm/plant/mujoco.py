@@ -16,7 +16,9 @@ import mujoco
 import numpy as np
 
 from skyarm.actuation import Command
+from skyarm.compile import leaves
 from skyarm.compile.llvm.quick_function import Quick
+from skyarm.plant.coupled_memory import memories_of, moved, places_in, slopes_of
 from skyarm.plant.integrators import FRICTION_STEP, HELD_FRICTION_STEP, INTEGRATORS
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
 from skyarm.plant.largest_step import divisions, drives_step, largest_step
@@ -67,12 +69,13 @@ QUIET = _Quiet()
 
 
 def _with_loads_at_stages(integrator: str, vehicle: Vehicle, around: Around) -> str:
-    """The integrator that a vehicle with springs of its own bears: stops of joints, loops of servos.
+    """The integrator that a vehicle with springs bears: stops of joints, loops of servos, contact.
 
     With its force held for a step h an undamped oscillator of frequency w grows by sqrt(1 + (w h)^2 / 2) each step of
     "rk4"; in "euler", which moves positions with the new velocities, it does not grow.
     """
     springs = any(link.joint.has_stops for link in vehicle.links) or drives_step(around) is not None
+    springs = springs or bool(memories_of(around))
     return "rk4_staged" if integrator == "rk4" and springs else integrator
 
 
@@ -85,8 +88,9 @@ class MujocoPlant:
 
     MuJoCo's own integrators hold forces for each physics step, which makes both methods of first order in it. With
     "rk4_staged" forces are evaluated at each stage, and the method is of fourth order. A spring whose force is held for
-    a step of "rk4" gains energy, so "rk4" is "rk4_staged" where joints have stops or a drive states a largest step. Not
-    for two threads at once: each call works in the same MuJoCo data, though nothing in it outlives the call.
+    a step of "rk4" gains energy, so "rk4" is "rk4_staged" where joints have stops, a drive states a largest step or
+    there is contact. Not for two threads at once: each call works in the same MuJoCo data, though nothing in it
+    outlives the call.
 
     Args:
         world: true vehicle and gravity. A planar model is refused: no real body has its inertia.
@@ -126,7 +130,10 @@ class MujocoPlant:
         self._loads = Quick(self._forces_and_speeds, zeros, turning, efforts, angles, around)
         ends = (0, layout.nq, layout.nq + layout.nv, layout.end)
         self._parts = tuple(self._loads.inputs[a:b] for a, b in pairwise(ends))
-        self._pushed, self._turned = self._loads.outputs[: layout.nv], self._loads.outputs[layout.nv :]
+        ends = (0, layout.nv, layout.end - layout.nq, len(self._loads.outputs))
+        self._pushed, self._turned, self._remembered = (self._loads.outputs[a:b] for a, b in pairwise(ends))
+        self._coupled = [*places_in(around)]
+        self._around = self._loads.inputs[layout.end + layout.driven + world.vehicle.n :]
         self._commanded = self._loads.inputs[layout.end :][: layout.driven + world.vehicle.n]
         self._written: tuple[Any, Any] = NOTHING
         # followers are held from step to step; without them nothing is
@@ -143,15 +150,20 @@ class MujocoPlant:
             self._staged = StagedRungeKutta(layout, self.model, self._data, around, physics_step, self._forward)
 
     def _forces_and_speeds(self, x: Any, commanded: Any, setpoints: Any, angles: Any, around: Around) -> Any:
-        """Generalised forces in MuJoCo's order, then rotor speeds and tilt angles after one physics step."""
+        """Generalised forces in MuJoCo's order, then after one physics step rotor speeds, tilts, coupled memories."""
         state, command = self._layout.state(x), Command(rotor_speeds=commanded, efforts=setpoints, tilts=angles)
         forces = self._layout.generalized_forces(state, setpoints, around, commanded)
         turned = lagged(self.vehicle, state, command, self._physics_step, around)
         leaning = tilted(self.vehicle, state, command, self._physics_step)
-        return tuple(number(value) for value in (*forces, *turned, *leaning))
+        slopes = slopes_of(self.vehicle, state, state.rotor_speeds, around)
+        memories = leaves(moved(memories_of(around), slopes, self._physics_step))
+        return tuple(number(value) for value in (*forces, *turned, *leaning, *memories))
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
-        """State after ``seconds`` (whole physics steps), inputs held; a diverged state stays diverged."""
+        """State after ``seconds`` (whole physics steps), inputs held, then the coupled memories.
+
+        A diverged state stays diverged.
+        """
         self._set(state, command, around)
         self._written = NOTHING
         count = whole_steps(seconds, self._physics_step)
@@ -160,6 +172,7 @@ class MujocoPlant:
         model, data, step, rk4 = self.model, self._data, self._loads.step, self._rk4
         qpos, qvel, speeds = self._parts
         force, forces, turned, forward = self._force, self._pushed, self._turned, self._forward
+        given, coupled, remembered = self._around, self._coupled, self._remembered
         with QUIET:
             for _ in range(count):
                 step()
@@ -171,8 +184,10 @@ class MujocoPlant:
                 else:
                     mujoco.mj_Euler(model, data)
                 qpos[:], qvel[:], speeds[:] = self._qpos, self._qvel, turned
+                if coupled:
+                    given[coupled] = remembered
         ours: tuple[float, ...] = self._layout.to_ours(self._loads.inputs[: self._layout.end].tolist())
-        return ours
+        return (*ours, *given[coupled].tolist()) if coupled else ours
 
     def _in_stages(
         self, staged: StagedRungeKutta, state: Flat, command: Flat, around: Flat, count: int
@@ -180,9 +195,9 @@ class MujocoPlant:
         """State after ``count`` steps with loads at each stage."""
         self._loads.step()
         with QUIET:
-            x = staged.advance(self._layout.to_mujoco(state), self._pushed, (*command, *around), count)
-        ours: tuple[float, ...] = self._layout.to_ours(x)
-        return ours
+            held = [around[place] for place in self._coupled]
+            x, memory = staged.advance(self._layout.to_mujoco(state), held, self._pushed, (*command, *around), count)
+        return (*self._layout.to_ours(x), *memory)
 
     def _set(self, state: Flat, command: Flat, around: Flat) -> None:
         """Numbers of an instant to where MuJoCo and the loads read them.

@@ -17,9 +17,10 @@ import numpy as np
 
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
-from skyarm.compile import leaves
+from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.quick_function import Quick
 from skyarm.dynamics.state import State
+from skyarm.plant.coupled_memory import memories_of, places_in, slopes_of, with_memories
 from skyarm.plant.interface import number
 from skyarm.plant.loads import lagged, tilted
 from skyarm.plant.mujoco_layout import Layout
@@ -53,16 +54,19 @@ class StagedRungeKutta:
         nq, nv = layout.nq, layout.nv
         own = 6 + layout.vehicle.n  # velocities but the followers'
         state, slopes = (0.0,) * layout.end, (0.0,) * (2 * own)
-        inputs = state, state, (0.0,) * 3, slopes, (0.0,) * nv, (0.0,) * 4
+        self._coupled = (0.0,) * len(places_in(around))
+        inputs = (*(state, self._coupled) * 2, (0.0,) * 3, slopes, self._coupled, (0.0,) * nv, (0.0,) * 4)
         given = (0.0,) * layout.rotors, (0.0,) * layout.vehicle.n, (0.0,) * layout.tilts
         self._program = Quick(self._stage, *inputs, *given, around)
         ends = accumulate((len(part) for part in inputs), initial=0)
         parts = [self._program.inputs[a:b] for a, b in pairwise(ends)]
-        self._start, self._now, self._turn, self._sum, self._acceleration, self._weights = parts
+        self._start, self._first, self._now, self._memory, self._turn, self._sum, self._rates = parts[:7]
+        self._acceleration, self._weights = parts[7:]
         self._given = self._program.inputs[sum(len(part) for part in inputs) :]
-        # state, rotation vector and sum stand side by side among inputs and outputs: one copy
-        width = layout.end + 3 + 2 * own
-        self._moving, self._moved = self._program.inputs[layout.end :][:width], self._program.outputs[:width]
+        # state, memories, rotation vector and sums stand side by side among inputs and outputs: one copy
+        before = layout.end + len(self._coupled)
+        width = before + 3 + 2 * own + len(self._coupled)
+        self._moving, self._moved = self._program.inputs[before:][:width], self._program.outputs[:width]
         self._loads = self._program.outputs[width:]
         self._positions, self._velocities = self._now[:nq], self._now[nq : nq + nv]
         self._tableau = dt * np.array(STAGES)
@@ -70,11 +74,17 @@ class StagedRungeKutta:
         self._tableau[:, 2] = [row[2] for row in STAGES]
 
     def _stage(
-        self, start: Any, now: Any, u: Any, total: Any, qacc: Any, weights: Any, speeds: Any, setpoints: Any,
-        angles: Any, around: Around,
+        self, start: Any, kept: Any, now: Any, memory: Any, u: Any, total: Any, rates: Any, qacc: Any, weights: Any,
+        speeds: Any, setpoints: Any, angles: Any, around: Around,
     ) -> tuple[Any, ...]:  # fmt: skip
-        """Next state, its rotation vector, the sum of slopes, and the loads on the next state."""
+        """Next state and coupled memories, its rotation vector, the sums of slopes, and the loads on the next state."""
         first, x, (own, share, earlier, time) = self._layout.state(start), self._layout.state(now), weights
+        held = memories_of(around)
+        there = with_memories(around, rebuild(held, iter(memory)))
+        faster = leaves(slopes_of(self._layout.vehicle, x, x.rotor_speeds, there))
+        memory = [add(m, add(mul(earlier, s), mul(own, k))) for m, s, k in zip(kept, rates, faster, strict=True)]
+        rates = [add(s, mul(share, k)) for s, k in zip(rates, faster, strict=True)]
+        around = with_memories(around, rebuild(held, iter(memory)))
         slope = self._slope(x, Vec3(*u), qacc)
         change = [add(mul(earlier, s), mul(own, k)) for s, k in zip(total, slope, strict=True)]
         following = _moved(first, change)
@@ -84,7 +94,7 @@ class StagedRungeKutta:
         sums = [add(s, mul(share, k)) for s, k in zip(total, slope, strict=True)]
         loads = self._layout.generalized_forces(following, setpoints, around, speeds)
         numbers = self._layout.to_mujoco(leaves(following))
-        return tuple(number(value) for value in (*numbers, *change[3:6], *sums, *loads))
+        return tuple(number(value) for value in (*numbers, *memory, *change[3:6], *sums, *rates, *loads))
 
     def _slope(self, x: State, u: Vec3, qacc: Any) -> list[Any]:
         """Rates of position, rotation vector, joints, and of the three velocities."""
@@ -93,28 +103,30 @@ class StagedRungeKutta:
         turning = x.rate + across * 0.5 + u.cross(across) * (1.0 / 12.0)
         return [*x.velocity, *turning, *x.joint_rates, *linear, *angular, *joints]
 
-    def advance(self, x: Sequence[float], forces: Any, given: Sequence[float], steps: int) -> list[float]:
-        """State in MuJoCo's order after some steps of held command and surroundings.
+    def advance(
+        self, x: Sequence[float], memory: Sequence[float], forces: Any, given: Sequence[float], steps: int
+    ) -> tuple[list[float], list[float]]:
+        """State in MuJoCo's order and coupled memories after some steps of held command and surroundings.
 
         Args:
             x: state now, in MuJoCo's order.
+            memory: numbers of the coupled memories now.
             forces: generalised forces on it.
             given: rotor commands, setpoints, angles and numbers of the surroundings.
             steps: how many.
         """
         model, data, program, forward = self._model, self._data, self._program.step, self._forward
-        self._now[:], self._given[:], self._loads[:] = x, given, forces
+        self._now[:], self._memory[:], self._given[:], self._loads[:] = x, memory, given, forces
         for _ in range(steps):
-            self._start[:] = self._now
-            self._turn[:], self._sum[:] = 0.0, 0.0
+            self._start[:], self._first[:] = self._now, self._memory
+            self._turn[:], self._sum[:], self._rates[:] = 0.0, 0.0, 0.0
             for row in self._tableau:
                 self._qpos[:], self._qvel[:], self._force[:] = self._positions, self._velocities, self._loads
                 forward(model, data)
                 self._acceleration[:], self._weights[:] = self._qacc, row
                 program()
                 self._moving[:] = self._moved
-        found: list[float] = self._now.tolist()
-        return found
+        return self._now.tolist(), self._memory.tolist()
 
 
 def _moved(first: State, change: Sequence[Any]) -> State:

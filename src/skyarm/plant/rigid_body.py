@@ -15,6 +15,7 @@ from skyarm.actuation import Command
 from skyarm.algebra import Motion, Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.state import coordinate_acceleration
+from skyarm.plant.coupled_memory import Memories, memories_of, moved, slopes_of, with_memories
 from skyarm.plant.interface import Truth
 from skyarm.plant.loaded_vehicle import loaded_vehicle
 from skyarm.plant.loads import applied_force, lagged, tilted
@@ -69,26 +70,36 @@ def derivative(
     )
 
 
-def step_rk4(world: Truth, state: State, command: Command, around: Around, dt: float) -> State:
+Moved = tuple[State, Memories]
+"""A state, and the memories of the coupled components, after a step."""
+
+
+def coupled_rk4(world: Truth, state: State, command: Command, around: Around, dt: float) -> Moved:
     """One step of the classical fourth-order Runge-Kutta method with command and surroundings held.
 
-    The attitude is integrated as four numbers and normalised after the step, which keeps the order.
+    The attitude is integrated as four numbers and normalised after the step, which keeps the order. The memories of
+    coupled components are integrated with the state.
     Source: Kutta 1901; Hairer, Norsett, Wanner 1993, II.1.
     """
     half, whole = (lagged(world.vehicle, state, command, part, around) for part in (0.5 * dt, dt))
     half_angles, angles = (tilted(world.vehicle, state, command, part) for part in (0.5 * dt, dt))
+    first = memories_of(around)
 
-    def slope(at: State, speeds: Sequence[Any], turned: tuple[Any, ...]) -> Rate:
+    def slope(at: State, memories: Memories, speeds: Sequence[Any], turned: tuple[Any, ...]) -> tuple[Rate, Memories]:
         if turned:
             at = replace(at, tilts=turned)
-        return derivative(world, at, speeds, command.efforts, around, command.rotor_speeds)
+        now = with_memories(around, memories)
+        rate = derivative(world, at, speeds, command.efforts, now, command.rotor_speeds)
+        return rate, slopes_of(world.vehicle, at, speeds, now)
 
-    k1 = slope(state, state.rotor_speeds, state.tilts)
-    k2 = slope(_moved(state, k1, 0.5 * dt), half, half_angles)
-    k3 = slope(_moved(state, k2, 0.5 * dt), half, half_angles)
-    k4 = slope(_moved(state, k3, dt), whole, angles)
-    moved = _moved(_moved(_moved(_moved(state, k1, dt / 6.0), k2, dt / 3.0), k3, dt / 3.0), k4, dt / 6.0)
-    return replace(moved, quaternion=moved.quaternion.normalized(), rotor_speeds=whole, tilts=angles)
+    k1, m1 = slope(state, first, state.rotor_speeds, state.tilts)
+    k2, m2 = slope(_moved(state, k1, 0.5 * dt), moved(first, m1, 0.5 * dt), half, half_angles)
+    k3, m3 = slope(_moved(state, k2, 0.5 * dt), moved(first, m2, 0.5 * dt), half, half_angles)
+    k4, m4 = slope(_moved(state, k3, dt), moved(first, m3, dt), whole, angles)
+    after, memories = state, first
+    for k, m, part in ((k1, m1, dt / 6.0), (k2, m2, dt / 3.0), (k3, m3, dt / 3.0), (k4, m4, dt / 6.0)):
+        after, memories = _moved(after, k, part), moved(memories, m, part)
+    return replace(after, quaternion=after.quaternion.normalized(), rotor_speeds=whole, tilts=angles), memories
 
 
 def _moved(state: State, rate: Rate, dt: Any) -> State:
@@ -109,17 +120,19 @@ def _moved(state: State, rate: Rate, dt: Any) -> State:
     )
 
 
-def step_euler(world: Truth, state: State, command: Command, around: Around, dt: float) -> State:
+def coupled_euler(world: Truth, state: State, command: Command, around: Around, dt: float) -> Moved:
     """One semi-implicit Euler step: velocities first, then positions with the new velocities.
 
     The attitude moves by the exponential of the new rate, as MuJoCo's manifold update does, so that both plants make
-    the same step; its length is corrected before it turns, when nothing waits for it. First order.
+    the same step; its length is corrected before it turns, when nothing waits for it. Memories of coupled components
+    move by their rates before the step. First order.
     """
     rate = derivative(world, state, state.rotor_speeds, command.efforts, around, command.rotor_speeds)
     velocity = state.velocity + rate.velocity * dt
     w = state.rate + rate.rate * dt
     joint_rates = tuple(add(x, mul(dx, dt)) for x, dx in zip(state.joint_rates, rate.joint_rates, strict=True))
-    return State(
+    slopes = slopes_of(world.vehicle, state, state.rotor_speeds, around)
+    after = State(
         position=state.position + velocity * dt,
         quaternion=state.quaternion.renormalized() * Quaternion.of_small_rotation(w, dt),
         velocity=velocity,
@@ -129,6 +142,18 @@ def step_euler(world: Truth, state: State, command: Command, around: Around, dt:
         rotor_speeds=lagged(world.vehicle, state, command, dt, around),
         tilts=tilted(world.vehicle, state, command, dt),
     )
+    return after, moved(memories_of(around), slopes, dt)
+
+
+def step_rk4(world: Truth, state: State, command: Command, around: Around, dt: float) -> State:
+    """The state alone after :func:`coupled_rk4`."""
+    return coupled_rk4(world, state, command, around, dt)[0]
+
+
+def step_euler(world: Truth, state: State, command: Command, around: Around, dt: float) -> State:
+    """The state alone after :func:`coupled_euler`."""
+    return coupled_euler(world, state, command, around, dt)[0]
 
 
 STEP = {"rk4": step_rk4, "euler": step_euler, "rk4_staged": step_rk4}
+COUPLED_STEP = {"rk4": coupled_rk4, "euler": coupled_euler, "rk4_staged": coupled_rk4}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from skyarm.actuation.drive import TORQUE_DRIVE, Drive
@@ -11,7 +11,7 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.environment import Component, Effectiveness, TimedPayload, WindSample, Wrench
-from skyarm.scalars import Scalar, data, mul
+from skyarm.scalars import Scalar, data, logical_and, mul
 from skyarm.vehicle.vehicle_records import BASE, Vehicle
 
 
@@ -49,6 +49,37 @@ class Surroundings:
             found += component.wrenches(memory, self.time, motion, rotor_speeds)
         return found
 
+    @property
+    def coupled(self) -> tuple[int, ...]:
+        """Numbers of the components whose memories go on with the plant."""
+        return tuple(i for i, component in enumerate(self.components) if component.coupled)
+
+    def coupled_memories(self) -> tuple[Any, ...]:
+        """Their memories."""
+        return tuple(self.memories[i] for i in self.coupled)
+
+    def with_coupled(self, memories: Sequence[Any]) -> Surroundings:
+        """The surroundings with other memories of theirs; themselves where there are none."""
+        places = self.coupled
+        if not places:
+            return self
+        held = list(self.memories)
+        for place, memory in zip(places, memories, strict=True):
+            held[place] = memory
+        return replace(self, memories=tuple(held))
+
+    def slopes(self, motion: PointMotion, rotor_speeds: Sequence[Any]) -> tuple[Any, ...]:
+        """Rates of their memories, 1/s."""
+        return tuple(self.components[i].slope(self.memories[i], self.time, motion, rotor_speeds) for i in self.coupled)
+
+    def far(self, motion: PointMotion, seconds: Any) -> Any:
+        """Whether none of them asks for its steps within so many seconds."""
+        found: Any = True
+        for i in self.coupled:
+            there = self.components[i].far(self.memories[i], motion, seconds)
+            found = there if found is True else logical_and(found, there)
+        return found
+
     def effort(self, index: int, setpoint: Any, position: Any, rate: Any) -> Any:
         """What a joint's drive gives before its limit and friction, N m or N."""
         if not self.drives:
@@ -71,10 +102,15 @@ def felt(around: Surroundings, vehicle: Vehicle, state: State) -> WindSample:
     """Force on the base and velocity of the air at its origin: what a log keeps of the surroundings."""
     motion = PointMotion(vehicle, state, around.air_velocity)
     force = ZERO3
-    for wrench in around.wrenches(motion, state.rotor_speeds):
-        if wrench.body == BASE:
-            force = force + wrench.force_W
+    for component, memory in zip(around.components, around.memories, strict=True):
+        if component.coupled:
+            continue  # has columns of its own
+        for wrench in component.wrenches(memory, around.time, motion, state.rotor_speeds):
+            if wrench.body == BASE:
+                force = force + wrench.force_W
     air = around.air_velocity(state.position)
     pairs = zip(around.components, around.memories, strict=True)
     held = tuple(data(mul(each.mass, memory.held)) for each, memory in pairs if isinstance(each, TimedPayload))
-    return WindSample(Vec3(*(data(c) for c in force)), ZERO3, Vec3(*(data(c) for c in air)), held=held)
+    pairs = zip(around.components, around.memories, strict=True)
+    own = tuple(data(number) for each, memory in pairs for number in each.logged(memory, motion))
+    return WindSample(Vec3(*(data(c) for c in force)), ZERO3, Vec3(*(data(c) for c in air)), held=held, contacts=own)

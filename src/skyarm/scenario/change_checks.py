@@ -23,7 +23,7 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 NUMBERS = (
     "plant", "model", "controller", "environment.wind", "environment.air", "environment.forces", "environment.faults",
-    "sensors", "reference", "endings", "estimator", "payloads",
+    "sensors", "reference", "endings", "estimator", "payloads", "world",
 )  # fmt: skip
 """Beginnings of the paths of numbers that may change in flight."""
 

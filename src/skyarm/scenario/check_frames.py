@@ -35,3 +35,5 @@ def check_frames(scenario: Scenario) -> None:
             raise ValueError(f"{where}.frame = {getattr(each, 'frame', '')!r}: {error}") from None
         except ValueError as error:
             raise ValueError(f"{where}.{error}") from None
+    for contact in scenario.contacts:
+        contact.check(vehicle)

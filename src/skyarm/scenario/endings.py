@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from skyarm.actuation.tilting import turned
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves
 from skyarm.dynamics import State, link_poses
@@ -146,7 +147,7 @@ class LawUndefined(Ending):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Ground(Ending):
-    """The lowest point at z = 0, where the scenario has a ground."""
+    """The lowest point at z = 0, where the scenario has a ground and no plane of its world is one."""
 
     @property
     def status(self) -> str:
@@ -155,17 +156,93 @@ class Ground(Ending):
 
     def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
         """Every point above the ground."""
-        return lowest_point(scenario.world.vehicle, state) >= slack if scenario.ground else True
+        planes = any(surface.shape == "plane" for each in scenario.contacts for surface in each.surfaces)
+        return lowest_point(scenario.world.vehicle, state) >= slack if scenario.ground and not planes else True
 
     def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
         """How low."""
         return f"lowest point at z = {float(lowest_point(scenario.world.vehicle, state)):.4g} m"
 
 
-BUILT_IN: tuple[Ending, ...] = (Divergence(), JointLimits(stops=False), LawUndefined(), Ground())
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RotorContact(Ending):
+    """A rotor's disc at a surface of the world that stands still."""
+
+    @property
+    def status(self) -> str:
+        """Rotor contact."""
+        return "rotor_contact"
+
+    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
+        """Every disc clear of every surface."""
+        fine: Any = True
+        for clearance, _, _ in rotor_clearances(scenario, state):
+            fine = logical_and(fine, clearance >= slack)
+        return fine
+
+    def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
+        """Which rotor touched what."""
+        least = min(rotor_clearances(scenario, state), key=lambda each: float(each[0]))
+        return f"rotor '{least[1]}' touched surface '{least[2]}'"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class BodyContact(Ending):
+    """The base's origin or a joint inside a surface that stands still; only contact points may be there."""
+
+    @property
+    def status(self) -> str:
+        """Body contact."""
+        return "body_contact"
+
+    def fine(self, scenario: Scenario, state: State, goal: Vec3, slack: Any) -> Any:
+        """All of them outside."""
+        fine: Any = True
+        for depth, _, _ in body_depths(scenario, state):
+            fine = logical_and(fine, add(depth, slack) <= 0.0)
+        return fine
+
+    def cause(self, scenario: Scenario, state: State, goal: Vec3) -> str:
+        """What is inside what."""
+        deepest = max(body_depths(scenario, state), key=lambda each: float(each[0]))
+        return f"{deepest[1]} is inside surface '{deepest[2]}'"
+
+
+BUILT_IN: tuple[Ending, ...] = (
+    Divergence(),
+    JointLimits(stops=False),
+    LawUndefined(),
+    Ground(),
+    RotorContact(),
+    BodyContact(),
+)
 """The endings of every episode, in the order in which the first that holds is the cause."""
 
 STATUSES = ("completed", *(ending.status for ending in BUILT_IN))
+
+
+def rotor_clearances(scenario: Scenario, state: State) -> list[tuple[Any, str, str]]:
+    """(distance in m, rotor, surface) of every rotor's disc and every surface that stands still."""
+    R, found = state.quaternion.rotation(), list[tuple[Any, str, str]]()
+    for contact in scenario.contacts:
+        for rotor in turned(scenario.world.vehicle, state.tilts).rotors:
+            at, axis = state.position + R.apply(rotor.position), R.apply(rotor.axis)
+            for surface in contact.still:
+                found.append((surface.clearance(at, axis, contact.rotor_radius, 0.0), rotor.name, surface.name))
+    return found
+
+
+def body_depths(scenario: Scenario, state: State) -> list[tuple[Any, str, str]]:
+    """(depth in m, what, surface) of the base's origin and of every joint in every surface that stands still."""
+    vehicle, found = scenario.world.vehicle, list[tuple[Any, str, str]]()
+    for contact in scenario.contacts:
+        R, poses = state.quaternion.rotation(), link_poses(vehicle, state.joints)
+        points = [("the base", state.position)]
+        joints = zip(vehicle.links, poses, strict=False)
+        points += [(f"joint '{link.joint.name}'", state.position + R.apply(pose.p)) for link, pose in joints]
+        for name, at in points:
+            found += [(surface.depth(at, 0, 0.0)[0], name, surface.name) for surface in contact.still]
+    return found
 
 
 def lowest_point(vehicle: Vehicle, state: State) -> Scalar:

@@ -27,6 +27,7 @@ ROOTS: Mapping[str, Place] = {
     "reference": ("trajectory",),
     "changes": ("changes",),
     "payloads": ("payloads",),
+    "world": ("contact",),
 }
 
 STRUCTURE = ("duration", "rates", "delays", "seed", "episode", "environment.ground", "plant.integrator", "plant.kind")

@@ -89,6 +89,7 @@ def check_additions(scenario: Scenario) -> None:
         if concrete(latency) and latency * rates.control > LONGEST_QUEUE_OF_SERVO:
             most = f"{LONGEST_QUEUE_OF_SERVO} control periods, {LONGEST_QUEUE_OF_SERVO / rates.control:g} s"
             raise ValueError(f"{where}.latency = {latency!r}: must be at most {most}")
+    added += [("world", contact) for contact in scenario.contacts]
     check_largest_step(added, 1.0 / rates.control)
     for joint in driven:
         if joint not in joints or driven.count(joint) > 1:
@@ -211,6 +212,7 @@ FLOWN = (
     "drives",
     "delays",
     "initial",
+    "contact",
 )
 """Fields of a scenario, beside the law's constants, whose numbers a flight takes."""
 
@@ -228,6 +230,13 @@ def require_flight(scenario: Any) -> None:
     for field in FLOWN:
         _require_plain(getattr(scenario, field), field)
     _require_plain(scenario.controller.par, "controller")
+    if scenario.contacts:
+        from skyarm.scenario.start_in_world import require_start_outside
+
+        try:
+            require_start_outside(scenario)
+        except ValueError as error:
+            raise ScenarioError(str(error)) from None
 
 
 def _require_plain(record: Any, where: str) -> None:

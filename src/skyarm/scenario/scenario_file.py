@@ -26,9 +26,11 @@ A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
     [[endings]]   kind = NAME and its numbers, beside the library's
     [plugins]     need = [names]: plugins that must be loaded; a file never loads one itself
     [delays]      measurement, command, and on top of it rotors, joints (s); longest_command
-    [initial]     position, quaternion_wxyz, velocity, rate, joints, joint_rates, rotor_speeds; left out: hover trim
+    [initial]     position, quaternion_wxyz, velocity, rate, joints, joint_rates, rotor_speeds; left out: hover trim;
+                  standing = true sets the vehicle down on what is below it, at rest (skyarm.scenario.standing_start)
     [windows]     when its metrics look: steady, transient, gust, hover = [start, stop), s; holds = [...]; last = s
     [[changes]]   at (s), path, value: what is other from then on (:mod:`skyarm.scenario.in_flight`)
+    [world]       [[world.surfaces]], [[world.points]]: what the vehicle may touch, and where (skyarm.contact)
     [[payloads]]  mass, frame, pick, drop: loads picked up and set down in flight (skyarm.scenario.payload_tables)
     seed, episode
 
@@ -63,6 +65,7 @@ from skyarm.scenario.payload_tables import belief_changes, payloads_from
 from skyarm.scenario.reference_setting import in_folder, setting_of
 from skyarm.scenario.scenario_of_log import scenario_of_log
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.scenario.start_in_world import require_start_outside
 from skyarm.scenario.task_payloads import with_instants
 
 LIBRARY = resources.files("skyarm.scenario") / "library"
@@ -198,6 +201,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         ground=tables.truth_value(environment, "ground", True),
         windows=windows_from(Fields(top.take("windows", {}), "windows")),
         payloads=payloads,
+        contact=tables.contact(top),
         changes=(*_changes(top, replaced), *belief_changes(payloads, told, chosen["duration"], rates.control)),
         **chosen,
     )
@@ -211,6 +215,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
     require_changes(scenario)
     if initial is not None:
         scenario = dataclasses.replace(scenario, initial=tables.initial(Fields(initial, "initial"), scenario))
+    require_start_outside(scenario)
     return scenario if governor is None else with_governor(scenario, governor, setting)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 from skyarm.actuation.drive import TORQUE_DRIVE, Drive, TorqueDrive
 from skyarm.actuation.hover import hover_trim
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.contact.contact import Contact
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -91,6 +92,8 @@ class Scenario:
         payloads: loads that are picked up and set down in flight; the law knows of them as far as it is told.
         path_time: of a governor (:func:`skyarm.govern`): how far along the reference the law is led, while errors are
             taken against the reference as it is commanded; None leads it as commanded.
+        contact: surfaces of the world and the vehicle's points that touch them (:mod:`skyarm.contact`); None for
+            nothing to touch.
     """
 
     name: str
@@ -121,11 +124,14 @@ class Scenario:
     changes: tuple[Change, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
     payloads: tuple[TimedPayload, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
     path_time: PathTime | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
+    contact: Contact | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         try:
             _check_kinds(self)
             object.__setattr__(self, "duration", number(self.duration, "duration", low=0.0, strict=True))
+            if self.contact is not None:
+                object.__setattr__(self, "contact", self.contact.on(self.world.vehicle))
             for name in ("seed", "episode"):
                 object.__setattr__(self, name, noise_key(name, getattr(self, name)))
             _check(self)
@@ -141,8 +147,13 @@ class Scenario:
 
     @property
     def components(self) -> tuple[Component, ...]:
-        """The wind, the air and the forces that are added to it, payloads with a time, then the load on the battery."""
-        return (self.wind, *self.air, *self.forces, *self.payloads, *self.power)
+        """The wind, the air and the forces that are added to it, timed payloads, contact, the load on the battery."""
+        return (self.wind, *self.air, *self.forces, *self.payloads, *self.contacts, *self.power)
+
+    @property
+    def contacts(self) -> tuple[Contact, ...]:
+        """The contact, if there is something to touch."""
+        return () if self.contact is None else (self.contact,)
 
     @property
     def power(self) -> tuple[BatteryDrain, ...]:

@@ -10,6 +10,7 @@ from typing import Any
 
 from skyarm.actuation import AllocationError
 from skyarm.algebra import Quaternion, Vec3
+from skyarm.contact.contact import Contact
 from skyarm.control.actuator_layer import plain_model
 from skyarm.control.controller import Controller, ControllerError
 from skyarm.control.model import Model
@@ -17,6 +18,7 @@ from skyarm.dynamics import State
 from skyarm.environment import payload_from
 from skyarm.files import Fields, number, shown
 from skyarm.records.leaves import field_names
+from skyarm.records.read_table import record_from
 from skyarm.scenario.gains_file import controller_of_file, make_named_or_tuned
 from skyarm.scenario.governor_limits import GovernorOptions
 from skyarm.scenario.law_by_name import on_actuators
@@ -24,6 +26,7 @@ from skyarm.scenario.law_table import by_words
 from skyarm.scenario.path_governor import options_from
 from skyarm.scenario.scenario_checks import check_quaternion
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario, trimmed_state
+from skyarm.scenario.standing_start import standing
 from skyarm.sensors.noise import SensorNoise
 from skyarm.vehicle.mounted_drives import mounted_drives
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
@@ -92,6 +95,12 @@ def with_payload(carrier: Vehicle, fields: Fields) -> Vehicle:
         return held.held_by(carrier)
     except ValueError as error:
         raise ValueError(f"{fields.at('payload')}: {error}") from None
+
+
+def contact(top: Fields) -> Contact | None:
+    """[world]: surfaces, and points of the vehicle that touch them."""
+    table = top.take("world", None)
+    return None if table is None else record_from(Contact, Fields(table, "world"))
 
 
 def gravity(fields: Fields) -> float:
@@ -242,13 +251,17 @@ def joined(reference: Mapping[str, Any]) -> tuple[dict[str, Any], Any]:
 
 
 def initial(fields: Fields, scenario: Scenario) -> State:
-    """Hover trim at the reference with the given fields replaced."""
+    """Hover trim at the reference with the given fields replaced; ``standing`` sets it down below, rotors at rest."""
+    stands = truth_value(fields, "standing", False)
     start = scenario.trajectory.at(0.0)
     joints = fields.numbers("joints", [float(q) for q in start.joints])
     n = scenario.world.vehicle.n
     if len(joints) != n:
         raise ValueError(f"initial.joints: {len(joints)} values, must be {n}, one for each joint")
     trim = trimmed_state(scenario.world, start.position, float(start.yaw), joints)
+    if stands:
+        _require_standing(fields, scenario)
+        trim = dataclasses.replace(trim, rotor_speeds=(0.0,) * len(trim.rotor_speeds))
     quaternion = fields.numbers("quaternion_wxyz", list(trim.quaternion))
     check_quaternion(quaternion)
     length = math.sqrt(sum(c * c for c in quaternion))
@@ -263,4 +276,13 @@ def initial(fields: Fields, scenario: Scenario) -> State:
         tilts=fields.numbers("tilts", trim.tilts),
     )
     fields.done()
-    return state
+    return standing(scenario.world, scenario.contacts[0], state) if stands else state
+
+
+def _require_standing(fields: Fields, scenario: Scenario) -> None:
+    """Refuse a start at rest on nothing, or with a motion."""
+    if not scenario.contacts:
+        raise ValueError(f"{fields.at('standing')} = true: must be false without a [world] to stand on")
+    for name in ("quaternion_wxyz", "velocity", "rate", "joint_rates", "rotor_speeds"):
+        if name in fields.table:
+            raise ValueError(f"{fields.at(name)}: must be left out of a start that is standing: it is at rest")

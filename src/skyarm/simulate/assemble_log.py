@@ -12,6 +12,7 @@ from skyarm.compile import leaves
 from skyarm.environment import WindSample
 from skyarm.files import versions
 from skyarm.log.flight_log import IF_ANY, Array, Log
+from skyarm.log.log_columns import CONTACT_ARRAYS
 from skyarm.log.tip_positions import level_tip, tip
 from skyarm.metrics.windows import Windows
 from skyarm.records.identity import log_digest
@@ -121,6 +122,8 @@ def _tables(piece: Piece) -> dict[str, Array]:
         tables |= {"tilts": x[:, 13 + 2 * n + rotors :], "tilt_commands": u[:, rotors + n :]}
     if wind.held:
         tables["payload_mass"] = table(wind.held)
+    for i, name in enumerate(CONTACT_ARRAYS if wind.contacts else ()):
+        tables[name] = table(wind.contacts[i :: len(CONTACT_ARRAYS)])
     if flown.lags.shape[1]:
         tables["lag_found"] = flown.lags
     del free  # its derivatives take more memory than the log of it

@@ -76,6 +76,10 @@ def refused(scenario: Scenario, time: float, command: Sequence[float]) -> Ended 
     return None if cause is None else Ended("diverged", cause, time)
 
 
+OF_CAUSES = ("plant.vehicle.", "endings.", "world.")
+"""Beginnings of the paths of numbers that decide what ends an episode."""
+
+
 def statuses(scenario: Scenario, values: Mapping[str, Array], state: State, goals: Array, ended: Array) -> Array:
     """Status of each lane of a batch, from the states they were left in.
 
@@ -88,7 +92,9 @@ def statuses(scenario: Scenario, values: Mapping[str, Array], state: State, goal
             single run does after its last step.
     """
     # limits, the places of rotors and joints, and the endings' own numbers are all that the causes depend on
-    kept = {path: column for path, column in values.items() if path.startswith(("plant.vehicle.", "endings."))}
+    kept = {
+        path: column for path, column in values.items() if path.startswith(("plant.vehicle.", "endings.", "world."))
+    }
     with np.errstate(all="ignore"):
         varied = with_numbers(scenario, kept)
     goal, lanes = Vec3(*goals.T), len(goals)

@@ -115,6 +115,7 @@ def _components(scenario: Scenario, period: float) -> Iterator[Trial]:
     places = ["environment.wind", *(f"environment.air[{i}]" for i in range(len(scenario.air)))]
     places += [f"environment.forces[{i}]" for i in range(len(scenario.forces))]
     places += [f"payloads[{i}]" for i in range(len(scenario.payloads))]
+    places += ["world"] * len(scenario.contacts)
     places += ["plant.vehicle.battery"] * len(scenario.power)
     starts = start_draws(scenario, scenario.seed, scenario.episode)
     for place, component, (_, count), row in zip(places, scenario.components, plan, starts, strict=True):
@@ -133,6 +134,11 @@ def _components(scenario: Scenario, period: float) -> Iterator[Trial]:
             for each in wrenches:
                 if not BASE <= each.body < len(vehicle.moving):
                     raise t[0].refusal(f"gives a wrench on body {each.body}: must be {_bodies(vehicle)}")
+            if c.coupled:
+                slope = c.slope(following, time[0], PointMotion(vehicle, state), state.rotor_speeds)
+                different = difference(following, slope, "the slope")
+                if different:
+                    raise t[0].refusal(f"gives the rates of its memory in another structure: {different}")
             parts = [(each.force_W, each.torque_W, each.point) for each in wrenches]
             return following, tuple(data(number) for vector in (air, *sum(parts, ())) for number in vector)
 

@@ -12,6 +12,7 @@ from typing import Any
 from skyarm.actuation import Command
 from skyarm.compile import leaves, rebuild, trace
 from skyarm.control.blocks.lag_estimate import lags_found
+from skyarm.plant.coupled_memory import places_among, places_in
 from skyarm.plant.interface import Plant
 from skyarm.records.leaves import parts
 from skyarm.scenario.scenario_record import ScenarioError
@@ -195,42 +196,82 @@ class FlatStages:
         """What the law has found of its loops' lags, for the log."""
         return tuple(memory[place] for place in self.lag_places)
 
+    @cached_property
+    def _coupled(self) -> tuple[int, ...]:
+        return places_among(self._first.components, self._stages.coupled)
+
+    def gone_on(self, memories: Flat, coupled: Flat) -> Flat:
+        """Memories of the components at the end of the period."""
+        return replaced_at(self._coupled, memories, coupled)
+
     def keep(self, alive: Flat, following: LoopState, now: LoopState) -> LoopState:
         """The next period's state."""
         return following
 
 
-class FlatSteps:
-    """A plant of flat numbers within a period."""
+def replaced_at(places: Sequence[int], numbers: Flat, others: Flat) -> Flat:
+    """Numbers with others at some places."""
+    if not places:
+        return numbers
+    held = list(numbers)
+    for place, value in zip(places, others, strict=True):
+        held[place] = value
+    return tuple(held)
 
-    def __init__(self, plant: Plant, stages: Stages) -> None:
+
+class FlatSteps:
+    """A plant of flat numbers within a period.
+
+    Args:
+        plant: of numbers. stages: of the episode. around: what it is told of one period, as an example.
+
+    Raises:
+        ScenarioError: the plant is someone's own and leaves out the coupled memories.
+    """
+
+    def __init__(self, plant: Plant, stages: Stages, around: Any) -> None:
         self._plant, self._period, self._late = plant, stages.period, stages.late
-        self._rotors = len(stages.scenario.world.vehicle.rotors)
-        self._joints = stages.scenario.world.vehicle.n
+        self._kind, vehicle = stages.scenario.plant, stages.scenario.world.vehicle
+        self._rotors, self._joints = len(vehicle.rotors), vehicle.n
+        self._end = 13 + 2 * vehicle.n + len(vehicle.rotors) + len(vehicle.tilts)
         self._apart = None if stages.apart is None else tuple(late for _, late in stages.apart)
         self.specific_force = plant.specific_force
-        self._impact = impact_of(plant, stages)
+        self._impact, self._coupled = impact_of(plant, stages), places_in(around)
 
-    def advance(self, state: Flat, before: Flat, after: Flat, around: Flat) -> Flat:
-        """State after the period."""
+    def advance(self, state: Flat, before: Flat, after: Flat, around: Flat) -> tuple[Flat, Flat]:
+        """State and coupled memories after the period."""
         if self._impact is not None:
             state = self._impact(state, around)
         if self._apart is not None:
             return self._one_after_the_other(state, before, after, around)
         if self._late:
-            state = self._plant.advance(state, before, around, self._late)
-        return self._plant.advance(state, after, around, self._period - self._late)
+            state, around = self._next(state, before, around, self._late)
+        return self._last(state, after, around, self._period - self._late)
 
-    def _one_after_the_other(self, state: Flat, before: Flat, after: Flat, around: Flat) -> Flat:
+    def _one_after_the_other(self, state: Flat, before: Flat, after: Flat, around: Flat) -> tuple[Flat, Flat]:
         """State after a period in which rotors and joints hear of the command at different times."""
         n, end, left = self._rotors, self._rotors + self._joints, self._period
         old, new = (Command(rotor_speeds=u[:n], efforts=u[n:end], tilts=u[end:]) for u in (before, after))
         for seconds, command in switches(old, new, *self._apart or ()):
             if seconds > 0.0:
                 acting: Any = (*command.rotor_speeds, *command.efforts, *command.tilts)
-                state = self._plant.advance(state, acting, around, seconds)
+                state, around = self._next(state, acting, around, seconds)
             left = left - seconds
-        return self._plant.advance(state, after, around, left)
+        return self._last(state, after, around, left)
+
+    def _next(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[Flat, Flat]:
+        """State and surroundings after some of the period."""
+        state, coupled = self._last(state, command, around, seconds)
+        return state, replaced_at(self._coupled, around, coupled)
+
+    def _last(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[Flat, Flat]:
+        """State and coupled memories."""
+        if not self._coupled:
+            return self._plant.advance(state, command, around, seconds), ()
+        found = self._plant.advance(state, command, around, seconds)
+        if len(found) != self._end + len(self._coupled):
+            raise ScenarioError(f"plant.kind = {self._kind!r}: does not know [world]; it has no coupled memories")
+        return found[: self._end], found[self._end :]
 
 
 def impact_of(plant: Any, stages: Stages) -> Callable[[Flat, Flat], Flat] | None:

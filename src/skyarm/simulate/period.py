@@ -16,7 +16,7 @@ class PlantSteps(Protocol):
         ...
 
     def advance(self, state: Any, before: Any, after: Any, around: Any) -> Any:
-        """State after the period: under the command before this one for the late part, then under this one."""
+        """State and coupled memories after the period: under the command before for the late part, then under this."""
         ...
 
 
@@ -111,15 +111,16 @@ def make_period(
         begun = begin(stages, now, row, uniforms)
         force = plant.specific_force(now.state, begun.acting, begun.around)
         found = respond(stages, now, row, begun, force, uniforms)
+        state, coupled = plant.advance(now.state, begun.acting, found.acting, found.around)
         following = LoopState(
             alive=found.alive,
             ticks=found.ticks,
-            state=plant.advance(now.state, begun.acting, found.acting, found.around),
+            state=state,
             memory=found.memory,
             queue=found.queue,
             sensors=found.sensors,
             estimate=found.estimate,
-            components=begun.components,
+            components=stages.gone_on(begun.components, coupled),
             drives=found.drives,
         )
         sample = Sample(

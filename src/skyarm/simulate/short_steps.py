@@ -57,7 +57,7 @@ def _stated(scenario: Scenario, values: Mapping[str, Any]) -> dict[Place, dict[s
         if path.startswith(STATED):
             for place in places_of(scenario, path):
                 # air and forces stand in a tuple, a drive beside the name of its joint, in the scenario or its vehicle
-                depth = {"drives": 3, "world": 5}.get(place[0], 2)
+                depth = {"drives": 3, "world": 5, "contact": 1}.get(place[0], 2)
                 found.setdefault(place[:depth], {}).setdefault(path, []).append(place[depth:])
     return found
 

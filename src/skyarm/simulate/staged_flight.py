@@ -55,9 +55,10 @@ class StagedFlight:
             delay = getattr(scenario.delays, name)
             if abs(delay * scenario.rates.physics - round(delay * scenario.rates.physics)) > 1e-6:
                 raise ScenarioError(_WHOLE.format(name, delay))
-        self._plant = make_plant(scenario, first_surroundings(scenario, first))
+        around = first_surroundings(scenario, first)
+        self._plant = make_plant(scenario, around)
         self._stages = FlatStages(stages, first, self.inputs.row_example)
-        steps_of = FlatSteps(self._plant, stages)
+        steps_of = FlatSteps(self._plant, stages, around)
         self._period = make_period(self._stages, steps_of, FlatStages.begin, FlatStages.respond)
         self.first, self._flat = first, flatten(first, called=not scenario.controller.compiled)
         self._needed = stages.draws.needed

@@ -15,15 +15,17 @@ from typing import Any
 from skyarm.actuation import Command
 from skyarm.actuation.tilting import with_rest
 from skyarm.algebra import Vec3
-from skyarm.compile.tracing.repeat import repeat
+from skyarm.compile.tracing.repeat import repeat, repeat_while
 from skyarm.control.blocks.lag_estimate import lags_found
 from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.environment import Grasp, TimedPayload, WindSample, effectiveness_at
 from skyarm.estimate.estimator import FULL_STATE
+from skyarm.plant.compiled import Steps
+from skyarm.plant.coupled_memory import Memories, memories_of, with_memories
 from skyarm.plant.impact import after_impact
-from skyarm.plant.rigid_body import STEP, accelerate
+from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate
 from skyarm.plant.surroundings import Surroundings, felt
 from skyarm.records.blend import blend
 from skyarm.reference import Reference
@@ -180,6 +182,18 @@ class Stages:
         """What the plant is told, the drives having heard their setpoints."""
         return dataclasses.replace(around, drive_memories=drives) if drives else around
 
+    @property
+    def coupled(self) -> tuple[int, ...]:
+        """Numbers of the components whose memories go on with the plant."""
+        return tuple(i for i, component in enumerate(self.components) if component.coupled)
+
+    def gone_on(self, memories: tuple[Any, ...], coupled: Memories) -> tuple[Any, ...]:
+        """Memories of all components at the end of the period, those that went on with the plant as it left them."""
+        held = list(memories)
+        for place, memory in zip(self.coupled, coupled, strict=True):
+            held[place] = memory
+        return tuple(held)
+
     def felt(self, around: Surroundings, state: State) -> WindSample:
         """What the log keeps of the surroundings."""
         return felt(around, self.scenario.world.vehicle, state)
@@ -228,33 +242,43 @@ class RigidBodySteps:
         )
         return force.linear
 
-    def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> State:
-        """State after the period: under the command before for the late part, then under the one after it."""
-        state = after_impact(self._scenario.world.vehicle, state, around)
+    def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> Moved:
+        """State and coupled memories after the period: under the command before for the late part, then the other."""
+        now = after_impact(self._scenario.world.vehicle, state, around), memories_of(around)
         if self._apart is not None:
-            return self._one_after_the_other(state, before, after, around)
+            return self._one_after_the_other(now, before, after, around)
         late = self._late
         if type(late) is not float:
-            state = blend(late > 0.0, self._held(state, before, around, late), state)
+            now = blend(late > 0.0, self._held(now, before, around, late), now)
         elif late:
-            state = self._held(state, before, around, late)
-        return self._held(state, after, around, self._period - late)
+            now = self._held(now, before, around, late)
+        return self._held(now, after, around, self._period - late)
 
-    def _one_after_the_other(self, state: State, before: Command, after: Command, around: Surroundings) -> State:
-        """State after a period in which rotors and joints hear of the command at different times."""
+    def _one_after_the_other(self, now: Moved, before: Command, after: Command, around: Surroundings) -> Moved:
+        """The same of a period in which rotors and joints hear of the command at different times."""
         left: Any = self._period
         for seconds, command in switches(before, after, *(late for _, late in self._apart or ())):
             if type(seconds) is not float:
-                state = blend(seconds > 0.0, self._held(state, command, around, seconds), state)
+                now = blend(seconds > 0.0, self._held(now, command, around, seconds), now)
             elif seconds > 0.0:
-                state = self._held(state, command, around, seconds)
+                now = self._held(now, command, around, seconds)
             left = left - seconds
-        return self._held(state, after, around, left)
+        return self._held(now, after, around, left)
 
-    def _held(self, state: State, command: Command, around: Surroundings, seconds: Any) -> State:
+    def _held(self, now: Moved, command: Command, around: Surroundings, seconds: Any) -> Moved:
         count = self._substeps(seconds if type(seconds) is float else self._period)
-        step, world = STEP[self._scenario.integrator], self._scenario.world
-        return repeat(count, lambda x: step(world, x, command, around, seconds / count), state)
+        step, world = COUPLED_STEP[self._scenario.integrator], self._scenario.world
+        rounds: Any = count
+        if isinstance(count, Steps):
+            motion = PointMotion(world.vehicle, now[0])
+            there = around.with_coupled(now[1]).far(motion, seconds)
+            rounds = where(there, float(count.far), float(count))
+        dt = seconds / rounds
+
+        def stepped(both: Moved) -> Moved:
+            return step(world, both[0], command, with_memories(around, both[1]), dt)
+
+        return repeat(count, stepped, now) if rounds is count else repeat_while(count, rounds, stepped, now)
 
 
 def commands_waiting(scenario: Scenario) -> int:

@@ -116,7 +116,7 @@ class Writer:
 
     def _loop(self, block: Node, body: Iterable[Node]) -> None:
         """A repetition; its body is one basic block, and its results are the names of its last round."""
-        count, slots = block.value
+        count, slots, until = block.value
         label, vector = f"r{block.index}", self.lanes.vector
         starts = [self.names[arg.index] for arg in block.args[: len(slots)]]
         for k, slot in enumerate(slots):
@@ -133,9 +133,18 @@ class Writer:
         self.lines += [
             f"  %{label}.next = add i64 %{label}.i, 1",
             f"  %{label}.more = icmp slt i64 %{label}.i, {count}",
-            f"  br i1 %{label}.more, label %{label}, label %{label}.exit",
-            f"{label}.exit:",
         ]
+        more = f"%{label}.more"
+        if until is not None:
+            left = self.emit(f"fcmp ogt {vector} {ends[until]}, {self.lanes.constant(0.5)}")
+            more = self.emit(f"and i1 {more}, {self._any(left)}")
+        self.lines += [f"  br i1 {more}, label %{label}, label %{label}.exit", f"{label}.exit:"]
+
+    def _any(self, condition: str) -> str:
+        """Whether a condition holds in any lane, i1."""
+        name = f"@llvm.vector.reduce.or.v{self.lanes.width}i1"
+        self.intrinsics.add(f"declare i1 {name}({self.lanes.mask})")
+        return self.emit(f"call i1 {name}({self.lanes.mask} {condition})")
 
     def _value(self, node: Node) -> str:
         lanes, op = self.lanes, node.op

@@ -39,10 +39,10 @@ def lower(inputs: Sequence[Node], nodes: Sequence[Node], outputs: Sequence[Node]
         elif node.op == "slot":
             made[node.index] = target.slot()
         elif node.op == "repeat":
-            count, slots = node.value
+            count, slots, until = node.value
             half = len(slots)
             held = [made[slot.index] if slot.index in made else target.slot() for slot in slots]
-            items = target.repeat(count, held, args[:half], args[half:])
+            items = target.repeat(count, held, args[:half], args[half:], until=until)
             made[node.index] = items[0].args[0]
         elif node.op == "item":
             made[node.index] = target.item(args[0], node.value)

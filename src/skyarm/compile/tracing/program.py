@@ -81,12 +81,13 @@ def _literal(value: Any) -> str:
 
 def _loop(block: Node, body: Sequence[Node], name: Callable[[Node], str], divide: str) -> list[str]:
     """A repetition: its slots start, are read by the body and take what it made, all at once."""
-    count, slots = block.value
+    count, slots, until = block.value
     held = ", ".join(f"v{slot.index}" for slot in slots)
     starts, ends = block.args[: len(slots)], block.args[len(slots) :]
     lines = [f"    {held}, = {', '.join(map(name, starts))},", f"    for _ in range({count}):"]
     lines += [f"        v{node.index} = {_expression(node, name, divide)}" for node in body]
-    return [*lines, f"        {held}, = {', '.join(map(name, ends))},"]
+    lines.append(f"        {held}, = {', '.join(map(name, ends))},")
+    return lines if until is None else [*lines, f"        if not {name(slots[until])} > 0.5:", "            break"]
 
 
 def _expression(node: Node, name: Callable[[Node], str], divide: str) -> str:

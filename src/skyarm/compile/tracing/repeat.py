@@ -8,9 +8,10 @@ out.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from skyarm.compile.tracing.tracer import Graph, Node
+from skyarm.records.blend import blend
 from skyarm.records.leaves import leaves, rebuild
 
 Record = TypeVar("Record")
@@ -34,6 +35,40 @@ def repeat(count: int, function: Callable[[Record], Record], record: Record) -> 
     graph.loops = False
     try:
         return _loop(count, function, record, graph)
+    finally:
+        graph.loops = True
+
+
+def repeat_while(count: int, rounds: Any, function: Callable[[Record], Record], record: Record) -> Record:
+    """``function`` applied ``rounds`` times to ``record``, where ``rounds`` may be traced and differ from lane to lane.
+
+    Machine code makes as many rounds as the lane that asks for most; other lanes keep what they have. Where nothing
+    can be skipped, ``count`` rounds are made.
+
+    Args:
+        count: most rounds.
+        rounds: how many, at least one.
+        function: of a round.
+        record: at the beginning.
+    """
+
+    def round_of(both: tuple[Any, Record]) -> tuple[Any, Record]:
+        left, now = both
+        return left - 1.0, blend(left > 0.5, function(now), now)
+
+    nodes = [leaf for leaf in leaves((rounds, record)) if isinstance(leaf, Node)]
+    if not nodes or not nodes[0].graph.loops:
+        both = (rounds, record)
+        for _ in range(count):
+            both = round_of(both)
+        return both[1]
+    graph = nodes[0].graph
+    graph.loops = False
+    try:
+        starts = [graph.lift(leaf) for leaf in leaves((rounds, record))]
+        slots = [graph.slot() for _ in starts]
+        ends = [graph.lift(leaf) for leaf in leaves(round_of(rebuild((rounds, record), iter(slots))))]
+        return rebuild((rounds, record), iter(graph.repeat(count, slots, starts, ends, until=0)))[1]
     finally:
         graph.loops = True
 

@@ -237,10 +237,16 @@ class Graph:
         """Make a place that holds a loop's start value, then what its last round left there."""
         return self._make("slot", (), self._loops_made, ("slot", len(self.nodes)))
 
-    def repeat(self, count: int, slots: list[Node], starts: list[Node], ends: list[Node]) -> list[Node]:
-        """Close a loop over ``slots``; returns what its last round leaves in each."""
+    def repeat(
+        self, count: int, slots: list[Node], starts: list[Node], ends: list[Node], *, until: int | None = None
+    ) -> list[Node]:
+        """Close a loop over ``slots``; returns what its last round leaves in each.
+
+        ``until`` is the number of a slot: once it is at most 0.5 in every lane, further rounds change nothing and need
+        not be made.
+        """
         self._loops_made += 1
-        block = self._make("repeat", (*starts, *ends), (count, tuple(slots)), ("repeat", len(self.nodes)))
+        block = self._make("repeat", (*starts, *ends), (count, tuple(slots), until), ("repeat", len(self.nodes)))
         return [self.item(block, k) for k in range(len(slots))]
 
     def item(self, block: Node, k: int) -> Node:

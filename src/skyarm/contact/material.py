@@ -1,0 +1,116 @@
+"""Contact force of a point that is pressed into a surface: stiffness, dissipation and bristle friction.
+
+With the penetration d (m), the slip v (m/s) along the surface and the bristle's deflection z (m) the force is
+
+* along the normal f = max(k d (1 + c dd/dt), 0),
+* along the surface, against the slip, mu f z / z_s + s v_z, at most mu f, where v_z = dz/dt = v - z |v| / z_s and
+  s = min(``BRISTLE_DAMPING``, ``BRISTLE_DAMPING`` f).
+
+The bristle is the memory of friction: it bends up to its length z_s and then slides, so that a body at rest stays at
+rest below the cone, which a friction of the velocity alone does not do: that creeps. Without contact it stands up.
+
+A step of an integrator that enters or leaves a surface sees the bend of the force at d = 0 at a few instants only, and
+would win or lose energy by chance. So d is its mean over the way |dd/dt| h that the point makes in a step h: within
+half of that way from the surface a parabola stands in place of the bend, elsewhere nothing changes.
+
+Source: Hunt, Crossley 1975 (normal force); Dahl 1968 and Canudas de Wit, Olsson, Astrom, Lischinsky 1995 (bristle).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.algebra import Vec3
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, absolute, divide, maximum, minimum, sqrt, where
+
+BRISTLE_DAMPING = 5.0
+"""N s/m at one newton and more; 1/m times the force below. It damps the vibration of a tip that sticks."""
+
+RECOVERY = 500.0
+"""1/s, at which a bristle stands up without contact."""
+
+LIGHTEST = 0.02
+"""kg that a contact moves at least, by which steps are chosen: 23 g is the least that the tips of the library's arms
+weigh across a surface (1 / diag(J M^-1 J^T) in the postures in which they press)."""
+
+NORMAL_STEP = 0.85
+"""Largest product of a contact's angular frequency sqrt(k / m) and a step: an elastic bounce of a vehicle on its tip
+then loses at most 0.1 % of its energy and gains none (measured)."""
+
+LONGEST = 2.5e-3
+"""s, of a step in contact, however soft it is."""
+
+BRISTLE_STEP = 1.5
+"""The same of a bristle that is bent under the force of ``PRESSED``; the methods are stable to 2.78."""
+
+PRESSED = 1e-3
+"""m of penetration at which the stiffness of bristles is taken: 5 N at 5000 N/m."""
+
+_STILL = 1e-24
+"""m^2/s^2, N^2 or m^2 under a root: its derivative at rest is 0 instead of NaN; m in a denominator."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Material:
+    """A material says with which force a surface answers a point that is pressed into it."""
+
+    stiffness: Annotated[Scalar, Unit("N/m", "of the contact", low=0.0, strict=True)] = 5000.0
+    dissipation: Annotated[Scalar, Unit("s/m", "share of the force by the speed of penetration", low=0.0)] = 1.0
+    friction: Annotated[Scalar, Unit("", "coefficient, of sticking and of sliding", low=0.0)] = 0.3
+    bristle_length: Annotated[Scalar, Unit("m", "slip at which friction is whole", low=0.0, strict=True)] = 2e-4
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "material")
+
+    @property
+    def largest_step(self) -> Any:
+        """Longest integration step (s) that the contact bears, as its stiffness and that of its bristles say."""
+        bristles = self.friction * self.stiffness * PRESSED / self.bristle_length
+        fastest = maximum(sqrt(self.stiffness) / NORMAL_STEP, sqrt(bristles) / BRISTLE_STEP)
+        return minimum(LIGHTEST**0.5 / fastest, LONGEST)
+
+    def normal_force(self, depth: Any, depth_rate: Any) -> Any:
+        """Force of the surface along its outward normal, N.
+
+        Args:
+            depth: penetration, m; negative outside.
+            depth_rate: m/s.
+        """
+        way = absolute(depth_rate) * self.largest_step
+        half = 0.5 * way + depth
+        mean = where(depth + depth > way, depth, divide(half * half, way + way + _STILL))
+        force = self.stiffness * mean * (1.0 + self.dissipation * depth_rate)
+        return where(half > 0.0, maximum(force, 0.0), 0.0)
+
+    def bristle_rate(self, bristle: Vec3, slip: Vec3, depth: Any, fastest: Any) -> Vec3:
+        """Rate of a bristle's deflection, m/s, world axes.
+
+        Args:
+            bristle: its deflection, m.
+            slip: velocity of the point along the surface, m/s.
+            depth: m.
+            fastest: slip, m/s, from which on a bristle bends no faster: what a step can follow. It changes the
+                0.2 mm over which friction builds up, and neither sticking nor steady sliding.
+        """
+        speed = sqrt(slip.dot(slip) + _STILL)
+        share = divide(minimum(speed, fastest), speed)
+        bending = (slip - bristle * (speed / self.bristle_length)) * share
+        return Vec3(*(where(depth > 0.0, a, -RECOVERY * z) for a, z in zip(bending, bristle, strict=True)))
+
+    def friction_force(self, bristle: Vec3, bristle_rate: Vec3, normal_force: Any) -> Vec3:
+        """Force of the surface against the slip, N, world axes: never beyond the cone.
+
+        Args:
+            bristle: deflection, m.
+            bristle_rate: m/s.
+            normal_force: N.
+        """
+        most = self.friction * normal_force
+        damping = minimum(BRISTLE_DAMPING * normal_force, BRISTLE_DAMPING)
+        wanted = bristle * (most / self.bristle_length) + bristle_rate * damping
+        size = sqrt(wanted.dot(wanted) + _STILL)
+        force: Vec3 = wanted * -minimum(divide(most, size), 1.0)
+        return force

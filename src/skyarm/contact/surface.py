@@ -1,0 +1,169 @@
+"""Surfaces of the world: a plane, a box, a cylinder or a sphere, somewhere, at rest or moving."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Vec3
+from skyarm.algebra.matrix import axis_rotation
+from skyarm.contact.material import Material
+from skyarm.environment.signal_vector import NO_SIGNALS, SignalVector
+from skyarm.files import must_be_one_of, shown
+from skyarm.records.coerce import concrete
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, absolute, divide, maximum, sign, sqrt, where
+
+SHAPES = {"plane": (), "box": ("x", "y", "z"), "cylinder": ("radius", "length"), "sphere": ("radius",)}
+"""Shape -> what its sizes are, m. A plane's outside is along its z axis, which is the cylinder's axis, too."""
+
+_CENTRE = 1e-24
+"""m^2 under a root: in the middle of a sphere or on a cylinder's axis the normal is zero instead of NaN."""
+
+Face = tuple[Any, Vec3]
+"""Height of a point above a face (m, negative inside) and the face's outward normal, axes of the surface."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Surface:
+    """A surface is the skin of a solid body that does not give way but for its material.
+
+    Attributes:
+        name: for messages, logs and pictures. shape: one of ``SHAPES``.
+        size: lengths of a box along its axes, radius and length of a cylinder, radius of a sphere; none of a plane.
+        motion: what is added to the position as time goes on, m, world axes. It must have a velocity: a step is
+            passed without one.
+    """
+
+    name: str
+    shape: str = "plane"
+    size: Annotated[tuple[Scalar, ...], Unit("m", low=0.0, strict=True)] = ()
+    position: Annotated[Vec3, Unit("m", "of its middle, or of a point of a plane, world axes", folds=True)] = ZERO3
+    angles: Annotated[Vec3, Unit("rad", "roll, pitch, yaw: about x, then y, then z of the world", folds=True)] = ZERO3
+    motion: SignalVector = NO_SIGNALS
+    material: Material = field(default_factory=Material)
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "surface")
+        for name in ("position", "angles"):  # an exact zero of a file is structure, as that of a list
+            held = getattr(self, name)
+            object.__setattr__(self, name, Vec3(*(0 if concrete(c) and c == 0.0 else c for c in held)))
+        if not self.name:
+            raise ValueError("surface.name = '': must not be empty")
+        if self.shape not in SHAPES:
+            raise ValueError(f"surface.shape = {shown(self.shape)}: {must_be_one_of(SHAPES, self.shape)}")
+        sizes = SHAPES[self.shape]
+        if len(self.size) != len(sizes):
+            allowed = f"must be {len(sizes)} numbers, {', '.join(sizes)}" if sizes else "must be left out of a plane"
+            raise ValueError(f"surface.size = {shown(list(self.size))}: {allowed}")
+
+    @property
+    def moves(self) -> bool:
+        """Whether it has a motion, by structure."""
+        return self.motion != NO_SIGNALS
+
+    @property
+    def rotation(self) -> Mat3:
+        """R_WS, axes of the surface to world axes."""
+        R = Mat3.identity()
+        for axis, angle in zip((E_X, E_Y, E_Z), self.angles, strict=True):
+            if not (type(angle) is int and angle == 0):
+                R = axis_rotation(axis, angle) @ R
+        return R
+
+    def place(self, t: Any) -> tuple[Vec3, Vec3]:
+        """Position (m) and velocity (m/s) at time t (s), world axes."""
+        if not self.moves:
+            return self.position, ZERO3
+        found = [signal.derivatives(t) for signal in (self.motion.x, self.motion.y, self.motion.z)]
+        return self.position + Vec3(*(each[0] for each in found)), Vec3(*(each[1] for each in found))
+
+    def _faces(self, p: Vec3) -> tuple[Face, ...]:
+        """Of a point in the surface's axes; the normals of several faces are perpendicular to each other."""
+        if self.shape == "plane":
+            return ((p.z, E_Z),)
+        if self.shape == "sphere":
+            away = sqrt(p.dot(p) + _CENTRE)
+            return ((away - self.size[0], p * divide(1.0, away)),)
+        if self.shape == "cylinder":
+            away = sqrt(p.x * p.x + p.y * p.y + _CENTRE)
+            round_about = Vec3(divide(p.x, away), divide(p.y, away), 0)
+            return ((away - self.size[0], round_about), _slab(p.z, self.size[1], E_Z))
+        return tuple(_slab(c, size, axis) for c, size, axis in zip(p, self.size, (E_X, E_Y, E_Z), strict=True))
+
+    def depth(self, point_W: Vec3, radius: Any, t: Any) -> tuple[Any, Vec3]:
+        """How deep a ball about a point is in the surface (m, negative outside), and the outward normal, world axes.
+
+        Inside it is the nearest face that counts; of a ball that touches an edge or a corner from outside, the way to
+        its middle.
+
+        Args:
+            point_W: middle of the ball, m, world axes.
+            radius: of it, m; an int of 0 is a point.
+            t: s.
+        """
+        R = self.rotation
+        faces = self._faces(R.apply_T(point_W - self.place(t)[0]))
+        height, normal = _nearest(faces)
+        if len(faces) > 1 and not (type(radius) is int and radius == 0):
+            height, normal = _rounded(faces, height, normal)
+        return radius - height, R.apply(normal)
+
+    def clearance(self, centre_W: Vec3, axis_W: Vec3, radius: Any, t: Any) -> Any:
+        """Distance of a disc from the surface, m; negative where they may meet.
+
+        A plane between both is looked for among the faces and across the way from the disc's middle to the nearest
+        point of the surface: what one of them parts, does not touch. Next to a corner the disc may still be some
+        millimetres away where none does.
+
+        Args:
+            centre_W: middle of the disc, m, world axes.
+            axis_W: unit vector across it, world axes.
+            radius: of the disc, m; an int of 0 is a point.
+            t: s.
+        """
+        R = self.rotation
+        axis, faces = R.apply_T(axis_W), self._faces(R.apply_T(centre_W - self.place(t)[0]))
+        known = [*faces, _rounded(faces, *_nearest(faces))] if len(faces) > 1 else faces
+        found = [height - _half_width(axis, normal, radius) for height, normal in known]
+        widest = found[0]
+        for each in found[1:]:
+            widest = maximum(widest, each)
+        return widest
+
+
+def _half_width(axis: Vec3, normal: Vec3, radius: Any) -> Any:
+    """How far a disc reaches along a unit vector, m."""
+    if type(radius) is int and radius == 0:
+        return 0
+    along = axis.dot(normal)
+    return radius * sqrt(maximum(1.0 - along * along, 0.0) + _CENTRE)
+
+
+def _nearest(faces: tuple[Face, ...]) -> Face:
+    """The face that a point is highest above, or least deep below."""
+    height, normal = faces[0]
+    for above, axis in faces[1:]:
+        nearer = above > height
+        height, normal = where(nearer, above, height), _either(nearer, axis, normal)
+    return height, normal
+
+
+def _slab(c: Any, size: Any, axis: Vec3) -> Face:
+    """The nearer one of two opposite faces."""
+    return absolute(c) - 0.5 * size, axis * sign(c)
+
+
+def _either(condition: Any, a: Vec3, b: Vec3) -> Vec3:
+    return Vec3(*(x if x is y else where(condition, x, y) for x, y in zip(a, b, strict=True)))
+
+
+def _rounded(faces: tuple[Face, ...], height: Any, normal: Vec3) -> Face:
+    """The same where a point outside may be nearest to an edge or a corner."""
+    outside = [maximum(above, 0.0) for above, _ in faces]
+    away = sqrt(sum(each * each for each in outside) + _CENTRE)
+    way = ZERO3
+    for each, (_, axis) in zip(outside, faces, strict=True):
+        way = way + axis * divide(each, away)
+    return where(height > 0.0, away, height), _either(height > 0.0, way, normal)

@@ -1,0 +1,62 @@
+"""Memories that go on with the plant: bristles of a contact, a clock, later the motion of what is pushed.
+
+They are numbers beside the state, integrated by the same steps; without a coupled component there are none, and
+nothing here is an operation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from skyarm.compile import leaves, rebuild
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.dynamics.state import State
+from skyarm.plant.surroundings import Around, Surroundings
+from skyarm.scalars import add, mul
+from skyarm.vehicle.vehicle_records import Vehicle
+
+Memories = tuple[Any, ...]
+"""Of the coupled components, in their order."""
+
+
+def memories_of(around: Around) -> Memories:
+    """Memories of the coupled components; () without any."""
+    return around.coupled_memories() if isinstance(around, Surroundings) else ()
+
+
+def with_memories(around: Around, memories: Memories) -> Around:
+    """The surroundings with these memories."""
+    return around.with_coupled(memories) if isinstance(around, Surroundings) else around
+
+
+def slopes_of(vehicle: Vehicle, state: State, rotor_speeds: Sequence[Any], around: Around) -> Memories:
+    """Rates of the memories at a state, 1/s."""
+    if not isinstance(around, Surroundings) or not around.coupled:
+        return ()
+    return around.slopes(PointMotion(vehicle, state, around.air_velocity), rotor_speeds)
+
+
+def moved(memories: Memories, slopes: Memories, dt: Any) -> Memories:
+    """Memories + dt * slopes."""
+    pairs = zip(leaves(memories), leaves(slopes), strict=True)
+    return rebuild(memories, iter([add(value, mul(rate, dt)) for value, rate in pairs]))
+
+
+def places_in(around: Around) -> tuple[int, ...]:
+    """Places of these memories' numbers among the leaves of the surroundings."""
+    if not isinstance(around, Surroundings) or not around.coupled:
+        return ()
+    first = len(leaves(around.components))
+    return tuple(first + place for place in places_among(around.memories, around.coupled))
+
+
+def places_among(memories: Memories, coupled: Sequence[int]) -> tuple[int, ...]:
+    """Places of the numbers of some memories among the leaves of all."""
+    found, first = list[int](), 0
+    for i, memory in enumerate(memories):
+        count = len(leaves(memory))
+        if i in coupled:
+            found += range(first, first + count)
+        first += count
+    return tuple(found)

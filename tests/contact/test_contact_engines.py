@@ -1,0 +1,100 @@
+"""Contact on every engine, and the wrench of a ball that touches beside its middle."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from flying_engines import evaluate
+from skyarm.algebra import Vec3
+from skyarm.compile import leaves, rebuild
+from skyarm.contact import Contact, ContactPoint, Surface
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.environment import SignalVector
+from skyarm.reference import Sine
+from standing_vehicles import at_rest, limp
+
+BIRD = limp("hummingbird_arm2_rotors")
+START = at_rest(BIRD, (0.0, 0.0, 0.0), (-0.45, -0.9))
+CONTACT = Contact(
+    surfaces=(
+        Surface(name="wall", shape="box", size=(0.5, 2.0, 2.0), position=(0.45, 0.0, 0.0), angles=(0.1, 0.2, 0.3)),
+        Surface(name="pipe", shape="cylinder", size=(0.2, 2.0), position=(0.1, 0.0, -0.3), angles=(1.5, 0.0, 0.0),
+                motion=SignalVector(z=Sine(amplitude=0.02, frequency_hz=1.0))),
+    ),
+    points=(
+        ContactPoint(name="tip", frame="tip"),
+        ContactPoint(name="skid", body="base", position=Vec3(0.1, 0.05, -0.12), radius=0.02),
+    ),
+)  # fmt: skip
+MEMORY = CONTACT.start(0.005, ())
+
+
+def lanes(count=40):
+    rng = np.random.default_rng(2)
+    state = np.array(leaves(START)) + 0.05 * rng.normal(size=(count, len(leaves(START))))
+    state[:, 7:] *= 10.0
+    state[:, 3:7] /= np.linalg.norm(state[:, 3:7], axis=1, keepdims=True)
+    state[:, 13:15] = np.array(START.joints) + 0.1 * rng.normal(size=(count, 2))
+    memory = 1e-4 * rng.normal(size=(count, len(leaves(MEMORY))))
+    memory[:, 0] = rng.uniform(0.0, 1.0, count)
+    return np.hstack([state, memory])
+
+
+def everything(*numbers):
+    state, memory = rebuild((START, MEMORY), iter(numbers))
+    motion = PointMotion(BIRD, state)
+    wrenches = CONTACT.wrenches(memory, 0.0, motion, ())
+    found = [c for w in wrenches for c in (*w.force_W, *w.torque_W)]
+    return [*found, *leaves(CONTACT.slope(memory, 0.0, motion, ())), *CONTACT.logged(memory, motion)]
+
+
+@pytest.mark.parametrize(
+    ("engine", "tolerance"),
+    [
+        ("numpy", 1e-12),
+        ("trace", 0.0),
+        pytest.param("jax", 1e-10, marks=pytest.mark.thorough),  # one operation after the other: 5 s
+        pytest.param("casadi", 1e-10, marks=pytest.mark.thorough),
+    ],
+)
+def test_every_engine_gives_what_floats_give(engine, tolerance):
+    given = lanes()
+    expected = evaluate("floats", everything, given)
+    assert (np.abs(expected[:, :3]).max(axis=1) > 0.1).sum() > 10
+    assert (np.abs(expected[:, 6:9]).max(axis=1) > 0.1).sum() > 10
+    found = evaluate(engine, everything, given)
+    assert np.abs(found - expected).max() <= tolerance * np.abs(expected).max()
+
+
+def test_the_force_acts_where_the_ball_touches_and_its_power_is_that_of_the_spot():
+    """Power of the wrench = force at the spot times the spot's velocity, taken by differences of positions."""
+    for row in lanes(12):
+        state, memory = rebuild((START, MEMORY), iter(row.tolist()))
+        motion = PointMotion(BIRD, state)
+        wrench = CONTACT.wrenches(memory, 0.0, motion, ())[1]
+        w = motion.turned(motion.angular_velocity(wrench.body), wrench.body)
+        power = wrench.force_W.dot(motion.velocity(wrench.point, wrench.body)) + wrench.torque_W.dot(w)
+        expected, h = 0.0, 1e-7
+        after = dataclasses.replace(
+            state,
+            position=state.position + state.velocity * h,
+            quaternion=state.quaternion.plus(state.quaternion.derivative(state.rate), h).normalized(),
+        )
+        for touch in CONTACT.touches(memory, motion)[1::2]:
+            at, body = CONTACT.points[1].place(BIRD)
+            # the spot as a point of the base
+            spot = at + state.quaternion.rotation().apply_T(touch.spot)
+            before, later = (PointMotion(BIRD, each).position(spot, body) for each in (state, after))
+            expected += float(touch.force.dot((later - before) * (1.0 / h)))
+        assert float(power) == pytest.approx(expected, abs=1e-5 * (1.0 + abs(expected)))
+
+
+def test_what_sticks_on_a_ball_turns_with_its_normal():
+    """A bristle has no part along the normal, whatever its memory says."""
+    memory = dataclasses.replace(MEMORY, bristles=tuple(Vec3(1e-4, 1e-4, 1e-4) for _ in MEMORY.bristles))
+    for touch in CONTACT.touches(memory, PointMotion(BIRD, START)):
+        assert abs(float(touch.friction.dot(touch.axis))) < 1e-12
+        assert float(touch.axis.dot(touch.axis)) == pytest.approx(1.0)
