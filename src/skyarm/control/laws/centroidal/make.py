@@ -23,6 +23,7 @@ from skyarm.control.laws.centroidal.arm_motion import ArmMotion
 from skyarm.control.laws.centroidal.bandwidth import at_shares
 from skyarm.control.laws.centroidal.demands import Following
 from skyarm.control.laws.centroidal.gain_presets import ENTRIES, PERIODS, PRESETS, name_of
+from skyarm.control.laws.centroidal.interaction import InteractionGains, first_interaction
 from skyarm.control.laws.centroidal.joint_room import Ends, ends_of
 from skyarm.control.laws.centroidal.law import centroidal
 from skyarm.control.laws.centroidal.memory import CentroidalMemory
@@ -151,6 +152,7 @@ def make_centroidal(
         lag=_lag(gains["lag"], control_period),
         accelerometer=_accelerometer(gains["accelerometer"]),
         air=_air(vehicle, gains["hull_drag"], gains["wind"]),
+        interaction=_interaction(gains["interaction"], mode, vehicle),
     )
     if gains["bandwidth"] != 1.0:
         par = at_shares(par, gains["bandwidth"], gains["bandwidth"])
@@ -217,6 +219,19 @@ def _accelerometer(bandwidths: tuple[float, float]) -> AccelerometerGains | None
     return AccelerometerGains(force=force, velocity=velocity) if force > 0.0 else None
 
 
+def _interaction(thresholds: tuple[float, float], mode: str, vehicle: Vehicle) -> InteractionGains | None:
+    """Constants of pressing; None where it is left out."""
+    touch, lost = thresholds
+    if touch == 0.0 and lost == 0.0:
+        return None
+    at = f"controller.interaction = {shown(thresholds)}"
+    if not touch > lost > 0.0:
+        raise ControllerError(f"{at}: must be two forces above 0, the second below the first, or twice 0")
+    if mode != "tip" or not vehicle.n:
+        raise ControllerError(f"{at}: must be twice 0 but in mode 'tip' with joints that press")
+    return InteractionGains(touch=touch, lost=lost)
+
+
 def _air(vehicle: Vehicle, hull: bool, wind: tuple[float, float, float]) -> BelievedAir | None:
     """What is believed of the air; None for still air and no hull."""
     if hull and not any(vehicle.drag.area):
@@ -254,4 +269,5 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
             path=(AT_REST, AT_REST) if par.follows_path else (),
         ),
         lag=() if par.lag is None else first_lag(vehicle.n, par.lag.stride),
+        interaction=() if par.interaction is None else first_interaction(vehicle.n),
     )

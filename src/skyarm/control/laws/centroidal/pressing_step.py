@@ -1,0 +1,53 @@
+"""Where pressing meets the rest of the law: what it reads of a period, and what it gives back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from skyarm.algebra import Vec3
+from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.disturbance_observer import Observed, disturbance
+from skyarm.control.laws.centroidal.interaction import InteractionMemory, Pressing, interact, wanted_of
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.control.laws.centroidal.tip_force import levers
+from skyarm.dynamics import State
+
+
+def press(
+    par: CentroidalParameters,
+    memory: InteractionMemory,
+    push: Sequence[Any],
+    observed: Observed,
+    state: State,
+    unknown: Disturbance,
+    dt: Any,
+) -> tuple[InteractionMemory, Pressing, Disturbance, Vec3]:
+    """One period of pressing.
+
+    Args:
+        par: constants, with those of pressing.
+        memory: of pressing.
+        push: of the reference.
+        observed: of the observer, at the measurement's time.
+        state: now.
+        unknown: disturbance that the law would answer without a surface.
+        dt: control period, s.
+
+    Returns:
+        The memory, what the instant asks for, the disturbance that the law answers, and its force on the base as far as
+        the observer tells it (N, world axes), which the posture follows.
+    """
+    if par.interaction is None:
+        raise AssertionError("pressing needs its constants")
+    vehicle = par.model.vehicle
+    then = levers(vehicle, observed.quaternion.rotation(), observed.joints)
+    now = levers(vehicle, state.quaternion.rotation(), state.joints)
+    wanted = wanted_of(push)
+    moving = state.rate.cross(now.tip)
+    for column, rate in zip(now.columns, state.joint_rates, strict=True):
+        moving = moving + column * rate
+    into = -wanted.normal.dot(state.velocity + now.R.apply(moving))
+    memory, pressing = interact(par.interaction, memory, wanted, vehicle, disturbance(observed), then, into, dt)
+    given = pressing.exchanged(unknown, then, now)
+    return memory, pressing, given, observed.force + given.force - unknown.force
