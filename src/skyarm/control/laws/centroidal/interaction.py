@@ -4,11 +4,15 @@ The observer stays as it is: it takes the surface for a disturbance, and a law t
 its own push. So along n the *wanted* force stands in place of the observed one: the joints give it, the base carries
 it, and the tip has no position there, only damping. Across n everything is as without a surface.
 
-Per period: the tip's force f out of the observed disturbance (:mod:`skyarm.control.laws.centroidal.tip_force`); whether
-it touches (above ``touch`` it does, until f.n stayed below ``lost`` for ``patience`` or the tip goes in faster than
-``escape``); a share g that rises in ``rise`` and falls in ``fall`` seconds; the order o = g (f_d + i) with the bounded
-integral i' = k (f_d - f.n), which stands still unless g = 1; and the shift s of the whole reference along n, by which
-the base comes to the surface, follows it while pressing, and returns.
+Per period: the tip's force f out of the observed disturbance (:mod:`skyarm.control.laws.centroidal.tip_force`);
+whether it touches (above ``touch`` it does, until f.n stayed below ``lost`` for ``patience`` seconds or the tip went in
+faster than ``escape`` for ``haste``); a share g that rises in ``rise`` and falls in ``fall`` seconds; the order
+o = g (f_d + i) with the bounded integral i' = k (f_d - f.n), which stands still unless g = 1; and the shift s of the
+whole reference along n, by which the base comes to the surface, follows it while pressing, and returns.
+
+Friction holds a tip that does not slide with any force within its cone, and the joints bear what is left in it. Where a
+joint comes near its limit the law answers less of the observed force across n; friction takes the difference over, at
+rest, until the joint has room.
 """
 
 from __future__ import annotations
@@ -37,7 +41,8 @@ class InteractionGains:
     lost: Annotated[Scalar, Unit("N", "along the normal, below which it is lost after a while")]
     trust: Trust = Trust()
     patience: Annotated[Scalar, Unit("s", "below lost until contact is lost")] = 0.04
-    escape: Annotated[Scalar, Unit("m/s", "into the surface, above which contact is lost")] = 0.1
+    escape: Annotated[Scalar, Unit("m/s", "into the surface, above which the tip goes through")] = 0.1
+    haste: Annotated[Scalar, Unit("s", "that the tip goes through until contact is lost")] = 0.015
     rise: Annotated[Scalar, Unit("s", "ramp of the wanted force")] = 0.15
     fall: Annotated[Scalar, Unit("s", "ramp to none")] = 0.02
     integral: Annotated[Scalar, Unit("1/s", "of the force's error")] = 4.0
@@ -50,6 +55,9 @@ class InteractionGains:
     follow: Annotated[Scalar, Unit("rad/s", "of the base that follows the surface")] = 4.0
     coming: Annotated[Scalar, Unit("1/s", "at which the base takes the speed of coming")] = 8.0
     follow_limit: Annotated[Scalar, Unit("m/s^2", "of the base along the normal")] = 4.0
+    tired: Annotated[Scalar, Unit("", "share of a joint's torque from which on friction is let go")] = 0.8
+    worn: Annotated[Scalar, Unit("", "share of a joint's torque at which most is let go")] = 0.95
+    relief: Annotated[Scalar, Unit("", "0 to 1, of the observed friction that is let go at most")] = 0.2
     furthest: Annotated[Scalar, Unit("m", "that the base looks for the surface")] = 0.5
 
 
@@ -58,7 +66,7 @@ class InteractionMemory:
     """Memory of pressing."""
 
     touching: Annotated[Scalar, Unit("", "1 while the tip touches as it is wanted to")]
-    weak: Annotated[Scalar, Unit("s", "for which the force is below lost")]
+    doubt: Annotated[Scalar, Unit("", "0 to 1, at which contact counts as lost")]
     share: Annotated[Scalar, Unit("", "0 to 1, of the wanted force")]
     integral: Annotated[Scalar, Unit("N", "beside the wanted force")]
     shift: Annotated[Scalar, Unit("m", "of the reference along the normal")]
@@ -85,7 +93,8 @@ class Pressing:
     Attributes:
         n: out of the surface. share: 0 free, 1 pressing. damping: 1/s, of the tip along n where it presses.
         engaged: 1 while the order stands in place of the observed force. shift: m, m/s and m/s^2 along n.
-        order: N, along n, in place of the observed one.
+        order: N, along n, in place of the observed one. force: N, the tip's as observed, world axes.
+        kept: 0 to 1, of the observed force across n that is answered.
     """
 
     n: Vec3
@@ -95,6 +104,7 @@ class Pressing:
     shift: tuple[Any, Any, Any]
     order: Any
     force: Vec3
+    kept: Any
 
     def shifted(self, signals: Sequence[Taylor]) -> list[Taylor]:
         """The reference's signals with x, y and z moved along the normal."""
@@ -103,7 +113,8 @@ class Pressing:
 
     def exchanged(self, d: Disturbance, then: TipLevers, now: TipLevers) -> Disturbance:
         """The disturbance with the order in place of what the observer holds along n, by the levers of the present."""
-        wanted = self.force + self.n * (self.order - self.n.dot(self.force))
+        across = self.force - self.n * self.n.dot(self.force)
+        wanted = across * self.kept + self.n * self.order
         held, given = then.disturbance(self.force), now.disturbance(wanted)
         return Disturbance(
             force=d.force + (given.force - held.force) * self.engaged,
@@ -134,7 +145,7 @@ def first_interaction(joints: int) -> InteractionMemory:
     none = Disturbance(force=zero, torque=zero, efforts=(0.0,) * joints)
     return InteractionMemory(
         touching=0.0,
-        weak=0.0,
+        doubt=0.0,
         share=0.0,
         integral=0.0,
         shift=0.0,
@@ -160,6 +171,7 @@ def interact(
     observed: Disturbance,
     at: TipLevers,
     into: Any,
+    load: Any,
     dt: Any,
 ) -> tuple[InteractionMemory, Pressing]:
     """One period of pressing.
@@ -172,12 +184,13 @@ def interact(
         observed: what the observer holds.
         at: levers at its time.
         into: speed of the tip into the surface, m/s.
+        load: of the joint nearest to its limit, the share of it that was sent last.
         dt: s.
     """
     n, asked = wanted.normal, wanted.force > 0.0
     force = tip_force(vehicle, gains.trust, at, without(observed, memory.bias))
     along = n.dot(force)
-    touching, weak = touches(gains, memory, asked, along, into, dt)
+    touching, doubt = touches(gains, memory, asked, along, into, dt)
     share = ramped(gains, memory.share, touching, dt)
     integral = integrated(gains, memory.integral, wanted.force, along, touching, share, dt)
     engaged = where(logical_or(touching > 0.5, share > 0.0), 1.0, 0.0)
@@ -186,7 +199,7 @@ def interact(
     after = dataclasses.replace(
         memory,
         touching=touching,
-        weak=weak,
+        doubt=doubt,
         share=share,
         integral=integral,
         shift=shift[0],
@@ -203,6 +216,7 @@ def interact(
         shift=shift,
         order=share * (wanted.force + integral),
         force=force,
+        kept=1.0 - gains.relief * clip((load - gains.tired) / (gains.worn - gains.tired), 0.0, 1.0),
     )
     return after, pressing
 
@@ -210,13 +224,17 @@ def interact(
 def touches(
     gains: InteractionGains, memory: InteractionMemory, asked: Any, along: Any, into: Any, dt: Any
 ) -> tuple[Any, Any]:
-    """Whether the tip touches (1 or 0), with hysteresis; and for how long the force is weak, s."""
+    """Whether the tip touches (1 or 0), with hysteresis; and the doubt of it, which a bounce leaves below 1."""
     was = memory.touching > 0.5
-    weak = where(logical_and(was, along < gains.lost), memory.weak + dt, 0.0)
-    # half a period: a sum of periods meets a limit that is a whole number of them
-    lost = logical_or(weak > gains.patience - 0.5 * dt, into > gains.escape)
-    found: Any = where(was, where(lost, 0.0, 1.0), where(along > gains.touch, 1.0, 0.0))
-    return where(asked, found, 0.0), weak
+    weak, through = (
+        where(along < gains.lost, dt / gains.patience, 0.0),
+        where(into > gains.escape, dt / gains.haste, 0.0),
+    )
+    step = maximum(weak, through)
+    doubt = where(logical_and(was, step > 0.0), memory.doubt + step, 0.0)
+    # a sum of periods is not exactly their number times one
+    found: Any = where(was, where(doubt > 1.0 - 1e-9, 0.0, 1.0), where(along > gains.touch, 1.0, 0.0))
+    return where(asked, found, 0.0), doubt
 
 
 def ramped(gains: InteractionGains, share: Any, touching: Any, dt: Any) -> Any:

@@ -81,7 +81,9 @@ def centroidal(
     state = _present(par, model, measurement, memory, observed, unknown, dt)
     held, pressing, force = memory.interaction, None, observed.force
     if par.interaction is not None and isinstance(held, InteractionMemory) and reference.push:
-        held, pressing, unknown, force = press(par, held, reference.push, observed, state, unknown, dt)
+        held, pressing, unknown, force = press(
+            par, held, reference.push, observed, memory.sent[-1].efforts, state, unknown, dt
+        )
         signals = pressing.shifted(signals)
     share = 1.0 - exp(-(par.tip.shift_rate * dt))
     slow = memory.slow_force + (force - memory.slow_force) * share

@@ -12,6 +12,8 @@ from skyarm.control.laws.centroidal.interaction import InteractionMemory, Pressi
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.dynamics import State
+from skyarm.scalars import absolute, divide, maximum
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def press(
@@ -19,6 +21,7 @@ def press(
     memory: InteractionMemory,
     push: Sequence[Any],
     observed: Observed,
+    sent: Sequence[Any],
     state: State,
     unknown: Disturbance,
     dt: Any,
@@ -30,6 +33,7 @@ def press(
         memory: of pressing.
         push: of the reference.
         observed: of the observer, at the measurement's time.
+        sent: the last efforts.
         state: now.
         unknown: disturbance that the law would answer without a surface.
         dt: control period, s.
@@ -48,6 +52,16 @@ def press(
     for column, rate in zip(now.columns, state.joint_rates, strict=True):
         moving = moving + column * rate
     into = -wanted.normal.dot(state.velocity + now.R.apply(moving))
-    memory, pressing = interact(par.interaction, memory, wanted, vehicle, disturbance(observed), then, into, dt)
+    memory, pressing = interact(
+        par.interaction, memory, wanted, vehicle, disturbance(observed), then, into, _load(vehicle, sent), dt
+    )
     given = pressing.exchanged(unknown, then, now)
     return memory, pressing, given, observed.force + given.force - unknown.force
+
+
+def _load(vehicle: Vehicle, efforts: Sequence[Any]) -> Any:
+    """The largest share of its limit that a joint's effort takes."""
+    most: Any = 0.0
+    for link, effort in zip(vehicle.links, efforts, strict=True):
+        most = maximum(most, divide(absolute(effort), link.joint.effort_limit))
+    return most
