@@ -10,9 +10,9 @@ faster than ``escape`` for ``haste``); a share g that rises in ``rise`` and fall
 o = g (f_d + i) with the bounded integral i' = k (f_d - f.n), which stands still unless g = 1; and the shift s of the
 whole reference along n, by which the base comes to the surface, follows it while pressing, and returns.
 
-Friction holds a tip that does not slide with any force within its cone, and the joints bear what is left in it. Where a
-joint comes near its limit the law answers less of the observed force across n; friction takes the difference over, at
-rest, until the joint has room.
+Friction holds a tip that does not slide with any force within its cone, and joints and rotors bear what is left in it.
+Where one of them comes near its limit the law answers less of the observed force across n; friction takes the
+difference over, at rest, until there is room.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ class InteractionGains:
     follow: Annotated[Scalar, Unit("rad/s", "of the base that follows the surface")] = 4.0
     coming: Annotated[Scalar, Unit("1/s", "at which the base takes the speed of coming")] = 8.0
     follow_limit: Annotated[Scalar, Unit("m/s^2", "of the base along the normal")] = 4.0
-    tired: Annotated[Scalar, Unit("", "share of a joint's torque from which on friction is let go")] = 0.8
-    worn: Annotated[Scalar, Unit("", "share of a joint's torque at which most is let go")] = 0.95
+    tired: Annotated[Scalar, Unit("", "share of a limit from which on friction is let go")] = 0.9
+    worn: Annotated[Scalar, Unit("", "share of a limit at which most is let go")] = 1.0
     relief: Annotated[Scalar, Unit("", "0 to 1, of the observed friction that is let go at most")] = 0.2
     furthest: Annotated[Scalar, Unit("m", "that the base looks for the surface")] = 0.5
 
@@ -184,7 +184,7 @@ def interact(
         observed: what the observer holds.
         at: levers at its time.
         into: speed of the tip into the surface, m/s.
-        load: of the joint nearest to its limit, the share of it that was sent last.
+        load: of the joint or rotor nearest to its limit, the share of it that was sent last.
         dt: s.
     """
     n, asked = wanted.normal, wanted.force > 0.0

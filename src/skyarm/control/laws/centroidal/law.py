@@ -82,7 +82,7 @@ def centroidal(
     held, pressing, force = memory.interaction, None, observed.force
     if par.interaction is not None and isinstance(held, InteractionMemory) and reference.push:
         held, pressing, unknown, force = press(
-            par, held, reference.push, observed, memory.sent[-1].efforts, state, unknown, dt
+            par, held, reference.push, signals, observed, memory.sent[-1], state, unknown, dt
         )
         signals = pressing.shifted(signals)
     share = 1.0 - exp(-(par.tip.shift_rate * dt))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance
@@ -12,16 +13,21 @@ from skyarm.control.laws.centroidal.interaction import InteractionMemory, Pressi
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.dynamics import State
-from skyarm.scalars import absolute, divide, maximum
+from skyarm.scalars import absolute, divide, maximum, where
+from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
+
+SLIDES = 0.01
+"""m/s along the surface, from which on friction is at its cone and cannot be let go."""
 
 
 def press(
     par: CentroidalParameters,
     memory: InteractionMemory,
     push: Sequence[Any],
+    signals: Sequence[Taylor],
     observed: Observed,
-    sent: Sequence[Any],
+    sent: Command,
     state: State,
     unknown: Disturbance,
     dt: Any,
@@ -32,8 +38,9 @@ def press(
         par: constants, with those of pressing.
         memory: of pressing.
         push: of the reference.
+        signals: of the reference, series in time.
         observed: of the observer, at the measurement's time.
-        sent: the last efforts.
+        sent: the last command.
         state: now.
         unknown: disturbance that the law would answer without a surface.
         dt: control period, s.
@@ -52,16 +59,20 @@ def press(
     for column, rate in zip(now.columns, state.joint_rates, strict=True):
         moving = moving + column * rate
     into = -wanted.normal.dot(state.velocity + now.R.apply(moving))
-    memory, pressing = interact(
-        par.interaction, memory, wanted, vehicle, disturbance(observed), then, into, _load(vehicle, sent), dt
-    )
+    led = Vec3(*(signal.derivative(1) for signal in signals[:3]))
+    across = led - wanted.normal * wanted.normal.dot(led)
+    load = where(across.dot(across) < SLIDES * SLIDES, _load(vehicle, sent), 0.0)
+    memory, pressing = interact(par.interaction, memory, wanted, vehicle, disturbance(observed), then, into, load, dt)
     given = pressing.exchanged(unknown, then, now)
     return memory, pressing, given, observed.force + given.force - unknown.force
 
 
-def _load(vehicle: Vehicle, efforts: Sequence[Any]) -> Any:
-    """The largest share of its limit that a joint's effort takes."""
+def _load(vehicle: Vehicle, sent: Command) -> Any:
+    """The largest share of its limit that a joint's effort or a rotor's squared speed takes."""
     most: Any = 0.0
-    for link, effort in zip(vehicle.links, efforts, strict=True):
+    for link, effort in zip(vehicle.links, sent.efforts, strict=True):
         most = maximum(most, divide(absolute(effort), link.joint.effort_limit))
+    for rotor, speed in zip(vehicle.rotors, sent.rotor_speeds, strict=True):
+        share = divide(speed, rotor.max_speed)
+        most = maximum(most, share * share)
     return most
