@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from skyarm.actuation import Command
     from skyarm.actuation.drive import Drive
     from skyarm.algebra import Mat3, Quaternion, Vec3
+    from skyarm.contact import Contact, ContactPoint, Material, Surface
     from skyarm.control.catalogue import Controller, make_controller, preset
     from skyarm.control.model import Model
     from skyarm.dynamics import State, euler_lagrange
@@ -80,6 +81,7 @@ _ROOMS = {
     "skyarm.actuation": ("Command",),
     "skyarm.actuation.drive": ("Drive",),
     "skyarm.algebra": ("Mat3", "Quaternion", "Vec3"),
+    "skyarm.contact": ("Contact", "ContactPoint", "Material", "Surface"),
     "skyarm.control.catalogue": ("Controller", "make_controller", "preset"),
     "skyarm.control.model": ("Model",),
     "skyarm.dynamics": ("State",),
@@ -155,6 +157,8 @@ __all__ = [
     "Change",
     "Command",
     "Constant",
+    "Contact",
+    "ContactPoint",
     "Controller",
     "Delays",
     "Drive",
@@ -172,6 +176,7 @@ __all__ = [
     "Log",
     "LogFormat",
     "Mat3",
+    "Material",
     "Measurement",
     "Metric",
     "Model",
@@ -192,6 +197,7 @@ __all__ = [
     "Sine",
     "State",
     "StudyError",
+    "Surface",
     "TimedPayload",
     "Trajectory",
     "Truth",

@@ -54,7 +54,7 @@ def everything(*numbers):
 @pytest.mark.parametrize(
     ("engine", "tolerance"),
     [
-        ("numpy", 1e-12),
+        pytest.param("numpy", 1e-12, marks=pytest.mark.thorough),
         ("trace", 0.0),
         pytest.param("jax", 1e-10, marks=pytest.mark.thorough),  # one operation after the other: 5 s
         pytest.param("casadi", 1e-10, marks=pytest.mark.thorough),
@@ -98,3 +98,48 @@ def test_what_sticks_on_a_ball_turns_with_its_normal():
     for touch in CONTACT.touches(memory, PointMotion(BIRD, START)):
         assert abs(float(touch.friction.dot(touch.axis))) < 1e-12
         assert float(touch.axis.dot(touch.axis)) == pytest.approx(1.0)
+
+
+def test_one_surface_that_moves_is_where_the_clock_says():
+    assert MEMORY.clock == (0.0,)
+    assert CONTACT.slope(MEMORY, 0.0, PointMotion(BIRD, START), ()).clock == (1.0,)
+    assert CONTACT.advance(MEMORY, 0.35, 0.005, START, ()).clock == (0.35,)
+    later = dataclasses.replace(MEMORY, clock=(0.25,))
+    before, after = (CONTACT.touches(each, PointMotion(BIRD, START)) for each in (MEMORY, later))
+    assert float(after[0].depth) == float(before[0].depth)
+    assert float(after[2].depth) > float(before[2].depth) + 0.005
+
+
+def touch_of_ball(**motion):
+    """A ball of 0.1 m about the base's origin, 0.09 m above the ground."""
+    ball = Contact(
+        surfaces=(Surface(name="ground"),),
+        points=(ContactPoint(name="ball", body="base", radius=0.1),),
+    )
+    state = dataclasses.replace(START, position=Vec3(0.0, 0.0, 0.09), **motion)
+    (touch,) = ball.touches(ball.start(0.005, ()), PointMotion(BIRD, state))
+    return touch
+
+
+def test_a_ball_is_as_deep_as_its_radius_says_and_slips_with_its_lowest_point():
+    """w x (-r n): at 0.5 rad/s about y the lowest point goes backwards with 5 cm/s, which v_x makes good."""
+    still = touch_of_ball()
+    assert float(still.depth) == pytest.approx(0.01, rel=1e-12)
+    assert [*still.spot] == pytest.approx([0.0, 0.0, -0.1])
+    turning = touch_of_ball(rate=Vec3(0.0, 0.5, 0.0))
+    assert [*turning.bristle_rate] == pytest.approx([-0.05, 0.0, 0.0], abs=1e-12)
+    rolling = touch_of_ball(rate=Vec3(0.0, 0.5, 0.0), velocity=Vec3(0.05, 0.0, 0.0))
+    assert [*rolling.bristle_rate] == pytest.approx([0.0] * 3, abs=1e-12)
+    assert float(touch_of_ball(velocity=Vec3(0.0, 0.0, -0.2)).rising) == pytest.approx(-0.2)
+
+
+@pytest.mark.parametrize(
+    ("height", "speed", "far"), [(0.0051, 0.0, True), (0.0049, 0.0, False), (0.0099, -1.0, False), (0.0101, -1.0, True)]
+)
+def test_far_is_what_stays_five_millimetres_away_at_its_present_speed(height, speed, far):
+    ground = Contact(surfaces=(Surface(name="g"), Surface(name="deep", position=(0.0, 0.0, -1.0))), points=SPOT)
+    state = dataclasses.replace(START, position=Vec3(0.0, 0.0, height), velocity=Vec3(3.0, 0.0, speed))
+    assert bool(ground.far(ground.start(0.005, ()), PointMotion(BIRD, state), 0.005)) is far
+
+
+SPOT = (ContactPoint(name="spot", body="base"),)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import tomllib
 from pathlib import Path
 
@@ -11,7 +12,9 @@ import pytest
 
 import skyarm
 from skyarm.log.log_columns import columns
+from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.scenario.scenario_file import scenario_from
+from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop import run_in_python
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -49,6 +52,18 @@ def test_the_tip_is_stopped_by_the_wall_and_the_log_says_how_strongly(pressed):
     assert friction.max() > 0.1
     assert (force[depth == 0.0] < 0.1).all()
     assert np.abs(pressed.wind_force).max() == 0.0, "contact is no wind"
+
+
+def test_far_from_every_surface_a_flight_has_the_bits_and_the_steps_of_a_free_one(press):
+    away = copy.deepcopy(press) | {"duration": 0.3}
+    away["world"]["surfaces"][0]["position"][0] = 0.5
+    scenario = scenario_from(away)
+    near, free = skyarm.run(scenario), skyarm.run(dataclasses.replace(scenario, contact=None))
+    assert np.array_equal(near.position, free.position)
+    assert np.array_equal(near.joints, free.joints)
+    around = first_surroundings(scenario, first_loop_state(scenario))
+    steps = RigidBodyPlant(scenario.world, around).substeps(0.005)
+    assert (int(steps), steps.far) == (3, 1)
 
 
 def test_columns_are_named_by_surface_and_point_and_files_keep_them(pressed, tmp_path):
@@ -118,6 +133,19 @@ def test_a_rotor_that_comes_to_a_wall_ends_the_flight_with_its_cause(press):
     assert skyarm.run(scenario_from(near)).status == "completed"
 
 
+@pytest.mark.thorough
+def test_lanes_of_a_batch_say_which_of_them_touched_with_a_rotor(press):
+    near = copy.deepcopy(press)
+    near["world"]["surfaces"][0] |= {"size": [0.1, 2.0, 3.0], "position": [0.2716 + 0.06, 0.0, 0.45]}
+    near["duration"] = 0.5
+    radii = np.array([0.05, 0.1, 0.08])
+    with skyarm.Batch(scenario_from(near), ["world.rotor_radius"], effort=0) as batch:
+        flown = batch.fly({"world.rotor_radius": radii})
+    assert flown.status.tolist() == ["completed", "rotor_contact", "completed"]
+    assert flown.end_time[1] == skyarm.run(scenario_from(near)).info["end_time"]
+
+
+@pytest.mark.thorough
 def test_a_base_that_comes_into_a_surface_ends_the_flight(press):
     ball = {"name": "ball", "shape": "sphere", "size": [0.02], "position": [0.025, 0.0, 1.0]}
     found = {**press, "world": {"surfaces": [ball]}, "duration": 0.4}
@@ -138,9 +166,24 @@ def test_what_stands_at_rest_does_not_jump(landing):
     weight = float(scenario.world.vehicle.mass) * float(scenario.world.gravity)
     log = skyarm.run(scenario_from({**landing, "duration": 0.05, "delays": {"command": 0.05}}))
     assert log.contact_force[0].sum() == pytest.approx(weight, rel=1e-9)
+    assert [*log.position[0, :2], log.euler[0, 2]] == pytest.approx([0.0] * 3, abs=1e-12)
     assert (log.contact_force[0] > 0.0).all()
     assert np.abs(log.velocity).max() < 2e-4
     assert log.contact_force.sum(axis=1) == pytest.approx(np.full(len(log.time), weight), rel=5e-3)
+
+
+@pytest.mark.thorough
+def test_beside_turbulence_and_a_payload_every_engine_keeps_what_contact_remembers(landing):
+    """Memories of other components stand before and behind the contact's: floats, machine code and MuJoCo."""
+    wind = {"mode": "moving_air", "velocity": [2, 0, 0], "turbulence": {"altitude": 6, "wind_20ft": 4}}
+    load = {"name": "a", "mass": 0.02, "pick": 0.02, "kind": "hanging"}
+    found = scenario_from({**landing, "duration": 0.1, "environment": {"wind": wind}, "payloads": [load]})
+    quick, slow = skyarm.run(found), run_in_python(found)
+    assert np.array_equal(quick.contact_friction, slow.contact_friction)
+    assert np.array_equal(quick.position, slow.position)
+    theirs = skyarm.run(dataclasses.replace(found, plant="mujoco"))
+    assert quick.contact_friction[3:8].max() > 1e-3
+    assert theirs.contact_friction[:8] == pytest.approx(quick.contact_friction[:8], abs=0.02)
 
 
 def test_the_ground_of_the_world_takes_the_place_of_the_ground_that_ends_a_flight(landing):
@@ -193,6 +236,7 @@ def test_worlds_that_cannot_be_are_refused_in_one_line(press, change, words):
     [({"standing": True, "velocity": [1, 0, 0]}, "initial.velocity: must be left out"),
      ({"standing": 1}, "initial.standing = 1: must be true or false"),
      ({"standing": True, "position": [0, 0, -5]}, "must begin above what it is set down on"),
+     ({"standing": True, "position": [0, 0, 4]}, "nothing carries it within 3 m below"),
      ({"standing": True, "joints": [1.5, 0.0]}, "tips over")],
 )  # fmt: skip
 def test_starts_that_cannot_stand_are_refused(landing, initial, words):
@@ -201,6 +245,11 @@ def test_starts_that_cannot_stand_are_refused(landing, initial, words):
         found["world"]["points"] = found["world"]["points"][:1]
     with pytest.raises(skyarm.ScenarioError, match=words):
         scenario_from(found)
+
+
+def test_without_weight_nothing_stands(landing):
+    with pytest.raises(skyarm.ScenarioError, match="gravity leaves no weight to stand with"):
+        scenario_from({**landing, "plant": {**landing["plant"], "gravity": 0.0}})
 
 
 def test_standing_needs_a_world(press):

@@ -29,7 +29,7 @@ def test_a_vehicle_that_was_dropped_rests_as_deep_as_its_weight_presses_it():
     assert np.abs(rows[-1, 7:13]).max() < 1e-3
 
 
-@pytest.mark.parametrize("friction", [0.15, 0.3])
+@pytest.mark.parametrize("friction", [0.3, pytest.param(0.15, marks=pytest.mark.thorough)])
 def test_a_block_that_slides_loses_mu_g_of_its_speed_each_second(friction):
     start = at_rest(BIRD, (0.0, 0.0, 0.12 - REST), velocity=Vec3(0.8, 0.6, 0.0))
     rows = fall(BIRD, start, around(ground(friction=friction, dissipation=3.0)), 0.15)
@@ -48,9 +48,9 @@ def test_on_a_slope_it_sticks_below_the_cone_and_slides_above():
     down = np.array([math.cos(slope), 0.0, -math.sin(slope)])
     stuck = fall(BIRD, tilt, around(ground(friction=0.5, angles=(0.0, slope, 0.0))), 1.2)
     assert abs((stuck[-1, :3] - stuck[-101, :3]) @ down) < 0.5e-4
-    slid = fall(BIRD, tilt, around(ground(friction=0.3, angles=(0.0, slope, 0.0))), 0.5)
+    slid = fall(BIRD, tilt, around(ground(friction=0.3, angles=(0.0, slope, 0.0))), 0.4)
     expected = GRAVITY * (math.sin(slope) - 0.3 * math.cos(slope))
-    assert (slid[-1, 7:10] - slid[-61, 7:10]) @ down / 0.3 == pytest.approx(expected, rel=5e-3)
+    assert (slid[-1, 7:10] - slid[-41, 7:10]) @ down / 0.2 == pytest.approx(expected, rel=1e-2)
 
 
 @pytest.mark.parametrize("stiffness", [5000.0, pytest.param(20000.0, marks=pytest.mark.thorough)])
@@ -58,7 +58,7 @@ def test_an_elastic_bounce_keeps_its_energy(stiffness):
     """Of a limp vehicle on its tip at 0.3 m/s, at any phase of the step: within 0.02 %, the stretch of the target."""
     bird = limp("hummingbird_arm2_rotors")
     start = at_rest(bird, (0.0, 0.0, 0.0), (-0.45, -0.9), velocity=Vec3(0.3, 0.0, 0.0))
-    for off in (0.0, 1.7e-4, 3.3e-4):
+    for off in (0.0, 2.5e-4):
         wall = Surface(
             name="wall", shape="box", size=(0.2, 1.0, 1.0), position=(0.2116 + 0.101 + off, 0.0, 0.0),
             material=Material(stiffness=stiffness, dissipation=0.0, friction=0.0),
@@ -87,6 +87,7 @@ def test_a_moving_floor_gives_what_the_motion_of_the_mass_needs():
     assert np.ptp(needed) > 0.5 * REST * 0.04, "the acceleration shows"
 
 
+@pytest.mark.thorough
 def test_friction_drags_a_vehicle_along_with_a_floor_that_moves_under_it():
     floor = Surface(name="floor", motion=SignalVector(x=Sine(amplitude=0.1, frequency_hz=0.5)))
     start = at_rest(BIRD, (0.0, 0.0, 0.12 - REST), velocity=Vec3(0.1 * math.pi, 0.0, 0.0))

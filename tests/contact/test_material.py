@@ -54,6 +54,12 @@ def test_beyond_what_a_step_can_follow_it_bends_no_faster_and_sliding_is_the_sam
     assert STEEL.bristle_rate(sliding, Vec3(5.0, 0.0, 0.0), 1e-3, 0.1).x == pytest.approx(0.0, abs=1e-12)
 
 
+def test_at_rest_nothing_is_undefined():
+    upright, still_point = Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0)
+    assert [*STEEL.bristle_rate(upright, still_point, 1e-3, FAST)] == [0.0] * 3
+    assert [*STEEL.friction_force(upright, still_point, 1.0)] == pytest.approx([0.0] * 3, abs=1e-12)
+
+
 def test_without_contact_the_bristle_stands_up():
     assert STEEL.bristle_rate(Vec3(1e-4, 0.0, -2e-5), Vec3(1.0, 0.0, 0.0), -1e-6, FAST).x == pytest.approx(-0.05)
 

@@ -91,8 +91,8 @@ def test_each_number_of_a_row_is_refused_by_its_place(name, bad):
     count = len(PRESETS["robust"][name])
     for i in range(count):
         row = [1.0] * count
-        # an attitude may be to either side
-        row[i] = -1.01 if name == "attitude" and bad == -1e-9 else bad
+        # an attitude and a wind may be to either side
+        row[i] = {"attitude": -1.01, "wind": -100.1}.get(name, bad) if bad == -1e-9 else bad
         with pytest.raises(ControllerError, match=re.escape(f"controller.{name}[{i}] = ")):
             checked(name, row)
 

@@ -57,6 +57,11 @@ def scenarios() -> dict[str, Callable[[], skyarm.Scenario]]:
         wind=skyarm.ForceWind(force_W=(1.0, 0.0, 0.0), gust=skyarm.Gust(peak=(1.0, 0, 0), start=0.0, duration=1.0)),
     )
     found["guarded"] = lambda: dataclasses.replace(base(), controller=with_safety_layer(base().controller))
+    wall = skyarm.Surface(name="wall", shape="box", size=(0.1, 1.0, 1.0), position=(2.0, 0.0, 0.0))
+    points = (skyarm.ContactPoint(name="skid", body="base", position=(0.0, 0.0, -0.1), radius=0.01),)
+    found["contact"] = lambda: dataclasses.replace(
+        base(), contact=skyarm.Contact(surfaces=(wall, skyarm.Surface(name="ground")), points=points, rotor_radius=0.1)
+    )
     for law in LAWS:
         found[law] = functools.partial(skyarm.load_scenario, "case1", duration=SECONDS, controller=law)
     return {name: functools.cache(make) for name, make in found.items()}
@@ -126,7 +131,10 @@ def test_a_scenario_flies_or_is_refused_whatever_one_of_its_fields_holds(name: s
         plainly(lambda: run_in_python(scenario))
 
 
-@pytest.mark.parametrize("name", sampled(["everything", "indi", "force", "guarded", "centroidal"], 5, keep=("indi",)))
+LOOKED_AT = ("everything", "indi", "force", "guarded", "centroidal", "contact")
+
+
+@pytest.mark.parametrize("name", sampled(LOOKED_AT, 6, keep=("indi",)))
 def test_every_field_takes_or_refuses_every_hostile_value(name: str) -> None:
     """Without a flight: all of them, some thousand."""
     taken = 0

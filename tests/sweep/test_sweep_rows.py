@@ -11,6 +11,7 @@ import pytest
 
 from log_metrics import Errors, calmness, constant_wind, gust, last, motion, tracking
 from skyarm.compile import leaves, rebuild
+from skyarm.contact import Contact, Surface
 from skyarm.metrics.windows import Windows
 from skyarm.plant.friction_rate import friction_rate
 from skyarm.plant.integrators import FRICTION_STEP
@@ -174,6 +175,11 @@ def test_statuses_are_those_of_single_runs_in_their_order() -> None:
             for side, sign in (("lower", -1.0), ("upper", 1.0))
         },
     )
+    # a base at 0.6 m is in one ball, a level front rotor at 1 m in the other
+    balls = [
+        Surface(name=f"at {z}", shape="sphere", size=(0.02,), position=(x, 0.0, z)) for x, z in ((0.0, 0.6), (0.17, 1))
+    ]
+    scenario = dataclasses.replace(scenario, contact=Contact(surfaces=tuple(balls)))
     rng = np.random.default_rng(0)
     base = np.array(leaves(first_state(scenario)))
     states = np.repeat(base[None, :], 400, axis=0)

@@ -22,6 +22,7 @@ ROOMS = {
     "stability": "Margins",
     "log": "Logs",
     "metrics": "Metrics",
+    "contact": "Contact",
     "figures": "Pictures",
     "sweep": "Sweeps",
     "paper": "The paper",

@@ -17,6 +17,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.environment.component import Force, Wrench
 from skyarm.files import shown
+from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, logical_and, maximum, minimum, neg, sqrt
@@ -88,7 +89,7 @@ class Contact(Force):
             names = [record.name for record in records]
             for name in names:
                 if names.count(name) > 1:
-                    raise ValueError(f"world.{what}: name = {shown(name)}: must be of one only")
+                    raise RecordError(f"world.{what}: name = {shown(name)}: must be of one only")
 
     @property
     def coupled(self) -> bool:  # type: ignore[override]
@@ -123,16 +124,16 @@ class Contact(Force):
     def check(self, vehicle: Vehicle) -> None:
         """Raise ValueError with one line unless the vehicle has the points."""
         if not self.surfaces:
-            raise ValueError("world.surfaces: is missing; a world has at least one surface")
+            raise RecordError("world.surfaces: is missing; a world has at least one surface")
         if not self.points:
-            raise ValueError(f"world.points: is missing; vehicle {vehicle.name!r} has no tip")
+            raise RecordError(f"world.points: is missing; vehicle {vehicle.name!r} has no tip")
         for i, point in enumerate(self.points):
             try:
                 point.place(vehicle)
             except VehicleError as error:
-                raise ValueError(f"world.points[{i}].frame = {shown(point.frame)}: {error}") from None
+                raise RecordError(f"world.points[{i}].frame = {shown(point.frame)}: {error}") from None
             except ValueError as error:
-                raise ValueError(f"world.points[{i}].{error}") from None
+                raise RecordError(f"world.points[{i}].{error}") from None
 
     def start(self, period: float, draws: Sequence[Any]) -> ContactMemory:
         """Upright bristles at t = 0."""

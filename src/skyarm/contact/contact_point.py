@@ -7,6 +7,7 @@ from typing import Annotated
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.files import must_be_one_of, shown
+from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
@@ -34,13 +35,13 @@ class ContactPoint:
     def __post_init__(self) -> None:
         accept_fields(self, "point")
         if not self.name:
-            raise ValueError("point.name = '': must not be empty")
+            raise RecordError("point.name = '': must not be empty")
         if type(self.radius) is float and self.radius == 0.0:
             object.__setattr__(self, "radius", 0)
         if self.frame and (self.body or self.position != ZERO3):
-            raise ValueError(f"point.frame = {shown(self.frame)}: must be left out beside body and position")
+            raise RecordError(f"point.frame = {shown(self.frame)}: must be left out beside body and position")
         if not self.frame and not self.body:
-            raise ValueError("point.body: is missing; say a frame of the vehicle, or a body with a position")
+            raise RecordError("point.body: is missing; say a frame of the vehicle, or a body with a position")
 
     def place(self, vehicle: Vehicle) -> tuple[Vec3, int]:
         """(position in the axes of its body, index of the body).
@@ -55,5 +56,5 @@ class ContactPoint:
             return self.position, BASE
         names = [link.name for link in vehicle.moving]
         if self.body not in names:
-            raise ValueError(f"body = {shown(self.body)}: {must_be_one_of([BASE_NAME, *names], self.body)}")
+            raise RecordError(f"body = {shown(self.body)}: {must_be_one_of([BASE_NAME, *names], self.body)}")
         return self.position, names.index(self.body)

@@ -10,9 +10,10 @@ from skyarm.algebra.matrix import axis_rotation
 from skyarm.contact.material import Material
 from skyarm.environment.signal_vector import NO_SIGNALS, SignalVector
 from skyarm.files import must_be_one_of, shown
-from skyarm.records.coerce import concrete
+from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
+from skyarm.reference.signals import Constant
 from skyarm.scalars import Scalar, absolute, divide, maximum, sign, sqrt, where
 
 SHAPES = {"plane": (), "box": ("x", "y", "z"), "cylinder": ("radius", "length"), "sphere": ("radius",)}
@@ -50,18 +51,19 @@ class Surface:
             held = getattr(self, name)
             object.__setattr__(self, name, Vec3(*(0 if concrete(c) and c == 0.0 else c for c in held)))
         if not self.name:
-            raise ValueError("surface.name = '': must not be empty")
+            raise RecordError("surface.name = '': must not be empty")
         if self.shape not in SHAPES:
-            raise ValueError(f"surface.shape = {shown(self.shape)}: {must_be_one_of(SHAPES, self.shape)}")
+            raise RecordError(f"surface.shape = {shown(self.shape)}: {must_be_one_of(SHAPES, self.shape)}")
         sizes = SHAPES[self.shape]
         if len(self.size) != len(sizes):
             allowed = f"must be {len(sizes)} numbers, {', '.join(sizes)}" if sizes else "must be left out of a plane"
-            raise ValueError(f"surface.size = {shown(list(self.size))}: {allowed}")
+            raise RecordError(f"surface.size = {shown(list(self.size))}: {allowed}")
 
     @property
     def moves(self) -> bool:
         """Whether it has a motion, by structure."""
-        return self.motion != NO_SIGNALS
+        signals = (self.motion.x, self.motion.y, self.motion.z)
+        return any(type(each) is not Constant or type(each.value) is not int or each.value != 0 for each in signals)
 
     @property
     def rotation(self) -> Mat3:

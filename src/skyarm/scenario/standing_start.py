@@ -22,7 +22,7 @@ from skyarm.plant.interface import Truth
 
 Array = npt.NDArray[np.float64]
 
-STEP, LOWEST, LIFT = 0.002, 100.0, 0.05
+STEP, LOWEST, LIFT = 0.002, 3.0, 0.05
 """m, by which a vehicle is lowered until it stands, how far at most, and how far above its position it begins: a
 reference that presses it to the ground lies a little below where it stands."""
 
@@ -46,28 +46,35 @@ def standing(world: Truth, contact: Contact, state: State) -> State:
     """
     rest = _Rest(world, contact, state)
     lowered = -LIFT
+    if not rest.weight > 0.0:
+        raise ValueError("initial.standing = true: must be false where plant.gravity leaves no weight to stand with")
     if rest.residual(np.array([LIFT, 0.0, 0.0]))[0] > -1.0:
         raise ValueError("initial.standing = true: must begin above what it is set down on; it touches at 5 cm above")
     while rest.residual(np.array([-lowered, 0.0, 0.0]))[0] < 0.0:
         lowered += STEP
-        if lowered > LOWEST or rest.weight <= 0.0:
+        if lowered > LOWEST:
             place = shown([float(c) for c in state.position])
-            raise ValueError(f"initial.standing = true: must be above a surface; nothing carries it below {place} m")
-    low, high = -lowered, -lowered + STEP
-    for _ in range(60):  # halves down to the last bit
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if rest.residual(np.array([middle, 0.0, 0.0]))[0] >= 0.0 else (low, middle)
-    x = np.array([low, 0.0, 0.0])
-    for _ in range(ROUNDS):
-        found = rest.residual(x)
-        if np.abs(found).max() < SMALL:
-            return rest.at(x)
-        columns = [(rest.residual(x + step) - found) / size for size, step in zip(NEAR, np.diag(NEAR), strict=True)]
-        try:
-            x = x - np.linalg.solve(np.stack(columns, axis=1), found)
-        except np.linalg.LinAlgError:
-            break
+            below = f"nothing carries it within {LOWEST:g} m below {place} m"
+            raise ValueError(f"initial.standing = true: must be above a surface; {below}")
+    found = _balanced(rest, np.array([-lowered, 0.0, 0.0]))
+    if found is not None:
+        return found
     raise ValueError("initial.standing = true: must stand on three points around its centre of mass; it tips over")
+
+
+def _balanced(rest: _Rest, x: Array) -> State | None:
+    """The state at which forces and moments vanish, by Newton's method; None where there is none nearby."""
+    with np.errstate(all="ignore"):  # of numbers beyond measure
+        for _ in range(ROUNDS):
+            found = rest.residual(x)
+            if np.abs(found).max() < SMALL:
+                return rest.at(x)
+            columns = [(rest.residual(x + step) - found) / size for size, step in zip(NEAR, np.diag(NEAR), strict=True)]
+            try:
+                x = x - np.linalg.solve(np.stack(columns, axis=1), found)
+            except np.linalg.LinAlgError:
+                return None
+    return None
 
 
 class _Rest:
