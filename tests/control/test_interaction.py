@@ -14,6 +14,7 @@ from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import interaction as law
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.interaction import InteractionGains, Pressing, first_interaction
+from skyarm.control.laws.centroidal.surface_normal import leaning, slid
 from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.control.laws.centroidal.tip_reference import Goal
 from skyarm.control.model import Model
@@ -171,3 +172,29 @@ def test_other_thresholds_are_refused_in_one_line(pair):
 def test_a_law_without_a_tip_to_lead_is_refused():
     with pytest.raises(ControllerError, match="mode 'tip'"):
         make_centroidal(MODEL, mode="joint", interaction=(0.3, 0.1))
+
+
+def slope(direction, seconds, *, slides=True, asked=True, angle=0.1745329252):
+    """The normal that is believed after sliding on a wall that leans back by some angle, told upright."""
+    told, up = Vec3(-1.0, 0.0, 0.0), Vec3(float(np.sin(angle)), 0.0, float(np.cos(angle)))
+    velocity = up * (0.1 * direction[1]) + Vec3(0.0, 0.1 * direction[0], 0.0)
+    lean = Vec3(0.0, 0.0, 0.0)
+    for _ in range(round(seconds / DT)):
+        lean = slid(lean, leaning(told, lean), velocity, 1.0, asked, slides, DT)
+    return np.array([*leaning(told, lean)])
+
+
+def test_sliding_finds_the_normal_in_its_own_direction_only():
+    true = [-np.cos(np.radians(10.0)), 0.0, np.sin(np.radians(10.0))]
+    for direction in ((0.0, 1.0), (0.0, -1.0)):
+        assert np.allclose(slope(direction, 10.0), true, atol=1e-3)
+    # a time constant of 1 / rate, but for what is held back at slow speeds
+    first = slope((0.0, 1.0), 1.0)[2] / true[2]
+    assert first == pytest.approx(1.0 - np.exp(-1.0 / 1.04), abs=0.02)
+    told = [-1.0, 0.0, 0.0]
+    assert np.allclose(slope((1.0, 0.0), 10.0), told, atol=1e-6)
+    for without in ({"slides": False}, {"asked": False}):
+        assert np.allclose(slope((0.0, 1.0), 1.0, **without), told, atol=1e-6)
+    steep = slope((0.0, 1.0), 20.0, angle=1.2)
+    assert steep[2] == pytest.approx(0.4 / np.hypot(0.6, 0.4), rel=0.1)  # bounded
+    assert np.linalg.norm(slope((0.3, 1.0), 3.0)) == pytest.approx(1.0)

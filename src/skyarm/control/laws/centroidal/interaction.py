@@ -10,6 +10,8 @@ faster than ``escape`` for ``haste``); a share g that rises in ``rise`` and fall
 o = g (f_d + i) with the bounded integral i' = k (f_d - f.n), which stands still unless g = 1; and the shift s of the
 whole reference along n, by which the base comes to the surface, follows it while pressing, and returns.
 
+The normal itself is corrected by sliding (:mod:`skyarm.control.laws.centroidal.surface_normal`).
+
 Friction holds a tip that does not slide with any force within its cone, and joints and rotors bear what is left in it.
 Where one of them comes near its limit the law answers less of the observed force across n; friction takes the
 difference over, at rest, until there is room.
@@ -58,6 +60,7 @@ class InteractionGains:
     tired: Annotated[Scalar, Unit("", "share of a limit from which on friction is let go")] = 0.9
     worn: Annotated[Scalar, Unit("", "share of a limit at which most is let go")] = 1.0
     relief: Annotated[Scalar, Unit("", "0 to 1, of the observed friction that is let go at most")] = 0.2
+    tilting: Annotated[Scalar, Unit("1/s", "at which sliding corrects the normal")] = 1.0
     furthest: Annotated[Scalar, Unit("m", "that the base looks for the surface")] = 0.5
 
 
@@ -75,6 +78,7 @@ class InteractionMemory:
     gap: Annotated[Scalar, Unit("m", "of the tip from its shifted reference, along the normal")]
     bias: Disturbance
     force: Annotated[Vec3, Unit("N", "at the tip, believed, world axes")]
+    lean: Annotated[Vec3, Unit("", "of the normal from the one that is told, found by sliding")]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -154,6 +158,7 @@ def first_interaction(joints: int) -> InteractionMemory:
         gap=0.0,
         bias=none,
         force=zero,
+        lean=zero,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,11 +10,13 @@ from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance
+from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.interaction import InteractionMemory, Pressing, interact, wanted_of
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.control.laws.centroidal.surface_normal import leaning, slid
 from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.dynamics import State
-from skyarm.scalars import absolute, divide, maximum, where
+from skyarm.scalars import absolute, divide, logical_and, maximum, where
 from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -54,15 +57,28 @@ def press(
     vehicle = par.model.vehicle
     then = levers(vehicle, observed.quaternion.rotation(), observed.joints)
     now = levers(vehicle, state.quaternion.rotation(), state.joints)
-    wanted = wanted_of(push)
+    told = wanted_of(push)
+    wanted = dataclasses.replace(told, normal=leaning(told.normal, memory.lean))
     moving = state.rate.cross(now.tip)
     for column, rate in zip(now.columns, state.joint_rates, strict=True):
         moving = moving + column * rate
-    into = -wanted.normal.dot(state.velocity + now.R.apply(moving))
+    velocity = state.velocity + now.R.apply(moving)
+    into = -wanted.normal.dot(velocity)
     led = Vec3(*(signal.derivative(1) for signal in signals[:3]))
     across = led - wanted.normal * wanted.normal.dot(led)
-    load = where(across.dot(across) < SLIDES * SLIDES, _load(vehicle, sent), 0.0)
+    slides: Any = across.dot(across) > SLIDES * SLIDES
+    load = where(slides, 0.0, _load(vehicle, sent))
     memory, pressing = interact(par.interaction, memory, wanted, vehicle, disturbance(observed), then, into, load, dt)
+    lean = slid(
+        memory.lean,
+        wanted.normal,
+        velocity,
+        par.interaction.tilting,
+        wanted.force > 0.0,
+        logical_and(slides, memory.share > 1.0 - 1e-9),
+        dt,
+    )
+    memory = dataclasses.replace(memory, lean=vector_data(lean))
     given = pressing.exchanged(unknown, then, now)
     return memory, pressing, given, observed.force + given.force - unknown.force
 
