@@ -27,7 +27,8 @@ def leaning(told: Vec3, lean: Vec3) -> Vec3:
     """The unit normal that is believed."""
     n = told + lean
     # a reference that has not begun has no normal
-    return n * divide(1.0, sqrt(n.dot(n) + 1e-12))
+    unit: Vec3 = n * divide(1.0, sqrt(n.dot(n) + 1e-12))
+    return unit
 
 
 def slid(lean: Vec3, n: Vec3, velocity: Vec3, rate: Any, asked: Any, slides: Any, dt: Any) -> Vec3:
