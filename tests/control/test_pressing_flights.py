@@ -12,6 +12,8 @@ from skyarm.algebra import Mat3
 from skyarm.dynamics import mass_matrix
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.onboard.export_c import export_c
+from skyarm.records.plain import plain
+from skyarm.records.restore import restore
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 
@@ -74,6 +76,10 @@ def test_the_wanted_contact_and_the_thresholds_are_numbers_of_the_scenario(scena
     changed = with_numbers(scenario, {"reference.push.normal.2": 0.2, "controller.interaction.touch": 0.4})
     assert changed.trajectory.at(2.0).push[4] == pytest.approx(0.2 / np.sqrt(1.04))
     assert changed.controller.par.interaction.touch == 0.4
+
+
+def test_a_push_is_kept_with_the_scenario(scenario):
+    assert restore(plain(scenario.trajectory)) == scenario.trajectory
 
 
 def test_exported_c_is_told_of_the_push(scenario):
