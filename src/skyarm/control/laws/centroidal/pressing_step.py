@@ -87,7 +87,8 @@ def _load(vehicle: Vehicle, sent: Command) -> Any:
     """The largest share of its limit that a joint's effort or a rotor's squared speed takes."""
     most: Any = 0.0
     for link, effort in zip(vehicle.links, sent.efforts, strict=True):
-        most = maximum(most, divide(absolute(effort), link.joint.effort_limit))
+        limit = link.joint.effort_limit  # 0 is none
+        most = maximum(most, where(limit > 0.0, divide(absolute(effort), limit), 0.0))
     for rotor, speed in zip(vehicle.rotors, sent.rotor_speeds, strict=True):
         share = divide(speed, rotor.max_speed)
         most = maximum(most, share * share)
