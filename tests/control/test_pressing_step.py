@@ -8,13 +8,17 @@ import numpy as np
 import pytest
 
 import skyarm
+from flying_engines import evaluate
 from skyarm.actuation import Command
 from skyarm.algebra import Mat3, Quaternion, Vec3
+from skyarm.compile import leaves, rebuild
+from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import disturbance
 from skyarm.control.laws.centroidal import interaction as law
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.interaction import InteractionGains, first_interaction, wanted_of
 from skyarm.control.laws.centroidal.pressing_step import press
+from skyarm.control.laws.centroidal.surface_normal import slid
 from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -117,3 +121,28 @@ def test_what_a_touch_does_to_the_trend_of_the_force_is_not_foretold():
     assert command(fast, HELD) == command(before, HELD)
     free = first_interaction(2)
     assert command(fast, free) != command(before, free)
+
+
+def numbers_of_a_step(*numbers):
+    memory, rest = (
+        rebuild((HELD, PUSH), iter(numbers[: len(leaves((HELD, PUSH)))])),
+        numbers[len(leaves((HELD, PUSH))) :],
+    )
+    d = Disturbance(force=Vec3(*rest[:3]), torque=Vec3(*rest[3:6]), efforts=tuple(rest[6:8]))
+    after, pressing = law.interact(
+        GAINS, memory[0], wanted_of(memory[1]), ARM, d, levers(ARM, Mat3.identity(), rest[8:10]), rest[10], rest[11], DT
+    )
+    lean = slid(after.lean, pressing.n, Vec3(*rest[12:15]), 1.0, pressing.share > 0.1, rest[10] > 0.0, DT)
+    given = pressing.exchanged(d, AT, AT)
+    return [*leaves(after), *lean, *given.force, *given.torque, *given.efforts, pressing.order, *pressing.shift]
+
+
+@pytest.mark.parametrize("engine", ["trace", pytest.param("numpy", marks=pytest.mark.thorough)])
+def test_every_engine_presses_as_floats_do(engine):
+    rng = np.random.default_rng(4)
+    start = np.array([*leaves((HELD, PUSH)), *np.zeros(8), *JOINTS, 0.0, 0.5, 0.0, 0.0, 0.1])
+    given = start + 0.2 * rng.normal(size=(40, len(start)))
+    given[:, 0] = rng.uniform(0.0, 1.0, 40)  # touching or not
+    expected = evaluate("floats", numbers_of_a_step, given)
+    assert len(np.unique(expected[:, 0])) == 2
+    assert np.abs(evaluate(engine, numbers_of_a_step, given) - expected).max() <= 1e-12
