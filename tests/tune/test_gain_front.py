@@ -35,24 +35,25 @@ def test_the_front_goes_from_calm_to_stiff_without_points_that_another_beats():
 
 def test_the_best_of_the_gains_known_before_stays_where_none_found_is_better():
     found, worse = [point(3.0, 1.0), point(1.2, 5.0)], point(9.0, 0.2)
-    kept = front_of([worse, point(1.0, 4.0)], found, REQUIRED)
-    assert kept == [found[0], point(1.0, 4.0)]
-    assert pick(kept, REQUIRED) == 1
+    assert front_of([worse, point(1.0, 4.0)], found, REQUIRED) == ([found[0], point(1.0, 4.0)], 1)
     # calm and nearly as good: what was found is still better
-    assert front_of([worse, point(1.21, 0.5)], found, REQUIRED) == found
-    assert front_of([point(1.0, 4.0, lost=0.01), worse], found, REQUIRED) == found
+    assert front_of([worse, point(1.21, 0.5)], found, REQUIRED) == (found, 1)
+    assert front_of([point(1.0, 4.0, lost=0.01), worse], found, REQUIRED) == (found, 1)
+    # where nothing meets all, a start that is no worse than what was found is among what is chosen from
+    lost = [dataclasses.replace(each, lost=0.5) for each in found]
+    assert front_of([point(1.3, 9.0, lost=0.1)], lost, REQUIRED) == ([point(1.3, 9.0, lost=0.1)], 0)
 
 
 @pytest.mark.parametrize("start", [0.99, 1.02, 1.2])
 def test_what_is_picked_is_never_worse_than_gains_known_before(start):
     """The calmest within 5 % would be at 1.04; a start that meets all constraints and is better forbids it."""
     found = [point(2.0, 1.0), point(1.04, 2.0), point(1.0, 3.0)]
-    front = front_of([point(5.0, 9.0), point(start, 2.5)], found, REQUIRED)
-    assert front[pick(front, REQUIRED)].error == (start if start < 1.0 else 1.0 if start < 1.04 else 1.04)
+    front, picked = front_of([point(5.0, 9.0), point(start, 2.5)], found, REQUIRED)
+    assert front[picked].error == (start if start < 1.0 else 1.0 if start < 1.04 else 1.04)
     # one that does not meet them forbids nothing
     short = point(start, 2.5, dataclasses.replace(WIDE, delay=0.009))
-    front = front_of([short], found, REQUIRED)
-    assert front[pick(front, REQUIRED)].error == 1.04
+    front, picked = front_of([short], found, REQUIRED)
+    assert front[picked].error == 1.04
 
 
 def test_the_pick_is_the_calmest_within_five_percent_of_the_least_error_that_meets_all():
@@ -65,12 +66,27 @@ def test_the_pick_is_the_calmest_within_five_percent_of_the_least_error_that_mee
 def test_a_better_error_is_not_bought_with_the_tip_along_the_scenarios_motion(tip, picked):
     """Two of one start's 1.0 and 1.0: the stiffer has less error, and its tip's is what is asked."""
     found = [point(3.0, 0.5), point(0.95, 2.0), dataclasses.replace(point(0.8, 3.0), tip=tip)]
-    front = front_of([point(1.0, 1.5)], found, REQUIRED)
-    assert front[pick(front, REQUIRED)].error == picked
-    assert front[0] == found[0]
-    # nothing is left: the start stays
-    front = front_of([point(1.0, 1.5)], [dataclasses.replace(each, tip=9.0) for each in found], REQUIRED)
-    assert front[pick(front, REQUIRED)] == point(1.0, 1.5)
+    front, number = front_of([point(1.0, 1.5)], found, REQUIRED)
+    assert front[number].error == picked
+    # the slider goes on to the stiff end
+    assert front == found
+    # nothing is left: the start is picked
+    front, number = front_of([point(1.0, 1.5)], [dataclasses.replace(each, tip=9.0) for each in found], REQUIRED)
+    assert front[number] == point(1.0, 1.5)
+    assert [each.jitter for each in front] == [0.5, 1.5, 2.0, 3.0]
+
+
+def test_a_pick_that_another_point_beats_stands_beside_it_on_the_front():
+    """Calmer and of less error, but its tip's along the scenario's motion is what nobody wants."""
+    found = [dataclasses.replace(point(0.8, 1.0), tip=9.0), point(0.9, 2.0), point(2.0, 0.5)]
+    stiff = dataclasses.replace(point(0.5, 3.0), tip=9.0)
+    front, number = front_of([point(1.0, 1.5)], [*found, stiff], REQUIRED)
+    assert front == [found[2], found[0], found[1], stiff]
+    assert number == 2
+    # as one does that does not meet the margins
+    short = dataclasses.replace(found[0], tip=0.8, margins=dataclasses.replace(WIDE, delay=0.009))
+    front, number = front_of([point(5.0, 1.5, lost=0.1)], [short, *found[1:]], REQUIRED)
+    assert (front, number) == ([found[2], short, found[1]], 2)
 
 
 @pytest.mark.parametrize(

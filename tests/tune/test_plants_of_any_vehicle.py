@@ -9,6 +9,7 @@ import pytest
 
 from skyarm.compare.perturbed_plants import Spread, draw
 from skyarm.compare.vehicle_spread import RESERVE, arm_length, spread_of, thrust_margin
+from skyarm.contact import Contact, Surface
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import PERFECT_SENSORS
@@ -98,6 +99,9 @@ def test_a_scenario_keeps_its_loop_and_gets_noise_only_where_it_has_none():
     assert (aside.windows.steady.start, aside.windows.steady.stop) == (BLOWN + 2.0, aside.duration)
     noisy = dataclasses.replace(case, sensors=dataclasses.replace(case.sensors, position=0.01))
     assert excited(noisy).sensors == noisy.sensors
+    walled = dataclasses.replace(case, contact=Contact(surfaces=(Surface(name="wall"),)))
+    assert excited(walled) == flight
+    assert excited(walled, own_motion=True) == own
     gust = flight.forces[-1].gusts[0]
     weight = case.world.vehicle.mass * case.world.gravity
     assert gust.peak.norm() == pytest.approx(0.15 * weight, rel=0.01)

@@ -145,6 +145,27 @@ def test_a_scenario_is_told_from_a_vehicle(tmp_path):
         wanted_of("nothing", None)
 
 
+@pytest.mark.parametrize(("target", "own"), [("case3", 15.0), ("crazyflie_arm1", None)])
+def test_a_scenario_is_tuned_along_its_own_motion_too(target, own, tmp_path, monkeypatch):
+    plans = []
+
+    def seen(plan, folder, **_):
+        plans.append(plan)
+        raise ValueError("enough")
+
+    monkeypatch.setattr(tuning, "tune", seen)
+    with pytest.raises(ValueError, match="enough"):
+        CliRunner().invoke(
+            app, ["tune", target, "--controller", "decoupled_pd", "--out", str(tmp_path)], catch_exceptions=False
+        )
+    (plan,) = plans
+    assert (plan.own and plan.own.duration) == own
+    path = load_scenario("case3").trajectory
+    assert (plan.check.trajectory == path) == (own is not None)
+    if plan.own:
+        assert plan.own.trajectory == path != plan.flight.trajectory
+
+
 def test_the_extra_is_named_where_the_library_is_missing(monkeypatch):
     import sys
 

@@ -75,6 +75,7 @@ def tune(
     from skyarm.tune.gain_search import Effort
     from skyarm.tune.gains_result import front_name, gains_text
     from skyarm.tune.law_knobs import find_knobs
+    from skyarm.tune.own_motion import shortened
     from skyarm.tune.tune_page import tune_page
     from skyarm.tune.tuning import tune as perform
     from skyarm.tune.tuning_records import Plan
@@ -83,10 +84,11 @@ def tune(
     say_if_many(scenario.name, scenario.world.vehicle.n)
     say_unlikely(scenario.name, unlikely_numbers(scenario))
     scenario.controller.require_compiled("skyarm tune")
-    flight = excited(scenario)
+    flight, own = excited(scenario), excited(scenario, own_motion=True)
     plan = Plan(
         flight=flight,
-        check=excited(scenario, own_motion=True) if wanted.has_motion else flight,
+        check=own if wanted.has_motion else flight,
+        own=shortened(own) if wanted.has_motion else None,
         aside=excited(scenario, unseen=True),
         knobs=find_knobs(scenario.controller, scenario.controller.name, _paths(knobs)),
         effort=Effort().scaled(candidates, plants),

@@ -16,6 +16,7 @@ from skyarm.tune.gain_search import with_margins
 from skyarm.tune.hover_margins import required
 from skyarm.tune.margin_tests import MarginTests, NoMargins
 from skyarm.tune.objective import WEIGHTS, Scores, scores
+from skyarm.tune.own_motion import FlightsWithOwn, of_drawn, with_own
 from skyarm.tune.plant_spread import Plants, draw_plants, with_lost
 from skyarm.tune.tuning_records import ASIDE, Aside, Plan
 
@@ -45,9 +46,10 @@ class Conductor:
     """
 
     def __init__(self, plan: Plan, plants: Plants, archive: Archive, threads: int, progress: Progress) -> None:
-        self._plan, self._plants, self._archive, self._threads = plan, plants, archive, threads
+        self._plan, self._archive, self._threads = plan, archive, threads
+        self._plants = with_own(plants) if plan.own else plants
         self._progress, self._done = progress, 0
-        self._flights: CandidateFlights | None = None
+        self._flights: CandidateFlights | FlightsWithOwn | None = None
         self._first: tuple[Array, Scores] | None = None
         self._searched: Plants | None = None
         self._tests: Margins | None = None
@@ -83,13 +85,19 @@ class Conductor:
             assert self._first is not None
             asked, found = self._first
             leaders = list(dict.fromkeys(int(found.cost(weight).argmin()) for weight in WEIGHTS))
-            pool = draw_plants(self._plan.flight, POOL * self._plants.count, seed=self._plan.seed, mixed=True)
+            pool = self._drawn(POOL * self._plants.count, self._plan.seed)
             lost = self._flights.fly(asked[leaders], others=pool).lost
             self._searched = with_lost(pool, self._plants.count, lost)
         return self._searched
 
-    def _flown_by(self, plants: Plants) -> CandidateFlights:
+    def _drawn(self, count: int, seed: int) -> Plants:
+        plants = draw_plants(self._plan.flight, count, seed=seed, mixed=True)
+        return with_own(plants) if self._plan.own else plants
+
+    def _flown_by(self, plants: Plants) -> CandidateFlights | FlightsWithOwn:
         plan = self._plan
+        if plan.own:
+            return FlightsWithOwn(plan.flight, plan.own, plan.knobs, plants, threads=self._threads, seed=plan.seed)
         return CandidateFlights(plan.flight, plan.knobs, plants, threads=self._threads, seed=plan.seed, gust=True)
 
     def _margins(self) -> Margins:
@@ -109,22 +117,25 @@ class Conductor:
         each = self._plan.effort.population
         return [(weight, slice(i * each, (i + 1) * each), (each + 1) // 2) for i, weight in enumerate(WEIGHTS)]
 
-    def again(self, asked: Array) -> Scores:
-        """Scores of semifinalists on further plants, each with its margins."""
-        number = self._plan.effort.rounds + 1
-        found = self._archive.get(number, asked)
-        if found is None:
-            plants = draw_plants(self._plan.flight, FURTHER, seed=self._plan.seed + 2, mixed=True)
+    def again(self, asked: Array) -> tuple[Scores, Scores]:
+        """Scores of semifinalists on further plants, each with its margins: of all motions, and of those drawn."""
+        numbers = [self._plan.effort.rounds + k for k in (1, 2)]
+        kept = [self._archive.get(number, asked) for number in numbers]
+        found = [each for each in kept if each is not None]
+        if len(found) < len(numbers):
+            plants = self._drawn(FURTHER, self._plan.seed + 2)
             self._progress(self._done, self._total, "the best once more")
             self._flights = self._flights or self._flown_by(self._plants)
-            flown = scores(self._flights.fly(asked, others=plants))
-            found = dataclasses.replace(flown, short=self._margins().costs(asked))
-            self._archive.put(number, asked, found)
+            flown = self._flights.fly(asked, others=plants)
+            short = self._margins().costs(asked)
+            found = [dataclasses.replace(scores(each), short=short) for each in (flown, of_drawn(flown))]
+            for number, each in zip(numbers, found, strict=True):
+                self._archive.put(number, asked, each)
         self._done += len(asked) * FURTHER
-        return found
+        return found[0], found[1]
 
     def check(self, rows: Array, again: Scores) -> list[Point]:
-        """The beginning and the finalists on unseen plants, with margins."""
+        """The beginning and the finalists on unseen plants, with margins; ``again`` is of drawn motions."""
         plan = self._plan
         mixed = plan.check.trajectory == plan.flight.trajectory
         unseen = draw_plants(plan.check, plan.unseen, seed=plan.seed + 1, mixed=mixed)

@@ -2,8 +2,8 @@
 
 Gains belong to the loop (vehicle, delay, noise, wrong beliefs), not to a path: every vehicle flies the same motions,
 scaled to its arm (:mod:`skyarm.tune.motion_mix`). The scenario keeps its plant, belief, clocks, delays, sensors,
-drives, estimator and air; its motion, payloads, faults and changes in flight stay away. With perfect sensors nothing
-would keep gains from growing without end, so that a scenario without noise gets that of
+drives, estimator and air; its motion, payloads, faults, surfaces to touch and changes in flight stay away. With perfect
+sensors nothing would keep gains from growing without end, so that a scenario without noise gets that of
 :data:`skyarm.compare.suite.NOISE`.
 """
 
@@ -85,6 +85,7 @@ def excited(scenario: Scenario, law: str | None = None, *, own_motion: bool = Fa
         faults=(),
         payloads=(),
         ground=False,
+        contact=None,
         plant="rigid_body",
         initial=None,
         joined=0,

@@ -136,25 +136,29 @@ def undominated(points: Sequence[Point]) -> list[Point]:
     return found
 
 
-def front_of(starts: Sequence[Point], found: Sequence[Point], required: Required) -> list[Point]:
-    """What nothing beats of what was found, so that :func:`pick` takes nothing worse than the gains known before.
+def front_of(starts: Sequence[Point], found: Sequence[Point], required: Required) -> tuple[list[Point], int]:
+    """What nothing beats of what was found, and the number of the pick, which is nothing worse than was known before.
 
-    Where a start meets the constraints, the best of them is the measure: points that would be picked though their
-    error is above its own, or their tip's is more than 5 % above, stay away; where none is left, the start is there
-    itself. Else starts stay away: they are often calmer, and the rule would pick one for 5 % of the error.
+    Where a start meets the constraints, the best of them is the measure: points whose error is above its own, or their
+    tip's more than 5 % above, are not picked, though they stay on the front; where none is left, the start is picked.
+    Else starts stay away: they are often calmer, and the rule would pick one for 5 % of the error.
     """
 
     def rank(point: Point) -> tuple[bool, float, float]:
         return (not is_allowed(point, required), point.lost, point.error)
 
     best = min(starts, key=rank)
-    if not is_allowed(best, required):
-        return undominated([best, *found] if all(rank(best) <= rank(each) for each in found) else found)
-    allowed = [each for each in found if is_allowed(each, required)]
-    fit = [each for each in allowed if each.error <= best.error and each.tip <= WORTH * best.tip]
-    least = min(each.error for each in fit or [best])
-    tempting = [each for each in allowed if each not in fit and each.error <= WORTH * least]
-    return undominated([*([] if fit else [best]), *(each for each in found if each not in tempting)])
+    if is_allowed(best, required):
+        allowed = [each for each in found if is_allowed(each, required)]
+        fit = [each for each in allowed if each.error <= best.error and each.tip <= WORTH * best.tip] or [best]
+    else:
+        fit = [best, *found] if all(rank(best) <= rank(each) for each in found) else list(found)
+    picked = fit[pick(fit, required)]
+    front = undominated([*found, picked])
+    if picked not in front:
+        # what beats it is not to be picked
+        front = sorted([*front, picked], key=lambda point: (point.activity, point.error))
+    return front, front.index(picked)
 
 
 def pick(points: Sequence[Point], required: Required) -> int:

@@ -82,7 +82,7 @@ def about(tuning: Tuning) -> dict[str, Any]:
     """Where the gains come from."""
     plan = tuning.plan
     return {
-        **{name: value for name, value in plan.facts().items() if name not in ("knobs", "flight", "law")},
+        **{name: value for name, value in plan.facts().items() if name not in ("knobs", "flight", "own", "law")},
         "scenario": plan.check.name,
         "vehicle": plan.flight.world.vehicle.name,
         "vehicle_digest": identity(plan.flight.world.vehicle),

@@ -39,6 +39,11 @@ class Plants:
         """How many."""
         return len(next(iter(self.values.values())))
 
+    def taken(self, which: npt.NDArray[np.int_]) -> Plants:
+        """Those with these numbers."""
+        values = {path: numbers[which] for path, numbers in self.values.items()}
+        return Plants(spread=self.spread, eased=self.eased, values=values, kinds=self.kinds[which])
+
 
 def draw_plants(scenario: Scenario, count: int, *, seed: int, mixed: bool = False) -> Plants:
     """Plants for a flight that :func:`skyarm.tune.excitation.excited` made.
@@ -83,6 +88,4 @@ def with_lost(pool: Plants, count: int, lost: npt.NDArray[np.bool_]) -> Plants:
     times = lost[:, count:].sum(axis=0)
     order = np.lexsort((np.arange(len(times)), -times, times == len(lost)))
     taken = count + order[times[order] > 0][: count // 2]
-    which = np.concatenate([np.arange(count - len(taken)), np.sort(taken)])
-    values = {path: numbers[which] for path, numbers in pool.values.items()}
-    return Plants(spread=pool.spread, eased=pool.eased, values=values, kinds=pool.kinds[which])
+    return pool.taken(np.concatenate([np.arange(count - len(taken)), np.sort(taken)]))

@@ -1,10 +1,11 @@
 """Tuning of a law's gains for one vehicle and its loop, from a scenario to a front and a pick.
 
-The search flies :func:`skyarm.tune.excitation.excited` through wrong plants, each with a motion of its own; its best
-candidates from calm to stiff fly further plants, and what is left of them others again, along the scenario's own motion
-where there is one, and have their margins computed in hover. The gains that were given and those of the catalogue for
-this law go all that way with them. What is picked follows from :data:`skyarm.tune.front.RULE`; at last it and all
-starts fly plants and a path by which nothing was chosen, and that is what is said of them.
+The search flies :func:`skyarm.tune.excitation.excited` through wrong plants, each with a motion of its own, every
+fourth with the scenario's where there is one; its best candidates from calm to stiff fly further plants, and what is
+left of them others again, along the scenario's own motion, and have their margins computed in hover. The gains that
+were given and those of the catalogue for this law go all that way with them. What is picked follows from
+:data:`skyarm.tune.front.RULE`; at last it and all starts fly plants and a path by which nothing was chosen, and that is
+what is said of them.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from skyarm.files.one_writer import one_writer
 from skyarm.tune.archive import Archive
 from skyarm.tune.blas_threads import threadpool_limits
 from skyarm.tune.conductor import SEMIFINALISTS, Conductor, Progress
-from skyarm.tune.front import finalists, front_of, pick
+from skyarm.tune.front import finalists, front_of
 from skyarm.tune.gain_search import search
 from skyarm.tune.hover_margins import required
 from skyarm.tune.known_gains import centred
@@ -45,6 +46,7 @@ def tune(plan: Plan, folder: Path, *, threads: int = 1, progress: Progress | Non
         flight=start.flight,
         check=dataclasses.replace(plan.check, controller=law),
         aside=dataclasses.replace(plan.aside, controller=law),
+        own=dataclasses.replace(plan.own, controller=law) if plan.own else None,
         knobs=start.knobs,
     )
     with one_writer(folder), threadpool_limits(1, user_api="blas"):
@@ -57,12 +59,11 @@ def tune(plan: Plan, folder: Path, *, threads: int = 1, progress: Progress | Non
             best = len(found[0].error) + np.array(finalists(found[1:], SEMIFINALISTS))
             count = len(start.starts)
             asked = logs[[*range(count), *best]]
-            again = conductor.again(asked)
+            again, drawn = conductor.again(asked)
             last = [*range(count), *(count + k for k in finalists([again.part(slice(count, None))]))]
-            points = conductor.check(asked[last], again.part(last))
+            points = conductor.check(asked[last], drawn.part(last))
             wanted = required(plan.flight)
-            front = front_of(points[:count], points[count:], wanted)
-            picked = pick(front, wanted)
+            front, picked = front_of(points[:count], points[count:], wanted)
             known = dict(zip(start.starts, points, strict=False))
             aside = conductor.fly_aside({**known, PICKED: front[picked]})
         finally:

@@ -30,7 +30,7 @@ class Plan:
 
     Attributes:
         flight: that judges candidates. check: that judges the front; the same but for its motion. aside: the same along
-            the path that is kept aside.
+            the path that is kept aside. own: that judges candidates along the scenario's own motion, where it has one.
         knobs: what may change. effort: how much is flown. seed: of plants, noise and search.
         label: of the law, as it was asked for.
     """
@@ -42,6 +42,7 @@ class Plan:
     effort: Effort
     seed: int
     label: str
+    own: Scenario | None = None
     unseen: int = UNSEEN
 
     def facts(self) -> dict[str, Any]:
@@ -50,7 +51,8 @@ class Plan:
             **{name: text for name, text in versions("cmaes").items() if name != "python"},
             "law": self.label,
             "flight": identity(self.flight),
-            "motions": list(KINDS),
+            "motions": [*KINDS, *(["own"] if self.own else [])],
+            **({"own": identity(self.own)} if self.own else {}),
             "knobs": [knob.path for knob in self.knobs],
             "seed": self.seed,
             "scatter": self.effort.scatter,
