@@ -16,7 +16,7 @@ from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import disturbance
 from skyarm.control.laws.centroidal import interaction as law
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.interaction import InteractionGains, first_interaction, wanted_of
+from skyarm.control.laws.centroidal.interaction_records import InteractionGains, first_interaction, wanted_of
 from skyarm.control.laws.centroidal.pressing_step import press
 from skyarm.control.laws.centroidal.surface_normal import slid
 from skyarm.control.laws.centroidal.tip_force import levers

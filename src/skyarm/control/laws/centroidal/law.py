@@ -29,7 +29,8 @@ from skyarm.control.controller import all_applied
 from skyarm.control.laws.centroidal.adaptation import adapt
 from skyarm.control.laws.centroidal.bandwidth import at_shares
 from skyarm.control.laws.centroidal.demands import Following, demands
-from skyarm.control.laws.centroidal.interaction import InteractionMemory, rested
+from skyarm.control.laws.centroidal.interaction import rested
+from skyarm.control.laws.centroidal.interaction_records import InteractionMemory
 from skyarm.control.laws.centroidal.memory import CentroidalMemory
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.pressing_step import press

@@ -23,7 +23,7 @@ from skyarm.control.laws.centroidal.arm_motion import ArmMotion
 from skyarm.control.laws.centroidal.bandwidth import at_shares
 from skyarm.control.laws.centroidal.demands import Following
 from skyarm.control.laws.centroidal.gain_presets import ENTRIES, PERIODS, PRESETS, name_of
-from skyarm.control.laws.centroidal.interaction import InteractionGains, first_interaction
+from skyarm.control.laws.centroidal.interaction_records import first_interaction, interaction_gains
 from skyarm.control.laws.centroidal.joint_room import Ends, ends_of
 from skyarm.control.laws.centroidal.law import centroidal
 from skyarm.control.laws.centroidal.memory import CentroidalMemory
@@ -152,7 +152,7 @@ def make_centroidal(
         lag=_lag(gains["lag"], control_period),
         accelerometer=_accelerometer(gains["accelerometer"]),
         air=_air(vehicle, gains["hull_drag"], gains["wind"]),
-        interaction=_interaction(gains["interaction"], mode, vehicle),
+        interaction=interaction_gains(gains["interaction"], mode, vehicle),
     )
     if gains["bandwidth"] != 1.0:
         par = at_shares(par, gains["bandwidth"], gains["bandwidth"])
@@ -217,19 +217,6 @@ def _accelerometer(bandwidths: tuple[float, float]) -> AccelerometerGains | None
         allowed = "must be two bandwidths above 0, or twice 0"
         raise ControllerError(f"controller.accelerometer = {shown(bandwidths)}: {allowed}")
     return AccelerometerGains(force=force, velocity=velocity) if force > 0.0 else None
-
-
-def _interaction(thresholds: tuple[float, float], mode: str, vehicle: Vehicle) -> InteractionGains | None:
-    """Constants of pressing; None where it is left out."""
-    touch, lost = thresholds
-    if touch == 0.0 and lost == 0.0:
-        return None
-    at = f"controller.interaction = {shown(thresholds)}"
-    if not touch > lost > 0.0:
-        raise ControllerError(f"{at}: must be two forces above 0, the second below the first, or twice 0")
-    if mode != "tip" or not vehicle.n:
-        raise ControllerError(f"{at}: must be twice 0 but in mode 'tip' with joints that press")
-    return InteractionGains(touch=touch, lost=lost)
 
 
 def _air(vehicle: Vehicle, hull: bool, wind: tuple[float, float, float]) -> BelievedAir | None:

@@ -12,7 +12,7 @@ from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.control.blocks.extrapolation import Channel
 from skyarm.control.blocks.lag_estimate import LagMemory
 from skyarm.control.laws.centroidal.demands import Following
-from skyarm.control.laws.centroidal.interaction import InteractionMemory
+from skyarm.control.laws.centroidal.interaction_records import InteractionMemory
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
 

@@ -11,7 +11,8 @@ from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance
 from skyarm.control.blocks.select import vector_data
-from skyarm.control.laws.centroidal.interaction import InteractionMemory, Pressing, interact, wanted_of
+from skyarm.control.laws.centroidal.interaction import Pressing, interact
+from skyarm.control.laws.centroidal.interaction_records import InteractionMemory, wanted_of
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.surface_normal import leaning, slid
 from skyarm.control.laws.centroidal.tip_force import levers
