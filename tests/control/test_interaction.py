@@ -78,12 +78,12 @@ def test_the_integral_is_bounded_and_stands_still_but_at_the_full_force():
 
 
 def test_the_reference_comes_follows_and_returns():
-    def run(memory, seconds, asked, touching, gap=0.0):
+    def run(memory, seconds, asked, touching, gap=0.0, speed=0.1):
         memory = dataclasses.replace(memory, gap=gap)
         for _ in range(round(seconds / DT)):
             if touching:  # the tip rests on a surface; the reference's own shift closes the gap
                 memory = dataclasses.replace(memory, gap=gap - memory.shift)
-            s, rate, acceleration = law.followed(GAINS, memory, asked, touching, 0.1, DT)
+            s, rate, acceleration = law.followed(GAINS, memory, asked, touching, speed, DT)
             assert abs(acceleration) <= 4.0
             memory = dataclasses.replace(memory, shift=s, shift_rate=rate)
         return memory
@@ -91,6 +91,8 @@ def test_the_reference_comes_follows_and_returns():
     came = run(FREE, 2.0, True, 0.0)
     assert came.shift_rate == pytest.approx(-0.1, rel=1e-4)
     assert came.shift == pytest.approx(-0.1 * (2.0 - 1.0 / 8.0), rel=0.01)
+    met = dataclasses.replace(FREE, found=1.0)
+    assert [run(m, 2.0, True, 0.0, speed=0.5).shift_rate for m in (FREE, met)] == pytest.approx([0.0, -0.1], abs=0.02)
     assert run(FREE, 10.0, True, 0.0).shift == pytest.approx(-0.5, abs=0.02)  # no further
     assert run(came, 4.0, True, 1.0, gap=-0.3).shift == pytest.approx(-0.3, abs=1e-4)
     assert run(came, 4.0, False, 0.0).shift == pytest.approx(0.0, abs=1e-4)

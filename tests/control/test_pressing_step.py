@@ -43,6 +43,7 @@ def test_the_order_is_the_ramped_sum_of_the_wanted_force_and_the_integral():
     after, pressing = asked(HELD)
     assert after.integral == pytest.approx(0.1 + 4.0 * 0.5 * DT)
     assert pressing.order == pytest.approx(2.0 + after.integral)
+    assert after.found == 1.0
     assert np.allclose([*after.force], [-1.5, 0.0, 0.3])
     # as the ramp falls, what is left of the order still stands in place of the observed force
     lost, falling = asked(dataclasses.replace(HELD, touching=0.0), force=0.2)

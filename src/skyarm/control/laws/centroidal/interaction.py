@@ -30,7 +30,7 @@ from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.interaction_records import InteractionGains, InteractionMemory, Wanted
 from skyarm.control.laws.centroidal.tip_force import TipLevers, tip_force, without
 from skyarm.control.laws.centroidal.tip_reference import Goal
-from skyarm.scalars import add, clip, data, exp, logical_and, logical_not, logical_or, maximum, mul, sub, where
+from skyarm.scalars import add, clip, data, exp, logical_and, logical_not, logical_or, maximum, minimum, mul, sub, where
 from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -127,6 +127,7 @@ def interact(
         doubt=doubt,
         share=share,
         integral=integral,
+        found=where(asked, maximum(memory.found, touching), 0.0),
         shift=shift[0],
         shift_rate=shift[1],
         free=free,
@@ -181,6 +182,7 @@ def followed(
 ) -> tuple[Any, Any, Any]:
     """Shift of the reference along the normal with two derivatives: it comes, follows the surface, or returns."""
     s, rate, w = memory.shift, memory.shift_rate, gains.follow
+    speed = where(memory.found > 0.5, minimum(speed, gains.again), speed)
     coming = where(s > -gains.furthest, -speed, 0.0)
     back = -(w * w) * s - 2.0 * w * rate
     follow = (w * w) * memory.gap - 2.0 * w * rate

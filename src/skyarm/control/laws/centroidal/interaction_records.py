@@ -42,6 +42,7 @@ class InteractionGains:
     worn: Annotated[Scalar, Unit("", "share of a limit at which most is let go")] = 1.0
     relief: Annotated[Scalar, Unit("", "0 to 1, of the observed friction that is let go at most")] = 0.2
     tilting: Annotated[Scalar, Unit("1/s", "at which sliding corrects the normal")] = 1.0
+    again: Annotated[Scalar, Unit("m/s", "with which the tip comes back to a surface that it lost, at most")] = 0.1
     furthest: Annotated[Scalar, Unit("m", "that the base looks for the surface")] = 0.5
 
 
@@ -53,6 +54,7 @@ class InteractionMemory:
     doubt: Annotated[Scalar, Unit("", "0 to 1, at which contact counts as lost")]
     share: Annotated[Scalar, Unit("", "0 to 1, of the wanted force")]
     integral: Annotated[Scalar, Unit("N", "beside the wanted force")]
+    found: Annotated[Scalar, Unit("", "1 once the push has met its surface")]
     shift: Annotated[Scalar, Unit("m", "of the reference along the normal")]
     shift_rate: Annotated[Scalar, Unit("m/s", "of the shift")]
     free: Annotated[Scalar, Unit("s", "since the tip last touched")]
@@ -97,6 +99,7 @@ def first_interaction(joints: int) -> InteractionMemory:
         doubt=0.0,
         share=0.0,
         integral=0.0,
+        found=0.0,
         shift=0.0,
         shift_rate=0.0,
         free=0.0,
