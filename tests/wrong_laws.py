@@ -85,6 +85,10 @@ RESULTS = {
         returning("memory, Command(rotor_speeds=(485.0,) * 6, efforts=STILL)"),
         "gives 6 rotor_speeds: must be 4, one for each rotor",
     ),
+    "an_angle_of_no_rotor": Mistake(
+        returning("memory, Command(rotor_speeds=HOVER, efforts=STILL, tilts=(0.1,))"),
+        "gives 1 tilts: must be 0, one for each rotor that tilts",
+    ),
     "array_of_three_efforts": Mistake(
         returning("memory, Command(rotor_speeds=HOVER, efforts=np.zeros(3))"),
         "gives 3 efforts: must be 2, one for each joint",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
@@ -75,6 +76,15 @@ def test_show_prints_the_paper_s_vehicle() -> None:
     assert re.search(r"static efforts +for a level base", text)
     speed = float(re.search(r"hover rotor speed +([0-9.]+) rad/s", text)[1])  # type: ignore[index]
     assert speed == pytest.approx((0.82103 * 9.8 / 4 / 8.54858e-6) ** 0.5, abs=0.01)
+
+
+def test_show_prints_the_servos_that_turn_rotors() -> None:
+    text = succeeded(typed("show", "voliro_like"))
+    assert re.search(r"^rotor4 +-0\.5 -0\.866 0 +-1\.571 \.\.\. 1\.571 rad +0\.05 +6 *$", text, re.MULTILINE)
+    assert "servos" not in succeeded(typed("show", "tilted_hexarotor"))
+    facts = json.loads(succeeded(typed("show", "voliro_like", "--json")))["tilts"]
+    assert facts["rotor3"]["axis"] == [-1.0, 0.0, 0.0]
+    assert facts["rotor3"]["max_rate"] == 6.0
 
 
 @pytest.mark.parametrize(

@@ -10,11 +10,13 @@ import pytest
 
 from skyarm.actuation import Command
 from skyarm.actuation.servo import PositionServo
+from skyarm.actuation.tilting import turned
 from skyarm.algebra import Sym3, Vec3
 from skyarm.control.actuator_layer import with_actuators
 from skyarm.control.catalogue import make_controller
 from skyarm.control.model import Model
 from skyarm.control.safety import with_safety_layer
+from skyarm.control.vectored_layer import pairs_model, with_tilting
 from skyarm.sensors.measurement import blank_measurement
 from skyarm.vehicle.vehicle_files import load_vehicle
 from skyarm.vehicle.vehicle_records import Body, Joint, Link, MountedDrive
@@ -76,3 +78,42 @@ def test_a_law_on_servos_may_have_its_safety_layer_inside():
     made = with_actuators(guarded, model, 0.005)
     assert made.name == "guarded_centroidal_joint_robust"
     assert made.par.inner.inner.model is None
+
+
+ANGLES = (0.4, -0.3, 0.2, 0.5, -0.4, 0.3)
+TURNED = load_vehicle("voliro_like")
+
+
+def setpoints(vehicle, measured, believed=None):
+    """Setpoints of the two joints of a vehicle on rotors that push sideways, or on fixed ones that do the same."""
+    servo = PositionServo(stiffness=9.0, damping=0.2, inertia=INERTIA)
+    drives = tuple(MountedDrive(name=link.joint.name, drive=servo) for link in vehicle.links)
+    model = Model(vehicle=vehicle)
+
+    def law(memory: Any, measurement: Any, reference: Any, dt: Any, *, par: Any) -> Any:
+        return memory, Command(rotor_speeds=(480.0,) * 6, efforts=(EFFORT, -EFFORT))
+
+    def none(memory: Any, measurement: Any, reference: Any, dt: Any, *, par: Any) -> Any:
+        return memory, Command(rotor_speeds=(480.0,) * 12, efforts=(EFFORT, -EFFORT))
+
+    if believed is None:
+        inner = dataclasses.replace(make_controller("decoupled_pd", model), law=law, memory=())
+    else:
+        fixed = make_controller("decoupled_pd", pairs_model(model))
+        inner = with_tilting(dataclasses.replace(fixed, law=none, memory=()), model)
+        inner = dataclasses.replace(inner, memory=dataclasses.replace(inner.memory, angles=believed))
+    made = with_actuators(inner, Model(vehicle=dataclasses.replace(vehicle, drives=drives)), 0.005)
+    reading = dataclasses.replace(blank_measurement(2, 6), rotor_speeds=(500.0,) * 6, tilts=measured)
+    reference: Any = None
+    return made.law(made.memory, reading, reference, 0.005, par=made.par)[1].efforts
+
+
+def test_rotors_that_tilt_push_along_their_turned_axes_on_the_joints_too():
+    fixed = setpoints(turned(TURNED, ANGLES), ())
+    level = setpoints(TURNED, ())
+    assert np.abs(np.subtract(fixed, level)).max() > 1e-6
+    assert setpoints(TURNED, ANGLES) == pytest.approx(fixed, abs=1e-12)
+    # without a measurement, or with one that is no number, the law's belief
+    assert setpoints(TURNED, (), ANGLES) == pytest.approx(fixed, abs=1e-12)
+    broken = (float("nan"), *ANGLES[1:])
+    assert setpoints(TURNED, broken, ANGLES) == pytest.approx(fixed, abs=1e-12)

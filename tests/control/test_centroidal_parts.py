@@ -366,17 +366,22 @@ def make_exact_gains():
     return dataclasses.replace(gains, damping=1.0, posture=1e-6)
 
 
-def test_the_forces_derivatives_are_those_along_the_motion_that_the_thrust_makes():
-    """The centre of mass as a point under f b3 + d, with a body that turns: integrated by SciPy, differentiated."""
+@pytest.mark.parametrize("change", [0.0, 2.0])
+def test_the_forces_derivatives_are_those_along_the_motion_that_the_thrust_makes(change):
+    """The centre of mass under f b3 + d, d as it is known to change: integrated by SciPy, differentiated."""
     rng = np.random.default_rng(8)
     par = make_centroidal(Model(vehicle=TRUTH, gravity=9.8)).par
     mass, d, w = float(TRUTH.mass), rng.normal(size=3), rng.normal(size=3)
     c = rng.normal(size=(5, 3)) * 0.3
     kp, kv, weight = array(par.base.position), array(par.base.velocity), np.array([0.0, 0.0, 9.8])
+    rate, bend = change * np.array([0.5, -0.4, 0.3]), change * np.array([-2.0, 1.0, 3.0])
     first = Rotation.from_rotvec([0.1, -0.2, 0.3])
 
     def b3(t):
         return (first * Rotation.from_rotvec(w * t)).as_matrix()[:, 2]
+
+    def pushed(t):
+        return d + rate * t + 0.5 * bend * t * t
 
     def reference(t, k):
         signals = [np.polynomial.Polynomial(column) for column in c.T]
@@ -385,11 +390,11 @@ def test_the_forces_derivatives_are_those_along_the_motion_that_the_thrust_makes
     def force(t, x, v):
         pull = kp * (x - reference(t, 0)) + kv * (v - reference(t, 1))
         pull = pull / np.sqrt(1.0 + pull @ pull / par.base.pull**2)
-        return mass * (reference(t, 2) + weight - pull) - d
+        return mass * (reference(t, 2) + weight - pull) - pushed(t)
 
     def slope(t, y):
         f = force(t, y[:3], y[3:])
-        return np.concatenate([y[3:], (f @ b3(t) * b3(t) + d) / mass - weight])
+        return np.concatenate([y[3:], (f @ b3(t) * b3(t) + pushed(t)) / mass - weight])
 
     start = np.concatenate([reference(0.0, 0) + 0.05, reference(0.0, 1) - 0.2])
     paths = [
@@ -411,6 +416,8 @@ def test_the_forces_derivatives_are_those_along_the_motion_that_the_thrust_makes
         R=Mat3(*(vec(row) for row in first.as_matrix())),
         w=vec(w),
         disturbance=vec(d),
+        force_rate=vec(rate),
+        force_bend=vec(bend),
     )
     for k, tolerance in enumerate((1e-9, 1e-6, 1e-4)):
         np.testing.assert_allclose(array(derivative(found.force, k)), expected[k], rtol=tolerance, atol=tolerance)

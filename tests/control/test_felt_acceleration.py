@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import skyarm
 from skyarm.actuation import Command
-from skyarm.algebra import ZERO3, Force, Mat3, Vec3
+from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.control.blocks.disturbance import Disturbance as Unknown
 from skyarm.control.blocks.disturbance_observer import ObserverGains, first_observed, observe
 from skyarm.control.blocks.felt_acceleration import AccelerometerGains, Felt, feel
@@ -35,7 +35,6 @@ GAINS = AccelerometerGains(force=40.0, velocity=5.0)
 ARM = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"), gravity=G)
 UP = np.array([0.0, 0.0, G])
 BIAS = np.array([0.3, -0.2, 0.25])
-NOTHING = Force(ZERO3, ZERO3)
 LEVEL = Rotation.identity()
 STILL = Felt(velocity=ZERO3, bias=Vec3(0.0, 0.0, 0.0), change=ZERO3, learns=0.0)
 
@@ -44,7 +43,7 @@ def vec(a):
     return Vec3(*(float(x) for x in a))
 
 
-def felt_in(turn, specific_force, velocity, before=STILL, joints=(), linear=ZERO3, rotors=NOTHING):
+def felt_in(turn, specific_force, velocity, before=STILL, joints=(), linear=ZERO3, rotors=ZERO3):
     """What one period tells; ``before`` also stands for what the velocity alone tells."""
     measured = dataclasses.replace(blank_measurement(0, 4), velocity=vec(velocity), specific_force=vec(specific_force))
     R = Mat3(*(vec(row) for row in turn.as_matrix()))
@@ -88,7 +87,7 @@ def test_what_the_model_knows_is_not_felt_as_a_force():
     turn = Rotation.from_euler("ZYX", [0.7, -0.2, 0.3])
     believed = np.array([2.0, -1.0, 0.5])
     y = turn.inv().apply(believed + UP) + np.array([0.0, 0.0, 1.5 / mass])
-    rotors = Force(Vec3(9.0, 9.0, 9.0), Vec3(0.0, 0.0, 1.5))
+    rotors = Vec3(0.0, 0.0, 1.5)
     felt = felt_in(turn, y, believed * DT, linear=vec(believed), rotors=rotors)
     assert list(felt.change) == pytest.approx([0.0] * 3, abs=1e-12)
     assert list(felt.velocity) == pytest.approx(believed * DT, abs=1e-12)
@@ -104,6 +103,36 @@ def test_a_joint_at_its_limit_leaves_the_force_to_the_velocity_and_rotors_at_the
     # the velocity goes on with what is felt in either case
     assert list(free.velocity) == list(stuck.velocity)
     assert free.velocity.x > 0.0
+
+
+def test_thrust_across_that_changes_within_a_period_is_no_unknown_force():
+    """Felt at the end of the period: what each rotor's thrust is there, its sum over the mass."""
+    vehicle = skyarm.load_vehicle("tilted_hexarotor")
+    first, told, tau = 400.0, (650.0, 380.0, 500.0, 620.0, 450.0, 350.0), 0.02
+    vehicle = dataclasses.replace(
+        vehicle,
+        rotors=tuple(dataclasses.replace(r, time_constant_up=tau, time_constant_down=tau) for r in vehicle.rotors),
+    )
+    speeds = [each + (first - each) * np.exp(-DT / tau) for each in told]
+    thrusts = [
+        np.array(list(rotor.axis), float) * float(rotor.thrust_coefficient) * speed**2
+        for rotor, speed in zip(vehicle.rotors, speeds, strict=True)
+    ]
+    felt = np.sum(thrusts, axis=0) / float(vehicle.mass)
+    assert np.abs(felt[:2]).max() > 0.4
+    observed, _ = observe(
+        Model(vehicle=vehicle, gravity=G),
+        ObserverGains(force=27.0, torque=31.0, joints=34.0, pose=60.0),
+        first_observed(0, (first,) * 6, True),
+        dataclasses.replace(blank_measurement(0, 6), specific_force=vec(felt)),
+        Command(rotor_speeds=told, efforts=()),
+        Unknown(force=ZERO3, torque=ZERO3, efforts=()),
+        1.0,
+        (1.0,),
+        DT,
+        GAINS,
+    )
+    assert list(observed.force) == pytest.approx([0.0] * 3, abs=1e-3)
 
 
 @pytest.mark.parametrize("pair", [None, GAINS])
@@ -237,3 +266,9 @@ def test_a_measurement_without_a_specific_force_is_refused_in_one_line():
     with pytest.raises(ControllerError, match=r"controller\.accelerometer: must be left out") as error:
         skyarm.run(hover(accelerometer=(40.0, 5.0), estimator=WithoutAccelerometer()))
     assert "\n" not in str(error.value)
+
+
+def test_whole_numbers_are_a_specific_force():
+    measured = dataclasses.replace(blank_measurement(0, 4), velocity=ZERO3, specific_force=Vec3(0, 0, 10))
+    felt = feel(ARM, GAINS, ZERO3, STILL, measured, Mat3.identity(), ZERO3, ZERO3, (), DT)
+    assert felt.change.z == pytest.approx((10.0 - G) * (1.0 - np.exp(-40.0 * DT)))

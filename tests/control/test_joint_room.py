@@ -25,7 +25,9 @@ def with_limits(lower, upper, stops=False):
     return dataclasses.replace(ARM1, links=(dataclasses.replace(link, joint=joint),))
 
 
-def bounded(vehicle, q, rate, told, wanted):
+def bounded(vehicle, q, rate, told, wanted, gains=GAINS):
+    """``told`` is the reference, with its derivatives where it moves."""
+    reference = Taylor.of_derivatives(told) if isinstance(told, tuple) else Taylor((told, 0.0, 0.0))
     state = State(
         position=ZERO,
         quaternion=Quaternion(1.0, 0.0, 0.0, 0.0),
@@ -35,7 +37,7 @@ def bounded(vehicle, q, rate, told, wanted):
         joint_rates=(rate,),
         rotor_speeds=(0.0,) * 4,
     )
-    return within_limits(vehicle, ends_of(vehicle), GAINS, state, (Taylor((told, 0.0, 0.0)),), (wanted,))[0]
+    return within_limits(vehicle, ends_of(vehicle), gains, state, (reference,), (wanted,))[0]
 
 
 @pytest.mark.parametrize(
@@ -59,6 +61,46 @@ def test_a_joint_that_is_pushed_comes_to_rest_where_it_may_go(push, told, end):
     assert np.array(path[k:]) == pytest.approx(exact, abs=3e-3)
     assert q == pytest.approx(end, abs=1e-4)
     assert max(np.sign(push) * (np.array(path) - end)) < 1e-6
+
+
+def swinging(t, size, w=2.0 * np.pi):
+    """A sine and its derivatives."""
+    return tuple(float(size * w**k * np.sin(w * t + 0.5 * np.pi * k)) for k in range(3))
+
+
+def test_a_reference_that_moves_within_the_limits_is_followed_as_it_is():
+    """0.9 rad at 1 Hz in limits of 1 rad: 42 mrad off where its room counted as at rest."""
+    vehicle, dt, q, rate = with_limits(-1.0, 1.0), 1e-3, 0.0, swinging(0.0, 0.9)[1]
+    off = []
+    for k in range(2000):
+        told = swinging((k + 0.5) * dt, 0.9)
+        wanted = told[2] + 60.0 * (told[1] - rate) + 900.0 * (told[0] - q)
+        assert bounded(vehicle, q, rate, told, wanted) == wanted
+        rate += wanted * dt
+        q += rate * dt
+        off.append(q - swinging((k + 1) * dt, 0.9)[0])
+    assert np.abs(off).max() < 0.01
+
+
+@pytest.mark.parametrize("size", [0.6, 1.3])
+def test_a_joint_that_is_pushed_along_a_moving_reference_comes_to_where_it_may_go(size):
+    """Half of the way from the reference to the limit; never beyond that, where the reference is beyond it too."""
+    vehicle, dt, q, rate = with_limits(-1.0, 1.0), 1e-3, 0.0, 0.0
+    for k in range(2000):
+        told = swinging(k * dt, size)
+        rate += bounded(vehicle, q, rate, told, 1e3) * dt
+        q += rate * dt
+        assert q < 1.0 + 1e-3
+        if k > 500 and told[0] < 0.5:
+            assert q == pytest.approx(0.5 * (swinging((k + 1) * dt, size)[0] + 1.0), abs=0.02)
+
+
+@pytest.mark.parametrize("arm", [(900.0, 0.0), (900.0, 20.0)])
+def test_a_loop_of_little_damping_bounds_by_its_stiffness(arm):
+    gains = JointGains(stiffness=(arm[0],), damping=(arm[1],))
+    vehicle = with_limits(-1.5, 1.5)
+    assert bounded(vehicle, 0.1, 0.0, 0.0, 5.0, gains) == 5.0
+    assert bounded(vehicle, 0.1, 0.0, 0.0, 1e4, gains) == pytest.approx(900.0 * (0.75 - 0.1))
 
 
 def test_a_motion_within_the_room_keeps_its_bits_and_no_limit_is_no_bound():

@@ -10,8 +10,10 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.attitude import Attitude
 from skyarm.control.blocks.series_kinematics import Posture
 from skyarm.control.catalogue import preset
+from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.path_shift import ABOVE, AT_REST, BELOW, moved_axis, moved_path, with_shift
+from skyarm.control.laws.centroidal.swing_shift import SwingPace, followed_pace
 from skyarm.control.model import Model
 from skyarm.metrics.windows import Window, Windows
 from skyarm.reference import Constant, Sine, hover
@@ -55,10 +57,10 @@ def test_on_a_sine_the_attitude_answers_the_shifted_path(lever, w):
     _, base, answered = flown(lever, w)
     left = 1.0 / (1.0 + lever * w * w / G)
     size = [SIZE * w**k for k in range(5)]
-    for k in (2, 3, 4):
+    for k in (1, 2, 3, 4):
         assert answered[k].y == pytest.approx(left * base[k].y, abs=0.03 * abs(1.0 - left) * size[k])
         assert answered[k].x == 0.0
-    assert answered[:2] == base[:2]
+    assert answered[0] == base[0]
 
 
 @pytest.mark.parametrize(("lever", "most"), [(0.3, BELOW), (-0.3, ABOVE)])
@@ -79,13 +81,28 @@ def test_the_pace_of_a_sine_has_no_ripple():
     assert found == pytest.approx([9.0] * len(found), rel=1e-9)
 
 
+@pytest.mark.parametrize("rate", [50.0, 1000.0])
+def test_means_that_are_faster_than_the_law_stay_means(rate):
+    """At 20 Hz: two and a half time constants in a period and more, where a step by the slope goes far beyond."""
+    axis, pace = AT_REST, SwingPace(rate=0.0, acceleration=0.0)
+    for k in range(200):
+        base = sine(0.05 * k, 3.0)
+        axis = moved_axis(axis, tuple(each.y for each in base), (0.0, 0.0), 0.03, rate, 0.05)
+        pace = followed_pace(pace, [0.3, *(each.y for each in base[:4])], rate, 0.05)
+    assert axis.size == pytest.approx((SIZE * 9.0) ** 2, rel=1e-9)
+    assert axis.change == pytest.approx((SIZE * 27.0) ** 2, rel=1e-9)
+    assert 0.0 <= pace.rate <= SIZE**2
+    assert 0.0 <= pace.acceleration <= (SIZE * 3.0) ** 2
+
+
 def test_a_path_at_rest_is_answered_as_it_is():
     """Whatever a wind that changes asks for: that is no motion along the path."""
     path, level, base = (AT_REST, AT_REST), hanging(0.3), [Vec3(0.0, 0.0, 1.5), *[Vec3(0.0, 0.0, 0.0)] * 4]
     for _ in range(400):
         path = tuple(moved_axis(axis, tuple(each.y for each in base), (0.1, 0.5), 0.03, 2.0, DT) for axis in path)
     assert path[0].rate == pytest.approx(0.1)
-    assert with_shift(path, base, level, G) == base
+    answered = with_shift(path, base, level, G)
+    assert (answered[0], answered[2:]) == (base[0], base[2:])
     assert with_shift((), base, level, G) is base
 
 
@@ -97,7 +114,10 @@ def test_a_swing_under_a_steady_tilt_is_no_motion_along_the_path():
     zero, level = Vec3(0.0, 0.0, 0.0), hanging(0.3, rate)
     asked = [Vec3(0.0, -0.3 * s, 0.3 * (c - 1.0)), Vec3(0.0, -rate * s, rate * (c - 1.0)), zero]
     arguments = Taylor((0.0,) * 5), level, level, Attitude(R, zero, zero)
-    par = make_centroidal(Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"), gravity=G), path_rate=2.0).par
+    model = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2"), gravity=G)
+    par = make_centroidal(model, path_rate=2.0, shift_bandwidth=60.0).par
+    with pytest.raises(ControllerError, match=r"controller\.path_rate = 2\.0: must be 0 without shift_bandwidth"):
+        make_centroidal(model, path_rate=2.0)
     base = sine(0.0, 2.0)
     _, y = moved_path((AT_REST, AT_REST), base, asked, *arguments, par, DT)
     assert abs(y.rate) < 0.02 * abs(asked[1].y)

@@ -93,12 +93,53 @@ def test_a_correction_stays_within_what_the_rotors_have():
 
 def test_an_angle_of_next_to_no_thrust_moves_slowly_and_any_other_at_once():
     last = (0.5,) * 6
-    none = goal_angles(BARE, tuple(Force(0.0, -1.0) for _ in last), last)
+    none = goal_angles(MODEL, tuple(Force(0.0, -1.0) for _ in last), last, 0.005)
     assert none == last
     little, most = 0.002 * 900.0**2, 0.1 * 900.0**2
-    moved = goal_angles(BARE, (Force(little, -1.0), *(Force(most, -1.0) for _ in last[1:])), last)
+    moved = goal_angles(MODEL, (Force(little, -1.0), *(Force(most, -1.0) for _ in last[1:])), last, 0.005)
     assert moved[0] == pytest.approx(0.5 - 1.5 * 0.1)
     assert moved[1:] == pytest.approx((-1.0,) * 5)
+
+
+def test_an_angle_of_little_thrust_moves_as_fast_at_every_rate_of_control():
+    def after(seconds, rate):
+        found = (0.5,) * 6
+        for _ in range(round(seconds * rate)):
+            found = goal_angles(MODEL, (Force(3e-5 * 900.0**2, -1.0),) * 6, found, 1.0 / rate)
+        return found[0]
+
+    assert after(0.1, 200) == pytest.approx(after(0.1, 1000), abs=1e-3)
+    assert after(0.1, 200) < 0.47
+
+
+def test_rotors_without_a_largest_speed_turn_as_others_do():
+    free = dataclasses.replace(BARE, rotors=tuple(dataclasses.replace(r, max_speed=np.inf) for r in BARE.rotors))
+    for gravity in (9.81, 1.62):
+        turned = goal_angles(Model(vehicle=free, gravity=gravity), WANTED, (0.0,) * 6, 0.005)
+        assert turned == pytest.approx([f.angle for f in WANTED])
+    little = Force(0.02 * 2.0e4, 1.0)
+    assert 0.0 < goal_angles(Model(vehicle=free), (little,) * 6, (0.0,) * 6, 0.005)[0] < 0.1
+
+
+def test_the_vehicle_of_the_page_turns_its_rotors(tmp_path):
+    page = (Path(__file__).resolve().parents[2] / "docs" / "vehicle_files.md").read_text("utf-8")
+    section = page[page.index("## Rotors that tilt") :]
+    file = tmp_path / "tilting_quadrotor.toml"
+    file.write_text(section.split("```toml\n")[1].split("```")[0], "utf-8")
+    log = run(scenario(skyarm.load_vehicle(file), across(1.5, start=0.0), 1.0))
+    assert log.status == "completed"
+    assert tilt(log).max() < 1.0
+    assert np.abs(log.tilts).max() > 0.2
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
+def test_an_angle_that_is_no_number_is_the_believed_one(wrong):
+    now = (0.1, -0.2, 0.3, 0.2, -0.1, 0.0)
+    first, _ = stepped(now)
+    _, seen = stepped((*now[:3], first.angles[3], *now[4:]), first)
+    second, command = stepped((*now[:3], wrong, *now[4:]), first)
+    assert command == seen
+    assert np.isfinite([*second.goals, *second.angles, *second.matched]).all()
 
 
 def test_servos_are_led_by_what_they_lag_more_than_the_motors():

@@ -11,14 +11,25 @@ import pytest
 from added_components import registry_kept, same_logs
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3
-from skyarm.control.law_checks import LawError
+from skyarm.control.controller import Controller
+from skyarm.control.law_checks import LawError, checked_law
 from skyarm.control.law_trial import try_law
+from skyarm.control.model import Model
+from skyarm.reference import Reference
 from skyarm.registry.plugins import register_law_of_file
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import first_state
-from skyarm.sensors.measurement import measurement_of
+from skyarm.sensors.measurement import blank_measurement, measurement_of
 from skyarm.simulate.loop import run
+from skyarm.vehicle.vehicle_files import load_vehicle
 from wrong_laws import EVERYTHING, FINE, FLOWN, MAKERS, Mistake, returning
+
+
+@dataclasses.dataclass(frozen=True)
+class Turning:
+    """Constants of a law."""
+
+    model: Model
 
 
 @pytest.fixture(autouse=True)
@@ -91,3 +102,47 @@ def test_a_law_that_is_told_no_number_may_answer_with_none(told):
 
     with pytest.raises(LawError, match=r"gives efforts\[1\] = nan in its first period"):
         try_law(dataclasses.replace(controller, law=never), 0.005, seen, (wanted,) * 20)
+
+
+VOLIRO = load_vehicle("voliro_like")
+
+
+def turner(tilts):
+    """A law that turns the rotors of a vehicle whose rotors tilt."""
+
+    def law(memory, seen, wanted, dt, *, par):
+        return memory, Command(rotor_speeds=(480.0,) * 6, efforts=(0.0,) * 2, tilts=tilts)
+
+    return Controller(name="mine", law=law, par=Turning(model=Model(vehicle=VOLIRO)))
+
+
+def turning(tilts):
+    """Its command."""
+    made = turner(tilts)
+    return checked_law(made)((), None, None, 0.005, par=made.par)[1]
+
+
+def test_an_angle_that_is_no_number_is_named():
+    words = r"gives tilts\[2\] = nan in its first period: must be a finite number"
+    with pytest.raises(LawError, match=words):
+        try_law(turner((0.0, 0.0, math.nan, 0.0, 0.0, 0.0)), 0.005, blank_measurement(2, 6), [Reference()] * 3)
+
+
+@pytest.mark.parametrize(
+    ("tilts", "words"),
+    [
+        ((0.1, 0.1), r"gives 2 tilts: must be 6, one for each rotor that tilts"),
+        (("a",) * 6, r"gives tilts\[0\] as 'a': must be a number"),
+        ((0.0, None, 0.0, 0.0, 0.0, 0.0), r"gives tilts\[1\] as None: must be a number"),
+    ],
+)
+def test_angles_of_rotors_that_tilt_are_looked_at(tilts, words):
+    with pytest.raises(LawError, match=rf"law 'mine' {words}"):
+        turning(tilts)
+
+
+def test_angles_of_rotors_that_tilt_may_be_integers_or_left_out():
+    assert turning(()).tilts == ()
+    given = turning((0, 1, 0.5, 0, 0, 0)).tilts
+    assert given == (0.0, 1.0, 0.5, 0.0, 0.0, 0.0)
+    assert all(type(angle) is float for angle in given)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import skyarm
+from skyarm.stability.hover_delay import hover_delay, hover_of
 from skyarm.stability.settled_hover import SettledHover
 
 PATHS = ("controller.gains.position.x", "controller.gains.attitude.y")
@@ -71,3 +72,11 @@ def test_a_hover_says_its_delay_margin_as_its_margins_do(scenario):
     assert (found.margin, found.swings) == (whole.delay, whole.swings)
     late = dataclasses.replace(scenario, delays=skyarm.Delays(measurement=0.025))
     assert not skyarm.hover_delay(late).enough
+
+
+def test_a_vehicle_without_drag_and_joints_has_margins():
+    """Nothing pushes it along x and y, which is no reason for a measurement to have two numbers less."""
+    bare = skyarm.load_vehicle("hummingbird")
+    free = [dataclasses.replace(each, drag_coefficient=0, rolling_moment_coefficient=0) for each in bare.rotors]
+    law = skyarm.make_controller("decoupled_pd", skyarm.Model(vehicle=dataclasses.replace(bare, rotors=tuple(free))))
+    assert 0.01 < hover_delay(hover_of(law)).margin < 0.1

@@ -9,6 +9,7 @@ from skyarm.actuation.hover import highest_thrust, hover_trim
 from skyarm.dynamics.array_front import center_of_mass
 from skyarm.dynamics.workspace import reach, search_of, static_torques
 from skyarm.records.leaves import field_names
+from skyarm.vehicle.tilt import Tilt
 from skyarm.vehicle.vehicle_records import BASE, MountedDrive, Vehicle
 
 
@@ -29,6 +30,7 @@ def vehicle_facts(vehicle: Vehicle, gravity: float) -> dict[str, Any]:
         "frames": [frame.name for frame in vehicle.frames],
         "tip": vehicle.end_effector or None,
         "rotors": [rotor.name for rotor in vehicle.rotors],
+        "tilts": {rotor.name: _tilt(rotor.tilt) for rotor in vehicle.rotors if rotor.tilt is not None},
         "joints": [_joint(link.joint) for link in vehicle.links],
         "drives": [_drive(each) for each in vehicle.drives],
         "battery": None if vehicle.battery is None else record_facts(vehicle.battery),
@@ -68,6 +70,10 @@ def _joint(joint: Any) -> dict[str, Any]:
 def _drive(mounted: MountedDrive) -> dict[str, Any]:
     """Joint, class and numbers of a drive, SI units of its fields."""
     return {"joint": mounted.name, "drive": type(mounted.drive).__name__, **record_facts(mounted.drive)}
+
+
+def _tilt(tilt: Tilt) -> dict[str, Any]:
+    return {**record_facts(tilt), "axis": [float(each) for each in tilt.axis]}
 
 
 def record_facts(record: Any) -> dict[str, Any]:

@@ -15,13 +15,15 @@ from skyarm.vehicle.vehicle_records import BASE, Vehicle
 
 
 def tables(vehicle: Vehicle) -> list[RenderableType]:
-    """Joints, drives, bodies, rotors and battery, as far as there are any."""
+    """Joints, drives, bodies, rotors, their servos and battery, as far as there are any."""
     found = [_joints(vehicle)] if vehicle.links else []
     if vehicle.drives:
         found.append(_drives(vehicle))
     found.append(_bodies(vehicle))
     if vehicle.rotors:
         found.append(_rotors(vehicle))
+    if vehicle.tilts:
+        found.append(_tilts(vehicle))
     return found if vehicle.battery is None else [*found, _battery(vehicle.battery)]
 
 
@@ -93,6 +95,16 @@ def _rotors(vehicle: Vehicle) -> RenderableType:
             _number(rotor.max_speed),
         )
     return titled("rotors: thrust = k_f speed^2, drag torque = k_m thrust", table)
+
+
+def _tilts(vehicle: Vehicle) -> RenderableType:
+    table = table_of("rotor", "turned about", "range", "lag, s", "fastest, rad/s", left=2)
+    for rotor in vehicle.rotors:
+        if rotor.tilt is not None:
+            tilt = rotor.tilt
+            limits = _interval(float(tilt.lower), float(tilt.upper), "rad")
+            add(table, rotor.name, _numbers(tilt.axis), limits, _number(tilt.time_constant), _number(tilt.max_rate))
+    return titled("servos that turn rotors, at rest at 0 rad", table)
 
 
 def _interval(lower: float, upper: float, unit: str) -> str:

@@ -12,17 +12,19 @@ from skyarm import dynamics
 from skyarm.actuation import Command, Mixer, joint_force
 from skyarm.actuation.drive import TORQUE_DRIVE
 from skyarm.actuation.rotor import push, speed_of_push
+from skyarm.actuation.tilting import turned
 from skyarm.algebra import Force
 from skyarm.control.blocks.common import rotor_thrust
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.law_checks import check_controller, checked_law, wrong
 from skyarm.control.model import Model
+from skyarm.control.vectored_layer import VectoredMemory, angles_seen
 from skyarm.records.blend import blend
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.scalars import Scalar, add, data, maximum, mul, sqrt
 from skyarm.sensors.measurement import Measurement
-from skyarm.vehicle.vehicle_records import Rotor
+from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -183,13 +185,14 @@ def _setpoints(
 ) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
     """Setpoints whose torques are the efforts on average over the period in which they act; the drives' memories."""
     setpoints, kept = [], []
+    angles = _angles(plain.vehicle, memory, measurement)
     rows = zip(
         believed_drives(model),
         memory.drives,
         efforts,
         measurement.joints,
         measurement.joint_rates,
-        _accelerations(plain, measurement, efforts),
+        _accelerations(plain, measurement, angles, efforts),
         strict=True,
     )
     for drive, held, effort, q, qd, qdd in rows:
@@ -205,10 +208,16 @@ def _setpoints(
     return tuple(setpoints), tuple(kept)
 
 
-def _accelerations(model: Model, measurement: Measurement, efforts: Any) -> tuple[Any, ...]:
+def _angles(vehicle: Vehicle, memory: ActuatorMemory, measurement: Measurement) -> tuple[Any, ...]:
+    """Angles of the rotors that tilt, rad: measured, else believed by the law that turns them, else at rest."""
+    inner = memory.inner
+    return angles_seen(measurement, inner.angles if isinstance(inner, VectoredMemory) else (0.0,) * len(vehicle.tilts))
+
+
+def _accelerations(model: Model, measurement: Measurement, angles: Sequence[Any], efforts: Any) -> tuple[Any, ...]:
     """Joint accelerations of the believed vehicle under torques and the thrust of its rotors, in calm air."""
     vehicle, rates = model.vehicle, measurement.joint_rates
-    torque, force = rotor_thrust(vehicle, measurement.rotor_speeds)
+    torque, force = rotor_thrust(turned(vehicle, angles), measurement.rotor_speeds)
     rows = zip(vehicle.links, efforts, rates, strict=True)
     torques = tuple(joint_force(link.joint, effort, qd) for link, effort, qd in rows)
     found = dynamics.forward_dynamics(

@@ -11,6 +11,7 @@ from skyarm.actuation import Command
 from skyarm.files.old_names import old_attributes
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields, require_fields
+from skyarm.records.leaves import is_record
 from skyarm.scalars import logical_and, where
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -73,6 +74,22 @@ def _whole(par: Any) -> Any:
         return par
     held = dataclasses.replace(inner, model=par.model, mixer=par.mixer)
     return dataclasses.replace(par, inner=_whole(held))
+
+
+def innermost(record: Any) -> Any:
+    """Constants (or the memory) of the law itself, under whatever layers.
+
+    Layers share model and mixer, which stand with the outermost and are None in what this gives.
+    """
+    while is_record(inner := getattr(record, "inner", None)):
+        record = inner
+    return record
+
+
+def with_innermost(record: Any, own: Any) -> Any:
+    """The same constants (or memory) around those of another law."""
+    inner = getattr(record, "inner", None)
+    return dataclasses.replace(record, inner=with_innermost(inner, own)) if is_record(inner) else own
 
 
 def with_applied_command(memory: Any, sent: Command) -> Any:

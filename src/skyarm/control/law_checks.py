@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from enum import Enum
 from typing import Any
 
@@ -30,6 +30,10 @@ CALLED_AS = "law(memory, measurement, reference, dt, *, par)"
 
 RETURNS = "must return (memory, Command)"
 
+ONE_FOR = {"rotor_speeds": "rotor", "efforts": "joint", "tilts": "rotor that tilts"}
+"""What has one number in each field of a command."""
+
+MAY_BE_EMPTY = ("tilts",)
 
 TRACED = "cannot be traced"
 
@@ -116,7 +120,7 @@ def checked_law(controller: Controller) -> Law:
     if not is_own(controller):
         return controller.law
     law, vehicle = controller.law, controller.par.model.vehicle
-    rotors, joints = len(vehicle.rotors), vehicle.n
+    counts = {"rotor_speeds": len(vehicle.rotors), "efforts": vehicle.n, "tilts": len(vehicle.tilts)}
 
     def checked(memory: Any, measurement: Any, reference: Any, dt: Any, *, par: Any) -> tuple[Any, Command]:
         try:
@@ -129,7 +133,7 @@ def checked_law(controller: Controller) -> Law:
         following, command = _pair(controller, result)
         if controller.compiled and (found := difference(memory, following, "memory")):
             raise wrong(controller, f"changes the structure of its memory: {found}")
-        return following, _whole(controller, command, rotors, joints)
+        return following, _whole(controller, command, counts)
 
     return checked
 
@@ -174,20 +178,21 @@ def _pair(controller: Controller, result: Any) -> tuple[Any, Command]:
     return memory, command
 
 
-def _whole(controller: Controller, command: Command, rotors: int, joints: int) -> Command:
-    """The command, each of its numbers data."""
-    for field, count, each in (("rotor_speeds", rotors, "rotor"), ("efforts", joints, "joint")):
+def _whole(controller: Controller, command: Command, counts: Mapping[str, int]) -> Command:
+    """The command, each of its numbers data; angles of rotors that tilt may be left out."""
+    for field, count in counts.items():
         values = getattr(command, field)
         if not isinstance(values, tuple):
             raise wrong(controller, f"gives {field} as {kind_of(values)}: must be a tuple of {count} numbers")
-        if len(values) != count:
-            raise wrong(controller, f"gives {len(values)} {field}: must be {count}, one for each {each}")
+        if len(values) != count and (values or field not in MAY_BE_EMPTY):
+            raise wrong(controller, f"gives {len(values)} {field}: must be {count}, one for each {ONE_FOR[field]}")
         for i, value in enumerate(values):
             if not (type(value) is int or _is_number(value)):
                 raise wrong(controller, f"gives {field}[{i}] as {kind_of(value)}: must be a number")
-    if any(type(value) is int for value in (*command.rotor_speeds, *command.efforts)):
-        speeds, efforts = ([data(value) for value in part] for part in (command.rotor_speeds, command.efforts))
-        return dataclasses.replace(command, rotor_speeds=tuple(speeds), efforts=tuple(efforts))
+    given = {field: getattr(command, field) for field in counts}
+    if any(type(value) is int for values in given.values() for value in values):
+        held = {field: tuple(data(value) for value in values) for field, values in given.items()}
+        return dataclasses.replace(command, **held)
     return command
 
 

@@ -53,10 +53,11 @@ def _require_numbers(controller: Controller, instant: Any, command: Sequence[flo
     """Refuse a first command that is not finite though all that the law was told is."""
     if not all(map(math.isfinite, leaves(instant))):
         return
-    rotors = len(controller.par.model.vehicle.rotors)
-    for i, value in enumerate(command):
+    vehicle = controller.par.model.vehicle
+    counts = {"rotor_speeds": len(vehicle.rotors), "efforts": vehicle.n, "tilts": len(vehicle.tilts)}
+    fields = [f"{name}[{i}]" for name, count in counts.items() for i in range(count)]
+    for field, value in zip(fields, command, strict=False):  # angles may be left out
         if not math.isfinite(value):
-            field = f"rotor_speeds[{i}]" if i < rotors else f"efforts[{i - rotors}]"
             raise wrong(controller, f"gives {field} = {value} in its first period: must be a finite number")
 
 

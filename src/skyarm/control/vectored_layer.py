@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -17,7 +18,7 @@ from skyarm.control.law_checks import check_controller, checked_law
 from skyarm.control.model import Model
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.scalars import Scalar, add, clip, cos, data, divide, exp, maximum, minimum, mul, sqrt, sub, where
+from skyarm.scalars import Scalar, absolute, add, clip, cos, data, divide, exp, maximum, minimum, mul, sqrt, sub, where
 from skyarm.sensors.measurement import Measurement
 from skyarm.vehicle.tilt import Tilt
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
@@ -27,6 +28,13 @@ MOST_LEAD = 3.0
 
 STILL = 0.02
 """Share of a rotor's largest squared speed below which its angle, which hardly matters then, moves slowly."""
+
+STRONG = 4.0
+"""Times the squared speed of hover that a rotor's largest counts as at most: one may have no largest speed."""
+
+TURNING = 200.0
+"""1/s, at which an angle moves with a thrust of that share: in proportion to the thrust, at once in a period of 5 ms.
+"""
 
 YAW_DAMPING = 1.0
 """Of the rotors' squared reach in torque about z at rest: what the correction of that torque is damped with, so that
@@ -156,12 +164,12 @@ def vectored_law(
     vehicle = par.model.vehicle
     own = own_parameters(par)
     law = checked_law(Controller(name=name, law=inner, par=own, compiled=compiled))
-    angles = measurement.tilts or memory.angles
+    angles = angles_seen(measurement, memory.angles)
     turning = speeds_of_pairs(vehicle, measurement.rotor_speeds, angles)
     told = dataclasses.replace(measurement, rotor_speeds=turning, tilts=())
     following, command = law(memory.inner, told, reference, dt, par=own)
     forces = forces_of_pairs(vehicle, command.rotor_speeds)
-    goals = goal_angles(vehicle, forces, memory.goals)
+    goals = goal_angles(par.model, forces, memory.goals, dt)
     setpoints = tuple(
         clip(add(now, mul(lead, sub(goal, now))), tilt.lower, tilt.upper)
         for now, goal, lead, tilt in zip(angles, goals, par.lead, vehicle.tilts, strict=True)
@@ -178,13 +186,27 @@ def vectored_law(
     return moved, Command(rotor_speeds=speeds, efforts=command.efforts, tilts=tuple(data(a) for a in setpoints))
 
 
-def goal_angles(vehicle: Vehicle, forces: Sequence[Force], last: Sequence[Any]) -> tuple[Any, ...]:
+def angles_seen(measurement: Measurement, believed: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Measured angles, rad; the believed servos' where there are none, and in place of one that is no finite number."""
+    if not measurement.tilts:
+        return believed
+    rows = zip(measurement.tilts, believed, strict=True)
+    return tuple(where(absolute(seen) < math.inf, seen, held) for seen, held in rows)
+
+
+def goal_angles(model: Model, forces: Sequence[Force], last: Sequence[Any], dt: Any) -> tuple[Any, ...]:
     """Angles of the wanted forces, rad; one next to nothing, whose direction says little, moves its angle slowly."""
+    vehicle = model.vehicle
+    total: Any = 0.0
+    for each in vehicle.rotors:
+        total = add(total, each.thrust_coefficient)
+    hover = divide(mul(vehicle.mass, model.gravity), total)
+    strongest = where(hover > 0.0, mul(STRONG, hover), math.inf)
     rows = [(r, f) for r, f in zip(vehicle.rotors, forces, strict=True) if r.tilt is not None]
     found = []
     for (rotor, force), before in zip(rows, last, strict=True):
-        top = mul(rotor.max_speed, rotor.max_speed)
-        share = minimum(divide(force.push, mul(STILL, top)), 1.0)
+        top = minimum(mul(rotor.max_speed, rotor.max_speed), strongest)
+        share = minimum(mul(divide(force.push, mul(STILL, top)), mul(TURNING, dt)), 1.0)
         found.append(add(before, mul(share, sub(force.angle, before))))
     return tuple(found)
 

@@ -19,7 +19,7 @@ from skyarm.compile.c.c_file import StepFile
 from skyarm.compile.c.c_source import Floats
 from skyarm.compile.c.c_struct import Struct, Units, make_struct
 from skyarm.compile.tracing.float_trial import PERIODS
-from skyarm.control.controller import Controller, presses
+from skyarm.control.controller import Controller, innermost, presses
 from skyarm.control.law_checks import check_controller, checked_law
 from skyarm.control.law_trial import level, try_law
 from skyarm.control.model import TORQUE_GAINS
@@ -186,11 +186,16 @@ def _structs(
     return structs
 
 
+MOST_LAYERS = 3
+"""Layers around a law at most: safety, rotors that tilt, actuators."""
+
+
 def _on_torque(controller: Controller) -> Units:
     """Units of the joints' gains where they act on torque: in the safety layer's recovery, and in one law."""
-    places: list[Place] = [("recovery", "joint_gains")]
+    deep: list[Place] = [("inner",) * layers for layers in range(MOST_LAYERS + 1)]
+    places: list[Place] = [(*place, "recovery", "joint_gains") for place in deep]
     if controller.name.removeprefix("guarded_") == "decoupled_pd":
-        places += [("joint_gains",), ("inner", "joint_gains")]
+        places += [(*place, "joint_gains") for place in deep]
     return {("parameters", *place): TORQUE_GAINS for place in places}
 
 
@@ -251,7 +256,7 @@ def _header(controller: Controller, file: StepFile, period: float, operations: i
 def _structure(controller: Controller) -> list[str]:
     """Choices that are folded into the code, in words."""
     par = controller.par
-    own = getattr(par, "inner", par)  # the law's own constants inside a safety layer
+    own = innermost(par)
     if hasattr(own, "choices"):
         return [f"mixer '{par.mixer.policy}'", *own.choices()]
     terms, rate_error = getattr(own, "terms", None), getattr(own, "rate_error", None)

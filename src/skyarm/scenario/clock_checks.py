@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from skyarm.control.controller import innermost
 from skyarm.files import number
 from skyarm.records.coerce import concrete
 
@@ -62,8 +63,7 @@ def _check_longest(scenario: Scenario) -> None:
 
 def check_clocks(scenario: Scenario) -> None:
     """A law that is told of its clocks is told of those that tick."""
-    # a law with a safety layer keeps its own constants inside the layer's
-    par, rates = getattr(scenario.controller.par, "inner", scenario.controller.par), scenario.rates
+    par, rates = innermost(scenario.controller.par), scenario.rates
     cutoff = getattr(par, "cutoff", None)
     if cutoff is not None and concrete(cutoff) and not 2.0 * cutoff < rates.control:
         raise ValueError(

@@ -73,7 +73,8 @@ def options_from(table: Any) -> GovernorOptions:
     """Options of a ``[reference.governor]`` table."""
     fields = Fields(table, "reference.governor")
     names = field_names(GovernorOptions) or ()
-    given = {name: fields.number(name) for name in names if name in fields.table}
+    # each is asked for, so that a misspelt one is told of all
+    given = {name: fields.number(name) for name in names if fields.take(name, None) is not None}
     fields.done()
     return GovernorOptions(**given)
 

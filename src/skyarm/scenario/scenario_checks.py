@@ -9,6 +9,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from skyarm.actuation import Mixer, make_mixer
+from skyarm.control.controller import innermost
 from skyarm.control.law_checks import check_controller
 from skyarm.control.model import JointGains
 from skyarm.dynamics import State
@@ -173,13 +174,16 @@ def as_data(state: State) -> State:
 
 def check_law(par: Any, joints: int, rotors: int) -> None:
     """Gains and mixer of a law, and its recovery under the safety layer, have a number for each joint and rotor."""
-    recovery = getattr(par, "recovery", None)
+    layer = par
+    while getattr(layer, "recovery", None) is None and hasattr(layer, "inner"):
+        layer = layer.inner
+    recovery = getattr(layer, "recovery", None)
     if recovery is not None:
         for name in ("stow", "stow_speed"):
             _require_count(f"controller.recovery.{name}", getattr(recovery, name), joints)
         for name in ("stiffness", "damping"):
             _require_count(f"controller.recovery.joint_gains.{name}", getattr(recovery.joint_gains, name), joints)
-    par = getattr(par, "inner", par)
+    par = innermost(par)
     gains, mixer = getattr(par, "joint_gains", None), getattr(par, "mixer", None)
     if isinstance(gains, JointGains):
         for name in ("stiffness", "damping"):

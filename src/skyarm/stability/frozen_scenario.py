@@ -7,6 +7,7 @@ from typing import Any
 
 from skyarm.actuation.servo import PositionServo
 from skyarm.compile import leaves
+from skyarm.control.controller import innermost, with_innermost
 from skyarm.control.vectored_layer import turns_rotors
 from skyarm.environment import MovingAir, Wind
 from skyarm.records.coerce import concrete
@@ -61,17 +62,14 @@ def _without_tilts(scenario: Scenario) -> Scenario:
 def without_adaptation(scenario: Scenario) -> Scenario:
     """The scenario with what a law adapts held: at the bound of its projection a derivative means nothing.
 
-    Of a law under guard, the constants in ``inner`` are looked at.
+    Of a law under layers, its own constants are looked at.
     """
     par: Any = scenario.controller.par
-    inner: Any = getattr(par, "inner", None)
-    own = par if inner is None else inner
+    own = innermost(par)
     adapting = [name for name in ADAPTS if getattr(own, name, False)]
     if not adapting:
         return scenario
-    still: Any = dataclasses.replace(own, **dict.fromkeys(adapting, False))
-    if inner is not None:
-        still = dataclasses.replace(par, inner=still)
+    still = with_innermost(par, dataclasses.replace(own, **dict.fromkeys(adapting, False)))
     return dataclasses.replace(scenario, controller=dataclasses.replace(scenario.controller, par=still))
 
 

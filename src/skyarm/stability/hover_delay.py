@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 from skyarm.actuation import AllocationError
 from skyarm.compile.machine_code import NoMachineCodeError
-from skyarm.control.controller import Controller, ControllerError
+from skyarm.control.controller import Controller, ControllerError, innermost
 from skyarm.plant.interface import Truth
 from skyarm.reference import hover
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario, ScenarioError
@@ -96,9 +95,8 @@ def hover_delay(scenario: Scenario) -> HoverDelay:
 
 
 def finds_lag(controller: Controller) -> bool:
-    """Whether a law, under guard or not, answers a lag that it finds in flight."""
-    par: Any = controller.par
-    return getattr(getattr(par, "inner", par), "lag", None) is not None
+    """Whether a law, under layers or not, answers a lag that it finds in flight."""
+    return getattr(innermost(controller.par), "lag", None) is not None
 
 
 def hover_delay_if_known(scenario: Scenario) -> HoverDelay | str:
@@ -123,11 +121,10 @@ def hover_of(controller: Controller, rate: int = 200) -> Scenario:
     Raises:
         ValueError: no such rate, or a vehicle that is a belief only.
     """
-    par: Any = controller.par
-    model = par.model
+    model, own = controller.par.model, innermost(controller.par)
     joints = tuple(min(max(0.0, float(j.lower)), float(j.upper)) for j in (link.joint for link in model.vehicle.links))
     physics = rate * max(1, math.ceil(FASTEST / rate))
-    held = getattr(getattr(par, "inner", par), "reference_period", None)
+    held = getattr(own, "reference_period", None)
     reference = rate if held is None else round(1.0 / float(held))
     return Scenario(
         name=model.vehicle.name,
@@ -136,7 +133,7 @@ def hover_of(controller: Controller, rate: int = 200) -> Scenario:
         controller=controller,
         trajectory=hover((0.0, 0.0, HEIGHT), joints=joints),
         duration=SETTLING,
-        delays=Delays(measurement=float(getattr(getattr(par, "inner", par), "delay_periods", 0)) / rate),
+        delays=Delays(measurement=float(getattr(own, "delay_periods", 0)) / rate),
     )
 
 
@@ -146,8 +143,6 @@ HEIGHT = 10.0
 
 def believed_delay(scenario: Scenario) -> float:
     """Delay of the loop, s, that is known before flight: what the law is told of, and what the scenario states."""
-    par: Any = scenario.controller.par
-    par = getattr(par, "inner", par)
-    told = float(getattr(par, "delay_periods", 0)) / scenario.rates.control
+    told = float(getattr(innermost(scenario.controller.par), "delay_periods", 0)) / scenario.rates.control
     stated = float(scenario.delays.measurement) + float(scenario.delays.command)
     return max(told, stated) if math.isfinite(told) else stated

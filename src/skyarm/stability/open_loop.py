@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.actuation import Command
+from skyarm.algebra import Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.llvm_text import Lanes
@@ -107,7 +108,8 @@ class Differentiator:
             scenario.world, point.state, point.state.rotor_speeds, point.old.efforts, air, point.old.rotor_speeds
         )
         count = noise_count(len(point.state.joints), len(point.state.rotor_speeds))
-        now = measure(scenario.sensors, row.time, point.state, force.linear, [0] * count)
+        proper = Vec3(*(data(c) for c in force.linear))  # without drag nothing pushes along x and y
+        now = measure(scenario.sensors, row.time, point.state, proper, [0] * count)
         memory, command = checked_law(scenario.controller)(
             point.memory, point.seen, stages.joined(row), self._period, par=scenario.controller.par
         )

@@ -27,8 +27,9 @@ class Tilt:
     """A tilt turns a rotor about an axis of the base, through its hub and across its thrust.
 
     The angle follows its setpoint as a first-order lag whose rate is limited. At angle 0, its rest, the thrust is along
-    the rotor's own axis; a positive angle turns it by the right-hand rule. Inertia and spin of what is turned push on
-    nothing.
+    the rotor's own axis; a positive angle turns it by the right-hand rule. Left out are
+    the inertia of what is turned, the torque that turns it and the gyroscopic torque of turning a spinning rotor; the
+    torque of the spin as the base turns, and as the speed changes, follows the turned axis.
 
     Attributes:
         axis: unit vector, base frame, perpendicular to the rotor's axis.

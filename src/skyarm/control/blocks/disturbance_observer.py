@@ -99,8 +99,8 @@ def observe(
     turning, bending = ew * slow[1], [mul(e, slow[2]) for e in er]
     base = Felt(velocity=v + ev * fast[0], bias=memory.bias, change=ev * slow[0], learns=free[0])
     if accelerometer is not None:
-        beyond = rotor_wrench(model, [s * s - mean for s, mean in zip(speeds, squares, strict=True)])
-        base = feel(model, accelerometer, memory.velocity, base, measurement, R, linear, beyond, free[1:], dt)
+        rotors = beyond(model, squares, half, speeds)
+        base = feel(model, accelerometer, memory.velocity, base, measurement, R, linear, rotors, free[1:], dt)
     push, turn, pulls = inertia_times(model, R, joints, base.change, turning, bending)
     running = started > 0.5
     learned = Observed(
@@ -129,6 +129,20 @@ def observe(
     )
     told = Told(angular=angular, joints=qdd, angular_correction=turning, joint_corrections=tuple(bending))
     return running_on, told
+
+
+def beyond(model: Model, squares: Sequence[Any], half: Sequence[Any], speeds: Sequence[Any]) -> Vec3:
+    """What the thrust of all rotors at the end of a period is beyond that which the model reckoned with; N, base axes.
+
+    Args:
+        model: belief.
+        squares: means of the squared speeds, of the thrust along body z.
+        half: speeds amid the period, of the thrust across it: see :func:`with_side`.
+        speeds: at its end.
+    """
+    along = rotor_wrench(model, [s * s - mean for s, mean in zip(speeds, squares, strict=True)])
+    across = rotor_wrench(model, [s * s - m * m for s, m in zip(speeds, half, strict=True)], sideways=True)
+    return Vec3(across.force.x, across.force.y, along.force.z)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from skyarm.algebra import E_Z, Force, Mat3, Vec3
+from skyarm.algebra import E_Z, Mat3, Vec3
 from skyarm.control.blocks.filters import double_pole, low_pass_share
 from skyarm.control.blocks.select import choose, vector_data
 from skyarm.control.controller import ControllerError
@@ -68,7 +68,7 @@ def feel(
     measurement: Measurement,
     R: Mat3,
     linear: Vec3,
-    rotors: Force,
+    rotors: Vec3,
     joints: Sequence[Any],
     dt: Any,
 ) -> Felt:
@@ -85,7 +85,9 @@ def feel(
         measurement: the new one.
         R: R_WB amid the period.
         linear: acceleration of the base origin by the model, mean of the period, world axes.
-        rotors: what their wrench at the end of the period, where it was felt, is beyond that of the mean.
+        rotors: what their thrust at the end of the period, where it was felt, is beyond ``linear``'s; N, base axes.
+            What their torque is beyond it is left out: by way of the offset of the common centre of mass it accelerates
+            the base origin too, for a part of a period.
         joints: 1 for each that is not at its limit, else 0.
         dt: s.
 
@@ -93,11 +95,11 @@ def feel(
         ControllerError: the measurement has no specific force.
     """
     felt = measurement.specific_force
-    if all(type(c) is int for c in felt):
+    if all(type(c) is int and c == 0 for c in felt):
         raise ControllerError(
             "controller.accelerometer: must be left out, the measurement has no specific_force (m/s^2, base axes)"
         )
-    modelled = R.apply_T(linear + E_Z * model.gravity) + rotors.force * divide(1.0, model.vehicle.mass)
+    modelled = R.apply_T(linear + E_Z * model.gravity) + rotors * divide(1.0, model.vehicle.mass)
     beside = R.apply(felt - seen.bias - modelled)
     ahead = velocity + (linear + beside) * dt
     e = measurement.velocity - ahead

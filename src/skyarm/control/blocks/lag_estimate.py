@@ -21,6 +21,7 @@ from typing import Annotated, Any
 
 from skyarm.control.blocks.disturbance_observer import Told
 from skyarm.control.blocks.select import data
+from skyarm.control.controller import innermost
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, divide, exp, maximum, minimum, mul, sub, where
 from skyarm.sensors.measurement import Measurement
@@ -113,8 +114,8 @@ def first_lag(joints: int, stride: int) -> LagMemory:
 
 
 def lags_found(memory: Any) -> tuple[Any, ...]:
-    """Lags of the rotors' and the joints' loops in the memory of a law, also of one under guard; () without them."""
-    lag = getattr(getattr(memory, "inner", memory), "lag", ())
+    """Lags of the rotors' and the joints' loops in the memory of a law, also of one under layers; () without them."""
+    lag = getattr(innermost(memory), "lag", ())
     return lag.found if isinstance(lag, LagMemory) else ()
 
 

@@ -110,7 +110,7 @@ def thrust(
     off.append(ed)
     pull.append(_attraction(par, off) + kv.scaled(edd))
     first = (wanted[3] - _bounded(pull, limit)) * mass - force_rate
-    eddd = applied(reach, [force, first], R, w) * per_mass - wanted[3]
+    eddd = (applied(reach, [force, first], R, w) + force_rate) * per_mass - wanted[3]
     off.append(edd)
     pull.append(_attraction(par, off) + kv.scaled(eddd))
     second = (wanted[4] - _bounded(pull, limit)) * mass - force_bend

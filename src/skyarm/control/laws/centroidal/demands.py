@@ -214,7 +214,10 @@ def _course(
     before: Following,
     dt: Any,
 ) -> Course:
-    """The references, and in tip mode what they become under the quasi-static attitude."""
+    """The references, and in tip mode what they become under the quasi-static attitude.
+
+    Attitude and drag along the path are those of the base as it shifts: its velocity, its acceleration and so on.
+    """
     vehicle, mass = model.vehicle, model.vehicle.mass
     base = [Vec3(*(signal.derivative(k) for signal in signals[:3])) for k in range(5)]
     yaw, joints = signals[3], tuple(signals[4:])
@@ -223,7 +226,7 @@ def _course(
     drag = reference_drag(
         model,
         state,
-        [*base[:2], *answered[2:4]],
+        answered[:4],
         sideways=par.uses_sideways,
         moving=par.moves_shift,
         across=par.pushes_across,

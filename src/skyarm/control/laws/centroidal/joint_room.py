@@ -3,12 +3,15 @@
 The tip mode takes joints off their references, and a task that the arm cannot do takes them far: to lift a tip that a
 gust tilted away a short slide runs to its end. A joint may go a share of the way from its reference to a limit; the
 rest is for forces that nobody foresaw, more of it where no stop holds the joint and passing the limit ends a flight.
-With d the way that is left and k the pole of the joints' own loop, half of its damping,
+With d the way that is left and k the pole of the joints' own loop, half of its damping (the root of its stiffness where
+that is more),
 
     d'' + 2 k d' + k^2 d >= 0
 
 bounds the acceleration towards the limit, so that a joint comes to rest there no faster than the loop brings it to a
-reference. What is left out is the tip's loss, not the base's: the inverse dynamics gets the bounded acceleration.
+reference. The place where it may go moves with the reference, and d with it; the limit itself, at rest, bounds as well.
+A reference that brakes before the limit as slowly as that is followed as it is. What is left out is the tip's loss, not
+the base's: the inverse dynamics gets the bounded acceleration.
 Source: Ames et al. 2019, "Control barrier functions: theory and applications", exponential barrier of degree two.
 """
 
@@ -20,7 +23,7 @@ from typing import Any
 
 from skyarm.control.model import JointGains
 from skyarm.dynamics import State
-from skyarm.scalars import add, maximum, minimum, mul, sub
+from skyarm.scalars import add, maximum, minimum, mul, sqrt, sub
 from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -58,15 +61,18 @@ def within_limits(
     found = []
     for i, (wanted, (low, high)) in enumerate(zip(accelerations, ends, strict=True)):
         joint, told = vehicle.links[i].joint, references[i].derivative(0)
-        pole, damping = mul(0.5, gains.damping[i]), gains.damping[i]
-        square, share = mul(pole, pole), WITH_STOP if joint.has_stops else SHARE
-        gone = add(mul(square, state.joints[i]), mul(damping, state.joint_rates[i]))
+        share = WITH_STOP if joint.has_stops else SHARE
+        pole = maximum(mul(0.5, gains.damping[i]), sqrt(gains.stiffness[i]))
+        square, twice = mul(pole, pole), mul(2.0, pole)
+        gone = add(mul(square, state.joints[i]), mul(twice, state.joint_rates[i]))
+        # of the place where it may go, that moves with the reference, and of the limit, which does not
+        moved = mul(1.0 - share, add(references[i].derivative(2), mul(twice, references[i].derivative(1))))
         kept = wanted
         if high:
-            end = minimum(add(told, mul(share, sub(joint.upper, told))), joint.upper)
-            kept = minimum(kept, sub(mul(square, end), gone))
+            end = add(mul(square, add(told, mul(share, sub(joint.upper, told)))), moved)
+            kept = minimum(kept, sub(minimum(end, mul(square, joint.upper)), gone))
         if low:
-            end = maximum(add(told, mul(share, sub(joint.lower, told))), joint.lower)
-            kept = maximum(kept, sub(mul(square, end), gone))
+            end = add(mul(square, add(told, mul(share, sub(joint.lower, told)))), moved)
+            kept = maximum(kept, sub(maximum(end, mul(square, joint.lower)), gone))
         found.append(kept)
     return tuple(found)

@@ -27,7 +27,7 @@ from skyarm.control.laws.centroidal.interaction_records import first_interaction
 from skyarm.control.laws.centroidal.joint_room import Ends, ends_of
 from skyarm.control.laws.centroidal.law import centroidal
 from skyarm.control.laws.centroidal.memory import CentroidalMemory
-from skyarm.control.laws.centroidal.option_checks import bounded, checked, one_of, periods_of
+from skyarm.control.laws.centroidal.option_checks import bounded, checked, must_act, one_of, periods_of
 from skyarm.control.laws.centroidal.parameters import MODE_ALIASES, MODES, CentroidalParameters, TipGains
 from skyarm.control.laws.centroidal.path_shift import AT_REST
 from skyarm.control.laws.centroidal.reference_drag import pushes_across
@@ -77,6 +77,7 @@ def make_centroidal(
     one_of("mode", mode, MODES)
     one_of("preset", preset, sorted(PRESETS))
     gains = {**PRESETS[preset], **{name: checked(name, value) for name, value in changes.items()}}
+    must_act(changes, gains)
     periods = periods_of(delay, control_period)
     if gains["sideways"] > 0.0 and model.vehicle.tilts:
         known: dict[str, Any] = {"mode": mode, "preset": preset, "delay": delay, "control_period": control_period}
@@ -176,7 +177,7 @@ def _holds(attitude: tuple[float, float], sideways: float) -> bool:
 def _mixer(vehicle: Vehicle, sideways: bool, yaw_slack: float, asked: bool) -> Mixer:
     """Allocation; ``yaw_slack`` in rad/s^2 of the vehicle with its joints at zero.
 
-    A preset flies rotors that allow no priorities without them; who ``asked`` for the slack is refused.
+    A preset flies rotors that allow no priorities without them; a slack that was ``asked`` for is refused there.
     """
     policy = "priority" if yaw_slack == 0.0 else "thrust_before_yaw"
     inertia = dynamics.mass_matrix(vehicle, Mat3.identity(), (0.0,) * vehicle.n)[5][5] if yaw_slack else 0.0

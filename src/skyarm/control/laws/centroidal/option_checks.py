@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from skyarm.control.controller import ControllerError
@@ -50,6 +50,13 @@ def checked(name: str, value: Any) -> Any:
         raise ControllerError(f"controller.{name} = {shown(value)}: must be {len(example)} numbers")
     limits = RANGES.get(name, (0.0, math.inf))
     return tuple(bounded(f"{name}[{i}]", each, *limits) for i, each in enumerate(value))
+
+
+def must_act(changes: Mapping[str, Any], gains: Mapping[str, Any]) -> None:
+    """Refuse what is asked for beside options without which it does nothing."""
+    for name in ("swing_rate", "path_rate"):
+        if changes.get(name) and not gains["shift_bandwidth"] > 0.0:
+            raise ControllerError(f"controller.{name} = {shown(changes[name])}: must be 0 without shift_bandwidth")
 
 
 def periods_of(delay: Any, control_period: Any) -> int:

@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
+from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.series_kinematics import Posture, derivative
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.tip_reference import ShiftMotion, differentiated
@@ -80,7 +81,7 @@ def tilt_of(needed: Vec3, level: Posture) -> Vec3:
 
 def followed_pace(memory: SwingPace, lever: list[Any], rate: Any, dt: Any) -> SwingPace:
     """The memory one period later; ``rate`` in 1/s."""
-    share = rate * dt
+    share = low_pass_share(rate, dt)
     return SwingPace(
         rate=memory.rate + (lever[1] * lever[1] - memory.rate) * share,
         acceleration=memory.acceleration + (lever[2] * lever[2] - memory.acceleration) * share,
