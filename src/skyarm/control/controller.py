@@ -114,8 +114,7 @@ def with_applied_command(memory: Any, sent: Command) -> Any:
 
 def presses(par: Any) -> bool:
     """Whether a law, inside whatever layers, answers the contact that a reference asks for."""
-    inner = getattr(par, "inner", None)
-    return getattr(par, "interaction", None) is not None or (inner is not None and presses(inner))
+    return getattr(innermost(par), "interaction", None) is not None
 
 
 def all_applied(joints: int) -> tuple[float, ...]:
