@@ -21,6 +21,7 @@ from skyarm.assess.level_hover import Allocation
 from skyarm.assess.likely_units import units_of_scenario, units_of_vehicle
 from skyarm.assess.mass_balance import center_of_mass_shift, mass_and_inertia
 from skyarm.assess.mujoco_certificate import certificate
+from skyarm.assess.push_limits import push_limits
 from skyarm.assess.rotor_layout import rotor_layout
 from skyarm.assess.servo_stiffness import servo_stiffness
 from skyarm.assess.sideways_reach import sideways_reach
@@ -107,7 +108,7 @@ def assess_scenario(scenario: Scenario, *, payload: float = 0.0, poses: int = PO
         scenario.world.vehicle, gravity=float(scenario.world.gravity), payload=payload, poses=poses, seed=seed
     )
     try:
-        along = along_reference(scenario)
+        along = [*along_reference(scenario), *push_limits(scenario)]
     except AllocationError:  # said by the vehicle's own findings
         along = []
     aloft = aloft_for(about.vehicle, about.gravity, scenario.duration)

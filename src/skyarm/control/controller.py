@@ -112,6 +112,11 @@ def with_applied_command(memory: Any, sent: Command) -> Any:
     return dataclasses.replace(updated, applied=_applied(desired, sent)) if hasattr(memory, "applied") else updated
 
 
+def presses(par: Any) -> bool:
+    """Whether a law, inside whatever layers, answers the contact that a reference asks for."""
+    return getattr(innermost(par), "interaction", None) is not None
+
+
 def all_applied(joints: int) -> tuple[float, ...]:
     """Return 1 for the rotors together and 1 for each joint: every command was applied as desired."""
     return (1.0,) * (1 + joints)

@@ -19,7 +19,7 @@ from skyarm.compile.c.c_file import StepFile
 from skyarm.compile.c.c_source import Floats
 from skyarm.compile.c.c_struct import Struct, Units, make_struct
 from skyarm.compile.tracing.float_trial import PERIODS
-from skyarm.control.controller import Controller, innermost
+from skyarm.control.controller import Controller, innermost, presses
 from skyarm.control.law_checks import check_controller, checked_law
 from skyarm.control.law_trial import level, try_law
 from skyarm.control.model import TORQUE_GAINS
@@ -137,7 +137,7 @@ def _examples(controller: Controller, period: float, estimator: ErrorStateFilter
     found = {
         "parameters": Constants(parameters=controller.par, period=period),
         "measurement": blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts)),
-        "reference": Reference(**arm).dense(),
+        "reference": Reference(**arm, push=(0.0,) * 5 if presses(controller.par) else ()).dense(),
         "memory": controller.memory,
     }
     if estimator is not None:

@@ -135,6 +135,7 @@ def by_flight_time(reference: Reference, s: Derivatives) -> Reference:
         joint_jerks=moved[2],
         joint_snaps=moved[3],
         tip=r.tip,
+        push=r.push,
     )
 
 

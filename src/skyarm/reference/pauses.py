@@ -54,6 +54,9 @@ def paused(trajectory: Trajectory, rests: Sequence[tuple[float, float]]) -> Traj
         tip = trajectory.tip
         if tip is not None:
             tip = dataclasses.replace(tip, x=pause(tip.x), y=pause(tip.y), z=pause(tip.z))
+        push = trajectory.push
+        if push is not None:
+            push = dataclasses.replace(push, force=pause(push.force))
         trajectory = dataclasses.replace(
             trajectory,
             x=pause(trajectory.x),
@@ -62,5 +65,6 @@ def paused(trajectory: Trajectory, rests: Sequence[tuple[float, float]]) -> Traj
             yaw=pause(trajectory.yaw),
             joints=tuple(pause(signal) for signal in trajectory.joints),
             tip=tip,
+            push=push,
         )
     return trajectory

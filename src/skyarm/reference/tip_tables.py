@@ -23,6 +23,7 @@ from typing import Any
 
 from skyarm.files import Fields, shown
 from skyarm.reference.joint_moves import with_joint_moves
+from skyarm.reference.push_tables import push_from
 from skyarm.reference.reference_tables import motion_from, trajectory_from
 from skyarm.reference.setting import Setting
 from skyarm.reference.signal_tables import signal_from
@@ -36,7 +37,7 @@ def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> T
     """The trajectory of a reference, whose tip may have a motion of its own.
 
     Args:
-        table: of the whole reference, as :func:`skyarm.reference.trajectory_from` takes it, and ``tip``.
+        table: of the whole reference, as :func:`skyarm.reference.trajectory_from` takes it, and ``tip``, ``push``.
         n_joints: joints of the vehicle.
         where: name of the reference's table.
         setting: whose vehicle, and for how long.
@@ -44,6 +45,10 @@ def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> T
     Raises:
         ValueError: one line with field, value and what is allowed.
     """
+    if isinstance(table, dict) and "push" in table:
+        push = push_from(table["push"], f"{where}.push")
+        rest = {name: value for name, value in table.items() if name != "push"}
+        return dataclasses.replace(reference_from(rest, n_joints, where, setting), push=push)
     if not isinstance(table, dict) or "tip" not in table:
         found = trajectory_from(table, n_joints, where, setting)
         return with_joint_moves(found, setting.joint_moves, setting.vehicle)

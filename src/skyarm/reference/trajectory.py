@@ -18,6 +18,7 @@ from skyarm.reference.compose import Shifted, Sum, Windowed
 from skyarm.reference.setting import Guard
 from skyarm.reference.signals import Constant, Signal, Sine
 from skyarm.reference.tip_motion import TipMotion
+from skyarm.reference.tip_push import TipPush
 from skyarm.scalars import Scalar
 
 
@@ -26,6 +27,8 @@ class Reference:
     """A reference is the desired motion at one instant (or, with arrays as scalars, at many).
 
     ``tip`` is empty where the tip has no reference of its own: then it is where a level base on reference carries it.
+    ``push`` is empty where no contact is ever asked for; else force (N), speed (m/s) and unit normal
+    (:class:`skyarm.reference.tip_push.TipPush`).
     """
 
     position: Annotated[Vec3, Unit("m", "base origin, world axes")] = ZERO3
@@ -42,6 +45,7 @@ class Reference:
     joint_jerks: Annotated[tuple[Scalar, ...], Unit("rad/s^3 or m/s^3")] = ()
     joint_snaps: Annotated[tuple[Scalar, ...], Unit("rad/s^4 or m/s^4")] = ()
     tip: Annotated[tuple[Scalar, ...], Unit("m", "the tip, world axes")] = ()
+    push: Annotated[tuple[Scalar, ...], Unit("", "wanted contact: N, m/s, unit normal in world axes")] = ()
 
     def __post_init__(self) -> None:
         # made in every period: what holds vectors and tuples already is not looked at
@@ -49,6 +53,7 @@ class Reference:
         vectors = vectors and type(self.jerk) is type(self.snap) is Vec3
         tuples = type(self.joints) is type(self.joint_rates) is type(self.joint_accelerations) is tuple
         tuples = tuples and type(self.joint_jerks) is type(self.joint_snaps) is type(self.tip) is tuple
+        tuples = tuples and type(self.push) is tuple
         numbers = {type(self.yaw), type(self.yaw_rate), type(self.yaw_acceleration)} <= PLAIN_NUMBERS
         if not (vectors and tuples and numbers):
             accept_fields(self, "reference")
@@ -82,7 +87,8 @@ class Trajectory:
     """A trajectory holds the signals of the base position, the heading and the joints.
 
     With a ``tip`` in the world the base is where it carries that tip (:mod:`skyarm.reference.tip_motion`), moved by the
-    signals ``x``, ``y``, ``z``. With ``guards`` it waits for the flight (:mod:`skyarm.simulate.pinned`).
+    signals ``x``, ``y``, ``z``. With a ``push`` it asks for contact (:mod:`skyarm.reference.tip_push`). With ``guards``
+    it waits for the flight (:mod:`skyarm.simulate.pinned`).
     """
 
     x: Annotated[Signal, Unit("m", "base origin, world axes")] = ZERO
@@ -91,6 +97,7 @@ class Trajectory:
     yaw: Annotated[Signal, Unit("rad", "heading about world z")] = ZERO
     joints: Annotated[tuple[Signal, ...], Unit("rad or m")] = ()
     tip: TipMotion | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
+    push: TipPush | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
     guards: tuple[Guard, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
@@ -123,12 +130,14 @@ class Trajectory:
             joint_jerks=q[3],
             joint_snaps=q[4],
             tip=tip,
+            push=() if self.push is None else self.push.at(t),
         )
 
     def switch_times(self) -> tuple[float, ...]:
         """List the times (s), in order, at which a signal or one of its derivatives may jump."""
         tip = () if self.tip is None else (self.tip.x, self.tip.y, self.tip.z)
-        return Sum((self.x, self.y, self.z, self.yaw, *self.joints, *tip)).switch_times()
+        push = () if self.push is None else (self.push.force,)
+        return Sum((self.x, self.y, self.z, self.yaw, *self.joints, *tip, *push)).switch_times()
 
     def with_joints(self, *joints: Signal | float) -> Trajectory:
         """Return the same base motion with these joint signals (a number is held)."""
@@ -141,8 +150,11 @@ class Trajectory:
         if tip is not None:
             a, b, c = (Shifted(k, delay) for k in (tip.x, tip.y, tip.z))
             tip = dataclasses.replace(tip, x=a, y=b, z=c)
+        push = self.push
+        if push is not None:
+            push = dataclasses.replace(push, force=Shifted(push.force, delay))
         guards = tuple(dataclasses.replace(guard, at=guard.at + float(delay)) for guard in self.guards)
-        return Trajectory(x=x, y=y, z=z, yaw=yaw, joints=tuple(joints), tip=tip, guards=guards)
+        return Trajectory(x=x, y=y, z=z, yaw=yaw, joints=tuple(joints), tip=tip, push=push, guards=guards)
 
     def __add__(self, other: Trajectory) -> Trajectory:
         """Both motions at once, with the guards of both; one without joints leaves the other's as they are."""
@@ -154,9 +166,12 @@ class Trajectory:
             joints = self.joints or other.joints
         if self.tip is not None and other.tip is not None:
             raise ValueError("two trajectories that each have a tip do not add")
+        if self.push is not None and other.push is not None:
+            raise ValueError("two trajectories that each have a push do not add")
         x, y, z, yaw = self.x + other.x, self.y + other.y, self.z + other.z, self.yaw + other.yaw
         guards = tuple(sorted((*self.guards, *other.guards), key=lambda guard: guard.at))
-        return Trajectory(x=x, y=y, z=z, yaw=yaw, joints=joints, tip=self.tip or other.tip, guards=guards)
+        tip, push = self.tip or other.tip, self.push or other.push
+        return Trajectory(x=x, y=y, z=z, yaw=yaw, joints=joints, tip=tip, push=push, guards=guards)
 
 
 def signals(values: Sequence[Signal | Any]) -> tuple[Signal, ...]:

@@ -61,6 +61,8 @@ def names(record: Any) -> dict[str, tuple[Place, ...] | Tree]:
         found["base"] = _motions(record)
         if record.tip is None:
             del found["tip"]
+        if record.push is None:
+            del found["push"]
     if isinstance(record, TipMotion):
         found["path"] = _motions(record)
     return found

@@ -15,6 +15,7 @@ from skyarm.control.blocks.sideways_force import Reach, planned_rate, reach_of
 from skyarm.control.laws.centroidal import com_tracking as center_of_mass
 from skyarm.control.laws.centroidal import tip_reference, tip_tasks
 from skyarm.control.laws.centroidal.arm_motion import ArmMotion, followed, made_good
+from skyarm.control.laws.centroidal.interaction import Pressing
 from skyarm.control.laws.centroidal.joint_room import within_limits
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.path_shift import PathShift, moved_path, with_shift
@@ -70,6 +71,7 @@ class Demand:
         alpha: angular acceleration, body axes, rad/s^2. joints: accelerations.
         planned: motion without errors.
         force_rate: N/s, body axes, of the planned force; None where nothing is commanded ahead.
+        gap: m, of the tip from its reference along the normal of a surface that it presses on.
     """
 
     thrust: Any
@@ -79,6 +81,7 @@ class Demand:
     following: Following = Following()
     across: Vec3 = ZERO3
     force_rate: Vec3 | None = None
+    gap: Any = 0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -115,6 +118,7 @@ def demands(
     force_rate: Vec3,
     before: Following,
     dt: Any,
+    pressing: Pressing | None = None,
 ) -> Demand:
     """Return the demand at this state.
 
@@ -128,6 +132,7 @@ def demands(
         force_rate: how the force changes, as far as that is believed, N/s, world axes.
         before: of the period before.
         dt: control period, s.
+        pressing: on a surface; None where no reference asks for it.
     """
     vehicle, mass = model.vehicle, model.vehicle.mass
     yaw, joints = signals[3], tuple(signals[4:])
@@ -153,7 +158,7 @@ def demands(
         reach=course.reach,
     )
     alpha = angular_acceleration(par.base, wanted_attitude(par, push.force, yaw, course.reach), R, w)
-    preferred = joint_accelerations(par, state, joints)
+    preferred, gap = joint_accelerations(par, state, joints), 0
     if course.goal is not None:
         present = tip_tasks.Now(
             R=R,
@@ -172,6 +177,9 @@ def demands(
             [state.position - base[0], state.velocity - base[1], push.acceleration - base[2]],
             par.tip.reach,
         )
+        if pressing is not None:
+            gap = pressing.n.dot(present.tip - course.goal.tip[0])
+            goal = pressing.freed(goal, present.tip, present.tip_velocity, par.tip.velocity)
         preferred = tip_tasks.joint_accelerations(vehicle, par.tip, goal, present, preferred)
     if par.ends:
         preferred = within_limits(vehicle, par.ends, par.joint_gains, state, joints, preferred)
@@ -192,6 +200,7 @@ def demands(
         following=following,
         across=push.across,
         force_rate=planned_rate(course.still, wanted[2:4], mass, model.gravity) if ahead else None,
+        gap=gap,
     )
 
 

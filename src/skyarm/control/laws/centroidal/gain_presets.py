@@ -35,6 +35,7 @@ COMMON: Mapping[str, Any] = {
     "accelerometer": (0.0, 0.0),
     "hull_drag": False,
     "wind": (0.0, 0.0, 0.0),
+    "interaction": (0.0, 0.0),
 }
 """Limits and weights of all presets; see :class:`CentroidalParameters`, :class:`TipGains` and :class:`BaseGains`."""
 
@@ -118,6 +119,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "yaw_slack": (0.0, 1e6),
     "accelerometer": (0.0, 1e3),
     "wind": (-100.0, 100.0),
+    "interaction": (0.0, 1e3),
     "arm_scaling": (0.0, 1.0),
 }
 """Lowest and highest value; entries that are not here are gains, at least 0."""

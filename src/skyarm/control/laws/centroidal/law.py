@@ -29,8 +29,11 @@ from skyarm.control.controller import all_applied
 from skyarm.control.laws.centroidal.adaptation import adapt
 from skyarm.control.laws.centroidal.bandwidth import at_shares
 from skyarm.control.laws.centroidal.demands import Following, demands
+from skyarm.control.laws.centroidal.interaction import rested
+from skyarm.control.laws.centroidal.interaction_records import InteractionMemory
 from skyarm.control.laws.centroidal.memory import CentroidalMemory
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.control.laws.centroidal.pressing_step import press
 from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -77,28 +80,40 @@ def centroidal(
         par.air,
     )
     state = _present(par, model, measurement, memory, observed, unknown, dt)
+    held, pressing, force = memory.interaction, None, observed.force
+    if par.interaction is not None and isinstance(held, InteractionMemory) and reference.push:
+        held, pressing, unknown, force = press(
+            par, held, reference.push, signals, observed, memory.sent[-1], state, unknown, dt
+        )
+        signals = pressing.shifted(signals)
     share = 1.0 - exp(-(par.tip.shift_rate * dt))
-    slow = memory.slow_force + (observed.force - memory.slow_force) * share
-    steady = (slow if par.mode == "tip" else observed.force) + feedforward.force
+    slow = memory.slow_force + (force - memory.slow_force) * share
+    steady = (slow if par.mode == "tip" else force) + feedforward.force
     before: Following = memory.following
     rate: Vec3 = ZERO3
     if par.trend is not None and isinstance(before.trend, ForceTrend):
         trend = followed(par.trend, before.trend, observed.force, dt)
         rate = trusted_rate(par.trend, trend)
+        if pressing is not None:
+            rate = rate * (1.0 - pressing.engaged)  # an impact is no trend
         before = dataclasses.replace(before, trend=trend)
         late = lateness(par)
         unknown = dataclasses.replace(unknown, force=unknown.force + rate * late)
         steady = steady + rate * (
             late + divide(1.0, maximum(par.tip.shift_rate, SLOWEST)) if par.mode == "tip" else late
         )
-    demand = demands(par, model, state, signals, unknown, steady, rate, before, dt)
+    demand = demands(par, model, state, signals, unknown, steady, rate, before, dt, pressing)
     done = actuate(par, model, state, demand, unknown, memory.trim, memory.applied[0], dt)
     # a command that others changed moves the vehicle away from its plan: nothing of that is a load or friction
     unchanged = all_follow(memory.applied)
     free = tuple(where(unchanged, each, 0.0) for each in memory.free)
-    lag = memory.lag
+    lag, trusted = memory.lag, memory.free
+    if pressing is not None and par.interaction is not None and isinstance(held, InteractionMemory):
+        calm = rested(par.interaction, held)  # a surface is no load, no friction and no lag
+        free, trusted = (tuple(mul(each, calm) for each in row) for row in (free, trusted))
+        held = dataclasses.replace(held, gap=demand.gap)
     if par.lag is not None and isinstance(lag, LagMemory):
-        lag = learn(par.lag, lag, told, measurement, memory.started, memory.free, dt)
+        lag = learn(par.lag, lag, told, measurement, memory.started, trusted, dt)
     following = CentroidalMemory(
         started=memory.started * 0.0 + 1.0,
         age=age,
@@ -112,6 +127,7 @@ def centroidal(
         learned=adapt(par, memory.learned, demand.planned, observed.joint_rates, observed.efforts, free, dt),
         following=demand.following,
         lag=lag,
+        interaction=held,
     )
     return following, done.command
 

@@ -23,6 +23,7 @@ from skyarm.control.laws.centroidal.arm_motion import ArmMotion
 from skyarm.control.laws.centroidal.bandwidth import at_shares
 from skyarm.control.laws.centroidal.demands import Following
 from skyarm.control.laws.centroidal.gain_presets import ENTRIES, PERIODS, PRESETS, name_of
+from skyarm.control.laws.centroidal.interaction_records import first_interaction, interaction_gains
 from skyarm.control.laws.centroidal.joint_room import Ends, ends_of
 from skyarm.control.laws.centroidal.law import centroidal
 from skyarm.control.laws.centroidal.memory import CentroidalMemory
@@ -152,6 +153,7 @@ def make_centroidal(
         lag=_lag(gains["lag"], control_period),
         accelerometer=_accelerometer(gains["accelerometer"]),
         air=_air(vehicle, gains["hull_drag"], gains["wind"]),
+        interaction=interaction_gains(gains["interaction"], mode, vehicle),
     )
     if gains["bandwidth"] != 1.0:
         par = at_shares(par, gains["bandwidth"], gains["bandwidth"])
@@ -255,4 +257,5 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
             path=(AT_REST, AT_REST) if par.follows_path else (),
         ),
         lag=() if par.lag is None else first_lag(vehicle.n, par.lag.stride),
+        interaction=() if par.interaction is None else first_interaction(vehicle.n),
     )

@@ -12,6 +12,7 @@ from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.control.blocks.extrapolation import Channel
 from skyarm.control.blocks.lag_estimate import LagMemory
 from skyarm.control.laws.centroidal.demands import Following
+from skyarm.control.laws.centroidal.interaction_records import InteractionMemory
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
 
@@ -73,7 +74,8 @@ class CentroidalMemory:
         slow_force: the observer's force, slowly filtered, N.
         trim: added to the squared speeds that the mixer asks for, (rad/s)^2.
         learned: of a load at the tip and of friction.
-        following: of the demands. lag: of the lag's estimate; empty without it.
+        following: of the demands. lag: of the lag's estimate; empty without it. interaction: of pressing on surfaces;
+            empty without it.
     """
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement")]
@@ -88,3 +90,4 @@ class CentroidalMemory:
     learned: Learned
     following: Following = Following()
     lag: LagMemory | tuple[()] = ()
+    interaction: InteractionMemory | tuple[()] = ()

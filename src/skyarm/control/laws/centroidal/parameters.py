@@ -12,6 +12,7 @@ from skyarm.control.blocks.disturbance_observer import ObserverGains
 from skyarm.control.blocks.felt_acceleration import AccelerometerGains
 from skyarm.control.blocks.force_trend import TrendGains
 from skyarm.control.blocks.lag_estimate import LagGains
+from skyarm.control.laws.centroidal.interaction_records import InteractionGains
 from skyarm.control.model import JointGains, Model
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
@@ -86,6 +87,7 @@ class CentroidalParameters:
         lag: how the bandwidth answers a lag that is found in flight; None for a law that trusts what it was told.
         accelerometer: bandwidths of its part in velocity and force; None for a law that does without one.
         air: wind and drag of the hull that are believed; None for still air and no hull.
+        interaction: how the tip presses where the reference asks for it; None for a law of motions alone.
     """
 
     model: Model
@@ -139,6 +141,7 @@ class CentroidalParameters:
     lag: LagGains | None = None
     accelerometer: AccelerometerGains | None = None
     air: BelievedAir | None = None
+    interaction: InteractionGains | None = None
 
     def choices(self) -> list[str]:
         """What is structure, in words."""
@@ -160,6 +163,7 @@ class CentroidalParameters:
             "bandwidth by the lag found": self.lag is not None,
             "force by the accelerometer": self.accelerometer is not None,
             "drag of the hull": self.air is not None and self.air.hull,
+            "pressing on surfaces": self.interaction is not None,
             "believed wind": self.air is not None and type(self.air.wind.x) is not int,
         }
         adapted += [name for name, there in added.items() if there]

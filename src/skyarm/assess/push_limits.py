@@ -1,0 +1,105 @@
+"""What a wanted contact asks for: joint torques for the force, yaw torque for friction, and a law that presses."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from skyarm.actuation import make_mixer
+from skyarm.assess.arm_poses import Array
+from skyarm.assess.finding import FAULT, OK, WARNING, Finding
+from skyarm.assess.joint_torques import effort_limits
+from skyarm.assess.level_hover import WRENCH, Allocation, hover_efforts
+from skyarm.control.controller import presses
+from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
+from skyarm.reference.trajectory import Reference
+from skyarm.scenario.scenario_record import Scenario
+
+INSTANTS = 500
+"""Of the flight, at which force and pose are looked at."""
+
+WARNS, HALF = 0.8, 0.5
+"""Shares of a joint's limit and of the yaw torque that leave little: friction and a tilted base take the rest."""
+
+
+def push_limits(scenario: Scenario) -> list[Finding]:
+    """The wanted contact against joints and rotors, of a level base where the reference has it; none without one.
+
+    The base is taken as level; friction along the surface is left out at the joints, and at the rotors it is that of
+    the roughest surface, sideways.
+    """
+    vehicle, push = scenario.world.vehicle, scenario.trajectory.push
+    if push is None or not vehicle.n or not vehicle.end_effector:
+        return []
+    times = np.linspace(0.0, scenario.duration, INSTANTS, endpoint=False)
+    at = max((scenario.trajectory.at(float(t)) for t in times), key=lambda reference: float(reference.push[0]))
+    return [*_law(scenario), *_joints(scenario, at), *_yaw(scenario, at)]
+
+
+def _law(scenario: Scenario) -> list[Finding]:
+    if presses(scenario.controller.par):
+        return []
+    text = f"law {scenario.controller.name} knows nothing of reference.push and follows positions against the surface"
+    remedy = 'law = "centroidal" with mode = "tip" and interaction'
+    return [Finding(question="pressing", level=WARNING, text=text, field="controller", remedy=remedy)]
+
+
+def _force(at: Reference) -> Array:
+    """Force of the surface on the tip, N, axes of the level base."""
+    force, _, *normal = (float(c) for c in at.push)
+    x, y, z = normal
+    c, s = math.cos(float(at.yaw)), math.sin(float(at.yaw))
+    return force * np.array([c * x + s * y, c * y - s * x, z])
+
+
+def _joints(scenario: Scenario, at: Reference) -> list[Finding]:
+    vehicle, joints = scenario.world.vehicle, tuple(float(q) for q in at.joints)
+    still = hover_efforts(vehicle, float(scenario.world.gravity), np.array([joints]))[WRENCH:, 0]
+    columns = np.array([[float(c) for c in each.linear] for each in jacobian_columns(vehicle, vehicle.frame(), joints)])
+    efforts, limits = still - columns @ _force(at), effort_limits(vehicle)
+    shares = np.abs(efforts) / limits
+    i = int(np.argmax(shares))
+    share, name = float(shares[i]), vehicle.links[i].joint.name
+    unit = "N m" if vehicle.links[i].joint.kind == "revolute" else "N"
+    text = f"{float(at.push[0]):.3g} N take {abs(efforts[i]):.3g} of {limits[i]:.3g} {unit} at joint {name}"
+    return [
+        Finding(
+            question="joints while pressing",
+            level=FAULT if share > 1.0 else WARNING if share > WARNS else OK,
+            text=text,
+            field="reference.push.force",
+            value=share,
+            limit=1.0,
+            remedy="" if share <= WARNS else "less force, or a pose with the tip nearer to the joint's height",
+            joints=joints,
+        )
+    ]
+
+
+def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
+    frictions = [float(s.material.friction) for contact in scenario.contacts for s in contact.surfaces]
+    vehicle, joints = scenario.world.vehicle, tuple(float(q) for q in at.joints)
+    if not frictions:
+        return []
+    allocation = Allocation.of(make_mixer(vehicle))
+    hover = allocation.squared(hover_efforts(vehicle, float(scenario.world.gravity), np.array([joints])))
+    room = min(float(allocation.room(hover, sign * np.eye(WRENCH)[2])[0]) for sign in (1.0, -1.0))
+    tip, push = np.array([float(c) for c in frame_pose(vehicle, vehicle.frame(), joints).p]), _force(at)
+    # along the surface, level: z x n
+    torque = max(frictions) * abs(float(tip[:2] @ push[:2]))
+    text = f"sliding sideways takes {torque:.3g} of {room:.3g} N m of yaw torque at friction {max(frictions):g}"
+    level = WARNING if torque > HALF * room else OK
+    return [
+        Finding(
+            question="yaw while pressing",
+            level=level,
+            text=text,
+            field="reference.push.force",
+            value=torque,
+            limit=HALF * room,
+            unit="N m",
+            remedy="" if level == OK else "slide up and down only, less force, a shorter reach, or stronger yaw",
+            joints=joints,
+        )
+    ]

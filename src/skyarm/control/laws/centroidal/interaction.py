@@ -1,0 +1,213 @@
+"""Pressing on a surface: force along its believed normal n, motion across; for any arm.
+
+The observer stays as it is: it takes the surface for a disturbance, and a law that fed this back would push against
+its own push. So along n the *wanted* force stands in place of the observed one: the joints give it, the base carries
+it, and the tip has no position there, only damping. Across n everything is as without a surface.
+
+Per period: the tip's force f out of the observed disturbance (:mod:`skyarm.control.laws.centroidal.tip_force`);
+whether it touches (above ``touch`` it does, until f.n stayed below ``lost`` for ``patience`` seconds or the tip went in
+faster than ``escape`` for ``haste``); a share g that rises in ``rise`` and falls in ``fall`` seconds; the order
+o = g (f_d + i) with the bounded integral i' = k (f_d - f.n), which stands still unless g = 1; and the shift s of the
+whole reference along n, by which the base comes to the surface, follows it while pressing, and returns.
+
+The normal itself is corrected by sliding (:mod:`skyarm.control.laws.centroidal.surface_normal`).
+
+Friction holds a tip that does not slide with any force within its cone, and joints and rotors bear what is left in it.
+Where one of them comes near its limit the law answers less of the observed force across n; friction takes the
+difference over, at rest, until there is room.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.algebra import Vec3
+from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.select import vector_data
+from skyarm.control.laws.centroidal.interaction_records import InteractionGains, InteractionMemory, Wanted
+from skyarm.control.laws.centroidal.tip_force import TipLevers, tip_force, without
+from skyarm.control.laws.centroidal.tip_reference import Goal
+from skyarm.scalars import add, clip, data, exp, logical_and, logical_not, logical_or, maximum, minimum, mul, sub, where
+from skyarm.scalars.taylor import Taylor
+from skyarm.vehicle.vehicle_records import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Pressing:
+    """What an instant asks of the rest of the law.
+
+    Attributes:
+        n: out of the surface. share: 0 free, 1 pressing. damping: 1/s, of the tip along n where it presses.
+        engaged: 1 while the order stands in place of the observed force. shift: m, m/s and m/s^2 along n.
+        order: N, along n, in place of the observed one. force: N, the tip's as observed, world axes.
+        kept: 0 to 1, of the observed force across n that is answered.
+    """
+
+    n: Vec3
+    share: Any
+    damping: Any
+    engaged: Any
+    shift: tuple[Any, Any, Any]
+    order: Any
+    force: Vec3
+    kept: Any
+
+    def shifted(self, signals: Sequence[Taylor]) -> list[Taylor]:
+        """The reference's signals with x, y and z moved along the normal."""
+        s = Taylor((self.shift[0], self.shift[1], mul(0.5, self.shift[2]), 0.0, 0.0))
+        return [*(each + s * c for each, c in zip(signals[:3], self.n, strict=True)), *signals[3:]]
+
+    def exchanged(self, d: Disturbance, then: TipLevers, now: TipLevers) -> Disturbance:
+        """The disturbance with the order in place of what the observer holds along n, by the levers of the present."""
+        across = self.force - self.n * self.n.dot(self.force)
+        wanted = across * self.kept + self.n * self.order
+        held, given = then.disturbance(self.force), now.disturbance(wanted)
+        return Disturbance(
+            force=d.force + (given.force - held.force) * self.engaged,
+            torque=d.torque + (given.torque - held.torque) * self.engaged,
+            efforts=tuple(
+                add(e, mul(sub(g, h), self.engaged))
+                for e, g, h in zip(d.efforts, given.efforts, held.efforts, strict=True)
+            ),
+        )
+
+    def freed(self, goal: Goal, tip: Vec3, tip_velocity: Vec3, velocity_gain: Any) -> Goal:
+        """The tip's goal without a position along n: by the gains on it a_n = -damping v_n is left there."""
+        p, v, a = goal.tip
+        n, slower = self.n, 1.0 - self.damping / velocity_gain
+        return dataclasses.replace(
+            goal,
+            tip=(
+                p + n * (n.dot(tip - p) * self.share),
+                v + n * (n.dot(tip_velocity * slower - v) * self.share),
+                a - n * (n.dot(a) * self.share),
+            ),
+        )
+
+
+def interact(
+    gains: InteractionGains,
+    memory: InteractionMemory,
+    wanted: Wanted,
+    vehicle: Vehicle,
+    observed: Disturbance,
+    at: TipLevers,
+    into: Any,
+    load: Any,
+    dt: Any,
+) -> tuple[InteractionMemory, Pressing]:
+    """One period of pressing.
+
+    Args:
+        gains: constants.
+        memory: one period earlier.
+        wanted: contact.
+        vehicle: model.
+        observed: what the observer holds.
+        at: levers at its time.
+        into: speed of the tip into the surface, m/s.
+        load: of the joint or rotor nearest to its limit, the share of it that was sent last.
+        dt: s.
+    """
+    n, asked = wanted.normal, wanted.force > 0.0
+    force = tip_force(vehicle, gains.trust, at, without(observed, memory.bias))
+    along = n.dot(force)
+    touching, doubt = touches(gains, memory, asked, along, into, dt)
+    share = ramped(gains, memory.share, touching, dt)
+    integral = integrated(gains, memory.integral, wanted.force, along, touching, share, dt)
+    engaged = where(logical_or(touching > 0.5, share > 0.0), 1.0, 0.0)
+    shift = followed(gains, memory, asked, touching, wanted.speed, dt)
+    free = where(logical_or(engaged > 0.5, memory.touching > 0.5), 0.0, memory.free + dt)
+    after = dataclasses.replace(
+        memory,
+        touching=touching,
+        doubt=doubt,
+        share=share,
+        integral=integral,
+        found=where(asked, maximum(memory.found, touching), 0.0),
+        shift=shift[0],
+        shift_rate=shift[1],
+        free=free,
+        bias=learned(gains, memory.bias, observed, force, asked, free, dt),
+        force=vector_data(force),
+    )
+    pressing = Pressing(
+        n=n,
+        share=share,
+        damping=gains.damping,
+        engaged=engaged,
+        shift=shift,
+        order=share * (wanted.force + integral),
+        force=force,
+        kept=1.0 - gains.relief * clip((load - gains.tired) / (gains.worn - gains.tired), 0.0, 1.0),
+    )
+    return after, pressing
+
+
+def touches(
+    gains: InteractionGains, memory: InteractionMemory, asked: Any, along: Any, into: Any, dt: Any
+) -> tuple[Any, Any]:
+    """Whether the tip touches (1 or 0), with hysteresis; and the doubt of it, which a bounce leaves below 1."""
+    was = memory.touching > 0.5
+    weak, through = (
+        where(along < gains.lost, dt / gains.patience, 0.0),
+        where(into > gains.escape, dt / gains.haste, 0.0),
+    )
+    step = maximum(weak, through)
+    doubt = where(logical_and(was, step > 0.0), memory.doubt + step, 0.0)
+    # a sum of periods is not exactly their number times one
+    found: Any = where(was, where(doubt > 1.0 - 1e-9, 0.0, 1.0), where(along > gains.touch, 1.0, 0.0))
+    return where(asked, found, 0.0), doubt
+
+
+def ramped(gains: InteractionGains, share: Any, touching: Any, dt: Any) -> Any:
+    """The share of the wanted force one period later."""
+    return clip(share + where(touching > 0.5, dt / gains.rise, -dt / gains.fall), 0.0, 1.0)
+
+
+def integrated(
+    gains: InteractionGains, integral: Any, wanted: Any, along: Any, touching: Any, share: Any, dt: Any
+) -> Any:
+    """The bounded integral of the force's error, N: still while the ramp runs, none where contact is lost."""
+    most = gains.integral_share * wanted + gains.integral_least
+    step = where(share < 1.0, 0.0, gains.integral * dt) * (wanted - along)
+    return where(touching > 0.5, clip(integral + step, -most, most), 0.0)
+
+
+def followed(
+    gains: InteractionGains, memory: InteractionMemory, asked: Any, touching: Any, speed: Any, dt: Any
+) -> tuple[Any, Any, Any]:
+    """Shift of the reference along the normal with two derivatives: it comes, follows the surface, or returns."""
+    s, rate, w = memory.shift, memory.shift_rate, gains.follow
+    speed = where(memory.found > 0.5, minimum(speed, gains.again), speed)
+    coming = where(s > -gains.furthest, -speed, 0.0)
+    back = -(w * w) * s - 2.0 * w * rate
+    follow = (w * w) * memory.gap - 2.0 * w * rate
+    free = where(asked, gains.coming * (coming - rate), back)
+    limit = gains.follow_limit
+    acceleration = clip(where(touching > 0.5, follow, free), -limit, limit)
+    moved = rate + acceleration * dt
+    return s + (rate + moved) * (0.5 * dt), moved, acceleration
+
+
+def learned(
+    gains: InteractionGains, bias: Disturbance, d: Disturbance, force: Vec3, asked: Any, free: Any, dt: Any
+) -> Disturbance:
+    """The bias one period later: all of it in free flight, the base's force by what the tip's does not explain."""
+    calm = logical_and(logical_not(asked), free > gains.rest)
+    share = where(calm, 1.0 - exp(-(gains.bias_rate * dt)), 0.0)
+    wind = where(calm, share, where(asked, 1.0 - exp(-(gains.wind_rate * dt)), 0.0))
+    unexplained = d.force - force * where(calm, 0.0, 1.0)
+    return Disturbance(
+        force=vector_data(bias.force + (unexplained - bias.force) * wind),
+        torque=vector_data(bias.torque + (d.torque - bias.torque) * share),
+        efforts=tuple(data(b + (e - b) * share) for b, e in zip(bias.efforts, d.efforts, strict=True)),
+    )
+
+
+def rested(gains: InteractionGains, memory: InteractionMemory) -> Any:
+    """1 where nothing of a contact is left in what is observed, else 0."""
+    return where(maximum(memory.free - gains.rest, 0.0) > 0.0, 1.0, 0.0)

@@ -1,0 +1,116 @@
+"""Records of pressing on a surface: constants, memory, what the reference asks for; how each is made."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.algebra import Vec3
+from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.controller import ControllerError
+from skyarm.control.laws.centroidal.tip_force import Trust
+from skyarm.files import shown
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar
+from skyarm.vehicle.vehicle_records import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class InteractionGains:
+    """Constants of pressing; touch and lost are the law's option, the others are in no unit of the vehicle's size."""
+
+    touch: Annotated[Scalar, Unit("N", "along the normal, above which the tip touches")]
+    lost: Annotated[Scalar, Unit("N", "along the normal, below which it is lost after a while")]
+    trust: Trust = Trust()
+    patience: Annotated[Scalar, Unit("s", "below lost until contact is lost")] = 0.04
+    escape: Annotated[Scalar, Unit("m/s", "into the surface, above which the tip goes through")] = 0.1
+    haste: Annotated[Scalar, Unit("s", "that the tip goes through until contact is lost")] = 0.015
+    rise: Annotated[Scalar, Unit("s", "ramp of the wanted force")] = 0.15
+    fall: Annotated[Scalar, Unit("s", "ramp to none")] = 0.02
+    integral: Annotated[Scalar, Unit("1/s", "of the force's error")] = 4.0
+    integral_share: Annotated[Scalar, Unit("", "of the wanted force that the integral may add")] = 0.5
+    integral_least: Annotated[Scalar, Unit("N", "that the integral may add anyway")] = 0.3
+    damping: Annotated[Scalar, Unit("1/s", "of the tip along the normal while it presses")] = 53.0
+    bias_rate: Annotated[Scalar, Unit("rad/s", "filter of what is observed in free flight")] = 0.5
+    wind_rate: Annotated[Scalar, Unit("rad/s", "filter of what the base feels beside the tip's force")] = 1.0
+    rest: Annotated[Scalar, Unit("s", "after contact, from which on anything is learned")] = 0.5
+    follow: Annotated[Scalar, Unit("rad/s", "of the base that follows the surface")] = 4.0
+    coming: Annotated[Scalar, Unit("1/s", "at which the base takes the speed of coming")] = 8.0
+    follow_limit: Annotated[Scalar, Unit("m/s^2", "of the base along the normal")] = 4.0
+    tired: Annotated[Scalar, Unit("", "share of a limit from which on friction is let go")] = 0.9
+    worn: Annotated[Scalar, Unit("", "share of a limit at which most is let go")] = 1.0
+    relief: Annotated[Scalar, Unit("", "0 to 1, of the observed friction that is let go at most")] = 0.2
+    tilting: Annotated[Scalar, Unit("1/s", "at which sliding corrects the normal")] = 1.0
+    again: Annotated[Scalar, Unit("m/s", "with which the tip comes back to a surface that it lost, at most")] = 0.1
+    furthest: Annotated[Scalar, Unit("m", "that the base looks for the surface")] = 0.5
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class InteractionMemory:
+    """Memory of pressing."""
+
+    touching: Annotated[Scalar, Unit("", "1 while the tip touches as it is wanted to")]
+    doubt: Annotated[Scalar, Unit("", "0 to 1, at which contact counts as lost")]
+    share: Annotated[Scalar, Unit("", "0 to 1, of the wanted force")]
+    integral: Annotated[Scalar, Unit("N", "beside the wanted force")]
+    found: Annotated[Scalar, Unit("", "1 once the push has met its surface")]
+    shift: Annotated[Scalar, Unit("m", "of the reference along the normal")]
+    shift_rate: Annotated[Scalar, Unit("m/s", "of the shift")]
+    free: Annotated[Scalar, Unit("s", "since the tip last touched")]
+    gap: Annotated[Scalar, Unit("m", "of the tip from its shifted reference, along the normal")]
+    bias: Disturbance
+    force: Annotated[Vec3, Unit("N", "at the tip, believed, world axes")]
+    lean: Annotated[Vec3, Unit("", "of the normal from the one that is told, found by sliding")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Wanted:
+    """A wanted contact as the reference says it: N, m/s and the unit normal out of the surface, world axes."""
+
+    force: Any
+    speed: Any
+    normal: Vec3
+
+
+def interaction_gains(thresholds: tuple[float, float], mode: str, vehicle: Vehicle) -> InteractionGains | None:
+    """Constants of pressing for its two thresholds, N; None where it is left out.
+
+    Raises:
+        ControllerError: thresholds that are none, or a law without a tip to lead.
+    """
+    touch, lost = thresholds
+    if touch == 0.0 and lost == 0.0:
+        return None
+    at = f"controller.interaction = {shown(thresholds)}"
+    if not touch > lost > 0.0:
+        raise ControllerError(f"{at}: must be two forces above 0, the second below the first, or twice 0")
+    if mode != "tip" or not vehicle.n:
+        raise ControllerError(f"{at}: must be twice 0 but in mode 'tip' with joints that press")
+    return InteractionGains(touch=touch, lost=lost)
+
+
+def first_interaction(joints: int) -> InteractionMemory:
+    """Free flight, nothing known."""
+    zero = Vec3(0.0, 0.0, 0.0)
+    none = Disturbance(force=zero, torque=zero, efforts=(0.0,) * joints)
+    return InteractionMemory(
+        touching=0.0,
+        doubt=0.0,
+        share=0.0,
+        integral=0.0,
+        found=0.0,
+        shift=0.0,
+        shift_rate=0.0,
+        free=0.0,
+        gap=0.0,
+        bias=none,
+        force=zero,
+        lean=zero,
+    )
+
+
+def wanted_of(push: Sequence[Any]) -> Wanted:
+    """The field ``push`` of a reference."""
+    force, speed, *normal = push
+    return Wanted(force=force, speed=speed, normal=Vec3(*normal))

@@ -1,0 +1,92 @@
+"""The force at the tip in what the disturbance observer holds.
+
+A force f at the tip (base axes) appears in the observed disturbance as J^T f at the joints, r x f on the base's turning
+and f on its motion, beside what is no contact: wind, wrong masses, friction (the bias b). Of the joints it tells most,
+since little else pushes there, so f is the weighted least squares
+
+    |J^T f - (d_q - b_q)|^2 / l_q^2 + |r x f - (d_w - b_w)|^2 / l_w^2 + |f - (d_F - b_F)|^2
+
+with lengths l that say by what torque a force is wrong by as much as one of the base of 1 N: no vehicle's weight is in
+them. An arm of two joints in a plane tells two of the three directions; the base tells the third.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.algebra import Mat3, Vec3, ldl_solve
+from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, add, divide, mul, sub
+from skyarm.vehicle.vehicle_records import Vehicle
+
+AXES = (Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Trust:
+    """How far parts of the disturbance tell the tip's force: the error of each that weighs as 1 N of the base's.
+
+    Attributes:
+        turning: N m, of a revolute joint. sliding: N, of a prismatic one. base: N m, of the base's torque.
+    """
+
+    turning: Annotated[Scalar, Unit("N m", "of a revolute joint, as much as 1 N of the base's force")] = 0.0045
+    sliding: Annotated[Scalar, Unit("N", "of a prismatic joint, as much as 1 N of the base's force")] = 0.02
+    base: Annotated[Scalar, Unit("N m", "of the base's torque, as much as 1 N of its force")] = 0.055
+
+
+@dataclass(frozen=True, slots=True)
+class TipLevers:
+    """How a force at the tip reaches base and joints.
+
+    Attributes:
+        R: R_WB. tip: m, of the tip against the base origin, base axes. columns: of its Jacobian, base axes.
+    """
+
+    R: Mat3
+    tip: Vec3
+    columns: tuple[Vec3, ...]
+
+    def disturbance(self, force: Vec3) -> Disturbance:
+        """What a force at the tip (N, world axes) does to base and joints."""
+        own = self.R.apply_T(force)
+        efforts = tuple(column.dot(own) for column in self.columns)
+        return Disturbance(force=force, torque=self.tip.cross(own), efforts=efforts)
+
+
+def levers(vehicle: Vehicle, R: Mat3, joints: Sequence[Any]) -> TipLevers:
+    """Levers of the tip at an attitude and joint positions."""
+    frame = vehicle.frame()
+    columns = tuple(column.linear for column in jacobian_columns(vehicle, frame, joints))
+    return TipLevers(R, frame_pose(vehicle, frame, joints).p, columns)
+
+
+def tip_force(vehicle: Vehicle, trust: Trust, at: TipLevers, rest: Disturbance) -> Vec3:
+    """The tip's force (N, world axes) in ``rest``, the observed disturbance without its bias: least squares."""
+    push = at.R.apply_T(rest.force)
+    A: list[list[Any]] = [[1 if i == j else 0 for j in range(3)] for i in range(3)]
+    b: list[Any] = list(push)
+
+    def require(row: Sequence[Any], wanted: Any, error: Any) -> None:
+        weight = divide(1.0, error * error)
+        for i in range(3):
+            b[i] = add(b[i], mul(weight, mul(row[i], wanted)))
+            for j in range(i + 1):
+                A[i][j] = add(A[i][j], mul(weight, mul(row[i], row[j])))
+
+    for link, column, effort in zip(vehicle.links, at.columns, rest.efforts, strict=True):
+        require(tuple(column), effort, trust.turning if link.joint.kind == "revolute" else trust.sliding)
+    turned = [tuple(at.tip.cross(axis)) for axis in AXES]
+    for k, torque in enumerate(rest.torque):
+        require([each[k] for each in turned], torque, trust.base)
+    return at.R.apply(Vec3(*ldl_solve(A, b)))
+
+
+def without(d: Disturbance, bias: Disturbance) -> Disturbance:
+    """What is left of a disturbance beside its bias."""
+    efforts = tuple(sub(a, b) for a, b in zip(d.efforts, bias.efforts, strict=True))
+    return Disturbance(force=d.force - bias.force, torque=d.torque - bias.torque, efforts=efforts)

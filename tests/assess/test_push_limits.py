@@ -1,0 +1,75 @@
+"""A check of a scenario says what its push asks of joints and yaw, and whether its law presses at all."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.actuation import make_mixer
+from skyarm.assess.finding import FAULT, OK, WARNING
+from skyarm.assess.push_limits import push_limits
+from skyarm.control.catalogue import preset
+from skyarm.dynamics.kinematics import frame_pose, link_poses
+from skyarm.scenario.numbers import with_numbers
+
+POSE = (-0.45, -0.9)
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return skyarm.load_scenario("examples/press_and_slide.toml")
+
+
+def found(scenario, **numbers):
+    changed = with_numbers(scenario, {f"reference.push.{name}": value for name, value in numbers.items()})
+    return {each.question: each for each in push_limits(changed)}
+
+
+def test_the_joint_bears_the_force_by_its_lever(scenario):
+    vehicle = scenario.world.vehicle
+    height = link_poses(vehicle, POSE)[0].p.z - frame_pose(vehicle, vehicle.frame(), POSE).p.z
+    question, limit = "joints while pressing", float(vehicle.links[0].joint.effort_limit)
+    shares = {force: found(scenario, **{"force.value": force})[question].value for force in (1.0, 2.0, 3.0)}
+    assert np.diff(list(shares.values())) * limit == pytest.approx([height, height])
+    # what the joint of that flight gives at 2 N on a wall without friction: 0.425 N m
+    assert shares[2.0] * limit == pytest.approx(0.425, abs=0.003)
+    levels = [found(scenario, **{"force.value": force})[question].level for force in (1.0, 2.0, 3.0)]
+    assert levels == [OK, WARNING, FAULT]
+    assert found(scenario, **{"force.value": 3.0})[question].joints == POSE
+
+
+def test_friction_sideways_turns_the_vehicle(scenario):
+    vehicle = scenario.world.vehicle
+    question, ahead = "yaw while pressing", frame_pose(vehicle, vehicle.frame(), POSE).p.x
+    said = found(scenario)[question]
+    assert said.value == pytest.approx(0.3 * 1.0 * ahead)
+    assert said.level == WARNING
+    assert found(scenario, **{"force.value": 0.5})[question].level == OK
+    upward = {"normal.0": 0.0, "normal.2": 1.0}
+    assert found(scenario, **upward)[question].value == pytest.approx(0.0)
+    # half of the yaw torque that rotors can add to hover: two rotors slow down to nothing or two speed up
+    inverse = np.array(make_mixer(vehicle).inverse, dtype=float)
+    arm = zip(vehicle.links, link_poses(vehicle, POSE), strict=True)
+    moment = 9.81 * sum(float(link.body.mass) * float(pose.apply(link.body.com).x) for link, pose in arm)
+    hover = inverse[:, 3] * float(vehicle.mass) * 9.81 - inverse[:, 1] * moment
+    assert said.limit == pytest.approx(0.5 * np.min(hover / np.abs(inverse[:, 2])), rel=0.02)
+
+
+def test_a_turned_vehicle_has_the_same_levers(scenario):
+    turned = dataclasses.replace(
+        scenario, trajectory=dataclasses.replace(scenario.trajectory, yaw=skyarm.reference.Constant(np.pi / 2.0))
+    )
+    there, here = found(turned, **{"normal.0": 0.0, "normal.1": -1.0}), found(scenario)
+    assert [there[name].value for name in here] == pytest.approx([each.value for each in here.values()])
+
+
+def test_a_law_of_motions_alone_is_named_and_without_a_push_nothing_is_said(scenario):
+    other = preset("centroidal_tip", scenario.controller.par.model, {})
+    (said, *_) = push_limits(dataclasses.replace(scenario, controller=other))
+    assert (said.question, said.level) == ("pressing", WARNING)
+    assert "pressing" not in found(scenario)
+    still = dataclasses.replace(scenario.trajectory, push=None)
+    assert push_limits(dataclasses.replace(scenario, trajectory=still)) == []

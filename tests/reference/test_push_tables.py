@@ -1,0 +1,53 @@
+"""The wanted contact of a reference: its table, and what delays, pauses and sums make of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skyarm.reference.path_time import by_flight_time
+from skyarm.reference.pauses import paused
+from skyarm.reference.setting import Setting
+from skyarm.reference.tip_tables import reference_from
+from skyarm.reference.trajectory import Trajectory
+
+PUSH = {"force": {"kind": "constant", "value": 2.0, "start": 1.0, "stop": 3.0}, "normal": [-3.0, 0.0, 4.0]}
+
+
+def trajectory(push=PUSH):
+    return reference_from({"push": push, "joints": [0.1]}, 1, "reference", Setting())
+
+
+def test_force_speed_and_unit_normal_are_told():
+    told = trajectory()
+    assert told.at(2.0).push == pytest.approx((2.0, 0.1, -0.6, 0.0, 0.8))
+    assert told.at(0.5).push[0] == told.at(3.0).push[0] == 0.0
+    assert trajectory({**PUSH, "speed": 0.3}).at(0.0).push[1] == 0.3
+    assert Trajectory().at(0.0).push == ()
+    assert {1.0, 3.0} <= set(told.switch_times())
+
+
+def test_the_force_waits_and_goes_with_the_motion():
+    told, times = trajectory(), np.array([0.9, 1.1, 2.9, 3.1])
+    assert [told.shifted(1.0).at(t + 1.0).push[0] for t in times] == [0.0, 2.0, 2.0, 0.0]
+    assert [paused(told, [(2.0, 1.0)]).at(t).push[0] for t in (1.5, 3.5, 4.1)] == [2.0, 2.0, 0.0]
+    assert (Trajectory() + told).at(2.0).push == told.at(2.0).push
+    assert by_flight_time(told.at(2.0), (2.0, 0.5, 0.0, 0.0, 0.0)).push == told.at(2.0).push
+    with pytest.raises(ValueError, match="each have a push"):
+        told + told
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"normal": [0.0, 0.0, 0.0]}, r"reference\.push\.normal = .*must point out of the surface"),
+        ({"normal": [1.0, 0.0]}, r"reference\.push\.normal"),
+        ({"speed": 0.0}, r"reference\.push\.speed = 0\.0: must be .*above 0"),
+        ({"force": "hard"}, r"reference\.push\.force = 'hard'"),
+        ({"pressure": 1.0}, r"reference\.push\.pressure"),
+    ],
+)
+def test_other_tables_are_refused_in_one_line(changed, message):
+    with pytest.raises(ValueError, match=message) as error:
+        trajectory({**PUSH, **changed})
+    assert "\n" not in str(error.value)
