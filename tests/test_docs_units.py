@@ -16,7 +16,8 @@ from skyarm.control.laws.predictive.kalman_observer import Bandwidths
 from skyarm.control.model import TORQUE_GAINS, GeometricGains, JointGains, Model
 from skyarm.control.safety.limits import Limits
 from skyarm.records.units import units
-from skyarm.vehicle.vehicle_records import BodyDrag, Joint, Rotor
+from skyarm.vehicle.linkage import Joint
+from skyarm.vehicle.vehicle_records import BodyDrag, Rotor
 from test_docs_options import DOCS, EXACT_ROWS, LAW_ROWS, laws_of
 
 DESCRIBED = {"links.joint": Joint, "rotors": Rotor, "drag": BodyDrag}

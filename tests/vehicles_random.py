@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import Mat3, Sym3, Vec3
-from skyarm.vehicle.vehicle_records import BASE, Body, Frame, Joint, Link, Vehicle
+from skyarm.vehicle.linkage import BASE, Body, Joint, Link
+from skyarm.vehicle.vehicle_records import Frame, Vehicle
 
 GRAVITY = 9.81
 

@@ -9,7 +9,7 @@ from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.environment import Component, WindSample
 from skyarm.vehicle import Body, Vehicle
-from skyarm.vehicle.vehicle_records import BASE
+from skyarm.vehicle.linkage import BASE
 
 _ANYTHING = Vehicle(name="anything", base=Body(mass=1.0, inertia=Sym3.isotropic(0.01)))
 _REST = State(

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 from skyarm.algebra import Sym3, Vec3
-from skyarm.vehicle.vehicle_records import Body, Rotor, Vehicle
+from skyarm.vehicle.linkage import Body
+from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 K_F, K_M, ARM, HIGHEST = 8.54858e-6, 0.016, 0.17, 838.0
 BASE = Body(mass=0.73103, inertia=Sym3(0.0077174, 0.0077174, 0.0130804))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from skyarm.actuation import joint_force
 from skyarm.compile import trace
-from skyarm.vehicle.vehicle_records import Joint
+from skyarm.vehicle.linkage import Joint
 
 JOINT = Joint(name="j", effort_limit=0.5, damping=0.02, coulomb=0.03, coulomb_rate=0.1)
 

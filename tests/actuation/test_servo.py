@@ -17,7 +17,8 @@ from skyarm.plant.compiled import example_state
 from skyarm.plant.interface import Truth
 from skyarm.plant.rigid_body import step_rk4
 from skyarm.plant.surroundings import Surroundings
-from skyarm.vehicle.vehicle_records import Body, Joint, Link, Vehicle
+from skyarm.vehicle.linkage import Body, Joint, Link
+from skyarm.vehicle.vehicle_records import Vehicle
 
 GEARED = {
     "gear": 257.4, "efficiency": 0.5704, "torque_constant": 7.298e-3, "resistance": 8.571, "voltage": 12.0,

@@ -18,7 +18,8 @@ from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.scenario_file import load_scenario
 from skyarm.scenario.scenario_record import first_state
 from skyarm.simulate.stages import RigidBodySteps, Stages
-from skyarm.vehicle.vehicle_records import Body, Rotor, Vehicle
+from skyarm.vehicle.linkage import Body
+from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 INERTIA = Sym3(0.02, 0.03, 0.04, 0.001, 0.0, 0.002)
 SPIN = 3e-4

@@ -25,7 +25,7 @@ from skyarm.assess.servo_stiffness import frequency, servo_stiffness
 from skyarm.assess.torque_authority import locked_inertia, torque_authority
 from skyarm.cli.check_command import sheet
 from skyarm.dynamics.array_front import mass_matrix
-from skyarm.vehicle.vehicle_records import Joint
+from skyarm.vehicle.linkage import Joint
 
 PELICAN = skyarm.load_vehicle("pelican_arm2")
 HEXAROTOR12 = skyarm.load_vehicle("hexarotor12_arm5")

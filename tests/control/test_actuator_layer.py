@@ -18,8 +18,9 @@ from skyarm.control.model import Model
 from skyarm.control.safety import with_safety_layer
 from skyarm.control.vectored_layer import pairs_model, with_tilting
 from skyarm.sensors.measurement import blank_measurement
+from skyarm.vehicle.linkage import Body, Joint, Link
 from skyarm.vehicle.vehicle_files import load_vehicle
-from skyarm.vehicle.vehicle_records import Body, Joint, Link, MountedDrive
+from skyarm.vehicle.vehicle_records import MountedDrive
 
 INERTIA, EFFORT, Q, QD = 2e-3, 0.03, 0.4, -1.5
 

@@ -15,7 +15,7 @@ from skyarm.control.laws.centroidal.option_checks import checked, periods_of
 from skyarm.control.model import Model
 from skyarm.reference import Reference
 from skyarm.sensors.measurement import blank_measurement
-from skyarm.vehicle.vehicle_records import BASE
+from skyarm.vehicle.linkage import BASE
 
 ARM = skyarm.load_vehicle("hummingbird_arm2_rotors")
 MODEL = Model(vehicle=ARM, gravity=9.8)

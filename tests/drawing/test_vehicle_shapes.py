@@ -13,8 +13,8 @@ from skyarm.drawing.poses import body_poses
 from skyarm.drawing.shapes import ROLES, between, turn_onto
 from skyarm.drawing.vehicle_shapes import PAYLOAD_DENSITY, payload_shape, rotor_radius, vehicle_shapes
 from skyarm.plant.mujoco_model import build_spec, joint_addresses
+from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_files import list_vehicles
-from skyarm.vehicle.vehicle_records import BASE
 
 NAMES = list_vehicles()
 

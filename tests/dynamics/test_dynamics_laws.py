@@ -10,7 +10,8 @@ import pytest
 from skyarm.algebra import Mat3, Sym3, Vec3
 from skyarm.dynamics import Pose, forward_kinematics
 from skyarm.dynamics import array_front as arrays
-from skyarm.vehicle.vehicle_records import BASE, Body, Joint, Link, Vehicle
+from skyarm.vehicle.linkage import BASE, Body, Joint, Link
+from skyarm.vehicle.vehicle_records import Vehicle
 from vehicles_random import (
     array3,
     array33,

@@ -21,7 +21,8 @@ from skyarm.paper.flights import GUST, HOLDS, HOVER, STEADY, TRANSIENT
 from skyarm.paper.flights import metrics as paper_metrics
 from skyarm.paper.variations import shifted_bag
 from skyarm.simulate import Log, Window
-from skyarm.vehicle.vehicle_records import BASE, Body, Frame, Joint, Link, Vehicle
+from skyarm.vehicle.linkage import BASE, Body, Joint, Link
+from skyarm.vehicle.vehicle_records import Frame, Vehicle
 
 RATE, SECONDS = 200, 30.0
 Array = npt.NDArray[np.float64]

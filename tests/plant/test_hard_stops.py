@@ -18,9 +18,9 @@ from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.stop_rate import STOP_STEP, joint_rate, stop_frequency
 from skyarm.scenario.scenario_record import trimmed_state
 from skyarm.vehicle import VehicleError
+from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.stops import STIFFEST, with_stops
 from skyarm.vehicle.vehicle_files import load_vehicle
-from skyarm.vehicle.vehicle_records import Joint
 
 TRUTH = load_vehicle("hummingbird_arm2_rotors")
 STILL = WindSample()

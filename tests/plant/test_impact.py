@@ -18,8 +18,9 @@ from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.mujoco_model import build_spec, joint_addresses
 from skyarm.plant.surroundings import Surroundings
 from skyarm.vehicle.couple import Mimic, couple
+from skyarm.vehicle.linkage import Body, Joint, Link
 from skyarm.vehicle.vehicle_files import load_vehicle
-from skyarm.vehicle.vehicle_records import Body, BodyDrag, Frame, Joint, Link
+from skyarm.vehicle.vehicle_records import BodyDrag, Frame
 
 LOADS = (
     TimedPayload(mass=0.3, inertia=[1e-3, 2e-3, 2.5e-3], com=[0.03, -0.02, -0.05]),

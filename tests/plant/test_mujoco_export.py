@@ -18,8 +18,9 @@ from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.mujoco_export import CAMERA, START, mjcf_text
 from skyarm.plant.mujoco_model import joint_addresses
 from skyarm.vehicle import VehicleError
+from skyarm.vehicle.linkage import Follower
 from skyarm.vehicle.vehicle_files import load_vehicle
-from skyarm.vehicle.vehicle_records import BodyDrag, Follower
+from skyarm.vehicle.vehicle_records import BodyDrag
 
 STILL = WindSample(Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0), Vec3(0.0, 0.0, 0.0))
 VEHICLES = {"hummingbird_arm": hummingbird_arm(armature=1e-4), "random": random_flyer(2, 5)}

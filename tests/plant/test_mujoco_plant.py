@@ -17,7 +17,8 @@ from skyarm.environment import WindSample
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat, whole_steps
 from skyarm.vehicle.check import VehicleError
-from skyarm.vehicle.vehicle_records import BASE, Body, Frame, Joint, Link, Vehicle
+from skyarm.vehicle.linkage import BASE, Body, Joint, Link
+from skyarm.vehicle.vehicle_records import Frame, Vehicle
 from vehicles_random import random_state, random_vehicle
 
 mujoco = pytest.importorskip("mujoco")

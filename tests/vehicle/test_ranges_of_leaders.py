@@ -10,8 +10,8 @@ import pytest
 from skyarm.algebra import Vec3
 from skyarm.dynamics.followers import every_joint
 from skyarm.vehicle.couple import Mimic, couple, limits_that_contradict
+from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.vehicle_files import load_vehicle
-from skyarm.vehicle.vehicle_records import Joint
 
 ARM2 = load_vehicle("hummingbird_arm2_rotors")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from skyarm.scalars import add, clip, divide, maximum, mul, sub, tanh
-from skyarm.vehicle.vehicle_records import Joint
+from skyarm.vehicle.linkage import Joint
 
 
 def joint_force(joint: Joint, command: Any, rate: Any, effectiveness: Any = 1) -> Any:

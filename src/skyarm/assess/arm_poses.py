@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from skyarm.assess.hanging_joints import rest_of_hanging
 from skyarm.sweep.sobol import BITS, DIMENSIONS, sobol
-from skyarm.vehicle.vehicle_records import Joint, Vehicle
+from skyarm.vehicle.linkage import Joint
+from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[np.float64]
 

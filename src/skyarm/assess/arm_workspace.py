@@ -10,7 +10,8 @@ from skyarm.assess.level_hover import columns
 from skyarm.assess.mass_balance import disc_radius
 from skyarm.dynamics.array_front import center_of_mass, frame_jacobian
 from skyarm.dynamics.kinematics import Pose, link_poses
-from skyarm.vehicle.vehicle_records import BASE, Vehicle
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
 
 NOTHING = 1e-9
 """m or m per rad below which a joint moves a point by rounding only."""

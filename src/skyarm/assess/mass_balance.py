@@ -9,7 +9,8 @@ import numpy as np
 from skyarm.assess.arm_poses import ArmPoses, Array
 from skyarm.assess.finding import FAULT, NOTE, OK, WARNING, Finding
 from skyarm.assess.level_hover import center_of_mass, hover_efforts
-from skyarm.vehicle.vehicle_records import Body, Vehicle
+from skyarm.vehicle.linkage import Body
+from skyarm.vehicle.vehicle_records import Vehicle
 
 DISC_LOADING = 2.0, 1000.0
 """N/m^2 of weight on the rotors' discs: indoor models have 5, multirotors 20 to 200, helicopters to 500."""

@@ -19,7 +19,8 @@ from skyarm.paper.flights import first_plant
 from skyarm.paper.published import said
 from skyarm.paper.short_table import difference, number
 from skyarm.scenario.scenario_record import PLANTS
-from skyarm.vehicle.vehicle_records import BASE, Vehicle
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
 
 HEADLINE = (
     ("case1", "PD", "held_position_error"),

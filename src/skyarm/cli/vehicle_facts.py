@@ -9,8 +9,9 @@ from skyarm.actuation.hover import highest_thrust, hover_trim
 from skyarm.dynamics.array_front import center_of_mass
 from skyarm.dynamics.workspace import reach, search_of, static_torques
 from skyarm.records.leaves import field_names
+from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.tilt import Tilt
-from skyarm.vehicle.vehicle_records import BASE, MountedDrive, Vehicle
+from skyarm.vehicle.vehicle_records import MountedDrive, Vehicle
 
 
 def vehicle_facts(vehicle: Vehicle, gravity: float) -> dict[str, Any]:

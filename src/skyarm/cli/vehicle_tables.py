@@ -11,7 +11,8 @@ from rich.console import RenderableType
 from skyarm.cli.terminal_tables import add, shown, table_of, titled
 from skyarm.cli.vehicle_facts import record_facts
 from skyarm.vehicle.battery import Battery
-from skyarm.vehicle.vehicle_records import BASE, Vehicle
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def tables(vehicle: Vehicle) -> list[RenderableType]:

@@ -7,7 +7,8 @@ import numpy.typing as npt
 
 from skyarm.algebra import Quaternion
 from skyarm.dynamics.kinematics import link_poses
-from skyarm.vehicle.vehicle_records import BASE, Vehicle
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[np.float64]
 

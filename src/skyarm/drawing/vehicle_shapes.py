@@ -6,7 +6,8 @@ import math
 
 from skyarm.algebra import Vec3
 from skyarm.drawing.shapes import Shape, Vector, between, turn_onto
-from skyarm.vehicle.vehicle_records import BASE, Vehicle
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
 
 LEAST_REACH = 0.1
 """m: scale of what has no rotors."""

@@ -10,7 +10,8 @@ from skyarm.dynamics.followers import untied
 from skyarm.dynamics.kinematics import Pose, link_poses
 from skyarm.dynamics.state import State
 from skyarm.scalars import add, divide, mul
-from skyarm.vehicle.vehicle_records import BASE, Vehicle
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @dataclass(frozen=True, slots=True)

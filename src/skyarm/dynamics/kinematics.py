@@ -8,7 +8,8 @@ from typing import Any
 
 from skyarm.algebra import ZERO3, Mat3, Motion, Vec3, axis_rotation
 from skyarm.dynamics.followers import columns_of_leaders, every_joint
-from skyarm.vehicle.vehicle_records import BASE, Frame, Joint, Vehicle
+from skyarm.vehicle.linkage import BASE, Joint
+from skyarm.vehicle.vehicle_records import Frame, Vehicle
 
 
 @dataclass(frozen=True, slots=True)

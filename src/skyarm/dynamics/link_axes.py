@@ -18,7 +18,8 @@ from typing import Any
 from skyarm.algebra import Mat3, SpatialInertia, axis_rotation
 from skyarm.dynamics.kinematics import Pose
 from skyarm.scalars import add, same
-from skyarm.vehicle.vehicle_records import BASE, Body, Joint, Vehicle
+from skyarm.vehicle.linkage import BASE, Body, Joint
+from skyarm.vehicle.vehicle_records import Vehicle
 
 _SAME = Mat3.identity()
 

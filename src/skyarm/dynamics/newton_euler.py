@@ -14,7 +14,8 @@ from skyarm.dynamics.followers import every_joint, every_rate, onto_leaders
 from skyarm.dynamics.kinematics import Pose, joint_direction
 from skyarm.dynamics.link_axes import members, spatial_inertia
 from skyarm.scalars import add, mul
-from skyarm.vehicle.vehicle_records import BASE, Joint, Vehicle
+from skyarm.vehicle.linkage import BASE, Joint
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @dataclass(frozen=True, slots=True)

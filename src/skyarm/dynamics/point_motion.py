@@ -10,7 +10,8 @@ from skyarm.algebra import ZERO3, Force, Mat3, Vec3
 from skyarm.dynamics.kinematics import Pose, jacobian_columns, link_poses
 from skyarm.dynamics.state import State
 from skyarm.scalars import add
-from skyarm.vehicle.vehicle_records import BASE, Frame, Vehicle
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Frame, Vehicle
 
 
 class PointMotion:

@@ -24,7 +24,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
-from skyarm.vehicle.vehicle_records import BASE
+from skyarm.vehicle.linkage import BASE
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

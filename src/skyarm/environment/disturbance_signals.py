@@ -33,7 +33,7 @@ from skyarm.dynamics.state import State
 from skyarm.environment.component import Air, Force, Wrench
 from skyarm.environment.signal_vector import NO_SIGNALS, ColouredNoise, SignalVector, scaled
 from skyarm.records.field_rules import accept_fields
-from skyarm.vehicle.vehicle_records import BASE
+from skyarm.vehicle.linkage import BASE
 
 AXES = ("world", "frame")
 

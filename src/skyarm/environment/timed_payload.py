@@ -21,7 +21,8 @@ from skyarm.environment.component import Component
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, logical_and, mul, where
-from skyarm.vehicle.vehicle_records import Body, Vehicle
+from skyarm.vehicle.linkage import Body
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.drawing.poses import body_poses
-from skyarm.vehicle.vehicle_records import BASE, Vehicle
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[np.float64]
 

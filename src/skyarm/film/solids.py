@@ -12,7 +12,7 @@ from skyarm.drawing.moving_poses import moving_poses
 from skyarm.drawing.shapes import Shape
 from skyarm.drawing.vehicle_shapes import payload_shape, vehicle_shapes
 from skyarm.film.filmed_flight import Color, FilmedFlight, FilmedSurface
-from skyarm.vehicle.vehicle_records import BASE
+from skyarm.vehicle.linkage import BASE
 
 Array = npt.NDArray[np.float64]
 RGBA = tuple[float, float, float, float]

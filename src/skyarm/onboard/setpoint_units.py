@@ -8,7 +8,8 @@ from skyarm.actuation.drive import TorqueDrive
 from skyarm.actuation.servo import PositionServo, VelocityServo
 from skyarm.compile.c.c_struct import Units
 from skyarm.records.units import Unit
-from skyarm.vehicle.vehicle_records import Joint, Vehicle
+from skyarm.vehicle.linkage import Joint
+from skyarm.vehicle.vehicle_records import Vehicle
 
 UNITS = {"revolute": "revolute, rad, N m", "prismatic": "prismatic, m, N"}
 LENGTHS = {"revolute": "rad", "prismatic": "m"}

@@ -14,7 +14,8 @@ from skyarm.dynamics.array_front import mass_matrix
 from skyarm.dynamics.broadcast import Array
 from skyarm.records.coerce import concrete
 from skyarm.vehicle.check import VehicleError
-from skyarm.vehicle.vehicle_records import Joint, Vehicle
+from skyarm.vehicle.linkage import Joint
+from skyarm.vehicle.vehicle_records import Vehicle
 
 SAMPLES = 64
 """Arm configurations that are looked at; the effective inertia of a joint changes with the others' angles."""

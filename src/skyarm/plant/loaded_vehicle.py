@@ -9,7 +9,8 @@ from typing import Any
 from skyarm.environment import PayloadMemory, TimedPayload
 from skyarm.plant.surroundings import Around, Surroundings
 from skyarm.scalars import add, mul
-from skyarm.vehicle.vehicle_records import BASE, Body, Vehicle
+from skyarm.vehicle.linkage import BASE, Body
+from skyarm.vehicle.vehicle_records import Vehicle
 
 LOCKED = 1e12
 """kg m^2 or kg: inertia of a stuck joint's motion. A torque of 1 N m moves it by 5e-13 rad in a second, less than what

@@ -10,7 +10,8 @@ import numpy as np
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.drawing.vehicle_shapes import vehicle_shapes
-from skyarm.vehicle.vehicle_records import BASE, Body, Joint, Vehicle
+from skyarm.vehicle.linkage import BASE, Body, Joint
+from skyarm.vehicle.vehicle_records import Vehicle
 
 INTEGRATORS = {
     "rk4": mujoco.mjtIntegrator.mjINT_RK4,

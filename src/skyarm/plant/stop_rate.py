@@ -11,7 +11,8 @@ from skyarm.plant.friction_rate import fastest_mode, friction_rate
 from skyarm.plant.integrators import FRICTION_STEP
 from skyarm.records.coerce import concrete
 from skyarm.vehicle.check import VehicleError
-from skyarm.vehicle.vehicle_records import Joint, Vehicle
+from skyarm.vehicle.linkage import Joint
+from skyarm.vehicle.vehicle_records import Vehicle
 
 STOP_STEP = 1.05
 """Largest product of a stop's natural frequency (rad/s) and an RK4 step. Within a stop the method is stable to 2.78,

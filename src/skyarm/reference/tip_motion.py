@@ -19,7 +19,8 @@ from skyarm.records.units import Unit
 from skyarm.reference.signals import Constant, Derivatives, Signal
 from skyarm.scalars import cos, sin
 from skyarm.scalars.taylor import Taylor
-from skyarm.vehicle.vehicle_records import BASE, Joint, Vehicle
+from skyarm.vehicle.linkage import BASE, Joint
+from skyarm.vehicle.vehicle_records import Vehicle
 
 ORDER = 4
 """Derivatives of a reference."""

@@ -30,7 +30,8 @@ from skyarm.reference.signal_tables import signal_from
 from skyarm.reference.task_tables import within
 from skyarm.reference.tip_plan import TipChoices, with_tip
 from skyarm.reference.trajectory import Trajectory
-from skyarm.vehicle.vehicle_records import BASE, Vehicle
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> Trajectory:

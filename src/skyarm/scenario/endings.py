@@ -12,7 +12,8 @@ from skyarm.algebra import Vec3
 from skyarm.compile import leaves
 from skyarm.dynamics import State, link_poses
 from skyarm.scalars import Scalar, absolute, add, logical_and, minimum, sub
-from skyarm.vehicle.vehicle_records import BASE, Link, Vehicle
+from skyarm.vehicle.linkage import BASE, Link
+from skyarm.vehicle.vehicle_records import Vehicle
 
 if TYPE_CHECKING:
     from skyarm.scenario.scenario_record import Scenario

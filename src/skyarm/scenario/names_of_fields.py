@@ -18,7 +18,8 @@ from skyarm.reference import Constant, Shifted, Signal, Sine, Sum, Trajectory, W
 from skyarm.reference.tip_motion import TipMotion
 from skyarm.registry.registrations import name_of
 from skyarm.scenario.endings import Ending
-from skyarm.vehicle.vehicle_records import JOINT_NUMBERS, Vehicle
+from skyarm.vehicle.linkage import JOINT_NUMBERS
+from skyarm.vehicle.vehicle_records import Vehicle
 
 Tree = Mapping[str, Any]
 """Name -> places it stands for, or a tree of more names."""

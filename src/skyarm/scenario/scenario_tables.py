@@ -28,9 +28,10 @@ from skyarm.scenario.scenario_checks import check_quaternion
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario, trimmed_state
 from skyarm.scenario.standing_start import standing
 from skyarm.sensors.noise import SensorNoise
+from skyarm.vehicle.linkage import JOINT_NUMBERS
 from skyarm.vehicle.mounted_drives import mounted_drives
 from skyarm.vehicle.vehicle_files import list_vehicles, load_vehicle
-from skyarm.vehicle.vehicle_records import JOINT_NUMBERS, Vehicle
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def text(fields: Fields, name: str, *default: str) -> str:

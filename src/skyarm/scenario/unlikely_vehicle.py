@@ -12,7 +12,8 @@ from typing import Any
 
 from skyarm.actuation.hover import highest_thrust
 from skyarm.scenario.unlikely_drives import unlikely_in_drives, unlikely_in_supply
-from skyarm.vehicle.vehicle_records import BASE, Body, Vehicle
+from skyarm.vehicle.linkage import BASE, Body
+from skyarm.vehicle.vehicle_records import Vehicle
 
 TURN = 2.0 * math.pi * 1.001
 """rad: a turn, as files round it."""

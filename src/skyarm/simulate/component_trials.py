@@ -27,7 +27,8 @@ from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.sensors.measurement import Measurement, measurement_of
 from skyarm.simulate.component_classes import check_classes, reading_mistake
 from skyarm.simulate.draws import draw_plan, start_draws
-from skyarm.vehicle.vehicle_records import BASE, Vehicle
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
 
 WEIGHT = Vec3(0.0, 0.0, 9.81)
 """Specific force that sensors are told in a trial, m/s^2."""

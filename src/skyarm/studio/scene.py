@@ -13,7 +13,8 @@ from skyarm.drawing.pose_program import Array, Placed, quaternions_of
 from skyarm.drawing.shapes import Shape, turn_onto
 from skyarm.drawing.vehicle_shapes import payload_shape, rotor_radius, vehicle_shapes
 from skyarm.studio.sights import Sight
-from skyarm.vehicle.vehicle_records import BASE, Vehicle
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
 
 COLORS = ((38, 110, 190), (214, 105, 30), (44, 140, 80))
 """Of the first, second and third law, here and in the plots: blue, orange, green."""

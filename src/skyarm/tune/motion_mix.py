@@ -15,7 +15,8 @@ import numpy.typing as npt
 
 from skyarm.reference import Constant, Product, Ramp, Signal, Sine, Sum, Trajectory, Windowed
 from skyarm.scalars.philox import uniforms
-from skyarm.vehicle.vehicle_records import Joint, Vehicle
+from skyarm.vehicle.linkage import Joint
+from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[np.float64]
 

@@ -1,6 +1,7 @@
 """Vehicles: records of airframe, arm and rotors, their checks, and the files they are read from."""
 
 from skyarm.vehicle.check import VehicleError
-from skyarm.vehicle.vehicle_records import Body, BodyDrag, Frame, Joint, Link, Rotor, Vehicle
+from skyarm.vehicle.linkage import Body, Joint, Link
+from skyarm.vehicle.vehicle_records import BodyDrag, Frame, Rotor, Vehicle
 
 __all__ = ["Body", "BodyDrag", "Frame", "Joint", "Link", "Rotor", "Vehicle", "VehicleError"]

@@ -13,6 +13,7 @@ from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.couple import Mimic, couple, limits_that_contradict
 from skyarm.vehicle.dry_friction import with_smooth_friction
+from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.mounted_drives import mounted_drives, with_limits_of_drives
 from skyarm.vehicle.nearest_inertia import with_real_inertias
 from skyarm.vehicle.rotor_tables import battery_of, rotor_of
@@ -27,7 +28,7 @@ from skyarm.vehicle.schema_tables import (
     PoseTable,
 )
 from skyarm.vehicle.stops import with_stops
-from skyarm.vehicle.vehicle_records import BASE, Body, BodyDrag, Frame, Joint, Link, MountedDrive, Vehicle
+from skyarm.vehicle.vehicle_records import BodyDrag, Frame, MountedDrive, Vehicle
 
 SOURCES = ("urdf", "mjcf", "airframe")
 """Fields of which one may stand in place of ``base`` and ``links``."""

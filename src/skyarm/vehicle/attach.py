@@ -9,7 +9,8 @@ from skyarm.vehicle import description
 from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import refuse
 from skyarm.vehicle.couple import Mimic
-from skyarm.vehicle.vehicle_records import BASE, Body, Frame, Link, Vehicle
+from skyarm.vehicle.linkage import BASE, Body, Link
+from skyarm.vehicle.vehicle_records import Frame, Vehicle
 
 
 @dataclass(frozen=True, slots=True)

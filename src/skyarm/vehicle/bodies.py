@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from skyarm.vehicle.couple import Mimic
-from skyarm.vehicle.vehicle_records import Body, Frame, Link
+from skyarm.vehicle.linkage import Body, Link
+from skyarm.vehicle.vehicle_records import Frame
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,8 @@ from skyarm.vehicle import mobility
 from skyarm.vehicle.nearest_inertia import repair_hint
 
 if TYPE_CHECKING:
-    from skyarm.vehicle.vehicle_records import Body, Follower, Joint, Rotor, Vehicle
+    from skyarm.vehicle.linkage import Body, Follower, Joint
+    from skyarm.vehicle.vehicle_records import Rotor, Vehicle
 
 LONGEST = 1e100
 """m, a length whose square overflows far beyond it."""

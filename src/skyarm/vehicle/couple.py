@@ -10,8 +10,9 @@ from typing import Any
 from skyarm.records.coerce import concrete
 from skyarm.scalars import add, mul
 from skyarm.vehicle.check import refuse
+from skyarm.vehicle.linkage import Follower, Joint, Link
 from skyarm.vehicle.notes import Notes
-from skyarm.vehicle.vehicle_records import Follower, Frame, Joint, Link
+from skyarm.vehicle.vehicle_records import Frame
 
 PLAIN = ("damping", "coulomb", "armature", "stop_stiffness", "stop_damping")
 

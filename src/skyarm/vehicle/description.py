@@ -14,7 +14,7 @@ from typing import Any
 from skyarm.algebra import Mat3, Quaternion, Sym3, Vec3
 from skyarm.records.coerce import TOLERANCE
 from skyarm.vehicle.check import refuse
-from skyarm.vehicle.vehicle_records import Body
+from skyarm.vehicle.linkage import Body
 
 ROUNDING = 1e-15
 """Entries of a rotation nearer than this to 0, 1 or -1 are that number: sin(pi) is 1.2e-16 in floating point."""

@@ -11,9 +11,10 @@ import dataclasses
 from collections.abc import Collection, Sequence
 from typing import Any
 
+from skyarm.vehicle.linkage import Joint, Link
 from skyarm.vehicle.mobility import joint_mobility
 from skyarm.vehicle.notes import Notes
-from skyarm.vehicle.vehicle_records import Joint, Link, Vehicle
+from skyarm.vehicle.vehicle_records import Vehicle
 
 MOST = 3000.0
 """1/s at the six configurations looked at here: at others friction may be three times as fast; plants refuse 1e4."""

@@ -18,10 +18,11 @@ from skyarm.vehicle import description
 from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import VehicleError, refuse
 from skyarm.vehicle.couple import Mimic
+from skyarm.vehicle.linkage import BASE, Body, Link
 from skyarm.vehicle.mjcf_joints import joint_name, kind_of, mimics_of, read_joint, resting, stands_still
 from skyarm.vehicle.mjcf_limits import name_of, refuse_what_is_not_here
 from skyarm.vehicle.notes import Notes
-from skyarm.vehicle.vehicle_records import BASE, Body, Frame, Link
+from skyarm.vehicle.vehicle_records import Frame
 
 NAMES = (
     *("name", "class", "childclass", "model", "file", "joint", "joint1", "joint2", "body", "body1", "body2"),

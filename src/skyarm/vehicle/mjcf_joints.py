@@ -10,9 +10,9 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.vehicle import description
 from skyarm.vehicle.check import refuse
 from skyarm.vehicle.couple import Mimic
+from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.mjcf_limits import name_of
 from skyarm.vehicle.notes import Notes
-from skyarm.vehicle.vehicle_records import Joint
 
 KINDS = ("free", "ball", "prismatic", "revolute")
 """By MuJoCo's number of a joint's type."""

@@ -15,7 +15,8 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.records.coerce import concrete
 
 if TYPE_CHECKING:
-    from skyarm.vehicle.vehicle_records import Body, Joint, Vehicle
+    from skyarm.vehicle.linkage import Body, Joint
+    from skyarm.vehicle.vehicle_records import Vehicle
 
 SINGULAR = 1e-12
 """Moved inertia, relative to that of the outer bodies, below which nothing is left but rounding (1e-16 times a few)."""

@@ -11,7 +11,8 @@ from skyarm.records.coerce import concrete
 from skyarm.records.read_table import record_from
 from skyarm.registry import find
 from skyarm.vehicle.check import VehicleError
-from skyarm.vehicle.vehicle_records import Link, MountedDrive
+from skyarm.vehicle.linkage import Link
+from skyarm.vehicle.vehicle_records import MountedDrive
 
 
 def mounted_drives(tables: Mapping[str, Any], where: str) -> tuple[MountedDrive, ...]:

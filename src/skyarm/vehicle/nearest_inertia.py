@@ -18,7 +18,7 @@ from skyarm.records.coerce import TOLERANCE
 
 if TYPE_CHECKING:
     from skyarm.vehicle.bodies import RigidBodies
-    from skyarm.vehicle.vehicle_records import Body
+    from skyarm.vehicle.linkage import Body
 
 NOISE = 1e-15
 """kg m^2: a negative moment of at most this size is rounding; a milligram at 30 micrometres has as much."""

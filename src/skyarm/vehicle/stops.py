@@ -11,8 +11,9 @@ import dataclasses
 import math
 from collections.abc import Collection
 
+from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.mobility import joint_mobility
-from skyarm.vehicle.vehicle_records import Joint, Vehicle
+from skyarm.vehicle.vehicle_records import Vehicle
 
 SOFTEST, USUAL, STIFFEST = 100.0, 200.0, 1500.0
 """rad/s, natural frequencies of a joint against its stop: RK4 takes steps of 5 ms up to 440."""

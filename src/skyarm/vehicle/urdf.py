@@ -21,11 +21,12 @@ from skyarm.vehicle.bodies import RigidBodies
 from skyarm.vehicle.check import refuse
 from skyarm.vehicle.couple import Mimic
 from skyarm.vehicle.dry_friction import with_smooth_friction
+from skyarm.vehicle.linkage import BASE, Body, Link
 from skyarm.vehicle.notes import Notes
 from skyarm.vehicle.stops import with_stops
 from skyarm.vehicle.urdf_joints import displaced, fixed_at, kind_of_joint, read_joint, read_mimics, resting
 from skyarm.vehicle.urdf_meshes import note_meshes
-from skyarm.vehicle.vehicle_records import BASE, Body, Frame, Link, Vehicle
+from skyarm.vehicle.vehicle_records import Frame, Vehicle
 from skyarm.vehicle.xml_fields import child, numbers, read_xml, required
 
 MIMIC = ("lock", "couple")

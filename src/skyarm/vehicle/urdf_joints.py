@@ -16,8 +16,8 @@ from skyarm.algebra import ZERO3, Mat3, Vec3, axis_rotation
 from skyarm.vehicle import description
 from skyarm.vehicle.check import refuse
 from skyarm.vehicle.couple import Mimic
+from skyarm.vehicle.linkage import Joint
 from skyarm.vehicle.notes import Notes
-from skyarm.vehicle.vehicle_records import Joint
 from skyarm.vehicle.xml_fields import child, number, numbers
 
 KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed"}

@@ -9,176 +9,28 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from skyarm.algebra import ZERO3, Mat3, Sym3, Vec3
+from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.records import coerce
 from skyarm.records.directions import near_rotation, near_unit_vector
 from skyarm.records.leaves import field_names
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, add, divide, where
+from skyarm.scalars import Scalar, add
 from skyarm.vehicle import check
 from skyarm.vehicle.battery import Battery
 from skyarm.vehicle.check import accept
+from skyarm.vehicle.linkage import BASE, Body, Follower, Link
 from skyarm.vehicle.thrust_table import ThrustTable
 from skyarm.vehicle.tilt import Tilt
-
-BASE = -1
-"""Index that stands for the base where a link's index is asked for."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Body:
-    """A body is the mass distribution of one link, in the link's frame.
-
-    Attributes:
-        mass: kg.
-        com: centre of mass, m, link frame.
-        inertia: kg m^2, about the centre of mass, link axes.
-        planar: the inertia is that of a planar model (only the moment about the joint axis is given). Such a body
-            exists in a controller's model only; a plant refuses it.
-    """
-
-    mass: Annotated[Scalar, Unit("kg")]
-    com: Annotated[Vec3, Unit("m", "centre of mass, axes of its link")] = ZERO3
-    inertia: Annotated[Sym3, Unit("kg m^2", "about the centre of mass, axes of its link")] = Sym3(0, 0, 0)
-    planar: bool = False
-
-    def __post_init__(self) -> None:
-        accept(self, "body", mass=coerce.coefficient, com=coerce.vector, inertia=coerce.inertia, planar=coerce.flag)
-
-    @classmethod
-    def of_parts(cls, parts: Sequence[Body]) -> Body:
-        """Bodies of one link as one: masses add, inertias move to the common centre of mass (Steiner)."""
-        mass: Scalar = 0
-        moment, inertia = ZERO3, Sym3(0, 0, 0)
-        for part in parts:
-            mass, moment = add(mass, part.mass), moment + part.com * part.mass
-        com = _quotient(moment, mass)
-        for part in parts:
-            inertia = inertia + part.inertia + Sym3.parallel_axis(part.mass, part.com - com)
-        return cls(mass=mass, com=com, inertia=inertia, planar=any(part.planar for part in parts))
-
-    def joined(self, other: Body) -> Body:
-        """Body and another one of the same link as one."""
-        return Body.of_parts((self, other))
-
-
-def _quotient(moment: Vec3, mass: Scalar) -> Vec3:
-    """moment / mass; zero for a massless body, whose moment is zero."""
-    divisor = where(mass > 0, mass, 1.0)
-    return Vec3(*(0 if type(c) is int and c == 0 else divide(c, divisor) for c in moment))
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Joint:
-    """A joint is one degree of freedom between a link and its parent.
-
-    Attributes:
-        name: unique among the joints.
-        kind: "revolute" (rad) or "prismatic" (m).
-        axis: unit vector, joint frame; positive motion follows the right-hand rule.
-        position: origin of the joint frame in the parent link's frame, m. The child link's frame coincides with the
-            joint frame at zero.
-        rotation: R_PJ, joint axes to parent axes.
-        lower, upper: limits, rad or m. A stop holds the joint there; without one, passing a limit ends an episode.
-        effort_limit: largest |torque| (N m) or |force| (N) of the actuator; 0 for a passive joint.
-        armature: inertia of the drive's own rotor, reflected to the joint by the square of the gear ratio, kg m^2 or
-            kg. It resists the joint's acceleration against its parent only, as in MuJoCo, Pinocchio and Drake.
-        damping: viscous, N m s/rad or N s/m.
-        coulomb: smooth Coulomb friction, N m or N: coulomb * tanh(rate / coulomb_rate).
-        coulomb_rate: rate at which tanh has bent, rad/s or m/s.
-        stop_stiffness: of the hard stops at both limits, N m/rad or N/m; 0 for a joint without stops.
-        stop_damping: share by which a stop pushes harder per rad/s or m/s of the joint moving into it.
-    """
-
-    name: str
-    kind: str = "revolute"
-    axis: Annotated[Vec3, Unit("", "unit vector, joint axes")] = Vec3(0, 1, 0)
-    position: Annotated[Vec3, Unit("m", "joint origin, axes of the parent link")] = ZERO3
-    rotation: Annotated[Mat3, Unit("", "joint axes to axes of the parent link")] = Mat3.identity()
-    lower: Annotated[Scalar, Unit("rad or m", infinite=True)] = -math.inf
-    upper: Annotated[Scalar, Unit("rad or m", infinite=True)] = math.inf
-    effort_limit: Annotated[Scalar, Unit("N m or N", "largest effort of the joint", infinite=True)] = math.inf
-    damping: Annotated[Scalar, Unit("N m s/rad or N s/m")] = 0
-    coulomb: Annotated[Scalar, Unit("N m or N")] = 0
-    coulomb_rate: Annotated[Scalar, Unit("rad/s or m/s")] = 0.01
-    armature: Annotated[Scalar, Unit("kg m^2 or kg", "inertia of the drive, at the joint")] = field(
-        default=0, metadata=WRITTEN_IF_ANY
-    )
-    stop_stiffness: Annotated[Scalar, Unit("N m/rad or N/m", "of the stops at the limits")] = field(
-        default=0, metadata=WRITTEN_IF_ANY
-    )
-    stop_damping: Annotated[Scalar, Unit("s/rad or s/m")] = field(default=0, metadata=WRITTEN_IF_ANY)
-
-    def __post_init__(self) -> None:
-        accept(self, "joint", name=coerce.text, kind=coerce.text)
-        where = f"joints[{self.name}]"
-        accept(self, where, axis=near_unit_vector, position=coerce.vector, rotation=near_rotation)
-        accept(self, where, lower=coerce.number, upper=coerce.number, effort_limit=coerce.number)
-        accept(self, where, damping=coerce.coefficient, coulomb=coerce.coefficient, coulomb_rate=coerce.number)
-        accept(self, where, **dict.fromkeys(("armature", "stop_stiffness", "stop_damping"), coerce.coefficient))
-
-    @property
-    def has_stops(self) -> bool:
-        """Whether stops hold the joint at its limits; a structural question, also where the numbers are traced."""
-        return not (type(self.stop_stiffness) is int and self.stop_stiffness == 0)
-
-
-JOINT_NUMBERS = ("damping", "coulomb", "coulomb_rate", "effort_limit", "armature", "stop_stiffness", "stop_damping")
-"""Numbers of a joint that a scenario may state in place of the vehicle's."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Link:
-    """A link is a body that one joint moves against its parent (an index into ``Vehicle.links``; BASE for the base)."""
-
-    name: str
-    parent: int
-    joint: Joint
-    body: Body
-
-    def __post_init__(self) -> None:
-        accept(self, "link", name=coerce.text)
-        accept(self, f"links[{self.name}]", parent=coerce.whole, joint=coerce.one(Joint), body=coerce.one(Body))
 
 
 def _optional(kind: type) -> coerce.Rule:
     """Rule: a record of this kind, or None."""
     one = coerce.one(kind)
     return lambda name, value: None if value is None else one(name, value)
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Follower:
-    """A follower is a link whose joint moves with another joint: q = ratio q_leader + offset, exactly and at any load.
-
-    URDF calls such a joint a mimic: the second finger of a gripper, the bars of a parallelogram. It has no coordinate,
-    no drive, no friction and no limits of its own; what it moves is felt at its leader.
-
-    Attributes:
-        link: body and joint; its parent is the base, a link, or (from ``Vehicle.n`` on) an earlier follower.
-        leader: index of the link whose joint it follows.
-        ratio: rad or m per rad or m of the leader.
-        offset: rad or m, where the leader is at zero.
-    """
-
-    link: Link
-    leader: int
-    ratio: Annotated[Scalar, Unit("rad or m per rad or m")] = 1.0
-    offset: Annotated[Scalar, Unit("rad or m")] = 0
-
-    def __post_init__(self) -> None:
-        accept(self, "follower", link=coerce.one(Link), leader=coerce.whole, ratio=coerce.number)
-        accept(self, f"followers[{self.link.name}]", offset=coerce.coefficient)
-
-    @property
-    def name(self) -> str:
-        """Of the link."""
-        return self.link.name
 
 
 _ROTOR: dict[str, coerce.Rule] = {

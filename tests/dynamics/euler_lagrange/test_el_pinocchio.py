@@ -9,8 +9,9 @@ from lagrangian_twin import rotation, states, velocity_jacobians
 from skyarm.algebra import Sym3, Vec3
 from skyarm.dynamics import array_front as arrays
 from skyarm.dynamics import euler_lagrange as el
+from skyarm.vehicle.linkage import BASE, Body, Joint, Link
 from skyarm.vehicle.vehicle_files import load_vehicle
-from skyarm.vehicle.vehicle_records import BASE, Body, Frame, Joint, Link, Vehicle
+from skyarm.vehicle.vehicle_records import Frame, Vehicle
 
 Q, QD = states(20, seed=4)
 

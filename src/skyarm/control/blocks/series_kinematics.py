@@ -11,7 +11,8 @@ from skyarm.compile import leaves, rebuild
 from skyarm.dynamics.kinematics import Pose, link_poses
 from skyarm.scalars import divide
 from skyarm.scalars.taylor import Taylor
-from skyarm.vehicle.vehicle_records import BASE, Vehicle
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @dataclass(frozen=True, slots=True)

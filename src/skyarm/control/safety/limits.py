@@ -15,7 +15,7 @@ from skyarm.files import number, shown
 from skyarm.records.leaves import field_names
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
-from skyarm.vehicle.vehicle_records import Joint
+from skyarm.vehicle.linkage import Joint
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -23,7 +23,7 @@ from skyarm.records.units import Unit
 from skyarm.reference import Reference
 from skyarm.scalars import Scalar, add, divide, maximum, mul, sqrt, sub
 from skyarm.sensors.measurement import Measurement
-from skyarm.vehicle.vehicle_records import Joint, Link
+from skyarm.vehicle.linkage import Joint, Link
 
 STRAIGHT = 1e-6
 """1 + tr(R_d^T R) within 0.06 degrees of 180, where the axis is lost."""

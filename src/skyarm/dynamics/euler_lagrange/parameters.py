@@ -8,7 +8,8 @@ from typing import Any
 from skyarm.algebra import Mat3, Sym3, Vec3
 from skyarm.records.coerce import concrete
 from skyarm.scalars import Scalar, add, divide, mul, neg, sub
-from skyarm.vehicle.vehicle_records import BASE, Body, Link, Vehicle
+from skyarm.vehicle.linkage import BASE, Body, Link
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -13,7 +13,8 @@ from skyarm.drawing.shapes import turn_onto
 from skyarm.dynamics.followers import every_joint
 from skyarm.dynamics.kinematics import joint_placement
 from skyarm.log.log_columns import distinct
-from skyarm.vehicle.vehicle_records import BASE, Vehicle
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[np.float64]
 

@@ -13,7 +13,8 @@ from __future__ import annotations
 import math
 
 from skyarm.algebra import Vec3
-from skyarm.vehicle.vehicle_records import BASE, Vehicle
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
 
 PRESETS_ARM = 0.3
 """m, length of the arm on which the presets were chosen."""

@@ -18,7 +18,8 @@ from skyarm.control.blocks.series_kinematics import Posture, derivative
 from skyarm.records.units import Unit
 from skyarm.scalars import add, cos, divide, sin, sqrt
 from skyarm.scalars.taylor import Taylor
-from skyarm.vehicle.vehicle_records import BASE, Vehicle
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,8 @@ from skyarm.control.laws.centroidal.tip_reference import Goal
 from skyarm.dynamics.kinematics import Pose, jacobian_columns, link_poses
 from skyarm.scalars import add, divide, mul
 from skyarm.scalars.taylor import Taylor
-from skyarm.vehicle.vehicle_records import BASE, Vehicle
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
 
 
 def axes(vehicle: Vehicle, poses: Sequence[Pose]) -> list[Vec3]:

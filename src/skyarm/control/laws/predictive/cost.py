@@ -11,7 +11,8 @@ from skyarm.control.laws.predictive.motion_plan import Inputs, accelerations
 from skyarm.control.model import Model
 from skyarm.dynamics import State, frame_pose
 from skyarm.scalars import Scalar, cos, mul, sin, sub
-from skyarm.vehicle.vehicle_records import BASE, Vehicle
+from skyarm.vehicle.linkage import BASE
+from skyarm.vehicle.vehicle_records import Vehicle
 
 MODES = ("tool", "joints")
 
