@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 from skyarm.actuation import yaw_room
 from skyarm.actuation.rotor import push
-from skyarm.algebra import ZERO3, Vec3, ldl_solve
+from skyarm.algebra import ZERO3, Vec3, inner_product, ldl_solve
 from skyarm.files.old_names import renamed
 from skyarm.records.coerce import concrete
 from skyarm.records.units import Unit
@@ -89,10 +89,10 @@ def make_mixer(vehicle: Vehicle, policy: str = "clip", sideways: bool = False, y
         raise AllocationError(f"mixer policy = {policy!r}: must be one of {list(POLICIES)}")
     A = allocation_matrix(vehicle, sideways)
     _require_rank(vehicle, A)
-    gram, size = [[_dot(a, b) for b in A] for a in A], len(A)
+    gram, size = [[inner_product(a, b) for b in A] for a in A], len(A)
     inverse_gram = [ldl_solve(gram, [1 if i == j else 0 for i in range(size)]) for j in range(size)]
     rows = tuple(
-        tuple(_dot([A[k][rotor] for k in range(size)], inverse_gram[j]) for j in range(size))
+        tuple(inner_product([A[k][rotor] for k in range(size)], inverse_gram[j]) for j in range(size))
         for rotor in range(len(vehicle.rotors))
     )
     if policy != "clip":
@@ -101,13 +101,6 @@ def make_mixer(vehicle: Vehicle, policy: str = "clip", sideways: bool = False, y
     across = tuple(row[4:] for row in rows) if sideways else ()
     inverse = tuple(row[:4] for row in rows)
     return Mixer(inverse=inverse, highest=highest, policy=policy, yaw_slack=yaw_slack, across=across)
-
-
-def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
-    total: Any = 0
-    for x, y in zip(a, b, strict=True):
-        total = add(total, mul(x, y))
-    return total
 
 
 def _require_rank(vehicle: Vehicle, A: list[list[Any]]) -> None:
@@ -155,10 +148,10 @@ def mix(mixer: Mixer, torque: Vec3, thrust: Any, across: Vec3 = ZERO3) -> tuple[
     Returns:
         The commanded speeds and the squared speeds of torque and thrust before any limit.
     """
-    raw = tuple(_dot(row, [*torque, thrust]) for row in mixer.inverse)
+    raw = tuple(inner_product(row, [*torque, thrust]) for row in mixer.inverse)
     allowed = _prioritized(mixer, torque, thrust) if mixer.policy != "clip" else raw
     if mixer.across:
-        side = [_dot(row, [across.x, across.y]) for row in mixer.across]
+        side = [inner_product(row, [across.x, across.y]) for row in mixer.across]
         allowed = _with_side(mixer, raw, allowed, side)
     return tuple(sqrt(maximum(value, 0.0)) for value in allowed), raw
 

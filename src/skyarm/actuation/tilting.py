@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import Any
 
 from skyarm.actuation.command import Command
-from skyarm.records.leaves import field_names
 from skyarm.scalars import absolute, clip, cos, divide, exp, maximum, minimum, mul, sign, sin, sub
 from skyarm.vehicle.tilt import Tilt
 from skyarm.vehicle.vehicle_records import Rotor, Vehicle
@@ -52,11 +51,7 @@ def turned(vehicle: Vehicle, angles: Sequence[Any]) -> Vehicle:
         return vehicle
     left = iter(angles)
     rotors = tuple(each if each.tilt is None else turned_rotor(each, next(left)) for each in vehicle.rotors)
-    made = object.__new__(Vehicle)  # every number of it is checked already
-    for name in field_names(Vehicle) or ():
-        object.__setattr__(made, name, getattr(vehicle, name))
-    object.__setattr__(made, "rotors", rotors)
-    return made
+    return vehicle.with_checked(rotors=rotors)
 
 
 def with_rest(vehicle: Vehicle, command: Command) -> Command:

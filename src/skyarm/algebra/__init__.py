@@ -4,7 +4,7 @@ from skyarm.algebra.linear_solve import ldl_solve
 from skyarm.algebra.matrix import Mat3, Sym3, axis_rotation
 from skyarm.algebra.quaternion import Quaternion
 from skyarm.algebra.spatial import ArticulatedInertia, Force, Motion, SpatialInertia, centripetal
-from skyarm.algebra.vector import E_X, E_Y, E_Z, ZERO3, Vec3
+from skyarm.algebra.vector import E_X, E_Y, E_Z, ZERO3, Vec3, inner_product
 
 __all__ = [
     "E_X",
@@ -21,5 +21,6 @@ __all__ = [
     "Vec3",
     "axis_rotation",
     "centripetal",
+    "inner_product",
     "ldl_solve",
 ]

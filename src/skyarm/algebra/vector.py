@@ -97,3 +97,11 @@ ZERO3 = Vec3(0, 0, 0)
 E_X = Vec3(1, 0, 0)
 E_Y = Vec3(0, 1, 0)
 E_Z = Vec3(0, 0, 1)
+
+
+def inner_product(a: Sequence[Any], b: Sequence[Any]) -> Any:
+    """Inner product of two sequences of scalars; terms that are structurally zero are left out."""
+    total: Any = 0
+    for x, y in zip(a, b, strict=True):
+        total = add(total, mul(x, y))
+    return total

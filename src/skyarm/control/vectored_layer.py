@@ -12,7 +12,7 @@ from typing import Annotated, Any
 from skyarm.actuation import Command, Mixer, allocation_matrix
 from skyarm.actuation.rotor_pairs import Force, as_pairs, forces_of_pairs, speeds_of_pairs
 from skyarm.actuation.tilting import angles_after, turned
-from skyarm.algebra import ldl_solve
+from skyarm.algebra import inner_product, ldl_solve
 from skyarm.control.controller import Controller, ControllerError, Law
 from skyarm.control.law_checks import check_controller, checked_law
 from skyarm.control.model import Model
@@ -225,11 +225,11 @@ def squares_at(vehicle: Vehicle, forces: Sequence[Force], angles: Sequence[Any])
     goal = _times(allocation_matrix(turned(vehicle, wanted)), [force.push for force in forces])
     A = allocation_matrix(turned(vehicle, angles))
     short = [sub(a, b) for a, b in zip(goal, _times(A, kept), strict=True)]
-    gram = [[_dot(a, b) for b in A] for a in A]
+    gram = [[inner_product(a, b) for b in A] for a in A]
     at_rest = allocation_matrix(vehicle)[2]
-    gram[2][2] = add(gram[2][2], mul(YAW_DAMPING, _dot(at_rest, at_rest)))
+    gram[2][2] = add(gram[2][2], mul(YAW_DAMPING, inner_product(at_rest, at_rest)))
     weights = ldl_solve(gram, short)
-    change = [_dot([row[i] for row in A], weights) for i in range(len(kept))]
+    change = [inner_product([row[i] for row in A], weights) for i in range(len(kept))]
     tops = [mul(rotor.max_speed, rotor.max_speed) for rotor in vehicle.rotors]
     share: Any = 1.0
     for value, by, top in zip(kept, change, tops, strict=True):
@@ -240,11 +240,4 @@ def squares_at(vehicle: Vehicle, forces: Sequence[Force], angles: Sequence[Any])
 
 
 def _times(A: Sequence[Sequence[Any]], column: Sequence[Any]) -> list[Any]:
-    return [_dot(row, column) for row in A]
-
-
-def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
-    total: Any = 0
-    for x, y in zip(a, b, strict=True):
-        total = add(total, mul(x, y))
-    return total
+    return [inner_product(row, column) for row in A]

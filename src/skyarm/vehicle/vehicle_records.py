@@ -198,11 +198,13 @@ class Vehicle:
     @property
     def untied(self) -> Vehicle:
         """The vehicle with its followers as links that have joints of their own."""
-        made = object.__new__(Vehicle)  # every number of it is checked already
+        return self.with_checked(links=self.moving, followers=())
+
+    def with_checked(self, **parts: Any) -> Vehicle:
+        """The vehicle with other parts, every number of which is checked already: traced code makes it many times."""
+        made = object.__new__(Vehicle)
         for name in field_names(Vehicle) or ():
-            object.__setattr__(made, name, getattr(self, name))
-        object.__setattr__(made, "links", self.moving)
-        object.__setattr__(made, "followers", ())
+            object.__setattr__(made, name, parts.get(name, getattr(self, name)))
         return made
 
     @property

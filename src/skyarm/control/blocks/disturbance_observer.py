@@ -18,12 +18,12 @@ from skyarm.algebra import ZERO3, Mat3, Motion, Quaternion, Vec3
 from skyarm.control.blocks.air_drag import BelievedAir
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.felt_acceleration import AccelerometerGains, Felt, feel
-from skyarm.control.blocks.filters import double_pole
+from skyarm.control.blocks.filters import double_pole, low_pass_share
 from skyarm.control.blocks.prediction import acceleration, motor_speeds, rotor_wrench, with_side
 from skyarm.control.blocks.select import choose, choose_each, data, vector_data
 from skyarm.control.model import Model
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, exp, mul, where
+from skyarm.scalars import Scalar, mul, where
 from skyarm.sensors.measurement import Measurement
 
 
@@ -171,7 +171,7 @@ class Place:
 
 def filter_pose(bandwidth: Any, memory: Observed, measurement: Measurement, started: Any, dt: Any) -> Place:
     """Place carried by the estimated velocities and pulled towards the measured one; the measured one at first."""
-    share = where(started > 0.5, 1.0 - exp(-(bandwidth * dt)), 1.0)
+    share = where(started > 0.5, low_pass_share(bandwidth, dt), 1.0)
     position = memory.position + memory.velocity * dt
     quaternion = memory.quaternion * Quaternion.of_small_rotation(memory.rate * dt)
     joints = [q + qd * dt for q, qd in zip(memory.joints, memory.joint_rates, strict=True)]

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
+from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data, vector_data
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, divide, exp, maximum, minimum
@@ -96,7 +97,7 @@ def followed(gains: TrendGains, memory: ForceTrend, force: Vec3, dt: Any) -> For
     forces, rates = _delayed(memory.forces, force, share), _delayed(memory.rates, rate, share)
     change = (force - forces[-1]) * divide(1.0, gains.horizon)
     told = rates[-1] * _no_step(gains, change)
-    slow = 1.0 - exp(-(gains.forget * dt))
+    slow = low_pass_share(gains.forget, dt)
     return ForceTrend(
         level=vector_data(level),
         rate=vector_data(rate),

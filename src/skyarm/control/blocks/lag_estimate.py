@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.control.blocks.disturbance_observer import Told
+from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data
 from skyarm.control.controller import innermost
 from skyarm.records.units import Unit
@@ -210,7 +211,7 @@ def _in_row(before: Sequence[Sequence[Any]], new: Sequence[Any], running: Any, d
     """Two low passes at the band's upper edge and one at its lower edge, each fed by the one before."""
     found = []
     for old, edge in zip(before, (HIGH, HIGH, LOW), strict=True):
-        share = running * (1.0 - exp(-(edge * dt)))
+        share = running * low_pass_share(edge, dt)
         new = tuple(o + share * (n - o) for o, n in zip(old, new, strict=True))
         found.append(new)
     return tuple(found)

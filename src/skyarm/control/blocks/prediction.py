@@ -8,7 +8,7 @@ from typing import Any
 from skyarm import dynamics
 from skyarm.actuation import Command, friction, limited_effort, rotor_force, speeds_after
 from skyarm.actuation.mixer import allocation_matrix
-from skyarm.algebra import ZERO3, Force, Mat3, Quaternion, Vec3
+from skyarm.algebra import ZERO3, Force, Mat3, Quaternion, Vec3, inner_product
 from skyarm.compile.tracing.repeat import repeat
 from skyarm.control.blocks.air_drag import BelievedAir, against_air, hull_drag
 from skyarm.control.blocks.disturbance import Disturbance
@@ -16,7 +16,7 @@ from skyarm.control.blocks.select import data
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.dynamics.state import coordinate_acceleration
-from skyarm.scalars import add, mul, sub
+from skyarm.scalars import add, sub
 
 SUBSTEPS = 5
 """Model steps per control period across the delay: 1 ms at 200 Hz."""
@@ -25,7 +25,7 @@ SUBSTEPS = 5
 def rotor_wrench(model: Model, squares: Sequence[Any], sideways: bool = False) -> Force:
     """Torque and thrust along body z of squared rotor speeds, or in all directions: what the mixer commands."""
     rows = allocation_matrix(model.vehicle, sideways)
-    x, y, z, thrust, *across = (_dot(row, squares) for row in rows)
+    x, y, z, thrust, *across = (inner_product(row, squares) for row in rows)
     return Force(Vec3(x, y, z), Vec3.of([*(across or (0, 0)), thrust]))
 
 
@@ -55,13 +55,6 @@ def with_side(
         torque=unknown.torque + side.torque,
         efforts=unknown.efforts,
     )
-
-
-def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
-    total: Any = 0
-    for x, y in zip(a, b, strict=True):
-        total = add(total, mul(x, y))
-    return total
 
 
 def acceleration(

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from skyarm.algebra import inner_product
 from skyarm.dynamics.euler_lagrange.mass import Matrix, elbow_coupling, mass_matrix
 from skyarm.dynamics.euler_lagrange.mass_derivative import ANGLES, mass_matrix_partials
 from skyarm.dynamics.euler_lagrange.parameters import PlanarArmParameters
@@ -58,8 +59,8 @@ def christoffel(partials: Sequence[Matrix], qd: Sequence[Any]) -> Matrix:
     Source: Barakou, Tzafestas, Valavanis 2026, (67), (68).
     """
     n = len(qd)
-    rate = [[_dot([partial[i][j] for partial in partials], qd) for j in range(n)] for i in range(n)]
-    swept = [[_dot(row, qd) for row in partial] for partial in partials]  # swept[j][i] = sum_k dM_ik/dq_j qd_k
+    rate = [[inner_product([partial[i][j] for partial in partials], qd) for j in range(n)] for i in range(n)]
+    swept = [[inner_product(row, qd) for row in partial] for partial in partials]  # swept[j][i] = sum_k dM_ik/dq_j qd_k
     return [[mul(0.5, add(rate[i][j], sub(swept[j][i], swept[i][j]))) for j in range(n)] for i in range(n)]
 
 
@@ -68,9 +69,9 @@ def coriolis_force(par: PlanarArmParameters, q: Sequence[Any], qd: Sequence[Any]
 
     Source: Barakou, Tzafestas, Valavanis 2026, (67), (68), contracted with qd.
     """
-    swept = [[_dot(row, qd) for row in partial] for partial in mass_matrix_partials(par, q)]
-    along = [_dot([column[i] for column in swept], qd) for i in range(len(qd))]
-    return [sub(along[i], mul(0.5, _dot(swept[i], qd))) for i in range(len(qd))]
+    swept = [[inner_product(row, qd) for row in partial] for partial in mass_matrix_partials(par, q)]
+    along = [inner_product([column[i] for column in swept], qd) for i in range(len(qd))]
+    return [sub(along[i], mul(0.5, inner_product(swept[i], qd))) for i in range(len(qd))]
 
 
 def C_ee(par: PlanarArmParameters, th2: Any, joint_rates: Sequence[Any]) -> Matrix:
@@ -115,13 +116,6 @@ def skew_residual(rate: Matrix, C: Matrix) -> Any:
     return where(scale > 0.0, divide(symmetric, scale), 0.0 * scale)
 
 
-def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
-    total: Any = 0
-    for x, y in zip(a, b, strict=True):
-        total = add(total, mul(x, y))
-    return total
-
-
 def _difference(ahead: Matrix, behind: Matrix, step: Any) -> Matrix:
     return [
         [0 if type(a) is int else divide(a - b, 2.0 * step) for a, b in zip(row, other, strict=True)]
@@ -130,4 +124,4 @@ def _difference(ahead: Matrix, behind: Matrix, step: Any) -> Matrix:
 
 
 def _norm(values: Sequence[Any]) -> Any:
-    return sqrt(_dot(values, values))
+    return sqrt(inner_product(values, values))

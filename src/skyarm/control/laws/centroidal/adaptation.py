@@ -27,6 +27,7 @@ from typing import Any
 
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import data, vector_data
 from skyarm.control.blocks.series_kinematics import derivative, posture
 from skyarm.control.laws.centroidal.demands import Planned
@@ -128,7 +129,7 @@ def _share(par: CentroidalParameters, dt: Any) -> Any:
 
 def _update_joint(joint: JointLearned, regressor: Regressor, rate: Any, share: Any, dt: Any) -> JointLearned:
     """Return the memory of a joint one period later: its filtered regressor, and how well it follows its plan."""
-    once, slow = _filter(joint.once, regressor, share), 1.0 - exp(-(FOLLOWING * dt))
+    once, slow = _filter(joint.once, regressor, share), low_pass_share(FOLLOWING, dt)
     off = sub(rate, regressor.rate)
     return dataclasses.replace(
         joint,

@@ -23,7 +23,7 @@ from typing import Any
 
 from skyarm import dynamics
 from skyarm.actuation import Mixer
-from skyarm.algebra import Mat3, Vec3, ldl_solve
+from skyarm.algebra import Mat3, Vec3, inner_product, ldl_solve
 from skyarm.scalars import absolute, add, divide, maximum, minimum, mul, sub, where
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -45,11 +45,11 @@ class Reaction:
 
     def torque(self, accelerations: Sequence[Any]) -> Vec3:
         """Body torque of joint accelerations, N m, base axes."""
-        return Vec3(*(_dot(row, accelerations) for row in self.base))
+        return Vec3(*(inner_product(row, accelerations) for row in self.base))
 
     def efforts(self, accelerations: Sequence[Any]) -> list[Any]:
         """Joint torques or forces of joint accelerations."""
-        return [_dot(row, accelerations) for row in self.joints]
+        return [inner_product(row, accelerations) for row in self.joints]
 
     def accelerations(self, efforts: Sequence[Any]) -> list[Any]:
         """Joint accelerations of joint torques or forces."""
@@ -159,10 +159,3 @@ def slower(
     lost = [mul(each, sub(1.0, share)) for each in accelerations]
     left = tuple(sub(effort, less) for effort, less in zip(efforts, found.efforts(lost), strict=True))
     return Slower(torque - found.torque(lost), left, share)
-
-
-def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
-    total: Any = 0
-    for x, y in zip(a, b, strict=True):
-        total = add(total, mul(x, y))
-    return total

@@ -26,11 +26,12 @@ from typing import Any
 
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.interaction_records import InteractionGains, InteractionMemory, Wanted
 from skyarm.control.laws.centroidal.tip_force import TipLevers, tip_force, without
 from skyarm.control.laws.centroidal.tip_reference import Goal
-from skyarm.scalars import add, clip, data, exp, logical_and, logical_not, logical_or, maximum, minimum, mul, sub, where
+from skyarm.scalars import add, clip, data, logical_and, logical_not, logical_or, maximum, minimum, mul, sub, where
 from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -198,8 +199,8 @@ def learned(
 ) -> Disturbance:
     """The bias one period later: all of it in free flight, the base's force by what the tip's does not explain."""
     calm = logical_and(logical_not(asked), free > gains.rest)
-    share = where(calm, 1.0 - exp(-(gains.bias_rate * dt)), 0.0)
-    wind = where(calm, share, where(asked, 1.0 - exp(-(gains.wind_rate * dt)), 0.0))
+    share = where(calm, low_pass_share(gains.bias_rate, dt), 0.0)
+    wind = where(calm, share, where(asked, low_pass_share(gains.wind_rate, dt), 0.0))
     unexplained = d.force - force * where(calm, 0.0, 1.0)
     return Disturbance(
         force=vector_data(bias.force + (unexplained - bias.force) * wind),

@@ -21,6 +21,7 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance, observe
 from skyarm.control.blocks.extrapolation import extrapolate, samples
+from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.force_trend import ForceTrend, followed, trusted_rate
 from skyarm.control.blocks.lag_estimate import LagMemory, learn, shares
 from skyarm.control.blocks.prediction import predict, with_side
@@ -38,7 +39,7 @@ from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.reference import Reference
-from skyarm.scalars import add, divide, exp, maximum, mul, sub, where
+from skyarm.scalars import add, divide, maximum, mul, sub, where
 from skyarm.sensors.measurement import Measurement
 
 SLOWEST = 1.0
@@ -86,7 +87,7 @@ def centroidal(
             par, held, reference.push, signals, observed, memory.sent[-1], state, unknown, dt
         )
         signals = pressing.shifted(signals)
-    share = 1.0 - exp(-(par.tip.shift_rate * dt))
+    share = low_pass_share(par.tip.shift_rate, dt)
     slow = memory.slow_force + (force - memory.slow_force) * share
     steady = (slow if par.mode == "tip" else force) + feedforward.force
     before: Following = memory.following
