@@ -64,6 +64,11 @@ class Carrier:
         """
         raise NotImplementedError
 
+    @property
+    def gyration(self) -> Any:
+        """m^2: square of the least radius of gyration, with which a gripper holds its attitude; 0 to leave it free."""
+        return 0
+
     def start(self) -> Any:
         """First memory, a record or tuple of floats."""
         raise NotImplementedError

@@ -16,6 +16,8 @@ from skyarm.contact.carried_contact import NOBODY, Carried, Meeting
 from skyarm.contact.carrier import Carrier
 from skyarm.contact.contact_point import ContactPoint
 from skyarm.contact.free_object import FreeObject
+from skyarm.contact.grasps import UNCHANGED, Grasps
+from skyarm.contact.gripper import Grip, Gripper
 from skyarm.contact.surface import Surface
 from skyarm.contact.touch import Touch, touch_of
 from skyarm.dynamics.point_motion import PointMotion
@@ -44,12 +46,13 @@ class ContactMemory:
         clock: s, of surfaces that move; empty where none does.
         bristles: deflection of each pair's bristle, m, world axes: the first surface's points, then the next one's;
             then those of the carriers' pairs (:class:`skyarm.contact.carried_contact.Carried`).
-        carried: memories of the carriers.
+        carried: memories of the carriers. grips: of the grippers.
     """
 
     clock: tuple[Any, ...]
     bristles: tuple[Vec3, ...]
     carried: tuple[Any, ...] = ()
+    grips: tuple[Grip, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -58,12 +61,13 @@ class Contact(Force):
 
     Attributes:
         points: left out for the vehicle's tip.
-        objects: bodies that nothing holds.
+        objects: bodies that nothing holds. grippers: what the vehicle takes hold of them with.
     """
 
     surfaces: tuple[Surface, ...] = ()
     points: tuple[ContactPoint, ...] = ()
     objects: tuple[FreeObject, ...] = ()
+    grippers: tuple[Gripper, ...] = ()
     rotor_radius: Annotated[Scalar, Unit("m", "of the rotors' discs, which may touch nothing; 0: hubs", low=0.0)] = 0
 
     def __post_init__(self) -> None:
@@ -71,10 +75,11 @@ class Contact(Force):
         if type(self.rotor_radius) is float and self.rotor_radius == 0.0:
             object.__setattr__(self, "rotor_radius", 0)
         taken: list[str] = []
-        for what, records in (("surfaces", self.surfaces), ("points", self.points), ("objects", self.objects)):
-            names = [record.name for record in records]
+        named = {"surfaces": self.surfaces, "points": self.points, "objects": self.objects, "grippers": self.grippers}
+        for what, records in named.items():
+            names = [record.name for record in records]  # type: ignore[attr-defined]
             for name in names:
-                if names.count(name) > 1 or (what == "objects" and name in taken):
+                if names.count(name) > 1 or (what in ("objects", "grippers") and name in taken):
                     raise RecordError(f"world.{what}: name = {shown(name)}: must be of one only")
             taken += names
 
@@ -94,10 +99,15 @@ class Contact(Force):
         return Carried(carriers=self.carriers, surfaces=self.surfaces, points=self.points)
 
     @property
+    def grasps(self) -> Grasps:
+        """The grippers with what they may hold."""
+        return Grasps(grippers=self.grippers, carriers=self.carriers)
+
+    @property
     def largest_step(self) -> Any:  # type: ignore[override]
         """Longest integration step (s) that every material bears; None without surfaces."""
         steps = [surface.material.largest_step for surface in self.surfaces if self.points or not self.carriers]
-        steps += self.carried.steps()
+        steps += [*self.carried.steps(), *self.grasps.steps()]
         least = steps[0] if steps else None
         for each in steps[1:]:
             least = minimum(least, each)
@@ -138,13 +148,23 @@ class Contact(Force):
                 raise RecordError(f"world.points[{i}].frame = {shown(point.frame)}: {error}") from None
             except ValueError as error:
                 raise RecordError(f"world.points[{i}].{error}") from None
+        for i, gripper in enumerate(self.grippers):
+            try:
+                vehicle.frame(gripper.frame or None)
+            except VehicleError as error:
+                raise RecordError(f"world.grippers[{i}].frame = {shown(gripper.frame)}: {error}") from None
+            if not self.carriers:
+                raise RecordError(
+                    "world.grippers: must be left out of a world without objects"
+                )
 
     def start(self, period: float, draws: Sequence[Any]) -> ContactMemory:
         """Upright bristles at t = 0, and every carrier where it starts."""
         clock = (0.0,) if any(surface.moves for surface in self.surfaces) else ()
         upright = tuple(Vec3(0.0, 0.0, 0.0) for _ in range(len(self.pairs) + self.carried.count))
         return ContactMemory(
-            clock=clock, bristles=upright, carried=tuple(carrier.start() for carrier in self.carriers)
+            clock=clock, bristles=upright, carried=tuple(carrier.start() for carrier in self.carriers),
+            grips=tuple(gripper.start() for gripper in self.grippers),
         )  # fmt: skip
 
     def advance(self, memory: Any, t: Any, dt: float, state: State, draws: Sequence[Any]) -> Any:
@@ -180,11 +200,15 @@ class Contact(Force):
         meetings = self.meetings(memory, motion)
         touches = (*self.touches(memory, motion), *(each.touch for each in meetings))
         pushes = self.carried.pushes(memory.carried, meetings)
+        if self.grippers:
+            pulls = self.grasps.on_bodies(memory, motion)
+            pushes = [(f + g, t + u) for (f, t), (g, u) in zip(pushes, pulls, strict=True)]
         going = zip(self.carriers, memory.carried, pushes, strict=True)
         return ContactMemory(
             clock=tuple(1.0 for _ in memory.clock),
             bristles=tuple(touch.bristle_rate for touch in touches),
             carried=tuple(carrier.slope(held, *push, motion.gravity) for carrier, held, push in going),
+            grips=tuple(UNCHANGED for _ in memory.grips),
         )
 
     def euler_step(self, memory: Any, slope: Any, dt: Any) -> ContactMemory:
@@ -194,6 +218,7 @@ class Contact(Force):
             clock=moved_by(memory.clock, slope.clock, dt),
             bristles=moved_by(memory.bristles, slope.bristles, dt),
             carried=tuple(carrier.euler_step(held, rate, dt) for carrier, held, rate in going),
+            grips=memory.grips,
         )
 
     def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
@@ -206,11 +231,20 @@ class Contact(Force):
                 force, torque = force + touch.force, torque + touch.spot.cross(touch.force)
             at, body = point.place(motion.vehicle)
             found.append(Wrench(force_W=force, torque_W=torque, point=at, body=body))
-        return found
+        return found + self.grasps.on_vehicle(memory, motion)
+
+    def act(self, memory: Any, t: Any, motion: PointMotion) -> Any:
+        """Grippers take hold, let go and give way."""
+        return replace(memory, grips=self.grasps.after(memory, t, motion)) if self.grippers else memory
 
     def far(self, memory: Any, motion: PointMotion, seconds: Any) -> Any:
-        """Whether no point or spot comes as near to a surface as ``NEAR``, if it goes on with its velocity."""
+        """Whether no point or spot comes as near to a surface as ``NEAR``, if it goes on with its velocity.
+
+        What a gripper holds is near.
+        """
         found: Any = True
+        for grip in memory.grips:
+            found = grip.taken < 0.5 if found is True else logical_and(found, grip.taken < 0.5)
         for touch in (*self.touches(memory, motion), *(each.touch for each in self.meetings(memory, motion))):
             away = touch.depth - touch.rising * seconds < -NEAR
             found = away if found is True else logical_and(found, away)
@@ -219,7 +253,7 @@ class Contact(Force):
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
         """Normal force (N), friction (N) and penetration (m) of each pair, one after the other; zeros outside.
 
-        Behind them stand the carriers' numbers.
+        Behind them stand the carriers' numbers, then the grippers'.
         """
         numbers: list[Any] = []
         own = [each.touch for each in self.meetings(memory, motion) if each.by == NOBODY]
@@ -228,7 +262,7 @@ class Contact(Force):
             numbers += [touch.normal, sqrt(friction.dot(friction)), maximum(touch.depth, 0.0)]
         for carrier, held in zip(self.carriers, memory.carried, strict=True):
             numbers += carrier.logged(held)
-        return tuple(numbers)
+        return (*numbers, *self.grasps.logged(memory, motion))
 
 
 def _moving(point: ContactPoint, motion: PointMotion) -> tuple[Vec3, Vec3, Vec3]:

@@ -50,6 +50,9 @@ CONTACT_ARRAYS = ("contact_force", "contact_friction", "contact_depth")
 OBJECT_ARRAYS = {"object_position": 3, "object_quaternion": 4, "object_velocity": 3, "object_rate": 3}
 """Arrays of free objects, in the order in which a contact logs them, and how many numbers each object has in them."""
 
+GRIPPER_ARRAYS = ("gripper_taken", "gripper_force", "gripper_lost")
+"""Arrays of a number for each gripper, in the order in which a contact logs them."""
+
 RENAMED = {"tool": "tip", "tool_held": "tip_held", "tool_reference": "tip_reference"}
 """Array that a log's file of arrays keeps under its first name -> the word for it."""
 
@@ -83,7 +86,7 @@ class Names:
 
     ``setpoints`` has a unit for each joint that takes a setpoint in place of a torque, None for the others; ``tilting``
     are the rotors that tilt, ``contacts`` the pairs of a surface of the world and a point of the vehicle, ``objects``
-    its free bodies.
+    its free bodies, ``grippers`` those of the vehicle.
     """
 
     joints: tuple[str, ...]
@@ -93,6 +96,7 @@ class Names:
     tilting: tuple[str, ...] = ()
     contacts: tuple[str, ...] = ()
     objects: tuple[str, ...] = ()
+    grippers: tuple[str, ...] = ()
 
 
 def names_of(log: Log) -> Names:
@@ -119,14 +123,14 @@ def names_of(log: Log) -> Names:
     )
 
 
-def _contacts(log: Log) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Surface and point of each pair that may touch, and the objects, whose skins are surfaces, too."""
+def _contacts(log: Log) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+    """Surface and point of each pair that may touch, the objects, whose skins are surfaces, too, and the grippers."""
     world = _below(log.info, "scenario_record", "contact")
-    surfaces, objects, points = (
-        [word(str(_table(each).get("name"))) for each in world.get(of) or []]
-        for of in ("surfaces", "objects", "points")
+    surfaces, objects, points, grippers = (
+        tuple(word(str(_table(each).get("name"))) for each in world.get(of) or [])
+        for of in ("surfaces", "objects", "points", "grippers")
     )
-    return tuple(f"{surface}_{point}" for surface in (*surfaces, *objects) for point in points), tuple(objects)
+    return tuple(f"{surface}_{point}" for surface in (*surfaces, *objects) for point in points), objects, grippers
 
 
 def _below(data: Any, *path: str) -> Mapping[str, Any]:
@@ -176,6 +180,8 @@ def _endings(array: str, width: int | None, names: Names) -> list[str]:
         return [f"{begin}_{each}" for each in names.contacts]
     if array in OBJECT_ARRAYS and len(names.objects) * OBJECT_ARRAYS[array] == width:
         return [f"{begin}_{each}_{axis}" for each in names.objects for axis in AXES[OBJECT_ARRAYS[array]]]
+    if array in GRIPPER_ARRAYS and len(names.grippers) == width:
+        return [f"{begin}_{each}" for each in names.grippers]
     if array in IF_ANY:
         return [f"{begin}_{i}" for i in range(width)]
     return [f"{begin}_{axis}" for axis in AXES.get(width, map(str, range(width)))]
