@@ -104,10 +104,16 @@ class Contact(Force):
         return Grasps(grippers=self.grippers, carriers=self.carriers)
 
     @property
+    def steps(self) -> tuple[tuple[str, Any], ...]:
+        """What asks for an integration step, in words, and the longest that it bears, s."""
+        touched = self.surfaces if self.points or not self.carriers else ()
+        own = [(f"the material of surface {each.name!r}", each.material.largest_step) for each in touched]
+        return (*own, *self.carried.steps(), *self.grasps.steps())
+
+    @property
     def largest_step(self) -> Any:  # type: ignore[override]
-        """Longest integration step (s) that every material bears; None without surfaces."""
-        steps = [surface.material.largest_step for surface in self.surfaces if self.points or not self.carriers]
-        steps += [*self.carried.steps(), *self.grasps.steps()]
+        """Longest integration step (s) that everything bears; None of an empty world."""
+        steps = [step for _, step in self.steps]
         least = steps[0] if steps else None
         for each in steps[1:]:
             least = minimum(least, each)
@@ -154,9 +160,7 @@ class Contact(Force):
             except VehicleError as error:
                 raise RecordError(f"world.grippers[{i}].frame = {shown(gripper.frame)}: {error}") from None
             if not self.carriers:
-                raise RecordError(
-                    "world.grippers: must be left out of a world without objects"
-                )
+                raise RecordError("world.grippers: must be left out of a world without objects")
 
     def start(self, period: float, draws: Sequence[Any]) -> ContactMemory:
         """Upright bristles at t = 0, and every carrier where it starts."""
