@@ -29,10 +29,11 @@ DOCUMENT = tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))
 
 
 def lifting(duration=0.6):
-    """The tip begins on the box, the magnet takes it at 0.1 s, and it is lifted."""
+    """The tip begins on a box of 30 g, the magnet takes it at 0.1 s, and it is lifted."""
     found = copy.deepcopy(DOCUMENT) | {"duration": duration}
+    found["world"]["objects"][0]["mass"] = 0.03
     path = found["reference"]["tip"]["path"]
-    path["position"] = [0.2, 0.0, 0.811]
+    path["position"], path["acceleration"] = [0.2, 0.0, 0.811], 3.0
     path["phases"] = [{"kind": "go_to", "position": [0.2, 0.0, 0.86], "duration": 0.5}]
     found["world"]["grippers"][0]["closed"] = {"kind": "constant", "value": 1, "start": 0.1, "stop": 0.5}
     return found
@@ -52,8 +53,8 @@ def test_the_box_goes_along_while_it_is_held_and_falls_when_it_is_let_go(lifted)
     assert np.array_equal(lifted.gripper_taken[:, 0] > 0.5, held)
     above = np.linalg.norm((lifted.tip - lifted.object_position)[held], axis=1)
     assert np.ptp(above) < 1e-3
-    assert lifted.object_position[held][-1, 2] > 0.783
-    assert grasp.peak == lifted.gripper_force[held].max() > 0.5
+    assert lifted.object_position[held][-1, 2] > 0.8
+    assert grasp.peak == lifted.gripper_force[held].max() > 0.3
     assert lifted.gripper_force[~held].max() == 0.0
     falls = lifted.object_velocity[lifted.time >= 0.5, 2]
     assert np.diff(falls)[:10] == pytest.approx(-9.81 * 0.005, abs=1e-6)
@@ -91,8 +92,8 @@ def test_what_a_gripper_held_is_said(lifted):
 def test_both_plants_lift_the_same(lifted):
     theirs = skyarm.run(scenario_from(lifting(0.3), replaced={"plant": "mujoco"}))
     count = len(theirs.time)
-    assert theirs.object_position == pytest.approx(lifted.object_position[:count], abs=1e-6)
-    assert theirs.gripper_force == pytest.approx(lifted.gripper_force[:count], abs=1e-3)
+    assert theirs.object_position == pytest.approx(lifted.object_position[:count], abs=5e-5)  # steps of 0.7 and 0.5 ms
+    assert theirs.gripper_force == pytest.approx(lifted.gripper_force[:count], abs=2e-2)
 
 
 @pytest.mark.thorough
@@ -108,10 +109,10 @@ def test_lanes_of_a_batch_lift_each_its_own_box():
     """Masses, holding forces and starts differ from lane to lane: each as it flies alone."""
     scenario = scenario_from(lifting(0.15))
     values = {
-        "world.objects.box.mass": np.array([0.06, 0.15]), "world.grippers.magnet.force": np.array([10.0, 0.2]),
+        "world.objects.box.mass": np.array([0.03, 0.06]), "world.grippers.magnet.force": np.array([10.0, 0.2]),
         "world.objects.box.position.x": np.array([0.2, 0.203]),
     }  # fmt: skip
-    light = with_numbers(scenario, {"world.objects.box.mass": 0.06})
+    light = with_numbers(scenario, {"world.objects.box.mass": 0.03})
     lanes = skyarm.Batch(scenario, list(values), stiffest=light, log_every=1).fly(values).log
     positions = np.stack([*lanes.state.position], axis=-1)  # (lanes, samples, 3)
     for lane in range(2):
