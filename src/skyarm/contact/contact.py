@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.contact.contact_point import ContactPoint
+from skyarm.contact.material import RECOVERY
 from skyarm.contact.surface import Surface
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
@@ -20,8 +21,9 @@ from skyarm.files import shown
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, logical_and, maximum, minimum, neg, sqrt
+from skyarm.scalars import Scalar, data, exp, logical_and, maximum, minimum, neg, sqrt
 from skyarm.vehicle.check import VehicleError
+from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 
 NEAR = 0.005
@@ -155,9 +157,8 @@ class Contact(Force):
                 spot = n * neg(point.radius)  # where it touches, seen from its middle
                 slip = velocity + turning.cross(spot) - surface_velocity
                 rising = slip.dot(n)
-                held = next(bristles)
-                bristle = held - n * held.dot(n)  # a round surface's normal turns
-                rate = material.bristle_rate(bristle, slip - n * rising, depth, material.bristle_length / step)
+                bristle = _across(next(bristles), n)  # a round surface's normal turns
+                rate = material.bristle_rate(bristle, _across(slip, n), depth, material.bristle_length / step)
                 normal = material.normal_force(depth, -rising)
                 friction = material.friction_force(bristle, rate, normal)
                 found.append(
@@ -170,19 +171,26 @@ class Contact(Force):
 
     def slope(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> ContactMemory:
         """Rate of the memory."""
-        rates = tuple(touch.bristle_rate for touch in self.touches(memory, motion))
+        rates = tuple(Vec3(*(data(c) for c in touch.bristle_rate)) for touch in self.touches(memory, motion))
         return ContactMemory(clock=tuple(1.0 for _ in memory.clock), bristles=rates)
 
     def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
-        """A force at every point, and the torque about it of a ball that touches beside its middle."""
-        touches, found = self.touches(memory, motion), []
+        """A force at every point, and the torque about it of a ball that touches beside its middle.
+
+        Points of the base act together, at its origin.
+        """
+        touches, found, whole = self.touches(memory, motion), list[Wrench](), Wrench()
         for i, point in enumerate(self.points):
             force = torque = ZERO3
             for touch in touches[i :: len(self.points)]:
                 force, torque = force + touch.force, torque + touch.spot.cross(touch.force)
             at, body = point.place(motion.vehicle)
-            found.append(Wrench(force_W=force, torque_W=torque, point=at, body=body))
-        return found
+            if body == BASE:
+                torque = torque + motion.turned(at).cross(force)
+                whole = Wrench(force_W=whole.force_W + force, torque_W=whole.torque_W + torque)
+            else:
+                found.append(Wrench(force_W=force, torque_W=torque, point=at, body=body))
+        return [whole, *found] if len(found) < len(self.points) else found
 
     def far(self, memory: Any, motion: PointMotion, seconds: Any) -> Any:
         """Whether no point comes as near to a surface as ``NEAR``, if it goes on with its velocity."""
@@ -191,6 +199,12 @@ class Contact(Force):
             away = touch.depth - touch.rising * seconds < -NEAR
             found = away if found is True else logical_and(found, away)
         return found
+
+    def alone(self, memory: Any, seconds: Any) -> ContactMemory:
+        """The clock goes on, bristles stand up."""
+        left = exp(-RECOVERY * seconds)
+        clock = tuple(t + seconds for t in memory.clock)
+        return ContactMemory(clock=clock, bristles=tuple(bristle * left for bristle in memory.bristles))
 
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
         """Normal force (N), friction (N) and penetration (m) of each pair, one after the other; zeros outside."""
@@ -201,9 +215,22 @@ class Contact(Force):
         return tuple(numbers)
 
 
+def _across(vector: Vec3, n: Vec3) -> Vec3:
+    """The part of a vector across a unit vector; across an axis of the world it is of two numbers by structure."""
+    axis = n.coordinate_axis()
+    if axis is None:
+        across: Vec3 = vector - n * vector.dot(n)
+        return across
+    return Vec3(*(0 if i == axis else c for i, c in enumerate(vector)))
+
+
 def _moving(point: ContactPoint, motion: PointMotion) -> tuple[Vec3, Vec3, Vec3]:
     """Position (m), velocity (m/s) and angular velocity (rad/s) of a point, world axes; the last of a ball only."""
     at, body = point.place(motion.vehicle)
     ball = not (type(point.radius) is int and point.radius == 0)
+    if body == BASE:  # the lever turned once serves place, velocity and torque
+        lever, turning = motion.turned(at), motion.turned(motion.state.rate)
+        state = motion.state
+        return state.position + lever, state.velocity + turning.cross(lever), turning if ball else ZERO3
     turning = motion.turned(motion.angular_velocity(body), body) if ball else ZERO3
     return motion.position(at, body), motion.velocity(at, body), turning
