@@ -154,7 +154,7 @@ def test_while_it_is_far_the_clock_goes_on_and_bristles_stand_up():
 
 def test_points_of_the_base_push_together_as_each_would_alone():
     """Force and moment about the base's origin of two skids, against the sum of one by one."""
-    ground = Surface(name="ground", position=(0.0, 0.0, -0.11), angles=(0.05, 0.1, 0.0))
+    ground = Surface(name="ground", position=(0.0, 0.0, -0.09), angles=(0.05, 0.1, 0.0))
     skids = [ContactPoint(name=str(y), body="base", position=Vec3(0.1, y, -0.12)) for y in (0.1, -0.05)]
     link = ContactPoint(name="elbow", body="link1", position=Vec3(0.0, 0.01, -0.14), radius=0.03)
 
