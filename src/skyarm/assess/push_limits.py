@@ -90,7 +90,7 @@ def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
     tip, push = frame_pose(vehicle, vehicle.frame(), joints).p, _force(at)
     # a force f at r turns about z by f.(z x r); friction is across the push
     lever = np.array([-float(tip.y), float(tip.x), 0.0])
-    torque = abs(lever @ push) + max(frictions) * float(np.linalg.norm(np.cross(push, lever)))
+    torque = float(abs(lever @ push) + max(frictions) * np.linalg.norm(np.cross(push, lever)))
     text = f"pushing and sliding take {torque:.3g} of {room:.3g} N m of yaw torque at friction {max(frictions):g}"
     level = WARNING if torque > HALF * room else OK
     return [
@@ -102,7 +102,9 @@ def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
             value=torque,
             limit=HALF * room,
             unit="N m",
-            remedy="" if level == OK else "slide across the lever as little as can be, less force, a shorter reach, or stronger yaw",
+            remedy=""
+            if level == OK
+            else "slide across the lever as little as can be, less force, a shorter reach, or stronger yaw",
             joints=joints,
         )
     ]

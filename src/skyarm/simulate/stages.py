@@ -272,13 +272,16 @@ class RigidBodySteps:
         def stepped(both: Moved) -> Moved:
             return COUPLED_STEP[name](world, both[0], command, with_memories(around, both[1]), seconds / count)
 
-        if not isinstance(count, Steps):
+        far: Any = False
+        if isinstance(count, Steps):
+            motion = PointMotion(world.vehicle, now[0])
+            far = around.with_coupled(now[1]).far(motion, seconds)
+        if not isinstance(count, Steps) or far is False:
             return repeat(count, stepped, now)
 
         def apart(both: Moved) -> Moved:
             return far_step(name, world, both, command, around, seconds / count.far)
 
-        far = around.with_coupled(now[1]).far(PointMotion(world.vehicle, now[0]), seconds)
         now = repeat_while(count, where(far, 0.0, float(count)), stepped, now)
         return repeat_while(count.far, where(far, float(count.far), 0.0), apart, now)
 
