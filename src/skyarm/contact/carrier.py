@@ -64,6 +64,11 @@ class Carrier:
         """
         raise NotImplementedError
 
+    @property
+    def largest_step(self) -> Any:
+        """Longest integration step (s) that its own springs and friction bear; None without any."""
+        return None
+
     def start(self) -> Any:
         """First memory, a record or tuple of floats."""
         raise NotImplementedError

@@ -17,6 +17,7 @@ from skyarm.contact.carrier import Carrier
 from skyarm.contact.contact_point import ContactPoint
 from skyarm.contact.free_object import FreeObject
 from skyarm.contact.material import RECOVERY
+from skyarm.contact.mechanism import Mechanism
 from skyarm.contact.surface import Surface
 from skyarm.contact.touch import Touch, touch_of
 from skyarm.dynamics.point_motion import PointMotion
@@ -61,11 +62,13 @@ class Contact(Force):
     Attributes:
         points: left out for the vehicle's tip.
         objects: bodies that nothing holds.
+        mechanisms: bodies with one degree of freedom.
     """
 
     surfaces: tuple[Surface, ...] = ()
     points: tuple[ContactPoint, ...] = ()
     objects: tuple[FreeObject, ...] = ()
+    mechanisms: tuple[Mechanism, ...] = ()
     rotor_radius: Annotated[Scalar, Unit("m", "of the rotors' discs, which may touch nothing; 0: hubs", low=0.0)] = 0
 
     def __post_init__(self) -> None:
@@ -73,10 +76,12 @@ class Contact(Force):
         if type(self.rotor_radius) is float and self.rotor_radius == 0.0:
             object.__setattr__(self, "rotor_radius", 0)
         taken: list[str] = []
-        for what, records in (("surfaces", self.surfaces), ("points", self.points), ("objects", self.objects)):
-            names = [record.name for record in records]
+        named = {what: [each.name for each in getattr(self, what)] for what in ("surfaces", "points", "objects")}
+        named["mechanisms"] = [each.name for each in self.mechanisms]
+        named["mechanisms"] += [part.name for each in self.mechanisms for part in each.parts]
+        for what, names in named.items():
             for name in names:
-                if names.count(name) > 1 or (what == "objects" and name in taken):
+                if names.count(name) > 1 or (what in ("objects", "mechanisms") and name in taken):
                     raise RecordError(f"world.{what}: name = {shown(name)}: must be of one only")
             taken += names
 
@@ -88,7 +93,7 @@ class Contact(Force):
     @property
     def carriers(self) -> tuple[Carrier, ...]:
         """Everything that moves and carries surfaces, in the order of the memory."""
-        return self.objects
+        return (*self.objects, *self.mechanisms)
 
     @property
     def carried(self) -> Carried:
@@ -100,6 +105,7 @@ class Contact(Force):
         """Longest integration step (s) that every material bears; None without surfaces."""
         steps = [surface.material.largest_step for surface in self.surfaces if self.points or not self.carriers]
         steps += self.carried.steps()
+        steps += [each.largest_step for each in self.carriers if each.largest_step is not None]
         least = steps[0] if steps else None
         for each in steps[1:]:
             least = minimum(least, each)

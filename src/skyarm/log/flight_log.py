@@ -53,6 +53,8 @@ IF_ANY = (
     "object_quaternion",
     "object_velocity",
     "object_rate",
+    "mechanism_position",
+    "mechanism_rate",
 )
 """Arrays of what not every flight has: left out of files, with no column, where there is none."""
 
@@ -86,6 +88,7 @@ class Log:
             columns where there is no world.
         object_position, object_quaternion, object_velocity, object_rate: (N, 3 or 4 objects) of the middle of each free
             object's shape: m, wxyz, m/s (world axes), angular velocity in rad/s (its own axes).
+        mechanism_position, mechanism_rate: (N, mechanisms) rad and rad/s of what turns, m and m/s of what slides.
         tilts, tilt_commands: (N, tilting rotors) rad; without columns where no rotor tilts.
         measured_position, measured_joints: what the sensors said at this instant; a delayed controller saw it later.
         info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground",
@@ -144,6 +147,8 @@ class Log:
     object_rate: Annotated[Array, Unit("rad/s", "angular velocity of an object, its own axes")] = field(
         default_factory=_nothing
     )
+    mechanism_position: Annotated[Array, Unit("rad or m", "of a mechanism")] = field(default_factory=_nothing)
+    mechanism_rate: Annotated[Array, Unit("rad/s or m/s", "of a mechanism")] = field(default_factory=_nothing)
     tilts: Annotated[Array, units(State)["tilts"]] = field(default_factory=_nothing)
     tilt_commands: Annotated[Array, Unit("rad", "commanded")] = field(default_factory=_nothing)
     info: dict[str, Any]
