@@ -5,6 +5,8 @@ from skyarm.contact.contact import Contact, ContactMemory
 from skyarm.contact.contact_point import ContactPoint
 from skyarm.contact.free_object import FreeObject, ObjectMotion
 from skyarm.contact.material import Material
+from skyarm.contact.mechanism import Mechanism
+from skyarm.contact.mechanism_effort import Detent, MechanismMotion
 from skyarm.contact.surface import Surface
 from skyarm.contact.touch import Touch
 
@@ -14,8 +16,11 @@ __all__ = [
     "Contact",
     "ContactMemory",
     "ContactPoint",
+    "Detent",
     "FreeObject",
     "Material",
+    "Mechanism",
+    "MechanismMotion",
     "ObjectMotion",
     "Surface",
     "Touch",
