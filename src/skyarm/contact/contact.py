@@ -16,6 +16,8 @@ from skyarm.contact.carried_contact import NOBODY, Carried, Meeting
 from skyarm.contact.carrier import Carrier
 from skyarm.contact.contact_point import ContactPoint
 from skyarm.contact.free_object import FreeObject
+from skyarm.contact.grasps import UNCHANGED, Grasps
+from skyarm.contact.gripper import Grip, Gripper
 from skyarm.contact.material import RECOVERY
 from skyarm.contact.mechanism import Mechanism
 from skyarm.contact.surface import Surface
@@ -47,12 +49,13 @@ class ContactMemory:
         clock: s, of surfaces that move; empty where none does.
         bristles: deflection of each pair's bristle, m, world axes: the first surface's points, then the next one's;
             then those of the carriers' pairs (:class:`skyarm.contact.carried_contact.Carried`).
-        carried: memories of the carriers.
+        carried: memories of the carriers. grips: of the grippers.
     """
 
     clock: tuple[Any, ...]
     bristles: tuple[Vec3, ...]
     carried: tuple[Any, ...] = ()
+    grips: tuple[Grip, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -61,14 +64,15 @@ class Contact(Force):
 
     Attributes:
         points: left out for the vehicle's tip.
-        objects: bodies that nothing holds.
-        mechanisms: bodies with one degree of freedom.
+        objects: bodies that nothing holds. mechanisms: bodies with one degree of freedom.
+        grippers: what the vehicle takes hold of them with.
     """
 
     surfaces: tuple[Surface, ...] = ()
     points: tuple[ContactPoint, ...] = ()
     objects: tuple[FreeObject, ...] = ()
     mechanisms: tuple[Mechanism, ...] = ()
+    grippers: tuple[Gripper, ...] = ()
     rotor_radius: Annotated[Scalar, Unit("m", "of the rotors' discs, which may touch nothing; 0: hubs", low=0.0)] = 0
 
     def __post_init__(self) -> None:
@@ -76,12 +80,14 @@ class Contact(Force):
         if type(self.rotor_radius) is float and self.rotor_radius == 0.0:
             object.__setattr__(self, "rotor_radius", 0)
         taken: list[str] = []
-        named = {what: [each.name for each in getattr(self, what)] for what in ("surfaces", "points", "objects")}
+        named = {
+            what: [each.name for each in getattr(self, what)] for what in ("surfaces", "points", "objects", "grippers")
+        }
         named["mechanisms"] = [each.name for each in self.mechanisms]
         named["mechanisms"] += [part.name for each in self.mechanisms for part in each.parts]
         for what, names in named.items():
             for name in names:
-                if names.count(name) > 1 or (what in ("objects", "mechanisms") and name in taken):
+                if names.count(name) > 1 or (what in ("objects", "grippers", "mechanisms") and name in taken):
                     raise RecordError(f"world.{what}: name = {shown(name)}: must be of one only")
             taken += names
 
@@ -101,10 +107,15 @@ class Contact(Force):
         return Carried(carriers=self.carriers, surfaces=self.surfaces, points=self.points)
 
     @property
+    def grasps(self) -> Grasps:
+        """The grippers with what they may hold."""
+        return Grasps(grippers=self.grippers, carriers=self.carriers)
+
+    @property
     def largest_step(self) -> Any:  # type: ignore[override]
         """Longest integration step (s) that every material bears; None without surfaces."""
         steps = [surface.material.largest_step for surface in self.surfaces if self.points or not self.carriers]
-        steps += self.carried.steps()
+        steps += [*self.carried.steps(), *self.grasps.steps()]
         steps += [each.largest_step for each in self.carriers if each.largest_step is not None]
         least = steps[0] if steps else None
         for each in steps[1:]:
@@ -146,13 +157,26 @@ class Contact(Force):
                 raise RecordError(f"world.points[{i}].frame = {shown(point.frame)}: {error}") from None
             except ValueError as error:
                 raise RecordError(f"world.points[{i}].{error}") from None
+        for i, mechanism in enumerate(self.mechanisms):
+            if not mechanism.surfaces:
+                raise RecordError(
+                    f"world.mechanisms[{i}].parts: is missing; nothing of {mechanism.name!r} can be touched"
+                )
+        for i, gripper in enumerate(self.grippers):
+            try:
+                vehicle.frame(gripper.frame or None)
+            except VehicleError as error:
+                raise RecordError(f"world.grippers[{i}].frame = {shown(gripper.frame)}: {error}") from None
+            if not self.carriers:
+                raise RecordError("world.grippers: must be left out of a world without objects")
 
     def start(self, period: float, draws: Sequence[Any]) -> ContactMemory:
         """Upright bristles at t = 0, and every carrier where it starts."""
         clock = (0.0,) if any(surface.moves for surface in self.surfaces) else ()
         upright = tuple(Vec3(0.0, 0.0, 0.0) for _ in range(len(self.pairs) + self.carried.count))
         return ContactMemory(
-            clock=clock, bristles=upright, carried=tuple(carrier.start() for carrier in self.carriers)
+            clock=clock, bristles=upright, carried=tuple(carrier.start() for carrier in self.carriers),
+            grips=tuple(gripper.start() for gripper in self.grippers),
         )  # fmt: skip
 
     def advance(self, memory: Any, t: Any, dt: float, state: State, draws: Sequence[Any]) -> Any:
@@ -188,11 +212,15 @@ class Contact(Force):
         meetings = self.meetings(memory, motion)
         touches = (*self.touches(memory, motion), *(each.touch for each in meetings))
         pushes = self.carried.pushes(memory.carried, meetings)
+        if self.grippers:
+            pulls = self.grasps.on_bodies(memory, motion)
+            pushes = [(f + g, t + u) for (f, t), (g, u) in zip(pushes, pulls, strict=True)]
         going = zip(self.carriers, memory.carried, pushes, strict=True)
         return ContactMemory(
             clock=tuple(1.0 for _ in memory.clock),
             bristles=tuple(Vec3(*(data(c) for c in touch.bristle_rate)) for touch in touches),
             carried=tuple(carrier.slope(held, *push, motion.gravity) for carrier, held, push in going),
+            grips=tuple(UNCHANGED for _ in memory.grips),
         )
 
     def euler_step(self, memory: Any, slope: Any, dt: Any) -> ContactMemory:
@@ -202,6 +230,7 @@ class Contact(Force):
             clock=moved_by(memory.clock, slope.clock, dt),
             bristles=moved_by(memory.bristles, slope.bristles, dt),
             carried=tuple(carrier.euler_step(held, rate, dt) for carrier, held, rate in going),
+            grips=memory.grips,
         )
 
     def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
@@ -222,7 +251,12 @@ class Contact(Force):
                 whole = Wrench(force_W=whole.force_W + force, torque_W=whole.torque_W + torque)
             else:
                 found.append(Wrench(force_W=force, torque_W=torque, point=at, body=body))
-        return [whole, *found] if len(found) < len(self.points) else found
+        found = [whole, *found] if len(found) < len(self.points) else found
+        return found + self.grasps.on_vehicle(memory, motion)
+
+    def act(self, memory: Any, t: Any, motion: PointMotion) -> Any:
+        """Grippers take hold, let go and give way."""
+        return replace(memory, grips=self.grasps.after(memory, t, motion)) if self.grippers else memory
 
     def far(self, memory: Any, motion: PointMotion, seconds: Any) -> Any:
         """Whether no point comes as near to a surface as ``NEAR``, if it goes on with its velocity.
@@ -242,12 +276,12 @@ class Contact(Force):
         left = exp(-RECOVERY * seconds)
         clock = tuple(t + seconds for t in memory.clock)
         bristles = tuple(bristle * left for bristle in memory.bristles)
-        return ContactMemory(clock=clock, bristles=bristles, carried=memory.carried)
+        return ContactMemory(clock=clock, bristles=bristles, carried=memory.carried, grips=memory.grips)
 
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
         """Normal force (N), friction (N) and penetration (m) of each pair, one after the other; zeros outside.
 
-        Behind them stand the carriers' numbers.
+        Behind them stand the carriers' numbers, then the grippers'.
         """
         numbers: list[Any] = []
         own = [each.touch for each in self.meetings(memory, motion) if each.by == NOBODY]
@@ -256,7 +290,7 @@ class Contact(Force):
             numbers += [touch.normal, sqrt(friction.dot(friction)), maximum(touch.depth, 0.0)]
         for carrier, held in zip(self.carriers, memory.carried, strict=True):
             numbers += carrier.logged(held)
-        return tuple(numbers)
+        return (*numbers, *self.grasps.logged(memory, motion))
 
 
 def _moving(point: ContactPoint, motion: PointMotion) -> tuple[Vec3, Vec3, Vec3]:

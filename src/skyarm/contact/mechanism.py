@@ -30,10 +30,9 @@ class Mechanism(Carrier):
     Attributes:
         name: for messages, logs and paths. kind: one of ``KINDS``.
         axis: of a hinge or slide; other kinds have their own. size: lengths of the kind's body.
-        parts: surfaces beside that body, in the mechanism's axes; a hinge's axis goes through their origin.
+        parts: surfaces beside that body, as a handle, in the mechanism's axes. A hinge's axis goes through the origin.
         initial: coordinate at the start.
         lower, upper: coordinates at which it meets stops.
-        handle: where it is gripped; left out for the place that its kind has.
     """
 
     name: str
@@ -58,11 +57,10 @@ class Mechanism(Carrier):
     detent: Detent | None = None
     stop_stiffness: Annotated[Scalar, Unit("N m/rad or N/m", "0 for 200 rad/s", low=0.0)] = 0
     stop_damping: Annotated[Scalar, Unit("s/rad or s/m", "share of a stop's force by the speed into it", low=0.0)] = 2.0
-    handle: Annotated[Vec3, Unit("m", "its own axes", folds=True)] = ZERO3
 
     def __post_init__(self) -> None:
         accept_fields(self, "mechanism")
-        for name in ("position", "angles", "axis", "com", "handle"):
+        for name in ("position", "angles", "axis", "com"):
             held = getattr(self, name)
             object.__setattr__(self, name, Vec3(*(0 if concrete(c) and c == 0.0 else c for c in held)))
         for name in ("mass", "inertia", "friction", "bristle", "stop_stiffness"):
@@ -181,14 +179,6 @@ class Mechanism(Carrier):
         return CarriedFrame(
             position=self.position + axis * memory.coordinate, rotation=R, velocity=axis * memory.rate, turning=ZERO3
         )
-
-    def handle_at(self, memory: MechanismMotion) -> tuple[Vec3, Vec3]:
-        """Position (m) and velocity (m/s) of the handle, world axes."""
-        frame, solid = self.frame(memory), self.solid
-        none = all(type(c) is int and c == 0 for c in self.handle)
-        own = solid.handle if none and solid is not None else self.handle
-        place = frame.position + frame.rotation.apply(own)
-        return place, frame.velocity_at(place)
 
     def slope(self, memory: MechanismMotion, force_W: Vec3, torque_W: Vec3, gravity: Any) -> MechanismMotion:
         """Newton's or Euler's equation about the axis."""

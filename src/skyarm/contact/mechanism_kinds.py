@@ -34,23 +34,19 @@ KINDS = {
 }
 """Word -> how it moves. A valve of two lengths is a wheel, one of three a lever."""
 
-LATCH_AT = 0.9
-"""Share of a door's width at which its handle is."""
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Solid:
     """What of a mechanism can be touched, in its own axes, whose origin is on the hinge or in the front's middle.
 
     Attributes:
-        shape, size: as of a surface. middle: of it, m. handle: m.
+        shape, size: as of a surface. middle: of it, m.
         gyration: m^2, moment of inertia about the axis of a hinge by the mass, of a uniform body.
     """
 
     shape: str
     size: tuple[Any, ...]
     middle: Vec3
-    handle: Vec3
     gyration: Any
 
 
@@ -63,26 +59,19 @@ def solid_of(kind: str, size: Sequence[Any]) -> Solid:
     """
     if kind == "button":
         radius, height = size
-        return Solid(
-            shape="cylinder", size=(radius, height), middle=Vec3(0, 0, -0.5 * height), handle=ZERO3, gyration=0.0
-        )
+        return Solid(shape="cylinder", size=(radius, height), middle=Vec3(0, 0, -0.5 * height), gyration=0.0)
     if kind == "valve" and len(size) == 2:
         radius, thickness = size
         wheel = (radius, thickness)
-        return Solid(
-            shape="cylinder", size=wheel, middle=ZERO3, handle=Vec3(radius, 0, 0), gyration=0.5 * radius * radius
-        )
+        return Solid(shape="cylinder", size=wheel, middle=ZERO3, gyration=0.5 * radius * radius)
     if kind == "drawer":
         depth, width, height = size
-        return Solid(
-            shape="box", size=(depth, width, height), middle=Vec3(-0.5 * depth, 0, 0), handle=ZERO3, gyration=0.0
-        )
+        return Solid(shape="box", size=(depth, width, height), middle=Vec3(-0.5 * depth, 0, 0), gyration=0.0)
     length, second, third = size
     across, along = (third, second) if kind == "door" else (second, third)
     return Solid(
         shape="box",
         size=(length, across, along),
         middle=Vec3(0.5 * length, 0, 0),
-        handle=Vec3((LATCH_AT if kind == "door" else 1.0) * length, 0, 0),
         gyration=length * length / 3.0 + across * across / 12.0,
     )

@@ -84,6 +84,10 @@ class Component:
         """Memory for the period that begins at ``t`` (s) and takes ``dt`` (s); ``state`` is the vehicle's at ``t``."""
         return memory
 
+    def act(self, memory: Any, t: Any, motion: PointMotion) -> Any:
+        """A coupled component's memory after what it does at the control instant ``t`` (s): take hold, let go."""
+        return memory
+
     def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
         """Velocity of the air at a place, world axes, m/s."""
         return ZERO3

@@ -92,6 +92,9 @@ class Stages:
             else component.advance(memory, time, self.period, state, self.draws.of_component(i, uniforms))
             for i, (component, memory) in enumerate(zip(self.components, memories, strict=True))
         )
+        for i in self.coupled:
+            acted = self.components[i].act(going[i], time, PointMotion(self.scenario.world.vehicle, state))
+            going = (*going[:i], acted, *going[i + 1 :])
         return going, self.surroundings(going, drives, time)
 
     def _grasp(self, payload: TimedPayload, state: State) -> Grasp:
