@@ -121,6 +121,6 @@ def test_the_examples_fly_as_their_first_lines_say():
     assert angle[-1] < 0.65, "its closer draws it back"
     button = skyarm.run(skyarm.load_scenario(EXAMPLES / "push_a_button.toml"))
     way = button.mechanism_position[:, 0]
-    assert (button.status, way.max()) == ("completed", pytest.approx(0.005, abs=3e-4))
+    assert (button.status, way.max()) == ("completed", pytest.approx(0.005, abs=5e-4))
     assert way[-100:] == pytest.approx(np.zeros(100), abs=2e-4)
     assert button.contact_force[:, 0].max() == 0.0, "the wall was not touched"
