@@ -198,7 +198,7 @@ def _surfaces(log: Log, times: Array) -> Iterator[FilmedSurface]:
     """Surfaces that have an end; the ground of a film is the plane z = 0 whatever the world says."""
     for contact in log.scenario.contacts:
         for surface in contact.surfaces:
-            if surface.shape != "plane":
+            if surface.shape not in ("plane", "hole"):
                 place = np.stack([np.broadcast_to(c, times.shape) for c in surface.place(times)[0]], axis=1)
                 rows = [[float(entry) for entry in row] for row in surface.rotation.rows]
                 size = tuple(float(each) for each in surface.size)

@@ -53,6 +53,8 @@ IF_ANY = (
     "object_quaternion",
     "object_velocity",
     "object_rate",
+    "mechanism_position",
+    "mechanism_rate",
     "gripper_taken",
     "gripper_force",
     "gripper_lost",
@@ -89,6 +91,7 @@ class Log:
             columns where there is no world.
         object_position, object_quaternion, object_velocity, object_rate: (N, 3 or 4 objects) of the middle of each free
             object's shape: m, wxyz, m/s (world axes), angular velocity in rad/s (its own axes).
+        mechanism_position, mechanism_rate: (N, mechanisms) rad and rad/s of what turns, m and m/s of what slides.
         gripper_taken, gripper_force, gripper_lost: (N, grippers) the number of the object that a gripper holds, from 1,
             and 0 for none; the force of the grasp, N; how often it has given way.
         tilts, tilt_commands: (N, tilting rotors) rad; without columns where no rotor tilts.
@@ -149,6 +152,8 @@ class Log:
     object_rate: Annotated[Array, Unit("rad/s", "angular velocity of an object, its own axes")] = field(
         default_factory=_nothing
     )
+    mechanism_position: Annotated[Array, Unit("rad or m", "of a mechanism")] = field(default_factory=_nothing)
+    mechanism_rate: Annotated[Array, Unit("rad/s or m/s", "of a mechanism")] = field(default_factory=_nothing)
     gripper_taken: Annotated[Array, Unit("", "number of the object that a gripper holds, from 1; 0 for none")] = field(
         default_factory=_nothing
     )
