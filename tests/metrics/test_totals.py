@@ -22,7 +22,7 @@ from skyarm.reference import Reference
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate import Window, run
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.counting_period import goal_of
+from skyarm.simulate.tip_and_goal import goal_of
 from skyarm.vehicle.vehicle_files import load_vehicle
 
 WINDOWS = Windows(

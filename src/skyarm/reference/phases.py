@@ -21,7 +21,8 @@ from typing import Any
 from skyarm.files import Fields, number, shown
 from skyarm.reference.compose import Sum
 from skyarm.reference.minimum_snap import minimum_snap
-from skyarm.reference.setting import Guard, JointMove, Setting, TaskEvent
+from skyarm.reference.phase_guard import Guard, Phase
+from skyarm.reference.setting import JointMove, Setting, TaskEvent
 from skyarm.reference.signals import Constant, Signal
 from skyarm.reference.task_tables import CLOSEST, limits_of, place_of, points_of, require_apart, within
 from skyarm.reference.trajectory import Trajectory
@@ -46,9 +47,10 @@ def phases_table(fields: Fields, setting: Setting) -> Trajectory:
         until = None if phase.take("until", None) is None else _guard(Fields(phase.take("until"), phase.at("until")))
         joints = _joints(phase)
         builder.begin(phase)
-        begun = builder.time
+        begun = builder.begun = builder.time
         getattr(builder, kind)(phase, until)
         phase.done()
+        setting.phases.append(Phase(name=kind, begin=begun, end=builder.time))
         start, end = builder.handled if kind in HANDLES else (begun, builder.time)
         setting.joint_moves.extend(
             JointMove(joint=name, value=value, start=start, end=end, where=f"{phase.where}.joints.{name}")
@@ -90,7 +92,7 @@ class _Task:
 
     def __init__(self, start: Place, limits: FlightLimits, setting: Setting) -> None:
         self.start = self.at = start
-        self.time = 0.0
+        self.time = self.begun = 0.0
         self.handled = 0.0, 0.0
         """Beginning of the last dwell and the instant at which its payload is taken or left, s."""
         self._limits, self._setting = limits, setting
@@ -150,8 +152,8 @@ class _Task:
     def _wait(self, until: dict[str, float] | None) -> None:
         """Let the reference rest here until the flight shows what a guard asks."""
         if until is not None:
-            guard = Guard(at=self.time, error=until["error"], hold=until["hold"], timeout=until["timeout"])
-            self._setting.guards.append(guard)
+            number = len(self._setting.phases)
+            self._setting.guards.append(Guard(at=self.time, begin=self.begun, phase=number, **until))
 
     def _go(self, points: Points, duration: float | None) -> None:
         """Add the motion of least snap through points; none where they are one place."""

@@ -56,7 +56,7 @@ def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> T
     rest = {name: value for name, value in table.items() if name not in ("tip", "joints")}
     base = trajectory_from(rest, n_joints, where, setting)
     found = _of_tip(table, base, where, setting)
-    return dataclasses.replace(found, guards=setting.all_guards)
+    return dataclasses.replace(found, guards=setting.all_guards, phases=setting.all_phases)
 
 
 def _of_tip(table: dict[str, Any], base: Trajectory, where: str, setting: Setting) -> Trajectory:

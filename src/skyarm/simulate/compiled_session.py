@@ -136,6 +136,8 @@ class CompiledSteps:
 
     def reference(self) -> Reference:
         """The held reference of the next period."""
+        if self.first.clock != ():
+            return self._inputs.held_now(self.now)
         held: Reference = rebuild(self._inputs.reference_example, iter(self._rows[self.tick, 1:].tolist()))
         return held
 
