@@ -25,6 +25,7 @@ def offset_reference(
         offset: m, world axes.
         returns: beginning and end (s) of the phases in which the reference comes back.
         since: s, where the offset began: phases before count no more.
+        time: s, of the reference.
     """
     left: Any = Taylor.of_derivatives((1.0, 0.0, 0.0, 0.0, 0.0))
     for begin, end in returns:

@@ -15,16 +15,21 @@ class Phase:
     """One phase of a task, at the reference's own time.
 
     Attributes:
-        name: its kind. begin, end: s, planned. returns: true of one that comes back from an offset of the reference.
+        name: its kind. end: s, planned. back: s and s, from when to when the reference comes back to its plan in it, if
+            a phase before ended early.
     """
 
     name: str
-    begin: Annotated[float, Unit("s", low=0.0)]
     end: Annotated[float, Unit("s", low=0.0)]
-    returns: bool = False
+    back: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         accept_fields(self, "phase")
+
+    def later(self, seconds: float) -> Phase:
+        """The same phase so many seconds later."""
+        back = None if self.back is None else (self.back[0] + seconds, self.back[1] + seconds)
+        return Phase(name=self.name, end=self.end + seconds, back=back)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

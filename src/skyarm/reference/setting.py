@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass, field
 
 from skyarm.reference.phase_guard import Guard, Phase
+from skyarm.reference.tip_push import TipPush
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
@@ -47,7 +48,7 @@ class Setting:
         vehicle: the plant's; None where a reference is read on its own.
         gravity: m/s^2. duration: s.
         thrust_to_weight: highest thrust over weight; infinite where nobody knows.
-        events, guards, phases, joint_moves: filled while phases are read.
+        events, guards, phases, pushes, joint_moves: filled while phases are read.
     """
 
     vehicle: Vehicle | None = None
@@ -57,6 +58,7 @@ class Setting:
     events: list[TaskEvent] = field(default_factory=list)
     guards: list[Guard] = field(default_factory=list)
     phases: list[Phase] = field(default_factory=list)
+    pushes: list[TipPush] = field(default_factory=list)
     joint_moves: list[JointMove] = field(default_factory=list)
 
     @property

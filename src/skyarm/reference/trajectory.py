@@ -156,14 +156,14 @@ class Trajectory:
             push = dataclasses.replace(push, force=Shifted(push.force, delay))
         later = float(delay) if self.guards else 0.0
         guards = tuple(replace(each, at=each.at + later, begin=each.begin + later) for each in self.guards)
-        phases = tuple(replace(each, begin=each.begin + later, end=each.end + later) for each in self.phases)
+        phases = tuple(each.later(later) for each in self.phases)
         moved = Trajectory(x=x, y=y, z=z, yaw=yaw, joints=tuple(joints), tip=tip, push=push)
         return replace(moved, guards=guards, phases=phases) if guards else moved
 
     @property
     def returns(self) -> tuple[tuple[float, float], ...]:
         """Beginning and end, s, of the phases in which an offset of the reference is taken back."""
-        return tuple((phase.begin, phase.end) for phase in self.phases if phase.returns)
+        return tuple(phase.back for phase in self.phases if phase.back is not None)
 
     def __add__(self, other: Trajectory) -> Trajectory:
         """Both motions at once, with the guards of both; one without joints leaves the other's as they are."""

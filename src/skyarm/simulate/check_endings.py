@@ -13,8 +13,8 @@ from skyarm.algebra import Vec3
 from skyarm.compile import rebuild
 from skyarm.dynamics import State
 from skyarm.plant.compiled import example_state
-from skyarm.scalars import logical_and
 from skyarm.reference.phase_words import failure_words
+from skyarm.scalars import logical_and
 from skyarm.scenario.endings import BUILT_IN, PHASE_FAILED, Ending, not_finite
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario

@@ -228,7 +228,7 @@ def _either(condition: Any, a: Vec3, b: Any) -> Vec3:
 
 
 def _away(seen: Seen) -> Any:
-    """Distance of the tip from its reference, m; across the normal while a push is asked for: along it there is none."""
+    """Distance of the tip from its reference, m; across the normal while a push is asked for."""
     away = seen.tip - seen.goal
     if seen.push:
         force, _, *normal = seen.push
