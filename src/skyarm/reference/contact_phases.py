@@ -13,9 +13,9 @@ from collections.abc import Callable, Mapping
 from skyarm.algebra import Vec3, axis_rotation
 from skyarm.files import Fields, shown
 from skyarm.reference.guard_tables import guard_from, unit_vector
-from skyarm.reference.joint_moves import PEAK_RATE
 from skyarm.reference.minimum_snap import minimum_snap
 from skyarm.reference.phase_builder import Place, Task, require_field, seconds
+from skyarm.reference.polynomials import Polynomials
 from skyarm.reference.task_tables import MOST_POINTS, place_of, points_of, require_apart, within
 from skyarm.reference.turning import Turning
 
@@ -25,7 +25,14 @@ EASE = 0.05
 TOUCHED = 0.5
 """Share of the wanted force from which on a tip counts as touching, where a phase says nothing else."""
 
-MOST_TURNS = 200.0
+MOST_TURNS = 60.0
+"""Turns of a spiral or about an axis."""
+
+FASTEST_TURNING = 1.0
+"""Turns a second of a spiral: at its middle its pace would be more."""
+
+REST = 1.2
+"""By how much longer a spiral takes, since it begins and ends at rest."""
 
 
 def approach(task: Task, phase: Fields) -> None:
@@ -99,8 +106,8 @@ def search(task: Task, phase: Fields) -> None:
     if radius > MOST_TURNS * pitch:
         raise ValueError(f"{phase.at('pitch')} = {pitch:g}: must be at least {radius / MOST_TURNS:.3g} for its radius")
     most, growth, begun = 2.0 * math.pi * radius / pitch, pitch / (2.0 * math.pi), task.time
-    duration = _spiral_time(most, growth, pace)
-    angle = minimum_snap((begun, begun + duration), (0.0, most))
+    angle = _spiral_angle(begun, most, growth, pace)
+    duration = float(angle.knots[-1]) - begun
     to = tuple(
         p + growth * most * (a * math.cos(most) + b * math.sin(most)) for p, a, b in zip(task.at, u, w, strict=True)
     )
@@ -127,7 +134,7 @@ def turn(task: Task, phase: Fields) -> None:
     if task.force is not None or "force" in phase.table:
         _tell_push(task, phase)
     center, axis = place_of(phase, "center", phase.at("center")), unit_vector(phase, "axis")
-    angle = within(phase.number("angle"), phase.at("angle"), -MOST_TURNS, MOST_TURNS)
+    angle = within(phase.number("angle"), phase.at("angle"), -2.0 * math.pi * MOST_TURNS, 2.0 * math.pi * MOST_TURNS)
     if not angle:
         raise ValueError(f"{phase.at('angle')} = 0: must be an angle in rad, counter-clockwise about the axis")
     begun, duration = task.time, seconds(phase, "duration")
@@ -199,11 +206,13 @@ def _across(normal: Place) -> tuple[Vec3, Vec3]:
     return u, n.cross(u)
 
 
-def _spiral_time(most: float, growth: float, pace: float) -> float:
-    """s in which a tip goes through a spiral, at rest at both ends, no faster than a pace (m/s)."""
-    unit = minimum_snap((0.0, 1.0), (0.0, most))
-    shares = [k / 100.0 for k in range(101)]
-    fastest = max(
-        growth * math.hypot(1.0, float(d[0])) * float(d[1]) for d in (unit.derivatives(share) for share in shares)
-    )
-    return max(fastest / pace, PEAK_RATE * most / (2.0 * math.pi))
+def _spiral_angle(begin: float, most: float, growth: float, pace: float) -> Polynomials:
+    """Angle of an Archimedean spiral over time: along it with a pace (m/s), but no faster than a turn a second.
+
+    With da/dt = pace / (growth sqrt(k^2 + a^2)) the time of an angle is known; knots stand at each half turn.
+    """
+    k = pace / (growth * 2.0 * math.pi * FASTEST_TURNING)
+    count = max(2, math.ceil(most / math.pi))
+    angles = [most * i / count for i in range(count + 1)]
+    times = [0.5 * growth / pace * (a * math.hypot(k, a) + k * k * math.asinh(a / k)) for a in angles]
+    return minimum_snap([begin + REST * t for t in times], angles)
