@@ -35,7 +35,13 @@ def episode(log: Log) -> RenderableType:
     for what, found in beside_errors(log).items():
         add(table, BESIDE[what], *("-" if value is None else shown(value, 4) for value in found.values()))
     lags = [lag_words(log)] if log.lag_found.size else []
-    return Group(*heads, table, *(Text(printable(line)) for line in (*lags, *contact_lines(log))))
+    return Group(*heads, table, *(Text(printable(line)) for line in (*lags, *contact_lines(log), *phase_lines(log))))
+
+
+def phase_lines(log: Log) -> list[str]:
+    """When the phases of a task that waits were done, in one line."""
+    ends = [f"{name} {'-' if end is None else f'{end:g} s'}" for name, end in log.phase_ends]
+    return [f"phases done: {', '.join(ends)}"] if ends else []
 
 
 def contact_lines(log: Log) -> list[str]:
@@ -83,6 +89,8 @@ def facts(log: Log) -> dict[str, Any]:
         found["lag_found_s"] = log.lag_found[-1]
     if log.contact_force.size:
         found["contacts"] = contacts(log)
+    if log.phase.size:
+        found["phase_ends"] = [{"phase": name, "end": end} for name, end in log.phase_ends]
     beside = beside_errors(log)
     return found | ({"governor": beside} if beside else {})
 
@@ -105,7 +113,7 @@ def beside_errors(log: Log) -> dict[str, dict[str, float | None]]:
 
     Empty without a governor.
     """
-    if not log.path_time.size:
+    if not log.path_time.size or log.phase.size:
         return {}
     distances = {"lag": log.time - log.path_time, "base_to_path": path_distance(log.position, log.position_reference)}
     if not np.array_equal(log.tool, log.position):

@@ -18,8 +18,8 @@ PASSED = 1e-6
 
 def phase_numbers(trajectory: Trajectory, path_time: Any) -> Array:
     """Number of the phase that is flown at times of the reference (s); one more than the last once all are done."""
-    ends = np.array([phase.end for phase in trajectory.phases])
-    return np.searchsorted(ends, np.asarray(path_time) - PASSED, side="left").astype(float)
+    ends = np.array([phase.end + PASSED for phase in trajectory.phases])
+    return np.searchsorted(ends, np.asarray(path_time), side="left").astype(float)
 
 
 def failure_words(trajectory: Trajectory, guard: Guard) -> str:

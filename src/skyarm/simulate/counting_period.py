@@ -50,6 +50,7 @@ def make_counting_period(
             held=goals[0],
             continuous=goals[1],
             lag=0.0 if isinstance(row.path_time, tuple) else row.time - row.path_time,
+            phase=stages.waits.phase(row.path_time),
         )
         alive = sample.alive > 0.5
         counts = {name: alive if within is True else logical_and(alive, within) for name, within in inside.items()}

@@ -18,6 +18,7 @@ from skyarm.algebra import Vec3
 from skyarm.records.leaves import leaves
 from skyarm.reference.path_offset import offset_reference
 from skyarm.reference.phase_guard import Guard
+from skyarm.reference.phase_words import PASSED
 from skyarm.reference.trajectory import Reference
 from skyarm.scalars import Scalar, floor, logical_and, logical_not, logical_or, minimum, sqrt, where
 from skyarm.scenario.scenario_record import Scenario
@@ -123,6 +124,13 @@ class Waits:
     def path_time(self, clock: Any) -> Any:
         """Time of the reference, s."""
         return clock.place / self._rate
+
+    def phase(self, path_time: Any) -> Any:
+        """Number of the phase that is flown at a time of the reference, s; 0 where no phase waits."""
+        found: Any = 0.0
+        for each in self._trajectory.phases:
+            found = found + where(path_time > each.end + PASSED, 1.0, 0.0)
+        return found
 
     def reference(self, time: Any, offset: Sequence[Any] = ()) -> Reference:
         """The reference at its own time, s; ``offset`` as :meth:`times` has it."""
