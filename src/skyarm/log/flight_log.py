@@ -86,9 +86,10 @@ class Log:
         measured_position, measured_joints: what the sensors said at this instant; a delayed controller saw it later.
         info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground",
             "controller_undefined", "rotor_contact", "body_contact", "phase_failed"), cause, end time;
-            ``scenario_record`` is all that was flown as plain data, and ``digest`` its SHA-256: logs of one digest, and of the same versions, are of
-            the same flight (:attr:`scenario` reads it back). ``plugins`` were loaded; ``code`` are the files of
-            someone's own code that flew, by name and SHA-256, which are part of the digest.
+            ``scenario_record`` is all that was flown as plain data, and ``digest`` its SHA-256: logs of one digest,
+            and of the same versions, are of the same flight (:attr:`scenario` reads it back). ``plugins`` were loaded;
+            ``code`` are the files of someone's own code that flew, by name and SHA-256, which are part of the digest.
+            ``phases`` are the kinds of the phases of a task that waits.
     """
 
     time: Annotated[Array, Unit("s")]

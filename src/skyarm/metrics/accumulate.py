@@ -42,8 +42,8 @@ class Instant:
     Attributes:
         state: of the plant. tool: its tip, world, m.
         command: issued now. before: rotor speeds commanded a period ago; those of now at the first instant.
-        held, continuous: the reference. lag: s, by which a governor holds what the law is told back behind it. phase: number of the
-            task's phase, where phases wait.
+        held, continuous: the reference. lag: s, by which a governor holds what the law is told back behind it.
+        phase: number of the task's phase, where phases wait.
     """
 
     state: State
