@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from skyarm.algebra import Vec3
 from skyarm.compile import rebuild
+from skyarm.control.blocks.observed_push import observed_push
 from skyarm.dynamics import State
 from skyarm.plant.compiled import example_state
 from skyarm.reference.phase_words import failure_words
@@ -77,7 +78,10 @@ def failed_phase(scenario: Scenario, time: float, clock: Any) -> Ended | None:
         return None
     # the clock has gone on to the next guard
     guard = scenario.trajectory.guards[max(round(float(clock.guard)) - 1, 0)]
-    return Ended(PHASE_FAILED, failure_words(scenario.trajectory, guard), time)
+    words = failure_words(scenario.trajectory, guard)
+    if guard.force is not None and observed_push(scenario.controller.memory) is None:
+        words += f"; law {scenario.controller.name} observes no force"
+    return Ended(PHASE_FAILED, words, time)
 
 
 def refused(scenario: Scenario, time: float, command: Sequence[float]) -> Ended | None:

@@ -128,6 +128,12 @@ class EpisodeInputs:
         dense: Reference = held.dense()
         return rebuild(dense, iter([float(np.asarray(leaf).reshape(-1)[0]) for leaf in leaves(dense)]))
 
+    def row_at(self, tick: int, now: LoopState) -> Row:
+        """What a control period is fed that begins with a loop state, its reference as data where phases wait."""
+        if now.clock == ():
+            return rebuild(self.row_example, iter(self.rows(tick, tick + 1)[0].tolist()))
+        return Row(time=float(self.times[tick]), reference=self.held_now(now))
+
     @cached_property
     def goals(self) -> Array:
         """Position of the held reference, m."""

@@ -192,5 +192,8 @@ def frozen_instants(flight: Scenario, count: int) -> Iterator[Frozen]:
         if now.alive < 0.5:
             return
         yield Frozen(
-            time=float(inputs.times[until]), differentiator=differentiator, carry=now, row=rows[until].tolist()
+            time=float(inputs.times[until]),
+            differentiator=differentiator,
+            carry=now,
+            row=leaves(inputs.row_at(until, now)),
         )
