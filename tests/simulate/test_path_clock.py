@@ -83,7 +83,7 @@ def oracle(clock: PathClock, ticks: float, tip: Any, goal: Any, push: Any, force
     stop = GUARDS[n + 1].at * RATE if n + 1 < len(GUARDS) else math.inf
     gone = min((place if there else end) + 1.0, stop)
     failed = 1.0 if late and not enough and guard.fails else clock.failed
-    return following | {"place": gone, "guard": n + 1.0, "calm": 0.0, "waited": 0.0, "failed": failed}
+    return following | {"origin": tip, "place": gone, "guard": n + 1.0, "calm": 0.0, "waited": 0.0, "failed": failed}
 
 
 def drawn(count: int) -> list[list[float]]:

@@ -182,7 +182,7 @@ class Waits:
             guard=number,
             waited=where(passed, 0.0, where(there, clock.waited + 1.0, 0.0)),
             calm=where(passed, 0.0, calm),
-            origin=origin,
+            origin=_either(passed, seen.tip, origin) if self._measures else origin,
             failed=where(failed, 1.0, clock.failed),
             **self._skipped(clock, logical_and(enough, logical_not(there)), end),
         )
