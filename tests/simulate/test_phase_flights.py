@@ -126,8 +126,8 @@ def test_a_law_that_observes_no_force_is_told_of():
 
 def test_a_search_ends_where_the_tip_drops_in_and_the_reference_stays_there():
     document = copy.deepcopy(DOCUMENT)
-    # a slit of 2 cm, whose edge is 2 mm beside the tip
-    sides = {"left": 0.522, "right": -0.498}
+    # a slit of 2 cm, whose edge is 1 mm beside the tip
+    sides = {"left": 0.522, "right": -0.499}
     size = [0.1, 1.0, 0.9]
     document["world"]["surfaces"] = [
         {"name": name, "shape": "box", "size": size, "position": [0.342, y, 0.45]} for name, y in sides.items()

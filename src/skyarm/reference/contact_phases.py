@@ -25,14 +25,11 @@ EASE = 0.05
 TOUCHED = 0.5
 """Share of the wanted force from which on a tip counts as touching, where a phase says nothing else."""
 
-MOST_TURNS = 60.0
+MOST_TURNS = 40.0
 """Turns of a spiral or about an axis."""
 
 FASTEST_TURNING = 1.0
 """Turns a second of a spiral: at its middle its pace would be more."""
-
-REST = 1.2
-"""By how much longer a spiral takes, since it begins and ends at rest."""
 
 
 def approach(task: Task, phase: Fields) -> None:
@@ -209,10 +206,12 @@ def _across(normal: Place) -> tuple[Vec3, Vec3]:
 def _spiral_angle(begin: float, most: float, growth: float, pace: float) -> Polynomials:
     """Angle of an Archimedean spiral over time: along it with a pace (m/s), but no faster than a turn a second.
 
-    With da/dt = pace / (growth sqrt(k^2 + a^2)) the time of an angle is known; knots stand at each half turn.
+    With da/dt = pace / (growth sqrt(k^2 + a^2)) the time of an angle is known; knots stand at each quarter of a turn,
+    and the first and the last piece take twice their time: it begins and ends at rest.
     """
     k = pace / (growth * 2.0 * math.pi * FASTEST_TURNING)
-    count = max(2, math.ceil(most / math.pi))
+    count = max(3, math.ceil(most / (0.5 * math.pi)))
     angles = [most * i / count for i in range(count + 1)]
-    times = [0.5 * growth / pace * (a * math.hypot(k, a) + k * k * math.asinh(a / k)) for a in angles]
-    return minimum_snap([begin + REST * t for t in times], angles)
+    even = [0.5 * growth / pace * (a * math.hypot(k, a) + k * k * math.asinh(a / k)) for a in angles]
+    first, last = even[1], even[-1] - even[-2]
+    return minimum_snap([begin, *(begin + first + t for t in even[1:-1]), begin + first + even[-1] + last], angles)
