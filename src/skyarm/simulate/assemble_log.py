@@ -120,7 +120,7 @@ def _tables(piece: Piece) -> dict[str, Array]:
     }
     if len(path_time):
         tables["path_time"] = path_time
-    if flown.led.shape[1]:
+    if scenario.trajectory.phases:
         tables["phase"] = phase_numbers(scenario.trajectory, path_time)
     own = {"held": table(held.tip, late), "reference": table(free.tip)} if free.tip else {}
     if vehicle.tilts:
@@ -157,9 +157,10 @@ def _references(
     inputs: EpisodeInputs, flown: Samples, start: int, stop: int
 ) -> tuple[Reference, Reference, Array, int]:
     """Held and continuous reference, the reference's time, and the place in the first of what was flown first."""
-    if flown.led.shape[1]:
+    if inputs.waits.guards:
         return (*inputs.led(flown.led.T), 0)
-    return inputs.held_reference, inputs.reference_between(start, stop), np.asarray(inputs.path_time)[start:stop], start
+    led = flown.led[:, 0] if flown.led.shape[1] else np.asarray(inputs.path_time)[start:stop]
+    return inputs.held_reference, inputs.reference_between(start, stop), led, start
 
 
 def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:

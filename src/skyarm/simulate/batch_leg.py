@@ -28,6 +28,7 @@ from skyarm.simulate.draws import draw_plan, draws_needed, start_draws
 from skyarm.simulate.first_state import component_groups, first_loop_state, first_surroundings
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop_state import LoopState, carried, structure_of
+from skyarm.simulate.path_clock import PathClock
 from skyarm.simulate.short_steps import require_short_steps
 from skyarm.simulate.stages import Stages
 
@@ -227,7 +228,7 @@ class Leg:
         """Status of lanes that this leg left, from the loops they were left in."""
         named = self.named(columns)
         goals = self._feed.goals(named, np.minimum(ticks, self.scenario.steps - 1), now)
-        failed = None if now.clock == () else np.asarray(now.clock.failed) > 0.5
+        failed = np.asarray(now.clock.failed) > 0.5 if isinstance(now.clock, PathClock) else None
         return statuses(self.scenario, named, now.state, goals, ended, failed)
 
     def require(self, columns: Sequence[Array]) -> None:

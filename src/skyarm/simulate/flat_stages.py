@@ -94,17 +94,28 @@ class FlatStages:
         def program(ticks: Any, clock: Any, row: Row) -> tuple[Any, ...]:
             now = replace(self._first, ticks=ticks[0], clock=clock)
             fed = self._stages.led(now, row)
-            return (fed.reference, fed.told, fed.path_time), self._stages.path_times(now)
+            return ((fed.reference, fed.told, fed.path_time),)
 
         return FlatFunction(program, ONE, self._first.clock, self._fed)
 
     def led(self, now: Any, row: Any) -> Any:
         """What the instant is fed, with the reference where its own clock stands."""
-        return replace(row, reference=self._lead(now.ticks, now.clock, row.time)[0]) if now.clock else row
+        return (
+            replace(row, reference=self._lead(now.ticks, now.clock, (*row.time, *row.reference))[0])
+            if now.clock
+            else row
+        )
 
     def path_times(self, now: Any) -> Flat:
         """What the log keeps of a reference that waits."""
-        return self._lead(now.ticks, now.clock, ONE)[1] if now.clock else ()
+        return self._times(now.ticks, now.clock)[0] if now.clock else ()
+
+    @cached_property
+    def _times(self) -> FlatFunction:
+        def program(ticks: Any, clock: Any) -> tuple[Any, ...]:
+            return (self._stages.path_times(replace(self._first, ticks=ticks[0], clock=clock)),)
+
+        return FlatFunction(program, ONE, self._first.clock)
 
     @property
     def led_count(self) -> int:
@@ -157,11 +168,11 @@ class FlatStages:
 
     @cached_property
     def _wait(self) -> FlatFunction:
-        def program(clock: Any, k: Any, told: Any, row: Row, memory: Any) -> tuple[Any, ...]:
-            return (self._stages.wait(clock, k[0], told, row.reference, memory),)
+        def program(clock: Any, k: Any, told: Any, row: Row, memory: Any, command: Any) -> tuple[Any, ...]:
+            return (self._stages.wait(clock, k[0], told, row, memory, command),)
 
         memory = self._first.memory if self._traced else ()
-        return FlatFunction(program, self._first.clock, ONE, self.told, self._row, memory)
+        return FlatFunction(program, self._first.clock, ONE, self.told, self._row, memory, self._first.queue[0])
 
     @cached_property
     def wind(self) -> Any:
@@ -223,7 +234,7 @@ class FlatStages:
         clock: Flat = ()
         if now.clock:
             held = memory if self._traced else ()
-            (clock,) = self._wait(now.clock, now.ticks, told, (*row.time, *row.reference), held)
+            (clock,) = self._wait(now.clock, now.ticks, told, (*row.time, *row.reference), held, command)
         return found._replace(
             memory=memory, sensors=sensors, estimate=estimate, reading=reading, command=command, clock=clock
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,7 +17,8 @@ from skyarm.reference import Publisher, Reference
 from skyarm.reference.path_time import by_flight_time
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop_state import LoopState, Row
-from skyarm.simulate.path_clock import Waits
+from skyarm.simulate.pace_clock import PaceClock, Paces
+from skyarm.simulate.path_clock import PathClock, Waits
 
 Array = npt.NDArray[Any]
 
@@ -68,7 +70,7 @@ class EpisodeInputs:
     def told_reference(self) -> Reference | tuple[()]:
         """The governed reference as published and held, a record of arrays; empty without a governor."""
         path = self.scenario.path_time
-        if path is None:
+        if path is None or self.scenario.pause is not None:
             return ()
         rates = self.scenario.rates
         publisher = Publisher(control_rate=rates.control, reference_rate=rates.reference)
@@ -81,7 +83,7 @@ class EpisodeInputs:
     def path_time(self) -> Array | tuple[()]:
         """(steps,) time of the governed reference, s; empty without a governor."""
         path = self.scenario.path_time
-        return () if path is None else np.asarray(path.derivatives(self.times)[0])
+        return () if path is None or self.scenario.pause is not None else np.asarray(path.derivatives(self.times)[0])
 
     @cached_property
     def row_example(self) -> Row:
@@ -116,7 +118,7 @@ class EpisodeInputs:
 
     def held_position(self, tick: int, now: LoopState) -> list[float]:
         """Position of the held reference in a control period, m, that begins with a loop state."""
-        if now.clock == ():
+        if not isinstance(now.clock, PathClock):
             goal: list[float] = self.goals[min(tick, self.scenario.steps - 1)].tolist()
             return goal
         return [float(c) for c in self.held_now(now).position]
@@ -129,10 +131,11 @@ class EpisodeInputs:
         return rebuild(dense, iter([float(np.asarray(leaf).reshape(-1)[0]) for leaf in leaves(dense)]))
 
     def row_at(self, tick: int, now: LoopState) -> Row:
-        """What a control period is fed that begins with a loop state, its reference as data where phases wait."""
-        if now.clock == ():
-            return rebuild(self.row_example, iter(self.rows(tick, tick + 1)[0].tolist()))
-        return Row(time=float(self.times[tick]), reference=self.held_now(now))
+        """What a control period is fed that begins with a loop state, with what the reference's own clock leads to."""
+        fed: Row = rebuild(self.row_example, iter(self.rows(tick, tick + 1)[0].tolist()))
+        if isinstance(now.clock, PaceClock):
+            return dataclasses.replace(fed, told=Paces(self.scenario).told(now.clock, now.ticks).dense())
+        return dataclasses.replace(fed, reference=self.held_now(now)) if isinstance(now.clock, PathClock) else fed
 
     @cached_property
     def goals(self) -> Array:

@@ -52,6 +52,10 @@ class PathClock:
     offset: Vec3 | tuple[()]
     since: Scalar | tuple[()]
 
+    def begun_at(self, ticks: Any) -> PathClock:
+        """A clock that begins in a control period of the flight."""
+        return dataclasses.replace(self, place=ticks, held=() if isinstance(self.held, tuple) else ticks)
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Seen:

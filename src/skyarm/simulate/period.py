@@ -72,7 +72,7 @@ def respond(stages: Any, now: LoopState, row: Row, begun: Begun, force: Any, uni
     """Sensors, estimator, law, command line and drives: the stages between the plant's two calls."""
     read = stages.sense(now.sensors, now.estimate, now.ticks, now.state, force, begun.acting, row.time, uniforms)
     memory, command = stages.decide(now.memory, read.measurement, stages.joined(row), row.path_time)
-    clock = stages.wait(now.clock, now.ticks, read.measurement, row.reference, memory)
+    clock = stages.wait(now.clock, now.ticks, read.measurement, row, memory, command)
     return issue(stages, now, begun, read, memory, command, clock)
 
 

@@ -26,6 +26,7 @@ from skyarm.simulate.flat_stages import EpisodeEndedError, FlatStages, FlatSteps
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
 from skyarm.simulate.loop_state import LoopState, Row, carried
 from skyarm.simulate.own_code_trials import try_own_code
+from skyarm.simulate.path_clock import PathClock
 from skyarm.simulate.period import make_period
 from skyarm.simulate.stages import Stages
 
@@ -162,7 +163,7 @@ class StagedFlight:
 
     def reference(self) -> Reference:
         """The held reference of the next period."""
-        if self.first.clock != ():
+        if isinstance(self.first.clock, PathClock):
             return self.inputs.held_now(self.now)
         held: Reference = rebuild(self.inputs.reference_example, iter(self._held[self.tick]))
         return held

@@ -45,7 +45,8 @@ from skyarm.simulate.command_line import (
 from skyarm.simulate.draws import Draws, draw_plan
 from skyarm.simulate.joined_reference import joined_reference
 from skyarm.simulate.loop_state import LoopState, Row, SensorState, ended
-from skyarm.simulate.path_clock import Waits
+from skyarm.simulate.pace_clock import PaceClock, Paces
+from skyarm.simulate.path_clock import PathClock, Waits
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -70,7 +71,7 @@ class Stages:
         self.period = 1.0 / scenario.rates.control
         self.components = scenario.components
         self.sensors = scenario.all_sensors
-        self.waits = Waits(scenario)
+        self.waits, self.paces = Waits(scenario), Paces(scenario)
         self.draws: Draws = draw_plan(scenario)
         self._law = checked_law(scenario.controller)
         model = scenario.controller.par.model
@@ -82,6 +83,9 @@ class Stages:
 
     def led(self, now: LoopState, row: Row) -> Row:
         """What the instant is fed, with the reference where its own clock stands."""
+        if isinstance(now.clock, PaceClock):
+            told = row.told or self.paces.told(now.clock, now.ticks)
+            return dataclasses.replace(row, told=told, path_time=self.paces.path_time(now.clock))
         if now.clock == () or row.reference != ():
             return row
         _, held, *offset = self.waits.times(now.clock, now.ticks)
@@ -89,19 +93,23 @@ class Stages:
         return dataclasses.replace(row, reference=self.waits.reference(held, offset), path_time=path_time)
 
     def path_times(self, now: LoopState) -> tuple[Any, ...]:
-        """What the log keeps of a reference that waits; () of others."""
+        """What the log keeps of a reference's own clock; () where it has none."""
+        if isinstance(now.clock, PaceClock):
+            return (self.paces.path_time(now.clock),)
         return () if now.clock == () else self.waits.times(now.clock, now.ticks)
 
-    def wait(self, clock: Any, ticks: Any, measurement: Measurement, reference: Reference, memory: Any) -> Any:
-        """The clock of a reference that waits, one period later."""
+    def wait(self, clock: Any, ticks: Any, measurement: Measurement, row: Row, memory: Any, command: Command) -> Any:
+        """The reference's own clock, one period later."""
+        if isinstance(clock, PaceClock):
+            return self.paces.following(clock, ticks, measurement, row.told, command)
         if clock == ():
             return ()
-        return self.waits.following(clock, ticks, self.waits.seen(measurement, reference, observed_push(memory)))
+        return self.waits.following(clock, ticks, self.waits.seen(measurement, row.reference, observed_push(memory)))
 
     def check(self, alive: Any, state: State, reference: Reference, clock: Any = ()) -> Any:
         """Endings: 1 while the episode goes on, else 0."""
         fine = logical_and(alive > 0.5, healthy(self.scenario, state, reference.position))
-        if clock != ():
+        if isinstance(clock, PathClock):
             fine = logical_and(fine, clock.failed < 0.5)
         return where(fine, 1.0, 0.0)
 

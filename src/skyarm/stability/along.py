@@ -87,6 +87,7 @@ def hovering(scenario: Scenario) -> Scenario:
         scenario,
         trajectory=still,
         path_time=None,
+        pause=None,
         duration=SETTLING,
         wind=NO_WIND,
         faults=(),
