@@ -21,6 +21,7 @@ What is believed is a point mass at the frame, told by changes of ``model.payloa
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -28,6 +29,7 @@ from typing import Any
 from skyarm.algebra import Vec3
 from skyarm.environment import HangingPayload, Reach, TimedPayload
 from skyarm.files import Fields, shown
+from skyarm.reference import Trajectory
 from skyarm.scenario.changes import Change
 
 OF_KIND = {"rigid": ("inertia", "com"), "hanging": ("cord", "stretch", "damping_ratio")}
@@ -77,6 +79,18 @@ def _when(fields: Fields, name: str) -> tuple[float, Reach | None]:
     after = inner.number("after", 0.0, low=0.0)
     inner.done()
     return after, reach
+
+
+def waiting_beliefs(
+    payloads: Sequence[TimedPayload], told: Sequence[bool], trajectory: Trajectory
+) -> tuple[tuple[TimedPayload, ...], tuple[bool, ...]]:
+    """The payloads of a task that waits say themselves whether the law is told: no instant is known; and the rest."""
+    waiting = {name for guard in trajectory.guards for name in guard.loads}
+    now = tuple(
+        dataclasses.replace(each, believed=True) if told_of and each.name in waiting else each
+        for each, told_of in zip(payloads, told, strict=True)
+    )
+    return now, tuple(told_of and not each.believed for each, told_of in zip(now, told, strict=True))
 
 
 def belief_changes(
