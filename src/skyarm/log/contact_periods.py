@@ -51,5 +51,7 @@ def contact_pairs(log: Log) -> tuple[tuple[str, str], ...]:
     """Surface and point of each column of ``contact_force``."""
     world = log.info.get("scenario_record") or {}
     held: Any = world.get("contact") if isinstance(world, Mapping) else None
-    surfaces, points = ([str(each["name"]) for each in (held or {}).get(of) or ()] for of in ("surfaces", "points"))
-    return tuple((surface, point) for surface in surfaces for point in points)
+    surfaces, objects, points = (
+        [str(each["name"]) for each in (held or {}).get(of) or ()] for of in ("surfaces", "objects", "points")
+    )
+    return tuple((surface, point) for surface in (*surfaces, *objects) for point in points)

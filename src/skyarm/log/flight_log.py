@@ -49,6 +49,10 @@ IF_ANY = (
     "contact_force",
     "contact_friction",
     "contact_depth",
+    "object_position",
+    "object_quaternion",
+    "object_velocity",
+    "object_rate",
 )
 """Arrays of what not every flight has: left out of files, with no column, where there is none."""
 
@@ -78,7 +82,10 @@ class Log:
             without a governor.
         contact_force, contact_friction, contact_depth: (N, pairs) how strongly a surface of the world pushes a point of
             the vehicle along its normal, and how strongly across (N), and how deep the point is in it (m), at the
-            instant; the first surface with each point, then the next one. Without columns where there is no world.
+            instant; the first surface with each point, then the next one, then every object with each point. Without
+            columns where there is no world.
+        object_position, object_quaternion, object_velocity, object_rate: (N, 3 or 4 objects) of the middle of each free
+            object's shape: m, wxyz, m/s (world axes), angular velocity in rad/s (its own axes).
         tilts, tilt_commands: (N, tilting rotors) rad; without columns where no rotor tilts.
         measured_position, measured_joints: what the sensors said at this instant; a delayed controller saw it later.
         info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground",
@@ -125,6 +132,16 @@ class Log:
         default_factory=_nothing
     )
     contact_depth: Annotated[Array, Unit("m", "penetration of a point into a surface")] = field(
+        default_factory=_nothing
+    )
+    object_position: Annotated[Array, Unit("m", "of an object's middle, world axes")] = field(default_factory=_nothing)
+    object_quaternion: Annotated[Array, Unit("", "attitude of an object, its axes to world axes")] = field(
+        default_factory=_nothing
+    )
+    object_velocity: Annotated[Array, Unit("m/s", "of an object's middle, world axes")] = field(
+        default_factory=_nothing
+    )
+    object_rate: Annotated[Array, Unit("rad/s", "angular velocity of an object, its own axes")] = field(
         default_factory=_nothing
     )
     tilts: Annotated[Array, units(State)["tilts"]] = field(default_factory=_nothing)

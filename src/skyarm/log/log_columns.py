@@ -47,7 +47,8 @@ LOOPS = {"lag_found": ("rotors", "joints")}
 CONTACT_ARRAYS = ("contact_force", "contact_friction", "contact_depth")
 """Arrays of a number for each surface of the world with each point of the vehicle."""
 
-WORLD = ("surfaces", "points")
+OBJECT_ARRAYS = {"object_position": 3, "object_quaternion": 4, "object_velocity": 3, "object_rate": 3}
+"""Arrays of free objects, in the order in which a contact logs them, and how many numbers each object has in them."""
 
 RENAMED = {"tool": "tip", "tool_held": "tip_held", "tool_reference": "tip_reference"}
 """Array that a log's file of arrays keeps under its first name -> the word for it."""
@@ -81,7 +82,8 @@ class Names:
     """Names of the plant's joints and rotors as its file has them, the joints' kinds, and what they are told.
 
     ``setpoints`` has a unit for each joint that takes a setpoint in place of a torque, None for the others; ``tilting``
-    are the rotors that tilt, ``contacts`` the pairs of a surface of the world and a point of the vehicle.
+    are the rotors that tilt, ``contacts`` the pairs of a surface of the world and a point of the vehicle, ``objects``
+    its free bodies.
     """
 
     joints: tuple[str, ...]
@@ -90,6 +92,7 @@ class Names:
     setpoints: tuple[str | None, ...]
     tilting: tuple[str, ...] = ()
     contacts: tuple[str, ...] = ()
+    objects: tuple[str, ...] = ()
 
 
 def names_of(log: Log) -> Names:
@@ -112,15 +115,18 @@ def names_of(log: Log) -> Names:
             for each, kind in zip(found, kinds, strict=True)
         ),
         tuple(each["name"] for each in map(_table, turning) if each.get("tilt")),
-        _contacts(log),
+        *_contacts(log),
     )
 
 
-def _contacts(log: Log) -> tuple[str, ...]:
-    """Surface and point of each pair that may touch."""
+def _contacts(log: Log) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Surface and point of each pair that may touch, and the objects, whose skins are surfaces, too."""
     world = _below(log.info, "scenario_record", "contact")
-    surfaces, points = ([word(str(_table(each).get("name"))) for each in world.get(of) or []] for of in WORLD)
-    return tuple(f"{surface}_{point}" for surface in surfaces for point in points)
+    surfaces, objects, points = (
+        [word(str(_table(each).get("name"))) for each in world.get(of) or []]
+        for of in ("surfaces", "objects", "points")
+    )
+    return tuple(f"{surface}_{point}" for surface in (*surfaces, *objects) for point in points), tuple(objects)
 
 
 def _below(data: Any, *path: str) -> Mapping[str, Any]:
@@ -168,6 +174,8 @@ def _endings(array: str, width: int | None, names: Names) -> list[str]:
         return [f"{begin}_{each}" for each in LOOPS[array][:width]]
     if array in CONTACT_ARRAYS and len(names.contacts) == width:
         return [f"{begin}_{each}" for each in names.contacts]
+    if array in OBJECT_ARRAYS and len(names.objects) * OBJECT_ARRAYS[array] == width:
+        return [f"{begin}_{each}_{axis}" for each in names.objects for axis in AXES[OBJECT_ARRAYS[array]]]
     if array in IF_ANY:
         return [f"{begin}_{i}" for i in range(width)]
     return [f"{begin}_{axis}" for axis in AXES.get(width, map(str, range(width)))]
