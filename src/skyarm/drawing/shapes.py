@@ -11,7 +11,7 @@ Matrix = tuple[Vector, Vector, Vector]
 
 UPRIGHT: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
-ROLES = ("hull", "boom", "rotor", "link", "joint", "tip", "payload", "point", "surface")
+ROLES = ("hull", "boom", "rotor", "link", "joint", "tip", "payload", "point", "surface", "object")
 """What a shape stands for; who draws it chooses a colour by it."""
 
 

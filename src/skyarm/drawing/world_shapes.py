@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Mat3, Vec3
 from skyarm.contact import Contact, Surface
+from skyarm.drawing.carried_poses import CarriedPoses
 from skyarm.drawing.shapes import Shape, Vector, between
 from skyarm.drawing.vehicle_shapes import longest_boom
 from skyarm.vehicle.linkage import BASE
@@ -29,6 +31,8 @@ POINT = 0.03
 """Radius of the mark of a point that touches, as a share of the longest boom; a ball has its own."""
 
 ORIGIN: Vector = (0.0, 0.0, 0.0)
+
+NOBODY: CarriedPoses = MappingProxyType({})
 
 LEVEL = 1e-9
 """Largest share of a level plane's normal that is not upwards."""
@@ -54,19 +58,28 @@ class WorldShape:
 
 
 def world_shapes(
-    contacts: Iterable[Contact], times: Array, around: Sequence[float] = (0.0, 0.0, 0.0), patch: float = PATCH
+    contacts: Sequence[Contact],
+    times: Array,
+    around: Sequence[float] = (0.0, 0.0, 0.0),
+    patch: float = PATCH,
+    carried: CarriedPoses = NOBODY,
 ) -> tuple[WorldShape, ...]:
-    """Every surface of a world but its ground.
+    """Every surface of a world but its ground, and what its carriers carry.
 
     Args:
         contacts: of the scenario, with concrete numbers.
         times: (N,) s.
         around: (3,) m, place of what happens: a plane's patch is about the point of the plane that is nearest to it.
         patch: half the width of a patch, m.
+        carried: poses of carriers at the same instants; one that is not among them is not drawn.
     """
     surfaces = [surface for contact in contacts for surface in contact.surfaces]
     below = ground_of(surfaces)
-    return tuple(_placed(each, times, np.array(around, float), patch) for each in surfaces if each is not below)
+    found = [_placed(each, times, np.array(around, float), patch) for each in surfaces if each is not below]
+    for carrier in (carrier for contact in contacts for carrier in contact.carriers):
+        if carrier.name in carried:
+            found += [_carried(each, *carried[carrier.name]) for each in carrier.surfaces]
+    return tuple(found)
 
 
 def ground_of(surfaces: Iterable[Surface]) -> Surface | None:
@@ -125,6 +138,13 @@ def _placed(surface: Surface, times: Array, around: Array, patch: float) -> Worl
         normal, away = rotation[:, 2], around - place[0]
         place = place + (away - normal * (normal @ away))
     return WorldShape(surface_shape(surface, patch), place, np.broadcast_to(rotation, (count, 3, 3)))
+
+
+def _carried(surface: Surface, rotation: Array, position: Array) -> WorldShape:
+    """A surface that a carrier carries, of its poses (N, 3, 3) and (N, 3)."""
+    shape = replace(surface_shape(surface), role="object")
+    place = np.array(_floats(surface.position))
+    return WorldShape(shape, position + rotation @ place, rotation @ matrix_of(surface.rotation))
 
 
 def matrix_of(R: Mat3) -> Array:

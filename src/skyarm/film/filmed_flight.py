@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Vec3
+from skyarm.contact import Contact
+from skyarm.drawing.carried_poses import CarriedPoses, logged_poses
 from skyarm.drawing.moving_poses import moving_poses
 from skyarm.drawing.shapes import Shape
 from skyarm.drawing.touch_arrows import TouchArrow, touch_arrows
@@ -17,6 +20,7 @@ from skyarm.environment import HangingPayload
 from skyarm.files import shown
 from skyarm.film.film_settings import FilmSettings
 from skyarm.log.flight_log import Log
+from skyarm.reference.tip_push import TipPush
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[np.float64]
@@ -151,11 +155,13 @@ def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFligh
     Raises:
         ValueError: the log does not tell its vehicle.
     """
-    vehicle, contacts = log.scenario.world.vehicle, log.scenario.contacts
+    scenario = log.scenario
+    vehicle, contacts = scenario.world.vehicle, scenario.contacts
+    carried = _carried(log, contacts, times)
     now = {name: _read(log.time, getattr(log, name), times) for name in READ}
     yaw = _read(log.time, np.unwrap(log.yaw_reference)[:, None], times)[:, 0]
-    error, contact = _error(log), log.contact_force.sum(axis=1) if log.contact_force.size else None
-    push, whole = getattr(log.scenario.trajectory, "push", None), log.status == "completed"
+    push, whole = getattr(scenario.trajectory, "push", None), log.status == "completed"
+    error, contact = _error(log, push), log.contact_force.sum(axis=1) if log.contact_force.size else None
     return FilmedFlight(
         label=label,
         color=color,
@@ -179,17 +185,17 @@ def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFligh
         wanted_curve=None if push is None else np.broadcast_to(push.force.derivatives(log.time)[0], log.time.shape),
         end=_end_of(log) if whole else float(log.time[-1]),
         lost="" if whole else log.status.replace("_", " "),
-        loads=tuple(_loads(log, times)),
-        surfaces=world_shapes(contacts, times, np.mean(now["tip_reference"], axis=0), _patch(now["tip"])),
+        loads=tuple(_loads(log, scenario.payloads, times)),
+        surfaces=world_shapes(contacts, times, np.mean(now["tip_reference"], axis=0), _patch(now["tip"]), carried),
         ground=ground_height(contacts),
         points=point_shapes(contacts, vehicle),
-        touches=tuple(_touches(log, times)),
+        touches=tuple(_touches(log, vehicle, contacts, times, carried)),
     )
 
 
-def _error(log: Log) -> Array:
+def _error(log: Log, push: TipPush | None) -> Array:
     """Distance of the tip from its reference (N,), m; across the believed normal while it shall press."""
-    away, push = log.tip - log.tip_reference, getattr(log.scenario.trajectory, "push", None)
+    away = log.tip - log.tip_reference
     if push is not None:
         away = np.stack(list(push.across(Vec3(*away.T), log.time)), axis=1)
     return np.asarray(np.linalg.norm(away, axis=1))
@@ -209,10 +215,10 @@ READ = (
 """Arrays of a log that a film reads as they are."""
 
 
-def _loads(log: Log, times: Array) -> Iterator[Load]:
+def _loads(log: Log, payloads: Sequence[Any], times: Array) -> Iterator[Load]:
     """Payloads that are held at some frames; one on a cord is left out, a log does not tell where it hangs."""
     instants = np.clip(np.searchsorted(log.time, times, side="right") - 1, 0, log.time.size - 1)
-    for payload, masses in zip(log.scenario.payloads, log.payload_mass.T, strict=False):
+    for payload, masses in zip(payloads, log.payload_mass.T, strict=False):
         (held,) = np.nonzero(masses[instants] > 0.0)
         if isinstance(payload, HangingPayload) or not held.size:
             continue
@@ -228,17 +234,29 @@ def _patch(tip: Array) -> float:
     return PATCH + 0.5 * min(way, WIDEST)
 
 
-def _touches(log: Log, times: Array) -> Iterator[TouchArrow]:
+def _carried(log: Log, contacts: Sequence[Contact], times: Array) -> CarriedPoses:
+    """Free objects at the frames."""
+    if not log.object_position.size:
+        return {}
+    turns = np.split(log.object_quaternion, log.object_quaternion.shape[1] // 4, axis=1)
+    turned = np.concatenate([_read(log.time, _continuous(each), times) for each in turns], axis=1)
+    return logged_poses(contacts, _read(log.time, log.object_position, times), turned)
+
+
+def _touches(
+    log: Log, vehicle: Vehicle, contacts: Sequence[Contact], times: Array, carried: CarriedPoses
+) -> Iterator[TouchArrow]:
     """Contact forces at the frames, at the places that the bodies have then."""
     if not log.contact_force.size:
         return
-    begin, vehicle = 0, log.scenario.world.vehicle
+    begin = 0
     where = (_read(log.time, each, times) for each in (log.position, _continuous(log.quaternion), log.joints))
     poses = moving_poses(vehicle, *where)
-    for contact in log.scenario.contacts:
-        end = begin + len(contact.pairs)
+    for contact in contacts:
+        end = begin + contact.logged_pairs
         force = _read(log.time, log.contact_force[:, begin:end], times)
-        yield from touch_arrows(contact, vehicle, poses, times, np.where(times[:, None] < _end_of(log), force, 0.0))
+        force = np.where(times[:, None] < _end_of(log), force, 0.0)
+        yield from touch_arrows(contact, vehicle, poses, times, force, carried)
         begin = end
 
 

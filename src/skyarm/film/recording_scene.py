@@ -12,7 +12,7 @@ from skyarm.drawing.shapes import Shape
 from skyarm.drawing.tilted_rotors import rotor_turns, turned_shape
 from skyarm.drawing.vehicle_shapes import vehicle_shapes
 from skyarm.film.filmed_flight import FilmedFlight
-from skyarm.film.solids import RGBA, SURFACE, role_color
+from skyarm.film.solids import RGBA, role_color, world_color
 
 Array = npt.NDArray[np.float64]
 
@@ -77,7 +77,7 @@ def add_world(scene: Any, root: str, flight: FilmedFlight, shift: Array) -> list
     """The surfaces of a flight's world; returns those that move."""
     moving = []
     for solid in flight.surfaces:
-        node = add_shape(scene, f"{root}/{solid.shape.name}", solid.shape, SURFACE)
+        node = add_shape(scene, f"{root}/{solid.shape.name}", solid.shape, world_color(solid.shape.role))
         placed = MovingNode(node, solid.position + shift, solid.rotation)
         placed.put(0)
         if solid.moves:

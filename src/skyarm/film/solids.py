@@ -23,6 +23,7 @@ DARK: Color = (0.16, 0.17, 0.2)
 TIP: Color = (0.85, 0.12, 0.16)
 POINT: Color = (0.95, 0.75, 0.1)
 SURFACE: RGBA = (0.66, 0.64, 0.6, 1.0)
+OBJECT: RGBA = (0.62, 0.46, 0.3, 1.0)
 WHITE: Color = (1.0, 1.0, 1.0)
 
 
@@ -45,8 +46,13 @@ class Solid:
 def vehicle_solids(flight: FilmedFlight) -> list[Solid]:
     """The vehicle in its colour, the payloads that it takes and leaves, the surfaces that it may touch."""
     own = _solids(flight, flight.position, flight.quaternion, flight.joints, ghost=False)
-    world = [Solid(each.shape, SURFACE, each.position, each.rotation) for each in flight.surfaces]
+    world = [Solid(each.shape, world_color(each.shape.role), each.position, each.rotation) for each in flight.surfaces]
     return [*own, *_loads(flight), *world]
+
+
+def world_color(role: str) -> RGBA:
+    """Colour of a part of the world: a surface, or an object that moves."""
+    return OBJECT if role == "object" else SURFACE
 
 
 def _loads(flight: FilmedFlight) -> Iterator[Solid]:

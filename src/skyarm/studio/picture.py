@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from skyarm.drawing.carried_poses import held_poses
 from skyarm.drawing.pose_program import Array, Placed, PoseProgram
 from skyarm.drawing.sight_lines import hidden_share
 from skyarm.drawing.world_shapes import ground_height, point_shapes, world_shapes
@@ -99,11 +100,14 @@ class Picture:
         """Surfaces and contact forces of every flight; nothing of a scenario without a world."""
         self._ground.position = (0.0, 0.0, ground_height(scenario.contacts))
         self._worlds, self._touches = [], []
-        pairs = sum(len(contact.pairs) for contact in scenario.contacts)
-        for i in range(count if pairs else 0):
+        pairs = sum(contact.logged_pairs for contact in scenario.contacts)
+        starts = [contact.start(0.0, ()) for contact in scenario.contacts]
+        carried = held_poses(scenario.contacts, starts)
+        for i in range(count if scenario.contacts else 0):
             name, beside = f"/world{i + 1}", np.array([0.0, APART * i, 0.0])
-            self._worlds.append(WorldNodes(self._scene, name, scenario, place, beside, plain=self._plain))
-            self._touches.append(TouchArrows(self._scene, f"/touches{i + 1}", pairs, place))
+            self._worlds.append(WorldNodes(self._scene, name, scenario, carried, place, beside, plain=self._plain))
+            if pairs:
+                self._touches.append(TouchArrows(self._scene, f"/touches{i + 1}", pairs, place))
         self._show_world()
 
     def _show_world(self) -> None:
@@ -157,8 +161,10 @@ class Picture:
     def _draw_world(self, i: int, flight: Flight, beside: Array, slow: bool) -> None:
         """Surfaces, every picture where they move and now and then where a hand may have moved them; their forces."""
         if slow or self._worlds[i].moves:
-            self._worlds[i].place(flight.session.scenario, flight.session.time)
-        if self.view.arrows:
+            session = flight.session
+            carried = held_poses(session.scenario.components, session.now.components)
+            self._worlds[i].place(session.scenario, session.time, carried)
+        if self.view.arrows and self._touches:
             self._touches[i].point(flight.last.touching, beside)
 
     def hurry(self) -> None:

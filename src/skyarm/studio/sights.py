@@ -11,6 +11,7 @@ import numpy as np
 
 from skyarm.algebra import Vec3
 from skyarm.contact import Contact
+from skyarm.contact.carried_contact import NOBODY
 from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.drawing.pose_program import Array, Placed, PoseProgram
 from skyarm.dynamics.point_motion import PointMotion
@@ -110,11 +111,15 @@ def touching(components: Sequence[Any], memories: Sequence[Any], motion: PointMo
     for contact, memory in zip(components, memories, strict=True):
         if not isinstance(contact, Contact):
             continue
-        for (surface, point), touch in zip(contact.pairs, contact.touches(memory, motion), strict=True):
+        pairs = zip(contact.pairs, contact.touches(memory, motion), strict=True)
+        own = [(surface.name, point, touch) for (surface, point), touch in pairs]
+        meetings = [each for each in contact.meetings(memory, motion) if each.by == NOBODY]
+        own += [(each.surface, contact.points[each.index], each.touch) for each in meetings]
+        for surface, point, touch in own:
             at, body = point.place(motion.vehicle)
             spot = np.array([float(c) for c in motion.position(at, body) + touch.spot])
             force = np.array([float(c) for c in touch.force])
-            found.append(Touching(surface.name, float(touch.normal), spot, force))
+            found.append(Touching(surface, float(touch.normal), spot, force))
     return tuple(found)
 
 

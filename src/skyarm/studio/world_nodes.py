@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from skyarm.drawing.carried_poses import CarriedPoses
 from skyarm.drawing.meshes import mesh_of
 from skyarm.drawing.pose_program import Array, quaternions_of
 from skyarm.drawing.world_shapes import WorldShape, world_shapes
@@ -14,7 +15,7 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.studio.scene import NEWTON, SHORTEST, STILL
 from skyarm.studio.sights import Touching
 
-SURFACE, TOUCH = (168, 163, 152), (198, 26, 140)
+SURFACE, OBJECT, TOUCH = (168, 163, 152), (158, 117, 76), (198, 26, 140)
 
 
 class WorldNodes:
@@ -23,25 +24,34 @@ class WorldNodes:
     Args:
         scene: of viser. name: beginning of the nodes' names.
         scenario: what is flown.
+        carried: where its objects are at first.
         place: (3,) m, about which planes are drawn.
         beside: (3,) m, how far beside its own place the world is drawn.
         plain: without shadows.
     """
 
     def __init__(
-        self, scene: Any, name: str, scenario: Scenario, place: Array, beside: Array, *, plain: bool = False
+        self,
+        scene: Any,
+        name: str,
+        scenario: Scenario,
+        carried: CarriedPoses,
+        place: Array,
+        beside: Array,
+        *,
+        plain: bool = False,
     ) -> None:
         self._place = place
         self._root = scene.add_frame(name, show_axes=False, position=beside)
         self._nodes: list[Any] = []
         self._sent: list[tuple[Array, Array]] = []
-        for solid in self._shapes(scenario, 0.0):
+        for solid in self._shapes(scenario, 0.0, carried):
             vertices, faces = mesh_of(solid.shape)
             node = scene.add_mesh_simple(
                 f"{name}/{solid.shape.name}",
                 vertices,
                 faces,
-                color=SURFACE,
+                color=OBJECT if solid.shape.role == "object" else SURFACE,
                 side="double",
                 flat_shading=solid.shape.kind in ("box", "patch"),
                 cast_shadow=not plain,
@@ -50,14 +60,15 @@ class WorldNodes:
             self._nodes.append(node)
             self._sent.append((np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])))
         self.moves = any(surface.moves for contact in scenario.contacts for surface in contact.surfaces)
-        self.place(scenario, 0.0)
+        self.moves = self.moves or bool(carried)
+        self.place(scenario, 0.0, carried)
 
-    def _shapes(self, scenario: Scenario, time: float) -> Sequence[WorldShape]:
-        return world_shapes(scenario.contacts, np.array([time]), tuple(self._place))
+    def _shapes(self, scenario: Scenario, time: float, carried: CarriedPoses) -> Sequence[WorldShape]:
+        return world_shapes(scenario.contacts, np.array([time]), tuple(self._place), carried=carried)
 
-    def place(self, scenario: Scenario, time: float) -> None:
+    def place(self, scenario: Scenario, time: float, carried: CarriedPoses) -> None:
         """Move the surfaces to where a scenario has them at a time, s; what has not moved is not sent again."""
-        for i, solid in enumerate(self._shapes(scenario, time)):
+        for i, solid in enumerate(self._shapes(scenario, time, carried)):
             position, turn = solid.position[0], quaternions_of(solid.rotation)[0]
             sent_position, sent_turn = self._sent[i]
             if np.abs(position - sent_position).max() > STILL:
