@@ -22,11 +22,13 @@ class Touching:
     """A pair of a surface and a point, and instants at which it touched and let go.
 
     Attributes:
-        surface, point: names. starts, ends: s; a touch that the flight ends with has no end.
+        surface, point: names. at_tip: whether the point is the vehicle's tip.
+        starts, ends: s; a touch that the flight ends with has no end.
     """
 
     surface: str
     point: str
+    at_tip: bool
     starts: tuple[float, ...]
     ends: tuple[float, ...]
 
@@ -40,10 +42,19 @@ def touchings(log: Log) -> tuple[Touching, ...]:
             found[-1] = (found[-1][0], period.end)
         else:
             found.append((period.start, period.end))
+    tips = _at_tip(log)
     return tuple(
-        Touching(*pair, tuple(start for start, _ in found), tuple(end for _, end in found if end is not None))
+        Touching(*pair, pair[1] in tips, tuple(start for start, _ in found), tuple(end for _, end in found if end is not None))
         for pair, found in held.items()
     )
+
+
+def _at_tip(log: Log) -> set[str]:
+    """Names of the points at the vehicle's tip, as the log's record has them."""
+    written = log.info.get("scenario_record") or {}
+    points = (written.get("contact") or {}).get("points") or ()
+    tip = ((written.get("world") or {}).get("vehicle") or {}).get("end_effector")
+    return {str(each.get("name")) for each in points if tip and each.get("frame") == tip}
 
 
 def contact_force(surface: str, point: str) -> Callable[[Log], Array | None]:
@@ -66,9 +77,8 @@ def wanted_force(point: str) -> Callable[[Log], Array | None]:
             scenario = log.scenario
         except ValueError:  # of a version that kept none, or of a plugin that is not loaded
             return None
-        push, tip = getattr(scenario.trajectory, "push", None), scenario.world.vehicle.end_effector
-        named = [each for contact in scenario.contacts for each in contact.points if each.name == point]
-        if push is None or not any(each.frame == tip for each in named):
+        push = getattr(scenario.trajectory, "push", None)
+        if push is None or point not in _at_tip(log):
             return None
         return np.array(np.broadcast_to(push.force.derivatives(log.time)[0], log.time.shape), float)
 

@@ -51,12 +51,13 @@ def touch_places(
     style: PictureStyle,
     span: tuple[float, float],
 ) -> dict[str, Any]:
-    """Where on its path a tip was when a point of the vehicle touched and let go."""
+    """Where on its path a tip was when it touched and let go."""
     handles: dict[str, Any] = {}
     for i, (label, log) in enumerate(named.items()):
         color = style.look(i).color
         for word, marker, face in ((TOUCH_WORDS[0], "^", color), (TOUCH_WORDS[1], "v", style.face)):
-            found = [t for each in facts[label].touching for t in (each.starts if marker == "^" else each.ends)]
+            touching = [each for each in facts[label].touching if each.at_tip]
+            found = [t for each in touching for t in (each.starts if marker == "^" else each.ends)]
             times = [t for t in found if span[0] <= t <= span[1]]
             if times:
                 at = view.flat(log.tip[np.searchsorted(log.time, times).clip(max=log.time.size - 1)]).T
