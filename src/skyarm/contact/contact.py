@@ -16,6 +16,10 @@ from skyarm.contact.carried_contact import NOBODY, Carried, Meeting
 from skyarm.contact.carrier import Carrier
 from skyarm.contact.contact_point import ContactPoint
 from skyarm.contact.free_object import FreeObject
+from skyarm.contact.grasps import UNCHANGED, Grasps
+from skyarm.contact.gripper import Grip, Gripper
+from skyarm.contact.material import RECOVERY
+from skyarm.contact.mechanism import Mechanism
 from skyarm.contact.surface import Surface
 from skyarm.contact.touch import Touch, touch_of
 from skyarm.dynamics.point_motion import PointMotion
@@ -25,8 +29,9 @@ from skyarm.files import shown
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, logical_and, maximum, minimum, neg, sqrt
+from skyarm.scalars import Scalar, data, exp, logical_and, maximum, minimum, neg, sqrt
 from skyarm.vehicle.check import VehicleError
+from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 
 NEAR = 0.005
@@ -44,12 +49,13 @@ class ContactMemory:
         clock: s, of surfaces that move; empty where none does.
         bristles: deflection of each pair's bristle, m, world axes: the first surface's points, then the next one's;
             then those of the carriers' pairs (:class:`skyarm.contact.carried_contact.Carried`).
-        carried: memories of the carriers.
+        carried: memories of the carriers. grips: of the grippers.
     """
 
     clock: tuple[Any, ...]
     bristles: tuple[Vec3, ...]
     carried: tuple[Any, ...] = ()
+    grips: tuple[Grip, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -58,12 +64,15 @@ class Contact(Force):
 
     Attributes:
         points: left out for the vehicle's tip.
-        objects: bodies that nothing holds.
+        objects: bodies that nothing holds. mechanisms: bodies with one degree of freedom.
+        grippers: what the vehicle takes hold of them with.
     """
 
     surfaces: tuple[Surface, ...] = ()
     points: tuple[ContactPoint, ...] = ()
     objects: tuple[FreeObject, ...] = ()
+    mechanisms: tuple[Mechanism, ...] = ()
+    grippers: tuple[Gripper, ...] = ()
     rotor_radius: Annotated[Scalar, Unit("m", "of the rotors' discs, which may touch nothing; 0: hubs", low=0.0)] = 0
 
     def __post_init__(self) -> None:
@@ -71,10 +80,14 @@ class Contact(Force):
         if type(self.rotor_radius) is float and self.rotor_radius == 0.0:
             object.__setattr__(self, "rotor_radius", 0)
         taken: list[str] = []
-        for what, records in (("surfaces", self.surfaces), ("points", self.points), ("objects", self.objects)):
-            names = [record.name for record in records]
+        named = {
+            what: [each.name for each in getattr(self, what)] for what in ("surfaces", "points", "objects", "grippers")
+        }
+        named["mechanisms"] = [each.name for each in self.mechanisms]
+        named["mechanisms"] += [part.name for each in self.mechanisms for part in each.parts]
+        for what, names in named.items():
             for name in names:
-                if names.count(name) > 1 or (what == "objects" and name in taken):
+                if names.count(name) > 1 or (what in ("objects", "grippers", "mechanisms") and name in taken):
                     raise RecordError(f"world.{what}: name = {shown(name)}: must be of one only")
             taken += names
 
@@ -86,7 +99,7 @@ class Contact(Force):
     @property
     def carriers(self) -> tuple[Carrier, ...]:
         """Everything that moves and carries surfaces, in the order of the memory."""
-        return self.objects
+        return (*self.objects, *self.mechanisms)
 
     @property
     def carried(self) -> Carried:
@@ -94,10 +107,16 @@ class Contact(Force):
         return Carried(carriers=self.carriers, surfaces=self.surfaces, points=self.points)
 
     @property
+    def grasps(self) -> Grasps:
+        """The grippers with what they may hold."""
+        return Grasps(grippers=self.grippers, carriers=self.carriers)
+
+    @property
     def largest_step(self) -> Any:  # type: ignore[override]
         """Longest integration step (s) that every material bears; None without surfaces."""
         steps = [surface.material.largest_step for surface in self.surfaces if self.points or not self.carriers]
-        steps += self.carried.steps()
+        steps += [*self.carried.steps(), *self.grasps.steps()]
+        steps += [each.largest_step for each in self.carriers if each.largest_step is not None]
         least = steps[0] if steps else None
         for each in steps[1:]:
             least = minimum(least, each)
@@ -138,13 +157,26 @@ class Contact(Force):
                 raise RecordError(f"world.points[{i}].frame = {shown(point.frame)}: {error}") from None
             except ValueError as error:
                 raise RecordError(f"world.points[{i}].{error}") from None
+        for i, mechanism in enumerate(self.mechanisms):
+            if not mechanism.surfaces:
+                raise RecordError(
+                    f"world.mechanisms[{i}].parts: is missing; nothing of {mechanism.name!r} can be touched"
+                )
+        for i, gripper in enumerate(self.grippers):
+            try:
+                vehicle.frame(gripper.frame or None)
+            except VehicleError as error:
+                raise RecordError(f"world.grippers[{i}].frame = {shown(gripper.frame)}: {error}") from None
+            if not self.carriers:
+                raise RecordError("world.grippers: must be left out of a world without objects")
 
     def start(self, period: float, draws: Sequence[Any]) -> ContactMemory:
         """Upright bristles at t = 0, and every carrier where it starts."""
         clock = (0.0,) if any(surface.moves for surface in self.surfaces) else ()
         upright = tuple(Vec3(0.0, 0.0, 0.0) for _ in range(len(self.pairs) + self.carried.count))
         return ContactMemory(
-            clock=clock, bristles=upright, carried=tuple(carrier.start() for carrier in self.carriers)
+            clock=clock, bristles=upright, carried=tuple(carrier.start() for carrier in self.carriers),
+            grips=tuple(gripper.start() for gripper in self.grippers),
         )  # fmt: skip
 
     def advance(self, memory: Any, t: Any, dt: float, state: State, draws: Sequence[Any]) -> Any:
@@ -180,11 +212,15 @@ class Contact(Force):
         meetings = self.meetings(memory, motion)
         touches = (*self.touches(memory, motion), *(each.touch for each in meetings))
         pushes = self.carried.pushes(memory.carried, meetings)
+        if self.grippers:
+            pulls = self.grasps.on_bodies(memory, motion)
+            pushes = [(f + g, t + u) for (f, t), (g, u) in zip(pushes, pulls, strict=True)]
         going = zip(self.carriers, memory.carried, pushes, strict=True)
         return ContactMemory(
             clock=tuple(1.0 for _ in memory.clock),
-            bristles=tuple(touch.bristle_rate for touch in touches),
+            bristles=tuple(Vec3(*(data(c) for c in touch.bristle_rate)) for touch in touches),
             carried=tuple(carrier.slope(held, *push, motion.gravity) for carrier, held, push in going),
+            grips=tuple(UNCHANGED for _ in memory.grips),
         )
 
     def euler_step(self, memory: Any, slope: Any, dt: Any) -> ContactMemory:
@@ -194,32 +230,58 @@ class Contact(Force):
             clock=moved_by(memory.clock, slope.clock, dt),
             bristles=moved_by(memory.bristles, slope.bristles, dt),
             carried=tuple(carrier.euler_step(held, rate, dt) for carrier, held, rate in going),
+            grips=memory.grips,
         )
 
     def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
-        """A force at every point, and the torque about it of a ball that touches beside its middle."""
-        touches, meetings, found = self.touches(memory, motion), self.meetings(memory, motion), []
+        """A force at every point, and the torque about it of a ball that touches beside its middle.
+
+        Points of the base act together, at its origin.
+        """
+        touches, meetings = self.touches(memory, motion), self.meetings(memory, motion)
+        found, whole = list[Wrench](), Wrench()
         for i, point in enumerate(self.points):
             force = torque = ZERO3
             own = [each.touch for each in meetings if each.by == NOBODY and each.index == i]
             for touch in (*touches[i :: len(self.points)], *own):
                 force, torque = force + touch.force, torque + touch.spot.cross(touch.force)
             at, body = point.place(motion.vehicle)
-            found.append(Wrench(force_W=force, torque_W=torque, point=at, body=body))
-        return found
+            if body == BASE:
+                torque = torque + motion.turned(at).cross(force)
+                whole = Wrench(force_W=whole.force_W + force, torque_W=whole.torque_W + torque)
+            else:
+                found.append(Wrench(force_W=force, torque_W=torque, point=at, body=body))
+        found = [whole, *found] if len(found) < len(self.points) else found
+        return found + self.grasps.on_vehicle(memory, motion)
+
+    def act(self, memory: Any, t: Any, motion: PointMotion) -> Any:
+        """Grippers take hold, let go and give way."""
+        return replace(memory, grips=self.grasps.after(memory, t, motion)) if self.grippers else memory
 
     def far(self, memory: Any, motion: PointMotion, seconds: Any) -> Any:
-        """Whether no point or spot comes as near to a surface as ``NEAR``, if it goes on with its velocity."""
+        """Whether no point comes as near to a surface as ``NEAR``, if it goes on with its velocity.
+
+        Bodies that move beside the vehicle take their own steps all the time.
+        """
+        if self.carriers:
+            return False
         found: Any = True
-        for touch in (*self.touches(memory, motion), *(each.touch for each in self.meetings(memory, motion))):
+        for touch in self.touches(memory, motion):
             away = touch.depth - touch.rising * seconds < -NEAR
             found = away if found is True else logical_and(found, away)
         return found
 
+    def alone(self, memory: Any, seconds: Any) -> ContactMemory:
+        """The clock goes on, bristles stand up."""
+        left = exp(-RECOVERY * seconds)
+        clock = tuple(t + seconds for t in memory.clock)
+        bristles = tuple(bristle * left for bristle in memory.bristles)
+        return ContactMemory(clock=clock, bristles=bristles, carried=memory.carried, grips=memory.grips)
+
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
         """Normal force (N), friction (N) and penetration (m) of each pair, one after the other; zeros outside.
 
-        Behind them stand the carriers' numbers.
+        Behind them stand the carriers' numbers, then the grippers'.
         """
         numbers: list[Any] = []
         own = [each.touch for each in self.meetings(memory, motion) if each.by == NOBODY]
@@ -228,12 +290,16 @@ class Contact(Force):
             numbers += [touch.normal, sqrt(friction.dot(friction)), maximum(touch.depth, 0.0)]
         for carrier, held in zip(self.carriers, memory.carried, strict=True):
             numbers += carrier.logged(held)
-        return tuple(numbers)
+        return (*numbers, *self.grasps.logged(memory, motion))
 
 
 def _moving(point: ContactPoint, motion: PointMotion) -> tuple[Vec3, Vec3, Vec3]:
     """Position (m), velocity (m/s) and angular velocity (rad/s) of a point, world axes; the last of a ball only."""
     at, body = point.place(motion.vehicle)
     ball = not (type(point.radius) is int and point.radius == 0)
+    if body == BASE:  # the lever turned once serves place, velocity and torque
+        lever, turning = motion.turned(at), motion.turned(motion.state.rate)
+        state = motion.state
+        return state.position + lever, state.velocity + turning.cross(lever), turning if ball else ZERO3
     turning = motion.turned(motion.angular_velocity(body), body) if ball else ZERO3
     return motion.position(at, body), motion.velocity(at, body), turning

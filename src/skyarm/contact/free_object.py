@@ -20,7 +20,7 @@ from skyarm.files import must_be_one_of, shown
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, data, divide, sqrt
+from skyarm.scalars import Scalar, data, divide, minimum, sqrt
 
 SOLIDS = tuple(shape for shape in SHAPES if shape != "plane")
 """Shapes of an object: those that have an end."""
@@ -114,6 +114,12 @@ class FreeObject(Carrier):
     def mobility(self) -> Any:
         """1/kg: of the face, rim or place that is the easiest to move."""
         return largest_mobility(self.shape, self.size, self.com, self.mass, self.moments)
+
+    @property
+    def gyration(self) -> Any:
+        """Square of the least radius of gyration, m^2."""
+        moments = self.moments
+        return minimum(minimum(moments.x, moments.y), moments.z) / self.mass
 
     def start(self) -> ObjectMotion:
         """Where the fields put it."""

@@ -68,11 +68,18 @@ class Surface:
     @property
     def rotation(self) -> Mat3:
         """R_WS, axes of the surface to world axes."""
-        R = Mat3.identity()
-        for axis, angle in zip((E_X, E_Y, E_Z), self.angles, strict=True):
-            if not (type(angle) is int and angle == 0):
-                R = axis_rotation(axis, angle) @ R
-        return R
+        return rotation_of(self.angles)
+
+    @property
+    def farthest(self) -> Any:
+        """Distance of its farthest place from its middle, m; of a shape with an end."""
+        if self.shape == "sphere":
+            return self.size[0]
+        if self.shape == "box":
+            x, y, z = self.size
+            return 0.5 * sqrt(x * x + y * y + z * z)
+        radius, length = self.size
+        return sqrt(radius * radius + 0.25 * length * length)
 
     def place(self, t: Any) -> tuple[Vec3, Vec3]:
         """Position (m) and velocity (m/s) at time t (s), world axes."""
@@ -133,6 +140,15 @@ class Surface:
         for each in found[1:]:
             widest = maximum(widest, each)
         return widest
+
+
+def rotation_of(angles: Vec3) -> Mat3:
+    """Rotation by roll, pitch and yaw (rad) about x, then y, then z of the outer axes; zeros of structure fold away."""
+    R = Mat3.identity()
+    for axis, angle in zip((E_X, E_Y, E_Z), angles, strict=True):
+        if not (type(angle) is int and angle == 0):
+            R = axis_rotation(axis, angle) @ R
+    return R
 
 
 def _half_width(axis: Vec3, normal: Vec3, radius: Any) -> Any:

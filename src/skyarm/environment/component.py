@@ -84,6 +84,10 @@ class Component:
         """Memory for the period that begins at ``t`` (s) and takes ``dt`` (s); ``state`` is the vehicle's at ``t``."""
         return memory
 
+    def act(self, memory: Any, t: Any, motion: PointMotion) -> Any:
+        """A coupled component's memory after what it does at the control instant ``t`` (s): take hold, let go."""
+        return memory
+
     def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
         """Velocity of the air at a place, world axes, m/s."""
         return ZERO3
@@ -111,8 +115,12 @@ class Component:
         return moved_by(memory, slope, dt)
 
     def far(self, memory: Any, motion: PointMotion, seconds: Any) -> Any:
-        """Whether a coupled component will ask for nothing within so many seconds, so that its steps may wait."""
+        """Whether a coupled component will not act within so many seconds: the vehicle then moves without it."""
         return False
+
+    def alone(self, memory: Any, seconds: Any) -> Any:
+        """The memory of a coupled component after so many seconds for which it was far."""
+        return memory
 
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
         """Numbers of this instant that a log keeps."""

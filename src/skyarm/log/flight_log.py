@@ -53,6 +53,11 @@ IF_ANY = (
     "object_quaternion",
     "object_velocity",
     "object_rate",
+    "mechanism_position",
+    "mechanism_rate",
+    "gripper_taken",
+    "gripper_force",
+    "gripper_lost",
 )
 """Arrays of what not every flight has: left out of files, with no column, where there is none."""
 
@@ -86,6 +91,9 @@ class Log:
             columns where there is no world.
         object_position, object_quaternion, object_velocity, object_rate: (N, 3 or 4 objects) of the middle of each free
             object's shape: m, wxyz, m/s (world axes), angular velocity in rad/s (its own axes).
+        mechanism_position, mechanism_rate: (N, mechanisms) rad and rad/s of what turns, m and m/s of what slides.
+        gripper_taken, gripper_force, gripper_lost: (N, grippers) the number of the object that a gripper holds, from 1,
+            and 0 for none; the force of the grasp, N; how often it has given way.
         tilts, tilt_commands: (N, tilting rotors) rad; without columns where no rotor tilts.
         measured_position, measured_joints: what the sensors said at this instant; a delayed controller saw it later.
         info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground",
@@ -144,6 +152,13 @@ class Log:
     object_rate: Annotated[Array, Unit("rad/s", "angular velocity of an object, its own axes")] = field(
         default_factory=_nothing
     )
+    mechanism_position: Annotated[Array, Unit("rad or m", "of a mechanism")] = field(default_factory=_nothing)
+    mechanism_rate: Annotated[Array, Unit("rad/s or m/s", "of a mechanism")] = field(default_factory=_nothing)
+    gripper_taken: Annotated[Array, Unit("", "number of the object that a gripper holds, from 1; 0 for none")] = field(
+        default_factory=_nothing
+    )
+    gripper_force: Annotated[Array, Unit("N", "of a gripper's grasp")] = field(default_factory=_nothing)
+    gripper_lost: Annotated[Array, Unit("", "how often a grasp has given way")] = field(default_factory=_nothing)
     tilts: Annotated[Array, units(State)["tilts"]] = field(default_factory=_nothing)
     tilt_commands: Annotated[Array, Unit("rad", "commanded")] = field(default_factory=_nothing)
     info: dict[str, Any]

@@ -50,6 +50,12 @@ CONTACT_ARRAYS = ("contact_force", "contact_friction", "contact_depth")
 OBJECT_ARRAYS = {"object_position": 3, "object_quaternion": 4, "object_velocity": 3, "object_rate": 3}
 """Arrays of free objects, in the order in which a contact logs them, and how many numbers each object has in them."""
 
+MECHANISM_ARRAYS = ("mechanism_position", "mechanism_rate")
+"""Arrays of a number for each mechanism, in the order in which a contact logs them, behind the objects."""
+
+GRIPPER_ARRAYS = ("gripper_taken", "gripper_force", "gripper_lost")
+"""Arrays of a number for each gripper, in the order in which a contact logs them."""
+
 RENAMED = {"tool": "tip", "tool_held": "tip_held", "tool_reference": "tip_reference"}
 """Array that a log's file of arrays keeps under its first name -> the word for it."""
 
@@ -83,7 +89,7 @@ class Names:
 
     ``setpoints`` has a unit for each joint that takes a setpoint in place of a torque, None for the others; ``tilting``
     are the rotors that tilt, ``contacts`` the pairs of a surface of the world and a point of the vehicle, ``objects``
-    its free bodies.
+    its free bodies, ``mechanisms`` those with one degree of freedom, ``grippers`` those of the vehicle.
     """
 
     joints: tuple[str, ...]
@@ -93,6 +99,8 @@ class Names:
     tilting: tuple[str, ...] = ()
     contacts: tuple[str, ...] = ()
     objects: tuple[str, ...] = ()
+    mechanisms: tuple[str, ...] = ()
+    grippers: tuple[str, ...] = ()
 
 
 def names_of(log: Log) -> Names:
@@ -119,14 +127,25 @@ def names_of(log: Log) -> Names:
     )
 
 
-def _contacts(log: Log) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Surface and point of each pair that may touch, and the objects, whose skins are surfaces, too."""
+def _contacts(log: Log) -> tuple[tuple[str, ...], ...]:
+    """Pairs of a surface and a point; objects and mechanisms, whose skins are surfaces, too; grippers."""
     world = _below(log.info, "scenario_record", "contact")
-    surfaces, objects, points = (
-        [word(str(_table(each).get("name"))) for each in world.get(of) or []]
-        for of in ("surfaces", "objects", "points")
+    points, objects, mechanisms, grippers = (
+        tuple(word(str(_table(each).get("name"))) for each in world.get(of) or [])
+        for of in ("points", "objects", "mechanisms", "grippers")
     )
-    return tuple(f"{surface}_{point}" for surface in (*surfaces, *objects) for point in points), tuple(objects)
+    surfaces = map(word, touched_surfaces(world))
+    pairs = tuple(f"{surface}_{point}" for surface in surfaces for point in points)
+    return pairs, objects, mechanisms, grippers
+
+
+def touched_surfaces(world: Mapping[str, Any]) -> list[str]:
+    """Names of all that the vehicle's points may touch, as plain data of a contact tell them, in a log's order."""
+    found = [str(_table(each).get("name")) for of in ("surfaces", "objects") for each in world.get(of) or []]
+    for each in map(_table, world.get("mechanisms") or []):
+        found += [str(each.get("name"))] * bool(each.get("size"))
+        found += [str(_table(part).get("name")) for part in each.get("parts") or []]
+    return found
 
 
 def _below(data: Any, *path: str) -> Mapping[str, Any]:
@@ -176,6 +195,10 @@ def _endings(array: str, width: int | None, names: Names) -> list[str]:
         return [f"{begin}_{each}" for each in names.contacts]
     if array in OBJECT_ARRAYS and len(names.objects) * OBJECT_ARRAYS[array] == width:
         return [f"{begin}_{each}_{axis}" for each in names.objects for axis in AXES[OBJECT_ARRAYS[array]]]
+    if array in MECHANISM_ARRAYS and len(names.mechanisms) == width:
+        return [f"{begin}_{each}" for each in names.mechanisms]
+    if array in GRIPPER_ARRAYS and len(names.grippers) == width:
+        return [f"{begin}_{each}" for each in names.grippers]
     if array in IF_ANY:
         return [f"{begin}_{i}" for i in range(width)]
     return [f"{begin}_{axis}" for axis in AXES.get(width, map(str, range(width)))]
