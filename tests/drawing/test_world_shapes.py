@@ -13,6 +13,8 @@ from skyarm.actuation.tilting import turned
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.contact import Contact, ContactPoint, Material, Surface
 from skyarm.contact.free_object import FreeObject
+from skyarm.contact.mechanism import Mechanism
+from skyarm.contact.mechanism_effort import MechanismMotion
 from skyarm.drawing.carried_poses import held_poses, logged_poses
 from skyarm.drawing.meshes import mesh_of
 from skyarm.drawing.moving_poses import moving_poses
@@ -71,7 +73,7 @@ def test_an_object_is_drawn_as_its_carrier_has_it_from_a_log_and_from_memory(sha
     frame, (skin,) = thing.frame(memory.carried[0]), thing.surfaces
     numbers = np.array([float(c) for c in thing.logged(memory.carried[0])])
     for carried in (
-        logged_poses([contact], numbers[None, :3], 1.7 * numbers[None, 3:7]),
+        logged_poses([contact], numbers[None, :3], 1.7 * numbers[None, 3:7], np.zeros((0, 0))),
         held_poses([contact], [memory]),
     ):
         (solid,) = world_shapes([contact], np.zeros(1), carried=carried)
@@ -79,6 +81,25 @@ def test_an_object_is_drawn_as_its_carrier_has_it_from_a_log_and_from_memory(sha
         world = solid.position[0] + mesh_of(solid.shape)[0] @ solid.rotation[0].T
         np.testing.assert_allclose(frame.depth(skin, Vec3(*world.T), 0)[0], 0.0, atol=1e-12)
     assert world_shapes([contact], np.zeros(1)) == ()
+
+
+@pytest.mark.parametrize("kind", ["door", "drawer", "valve"])
+def test_a_mechanism_is_drawn_as_its_carrier_has_it_at_every_coordinate(kind: str) -> None:
+    handle = Surface(name="handle", shape="sphere", size=(0.05,), position=Vec3(0.1, 0.3, 0.2))
+    thing = Mechanism(
+        name="thing", kind=kind, size=(0.8, 0.9, 0.05)[: 2 if kind == "valve" else 3], mass=3.0, parts=(handle,),
+        position=Vec3(1.0, 2.0, 0.5), angles=Vec3(0.1, 0.2, 0.7),
+    )  # fmt: skip
+    contact, coordinates = Contact(surfaces=(), mechanisms=(thing,)), np.array([[0.0], [0.3], [-0.8]])
+    nothing = np.zeros((0, 0))
+    drawn = world_shapes([contact], np.zeros(3), carried=logged_poses([contact], nothing, nothing, coordinates))
+    assert [each.shape.name for each in drawn] == [f"world/{each.name}" for each in thing.surfaces]
+    assert all(each.shape.role == "object" and each.moves for each in drawn)
+    for k, (coordinate,) in enumerate(coordinates):
+        frame = thing.frame(MechanismMotion(coordinate=float(coordinate), rate=0.0, bristle=()))
+        for solid, skin in zip(drawn, thing.surfaces, strict=True):
+            world = solid.position[k] + mesh_of(solid.shape)[0] @ solid.rotation[k].T
+            np.testing.assert_allclose(frame.depth(skin, Vec3(*world.T), 0)[0], 0.0, atol=1e-12)
 
 
 def test_a_patch_is_about_the_nearest_point_of_its_plane_and_goes_with_it() -> None:
@@ -141,15 +162,14 @@ def test_arrows_are_the_forces_on_the_points() -> None:
     poses = moving_poses(vehicle, *(np.array([each]) for each in where))
     arrows = touch_arrows(contact, vehicle, poses, np.zeros(1), normal, held_poses([contact], [memory]))
     assert {each.surface for each in arrows} == {"tilted", "box"}
-    wrenches = contact.wrenches(memory, 0.0, motion, state.rotor_speeds)
-    for point, wrench in zip(contact.points, wrenches, strict=True):
-        mine = [each for each in arrows if each.point == point.name]
-        # at rest bristles stand upright: there is no friction
-        total = np.sum([each.force[0] for each in mine], axis=0) if mine else np.zeros(3)
-        np.testing.assert_allclose(total, [float(c) for c in wrench.force_W], rtol=1e-9, atol=1e-9)
-        middle = np.array([float(c) for c in motion.position(*point.place(vehicle))])
-        turning = np.sum([np.cross(each.spot[0] - middle, each.force[0]) for each in mine], axis=0) if mine else 0.0
-        np.testing.assert_allclose(turning, [float(c) for c in wrench.torque_W], atol=1e-9)
+    # at rest bristles stand upright: there is no friction
+    force, torque = np.zeros(3), np.zeros(3)
+    for wrench in contact.wrenches(memory, 0.0, motion, state.rotor_speeds):
+        push = np.array([float(c) for c in wrench.force_W])
+        lever = np.array([float(c) for c in motion.position(wrench.point, wrench.body)])
+        force, torque = force + push, torque + np.cross(lever, push) + [float(c) for c in wrench.torque_W]
+    np.testing.assert_allclose(sum(each.force[0] for each in arrows), force, rtol=1e-9)
+    np.testing.assert_allclose(sum(np.cross(each.spot[0], each.force[0]) for each in arrows), torque, rtol=1e-9)
 
 
 def test_points_are_marked_where_the_contact_has_them_and_the_tip_has_no_second_mark() -> None:

@@ -44,7 +44,12 @@ def touchings(log: Log) -> tuple[Touching, ...]:
             found.append((period.start, period.end))
     tips = _at_tip(log)
     return tuple(
-        Touching(*pair, pair[1] in tips, tuple(start for start, _ in found), tuple(end for _, end in found if end is not None))
+        Touching(
+            *pair,
+            pair[1] in tips,
+            tuple(start for start, _ in found),
+            tuple(end for _, end in found if end is not None),
+        )
         for pair, found in held.items()
     )
 

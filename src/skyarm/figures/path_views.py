@@ -10,7 +10,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
-from skyarm.drawing.carried_poses import CarriedPoses, logged_poses
+from skyarm.drawing.carried_poses import logged_poses
 from skyarm.drawing.world_shapes import WorldShape, ground_height, world_shapes
 from skyarm.figures import picture_styles
 from skyarm.figures.flight_facts import FlightFacts
@@ -111,9 +111,8 @@ def _world(named: Mapping[str, Log], span: tuple[float, float]) -> tuple[tuple[W
         if not contacts or not inside.size:
             continue
         ends = inside[[0, -1]]
-        carried: CarriedPoses = {}
-        if log.object_position.size:
-            carried = logged_poses(contacts, log.object_position[ends], log.object_quaternion[ends])
+        moved = (log.object_position, log.object_quaternion, log.mechanism_position)
+        carried = logged_poses(contacts, *(each[ends] if each.size else each for each in moved))
         around = np.mean(log.tip[inside], axis=0)
         level = any(each.shape == "plane" for contact in contacts for each in contact.surfaces)
         return (

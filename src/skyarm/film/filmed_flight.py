@@ -39,6 +39,9 @@ eyes."""
 
 MOST_FLIGHTS = len(COLORS)
 
+NOTHING: Array = np.zeros((0, 0))
+"""What a log has of what there is not."""
+
 WIDEST = 6.0
 """m of way beyond which the patch of a plane grows no more."""
 
@@ -235,12 +238,14 @@ def _patch(tip: Array) -> float:
 
 
 def _carried(log: Log, contacts: Sequence[Contact], times: Array) -> CarriedPoses:
-    """Free objects at the frames."""
-    if not log.object_position.size:
-        return {}
-    turns = np.split(log.object_quaternion, log.object_quaternion.shape[1] // 4, axis=1)
-    turned = np.concatenate([_read(log.time, _continuous(each), times) for each in turns], axis=1)
-    return logged_poses(contacts, _read(log.time, log.object_position, times), turned)
+    """Free objects and mechanisms at the frames."""
+    count = log.object_quaternion.shape[1] // 4
+    turns = [_continuous(log.object_quaternion[:, 4 * i : 4 * i + 4]) for i in range(count)]
+    turned = np.concatenate([_read(log.time, each, times) for each in turns], axis=1) if turns else NOTHING
+    places, coordinates = (
+        _read(log.time, each, times) if each.size else NOTHING for each in (log.object_position, log.mechanism_position)
+    )
+    return logged_poses(contacts, places, turned, coordinates)
 
 
 def _touches(
