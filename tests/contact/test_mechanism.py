@@ -109,6 +109,8 @@ def test_a_stop_gives_no_more_than_it_takes(damping, elastic):
 def test_a_stop_of_a_given_stiffness_is_entered_as_far_as_a_load_presses():
     pressed = moved(hinge(upper=0.1, initial=0.1, stop_stiffness=800.0, damping=40.0), 0.8, twist=(0.0, 0.0, 4.0))[-1]
     assert pressed[0] == pytest.approx(0.1 + 4.0 / 800.0, rel=1e-6)
+    light = moved(slide(upper=0.1, initial=0.1, mass=0.02, damping=20.0), 0.1, push=(0.0, 0.0, 1.0))[-1]
+    assert light[0] - 0.1 == pytest.approx(1.0 / 5000.0, rel=1e-4)
     usual = moved(hinge(upper=0.1, initial=0.1, damping=100.0), 0.3, twist=(0.0, 0.0, 4.0))[-1]
     assert usual[0] - 0.1 == pytest.approx(4.0 / (0.5 * 200.0**2), rel=1e-4)
 

@@ -16,10 +16,11 @@ from skyarm.contact.free_object import FreeObject
 from skyarm.contact.mechanism import Mechanism
 from skyarm.contact.mechanism_effort import MechanismMotion
 from skyarm.drawing.carried_poses import held_poses, logged_poses
+from skyarm.drawing.hole_parts import without_holes
 from skyarm.drawing.meshes import mesh_of
 from skyarm.drawing.moving_poses import moving_poses
 from skyarm.drawing.poses import body_poses
-from skyarm.drawing.sight_lines import hidden_share
+from skyarm.drawing.sight_lines import hidden_share, inside
 from skyarm.drawing.tilted_rotors import disc_name, rotor_turns, turned_shape
 from skyarm.drawing.touch_arrows import touch_arrows
 from skyarm.drawing.vehicle_shapes import vehicle_shapes
@@ -30,7 +31,13 @@ from skyarm.environment.signal_vector import SignalVector
 from skyarm.figures.projection import surface as outline_points
 from skyarm.reference.signals import Constant, Sine
 
-SIZES: dict[str, tuple[float, ...]] = {"plane": (), "box": (0.3, 0.7, 1.1), "cylinder": (0.2, 0.9), "sphere": (0.4,)}
+SIZES: dict[str, tuple[float, ...]] = {
+    "plane": (),
+    "box": (0.3, 0.7, 1.1),
+    "cylinder": (0.2, 0.9),
+    "sphere": (0.4,),
+    "hole": (0.1, 0.3, 0.05, 0.4, 0.5),
+}
 MOTION = SignalVector(x=Sine(amplitude=0.3, frequency_hz=0.4), y=Constant(value=0.1), z=Constant(value=0))
 
 
@@ -100,6 +107,26 @@ def test_a_mechanism_is_drawn_as_its_carrier_has_it_at_every_coordinate(kind: st
         for solid, skin in zip(drawn, thing.surfaces, strict=True):
             world = solid.position[k] + mesh_of(solid.shape)[0] @ solid.rotation[k].T
             np.testing.assert_allclose(frame.depth(skin, Vec3(*world.T), 0)[0], 0.0, atol=1e-12)
+
+
+def test_a_hole_in_parts_has_the_hole_and_the_plate() -> None:
+    hole = a_surface("hole")
+    *_, outer, length = SIZES["hole"]
+    (solid,) = world_shapes([Contact(surfaces=(hole,))], np.zeros(1))
+    parts = without_holes([solid])
+    draw = np.random.default_rng(3)
+    points = draw.uniform(-1.0, 1.0, (4000, 3)) * [1.2 * outer, 1.2 * outer, 0.5 * length] - [0.0, 0.0, 0.4 * length]
+    world = solid.position[0] + points @ solid.rotation[0].T
+    filled = np.zeros(len(points), bool)
+    for part in parts:
+        filled |= inside(part, (world - part.position[0]) @ part.rotation[0])
+    depths = np.asarray(hole.depth(Vec3(*world.T), 0, 0.0)[0])
+    # but for the chamfer (5 cm) and the corners of polygons (2 % of a radius)
+    away = np.hypot(points[:, 0], points[:, 1])
+    sure = (np.abs(depths) > 0.025 * outer) & ((points[:, 2] < -0.051) | (away > 0.151))
+    assert sure.sum() > 1000
+    np.testing.assert_array_equal(filled[sure], depths[sure] > 0.0)
+    assert without_holes([]) == []
 
 
 def test_a_patch_is_about_the_nearest_point_of_its_plane_and_goes_with_it() -> None:
@@ -213,7 +240,9 @@ def test_discs_are_turned_as_the_servos_turn_the_thrust() -> None:
 @pytest.mark.parametrize("shape", SIZES)
 def test_a_surface_hides_what_is_behind_it_and_nothing_beside_it(shape: str) -> None:
     surface = a_surface(
-        shape, position=Vec3(1.0, 0.0, 0.0), angles=Vec3(0.0, -0.5 * np.pi if shape == "plane" else 0, 0)
+        shape,
+        position=Vec3(1.0, 0.0, 0.2 if shape == "hole" else 0.0),
+        angles=Vec3(0.0, -0.5 * np.pi if shape == "plane" else 0, 0),
     )
     (solid,) = world_shapes([Contact(surfaces=(surface,))], np.zeros(1))
     for way, hidden in (

@@ -79,6 +79,7 @@ class Contact(Force):
         accept_fields(self, "world")
         if type(self.rotor_radius) is float and self.rotor_radius == 0.0:
             object.__setattr__(self, "rotor_radius", 0)
+        object.__setattr__(self, "points", tuple(each for point in self.points for each in point.each()))
         taken: list[str] = []
         named = {
             what: [each.name for each in getattr(self, what)] for what in ("surfaces", "points", "objects", "grippers")

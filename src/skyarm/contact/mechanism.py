@@ -55,7 +55,7 @@ class Mechanism(Carrier):
     friction: Annotated[Scalar, Unit("N m or N", "dry", low=0.0)] = 0
     bristle: Annotated[Scalar, Unit("rad or m", "slip at which dry friction is whole", low=0.0)] = 0
     detent: Detent | None = None
-    stop_stiffness: Annotated[Scalar, Unit("N m/rad or N/m", "0 for 200 rad/s", low=0.0)] = 0
+    stop_stiffness: Annotated[Scalar, Unit("N m/rad or N/m", "0 for one by the inertia", low=0.0)] = 0
     stop_damping: Annotated[Scalar, Unit("s/rad or s/m", "share of a stop's force by the speed into it", low=0.0)] = 2.0
 
     def __post_init__(self) -> None:

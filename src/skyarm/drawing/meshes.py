@@ -43,11 +43,17 @@ def mesh_of(shape: Shape) -> tuple[Array, Faces]:
         vertices, faces = _revolved([*profile, *((r, -z) for r, z in reversed(profile))])
     elif shape.kind == "box":
         vertices, faces = _box(np.array(shape.size))
+    elif shape.kind == "hole":
+        radius, depth, chamfer, outer, length = shape.size
+        plate = [(0.0, -length), (outer, -length), (outer, 0.0)]
+        vertices, faces = _revolved(
+            [*plate, (radius + chamfer, 0.0), (radius, -chamfer), (radius, -depth), (0.0, -depth)]
+        )
     elif shape.kind == "patch":
         vertices = np.array([[x, y, 0.0] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]) * [*shape.size, 0.0]
         faces = np.array([[0, 1, 2], [0, 2, 3]])
     else:
-        allowed = "ellipsoid, capsule, cylinder, sphere, box or patch"
+        allowed = "ellipsoid, capsule, cylinder, sphere, box, patch or hole"
         raise ValueError(f"shape.kind = {shape.kind!r}: must be {allowed}")
     return vertices @ np.array(shape.rotation).T + np.array(shape.position), faces
 
@@ -65,7 +71,7 @@ def _box(half: Array) -> tuple[Array, Faces]:
 
 
 def _revolved(profile: list[tuple[float, float]]) -> tuple[Array, Faces]:
-    """A profile of (radius, height), upwards, turned about z."""
+    """A profile of (radius, height), turned about z; its outside is to the right of the way along it."""
     angles = np.linspace(0.0, 2.0 * math.pi, AROUND, endpoint=False)
     ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(AROUND)], axis=1)
     vertices = np.concatenate([ring * [r, r, 0.0] + [0.0, 0.0, z] for r, z in profile])

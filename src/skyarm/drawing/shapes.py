@@ -24,7 +24,8 @@ class Shape:
         role: one of ROLES.
         kind: "ellipsoid" (three half axes), "capsule" or "cylinder" (radius, length between the centres of its ends,
             along z), "sphere" (radius), "box" (three half lengths), "patch" of a plane (two half lengths; its outside
-            is along z).
+            is along z), "hole" (a plate with one, about z: radius, depth, chamfer, outer radius, length; the origin is
+            in the middle of the mouth).
         body: link of the vehicle, BASE for the airframe; of a surface of the world it says nothing.
         size: m, by kind.
         position: centre, m, axes of the body.

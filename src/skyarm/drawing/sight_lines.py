@@ -38,6 +38,9 @@ def inside(solid: WorldShape, places: Array) -> npt.NDArray[np.bool_]:
         return np.asarray((np.abs(places[..., :2]) < size).all(axis=-1) & (places[..., 2] < 0.0))
     if kind == "box":
         return np.asarray((np.abs(places) < size).all(axis=-1))
+    if kind == "hole":  # as if it were filled
+        away, height = np.linalg.norm(places[..., :2], axis=-1), places[..., 2]
+        return np.asarray((away < size[3]) & (height < 0.0) & (height > -size[4]))
     if kind == "cylinder":
         away = np.linalg.norm(places[..., :2], axis=-1)
         return np.asarray((away < size[0]) & (np.abs(places[..., 2]) < 0.5 * size[1]))

@@ -67,7 +67,7 @@ def surface(shape: Shape) -> Array:
         radius, length = shape.size
         ball = radius * _directions()
         local = _both_ends(ball, length)
-    elif shape.kind in ("box", "patch"):
+    elif shape.kind in ("box", "patch", "hole"):
         local = mesh_of(replace(shape, rotation=UPRIGHT, position=(0.0, 0.0, 0.0)))[0]
     else:
         half = shape.size if shape.kind == "ellipsoid" else shape.size * 3

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.drawing.meshes import mesh_of
 from skyarm.drawing.moving_poses import moving_poses
-from skyarm.drawing.shapes import Shape
+from skyarm.drawing.shapes import UPRIGHT, Shape
 from skyarm.drawing.tilted_rotors import rotor_turns, turned_shape
 from skyarm.drawing.vehicle_shapes import vehicle_shapes
 from skyarm.film.filmed_flight import FilmedFlight
@@ -99,6 +101,9 @@ def add_shape(scene: Any, name: str, shape: Shape, color: RGBA) -> Any:
     if shape.kind in ("box", "patch"):
         lengths = tuple(2.0 * half for half in (*shape.size, THIN)[:3])
         return scene.add_box(name, dimensions=lengths, **look)
+    if shape.kind == "hole":
+        vertices, faces = mesh_of(replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT))
+        return scene.add_mesh_simple(name, vertices, faces, side="double", flat_shading=True, **look)
     radius, length = shape.size
     node = scene.add_cylinder(name, radius=radius, height=length, radial_segments=SEGMENTS, **look)
     if shape.kind == "capsule":

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.drawing.hole_parts import without_holes
 from skyarm.drawing.moving_poses import moving_poses
 from skyarm.drawing.shapes import Shape
 from skyarm.drawing.tilted_rotors import rotor_turns, turned_shape
@@ -46,7 +47,8 @@ class Solid:
 def vehicle_solids(flight: FilmedFlight) -> list[Solid]:
     """The vehicle in its colour, the payloads that it takes and leaves, the surfaces that it may touch."""
     own = _solids(flight, flight.position, flight.quaternion, flight.joints, ghost=False)
-    world = [Solid(each.shape, world_color(each.shape.role), each.position, each.rotation) for each in flight.surfaces]
+    shown = without_holes(flight.surfaces)
+    world = [Solid(each.shape, world_color(each.shape.role), each.position, each.rotation) for each in shown]
     return [*own, *_loads(flight), *world]
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.contact.mechanism_kinds import KINDS
 from skyarm.log.flight_log import IF_ANY, Log
 from skyarm.log.joint_setpoints import setpoints_of
 from skyarm.records.units import Unit, units
@@ -89,7 +90,8 @@ class Names:
 
     ``setpoints`` has a unit for each joint that takes a setpoint in place of a torque, None for the others; ``tilting``
     are the rotors that tilt, ``contacts`` the pairs of a surface of the world and a point of the vehicle, ``objects``
-    its free bodies, ``mechanisms`` those with one degree of freedom, ``grippers`` those of the vehicle.
+    its free bodies, ``mechanisms`` those with one degree of freedom (kinds as those of joints), ``grippers`` those of
+    the vehicle.
     """
 
     joints: tuple[str, ...]
@@ -101,6 +103,7 @@ class Names:
     objects: tuple[str, ...] = ()
     mechanisms: tuple[str, ...] = ()
     grippers: tuple[str, ...] = ()
+    mechanism_kinds: tuple[str, ...] = ()
 
 
 def names_of(log: Log) -> Names:
@@ -136,7 +139,13 @@ def _contacts(log: Log) -> tuple[tuple[str, ...], ...]:
     )
     surfaces = map(word, touched_surfaces(world))
     pairs = tuple(f"{surface}_{point}" for surface in surfaces for point in points)
-    return pairs, objects, mechanisms, grippers
+    return pairs, objects, mechanisms, grippers, tuple(_joint_kind(each) for each in world.get("mechanisms") or [])
+
+
+def _joint_kind(mechanism: Any) -> str:
+    """The kind of joint that a mechanism is."""
+    kind = KINDS.get(str(_table(mechanism).get("kind")))
+    return "" if kind is None else "revolute" if kind.turns else "prismatic"
 
 
 def touched_surfaces(world: Mapping[str, Any]) -> list[str]:
@@ -165,6 +174,8 @@ def columns(log: Log) -> tuple[Column, ...]:
         width = getattr(log, array).shape[1:]
         for index, ending in enumerate(_endings(array, width[0] if width else None, names)):
             kind = names.kinds[index] if array in JOINT_ARRAYS else ""
+            if array in MECHANISM_ARRAYS and len(names.mechanism_kinds) == width[0]:
+                kind = names.mechanism_kinds[index]
             place = index if width else None
             told = names.setpoints[index] if array == "efforts" else None
             own = unit_of_kind(unit, kind) if told is None else told

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from skyarm.contact import Contact
 from skyarm.drawing.carried_poses import logged_poses
+from skyarm.drawing.hole_parts import without_holes
 from skyarm.drawing.world_shapes import WorldShape, world_shapes
 from skyarm.log.flight_log import Log
 from skyarm.log.ros.frame_transforms import WORLD, of_matrices, quaternion, xyz
@@ -49,7 +50,8 @@ class WorldMarkers:
     def still(self) -> list[dict[str, Any]]:
         """A visualization_msgs/Marker for each surface that stays where it is."""
         shapes = world_shapes(self._contacts, np.zeros(1), self._around)
-        return [_marker(i, each, 0, 0) for i, each in enumerate(shapes) if each.shape.name not in self._moving]
+        still = without_holes(each for each in shapes if each.shape.name not in self._moving)
+        return [_marker(i, each, 0, 0) for i, each in enumerate(still)]
 
     @property
     def moves(self) -> bool:
@@ -61,7 +63,7 @@ class WorldMarkers:
         arrays = [part[name] for name in ("object_position", "object_quaternion", "mechanism_position")]
         carried = logged_poses(self._contacts, *arrays)
         shapes = world_shapes(self._contacts, part["time"], self._around, carried=carried)
-        moving = [each for each in shapes if each.shape.name in self._moving]
+        moving = without_holes(each for each in shapes if each.shape.name in self._moving)
         return {"markers": [_marker(i, each, part.stamps, slice(None)) for i, each in enumerate(moving)]}
 
 
