@@ -78,10 +78,14 @@ docs: $(VENV)/.docs
 WIND := case3_wind --controller paper_pd,paper_ct,centroidal_tip_stiff --label PD --label CT --label "centroidal law" \
 	--title "A circle in 2 N of wind: the paper's Case 3"
 
+PRESS := examples/press_and_slide.toml --label "centroidal law with interaction"
+
 films: $(VENV)/.test
 	$(BIN)/python -m skyarm film $(WIND) docs/images/laws_in_wind.webp --layout over --camera fixed --fine \
 		--stop 15 --speed 1.5 --size 800x450 --fps 15
 	$(BIN)/python -m skyarm film $(WIND) docs/images/laws_in_wind.mp4 --size 960x540
+	$(BIN)/python -m skyarm film $(PRESS) docs/images/press_and_slide.webp --camera fixed --no-ghost --fine \
+		--stop 11 --speed 1.5 --size 720x450 --fps 12
 
 envelope: $(VENV)/.test
 	$(BIN)/python -m skyarm compare envelope-suite --out out/envelope
