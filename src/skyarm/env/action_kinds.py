@@ -57,8 +57,12 @@ class Actions:
 
         Args:
             action: (size,) numbers in [-1, 1].
-            memory: of the law, ``()`` where it is not asked. measurement, reference: of the period.
-            law: of the scenario. par: its constants, with the belief. told: which joints take setpoints.
+            memory: of the law, ``()`` where it is not asked.
+            measurement: of the period.
+            reference: told for it.
+            law: of the scenario.
+            par: its constants, with the belief.
+            told: which joints take setpoints.
         """
         raise NotImplementedError(f"{type(self).__name__} must say its command")
 

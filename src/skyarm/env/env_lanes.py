@@ -121,7 +121,9 @@ class EnvLanes:
 
     def put_back(self, lanes: Array, held: tuple[Array, ...]) -> None:
         """Put lanes back as they were; the reward of the step that they did not make is 0."""
-        for rows, old in zip((self._carry, self.observation, self._truncated[None], self.ending[None]), held, strict=True):
+        for rows, old in zip(
+            (self._carry, self.observation, self._truncated[None], self.ending[None]), held, strict=True
+        ):
             rows[:, lanes] = old
         self.reward[lanes] = 0.0
         self.ended[lanes], self.truncated[lanes] = self.ending[lanes] > 0.5, self._truncated[lanes] > 0.5

@@ -109,7 +109,8 @@ class EnvProgram:
         """State and observation that an episode begins with.
 
         Args:
-            numbers: of the randomised paths. draws: uniform numbers of the first period.
+            numbers: of the randomised paths.
+            draws: uniform numbers of the first period.
             started: uniform numbers that start each component; the scenario's own if left out.
         """
         now, measurement, told = self._begin(numbers, draws, started)
@@ -214,7 +215,7 @@ class EnvProgram:
         return tuple(numbers[i] for i in self._kept)
 
     def _observed(self, stages: Stages, measurement: Any, told: Reference, action: tuple[Any, ...]) -> tuple[Any, ...]:
-        model = self.task.scenario.controller.par.model
+        model = stages.scenario.controller.par.model
         return observation_of(self.task, Sight(measurement=measurement, reference=told, action=action, model=model))
 
     def _ending(self, scenario: Scenario, state: State, goal: Vec3, sent: Any) -> Any:

@@ -61,9 +61,12 @@ def make_task(
 
     Args:
         scenario: record, name or path of a file.
-        actions, observation, reward: records, or names of :data:`ACTIONS`, :data:`OBSERVED`, :data:`REWARDS`.
+        actions: a record, or a name of :data:`skyarm.env.action_kinds.ACTIONS`.
+        observation: records, or names of :data:`skyarm.env.observed_quantities.OBSERVED`.
+        reward: records, or names of :data:`skyarm.env.reward_terms.REWARDS`.
         randomise: path -> distribution, as ``[vary]`` of a study: ``{"plant.payload.mass": {"uniform": [0.0, 0.1]}}``.
-        controller, duration: in place of the scenario file's.
+        controller: in place of the scenario file's.
+        duration: likewise, s.
         precision: of all numbers.
 
     Raises:
@@ -80,6 +83,9 @@ def make_task(
         flown.controller.require_compiled(f"an environment with actions {type(kind).__name__}")
         if flown.path_time is not None:
             raise ScenarioError("reference.governor: must be left out where actions build on the law")
+    else:
+        # a law that is not asked ends no episode where it is not defined
+        flown = dataclasses.replace(flown, controller=dataclasses.replace(flown.controller, margin=None))
     try_own_code(flown, law=kind.asks_law)
     return Task(
         scenario=flown,
@@ -122,4 +128,3 @@ def _several(field: str, given: Any, known: Mapping[str, Any], kind: type) -> tu
     if isinstance(given, (str, Mapping)) or not isinstance(given, Iterable):
         raise ScenarioError(f"{field} = {shown(given)}: must be a list of names or records {kind.__name__}")
     return tuple(_named(f"{field}[{i}]", each, known, kind) for i, each in enumerate(given))
-

@@ -37,7 +37,7 @@ class EpisodeStarts:
         self._counts = [2 * count for _, count in draw_plan(scenario).components]
         drawn = sum(count for _, count in program.uniforms)
         started = tuple((0.5,) * count for count in self._counts)
-        self._start = trace(lambda *given: program.start(*given), program.base, (0.5,) * drawn, started)
+        self._start = trace(program.start, program.base, (0.5,) * drawn, started)
         self.varies = bool(program.paths or drawn or any(self._counts))
         self._depth = int(np.clip(AHEAD // lanes, 1, 64)) if self.varies else 1
         self._seeds = np.zeros(lanes, dtype=np.uint64)
@@ -97,5 +97,3 @@ class EpisodeStarts:
     def observation(self) -> slice:
         """Rows of the observation."""
         return slice(self.state.stop, len(self._table))
-
-

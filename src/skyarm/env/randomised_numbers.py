@@ -1,4 +1,4 @@
-"""Domain randomisation: numbers of a scenario drawn anew for every episode, by the paths and distributions of sweeps."""
+"""Domain randomisation: numbers drawn anew for every episode, by the paths and distributions of sweeps."""
 
 from __future__ import annotations
 

@@ -1,35 +1,36 @@
-"""Names of the environments for Gymnasium; an installed package registers them by its entry point.
+"""Names of the environments for Gymnasium, registered when :mod:`skyarm.env` is imported.
 
-Gymnasium calls :func:`register` when it is imported: nothing of the library is loaded before an environment is made.
+Nothing of the engine is loaded before an environment is made.
 """
 
 from __future__ import annotations
 
+from skyarm.files import needs_extra
+
+try:
+    import gymnasium
+except ModuleNotFoundError:
+    raise ModuleNotFoundError(f"skyarm.env: {needs_extra('gym')}", name="gymnasium") from None
+
 SINGLE = "skyarm.env.single_environment:Environment"
 VECTOR = "skyarm.env.vector_environment:VectorEnvironment"
-NAMED = "skyarm.env.named_tasks"
+SHIPPED_TASKS = "skyarm.env.named_tasks"
 
-TASKS = {
-    "Hover": "hover",
-    "TrackTip": "track_tip",
-    "HoldTipInWind": "hold_tip_in_wind",
-    "CarryPayload": "carry_payload",
-    "Recover": "recover",
-}
-"""Name of each shipped environment -> function of :mod:`skyarm.env.named_tasks` that says what it is."""
+ANY_SCENARIO = "skyarm/Scenario-v0"
+
+TASK_NAMES = ("Hover", "TrackTip", "HoldTipInWind", "CarryPayload", "Recover")
+"""Names of the shipped environments (:data:`skyarm.env.named_tasks.NAMED`)."""
 
 
 def register() -> None:
     """Register ``skyarm/Scenario-v0`` and the shipped tasks; once is enough, twice does no harm."""
-    import gymnasium
-
-    if "skyarm/Scenario-v0" in gymnasium.registry:
+    if ANY_SCENARIO in gymnasium.registry:
         return
-    gymnasium.register("skyarm/Scenario-v0", entry_point=SINGLE, vector_entry_point=VECTOR)
-    for name in TASKS:
+    gymnasium.register(ANY_SCENARIO, entry_point=SINGLE, vector_entry_point=VECTOR)
+    for name in TASK_NAMES:
         gymnasium.register(
             f"skyarm/{name}-v0",
-            entry_point=f"{NAMED}:make_single",
-            vector_entry_point=f"{NAMED}:make_vector",
+            entry_point=f"{SHIPPED_TASKS}:make_single",
+            vector_entry_point=f"{SHIPPED_TASKS}:make_vector",
             kwargs={"task": name},
         )

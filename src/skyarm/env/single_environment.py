@@ -32,14 +32,12 @@ class Environment(gymnasium.Env[Array, Array]):
         lanes: the one lane that flies: state, numbers drawn.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}
-
     def __init__(self, *, scenario: Scenario | str = "case3", render_mode: str | None = None, **task: Any) -> None:
         if render_mode is not None:
             raise ScenarioError(f"render_mode = {shown(render_mode)}: must be None; films are made of logs")
         self.lanes = EnvLanes(make_task(scenario, **task), 1)
         self.observation_space, self.action_space = spaces(self.lanes)
-        self.metadata = {**type(self).metadata, "render_fps": self.lanes.task.scenario.rates.control}
+        self.metadata = {"render_modes": [], "render_fps": self.lanes.task.scenario.rates.control}
         self._only = np.zeros(1, dtype=np.intp)
         self._begun = False
 

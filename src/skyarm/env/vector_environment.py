@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
+
 from skyarm.env.env_lanes import EnvLanes
 from skyarm.env.env_task import Task, make_task
 from skyarm.env.seeds_of_lanes import seed_of, seeds_of
@@ -40,8 +40,6 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         lanes: the episodes: state, numbers drawn, causes.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}
-
     def __init__(
         self,
         num_envs: int = 1,
@@ -60,7 +58,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         made: Task = make_task(scenario, **task)
         self.lanes = EnvLanes(made, count, threads=require_count("threads", threads))
         self.num_envs, self._copy = count, bool(copy)
-        self.metadata = {**type(self).metadata, "autoreset_mode": self._mode}
+        self.metadata = {"render_modes": [], "autoreset_mode": self._mode}
         self.single_observation_space, self.single_action_space = spaces(self.lanes)
         self.observation_space = batch_space(self.single_observation_space, count)
         self.action_space = batch_space(self.single_action_space, count)
@@ -91,10 +89,10 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
             super().reset(seed=None if seed is None else int(seed))
         given = seeds_of(seed, self.num_envs)
         if not self._begun:
-            # what nobody gave a seed has one of its own
+            # what nobody gave a seed gets one of its own
             fresh = self.np_random.integers(2**32, size=self.num_envs, dtype=np.uint64)
             self.lanes.reseed(np.arange(self.num_envs), fresh)
-            given, chosen = ([s if s is not None else int(f) for s, f in zip(given, fresh, strict=True)], chosen)
+            given = [int(own) if each is None else each for each, own in zip(given, fresh, strict=True)]
             self._begun = True
         seeded = [k for k in np.flatnonzero(chosen).tolist() if given[k] is not None]
         going = np.setdiff1d(np.flatnonzero(chosen), seeded)

@@ -157,7 +157,8 @@ def fastest_plant(scenario: Scenario, ends: Mapping[str, tuple[float, float]]) -
     """The scenario that asks for the shortest integration steps while each number is anywhere between its ends.
 
     Args:
-        scenario: as it is. ends: path -> least and greatest number.
+        scenario: as it is.
+        ends: path -> least and greatest number.
 
     Raises:
         StudyError: a vehicle that cannot be, with the path and the value that make it so.
