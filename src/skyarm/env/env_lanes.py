@@ -101,8 +101,7 @@ class EnvLanes:
             raise ScenarioError(f"actions = {shown(actions)}: must be an array") from None
         if found.shape != held.shape[::-1] or found.dtype.kind not in "fiu":
             raise ScenarioError(f"actions: {found.dtype} of shape {found.shape}, must be of shape {held.shape[::-1]}")
-        # a sum is finite if all are, and one pass; it may overflow where all of them are finite
-        if not np.isfinite(found.sum()) and not np.isfinite(found).all():
+        if not np.isfinite(found).all():
             lane = int(np.flatnonzero(~np.isfinite(found).all(axis=1))[0])
             raise ScenarioError(f"actions[{lane}] = {shown(found[lane].tolist())}: must be finite")
         held[:] = found.T

@@ -85,9 +85,9 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         chosen = lane_mask(mask, self.num_envs)
         if mask is not None and not chosen.any():
             raise ScenarioError("reset_mask: must be True for at least one lane")
-        if isinstance(seed, (int, np.integer)) or seed is None:
-            super().reset(seed=None if seed is None else int(seed))
         given = seeds_of(seed, self.num_envs)
+        if seed is None or isinstance(seed, (int, np.integer)):
+            super().reset(seed=None if seed is None else int(seed))
         if not self._begun:
             # what nobody gave a seed gets one of its own
             fresh = self.np_random.integers(2**32, size=self.num_envs, dtype=np.uint64)
