@@ -43,6 +43,13 @@ def flown(environment, policy, seed):
     return np.array(positions), info
 
 
+def tilting():
+    """Rotors with servos, on which a law that knows nothing of them keeps its commands without their angles."""
+    reference = {"base": {"kind": "hover", "position": [0.0, 0.0, 1.0]}, "joints": [0.1, 0.1]}
+    table = {"schema": 1, "name": "tilting", "duration": 0.1, "reference": reference}
+    return skyarm.scenario_from(table | {"plant": {"vehicle": "voliro_like"}, "controller": {"law": "centroidal"}})
+
+
 CASES = {
     "rates_and_thrust": bare,
     "residual": bare,
@@ -50,6 +57,7 @@ CASES = {
     "references": lambda **more: {"scenario": noisy(), **more},
     "residual, an arm": lambda **more: {"scenario": noisy(), **more},
     "residual, a law that keeps its commands": lambda **more: {"scenario": noisy(controller="centroidal_tip"), **more},
+    "residual, rotors that tilt": lambda **more: {"scenario": tilting(), **more},
 }
 
 

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 from skyarm.actuation import Command, mix
 from skyarm.actuation.hover import hover_trim
+from skyarm.actuation.rotor import speed_of_push
 from skyarm.algebra import Vec3
 from skyarm.control.controller import with_applied_command
 from skyarm.control.model import Model
@@ -17,7 +18,7 @@ from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
-from skyarm.scalars import clip
+from skyarm.scalars import clip, maximum
 from skyarm.sensors.measurement import Measurement
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -126,7 +127,10 @@ class RatesAndThrust(Actions):
         missing = Vec3(*(self.rate * a for a in action[:3])) - measurement.rate
         torque = model.vehicle.base.inertia.apply(missing * self.bandwidth)
         weight = model.vehicle.mass * model.gravity
-        speeds, _ = mix(par.mixer, torque, weight * (1.0 + self.thrust * action[3]))
+        speeds, squares = mix(par.mixer, torque, weight * (1.0 + self.thrust * action[3]))
+        if any(rotor.table is not None for rotor in model.vehicle.rotors):
+            rows = zip(model.vehicle.rotors, squares, strict=True)
+            speeds = tuple(speed_of_push(rotor, maximum(square, 0.0)) for rotor, square in rows)
         return memory, within_limits(model.vehicle, speeds, self.efforts(action, model, told), told)
 
 
@@ -184,7 +188,7 @@ class Residual(Actions):
         added = self.efforts(action, model, told)
         efforts = tuple(u + more for u, more in zip(own.efforts, added, strict=True))
         sent = dataclasses.replace(within_limits(model.vehicle, speeds, efforts, told), tilts=own.tilts)
-        return with_applied_command(following, sent), sent
+        return with_applied_command(following, _as_kept(following, sent)), sent
 
 
 ACTIONS: dict[str, type[Actions]] = {
@@ -207,6 +211,13 @@ def within_limits(
         for u, link, setpoint in rows
     )
     return Command(rotor_speeds=turned, efforts=held)
+
+
+def _as_kept(memory: Any, sent: Command) -> Command:
+    """A command as a law's memory keeps it: without angles of rotors that tilt, where the law has none."""
+    kept = getattr(memory, "sent", None)
+    newest = kept[-1] if isinstance(kept, tuple) and kept else kept
+    return sent if getattr(newest, "tilts", ()) else dataclasses.replace(sent, tilts=())
 
 
 def _free(limit: Any) -> bool:

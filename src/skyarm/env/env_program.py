@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from skyarm.actuation.tilting import with_rest
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.compile.tracing.stepped_loop import Loop, trace_loop
@@ -197,9 +198,10 @@ class EnvProgram:
         known = dict(zip(self._kept, now.seen, strict=True))
         measurement = rebuild(self._measurement, iter([known.get(i, old) for i, old in enumerate(values)]))
         par = stages.scenario.controller.par
-        return self.task.actions.command(
+        memory, command = self.task.actions.command(
             action, now.loop.memory, measurement, stages.joined(row), stages.decide, par, self.task.told
         )
+        return memory, with_rest(stages.scenario.world.vehicle, command)
 
     def _measured(self, stages: Stages, now: LoopState, row: Row, draws: Any) -> tuple[LoopState, Any]:
         """Surroundings and sensors of the period that comes next."""
