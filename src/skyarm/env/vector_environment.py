@@ -146,8 +146,9 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         return self._observed(), rewards, ended, truncated, infos
 
     def close_extras(self, **_: Any) -> None:
-        """End the threads."""
-        self.lanes.close()
+        """End the threads; also of an environment that was refused while it was made."""
+        if hasattr(self, "lanes"):
+            self.lanes.close()
 
     def _observed(self) -> Array:
         return self._view.copy(order="C") if self._copy else self._view
