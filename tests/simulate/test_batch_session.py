@@ -10,10 +10,10 @@ import sys
 
 import numpy as np
 import pytest
-from shared_programs import hurried
 
 import skyarm
 from kernel_threads import queues, serving, wait_until
+from shared_programs import hurried
 from skyarm.compile import leaves
 from skyarm.compile.llvm import lane_stepper, rounds
 from skyarm.compile.llvm.lane_stepper import apart
