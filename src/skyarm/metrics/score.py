@@ -135,4 +135,21 @@ def _instants(log: Log) -> Instant:
         continuous=goal("reference"),
         lag=log.time - log.path_time if log.path_time.size else np.zeros(log.time.size),
         phase=log.phase if log.phase.size else np.zeros(log.time.size),
+        time=log.time,
+        push=_wanted(log),
+        contact=rows(log.contact_force) if log.contact_force.size else (),
+        objects=rows(log.object_position) if log.object_position.size else (),
+        mechanisms=rows(log.mechanism_position) if log.mechanism_position.size else (),
     )
+
+
+def _wanted(log: Log) -> tuple[Array, ...]:
+    """The contact that the reference asked for at every instant; () of a flight without contact."""
+    if not log.contact_force.size:
+        return ()
+    push = log.scenario.trajectory.push
+    if push is None:
+        return ()
+    times = log.path_time if log.path_time.size else log.time
+    program = trace(lambda t: tuple(push.at(t)), 0.0)
+    return tuple(evaluate(program, [times], log.time.size))
