@@ -168,8 +168,11 @@ def test_a_plate_stands_on_the_corners_of_a_smaller_box():
     plate = FreeObject(name="plate", size=(0.3, 0.3, 0.01), mass=0.2, standing=True, position=Vec3(0.01, 0.02, 0.12))
     contact = Contact(surfaces=(Surface(name="ground"),), objects=(box, plate))
     settled = with_standing_objects(contact, 9.8).objects[1]
-    assert float(settled.position.z) == pytest.approx(0.105 - 0.2 * 9.8 / 20000.0, abs=1e-5)
-    assert float(settled.angles.x) < -1e-4, "it leans to where its centre is"
+    weight, tilting = 0.2 * 9.8, 4.0 * 5000.0 * 0.05**2
+    assert float(settled.angles.x) == pytest.approx(-0.02 * weight / tilting, rel=0.01)
+    assert float(settled.angles.y) == pytest.approx(0.01 * weight / tilting, rel=0.01)
+    sunk = weight / 20000.0 + (0.02**2 + 0.01**2) * weight / tilting
+    assert float(settled.position.z) == pytest.approx(0.105 - sunk, abs=1e-6)
     again = with_standing_objects(dataclasses.replace(contact, objects=(box, settled)), 9.8)
     assert again.objects[1] == settled
 
