@@ -50,6 +50,15 @@ IF_ANY = (
     "contact_force",
     "contact_friction",
     "contact_depth",
+    "object_position",
+    "object_quaternion",
+    "object_velocity",
+    "object_rate",
+    "mechanism_position",
+    "mechanism_rate",
+    "gripper_taken",
+    "gripper_force",
+    "gripper_lost",
 )
 """Arrays of what not every flight has: left out of files, with no column, where there is none."""
 
@@ -81,7 +90,13 @@ class Log:
             waits.
         contact_force, contact_friction, contact_depth: (N, pairs) how strongly a surface of the world pushes a point of
             the vehicle along its normal, and how strongly across (N), and how deep the point is in it (m), at the
-            instant; the first surface with each point, then the next one. Without columns where there is no world.
+            instant; the first surface with each point, then the next one, then every object with each point. Without
+            columns where there is no world.
+        object_position, object_quaternion, object_velocity, object_rate: (N, 3 or 4 objects) of the middle of each free
+            object's shape: m, wxyz, m/s (world axes), angular velocity in rad/s (its own axes).
+        mechanism_position, mechanism_rate: (N, mechanisms) rad and rad/s of what turns, m and m/s of what slides.
+        gripper_taken, gripper_force, gripper_lost: (N, grippers) the number of the object that a gripper holds, from 1,
+            and 0 for none; the force of the grasp, N; how often it has given way.
         tilts, tilt_commands: (N, tilting rotors) rad; without columns where no rotor tilts.
         measured_position, measured_joints: what the sensors said at this instant; a delayed controller saw it later.
         info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground",
@@ -132,6 +147,23 @@ class Log:
     contact_depth: Annotated[Array, Unit("m", "penetration of a point into a surface")] = field(
         default_factory=_nothing
     )
+    object_position: Annotated[Array, Unit("m", "of an object's middle, world axes")] = field(default_factory=_nothing)
+    object_quaternion: Annotated[Array, Unit("", "attitude of an object, its axes to world axes")] = field(
+        default_factory=_nothing
+    )
+    object_velocity: Annotated[Array, Unit("m/s", "of an object's middle, world axes")] = field(
+        default_factory=_nothing
+    )
+    object_rate: Annotated[Array, Unit("rad/s", "angular velocity of an object, its own axes")] = field(
+        default_factory=_nothing
+    )
+    mechanism_position: Annotated[Array, Unit("rad or m", "of a mechanism")] = field(default_factory=_nothing)
+    mechanism_rate: Annotated[Array, Unit("rad/s or m/s", "of a mechanism")] = field(default_factory=_nothing)
+    gripper_taken: Annotated[Array, Unit("", "number of the object that a gripper holds, from 1; 0 for none")] = field(
+        default_factory=_nothing
+    )
+    gripper_force: Annotated[Array, Unit("N", "of a gripper's grasp")] = field(default_factory=_nothing)
+    gripper_lost: Annotated[Array, Unit("", "how often a grasp has given way")] = field(default_factory=_nothing)
     tilts: Annotated[Array, units(State)["tilts"]] = field(default_factory=_nothing)
     tilt_commands: Annotated[Array, Unit("rad", "commanded")] = field(default_factory=_nothing)
     info: dict[str, Any]
@@ -151,6 +183,13 @@ class Log:
         from skyarm.log.contact_periods import contact_periods
 
         return contact_periods(self)
+
+    @property
+    def grasp_periods(self) -> tuple[Any, ...]:
+        """From each grasp to its end: :func:`skyarm.log.grasp_periods.grasp_periods`."""
+        from skyarm.log.grasp_periods import grasp_periods
+
+        return grasp_periods(self)
 
     @property
     def tip(self) -> Array:

@@ -113,5 +113,6 @@ def belief_changes(
         for t in instants:
             mass = math.fsum(float(each.mass) for each in here if each.pick <= t < each.drop)
             found.append(Change(at=t, path=path, value=mass))
-    steps = round(duration * rate)
-    return tuple(sorted((each for each in found if each.tick(rate) < steps), key=lambda change: change.at))
+    steps = duration * rate  # of an absurd duration, which is refused later, infinity
+    last = round(steps) if math.isfinite(steps) else steps
+    return tuple(sorted((each for each in found if each.tick(rate) < last), key=lambda change: change.at))

@@ -65,6 +65,7 @@ from skyarm.scenario.payload_tables import belief_changes, payloads_from, waitin
 from skyarm.scenario.reference_setting import in_folder, setting_of
 from skyarm.scenario.scenario_of_log import scenario_of_log
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.scenario.standing_objects import with_standing_objects
 from skyarm.scenario.start_in_world import require_start_outside
 from skyarm.scenario.task_payloads import with_instants
 
@@ -214,6 +215,8 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
     initial = top.take("initial", None)
     top.done()
     require_changes(scenario)
+    for held in scenario.contacts:
+        scenario = dataclasses.replace(scenario, contact=with_standing_objects(held, float(world.gravity)))
     if initial is not None:
         scenario = dataclasses.replace(scenario, initial=tables.initial(Fields(initial, "initial"), scenario))
     require_start_outside(scenario)

@@ -12,7 +12,6 @@ from skyarm.compile import leaves
 from skyarm.environment import WindSample
 from skyarm.files import versions
 from skyarm.log.flight_log import IF_ANY, Array, Log
-from skyarm.log.log_columns import CONTACT_ARRAYS
 from skyarm.log.tip_positions import level_tip, tip
 from skyarm.metrics.windows import Windows
 from skyarm.records.identity import log_digest
@@ -24,6 +23,7 @@ from skyarm.registry.plugins import identities
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.inputs import EpisodeInputs
+from skyarm.simulate.world_columns import logged_in_contact
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,8 +127,8 @@ def _tables(piece: Piece) -> dict[str, Array]:
         tables |= {"tilts": x[:, 13 + 2 * n + rotors :], "tilt_commands": u[:, rotors + n :]}
     if wind.held:
         tables["payload_mass"] = table(wind.held)
-    for i, name in enumerate(CONTACT_ARRAYS if wind.contacts else ()):
-        tables[name] = table(wind.contacts[i :: len(CONTACT_ARRAYS)])
+    for name, columns in logged_in_contact(scenario, wind.contacts).items():
+        tables[name] = table(columns)
     if flown.lags.shape[1]:
         tables["lag_found"] = flown.lags
     del free  # its derivatives take more memory than the log of it

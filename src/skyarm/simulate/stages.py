@@ -26,7 +26,7 @@ from skyarm.estimate.estimator import FULL_STATE
 from skyarm.plant.compiled import Steps
 from skyarm.plant.coupled_memory import Memories, memories_of, with_memories
 from skyarm.plant.impact import after_impact
-from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate
+from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, far_step
 from skyarm.plant.surroundings import Surroundings, felt
 from skyarm.records.blend import blend
 from skyarm.reference import Reference
@@ -126,6 +126,9 @@ class Stages:
             else component.advance(memory, time, self.period, state, self.draws.of_component(i, uniforms))
             for i, (component, memory) in enumerate(zip(self.components, memories, strict=True))
         )
+        for i in self.coupled:
+            acted = self.components[i].act(going[i], time, PointMotion(self.scenario.world.vehicle, state))
+            going = (*going[:i], acted, *going[i + 1 :])
         return going, self.surroundings(going, drives, time)
 
     def _grasp(self, payload: TimedPayload, state: State) -> Grasp:
@@ -305,18 +308,23 @@ class RigidBodySteps:
 
     def _held(self, now: Moved, command: Command, around: Surroundings, seconds: Any) -> Moved:
         count = self._substeps(seconds if type(seconds) is float else self._period)
-        step, world = COUPLED_STEP[self._scenario.integrator], self._scenario.world
-        rounds: Any = count
-        if isinstance(count, Steps):
-            motion = PointMotion(world.vehicle, now[0])
-            there = around.with_coupled(now[1]).far(motion, seconds)
-            rounds = where(there, float(count.far), float(count))
-        dt = seconds / rounds
+        name, world = self._scenario.integrator, self._scenario.world
 
         def stepped(both: Moved) -> Moved:
-            return step(world, both[0], command, with_memories(around, both[1]), dt)
+            return COUPLED_STEP[name](world, both[0], command, with_memories(around, both[1]), seconds / count)
 
-        return repeat(count, stepped, now) if rounds is count else repeat_while(count, rounds, stepped, now)
+        far: Any = False
+        if isinstance(count, Steps):
+            motion = PointMotion(world.vehicle, now[0])
+            far = around.with_coupled(now[1]).far(motion, seconds)
+        if not isinstance(count, Steps) or far is False:
+            return repeat(count, stepped, now)
+
+        def apart(both: Moved) -> Moved:
+            return far_step(name, world, both, command, around, seconds / count.far)
+
+        now = repeat_while(count, where(far, 0.0, float(count)), stepped, now)
+        return repeat_while(count.far, where(far, float(count.far), 0.0), apart, now)
 
 
 def commands_waiting(scenario: Scenario) -> int:
