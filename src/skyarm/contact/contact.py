@@ -113,11 +113,17 @@ class Contact(Force):
         return Grasps(grippers=self.grippers, carriers=self.carriers)
 
     @property
+    def steps(self) -> tuple[tuple[str, Any], ...]:
+        """What asks for an integration step, in words, and the longest that it bears, s."""
+        touched = self.surfaces if self.points or not self.carriers else ()
+        own = [(f"the material of surface {each.name!r}", each.material.largest_step) for each in touched]
+        inner = [(f"mechanism {c.name!r}", c.largest_step) for c in self.carriers if c.largest_step is not None]
+        return (*own, *self.carried.steps(), *self.grasps.steps(), *inner)
+
+    @property
     def largest_step(self) -> Any:  # type: ignore[override]
-        """Longest integration step (s) that every material bears; None without surfaces."""
-        steps = [surface.material.largest_step for surface in self.surfaces if self.points or not self.carriers]
-        steps += [*self.carried.steps(), *self.grasps.steps()]
-        steps += [each.largest_step for each in self.carriers if each.largest_step is not None]
+        """Longest integration step (s) that everything bears; None of an empty world."""
+        steps = [step for _, step in self.steps]
         least = steps[0] if steps else None
         for each in steps[1:]:
             least = minimum(least, each)
