@@ -81,6 +81,7 @@ def blowing(**changes):
     return dataclasses.replace(noisy(**changes), wind=gusty)
 
 
+@pytest.mark.thorough
 def test_an_episode_is_a_session_of_its_own_whenever_its_lane_began_it():
     """Lanes begin again by themselves at the end of the duration, and one of them in the middle of an episode."""
     planned = blowing(duration=0.1)
