@@ -6,6 +6,8 @@ from skyarm.contact.contact_point import ContactPoint
 from skyarm.contact.free_object import FreeObject, ObjectMotion
 from skyarm.contact.gripper import Command, Grip, Gripper
 from skyarm.contact.material import Material
+from skyarm.contact.mechanism import Mechanism
+from skyarm.contact.mechanism_effort import Detent, MechanismMotion
 from skyarm.contact.surface import Surface
 from skyarm.contact.touch import Touch
 
@@ -16,10 +18,13 @@ __all__ = [
     "Contact",
     "ContactMemory",
     "ContactPoint",
+    "Detent",
     "FreeObject",
     "Grip",
     "Gripper",
     "Material",
+    "Mechanism",
+    "MechanismMotion",
     "ObjectMotion",
     "Surface",
     "Touch",

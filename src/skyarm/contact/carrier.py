@@ -65,6 +65,11 @@ class Carrier:
         raise NotImplementedError
 
     @property
+    def largest_step(self) -> Any:
+        """Longest integration step (s) that its own springs and friction bear; None without any."""
+        return None
+
+    @property
     def gyration(self) -> Any:
         """m^2: square of the least radius of gyration, with which a gripper holds its attitude; 0 to leave it free."""
         return 0

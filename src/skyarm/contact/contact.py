@@ -18,6 +18,8 @@ from skyarm.contact.contact_point import ContactPoint
 from skyarm.contact.free_object import FreeObject
 from skyarm.contact.grasps import UNCHANGED, Grasps
 from skyarm.contact.gripper import Grip, Gripper
+from skyarm.contact.material import RECOVERY
+from skyarm.contact.mechanism import Mechanism
 from skyarm.contact.surface import Surface
 from skyarm.contact.touch import Touch, touch_of
 from skyarm.dynamics.point_motion import PointMotion
@@ -27,8 +29,9 @@ from skyarm.files import shown
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, logical_and, maximum, minimum, neg, sqrt
+from skyarm.scalars import Scalar, data, exp, logical_and, maximum, minimum, neg, sqrt
 from skyarm.vehicle.check import VehicleError
+from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 
 NEAR = 0.005
@@ -61,12 +64,14 @@ class Contact(Force):
 
     Attributes:
         points: left out for the vehicle's tip.
-        objects: bodies that nothing holds. grippers: what the vehicle takes hold of them with.
+        objects: bodies that nothing holds. mechanisms: bodies with one degree of freedom.
+        grippers: what the vehicle takes hold of them with.
     """
 
     surfaces: tuple[Surface, ...] = ()
     points: tuple[ContactPoint, ...] = ()
     objects: tuple[FreeObject, ...] = ()
+    mechanisms: tuple[Mechanism, ...] = ()
     grippers: tuple[Gripper, ...] = ()
     rotor_radius: Annotated[Scalar, Unit("m", "of the rotors' discs, which may touch nothing; 0: hubs", low=0.0)] = 0
 
@@ -74,12 +79,16 @@ class Contact(Force):
         accept_fields(self, "world")
         if type(self.rotor_radius) is float and self.rotor_radius == 0.0:
             object.__setattr__(self, "rotor_radius", 0)
+        object.__setattr__(self, "points", tuple(each for point in self.points for each in point.each()))
         taken: list[str] = []
-        named = {"surfaces": self.surfaces, "points": self.points, "objects": self.objects, "grippers": self.grippers}
-        for what, records in named.items():
-            names = [record.name for record in records]  # type: ignore[attr-defined]
+        named = {
+            what: [each.name for each in getattr(self, what)] for what in ("surfaces", "points", "objects", "grippers")
+        }
+        named["mechanisms"] = [each.name for each in self.mechanisms]
+        named["mechanisms"] += [part.name for each in self.mechanisms for part in each.parts]
+        for what, names in named.items():
             for name in names:
-                if names.count(name) > 1 or (what in ("objects", "grippers") and name in taken):
+                if names.count(name) > 1 or (what in ("objects", "grippers", "mechanisms") and name in taken):
                     raise RecordError(f"world.{what}: name = {shown(name)}: must be of one only")
             taken += names
 
@@ -91,7 +100,7 @@ class Contact(Force):
     @property
     def carriers(self) -> tuple[Carrier, ...]:
         """Everything that moves and carries surfaces, in the order of the memory."""
-        return self.objects
+        return (*self.objects, *self.mechanisms)
 
     @property
     def carried(self) -> Carried:
@@ -108,7 +117,8 @@ class Contact(Force):
         """What asks for an integration step, in words, and the longest that it bears, s."""
         touched = self.surfaces if self.points or not self.carriers else ()
         own = [(f"the material of surface {each.name!r}", each.material.largest_step) for each in touched]
-        return (*own, *self.carried.steps(), *self.grasps.steps())
+        inner = [(f"mechanism {c.name!r}", c.largest_step) for c in self.carriers if c.largest_step is not None]
+        return (*own, *self.carried.steps(), *self.grasps.steps(), *inner)
 
     @property
     def largest_step(self) -> Any:  # type: ignore[override]
@@ -154,6 +164,11 @@ class Contact(Force):
                 raise RecordError(f"world.points[{i}].frame = {shown(point.frame)}: {error}") from None
             except ValueError as error:
                 raise RecordError(f"world.points[{i}].{error}") from None
+        for i, mechanism in enumerate(self.mechanisms):
+            if not mechanism.surfaces:
+                raise RecordError(
+                    f"world.mechanisms[{i}].parts: is missing; nothing of {mechanism.name!r} can be touched"
+                )
         for i, gripper in enumerate(self.grippers):
             try:
                 vehicle.frame(gripper.frame or None)
@@ -210,7 +225,7 @@ class Contact(Force):
         going = zip(self.carriers, memory.carried, pushes, strict=True)
         return ContactMemory(
             clock=tuple(1.0 for _ in memory.clock),
-            bristles=tuple(touch.bristle_rate for touch in touches),
+            bristles=tuple(Vec3(*(data(c) for c in touch.bristle_rate)) for touch in touches),
             carried=tuple(carrier.slope(held, *push, motion.gravity) for carrier, held, push in going),
             grips=tuple(UNCHANGED for _ in memory.grips),
         )
@@ -226,15 +241,24 @@ class Contact(Force):
         )
 
     def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
-        """A force at every point, and the torque about it of a ball that touches beside its middle."""
-        touches, meetings, found = self.touches(memory, motion), self.meetings(memory, motion), []
+        """A force at every point, and the torque about it of a ball that touches beside its middle.
+
+        Points of the base act together, at its origin.
+        """
+        touches, meetings = self.touches(memory, motion), self.meetings(memory, motion)
+        found, whole = list[Wrench](), Wrench()
         for i, point in enumerate(self.points):
             force = torque = ZERO3
             own = [each.touch for each in meetings if each.by == NOBODY and each.index == i]
             for touch in (*touches[i :: len(self.points)], *own):
                 force, torque = force + touch.force, torque + touch.spot.cross(touch.force)
             at, body = point.place(motion.vehicle)
-            found.append(Wrench(force_W=force, torque_W=torque, point=at, body=body))
+            if body == BASE:
+                torque = torque + motion.turned(at).cross(force)
+                whole = Wrench(force_W=whole.force_W + force, torque_W=whole.torque_W + torque)
+            else:
+                found.append(Wrench(force_W=force, torque_W=torque, point=at, body=body))
+        found = [whole, *found] if len(found) < len(self.points) else found
         return found + self.grasps.on_vehicle(memory, motion)
 
     def act(self, memory: Any, t: Any, motion: PointMotion) -> Any:
@@ -242,17 +266,24 @@ class Contact(Force):
         return replace(memory, grips=self.grasps.after(memory, t, motion)) if self.grippers else memory
 
     def far(self, memory: Any, motion: PointMotion, seconds: Any) -> Any:
-        """Whether no point or spot comes as near to a surface as ``NEAR``, if it goes on with its velocity.
+        """Whether no point comes as near to a surface as ``NEAR``, if it goes on with its velocity.
 
-        What a gripper holds is near.
+        Bodies that move beside the vehicle take their own steps all the time.
         """
+        if self.carriers:
+            return False
         found: Any = True
-        for grip in memory.grips:
-            found = grip.taken < 0.5 if found is True else logical_and(found, grip.taken < 0.5)
-        for touch in (*self.touches(memory, motion), *(each.touch for each in self.meetings(memory, motion))):
+        for touch in self.touches(memory, motion):
             away = touch.depth - touch.rising * seconds < -NEAR
             found = away if found is True else logical_and(found, away)
         return found
+
+    def alone(self, memory: Any, seconds: Any) -> ContactMemory:
+        """The clock goes on, bristles stand up."""
+        left = exp(-RECOVERY * seconds)
+        clock = tuple(t + seconds for t in memory.clock)
+        bristles = tuple(bristle * left for bristle in memory.bristles)
+        return ContactMemory(clock=clock, bristles=bristles, carried=memory.carried, grips=memory.grips)
 
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
         """Normal force (N), friction (N) and penetration (m) of each pair, one after the other; zeros outside.
@@ -273,5 +304,9 @@ def _moving(point: ContactPoint, motion: PointMotion) -> tuple[Vec3, Vec3, Vec3]
     """Position (m), velocity (m/s) and angular velocity (rad/s) of a point, world axes; the last of a ball only."""
     at, body = point.place(motion.vehicle)
     ball = not (type(point.radius) is int and point.radius == 0)
+    if body == BASE:  # the lever turned once serves place, velocity and torque
+        lever, turning = motion.turned(at), motion.turned(motion.state.rate)
+        state = motion.state
+        return state.position + lever, state.velocity + turning.cross(lever), turning if ball else ZERO3
     turning = motion.turned(motion.angular_velocity(body), body) if ball else ZERO3
     return motion.position(at, body), motion.velocity(at, body), turning

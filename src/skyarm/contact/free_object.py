@@ -22,8 +22,8 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, data, divide, minimum, sqrt
 
-SOLIDS = tuple(shape for shape in SHAPES if shape != "plane")
-"""Shapes of an object: those that have an end."""
+SOLIDS = tuple(shape for shape in SHAPES if shape not in ("plane", "hole"))
+"""Shapes of an object: those that have an end, and no hollow."""
 
 RIM = ((1.0, 0.0), (-0.5, 0.75**0.5), (-0.5, -(0.75**0.5)))
 """Cosines and sines of three places on a cylinder's rim, from its deepest place on: it stands on three, lies on one."""

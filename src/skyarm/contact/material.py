@@ -24,7 +24,7 @@ from typing import Annotated, Any
 from skyarm.algebra import Vec3
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, absolute, divide, maximum, minimum, sqrt, where
+from skyarm.scalars import Scalar, absolute, divide, maximum, minimum, same, sqrt, where
 
 BRISTLE_DAMPING = 5.0
 """N s/m at one newton and more; 1/m times the force below. It damps the vibration of a tip that sticks."""
@@ -101,9 +101,10 @@ class Material:
                 0.2 mm over which friction builds up, and neither sticking nor steady sliding.
         """
         speed = sqrt(slip.dot(slip) + _STILL)
-        share = divide(minimum(speed, fastest), speed)
-        bending = (slip - bristle * (speed / self.bristle_length)) * share
-        return Vec3(*(where(depth > 0.0, a, -RECOVERY * z) for a, z in zip(bending, bristle, strict=True)))
+        followed = minimum(speed, fastest)
+        bending = slip * divide(followed, speed) - bristle * (followed * (1.0 / self.bristle_length))
+        touches, recovery = depth > 0.0, bristle * -RECOVERY
+        return Vec3(*(a if same(a, z) else where(touches, a, z) for a, z in zip(bending, recovery, strict=True)))
 
     def friction_force(self, bristle: Vec3, bristle_rate: Vec3, normal_force: Any, mass: Any = LIGHTEST) -> Vec3:
         """Force of the surface against the slip, N, world axes: never beyond the cone.
@@ -117,7 +118,7 @@ class Material:
         most = self.friction * normal_force
         largest = BRISTLE_DAMPING if mass is LIGHTEST else BRISTLE_DAMPING * sqrt(mass / LIGHTEST)
         damping = minimum(largest * normal_force, largest)
-        wanted = bristle * (most / self.bristle_length) + bristle_rate * damping
+        wanted = bristle * (most * (1.0 / self.bristle_length)) + bristle_rate * damping
         size = sqrt(wanted.dot(wanted) + _STILL)
         force: Vec3 = wanted * -minimum(divide(most, size), 1.0)
         return force

@@ -50,10 +50,19 @@ def touch_of(
         mass: kg that the pair moves at least.
     """
     rising = slip.dot(axis)
-    bristle = held - axis * held.dot(axis)  # a round surface's normal turns
-    rate = material.bristle_rate(bristle, slip - axis * rising, depth, material.bristle_length / step)
+    bristle = _across(held, axis)  # a round surface's normal turns
+    rate = material.bristle_rate(bristle, _across(slip, axis), depth, material.bristle_length / step)
     normal = material.normal_force(depth, -rising, mass)
     friction = material.friction_force(bristle, rate, normal, mass)
     return Touch(
         depth=depth, rising=rising, normal=normal, friction=friction, spot=spot, bristle_rate=rate, axis=axis
     )  # fmt: skip
+
+
+def _across(vector: Vec3, n: Vec3) -> Vec3:
+    """The part of a vector across a unit vector; across an axis of the world it is of two numbers by structure."""
+    axis = n.coordinate_axis()
+    if axis is None:
+        across: Vec3 = vector - n * vector.dot(n)
+        return across
+    return Vec3(*(0 if i == axis else c for i, c in enumerate(vector)))

@@ -115,8 +115,12 @@ class Component:
         return moved_by(memory, slope, dt)
 
     def far(self, memory: Any, motion: PointMotion, seconds: Any) -> Any:
-        """Whether a coupled component will ask for nothing within so many seconds, so that its steps may wait."""
+        """Whether a coupled component will not act within so many seconds: the vehicle then moves without it."""
         return False
+
+    def alone(self, memory: Any, seconds: Any) -> Any:
+        """The memory of a coupled component after so many seconds for which it was far."""
+        return memory
 
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
         """Numbers of this instant that a log keeps."""

@@ -11,12 +11,12 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import Program, trace
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.plant.coupled_memory import places_in
+from skyarm.plant.coupled_memory import memories_of, places_in
 from skyarm.plant.impact import after_impact
 from skyarm.plant.integrators import FRICTION_STEP, INTEGRATORS
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
 from skyarm.plant.largest_step import divisions, largest_step
-from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate
+from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, far_step
 from skyarm.plant.stop_rate import joint_rate
 from skyarm.plant.surroundings import Around, Surroundings
 from skyarm.scalars import where
@@ -80,6 +80,7 @@ class RigidBodyPlant:
         sizes = world.vehicle.n, len(world.vehicle.rotors), len(world.vehicle.tilts)
         self._examples = (example_state(*sizes), example_command(*sizes), around)
         self._steps: dict[float, Program] = {}
+        self._far_steps: dict[float, Program] = {}
         self._largest, self._coupled = largest_step(around), places_in(around)
         self._largest_far = largest_step(around, coupled=False)
         self._per_second = joint_rate(world.vehicle) / FRICTION_STEP
@@ -103,6 +104,15 @@ class RigidBodyPlant:
             self._steps[dt] = trace(step, *self._examples)
         return self._steps[dt]
 
+    def _far_step(self, dt: float) -> Program:
+        if dt not in self._far_steps:
+
+            def step(state: State, command: Command, around: Surroundings) -> Moved:
+                return far_step(self._integrator, self._world, (state, memories_of(around)), command, around, dt)
+
+            self._far_steps[dt] = trace(step, *self._examples)
+        return self._far_steps[dt]
+
     def substeps(self, seconds: float) -> int:
         """Integration steps that an interval is cut into; :class:`Steps` where fewer will do far from contact."""
         near, far = (self._count(seconds, largest) for largest in (self._largest, self._largest_far))
@@ -116,10 +126,10 @@ class RigidBodyPlant:
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
         """State after ``seconds`` of held command and surroundings, then the coupled memories."""
         divided = self._integrator != "euler" or self._largest is not None
-        count = self.substeps(seconds)
+        count, make = self.substeps(seconds), self._step
         if isinstance(count, Steps) and self._far.flat((*state, *around, seconds))[0] > 0.5:
-            count = count.far
-        step = self._step(seconds / count if divided else self._physics_step)
+            count, make = count.far, self._far_step
+        step = make(seconds / count if divided else self._physics_step)
         x, end, given = tuple(state), len(state), list(around)
         for _ in range(count):
             x = step.flat((*x[:end], *command, *given))

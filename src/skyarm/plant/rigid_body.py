@@ -19,7 +19,7 @@ from skyarm.plant.coupled_memory import Memories, after_euler_step, memories_of,
 from skyarm.plant.interface import Truth
 from skyarm.plant.loaded_vehicle import loaded_vehicle
 from skyarm.plant.loads import applied_force, lagged, tilted
-from skyarm.plant.surroundings import Around
+from skyarm.plant.surroundings import Around, Surroundings
 from skyarm.scalars import Scalar, add, mul
 
 
@@ -153,6 +153,21 @@ def step_rk4(world: Truth, state: State, command: Command, around: Around, dt: f
 def step_euler(world: Truth, state: State, command: Command, around: Around, dt: float) -> State:
     """The state alone after :func:`coupled_euler`."""
     return coupled_euler(world, state, command, around, dt)[0]
+
+
+def far_step(name: str, world: Truth, now: Moved, command: Command, around: Surroundings, dt: Any) -> Moved:
+    """A step of a vehicle that is far from what is coupled to it, whose memories go on alone.
+
+    Args:
+        name: of the integrator.
+        world: true vehicle and gravity.
+        now: state, and memories of the coupled components.
+        command: held for the period.
+        around: surroundings of the period.
+        dt: s.
+    """
+    there = around.with_coupled(now[1])
+    return COUPLED_STEP[name](world, now[0], command, there.without_coupled(), dt)[0], there.alone(dt)
 
 
 STEP = {"rk4": step_rk4, "euler": step_euler, "rk4_staged": step_rk4}

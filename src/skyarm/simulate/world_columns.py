@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.log.log_columns import CONTACT_ARRAYS, GRIPPER_ARRAYS, OBJECT_ARRAYS
+from skyarm.log.log_columns import CONTACT_ARRAYS, GRIPPER_ARRAYS, MECHANISM_ARRAYS, OBJECT_ARRAYS
 from skyarm.scenario.scenario_record import Scenario
 
 
@@ -21,6 +21,10 @@ def logged_in_contact(scenario: Scenario, numbers: Sequence[Any]) -> dict[str, l
             for name, width in OBJECT_ARRAYS.items():
                 found.setdefault(name, []).extend(behind[:width])
                 behind = behind[width:]
+        for _ in contact.mechanisms:
+            for name, number in zip(MECHANISM_ARRAYS, behind, strict=False):
+                found.setdefault(name, []).append(number)
+            behind = behind[len(MECHANISM_ARRAYS) :]
         if contact.grippers:
             found |= {name: behind[i :: len(GRIPPER_ARRAYS)] for i, name in enumerate(GRIPPER_ARRAYS)}
     return found
