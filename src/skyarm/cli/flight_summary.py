@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from rich.text import Text
 from skyarm.cli.terminal_chart import chart
 from skyarm.cli.terminal_tables import add, shown, table_of
 from skyarm.files import printable
+from skyarm.log.grasp_periods import GraspPeriod
 from skyarm.metrics.path_distance import path_distance
 from skyarm.metrics.windows import Windows, windows_of
 from skyarm.simulate import Log
@@ -35,7 +37,7 @@ def episode(log: Log) -> RenderableType:
     for what, found in beside_errors(log).items():
         add(table, BESIDE[what], *("-" if value is None else shown(value, 4) for value in found.values()))
     lags = [lag_words(log)] if log.lag_found.size else []
-    return Group(*heads, table, *(Text(printable(line)) for line in (*lags, *contact_lines(log))))
+    return Group(*heads, table, *(Text(printable(line)) for line in (*lags, *contact_lines(log), *grasp_lines(log))))
 
 
 def contact_lines(log: Log) -> list[str]:
@@ -64,6 +66,20 @@ def contacts(log: Log) -> list[dict[str, Any]]:
     ]
 
 
+def grasp_lines(log: Log) -> list[str]:
+    """What each gripper held in words, a line for each grasp."""
+    return [
+        f"{each.gripper} took {each.held} at {each.start:g} s: {_ended(each)}, largest force {each.peak:.3g} N"
+        for each in log.grasp_periods
+    ]
+
+
+def _ended(grasp: GraspPeriod) -> str:
+    if grasp.end is None:
+        return "holds it to the end"
+    return f"{'gave way' if grasp.gave_way else 'let go'} at {grasp.end:g} s"
+
+
 def lag_words(log: Log) -> str:
     """What the law found at the end of how late its loops act."""
     rotors, joints = 1e3 * log.lag_found[-1]
@@ -83,6 +99,8 @@ def facts(log: Log) -> dict[str, Any]:
         found["lag_found_s"] = log.lag_found[-1]
     if log.contact_force.size:
         found["contacts"] = contacts(log)
+    if log.gripper_taken.size:
+        found["grasps"] = [dataclasses.asdict(each) for each in log.grasp_periods]
     beside = beside_errors(log)
     return found | ({"governor": beside} if beside else {})
 

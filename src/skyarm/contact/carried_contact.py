@@ -61,19 +61,20 @@ class Carried:
         own = sum(a * b for a, b in zip(spots, held, strict=True))
         return sum(held) * len(self.points) + sum(spots) * len(self.surfaces) + sum(spots) * sum(held) - own
 
-    def steps(self) -> Iterator[Any]:
-        """Longest integration step (s) of each kind of pair."""
+    def steps(self) -> Iterator[tuple[str, Any]]:
+        """What asks for a step, in words, and the longest integration step (s), of each kind of pair."""
         masses = [1.0 / each.mobility for each in self.carriers]
         for i, carrier in enumerate(self.carriers):
             others = [mass for j, mass in enumerate(masses) if j != i and self.carriers[j].spot_count]
+            what = f"the mass of {carrier.name!r}"
             for surface in carrier.surfaces:
                 if self.points:
-                    yield surface.material.step_of(both(masses[i], LIGHTEST))
+                    yield what, surface.material.step_of(both(masses[i], LIGHTEST))
                 for mass in others:
-                    yield surface.material.step_of(both(masses[i], mass))
+                    yield what, surface.material.step_of(both(masses[i], mass))
             if carrier.spot_count:
                 for surface in self.surfaces:
-                    yield surface.material.step_of(masses[i])
+                    yield what, surface.material.step_of(masses[i])
 
     def meetings(
         self,

@@ -28,7 +28,10 @@ SOLIDS = tuple(shape for shape in SHAPES if shape not in ("plane", "hole"))
 RIM = ((1.0, 0.0), (-0.5, 0.75**0.5), (-0.5, -(0.75**0.5)))
 """Cosines and sines of three places on a cylinder's rim, from its deepest place on: it stands on three, lies on one."""
 
-_LEVEL = 1e-6
+REST = Vec3(0.0, 0.0, 0.0)
+"""Of what a start leaves out: zeros that may be varied, not structure."""
+
+_LEVEL = 1e-10
 """Share of a fixed direction in that of the rim's deepest place, which a cylinder that stands upright does not have."""
 
 
@@ -63,10 +66,10 @@ class FreeObject(Carrier):
     size: Annotated[tuple[Scalar, ...], Unit("m", low=0.0, strict=True)]
     inertia: Annotated[Vec3, Unit("kg m^2", "moments about its centre of mass, its axes", low=0.0)] = ZERO3
     com: Annotated[Vec3, Unit("m", "its centre of mass, seen from the shape's middle, its axes", folds=True)] = ZERO3
-    position: Annotated[Vec3, Unit("m", "of the shape's middle at the start, world axes")] = ZERO3
-    angles: Annotated[Vec3, Unit("rad", "roll, pitch, yaw at the start: about x, then y, then z of the world")] = ZERO3
-    velocity: Annotated[Vec3, Unit("m/s", "of the centre of mass at the start, world axes")] = ZERO3
-    angular_velocity: Annotated[Vec3, Unit("rad/s", "at the start, world axes")] = ZERO3
+    position: Annotated[Vec3, Unit("m", "of the shape's middle at the start, world axes")] = REST
+    angles: Annotated[Vec3, Unit("rad", "roll, pitch, yaw at the start: about x, then y, then z of the world")] = REST
+    velocity: Annotated[Vec3, Unit("m/s", "of the centre of mass at the start, world axes")] = REST
+    angular_velocity: Annotated[Vec3, Unit("rad/s", "at the start, world axes")] = REST
     standing: bool = False
     material: Material = field(default_factory=Material)
 

@@ -34,11 +34,11 @@ class Grasps:
     grippers: tuple[Gripper, ...]
     carriers: tuple[Carrier, ...]
 
-    def steps(self) -> Iterator[Any]:
-        """Longest integration step (s) of each grasp."""
+    def steps(self) -> Iterator[tuple[str, Any]]:
+        """What asks for a step, in words, and the longest integration step (s), of each grasp."""
         for gripper in self.grippers:
             for carrier in self.carriers:
-                yield gripper.step_of(both(LIGHTEST, 1.0 / carrier.mobility))
+                yield f"gripper {gripper.name!r}", gripper.step_of(both(LIGHTEST, 1.0 / carrier.mobility))
 
     def frames(self, motion: PointMotion) -> list[CarriedFrame]:
         """Place and motion of the grippers' frames."""

@@ -171,6 +171,13 @@ class Log:
         return contact_periods(self)
 
     @property
+    def grasp_periods(self) -> tuple[Any, ...]:
+        """From each grasp to its end: :func:`skyarm.log.grasp_periods.grasp_periods`."""
+        from skyarm.log.grasp_periods import grasp_periods
+
+        return grasp_periods(self)
+
+    @property
     def tip(self) -> Array:
         """Position of the tip (N, 3), m, world axes."""
         return self.tool

@@ -22,7 +22,7 @@ Array = npt.NDArray[np.float64]
 LOWEST, LIFT, FINEST = 3.0, 0.002, 1e-4
 """m: how far an object is lowered at most, out of how deep inside of something it is taken, smallest way down."""
 
-ROUNDS, SMALL = 40, 1e-10
+ROUNDS, SMALL = 40, 1e-9
 """Newton steps at most, and the residual force by the weight at which they end."""
 
 NEAR = 1e-7
@@ -71,9 +71,9 @@ class _Rest:
         object_, lowered = self._object, np.zeros(3)
         if np.abs(self._residual(lowered)).max() < SMALL:
             return self._contact
-        if self._residual(lowered)[0] > -1.0:
+        if self._gap(lowered) < 0.0:
             lowered[0] = LIFT
-        if self._residual(lowered)[0] > -1.0:
+        if self._gap(lowered) < 0.0:
             raise ValueError(
                 f"{_where(self._index)} = true: object {object_.name!r} must begin outside of what carries it"
             )
@@ -103,7 +103,7 @@ class _Rest:
                     return self._placed(x) if np.abs(x - first).max() < 0.1 else None
                 columns = [(self._residual(x + step) - found) / NEAR for step in NEAR * np.eye(3)]
                 # a ball may roll: of what nothing holds, nothing changes
-                x = x - np.linalg.lstsq(np.stack(columns, axis=1), found, rcond=1e-9)[0]
+                x = x - np.linalg.lstsq(np.stack(columns, axis=1), found, rcond=1e-6)[0]
         return None
 
     def _motion(self, x: Array) -> ObjectMotion:
