@@ -37,7 +37,14 @@ def episode(log: Log) -> RenderableType:
     for what, found in beside_errors(log).items():
         add(table, BESIDE[what], *("-" if value is None else shown(value, 4) for value in found.values()))
     lags = [lag_words(log)] if log.lag_found.size else []
-    return Group(*heads, table, *(Text(printable(line)) for line in (*lags, *contact_lines(log), *grasp_lines(log))))
+    beneath = (*lags, *contact_lines(log), *grasp_lines(log), *phase_lines(log))
+    return Group(*heads, table, *(Text(printable(line)) for line in beneath))
+
+
+def phase_lines(log: Log) -> list[str]:
+    """When the phases of a task that waits were done, in one line."""
+    ends = [f"{name} {'-' if end is None else f'{end:g} s'}" for name, end in log.phase_ends]
+    return [f"phases done: {', '.join(ends)}"] if ends else []
 
 
 def contact_lines(log: Log) -> list[str]:
@@ -101,6 +108,8 @@ def facts(log: Log) -> dict[str, Any]:
         found["contacts"] = contacts(log)
     if log.gripper_taken.size:
         found["grasps"] = [dataclasses.asdict(each) for each in log.grasp_periods]
+    if log.phase.size:
+        found["phase_ends"] = [{"phase": name, "end": end} for name, end in log.phase_ends]
     beside = beside_errors(log)
     return found | ({"governor": beside} if beside else {})
 
@@ -123,7 +132,7 @@ def beside_errors(log: Log) -> dict[str, dict[str, float | None]]:
 
     Empty without a governor.
     """
-    if not log.path_time.size:
+    if not log.path_time.size or log.phase.size:
         return {}
     distances = {"lag": log.time - log.path_time, "base_to_path": path_distance(log.position, log.position_reference)}
     if not np.array_equal(log.tool, log.position):

@@ -117,8 +117,7 @@ class Contact(Force):
         """What asks for an integration step, in words, and the longest that it bears, s."""
         touched = self.surfaces if self.points or not self.carriers else ()
         own = [(f"the material of surface {each.name!r}", each.material.largest_step) for each in touched]
-        inner = [(f"what moves inside of {each.name!r}", each.largest_step) for each in self.carriers]
-        inner = [each for each in inner if each[1] is not None]
+        inner = [(f"mechanism {c.name!r}", c.largest_step) for c in self.carriers if c.largest_step is not None]
         return (*own, *self.carried.steps(), *self.grasps.steps(), *inner)
 
     @property

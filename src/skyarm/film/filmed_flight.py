@@ -4,14 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.algebra import Vec3
+from skyarm.contact import Contact
+from skyarm.drawing.carried_poses import CarriedPoses, logged_poses
+from skyarm.drawing.moving_poses import moving_poses
+from skyarm.drawing.shapes import Shape
+from skyarm.drawing.touch_arrows import TouchArrow, touch_arrows
+from skyarm.drawing.world_shapes import PATCH, WorldShape, ground_height, point_shapes, world_shapes
 from skyarm.environment import HangingPayload
 from skyarm.files import shown
 from skyarm.film.film_settings import FilmSettings
 from skyarm.log.flight_log import Log
+from skyarm.reference.tip_push import TipPush
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[np.float64]
@@ -30,6 +39,12 @@ eyes."""
 
 MOST_FLIGHTS = len(COLORS)
 
+NOTHING: Array = np.zeros((0, 0))
+"""What a log has of what there is not."""
+
+WIDEST = 6.0
+"""m of way beyond which the patch of a plane grows no more."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Load:
@@ -45,17 +60,6 @@ class Load:
     held_at: npt.NDArray[np.int64]
 
 
-@dataclass(frozen=True, slots=True)
-class FilmedSurface:
-    """A box, cylinder or sphere of the world: its size as the scenario says it, its middle (F, 3), R_WS (3, 3)."""
-
-    name: str
-    shape: str
-    size: tuple[float, ...]
-    position: Array
-    rotation: Array
-
-
 @dataclass(frozen=True, kw_only=True)
 class FilmedFlight:
     """What a film shows of one flight at F instants; world axes, SI units, radians.
@@ -66,9 +70,15 @@ class FilmedFlight:
         position (F, 3), quaternion (F, 4) wxyz, joints (F, n): of the plant.
         desired_position (F, 3), desired_quaternion (F, 4), desired_joints (F, n): the continuous reference, level.
         tip, desired_tip: (F, 3) m. force: (F, 3) N of the wind. air: (F, 3) m/s, velocity of the air.
-        error: (F,) m, distance of the tip from its reference.
+        error: (F,) m, distance of the tip from its reference; across the believed normal while it shall press.
         error_time, error_curve: (N,) s and m, the same at every control instant.
-        loads: payloads that are taken or left on the way. surfaces: of the world, but for planes.
+        contact: (F,) N, sum of all normal forces on the vehicle; None without a world.
+        contact_curve, wanted_curve: (N,) N, the same, and the force that the reference asks for; the second one None
+            where it asks for none.
+        tilts: (F, rotors that tilt) rad; without columns where none does.
+        loads: payloads that are taken or left on the way.
+        surfaces: of the world, but for its ground. ground: height of that, m. points: marks of what may touch them.
+        touches: contact forces.
         end: s; from then on the vehicle stays where it was. lost: why it ended early, in words; empty for a whole
             flight.
     """
@@ -79,6 +89,7 @@ class FilmedFlight:
     position: Array
     quaternion: Array
     joints: Array
+    tilts: Array
     desired_position: Array
     desired_quaternion: Array
     desired_joints: Array
@@ -92,7 +103,13 @@ class FilmedFlight:
     end: float
     lost: str
     loads: tuple[Load, ...] = ()
-    surfaces: tuple[FilmedSurface, ...] = ()
+    surfaces: tuple[WorldShape, ...] = ()
+    contact: Array | None = None
+    contact_curve: Array | None = None
+    wanted_curve: Array | None = None
+    ground: float = 0.0
+    points: tuple[Shape, ...] = ()
+    touches: tuple[TouchArrow, ...] = ()
 
 
 def frame_times(logs: Sequence[Log], settings: FilmSettings) -> Array:
@@ -141,10 +158,13 @@ def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFligh
     Raises:
         ValueError: the log does not tell its vehicle.
     """
-    vehicle = log.scenario.world.vehicle
+    scenario = log.scenario
+    vehicle, contacts = scenario.world.vehicle, scenario.contacts
+    carried = _carried(log, contacts, times)
     now = {name: _read(log.time, getattr(log, name), times) for name in READ}
     yaw = _read(log.time, np.unwrap(log.yaw_reference)[:, None], times)[:, 0]
-    whole = log.status == "completed"
+    push, whole = getattr(scenario.trajectory, "push", None), log.status == "completed"
+    error, contact = _error(log, push), log.contact_force.sum(axis=1) if log.contact_force.size else None
     return FilmedFlight(
         label=label,
         color=color,
@@ -152,6 +172,7 @@ def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFligh
         position=now["position"],
         quaternion=_read(log.time, _continuous(log.quaternion), times),
         joints=now["joints"],
+        tilts=now["tilts"],
         desired_position=now["position_reference"],
         desired_quaternion=np.stack([np.cos(yaw / 2), 0 * yaw, 0 * yaw, np.sin(yaw / 2)], axis=1),
         desired_joints=now["joints_reference"],
@@ -159,14 +180,28 @@ def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFligh
         desired_tip=now["tip_reference"],
         force=now["wind_force"],
         air=now["air_velocity"],
-        error=_read(log.time, np.linalg.norm(log.tip - log.tip_reference, axis=1)[:, None], times)[:, 0],
+        error=_read(log.time, error[:, None], times)[:, 0],
         error_time=log.time,
-        error_curve=np.linalg.norm(log.tip - log.tip_reference, axis=1),
+        error_curve=error,
+        contact=None if contact is None else _read(log.time, contact[:, None], times)[:, 0],
+        contact_curve=contact,
+        wanted_curve=None if push is None else np.broadcast_to(push.force.derivatives(log.time)[0], log.time.shape),
         end=_end_of(log) if whole else float(log.time[-1]),
         lost="" if whole else log.status.replace("_", " "),
-        loads=tuple(_loads(log, times)),
-        surfaces=tuple(_surfaces(log, times)),
+        loads=tuple(_loads(log, scenario.payloads, times)),
+        surfaces=world_shapes(contacts, times, np.mean(now["tip_reference"], axis=0), _patch(now["tip"]), carried),
+        ground=ground_height(contacts),
+        points=point_shapes(contacts, vehicle),
+        touches=tuple(_touches(log, vehicle, contacts, times, carried)),
     )
+
+
+def _error(log: Log, push: TipPush | None) -> Array:
+    """Distance of the tip from its reference (N,), m; across the believed normal while it shall press."""
+    away = log.tip - log.tip_reference
+    if push is not None:
+        away = np.stack(list(push.across(Vec3(*away.T), log.time)), axis=1)
+    return np.asarray(np.linalg.norm(away, axis=1))
 
 
 READ = (
@@ -178,14 +213,15 @@ READ = (
     "tip_reference",
     "wind_force",
     "air_velocity",
+    "tilts",
 )
 """Arrays of a log that a film reads as they are."""
 
 
-def _loads(log: Log, times: Array) -> Iterator[Load]:
+def _loads(log: Log, payloads: Sequence[Any], times: Array) -> Iterator[Load]:
     """Payloads that are held at some frames; one on a cord is left out, a log does not tell where it hangs."""
     instants = np.clip(np.searchsorted(log.time, times, side="right") - 1, 0, log.time.size - 1)
-    for payload, masses in zip(log.scenario.payloads, log.payload_mass.T, strict=False):
+    for payload, masses in zip(payloads, log.payload_mass.T, strict=False):
         (held,) = np.nonzero(masses[instants] > 0.0)
         if isinstance(payload, HangingPayload) or not held.size:
             continue
@@ -194,15 +230,39 @@ def _loads(log: Log, times: Array) -> Iterator[Load]:
         yield Load(mass=float(payload.mass), frame=payload.frame, held_at=at)
 
 
-def _surfaces(log: Log, times: Array) -> Iterator[FilmedSurface]:
-    """Surfaces that have an end; the ground of a film is the plane z = 0 whatever the world says."""
-    for contact in log.scenario.contacts:
-        for surface in contact.surfaces:
-            if surface.shape not in ("plane", "hole"):
-                place = np.stack([np.broadcast_to(c, times.shape) for c in surface.place(times)[0]], axis=1)
-                rows = [[float(entry) for entry in row] for row in surface.rotation.rows]
-                size = tuple(float(each) for each in surface.size)
-                yield FilmedSurface(surface.name, surface.shape, size, place, np.array(rows))
+def _patch(tip: Array) -> float:
+    """Half the width of the patch that stands for a plane, m: a metre more than the tip goes, up to a point."""
+    finite = tip[np.isfinite(tip).all(axis=1)]
+    way = float(np.ptp(finite, axis=0).max()) if len(finite) else 0.0
+    return PATCH + 0.5 * min(way, WIDEST)
+
+
+def _carried(log: Log, contacts: Sequence[Contact], times: Array) -> CarriedPoses:
+    """Free objects and mechanisms at the frames."""
+    count = log.object_quaternion.shape[1] // 4
+    turns = [_continuous(log.object_quaternion[:, 4 * i : 4 * i + 4]) for i in range(count)]
+    turned = np.concatenate([_read(log.time, each, times) for each in turns], axis=1) if turns else NOTHING
+    places, coordinates = (
+        _read(log.time, each, times) if each.size else NOTHING for each in (log.object_position, log.mechanism_position)
+    )
+    return logged_poses(contacts, places, turned, coordinates)
+
+
+def _touches(
+    log: Log, vehicle: Vehicle, contacts: Sequence[Contact], times: Array, carried: CarriedPoses
+) -> Iterator[TouchArrow]:
+    """Contact forces at the frames, at the places that the bodies have then."""
+    if not log.contact_force.size:
+        return
+    begin = 0
+    where = (_read(log.time, each, times) for each in (log.position, _continuous(log.quaternion), log.joints))
+    poses = moving_poses(vehicle, *where)
+    for contact in contacts:
+        end = begin + contact.logged_pairs
+        force = _read(log.time, log.contact_force[:, begin:end], times)
+        force = np.where(times[:, None] < _end_of(log), force, 0.0)
+        yield from touch_arrows(contact, vehicle, poses, times, force, carried)
+        begin = end
 
 
 def _end_of(log: Log) -> float:

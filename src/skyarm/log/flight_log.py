@@ -44,6 +44,7 @@ IF_ANY = (
     "payload_mass",
     "lag_found",
     "path_time",
+    "phase",
     "tilts",
     "tilt_commands",
     "contact_force",
@@ -84,7 +85,9 @@ class Log:
         lag_found: (N, 2) s, how late the rotors' and the joints' loops act beyond what the law was told, as it has
             found (:mod:`skyarm.control.blocks.lag_estimate`); without columns for a law that does not look for it.
         path_time: (N,) how far along the reference a governor leads the law, s; ``time - path_time`` is its lag. Empty
-            without a governor.
+            without a governor; of a task whose phases wait, the reference's own time, which is waited from.
+        phase: (N,) number of the phase that is flown, one more than the last once all are done. Empty where no phase
+            waits.
         contact_force, contact_friction, contact_depth: (N, pairs) how strongly a surface of the world pushes a point of
             the vehicle along its normal, and how strongly across (N), and how deep the point is in it (m), at the
             instant; the first surface with each point, then the next one, then every object with each point. Without
@@ -97,10 +100,11 @@ class Log:
         tilts, tilt_commands: (N, tilting rotors) rad; without columns where no rotor tilts.
         measured_position, measured_joints: what the sensors said at this instant; a delayed controller saw it later.
         info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground",
-            "controller_undefined", "rotor_contact", "body_contact"), cause, end time; ``scenario_record`` is all that
-            was flown as plain data, and ``digest`` its SHA-256: logs of one digest, and of the same versions, are of
-            the same flight (:attr:`scenario` reads it back). ``plugins`` were loaded; ``code`` are the files of
-            someone's own code that flew, by name and SHA-256, which are part of the digest.
+            "controller_undefined", "rotor_contact", "body_contact", "phase_failed"), cause, end time;
+            ``scenario_record`` is all that was flown as plain data, and ``digest`` its SHA-256: logs of one digest,
+            and of the same versions, are of the same flight (:attr:`scenario` reads it back). ``plugins`` were loaded;
+            ``code`` are the files of someone's own code that flew, by name and SHA-256, which are part of the digest.
+            ``phases`` are the kinds of the phases of a task that waits.
     """
 
     time: Annotated[Array, Unit("s")]
@@ -130,9 +134,10 @@ class Log:
     measured_joints: Annotated[Array, Unit("rad or m", "measured")]
     payload_mass: Annotated[Array, Unit("kg", "held of each payload with a time")] = field(default_factory=_nothing)
     lag_found: Annotated[Array, Unit("s", "found by the law beyond what it was told")] = field(default_factory=_nothing)
-    path_time: Annotated[Array, Unit("s", "time of the reference that a governor leads the law along")] = field(
+    path_time: Annotated[Array, Unit("s", "time of the reference that the law is led along")] = field(
         default_factory=_nothing
     )
+    phase: Annotated[Array, Unit("", "number of the task's phase")] = field(default_factory=_nothing)
     contact_force: Annotated[Array, Unit("N", "of a surface on a point, along its normal")] = field(
         default_factory=_nothing
     )
@@ -162,6 +167,15 @@ class Log:
     tilts: Annotated[Array, units(State)["tilts"]] = field(default_factory=_nothing)
     tilt_commands: Annotated[Array, Unit("rad", "commanded")] = field(default_factory=_nothing)
     info: dict[str, Any]
+
+    @property
+    def phase_ends(self) -> tuple[tuple[str, float | None], ...]:
+        """(kind, when it was done in s, None if it was not) of each phase of a task that waits for the flight."""
+        found = []
+        for number, name in enumerate(self.info.get("phases", ())):
+            later = np.flatnonzero(self.phase > number + 0.5)
+            found.append((str(name), float(self.time[later[0]]) if later.size else None))
+        return tuple(found)
 
     @property
     def contact_periods(self) -> tuple[Any, ...]:

@@ -10,10 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any
 
+from skyarm.algebra import Vec3
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Signal
-from skyarm.scalars import Scalar, divide, sqrt
+from skyarm.scalars import Scalar, divide, sqrt, where
 
 SPEED = 0.1
 """m/s, with which the tip comes where nothing is said: an arm of 0.1 kg then meets 5000 N/m with 2 N."""
@@ -35,3 +36,15 @@ class TipPush:
         x, y, z = self.normal
         length = divide(1.0, sqrt(x * x + y * y + z * z))
         return self.force.derivatives(t)[0], self.speed, x * length, y * length, z * length
+
+    def across(self, away: Vec3, t: Any) -> Vec3:
+        """What of an error of the tip counts: all of it, and only what is across the normal while it shall press.
+
+        Args:
+            away: m, world axes.
+            t: s.
+        """
+        force, _, *normal = self.at(t)
+        n = Vec3(*normal)
+        along = n * away.dot(n)
+        return Vec3(*(a - where(force > 0.0, b, 0.0) for a, b in zip(away, along, strict=True)))

@@ -17,6 +17,7 @@ from skyarm.actuation.tilting import with_rest
 from skyarm.algebra import Vec3
 from skyarm.compile.tracing.repeat import repeat, repeat_while
 from skyarm.control.blocks.lag_estimate import lags_found
+from skyarm.control.blocks.observed_push import observed_push
 from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
@@ -30,7 +31,7 @@ from skyarm.plant.surroundings import Surroundings, felt
 from skyarm.records.blend import blend
 from skyarm.reference import Reference
 from skyarm.scalars import absolute, floor, logical_and, where
-from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.check_endings import healthy
 from skyarm.simulate.command_line import (
@@ -44,6 +45,8 @@ from skyarm.simulate.command_line import (
 from skyarm.simulate.draws import Draws, draw_plan
 from skyarm.simulate.joined_reference import joined_reference
 from skyarm.simulate.loop_state import LoopState, Row, SensorState, ended
+from skyarm.simulate.pace_clock import PaceClock, Paces
+from skyarm.simulate.path_clock import PathClock, Waits
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -64,13 +67,11 @@ class Stages:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        if scenario.trajectory.guards:
-            allowed = "has phases that wait (until): only skyarm.run finds how long; its log's scenario flies anywhere"
-            raise ScenarioError(f"reference of {scenario.name!r}: {allowed}")
         self.scenario = scenario
         self.period = 1.0 / scenario.rates.control
         self.components = scenario.components
         self.sensors = scenario.all_sensors
+        self.waits, self.paces = Waits(scenario), Paces(scenario)
         self.draws: Draws = draw_plan(scenario)
         self._law = checked_law(scenario.controller)
         model = scenario.controller.par.model
@@ -80,14 +81,47 @@ class Stages:
         # named sensors are measured each so many control periods
         self._every = tuple(round(scenario.rates.control / s.frequency) if s.frequency else 1 for _, s in self.sensors)
 
-    def check(self, alive: Any, state: State, reference: Reference) -> Any:
-        """Endings: 1 while the episode goes on, else 0."""
-        return where(logical_and(alive > 0.5, healthy(self.scenario, state, reference.position)), 1.0, 0.0)
+    def led(self, now: LoopState, row: Row) -> Row:
+        """What the instant is fed, with the reference where its own clock stands."""
+        if isinstance(now.clock, PaceClock):
+            told = row.told or self.paces.told(now.clock, now.ticks)
+            return dataclasses.replace(row, told=told, path_time=self.paces.path_time(now.clock))
+        if now.clock == () or row.reference != ():
+            return row
+        _, held, *offset = self.waits.times(now.clock, now.ticks)
+        path_time = self.waits.path_time(now.clock)
+        return dataclasses.replace(row, reference=self.waits.reference(held, offset), path_time=path_time)
 
-    def surround(self, memories: Sequence[Any], drives: Sequence[Any], state: State, time: Any, uniforms: Any) -> Any:
+    def path_times(self, now: LoopState) -> tuple[Any, ...]:
+        """What the log keeps of a reference's own clock; () where it has none."""
+        if isinstance(now.clock, PaceClock):
+            return (self.paces.path_time(now.clock),)
+        return () if now.clock == () else self.waits.times(now.clock, now.ticks)
+
+    def wait(self, clock: Any, ticks: Any, measurement: Measurement, row: Row, memory: Any, command: Command) -> Any:
+        """The reference's own clock, one period later."""
+        if isinstance(clock, PaceClock):
+            return self.paces.following(clock, ticks, measurement, row.told, command)
+        if clock == ():
+            return ()
+        return self.waits.following(clock, ticks, self.waits.seen(measurement, row.reference, observed_push(memory)))
+
+    def check(self, alive: Any, state: State, reference: Reference, clock: Any = ()) -> Any:
+        """Endings: 1 while the episode goes on, else 0."""
+        fine = logical_and(alive > 0.5, healthy(self.scenario, state, reference.position))
+        if isinstance(clock, PathClock):
+            fine = logical_and(fine, clock.failed < 0.5)
+        return where(fine, 1.0, 0.0)
+
+    def surround(
+        self, memories: Sequence[Any], drives: Sequence[Any], state: State, time: Any, uniforms: Any,
+        path_time: Any = (),
+    ) -> Any:  # fmt: skip
         """Air, forces and faults of the period: memories as they go on, and what the plant is told."""
         going = tuple(
-            component.follow(memory, time, self._grasp(component, state))
+            component.follow(
+                memory, path_time if component.name in self.waits.loads else time, self._grasp(component, state)
+            )
             if isinstance(component, TimedPayload)
             else component.advance(memory, time, self.period, state, self.draws.of_component(i, uniforms))
             for i, (component, memory) in enumerate(zip(self.components, memories, strict=True))
@@ -159,10 +193,12 @@ class Stages:
         full: Any = first
         return Readings(sensors=tuple(going), estimate=memory, reading=full, measurement=measurement)
 
-    def decide(self, memory: Any, measurement: Measurement, reference: Reference) -> tuple[Any, Command]:
+    def decide(
+        self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any = ()
+    ) -> tuple[Any, Command]:
         """The law."""
-        controller = self.scenario.controller
-        following, command = self._law(memory, measurement, reference, self.period, par=controller.par)
+        par = self.waits.believing(self.scenario.controller.par, path_time)
+        following, command = self._law(memory, measurement, reference, self.period, par=par)
         return following, with_rest(self.scenario.world.vehicle, command)
 
     def send(self, alive: Any, queue: Sequence[Command], command: Command) -> tuple[Any, tuple[Command, ...], Command]:
@@ -222,7 +258,9 @@ class StagesByActions(Stages):
         super().__init__(scenario)
         self._command = command
 
-    def decide(self, memory: Any, measurement: Measurement, reference: Reference) -> tuple[Any, Command]:
+    def decide(
+        self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any = ()
+    ) -> tuple[Any, Command]:
         """The command from outside."""
         return memory, with_rest(self.scenario.world.vehicle, self._command)
 

@@ -11,6 +11,7 @@ import numpy as np
 from skyarm.drawing.meshes import blade_mesh, mesh_of
 from skyarm.drawing.pose_program import Array, Placed, quaternions_of
 from skyarm.drawing.shapes import Shape, turn_onto
+from skyarm.drawing.tilted_rotors import disc_name, rotor_turns
 from skyarm.drawing.vehicle_shapes import payload_shape, rotor_radius, vehicle_shapes
 from skyarm.studio.sights import Sight
 from skyarm.vehicle.linkage import BASE
@@ -22,7 +23,7 @@ COLORS = ((38, 110, 190), (214, 105, 30), (44, 140, 80))
 GREY, GHOST, LOST, THRUST = (90, 96, 105), (130, 130, 140), (200, 40, 40), (240, 190, 40)
 WIND, PUSHED, OBSERVED = (70, 170, 220), (225, 60, 60), (150, 80, 190)
 
-TONES = {"hull": 1.0, "boom": 0.75, "rotor": 0.5, "link": 0.85, "joint": 0.6, "tip": 1.15, "payload": 0.4}
+TONES = {"hull": 1.0, "boom": 0.75, "rotor": 0.5, "link": 0.85, "joint": 0.6, "tip": 1.15, "point": 1.4, "payload": 0.4}
 """Role of a shape -> how bright its law's colour is."""
 
 NEWTON = 0.08
@@ -49,6 +50,7 @@ class VehicleNodes:
         scene: of viser. name: beginning of the nodes' names.
         vehicle: with concrete numbers. color: of its law.
         plain: without shadows. opacity: None draws all of it, with rotors; a ghost has none.
+        points: marks of what may touch the world.
     """
 
     def __init__(
@@ -60,6 +62,7 @@ class VehicleNodes:
         *,
         plain: bool = False,
         opacity: float | None = None,
+        points: Sequence[Shape] = (),
     ) -> None:
         self._scene, self._name, self._vehicle, self._opacity = scene, name, vehicle, opacity
         self._look = {"opacity": opacity, "cast_shadow": not plain and opacity is None, "receive_shadow": False}
@@ -70,8 +73,11 @@ class VehicleNodes:
         self._sent_turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(vehicle.moving) + 1, 1))
         self._sent_places = np.zeros((len(vehicle.moving) + 1, 3))
         self._meshes: list[tuple[Any, float]] = []
-        for shape in vehicle_shapes(vehicle):
-            self._add(shape, color)
+        self._discs: dict[str, Any] = {}
+        for shape in (*vehicle_shapes(vehicle), *points):
+            node = self._add(shape, color)
+            if shape.role == "rotor":
+                self._discs[shape.name] = node
         self._blades = None if opacity is not None or not vehicle.rotors else self._add_blades()
         self._turned = np.zeros(len(vehicle.rotors))
         self._payload: tuple[float, Any] = (0.0, None)
@@ -138,6 +144,22 @@ class VehicleNodes:
         spun = _times(np.concatenate([np.cos(half), np.sin(half) * self._ups], axis=1), self._lifts)
         self._blades.batched_wxyzs = spun.astype(np.float32)
 
+    def tilt(self, angles: Sequence[Any]) -> None:
+        """Turn the discs and blades of the rotors that tilt, rad; nothing of a vehicle without any."""
+        if not self._vehicle.tilts:
+            return
+        turns = rotor_turns(self._vehicle, np.array([[float(a) for a in angles]]))
+        for i, rotor in enumerate(self._vehicle.rotors):
+            name, axis = disc_name(rotor.name), rotor.axis
+            if name not in turns:
+                continue
+            turn, hub = turns[name][0], np.array([float(c) for c in rotor.position])
+            disc = self._discs[name]
+            disc.wxyz, disc.position = quaternions_of(turn[None])[0], hub - turn @ hub
+            if self._blades is not None:
+                lift = turn @ np.array(turn_onto((float(axis.x), float(axis.y), float(axis.z))))
+                self._lifts[i], self._ups[i] = quaternions_of(lift[None])[0], lift[:, 2]
+
     def carry(self, mass: float) -> None:
         """Show a payload at the tip, kg; none where it weighs nothing."""
         held, node = self._payload
@@ -180,13 +202,14 @@ class Arrows:
         self._thrusts = axes * np.array([[NEWTON * float(rotor.thrust_coefficient)] for rotor in rotors]).reshape(
             count, 1
         )
+        self._vehicle, self._still = vehicle, self._thrusts.copy()
         colors = np.array([THRUST] * count + [WIND, PUSHED, OBSERVED], dtype=np.uint8)
         self._points = np.tile(place, (count + 3, 2, 1)).astype(np.float32)
         self._node = scene.add_arrows(
             name, self._points, colors, shaft_radius=0.004, head_radius=0.011, head_length=0.022
         )
 
-    def point(self, last: Sight, speeds: Array, placed: Placed, beside: Array) -> None:
+    def point(self, last: Sight, speeds: Array, placed: Placed, beside: Array, tilts: Sequence[Any] = ()) -> None:
         """Draw what acts now.
 
         Args:
@@ -194,7 +217,13 @@ class Arrows:
             speeds: of the rotors, rad/s.
             placed: where the bodies are.
             beside: (3,) m, how far beside its own place the vehicle is drawn.
+            tilts: rad, of the rotors that tilt.
         """
+        if self._vehicle.tilts:
+            turns = rotor_turns(self._vehicle, np.array([[float(a) for a in tilts]]))
+            for i, rotor in enumerate(self._vehicle.rotors):
+                if disc_name(rotor.name) in turns:
+                    self._thrusts[i] = turns[disc_name(rotor.name)][0] @ self._still[i]
         seen = np.zeros(3) if last.observed is None else np.array([float(c) for c in last.observed])
         R, p = placed.rotations[0], placed.positions[0] + beside
         arrows = np.zeros_like(self._points)
