@@ -219,18 +219,12 @@ def compare(
     threads = workers("--workers", flying)
     if plant not in registered("plant"):
         raise ValueError(f"--plant = {plant!r}: {must_be_one_of(registered('plant'), plant)}")
-    if worlds is not None and not 1 <= worlds <= MOST:
-        raise ValueError(f"--worlds = {worlds}: must be from 1 to {MOST}")
-    if suite != "contact-suite":
-        for option, value in (("--tasks", tasks), ("--worlds", worlds)):
-            if value is not None:
-                raise ValueError(f"{option}: must be left out; only contact-suite has it")
+    in_contact = {"--tasks": tasks is not None, "--worlds": worlds is not None}
     if suite == "contact-suite":
         from skyarm.cli.contact_command import contact
 
-        for option, value in (("--conditions", conditions), ("--axes", axes), ("--vehicle", vehicle)):
-            if value is not None:
-                raise ValueError(f"{option}: must be left out for contact-suite, whose tasks say their own")
+        others = {"--conditions": conditions is not None, "--axes": axes is not None, "--vehicle": vehicle is not None}
+        _left_out(others, " for contact-suite, whose tasks say their own")
         contact(
             out or "out/contact",
             laws=laws,
@@ -244,6 +238,7 @@ def compare(
             console=console,
         )
         return
+    _left_out(in_contact, "; only contact-suite has it")
     if suite == "envelope-suite":
         from skyarm.cli.envelope_command import envelope
 
@@ -261,11 +256,8 @@ def compare(
             console=console,
         )
         return
-    given = (("--axes", axes is not None), ("--vehicle", vehicle is not None), ("--quick", quick))
-    for option, is_given in given:
-        who = "envelope-suite and contact-suite have" if option == "--quick" else "envelope-suite has"
-        if is_given:
-            raise ValueError(f"{option}: must be left out; only {who} it")
+    _left_out({"--axes": axes is not None, "--vehicle": vehicle is not None}, "; only envelope-suite has it")
+    _left_out({"--quick": quick}, "; only envelope-suite and contact-suite have it")
     perform(
         suite,
         out or "out/compare",
@@ -279,3 +271,10 @@ def compare(
         threads=threads,
         console=console,
     )
+
+
+def _left_out(given: dict[str, bool], why: str) -> None:
+    """Refuse options that another suite has."""
+    for option, is_given in given.items():
+        if is_given:
+            raise ValueError(f"{option}: must be left out{why}")

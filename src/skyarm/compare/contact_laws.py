@@ -1,7 +1,7 @@
 """Laws of the contact suite, and the task as each of them flies it.
 
-A law that presses flies the scenario as it is shipped. One that follows positions is led to the same places, 1 cm behind
-the believed surface, and its press waits for its tip in place of a force; all else is the same.
+A law that presses flies the scenario as it is shipped. One that follows positions is led to the same places, 1 cm
+behind the believed surface, and its press waits for no force; all else is the same.
 """
 
 from __future__ import annotations

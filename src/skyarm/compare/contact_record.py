@@ -14,6 +14,7 @@ from skyarm.compare.cells import Cell
 from skyarm.compare.contact_tasks import Task
 from skyarm.sweep.intervals import wilson
 
+Array = npt.NDArray[Any]
 Flags = npt.NDArray[np.bool_]
 
 HELD = 0.9
@@ -27,6 +28,9 @@ APART = 0.05
 
 TILTED = math.radians(80.0)
 """rad: a flight that tilts further is lost, even where it comes to its end."""
+
+SOON = 0.005
+"""s: worlds whose commands are late by at most this are counted by themselves, too."""
 
 METRICS = ("contact", "phases_done")
 """Beside what every comparison counts."""
@@ -69,11 +73,15 @@ def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Flags
     return found
 
 
-def cell_record(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Any]:
+def cell_record(task: Task, cell: Cell, weight: float, phases: int, delays: Array) -> dict[str, Any]:
     """A cell as plain data: success with its interval, causes, and medians over flights that came to their end.
 
     Args:
-        task, cell, weight, phases: as of :func:`lacks`. A flight that lacks several things counts under the first.
+        task: as of :func:`lacks`; a flight that lacks several things counts under the first.
+        cell: its flights.
+        weight: N, of the vehicle.
+        phases: of the scenario.
+        delays: of the commands in each flight, s.
     """
     bad = np.zeros(len(cell.status), dtype=bool)
     causes: Counter[str] = Counter()
@@ -84,6 +92,8 @@ def cell_record(task: Task, cell: Cell, weight: float, phases: int) -> dict[str,
     count, good = len(bad), int((~bad).sum())
     found: dict[str, Any] = {"flights": count, "successes": good, "success_rate": good / count}
     found["success_interval"] = list(wilson(good, count))
+    soon = np.asarray(delays) <= SOON
+    found["soon"] = {"flights": int(soon.sum()), "successes": int((soon & ~bad).sum())}
     found["causes"] = dict(causes.most_common())
     for name, metric in SHOWN.items():
         values = cell.metrics[metric][cell.completed]

@@ -93,7 +93,9 @@ def contact_record(
         weight = float(scenario.world.vehicle.mass) * float(scenario.world.gravity)
         cell = cells[condition, task.name, law]
         phases = len(scenario.trajectory.phases)
-        tasks[task.name]["conditions"][condition][law] = cell_record(task, cell, weight, phases)
+        tasks[task.name]["conditions"][condition][law] = cell_record(
+            task, cell, weight, phases, flights.values(scenario)["delays.command"]
+        )
     found: dict[str, Any] = {"schema": 1, "suite": CONTACT, "seed": suite.seed, "plant": suite.plant}
     found |= {"worlds": suite.worlds, "laws": list(suite.laws)}
     if identities():

@@ -9,14 +9,14 @@ from typing import Any
 
 from skyarm.compare.comparison_tables import DASH, markdown, number
 from skyarm.compare.contact_flights import CONDITIONS
-from skyarm.compare.contact_record import HELD, NEAR, SHOWN
+from skyarm.compare.contact_record import HELD, NEAR, SHOWN, SOON
 from skyarm.metrics.contact_totals import BAND
 
 MEANING = (
     "A success is a flight that is not lost, with all phases done in time; where a force is held it is within "
     f"{100.0 * BAND:g} % for {100.0 * HELD:g} % of the time from 2 s after the first touch on; a box lies within "
-    f"{1e3 * NEAR:g} mm of its place, a door is open by 55 degrees, a button has clicked, a peg is 90 % deep, a vehicle "
-    "that landed carries a tenth of its weight on its skids, within 5 cm. A flight that lacks several counts under the "
+    f"{1e3 * NEAR:g} mm of its place, a door is open by 55 degrees, a button has clicked, a peg is 90 % deep, a "
+    "vehicle that landed carries a tenth of its weight on its skids, within 5 cm. A flight that lacks several counts under the "
     "first of them; names of endings are those of lost flights."
 )
 
@@ -51,13 +51,13 @@ def number_rows(found: Mapping[str, Any], condition: str) -> list[list[str]]:
     for task in found["tasks"].values():
         for law, cell in task["conditions"][condition].items():
             numbers = [_scaled(cell[name], factor) for name, (_, factor) in NUMBERS.items()]
-            rows.append([task["title"], law, _successes(cell), *numbers, _causes(cell)])
+            rows.append([task["title"], law, _successes(cell), _successes(cell["soon"]), *numbers, _causes(cell)])
     return rows
 
 
 def number_head() -> list[str]:
     """Heads of :func:`number_rows`."""
-    return ["task", "law", "success", *(head for head, _ in NUMBERS.values()), "lacked"]
+    return ["task", "law", "success", f"delay to {1e3 * SOON:g} ms", *(head for head, _ in NUMBERS.values()), "lacked"]
 
 
 def worlds_line(found: Mapping[str, Any]) -> str:
@@ -86,12 +86,13 @@ def contact_csv(found: Mapping[str, Any]) -> str:
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     numbers: Sequence[str] = ("flights", "successes", *SHOWN)
-    writer.writerow(["task", "condition", "law", *numbers, "lacked"])
+    writer.writerow(["task", "condition", "law", *numbers, "soon_flights", "soon_successes", "lacked"])
     for name, task in found["tasks"].items():
         for condition, laws in task["conditions"].items():
             for law, cell in laws.items():
                 values = ["" if cell[key] is None else cell[key] for key in numbers]
-                writer.writerow([name, condition, law, *values, _causes(cell)])
+                soon = [cell["soon"][key] for key in ("flights", "successes")]
+                writer.writerow([name, condition, law, *values, *soon, _causes(cell)])
     return stream.getvalue()
 
 

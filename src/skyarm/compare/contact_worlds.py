@@ -72,7 +72,8 @@ def draw_worlds(task: Task, scenario: Scenario, count: int, *, seed: int) -> Wor
     # of a handful of worlds chance alone may discard a third
     if found.size < count or last - count > max(MOST_DISCARDED * last, 8.0):
         most = f"{100.0 * MOST_DISCARDED:g} %"
-        raise ValueError(f"task {task.name}: {last - found.size} of {last} worlds are discarded: must be at most {most}")
+        gone = f"{last - found.size} of {last} worlds are discarded"
+        raise ValueError(f"task {task.name}: {gone}: must be at most {most}")
     rows = {name: column[found] for name, column in every.items()}
     return Worlds(values=_numbers(task, scenario, rows, share[found]), drawn=last)
 
@@ -81,7 +82,8 @@ def kept(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) -> npt.NDAr
     """Which worlds physics lets be done.
 
     Args:
-        task, scenario: what is done.
+        task: what is done.
+        scenario: of the task.
         drawn: ``friction``, ``wind`` (N), and ``mass`` as a share, (count,) each.
     """
     joints = tuple(float(q) for q in scenario.trajectory.at(0.0).joints)

@@ -1,8 +1,8 @@
 """What is counted of a contact that is asked for, and of what is moved by it, while an episode flies.
 
 Forces are the sum of the normal forces at the vehicle's points. An instant counts while the reference asks for contact
-(its force is above 0): for losses from 0.3 s after the first touch on, for the statistics of the force from 2 s after it
-on, when the impact is over. What is moved is the first object and the first mechanism of the world, where the flight
+(its force is above 0): for losses from 0.3 s after the first touch on, for the statistics of the force from 2 s after
+it on, when the impact is over. What is moved is the first object and the first mechanism of the world, where the flight
 leaves them.
 """
 
