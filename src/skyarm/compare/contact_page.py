@@ -15,8 +15,8 @@ from skyarm.pages import page, section, table
 HOW = (
     "Every law meets the same worlds: stiffness 500 to 1e5 N/m, friction 0.1 to 0.8 (0.28 where the tip slides "
     "sideways), the believed normal wrong by up to 10 degrees, a hinge that is up to 6 % nearer or further, half to "
-    "twice the mass, thrust up to 10 % less, wind of up to 2 N and never more than half the push, commands up to 10 ms late. "
-    "No law is told of any of it. A law that follows positions is led 1 cm behind the believed surface."
+    "twice the mass, thrust up to 10 % less, wind of up to 2 N and never more than half the push, commands up to 10 ms "
+    "late. No law is told of any of it. A law that follows positions is led 1 cm behind the believed surface."
 )
 
 

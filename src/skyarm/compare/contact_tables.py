@@ -16,8 +16,8 @@ MEANING = (
     "A success is a flight that is not lost, with all phases done in time; where a force is held it is within "
     f"{100.0 * BAND:g} % for {100.0 * HELD:g} % of the time from 2 s after the first touch on; a box lies within "
     f"{1e3 * NEAR:g} mm of its place, a door is open by 55 degrees, a button has clicked, a peg is 90 % deep, a "
-    "vehicle that landed carries a tenth of its weight on its skids, within 5 cm. A flight that lacks several counts under the "
-    "first of them; names of endings are those of lost flights."
+    "vehicle that landed carries a tenth of its weight on its skids, within 5 cm. A flight that lacks several counts "
+    "under the first of them; names of endings are those of lost flights."
 )
 
 NUMBERS: Mapping[str, tuple[str, float]] = {
