@@ -237,7 +237,7 @@ def test_discs_are_turned_as_the_servos_turn_the_thrust() -> None:
     first, *others = vehicle.rotors
     assert first.tilt is not None
     leaning = dataclasses.replace(
-        first, axis=Vec3(0.6, 0.0, 0.8), tilt=dataclasses.replace(first.tilt, axis=Vec3(0, 1, 0))
+        first, axis=Vec3(0.6, 0.0, 0.8), tilt=dataclasses.replace(first.tilt, axis=Vec3(0.8, 0.0, -0.6))
     )
     vehicle = vehicle.with_checked(rotors=(leaning, *others))
     angles = np.random.default_rng(2).uniform(-0.6, 0.6, (3, len(vehicle.tilts)))

@@ -186,11 +186,11 @@ def test_contact_figures_have_forces_wanted_forces_and_touches() -> None:
     assert {"a", "desired", "touch"} <= legend
 
 
-def forced(*periods: tuple[float, float]) -> Log:
+def forced(*periods: tuple[float, float], pair: int = PAIR) -> Log:
     """The flight with other instants of contact between the wall and the tip."""
     log, force = touching(), np.zeros_like(touching().contact_force)
     for start, stop in periods:
-        force[(log.time >= start - 1e-9) & (log.time < stop - 1e-9), PAIR] = 1.0
+        force[(log.time >= start - 1e-9) & (log.time < stop - 1e-9), pair] = 1.0
     return dataclasses.replace(log, contact_force=force)
 
 
@@ -212,6 +212,11 @@ def test_a_path_is_drawn_from_above_and_from_the_right_beside_its_world() -> Non
         np.testing.assert_array_equal(lines["desired"].get_xydata(), log.tip_reference[:, columns])
         touch = lines["_touch"].get_xydata()[0]
         np.testing.assert_array_equal(touch, log.tip[np.flatnonzero(log.contact_force[:, PAIR])[0], columns])
+    skid = plot({"a": forced((0.2, 0.4), pair=PAIR + 1)}, kind="path").axes[0]
+    assert "_touch" not in {line.get_label() for line in skid.get_lines()}, "where the tip was says nothing of a skid"
+    # a plane is drawn where it is seen from its edge
+    sides = [[patch.get_label() for patch in ax.patches].count("world/side") for ax in (above, right)]
+    assert sides == [1, 0]
     walls = [patch for patch in above.patches if patch.get_label() == "world/wall"]
     (wall,) = (each for each in log.scenario.contacts[0].surfaces if each.name == "wall")
     corners = walls[0].get_xy()

@@ -137,7 +137,7 @@ def test_rotors_that_tilt_are_turned_with_their_blades_and_thrusts() -> None:
     angles = np.linspace(-0.5, 0.7, len(vehicle.tilts))
     nodes.tilt(angles)
     speeds = np.full(len(vehicle.rotors), 100.0)
-    nodes.spin(speeds, 0.0)
+    nodes.spin(speeds, 0.3)
     program = PoseProgram(vehicle)
     placed = program((0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0), [0.0] * vehicle.n)
     arrows = Arrows(scene, "/arrows1", vehicle, placed.positions[0])
