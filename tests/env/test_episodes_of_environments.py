@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import skyarm
-from shared_programs import hurried
 from skyarm.actuation.hover import hover_trim
 from skyarm.compile import leaves
 from skyarm.env import ActionChange, ActionSize, Result, Spin, TipNear
@@ -19,12 +18,12 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.sweep.design import values
 from skyarm.sweep.distributions import Uniform
 from skyarm.sweep.study import Study
-from small_environments import MASS, bare, noisy
+from small_environments import MASS, bare, noisy, one_program_a_task
 
 
 @pytest.fixture(autouse=True, scope="module")
 def _cache(tmp_path_factory):
-    with hurried(tmp_path_factory.mktemp("cache")):
+    with one_program_a_task(tmp_path_factory.mktemp("cache")):
         yield
 
 

@@ -9,19 +9,18 @@ import numpy as np
 import pytest
 
 import skyarm
-from shared_programs import hurried
 from skyarm.env import REWARDS, RatesAndThrust
 from skyarm.env.env_task import make_task
 from skyarm.env.single_environment import Environment
 from skyarm.env.vector_environment import VectorEnvironment
 from skyarm.records.coerce import RecordError
 from skyarm.scalars import where
-from small_environments import MASS, bare
+from small_environments import MASS, bare, one_program_a_task
 
 
 @pytest.fixture(autouse=True, scope="module")
 def _cache(tmp_path_factory):
-    with hurried(tmp_path_factory.mktemp("cache")):
+    with one_program_a_task(tmp_path_factory.mktemp("cache")):
         yield
 
 
