@@ -21,9 +21,9 @@ class PathPause:
         acceleration: 1/s, the largest change of the rate.
     """
 
-    error: Annotated[Scalar, Unit("m", "of the tip", low=0.0, strict=True, infinite=True)] = math.inf
-    thrust: Annotated[Scalar, Unit("", "share of a rotor's largest", low=0.0, strict=True, infinite=True)] = math.inf
-    acceleration: Annotated[Scalar, Unit("1/s", "largest change of the rate", low=0.0, strict=True)] = 2.0
+    error: Annotated[Scalar, Unit("m", "of the tip", low=0.0, infinite=True)] = math.inf
+    thrust: Annotated[Scalar, Unit("", "share of a rotor's largest", low=0.0, infinite=True)] = math.inf
+    acceleration: Annotated[Scalar, Unit("1/s", "largest change of the rate", low=0.0, strict=True)] = 0.5
 
     def __post_init__(self) -> None:
         accept_fields(self, "reference.governor.pause")
