@@ -12,11 +12,12 @@ import skyarm
 from skyarm.actuation.hover import hover_trim
 from skyarm.compile import leaves
 from skyarm.env import ActionChange, ActionSize, Result, Sight, Spin, TipError, TipNear
+from skyarm.env.env_task import make_task
 from skyarm.env.single_environment import Environment
 from skyarm.env.vector_environment import VectorEnvironment
 from skyarm.scenario.numbers import with_numbers
 from skyarm.sweep.design import values
-from skyarm.sweep.distributions import Uniform
+from skyarm.sweep.distributions import Uniform, distribution_from
 from skyarm.sweep.study import Study
 from small_environments import MASS, bare, noisy, one_program_a_task
 from thorough import sampled
@@ -240,3 +241,16 @@ def test_endings_look_at_the_reference_of_the_next_period_and_after_the_last_at_
     assert flags[-1] == (ended, not ended)
     assert not any(any(each) for each in flags[:-1])
     assert (session.ended is not None) == ended
+
+
+def test_numbers_are_drawn_as_a_sweep_draws_them_and_the_stiffest_sets_the_steps():
+    damping = "plant.vehicle.links.0.joint.damping"
+    table = {MASS: {"uniform": [0.0, 0.1]}, damping: {"log_uniform": [0.001, 0.1]}}
+    found = make_task(skyarm.load_scenario("case3"), randomise=table).randomised
+    seeds, episodes = np.array([3, 3, 2**31], dtype=np.uint64), np.array([0, 7, 7])
+    drawn_here = np.array(found.draw(seeds, episodes))
+    vary = {path: distribution_from(each, path) for path, each in table.items()}
+    for k, (seed, episode) in enumerate(zip(seeds.tolist(), episodes.tolist(), strict=True)):
+        study = Study(name="x", scenarios={}, vary=vary, episodes=9, seed=seed, document={})
+        assert drawn_here[:, k].tolist() == [float(column[0]) for column in values(study, [episode]).values()]
+    assert float(found.stiffest.world.vehicle.links[0].joint.damping) == pytest.approx(0.1, rel=1e-12)

@@ -12,6 +12,7 @@ import skyarm
 from exported_law import Loaded
 from skyarm.control.controller import ControllerError
 from skyarm.env import as_law, network
+from skyarm.env.env_task import make_task
 from skyarm.env.single_environment import Environment
 from skyarm.onboard.export_c import export_c
 from small_environments import bare, noisy, one_program_a_task
@@ -70,6 +71,14 @@ def test_a_policy_flies_as_a_law_what_it_flew_in_its_environment(case):
     log = skyarm.run(dataclasses.replace(planned, controller=as_law(policy, environment), seed=3))
     assert np.array_equal(positions[:-1], log.position[1 : len(positions)])
     assert log.status == info.get("status", "completed")
+
+
+def test_a_policy_on_a_law_is_defined_where_the_law_is_and_one_alone_everywhere():
+    planned = skyarm.load_scenario("case3", controller="paper_ct")
+    for actions, defined in (("residual", planned.controller), ("rates_and_thrust", None)):
+        law = as_law(lambda numbers: numbers[:6], make_task(planned, actions=actions))
+        assert law.margin is (defined and defined.margin)
+        assert law.limit == (defined.limit if defined else "")
 
 
 def test_a_function_and_an_untraceable_one_fly_as_the_network_does():
@@ -136,8 +145,6 @@ def test_what_is_no_policy_is_refused(policy, words):
 
 
 def _task():
-    from skyarm.env.env_task import make_task
-
     return make_task(**bare())
 
 
