@@ -14,7 +14,9 @@ from skyarm.metrics.score import score
 from skyarm.reference.path_pause import PathPause
 from skyarm.scenario.numbers import with_numbers
 from skyarm.simulate.batch import Batch
+from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop import run_in_python
+from skyarm.simulate.loop_state import carried
 from skyarm.simulate.pace_clock import Paces
 
 POINTS = [[0, 0, 1], [2, 0, 1.5], [2, 2, 1]]
@@ -141,9 +143,14 @@ def test_the_rate_falls_from_one_at_a_bound_to_none(error, thrust, rate):
     assert PathPause(thrust=0.8).rate(9.0, thrust) == pytest.approx(min(max((1.0 - thrust) / 0.2, 0.0), 1.0))
 
 
-def test_without_bounds_there_is_no_clock():
-    assert flight({"tilt": 0.6}).pause is None
-    assert skyarm.Session(flight({"tilt": 0.6})).now.clock == ()
+def test_without_bounds_there_is_no_clock(scenario):
+    free = flight({"tilt": 0.6})
+    assert free.pause is None
+    assert first_loop_state(free).clock == ()
+    # one that takes over in flight begins at the flight's time
+    before = dataclasses.replace(first_loop_state(free), ticks=37.0)
+    clock = carried(first_loop_state(scenario), before).clock
+    assert (clock.now.place, clock.now.rate, clock.held.place) == (37.0, 1.0, 37.0)
     with pytest.raises(skyarm.ScenarioError, match=r"pause_eror: is no option of a governor|pause_eror.*unknown"):
         flight({"pause_eror": 0.1})
 

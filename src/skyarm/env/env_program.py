@@ -190,7 +190,8 @@ class EnvProgram:
     def _goal(self, scenario: Scenario, ticks: Any) -> Vec3:
         """Where the held reference is after a period; after the last one, where it was, as in a single run."""
         last = float(self.task.scenario.steps - 1)
-        return self._row(scenario, where(ticks > last, last, ticks)).reference.position
+        goal: Vec3 = self._row(scenario, where(ticks > last, last, ticks)).reference.position
+        return goal
 
     def _decide(self, stages: Stages, now: EnvState, row: Row, action: tuple[Any, ...]) -> Any:
         """The law's memory and the command that the action means."""

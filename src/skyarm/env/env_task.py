@@ -81,11 +81,11 @@ def make_task(
         raise ScenarioError(f"observation = {shown(observation)}: must have at least one quantity")
     if kind.asks_law:
         flown.controller.require_compiled(f"an environment with actions {type(kind).__name__}")
-        if flown.path_time is not None:
+        if flown.path_time is not None or flown.pause is not None:
             raise ScenarioError("reference.governor: must be left out where actions build on the law")
     else:
         # a law that is not asked ends no episode where it is not defined
-        flown = dataclasses.replace(flown, controller=dataclasses.replace(flown.controller, margin=None))
+        flown = dataclasses.replace(flown, controller=dataclasses.replace(flown.controller, margin=None), pause=None)
     try_own_code(flown, law=kind.asks_law)
     return Task(
         scenario=flown,

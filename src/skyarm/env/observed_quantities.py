@@ -15,7 +15,7 @@ from skyarm.dynamics import State
 from skyarm.env.env_views import Sight
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
-from skyarm.simulate.counting_period import goal_of, tool_of
+from skyarm.simulate.tip_and_goal import goal_of, tool_of
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
