@@ -146,7 +146,7 @@ def test_far_is_what_stays_five_millimetres_away_at_its_present_speed(height, sp
 
 def test_while_it_is_far_the_clock_goes_on_and_bristles_stand_up():
     memory = dataclasses.replace(MEMORY, clock=(0.25,), bristles=tuple(Vec3(1e-4, 0.0, -2e-4) for _ in MEMORY.bristles))
-    later = CONTACT.alone(memory, 0.005)
+    later = CONTACT.alone(memory, 0.005, 3, 9.8)
     assert later.clock == (0.255,)
     for bristle in later.bristles:
         assert [*bristle] == pytest.approx([1e-4 * math.exp(-2.5), 0.0, -2e-4 * math.exp(-2.5)], rel=1e-12)

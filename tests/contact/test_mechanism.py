@@ -10,7 +10,11 @@ from scipy.integrate import solve_ivp
 
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves, rebuild
-from skyarm.contact import Detent, Mechanism, Surface
+from skyarm.contact import Contact, ContactPoint, Detent, Mechanism, Surface
+from skyarm.plant.compiled import RigidBodyPlant
+from skyarm.plant.interface import Truth
+from skyarm.plant.surroundings import Surroundings
+from standing_vehicles import at_rest, fall, limp
 
 GRAVITY = 9.8
 
@@ -238,3 +242,23 @@ def test_mechanisms_that_cannot_be_are_refused_in_one_line(numbers, words):
     with pytest.raises(ValueError, match=words) as error:
         hinge(**numbers)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(("away", "rounds"), [(5.0, 3), (0.0, 3)])
+def test_it_moves_the_same_whether_the_vehicle_is_far_or_near(away, rounds):
+    """A pendulum with friction beside a limp vehicle that falls, or below its skids: as one that is alone."""
+    swing = hinge(axis=(0, 1, 0), mass=2.0, com=(0.3, 0, 0), friction=0.2, initial=0.4, parts=(ARM,), inertia=0.3,
+                  position=(away, -0.2, -0.16))  # fmt: skip
+    bird = limp()
+    contact = Contact(
+        mechanisms=(swing,), points=(ContactPoint(name="p", body="base", position=Vec3(0.0, 0.0, -0.05)),)
+    )
+    around = Surroundings(components=(contact,), memories=(contact.start(0.005, ()),))
+    plant = RigidBodyPlant(Truth(vehicle=bird, gravity=GRAVITY), around)
+    assert plant.substeps(0.005).rounds == rounds
+    rows = fall(bird, at_rest(bird, (0.0, 0.0, 0.0)), around, 0.1)
+    alone = moved(swing, 0.1, step=0.005 / rounds, gravity=GRAVITY)
+    if away:
+        assert rows[-1, -3:] == pytest.approx(alone[-1], rel=1e-12)
+    else:
+        assert abs(rows[-1, -2] - alone[-1, 1]) > 0.02, "it was touched"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import tomllib
 from pathlib import Path
 
@@ -10,10 +11,16 @@ import numpy as np
 import pytest
 
 import skyarm
+from skyarm.algebra import Vec3
+from skyarm.compile import leaves, rebuild
+from skyarm.contact import Contact, Gripper, Mechanism
+from skyarm.dynamics.point_motion import PointMotion
 from skyarm.log.contact_periods import contact_pairs
 from skyarm.log.log_columns import columns
+from skyarm.plant.surroundings import Surroundings
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.loop import run_in_python
+from standing_vehicles import at_rest, fall, limp, states
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FRICTION = "world.mechanisms.button.friction"
@@ -124,3 +131,58 @@ def test_the_examples_fly_as_their_first_lines_say():
     assert (button.status, way.max()) == ("completed", pytest.approx(0.005, abs=5e-4))
     assert way[-100:] == pytest.approx(np.zeros(100), abs=2e-4)
     assert button.contact_force[:, 0].max() == 0.0, "the wall was not touched"
+
+
+@pytest.mark.parametrize("kind", [pytest.param("drawer", marks=pytest.mark.thorough), "valve"])
+def test_a_gripper_on_a_handle_moves_the_mechanism_and_is_moved_by_it(kind):
+    """A limp vehicle without weight that flies off with a handle: momentum along the slide, or about the hinge."""
+    bird = limp("hummingbird_arm2_rotors")
+    start = at_rest(bird, (0.0, 0.0, 0.0), (-0.45, -0.9), velocity=Vec3(0.2, 0.0, 0.0))
+    tip = PointMotion(bird, start).position(*bird_tip(bird))
+    lever = 0.15 if kind == "valve" else 0.0
+    place = Vec3(float(tip.x), float(tip.y) + lever, float(tip.z))
+    size, angles = (
+        ((0.3, 0.2, 0.1), (0.0, 0.0, 0.0)) if lever == 0.0 else ((0.15, 0.02, 0.02), (0.0, 0.0, -math.pi / 2))
+    )
+    handled = Mechanism(name="m", kind=kind, size=size, position=place, angles=angles, mass=0.6)
+    contact = Contact(
+        mechanisms=(handled,), grippers=(Gripper(name="ball", kind="ball", stiffness=4000.0, force=99.0),)
+    )
+    motion = PointMotion(bird, start)
+    memory = contact.act(contact.start(0.005, ()), 0.0, motion)
+    assert float(memory.grips[0].taken) == 1.0
+    around = Surroundings(components=(contact,), memories=(memory,))
+    rows = fall(bird, start, around, 0.3, gravity=0.0)
+    found = states(start, rows)
+    held = [rebuild(memory, iter(row[len(leaves(start)) :].tolist())).carried[0] for row in rows]
+
+    def momentum(state, coordinate, rate):
+        return axis_momentum(bird, state, place, lever) + handled.moved * rate
+
+    before, after = (
+        momentum(start, 0.0, 0.0),
+        [momentum(s, h.coordinate, h.rate) for s, h in zip(found, held, strict=True)],
+    )
+    assert after == pytest.approx([before] * len(after), rel=2e-4)
+    assert held[-1].rate > 0.02, "it is pulled along"
+    grip = contact.grasps.frames(PointMotion(bird, found[-1]))[0].position
+    handle = handled.frame(held[-1]).position + handled.frame(held[-1]).rotation.apply(Vec3(lever, 0.0, 0.0))
+    assert [*grip] == pytest.approx([*handle], abs=2e-3)
+
+
+def bird_tip(bird):
+    tip = bird.frame()
+    return tip.position, tip.link
+
+
+def axis_momentum(bird, state, place, lever):
+    """Of the vehicle along x, or about a z axis through a place, as the sum over its bodies."""
+    motion, total = PointMotion(bird, state), 0.0
+    for index, body in [(-1, bird.base), *((i, link.body) for i, link in enumerate(bird.links))]:
+        middle, velocity = motion.position(body.com, index), motion.velocity(body.com, index)
+        if lever == 0.0:
+            total += float(body.mass) * float(velocity.x)
+        else:
+            spin = motion.turned(body.inertia.apply(motion.angular_velocity(index)), index).z
+            total += float(body.mass) * float((middle - place).cross(velocity).z) + float(spin)
+    return total

@@ -173,14 +173,14 @@ def test_an_offset_is_taken_back_smoothly_in_the_phase_that_returns(scenario):
     phases = (*PHASES[:3], dataclasses.replace(PHASES[3], back=(0.25, 0.4)))
     trajectory = dataclasses.replace(scenario.trajectory, phases=phases)
     waits = Waits(dataclasses.replace(scenario, trajectory=trajectory))
-    offset, step = (0.003, -0.002, 0.001), 1e-4
+    offset, step = (0.003, -0.002, 0.001), 5e-4
     rows = [waits.reference(t, (*offset, 0.2125 * RATE)) for t in np.arange(0.2, 0.45, step).tolist()]
     plan = [trajectory.at(t) for t in np.arange(0.2, 0.45, step).tolist()]
     left = np.array(
         [[float(a - b) for a, b in zip(r.position, p.position, strict=True)] for r, p in zip(rows, plan, strict=True)]
     )
-    np.testing.assert_allclose(left[:500], np.tile(offset, (500, 1)), atol=1e-12)
-    np.testing.assert_allclose(left[2001:], 0.0, atol=1e-12)
+    np.testing.assert_allclose(left[:100], np.tile(offset, (100, 1)), atol=1e-12)
+    np.testing.assert_allclose(left[401:], 0.0, atol=1e-12)
     for name, less in (
         ("velocity", "position"),
         ("acceleration", "velocity"),
@@ -190,7 +190,7 @@ def test_an_offset_is_taken_back_smoothly_in_the_phase_that_returns(scenario):
         below, own = (np.array([[float(c) for c in getattr(r, each)] for r in rows]) for each in (less, name))
         slope = np.gradient(below, step, axis=0)
         # where a motion of least snap begins and ends its snap jumps
-        assert np.quantile(np.abs(slope - own)[20:-20], 0.98) < 5e-3 * np.abs(own).max()
+        assert np.quantile(np.abs(slope - own)[5:-5], 0.95) < 1e-2 * np.abs(own).max()
     # of an offset that began after the phase nothing is taken back
     late = waits.reference(0.42, (*offset, 0.3 * RATE))
     assert float(late.position.y) == pytest.approx(-0.002)

@@ -13,8 +13,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.contact.surface import Surface
+from skyarm.environment.component import moved_by
 
 Spot = tuple[Vec3, Any]
 """A ball of a carrier that touches surfaces: its middle (m, world axes) and its radius (m; an int of 0 is a point)."""
@@ -113,3 +114,19 @@ class Carrier:
     def logged(self, memory: Any) -> tuple[Any, ...]:
         """Numbers of the instant that a log keeps."""
         return ()
+
+
+def untouched_after(carrier: Carrier, memory: Any, dt: Any, rounds: int, gravity: Any) -> Any:
+    """Memory of a carrier that nothing touches after some steps (s) of the classical Runge-Kutta method."""
+
+    def slope(at: Any) -> Any:
+        return carrier.slope(at, ZERO3, ZERO3, gravity)
+
+    for _ in range(rounds):
+        a = slope(memory)
+        b = slope(moved_by(memory, a, 0.5 * dt))
+        c = slope(moved_by(memory, b, 0.5 * dt))
+        d = slope(moved_by(memory, c, dt))
+        for rate, part in ((a, dt / 6.0), (b, dt / 3.0), (c, dt / 3.0), (d, dt / 6.0)):
+            memory = moved_by(memory, rate, part)
+    return memory

@@ -13,13 +13,14 @@ from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.contact.carried_contact import NOBODY, Carried, Meeting
-from skyarm.contact.carrier import Carrier
+from skyarm.contact.carrier import Carrier, untouched_after
 from skyarm.contact.contact_point import ContactPoint
 from skyarm.contact.free_object import FreeObject
 from skyarm.contact.grasps import UNCHANGED, Grasps
 from skyarm.contact.gripper import Grip, Gripper
 from skyarm.contact.material import RECOVERY
 from skyarm.contact.mechanism import Mechanism
+from skyarm.contact.moving_points import moving_points, wrenches_on
 from skyarm.contact.surface import Surface
 from skyarm.contact.touch import Touch, touch_of
 from skyarm.dynamics.point_motion import PointMotion
@@ -31,7 +32,6 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, data, exp, logical_and, maximum, minimum, neg, sqrt
 from skyarm.vehicle.check import VehicleError
-from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 
 NEAR = 0.005
@@ -195,7 +195,7 @@ class Contact(Force):
 
     def touches(self, memory: Any, motion: PointMotion) -> list[Touch]:
         """What happens at every pair now."""
-        found, moving = [], [_moving(point, motion) for point in self.points]
+        found, moving = [], moving_points(self.points, motion)
         bristles, clock, step = iter(memory.bristles), (*memory.clock, 0.0)[0], self.largest_step
         for surface in self.surfaces:
             material, surface_velocity = surface.material, surface.place(clock)[1]
@@ -210,7 +210,7 @@ class Contact(Force):
         """What happens now at every pair of which a carrier is one."""
         if not self.carriers:
             return []
-        moving = [_moving(point, motion) for point in self.points]
+        moving = moving_points(self.points, motion)
         clock, bristles = (*memory.clock, 0.0)[0], memory.bristles[len(self.pairs) :]
         return self.carried.meetings(memory.carried, moving, clock, bristles, self.largest_step)
 
@@ -241,49 +241,44 @@ class Contact(Force):
         )
 
     def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
-        """A force at every point, and the torque about it of a ball that touches beside its middle.
-
-        Points of the base act together, at its origin.
-        """
+        """What touches does to the bodies of the points, and what grippers do."""
         touches, meetings = self.touches(memory, motion), self.meetings(memory, motion)
-        found, whole = list[Wrench](), Wrench()
-        for i, point in enumerate(self.points):
+        pushes = []
+        for i in range(len(self.points)):
             force = torque = ZERO3
             own = [each.touch for each in meetings if each.by == NOBODY and each.index == i]
             for touch in (*touches[i :: len(self.points)], *own):
                 force, torque = force + touch.force, torque + touch.spot.cross(touch.force)
-            at, body = point.place(motion.vehicle)
-            if body == BASE:
-                torque = torque + motion.turned(at).cross(force)
-                whole = Wrench(force_W=whole.force_W + force, torque_W=whole.torque_W + torque)
-            else:
-                found.append(Wrench(force_W=force, torque_W=torque, point=at, body=body))
-        found = [whole, *found] if len(found) < len(self.points) else found
-        return found + self.grasps.on_vehicle(memory, motion)
+            pushes.append((force, torque))
+        return wrenches_on(self.points, motion, pushes) + self.grasps.on_vehicle(memory, motion)
 
     def act(self, memory: Any, t: Any, motion: PointMotion) -> Any:
         """Grippers take hold, let go and give way."""
         return replace(memory, grips=self.grasps.after(memory, t, motion)) if self.grippers else memory
 
     def far(self, memory: Any, motion: PointMotion, seconds: Any) -> Any:
-        """Whether no point comes as near to a surface as ``NEAR``, if it goes on with its velocity.
+        """Whether no point or spot comes as near to a surface as ``NEAR``, if it goes on with its velocity.
 
-        Bodies that move beside the vehicle take their own steps all the time.
+        What a gripper holds is near.
         """
-        if self.carriers:
-            return False
         found: Any = True
-        for touch in self.touches(memory, motion):
+        for grip in memory.grips:
+            found = grip.taken < 0.5 if found is True else logical_and(found, grip.taken < 0.5)
+        for touch in (*self.touches(memory, motion), *(each.touch for each in self.meetings(memory, motion))):
             away = touch.depth - touch.rising * seconds < -NEAR
             found = away if found is True else logical_and(found, away)
         return found
 
-    def alone(self, memory: Any, seconds: Any) -> ContactMemory:
-        """The clock goes on, bristles stand up."""
+    def alone(self, memory: Any, seconds: Any, rounds: int, gravity: Any) -> ContactMemory:
+        """The clock goes on, bristles stand up, bodies move untouched."""
         left = exp(-RECOVERY * seconds)
-        clock = tuple(t + seconds for t in memory.clock)
-        bristles = tuple(bristle * left for bristle in memory.bristles)
-        return ContactMemory(clock=clock, bristles=bristles, carried=memory.carried, grips=memory.grips)
+        bodies = zip(self.carriers, memory.carried, strict=True)
+        return ContactMemory(
+            clock=tuple(t + seconds for t in memory.clock),
+            bristles=tuple(bristle * left for bristle in memory.bristles),
+            carried=tuple(untouched_after(each, held, seconds / rounds, rounds, gravity) for each, held in bodies),
+            grips=memory.grips,
+        )
 
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
         """Normal force (N), friction (N) and penetration (m) of each pair, one after the other; zeros outside.
@@ -298,15 +293,3 @@ class Contact(Force):
         for carrier, held in zip(self.carriers, memory.carried, strict=True):
             numbers += carrier.logged(held)
         return (*numbers, *self.grasps.logged(memory, motion))
-
-
-def _moving(point: ContactPoint, motion: PointMotion) -> tuple[Vec3, Vec3, Vec3]:
-    """Position (m), velocity (m/s) and angular velocity (rad/s) of a point, world axes; the last of a ball only."""
-    at, body = point.place(motion.vehicle)
-    ball = not (type(point.radius) is int and point.radius == 0)
-    if body == BASE:  # the lever turned once serves place, velocity and torque
-        lever, turning = motion.turned(at), motion.turned(motion.state.rate)
-        state = motion.state
-        return state.position + lever, state.velocity + turning.cross(lever), turning if ball else ZERO3
-    turning = motion.turned(motion.angular_velocity(body), body) if ball else ZERO3
-    return motion.position(at, body), motion.velocity(at, body), turning

@@ -7,13 +7,12 @@ the height above the top, and the distance of a point is that of the nearest pla
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any
 
 from skyarm.algebra import Vec3
 from skyarm.files import shown
 from skyarm.records.coerce import RecordError, concrete
-from skyarm.scalars import clip, divide, logical_and, logical_not, maximum, sqrt, where
+from skyarm.scalars import add, clip, divide, logical_and, logical_not, maximum, mul, neg, same, sqrt, sub, where
 
 SIZES = ("radius", "depth", "chamfer", "outer radius", "length")
 """Lengths, m: of the hole its radius, its depth below the top and the width of its chamfer of 45 degrees at the mouth;
@@ -46,19 +45,24 @@ def from_plate(size: Sequence[Any], p: Vec3) -> tuple[Any, Vec3]:
     """
     radius, depth, chamfer, outer, length = size
     away = sqrt(p.x * p.x + p.y * p.y + _SMALL)
-    corners = (
-        (0.0, -depth), (radius, -depth), (radius, -chamfer), (radius + chamfer, 0.0), (outer, 0.0),
-        (outer, -length), (0.0, -length),
-    )  # fmt: skip
+    # start and way of each edge; a zero of structure folds away
+    edges = (
+        ((0, neg(depth)), (radius, 0)),
+        ((radius, neg(depth)), (0, depth - chamfer)),
+        ((radius, neg(chamfer)), (chamfer, chamfer)),
+        ((radius + chamfer, 0), (outer - radius - chamfer, 0)),
+        ((outer, 0), (0, neg(length))),
+        ((outer, neg(length)), (neg(outer), 0)),
+    )
     outside = _outside(size, away, p.z)
     nearest: Any = None
-    for (x, z), (x_next, z_next) in pairwise(corners):
-        found = _to_edge(away, p.z, (x, z), (x_next - x, z_next - z))
+    for start, way in edges:
+        found = _to_edge(away, p.z, start, way)
         if nearest is None:
             nearest = found
             continue
         nearer = found[0] < nearest[0]
-        nearest = tuple(where(nearer, a, b) for a, b in zip(found, nearest, strict=True))
+        nearest = tuple(a if same(a, b) else where(nearer, a, b) for a, b in zip(found, nearest, strict=True))
     square, along, up, edge_along, edge_up = nearest
     distance, sign = sqrt(square), where(outside, 1.0, -1.0)
     # on the skin the way to it has no direction, the edge has
@@ -82,8 +86,8 @@ def _to_edge(away: Any, z: Any, start: tuple[Any, Any], way: tuple[Any, Any]) ->
 
     The material is on the right of an edge, seen along it.
     """
-    x, y = away - start[0], z - start[1]
-    square = way[0] * way[0] + way[1] * way[1]
-    t = clip((x * way[0] + y * way[1]) * (1.0 / square), 0.0, 1.0)
-    along, up, scale = x - t * way[0], y - t * way[1], 1.0 / sqrt(square)
-    return along * along + up * up, along, up, -way[1] * scale, way[0] * scale
+    x, y = sub(away, start[0]), sub(z, start[1])
+    square = add(mul(way[0], way[0]), mul(way[1], way[1]))
+    t = clip(add(mul(x, way[0]), mul(y, way[1])) * (1.0 / square), 0.0, 1.0)
+    along, up, scale = sub(x, mul(t, way[0])), sub(y, mul(t, way[1])), 1.0 / sqrt(square)
+    return along * along + up * up, along, up, mul(neg(way[1]), scale), mul(way[0], scale)

@@ -14,6 +14,9 @@ from skyarm.drawing.world_shapes import WorldShape
 SIDES = 16
 """Corners of the hole."""
 
+LOWER = 2e-5
+"""m by which each box lies below the one before: faces at one height would be lit twice where they overlap."""
+
 
 def without_holes(solids: Iterable[WorldShape]) -> list[WorldShape]:
     """The same solids with parts in place of each plate with a hole; its chamfer is left out."""
@@ -41,6 +44,6 @@ def hole_parts(shape: Shape) -> list[Shape]:
     for i in range(SIDES):
         c, s = math.cos(2.0 * math.pi * i / SIDES), math.sin(2.0 * math.pi * i / SIDES)
         turn = ((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0))
-        place = (middle * c, middle * s, -0.5 * depth)
+        place = (middle * c, middle * s, -0.5 * depth - LOWER * i)
         found.append(Shape(f"{shape.name}/side{i + 1}", shape.role, "box", shape.body, halves, place, turn))
     return found

@@ -21,6 +21,7 @@ from skyarm.dynamics import State
 from skyarm.env.env_task import Task
 from skyarm.env.env_views import Result, Sight
 from skyarm.plant.compiled import RigidBodyPlant
+from skyarm.records.blend import blend
 from skyarm.reference import Reference
 from skyarm.scalars import absolute, clip, floor, logical_and, where
 from skyarm.scenario.numbers import number_at, with_numbers
@@ -139,9 +140,11 @@ class EnvProgram:
         begun = Begun(loop.alive, loop.components, around, stages.acting(loop.queue), None)
         nothing: Any = None
         read = Readings(sensors=loop.sensors, estimate=loop.estimate, reading=nothing, measurement=nothing)
-        found = issue(stages, loop, begun, read, memory, command)
+        found = issue(stages, loop, begun, read, memory, command, loop.clock)
         plant = RigidBodySteps(stages, self._plant.substeps)
-        state, coupled = plant.advance(loop.state, begun.acting, found.acting, found.around)
+        moved, coupled = plant.advance(loop.state, begun.acting, found.acting, found.around)
+        # a command that is not finite ends the episode where it is, as in a single run
+        state: State = blend(found.alive > 0.5, moved, loop.state)
         flown = LoopState(
             alive=1.0,
             ticks=loop.ticks + 1.0,
@@ -152,6 +155,7 @@ class EnvProgram:
             estimate=found.estimate,
             components=stages.gone_on(begun.components, coupled),
             drives=found.drives,
+            clock=found.clock,
         )
         coming = self._row(stages.scenario, flown.ticks)
         ending = self._ending(stages.scenario, state, self._goal(stages.scenario, flown.ticks), found.alive)
@@ -183,15 +187,18 @@ class EnvProgram:
 
     def _row(self, scenario: Scenario, ticks: Any) -> Row:
         """An episode's own time and held reference."""
+        return Row(time=ticks / float(scenario.rates.control), reference=self._reference(scenario, ticks))
+
+    def _reference(self, scenario: Scenario, ticks: Any) -> Reference:
+        """As it is published and held."""
         held = floor((ticks + 0.5) / float(self._ratio)) * float(self._ratio)
-        rate = float(self.task.scenario.rates.control)
-        return Row(time=ticks / rate, reference=scenario.trajectory.at(held / rate).dense())
+        return scenario.trajectory.at(held / float(scenario.rates.control)).dense()
 
     def _goal(self, scenario: Scenario, ticks: Any) -> Vec3:
         """Where the held reference is after a period; after the last one, where it was, as in a single run."""
         last = float(self.task.scenario.steps - 1)
-        goal: Vec3 = self._row(scenario, where(ticks > last, last, ticks)).reference.position
-        return goal
+        position: Vec3 = self._reference(scenario, where(ticks > last, last, ticks)).position
+        return position
 
     def _decide(self, stages: Stages, now: EnvState, row: Row, action: tuple[Any, ...]) -> Any:
         """The law's memory and the command that the action means."""

@@ -118,8 +118,15 @@ class Component:
         """Whether a coupled component will not act within so many seconds: the vehicle then moves without it."""
         return False
 
-    def alone(self, memory: Any, seconds: Any) -> Any:
-        """The memory of a coupled component after so many seconds for which it was far."""
+    def alone(self, memory: Any, seconds: Any, rounds: int, gravity: Any) -> Any:
+        """The memory of a coupled component after so many seconds for which it was far.
+
+        Args:
+            memory: before.
+            seconds: s.
+            rounds: parts of the time that are as short as it asks for.
+            gravity: m/s^2, along -z.
+        """
         return memory
 
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:

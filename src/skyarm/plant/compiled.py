@@ -53,6 +53,11 @@ class Steps(int):
         made.far = far
         return made
 
+    @property
+    def rounds(self) -> int:
+        """Steps near that one far stands for, at least."""
+        return math.ceil(self / self.far)
+
     def __eq__(self, other: object) -> bool:
         return int(self) == other and self.far == getattr(other, "far", None)
 
@@ -80,7 +85,7 @@ class RigidBodyPlant:
         sizes = world.vehicle.n, len(world.vehicle.rotors), len(world.vehicle.tilts)
         self._examples = (example_state(*sizes), example_command(*sizes), around)
         self._steps: dict[float, Program] = {}
-        self._far_steps: dict[float, Program] = {}
+        self._far_steps: dict[tuple[float, int], Program] = {}
         self._largest, self._coupled = largest_step(around), places_in(around)
         self._largest_far = largest_step(around, coupled=False)
         self._per_second = joint_rate(world.vehicle) / FRICTION_STEP
@@ -104,14 +109,15 @@ class RigidBodyPlant:
             self._steps[dt] = trace(step, *self._examples)
         return self._steps[dt]
 
-    def _far_step(self, dt: float) -> Program:
-        if dt not in self._far_steps:
+    def _far_step(self, dt: float, rounds: int) -> Program:
+        if (dt, rounds) not in self._far_steps:
 
             def step(state: State, command: Command, around: Surroundings) -> Moved:
-                return far_step(self._integrator, self._world, (state, memories_of(around)), command, around, dt)
+                now = state, memories_of(around)
+                return far_step(self._integrator, self._world, now, command, around, dt, rounds)
 
-            self._far_steps[dt] = trace(step, *self._examples)
-        return self._far_steps[dt]
+            self._far_steps[dt, rounds] = trace(step, *self._examples)
+        return self._far_steps[dt, rounds]
 
     def substeps(self, seconds: float) -> int:
         """Integration steps that an interval is cut into; :class:`Steps` where fewer will do far from contact."""
@@ -126,10 +132,11 @@ class RigidBodyPlant:
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
         """State after ``seconds`` of held command and surroundings, then the coupled memories."""
         divided = self._integrator != "euler" or self._largest is not None
-        count, make = self.substeps(seconds), self._step
+        count, rounds = self.substeps(seconds), 0
         if isinstance(count, Steps) and self._far.flat((*state, *around, seconds))[0] > 0.5:
-            count, make = count.far, self._far_step
-        step = make(seconds / count if divided else self._physics_step)
+            rounds, count = count.rounds, count.far
+        dt = seconds / count if divided else self._physics_step
+        step = self._far_step(dt, rounds) if rounds else self._step(dt)
         x, end, given = tuple(state), len(state), list(around)
         for _ in range(count):
             x = step.flat((*x[:end], *command, *given))

@@ -155,7 +155,9 @@ def step_euler(world: Truth, state: State, command: Command, around: Around, dt:
     return coupled_euler(world, state, command, around, dt)[0]
 
 
-def far_step(name: str, world: Truth, now: Moved, command: Command, around: Surroundings, dt: Any) -> Moved:
+def far_step(
+    name: str, world: Truth, now: Moved, command: Command, around: Surroundings, dt: Any, rounds: int
+) -> Moved:
     """A step of a vehicle that is far from what is coupled to it, whose memories go on alone.
 
     Args:
@@ -165,9 +167,11 @@ def far_step(name: str, world: Truth, now: Moved, command: Command, around: Surr
         command: held for the period.
         around: surroundings of the period.
         dt: s.
+        rounds: steps in its place that what is coupled asks for.
     """
     there = around.with_coupled(now[1])
-    return COUPLED_STEP[name](world, now[0], command, there.without_coupled(), dt)[0], there.alone(dt)
+    after, _ = COUPLED_STEP[name](world, now[0], command, there.without_coupled(), dt)
+    return after, there.alone(dt, rounds, world.gravity)
 
 
 STEP = {"rk4": step_rk4, "euler": step_euler, "rk4_staged": step_rk4}

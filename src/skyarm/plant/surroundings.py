@@ -87,9 +87,9 @@ class Surroundings:
         components, memories = (tuple(each[i] for i in kept) for each in (self.components, self.memories))
         return replace(self, components=components, memories=memories)
 
-    def alone(self, seconds: Any) -> tuple[Any, ...]:
-        """Memories of the coupled components after so many seconds for which they were far."""
-        return tuple(self.components[i].alone(self.memories[i], seconds) for i in self.coupled)
+    def alone(self, seconds: Any, rounds: int, gravity: Any) -> tuple[Any, ...]:
+        """Memories of the coupled components after so many seconds, in so many parts, for which they were far."""
+        return tuple(self.components[i].alone(self.memories[i], seconds, rounds, gravity) for i in self.coupled)
 
     def effort(self, index: int, setpoint: Any, position: Any, rate: Any) -> Any:
         """What a joint's drive gives before its limit and friction, N m or N."""

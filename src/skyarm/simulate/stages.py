@@ -321,7 +321,7 @@ class RigidBodySteps:
             return repeat(count, stepped, now)
 
         def apart(both: Moved) -> Moved:
-            return far_step(name, world, both, command, around, seconds / count.far)
+            return far_step(name, world, both, command, around, seconds / count.far, count.rounds)
 
         now = repeat_while(count, where(far, 0.0, float(count)), stepped, now)
         return repeat_while(count.far, where(far, float(count.far), 0.0), apart, now)
