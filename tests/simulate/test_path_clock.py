@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import skyarm
 from flying_engines import ENGINES, evaluate
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves, rebuild
+from skyarm.control.blocks.observed_push import observed_push
 from skyarm.reference.compose import Sum
 from skyarm.reference.minimum_snap import minimum_snap
 from skyarm.reference.phase_guard import Guard, Phase
@@ -205,6 +207,14 @@ def test_a_task_that_takes_over_in_flight_begins_at_the_flight_s_time(scenario):
     clock = dataclasses.replace(first.clock, place=11.0, guard=1.0)
     assert carried(first, dataclasses.replace(before, clock=clock)).clock == clock
     assert carried(before, dataclasses.replace(first, ticks=37.0)).clock == ()
+
+
+def test_a_law_of_one_s_own_tells_the_force_by_a_field_of_its_memory():
+    force = Vec3(1.0, 2.0, 3.0)
+    own = SimpleNamespace(tip_force=force)
+    assert observed_push(own) == force
+    assert observed_push(SimpleNamespace(tip_force=0.0)) is None
+    assert observed_push(()) is None
 
 
 def test_where_no_phase_waits_the_clock_is_nothing(scenario):

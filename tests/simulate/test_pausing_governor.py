@@ -10,6 +10,7 @@ import pytest
 
 import skyarm
 from skyarm.actuation import Command
+from skyarm.algebra import Vec3
 from skyarm.metrics.path_distance import path_distance
 from skyarm.metrics.score import score
 from skyarm.reference import hover
@@ -118,6 +119,22 @@ def test_a_rotor_s_thrust_is_the_square_of_its_speed(scenario):
         command = Command(rotor_speeds=tuple(speeds), efforts=(0.0, 0.0))
         after = paces.following(half, 0.0, measurement, told.at(0.0), command).now
         assert after.rate - 0.5 == pytest.approx(sign * 20.0 * min(0.5, 5.0 * 0.2) / 200**2, abs=1e-9)
+
+
+def test_a_slow_loop_keeps_the_rate_between_none_and_one(scenario):
+    # at 5 Hz the rate's own loop would swing
+    paces = Paces(dataclasses.replace(scenario, pause=PathPause(error=0.05, acceleration=50.0)))
+    paces._rate = 5.0
+    clock, told, rates = paces.first(), hover((0.0, 0.0, 0.0), joints=(0.0, 0.0)).at(0.0), []
+    idle = Command(rotor_speeds=(0.0,) * 4, efforts=(0.0, 0.0))
+    for k in range(60):
+        away = Vec3(1.0 if k % 20 < 10 else 0.0, 0.0, 0.0)
+        measurement = dataclasses.replace(blank_measurement(2, 4), position=away)
+        following = paces.following(clock, float(k), measurement, told, idle)
+        assert following.now.place >= clock.now.place
+        clock = following
+        rates.append(clock.now.rate)
+    assert 0.0 == min(rates) < max(rates) == 1.0
 
 
 def test_python_sessions_and_batches_fly_the_same_bits(scenario, log):
