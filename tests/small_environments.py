@@ -12,10 +12,11 @@ MASS = "plant.payload.mass"
 
 
 def noisy(**changes: Any) -> skyarm.Scenario:
-    """The paper's vehicle with everything that draws: noise, turbulence that starts anew; and with late commands."""
+    """The paper's vehicle on a fast circle with all that draws: noise, turbulence that starts anew; late commands."""
     planned = skyarm.load_scenario("case3_wind", **{"controller": "paper_ct", "duration": 0.1, **changes})
     return dataclasses.replace(
         planned,
+        trajectory=skyarm.circle(radius=0.3, frequency_hz=0.5, center=[0.0, 0.0, 1.0], joints=[0.1, 0.2]),
         sensors=skyarm.SensorNoise(position=0.001, rate=0.01),
         delays=skyarm.Delays(command=0.002, measurement=0.005),
         wind=wind_from({"mode": "moving_air", "turbulence": {"altitude": 6.0, "wind_20ft": 7.7}}, "wind"),

@@ -327,3 +327,110 @@ def test_names_are_of_one_surface_or_object_only():
     ):
         with pytest.raises(RecordError, match="must be of one only"):
             dataclasses.replace(BOX, **twice)
+
+
+@pytest.fixture(scope="module")
+def spinning():
+    """Two points of a vehicle at rest on the top of a box that turns about z and sinks: contact, memory, touches."""
+    points = tuple(
+        ContactPoint(name=name, body="base", position=Vec3(x, 0.02, -0.12)) for name, x in (("a", 0.03), ("b", -0.02))
+    )
+    box = FreeObject(name="it", size=(0.2, 0.2, 0.1), mass=0.05, position=Vec3(0.0, 0.0, -0.1695),
+                     velocity=Vec3(0.0, 0.0, 0.01), angular_velocity=Vec3(0.0, 0.0, 2.0),
+                     material=Material(stiffness=2000.0, dissipation=2.0, friction=0.7))  # fmt: skip
+    contact = Contact(points=points, objects=(box,), surfaces=(Surface(name="ground", position=(0.0, 0.0, -1.0)),))
+    memory, motion = contact.start(0.005, ()), PointMotion(BIRD, at_rest(BIRD, (0.0, 0.0, 0.0)))
+    return contact, memory, motion, [each.touch for each in contact.meetings(memory, motion)[:2]]
+
+
+def test_a_point_slips_against_what_turns_under_it(spinning):
+    """The skin goes with w x r where the point is."""
+    _, _, _, touches = spinning
+    for touch, x in zip(touches, (0.03, -0.02), strict=True):
+        assert [*touch.bristle_rate] == pytest.approx([2.0 * 0.02, -2.0 * x, 0.0], abs=1e-9)
+        assert float(touch.rising) == pytest.approx(-0.01)
+        assert float(touch.depth) == pytest.approx(5e-4)
+
+
+def test_force_and_friction_of_a_light_body_are_those_of_its_mass_and_act_at_the_point_that_touches(spinning):
+    """f = k d (1 + c dd/dt), d being 0.5 mm, and the bristle's damping 5 N s/m sqrt(m / 20 g)."""
+    contact, memory, motion, touches = spinning
+    mass = 1.0 / (1.0 / 0.02 + float(contact.objects[0].mobility))
+    wrenches = contact.wrenches(memory, 0.0, motion, ())
+    for touch, wrench in zip(touches, wrenches, strict=True):
+        assert float(touch.normal) == pytest.approx(2000.0 * 5e-4 * 1.02)
+        slip = np.array([float(c) for c in touch.bristle_rate])
+        damping = min(1.0, float(touch.normal)) * 5.0 * math.sqrt(mass / 0.02)
+        assert [*touch.friction] == pytest.approx(-damping * slip, abs=1e-9)
+        assert [*wrench.force_W] == pytest.approx([*touch.force])
+
+
+def test_a_slow_touch_is_smoothed_over_the_step_of_its_mass():
+    """Just above the skin the mean over the way of a step is (way / 2 - height)^2 / (2 way)."""
+    box = FreeObject(name="it", size=(0.2, 0.2, 0.1), mass=0.05, position=Vec3(0.0, 0.0, -0.17005),
+                     velocity=Vec3(0.0, 0.0, 0.2), material=Material(dissipation=0.0, friction=0.0))  # fmt: skip
+    contact = Contact(points=(ContactPoint(name="a", body="base", position=Vec3(0.0, 0.0, -0.12)),), objects=(box,))
+    (meeting,) = contact.meetings(contact.start(0.005, ()), PointMotion(BIRD, at_rest(BIRD, (0.0, 0.0, 0.0))))
+    mass = 1.0 / (1.0 / 0.02 + float(box.mobility))
+    way = 0.2 * 0.85 * math.sqrt(mass / 5000.0)
+    assert float(meeting.touch.normal) == pytest.approx(5000.0 * (0.5 * way - 5e-5) ** 2 / (2.0 * way), rel=1e-6)
+
+
+def test_steps_are_those_of_the_masses_that_meet():
+    soft, hard = Material(stiffness=1000.0, friction=0.0), Material(stiffness=8000.0, friction=0.0)
+    heavy = FreeObject(name="heavy", size=(0.1, 0.1, 0.1), mass=0.1, material=hard, position=Vec3(0.0, 0.0, 1.0))
+    light = FreeObject(name="light", size=(0.1, 0.1, 0.1), mass=0.01, material=soft)
+    contact = Contact(surfaces=(Surface(name="ground", material=hard),), points=SPOT, objects=(heavy, light))
+
+    def step(mass, stiffness):
+        return pytest.approx(0.85 * math.sqrt(mass / stiffness))
+
+    def both(a, b):
+        return 1.0 / (1.0 / a + 1.0 / b)
+
+    a, b = (1.0 / float(each.mobility) for each in (heavy, light))
+    assert [(what, float(each)) for what, each in contact.steps] == [
+        ("the material of surface 'ground'", step(0.02, 8000.0)),
+        ("the mass of 'heavy'", step(both(a, 0.02), 8000.0)),
+        ("the mass of 'heavy'", step(both(a, b), 8000.0)),
+        ("the mass of 'heavy'", step(a, 8000.0)),
+        ("the mass of 'light'", step(both(b, 0.02), 1000.0)),
+        ("the mass of 'light'", step(both(a, b), 1000.0)),
+        ("the mass of 'light'", step(b, 8000.0)),
+    ]
+    assert float(contact.largest_step) == step(both(a, b), 8000.0)
+
+
+def test_a_semi_implicit_step_goes_on_with_the_new_velocities():
+    body, contact = BOX.objects[0], BOX
+    memory = contact.start(0.005, ())
+    first = memory.carried[0]
+    slope = contact.slope(memory, 0.0, PointMotion(BIRD, AWAY, gravity=GRAVITY), ())
+    pushed = body.slope(first, Vec3(0.1, 0.0, 0.0), Vec3(1e-3, 0.0, 0.0), 0.0)
+    after = contact.euler_step(memory, dataclasses.replace(slope, carried=(pushed,)), 0.01).carried[0]
+    alpha = 1e-3 / float(body.moments.x)
+    assert float(after.velocity.x) == pytest.approx(0.01)
+    assert float(after.position.x - first.position.x) == pytest.approx(1e-4)
+    assert float(after.rate.x) == pytest.approx(alpha * 0.01)
+    assert 2.0 * float(after.attitude.x) == pytest.approx(alpha * 1e-4, rel=1e-3)
+
+
+def test_mobility_of_cylinders_and_balls():
+    """Standing, lying on two rims, or pushed at the skin: the largest of them, by NumPy and by hand."""
+    radius, length, mass = 0.04, 0.1, 0.1
+    for size in ((radius, length), (0.1, 0.01), (0.01, 0.2)):
+        r, half = size[0], 0.5 * size[1]
+        body = FreeObject(name="it", shape="cylinder", size=size, mass=mass)
+        inertia = np.array([float(each) for each in body.moments])
+
+        def largest(places, n, inertia=inertia):
+            rows = [np.concatenate([n / math.sqrt(mass), np.cross(place, n) / np.sqrt(inertia)]) for place in places]
+            return np.linalg.eigvalsh(np.array(rows).T @ np.array(rows)).max()
+
+        rim = [(r * math.cos(t), r * math.sin(t), half) for t in (0.0, 2.0 * math.pi / 3.0, 4.0 * math.pi / 3.0)]
+        stands = largest(rim, np.array([0.0, 0.0, 1.0]))
+        lies = largest([(r, 0.0, half), (r, 0.0, -half)], np.array([1.0, 0.0, 0.0]))
+        pushed = 1.0 / mass + max(r, half) ** 2 / inertia.min()
+        assert float(body.mobility) == pytest.approx(max(stands, lies, pushed), rel=1e-9)
+    ball = FreeObject(name="it", shape="sphere", size=(radius,), mass=mass)
+    assert float(ball.mobility) == pytest.approx(3.5 / mass)

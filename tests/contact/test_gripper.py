@@ -13,6 +13,7 @@ from free_scenes import BIRD, Scene, energy
 from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.contact import Command, Contact, FreeObject, Gripper, Surface
+from skyarm.contact.grasps import _skin
 from skyarm.contact.gripper import Hold
 from skyarm.dynamics.energy import kinetic_energy
 from skyarm.dynamics.point_motion import PointMotion
@@ -311,3 +312,64 @@ def test_the_turn_that_is_kept_is_the_bodys_in_the_grippers_axes():
     assert [[float(c) for c in row] for row in kept.rows] == [pytest.approx(row, abs=1e-12) for row in expected]
     _, rates = wrench_and_rates(contact, memory)
     assert [*rates.rate] == pytest.approx([0.0] * 3, abs=1e-9)
+
+
+def test_a_semi_implicit_step_keeps_what_is_held():
+    contact = gripping()
+    memory = taken(contact)
+    slope = contact.slope(memory, 0.0, PointMotion(ARM, START), ())
+    assert contact.euler_step(memory, slope, 0.001).grips == memory.grips
+
+
+def test_force_and_reaction_are_at_one_place():
+    """Stretched by 1 mm along x and pulled on along z by damping: a couple about the frame of 1 mm times that."""
+    contact = gripping("ball")
+    memory = moved(taken(contact), (1e-3, 0.0, 0.0), velocity=(0.0, 0.0, -0.1))
+    wrench, rates = wrench_and_rates(contact, memory)
+    pull = -0.1 * float(rates.velocity.z)
+    assert pull < -0.1
+    assert [*wrench.torque_W] == pytest.approx([0.0, -1e-3 * pull, 0.0], abs=1e-12)
+    # about the centre of mass: the place is 3.2 cm above it
+    assert float(rates.rate.y) == pytest.approx(0.032 * 0.1 * float(rates.velocity.x) / (0.1 * 0.06**2 / 6.0))
+
+
+def test_the_nearest_of_several_surfaces_is_taken():
+    class Two(FreeObject):
+        """A box with a plate above it."""
+
+        @property
+        def surfaces(self):
+            plate = Surface(name="plate", shape="box", size=(0.1, 0.1, 0.01), position=(0.0, 0.0, 0.05))
+            return (*FreeObject.surfaces.fget(self), plate)
+
+    two = Two(name="two", size=(0.06, 0.06, 0.06), mass=0.1)
+    distance, normal = _skin(two, two.frame(two.start()), Vec3(0.0, 0.0, 0.043))
+    assert float(distance) == pytest.approx(0.002)
+    assert [*normal] == pytest.approx([0.0, 0.0, -1.0])
+    distance, normal = _skin(two, two.frame(two.start()), Vec3(0.0, 0.0, 0.031))
+    assert float(distance) == pytest.approx(0.001)
+    assert [*normal] == pytest.approx([0.0, 0.0, 1.0])
+
+
+def test_turning_against_each_other_is_damped_where_the_pose_is_held():
+    """Damping is that of the place times the square of the radius of gyration."""
+    contact = gripping()
+    memory = taken(contact)
+    body = dataclasses.replace(memory.carried[0], rate=Vec3(0.0, 0.0, 0.4))
+    spun = dataclasses.replace(memory, carried=(body,))
+    mass = 1.0 / (1.0 / 0.02 + float(contact.objects[0].mobility))
+    _, rates = wrench_and_rates(contact, spun)
+    assert float(rates.rate.z) == pytest.approx(-0.4 * 2.0 * 0.5 * math.sqrt(5000.0 * mass) / 0.1)
+
+
+def test_the_speed_of_a_grasp_is_that_of_both_where_the_body_is_held():
+    """The gripper turns with 10 rad/s about y; 1 mm beside its frame that is 1 cm/s along z."""
+    contact = gripping("ball")
+    turning = dataclasses.replace(START, rate=Vec3(0.0, 10.0, 0.0))
+    motion = PointMotion(ARM, turning)
+    point, body = motion.frame()
+    velocity = [float(c) for c in motion.velocity(point, body)]
+    memory = moved(taken(contact), (1e-3, 0.0, 0.0), velocity=velocity)
+    mass = 1.0 / (1.0 / 0.02 + float(contact.objects[0].mobility))
+    _, rates = wrench_and_rates(contact, memory, turning)
+    assert float(rates.velocity.z) == pytest.approx(-10.0 * 1e-3 * math.sqrt(5000.0 * mass) / 0.1)

@@ -156,6 +156,27 @@ def test_one_that_stands_already_stays_where_it_is():
     assert with_standing_objects(contact, 9.81) == contact
 
 
+def test_one_that_begins_a_little_inside_is_lifted_first():
+    above, inside = (scenario_from(resting(position=[0.2, 0.0, z])).contact.objects[0] for z in (0.785, 0.7791))
+    assert float(inside.position.z) == pytest.approx(float(above.position.z), abs=1e-12)
+
+
+def test_a_plate_stands_on_the_corners_of_a_smaller_box():
+    from skyarm.scenario.standing_objects import with_standing_objects
+
+    box = FreeObject(name="box", size=(0.1, 0.1, 0.1), mass=0.5, position=Vec3(0.0, 0.0, 0.05))
+    plate = FreeObject(name="plate", size=(0.3, 0.3, 0.01), mass=0.2, standing=True, position=Vec3(0.01, 0.02, 0.12))
+    contact = Contact(surfaces=(Surface(name="ground"),), objects=(box, plate))
+    settled = with_standing_objects(contact, 9.8).objects[1]
+    weight, tilting = 0.2 * 9.8, 4.0 * 5000.0 * 0.05**2
+    assert float(settled.angles.x) == pytest.approx(-0.02 * weight / tilting, rel=0.01)
+    assert float(settled.angles.y) == pytest.approx(0.01 * weight / tilting, rel=0.01)
+    sunk = weight / 20000.0 + (0.02**2 + 0.01**2) * weight / tilting
+    assert float(settled.position.z) == pytest.approx(0.105 - sunk, abs=1e-6)
+    again = with_standing_objects(dataclasses.replace(contact, objects=(box, settled)), 9.8)
+    assert again.objects[1] == settled
+
+
 @pytest.mark.parametrize(
     ("numbers", "words"),
     [({"position": [0.2, 1.0, 0.8]}, r"world.objects\[0\].standing = true: must be above a surface; nothing carries"),

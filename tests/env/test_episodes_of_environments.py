@@ -12,6 +12,7 @@ import skyarm
 from shared_programs import hurried
 from skyarm.actuation.hover import hover_trim
 from skyarm.compile import leaves
+from skyarm.env import ActionChange, ActionSize, Result, Spin, TipNear
 from skyarm.env.single_environment import Environment
 from skyarm.env.vector_environment import VectorEnvironment
 from skyarm.scenario.numbers import with_numbers
@@ -43,8 +44,14 @@ def test_every_episode_is_that_of_a_session_with_its_seed_and_number():
     """State, measurement and ending; noise, turbulence, delays, a payload of its own; two episodes a lane."""
     planned = noisy(duration=0.05)
     observation = (skyarm.env.OBSERVED["position_error"](scale=0.5), "body_rate", "joint_angles")
+    reward = (ActionChange(weight=0.3), TipNear(scale=0.02, weight=2.0), Spin(scale=1.0), ActionSize())
     environment = VectorEnvironment(
-        2, scenario=planned, observation=observation, randomise={MASS: {"uniform": [0.0, 0.1]}}, precision="bit_exact"
+        2,
+        scenario=planned,
+        observation=observation,
+        reward=reward,
+        randomise={MASS: {"uniform": [0.0, 0.1]}},
+        precision="bit_exact",
     )
     model = planned.controller.par.model
     hover = hover_trim(model.vehicle, (0.0, 0.0), model.gravity).speeds
@@ -53,26 +60,41 @@ def test_every_episode_is_that_of_a_session_with_its_seed_and_number():
     observed, _ = environment.reset(seed=[5, 5000])
     seeds, episodes = (5, 5000), [0, 0]
     sessions = [begun(planned, seed, 0) for seed in seeds]
-    waiting = [False] * 2
+    waiting, before = [False] * 2, [(0.0,) * 6] * 2
     for action in actions:
         for lane, session in enumerate(sessions):
             if not waiting[lane]:
                 told, seen = session.reference, session.measurement
                 wanted = [(a - b) / 0.5 for a, b in zip(told.position, seen.position, strict=True)]
                 assert observed[lane].tolist() == [*wanted, *(w / 5.0 for w in seen.rate), *seen.joints]
-        observed, _, ended, truncated, _ = environment.step(action)
+        observed, rewards, ended, truncated, _ = environment.step(action)
         for lane, seed in enumerate(seeds):
             if waiting[lane]:
                 # the step after the last of an episode only begins the next
                 episodes[lane] += 1
                 sessions[lane], waiting[lane] = begun(planned, seed, episodes[lane]), False
                 assert not ended[lane] | truncated[lane]
+                assert rewards[lane] == 0.0
+                before[lane] = (0.0,) * 6
                 continue
             session, a = sessions[lane], np.clip(action[lane], -1.0, 1.0).tolist()
             speeds = [min(max(w * (1.0 + 0.2 * k), 0.0), top) for w, k, top in zip(hover, a, limits, strict=False)]
             session.step(skyarm.Command(rotor_speeds=tuple(speeds), efforts=(0.5 * a[4], 0.5 * a[5])))
             assert [float(leaf[lane]) for leaf in leaves(environment.lanes.state)] == leaves(session.state)
             waiting[lane] = bool(ended[lane] or truncated[lane])
+            if session.running:
+                result = Result(
+                    state=session.state,
+                    reference=session.reference,
+                    vehicle=session.scenario.world.vehicle,
+                    action=tuple(a),
+                    action_before=before[lane],
+                    command=skyarm.Command(),
+                    ended=0.0,
+                )
+                total = sum(float(term.value(result)) * term.weight for term in reward)
+                assert rewards[lane] == pytest.approx(total, rel=1e-12)
+            before[lane] = tuple(a)
             assert truncated[lane] == (session.tick == planned.steps)
             assert session.running != waiting[lane]
     assert episodes == [1, 1]

@@ -15,6 +15,7 @@ from skyarm.env.env_task import make_task
 from skyarm.env.single_environment import Environment
 from skyarm.env.vector_environment import VectorEnvironment
 from skyarm.records.coerce import RecordError
+from skyarm.scalars import where
 from small_environments import MASS, bare
 
 
@@ -135,6 +136,26 @@ def test_other_arguments_of_environments_are_refused():
         VectorEnvironment(2, **bare()).step(np.zeros((2, 4)))
 
 
+def test_a_law_whose_command_is_not_finite_ends_the_episode_where_it_is():
+    given = bare(actions="residual")
+
+    def law(memory, measurement, reference, dt, *, par):
+        late = where(measurement.position.z > 0.0, memory[0] + 1.0, 0.0)
+        return (late,), skyarm.Command(rotor_speeds=(where(late > 2.5, float("nan"), 480.0),) * 4, efforts=())
+
+    planned = dataclasses.replace(given["scenario"].controller, name="fails", law=law, memory=(0.0,))
+    one = Environment(**{**given, "scenario": dataclasses.replace(given["scenario"], controller=planned)})
+    one.reset(seed=0)
+    assert not one.step(np.zeros(4))[2]
+    assert not one.step(np.zeros(4))[2]
+    before = [float(c[0]) for c in one.lanes.state.velocity]
+    observed, _, ended, truncated, info = one.step(np.zeros(4))
+    assert (ended, truncated) == (True, False)
+    assert info == {"status": "diverged", "cause": "the command was not finite"}
+    assert [float(c[0]) for c in one.lanes.state.velocity] == before
+    assert observed in one.observation_space
+
+
 def test_a_single_environment_refuses_what_comes_at_the_wrong_time_and_says_why_it_ended():
     one = Environment(**bare(actions=skyarm.env.RotorsAndJoints(span=1.0)))
     with pytest.raises(skyarm.ScenarioError, match=r"must come after reset\(\)"):
@@ -151,3 +172,19 @@ def test_a_single_environment_refuses_what_comes_at_the_wrong_time_and_says_why_
     assert info["cause"].startswith("lowest point at z = -")
     with pytest.raises(skyarm.ScenarioError, match="before the end of the episode"):
         one.step(np.zeros(4))
+    # an ending that comes in the very last period counts as one
+    last = Environment(**bare(actions=skyarm.env.RotorsAndJoints(span=1.0)), duration=one.lanes.loop.ticks[0] / 100.0)
+    last.reset(seed=2**40 + 3)
+    for _ in range(int(one.lanes.loop.ticks[0])):
+        *_, ended, truncated, info = last.step(-np.ones(4))
+    assert (ended, truncated, info["status"]) == (True, False, "ground")
+
+
+def test_what_diverges_ends_the_episode_with_a_finite_observation():
+    one = Environment(**bare(randomise={"initial.velocity.x": {"uniform": [1.05e4, 1.1e4]}}))
+    one.reset(seed=0)
+    observed, reward, ended, truncated, info = one.step(np.zeros(4))
+    assert (ended, truncated) == (True, False)
+    assert info == {"status": "diverged", "cause": "velocity.x passed 10000"}
+    assert observed in one.observation_space
+    assert np.isfinite(reward)

@@ -18,9 +18,10 @@ from skyarm.drawing.carried_poses import held_poses
 from skyarm.drawing.pose_program import PoseProgram
 from skyarm.drawing.vehicle_shapes import vehicle_shapes
 from skyarm.simulate.session import Session
+from skyarm.studio.arrows import NEWTON, Arrows
 from skyarm.studio.charts import charts
 from skyarm.studio.picture import APART, VIEWS, Picture, View
-from skyarm.studio.scene import NEWTON, Arrows, VehicleNodes
+from skyarm.studio.scene import VehicleNodes
 from skyarm.studio.sights import sight
 from skyarm.studio.world_nodes import TouchArrows, WorldNodes
 from skyarm.vehicle.vehicle_files import load_vehicle

@@ -21,6 +21,7 @@ from skyarm.dynamics import State
 from skyarm.env.env_task import Task
 from skyarm.env.env_views import Result, Sight
 from skyarm.plant.compiled import RigidBodyPlant
+from skyarm.records.blend import blend
 from skyarm.reference import Reference
 from skyarm.scalars import absolute, clip, floor, logical_and, where
 from skyarm.scenario.numbers import number_at, with_numbers
@@ -141,7 +142,9 @@ class EnvProgram:
         read = Readings(sensors=loop.sensors, estimate=loop.estimate, reading=nothing, measurement=nothing)
         found = issue(stages, loop, begun, read, memory, command, loop.clock)
         plant = RigidBodySteps(stages, self._plant.substeps)
-        state, coupled = plant.advance(loop.state, begun.acting, found.acting, found.around)
+        moved, coupled = plant.advance(loop.state, begun.acting, found.acting, found.around)
+        # a command that is not finite ends the episode where it is, as in a single run
+        state: State = blend(found.alive > 0.5, moved, loop.state)
         flown = LoopState(
             alive=1.0,
             ticks=loop.ticks + 1.0,

@@ -82,7 +82,10 @@ class Environment(gymnasium.Env[Array, Array]):
     def _why(self) -> dict[str, Any]:
         """Status and cause of an episode that ended before its time."""
         lanes = self.lanes
-        status = str(lanes.statuses[int(lanes.ending[0])])
+        ending = int(lanes.ending[0])
+        status = str(lanes.statuses[ending])
+        if ending == len(lanes.statuses) - 1:
+            return {"status": status, "cause": "the command was not finite"}
         numbers = {path: float(column[0]) for path, column in lanes.numbers().items()}
         scenario = with_numbers(lanes.task.scenario, numbers)
         ticks, ratio = int(lanes.loop.ticks[0]), scenario.rates.control // scenario.rates.reference

@@ -10,15 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.algebra import Vec3
-from skyarm.contact import Contact
-from skyarm.drawing.carried_poses import CarriedPoses, logged_poses
-from skyarm.drawing.moving_poses import moving_poses
 from skyarm.drawing.shapes import Shape
-from skyarm.drawing.touch_arrows import TouchArrow, touch_arrows
-from skyarm.drawing.world_shapes import PATCH, WorldShape, ground_height, point_shapes, world_shapes
+from skyarm.drawing.touch_arrows import TouchArrow
+from skyarm.drawing.world_shapes import WorldShape, ground_height, point_shapes, world_shapes
 from skyarm.environment import HangingPayload
 from skyarm.files import shown
 from skyarm.film.film_settings import FilmSettings
+from skyarm.film.filmed_world import carried_at, patch_about, touches_at
+from skyarm.film.read_log import continuous, end_of, read
 from skyarm.log.flight_log import Log
 from skyarm.reference.tip_push import TipPush
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -38,12 +37,6 @@ COLORS: tuple[Color, ...] = (
 eyes."""
 
 MOST_FLIGHTS = len(COLORS)
-
-NOTHING: Array = np.zeros((0, 0))
-"""What a log has of what there is not."""
-
-WIDEST = 6.0
-"""m of way beyond which the patch of a plane grows no more."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,7 +114,7 @@ def frame_times(logs: Sequence[Log], settings: FilmSettings) -> Array:
     for log in logs:
         if not log.time.size:
             raise ValueError(f"log = {log.info.get('scenario')!r}: must hold at least one control instant to be filmed")
-    longest = max(map(_end_of, logs))
+    longest = max(map(end_of, logs))
     stop = longest if settings.stop is None else min(settings.stop, longest)
     count = round((stop - settings.start) * settings.fps / settings.speed)
     if count < 1:
@@ -160,9 +153,9 @@ def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFligh
     """
     scenario = log.scenario
     vehicle, contacts = scenario.world.vehicle, scenario.contacts
-    carried = _carried(log, contacts, times)
-    now = {name: _read(log.time, getattr(log, name), times) for name in READ}
-    yaw = _read(log.time, np.unwrap(log.yaw_reference)[:, None], times)[:, 0]
+    carried = carried_at(log, contacts, times)
+    now = {name: read(log.time, getattr(log, name), times) for name in READ}
+    yaw = read(log.time, np.unwrap(log.yaw_reference)[:, None], times)[:, 0]
     push, whole = getattr(scenario.trajectory, "push", None), log.status == "completed"
     error, contact = _error(log, push), log.contact_force.sum(axis=1) if log.contact_force.size else None
     return FilmedFlight(
@@ -170,7 +163,7 @@ def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFligh
         color=color,
         vehicle=vehicle,
         position=now["position"],
-        quaternion=_read(log.time, _continuous(log.quaternion), times),
+        quaternion=read(log.time, continuous(log.quaternion), times),
         joints=now["joints"],
         tilts=now["tilts"],
         desired_position=now["position_reference"],
@@ -180,19 +173,19 @@ def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFligh
         desired_tip=now["tip_reference"],
         force=now["wind_force"],
         air=now["air_velocity"],
-        error=_read(log.time, error[:, None], times)[:, 0],
+        error=read(log.time, error[:, None], times)[:, 0],
         error_time=log.time,
         error_curve=error,
-        contact=None if contact is None else _read(log.time, contact[:, None], times)[:, 0],
+        contact=None if contact is None else read(log.time, contact[:, None], times)[:, 0],
         contact_curve=contact,
         wanted_curve=None if push is None else np.broadcast_to(push.force.derivatives(log.time)[0], log.time.shape),
-        end=_end_of(log) if whole else float(log.time[-1]),
+        end=end_of(log) if whole else float(log.time[-1]),
         lost="" if whole else log.status.replace("_", " "),
         loads=tuple(_loads(log, scenario.payloads, times)),
-        surfaces=world_shapes(contacts, times, np.mean(now["tip_reference"], axis=0), _patch(now["tip"]), carried),
+        surfaces=world_shapes(contacts, times, np.mean(now["tip_reference"], axis=0), patch_about(now["tip"]), carried),
         ground=ground_height(contacts),
         points=point_shapes(contacts, vehicle),
-        touches=tuple(_touches(log, vehicle, contacts, times, carried)),
+        touches=tuple(touches_at(log, vehicle, contacts, times, carried)),
     )
 
 
@@ -228,56 +221,3 @@ def _loads(log: Log, payloads: Sequence[Any], times: Array) -> Iterator[Load]:
         # the last frame at which it was held, and before the first that one
         at = held[np.maximum(np.searchsorted(held, np.arange(len(times)), side="right") - 1, 0)]
         yield Load(mass=float(payload.mass), frame=payload.frame, held_at=at)
-
-
-def _patch(tip: Array) -> float:
-    """Half the width of the patch that stands for a plane, m: a metre more than the tip goes, up to a point."""
-    finite = tip[np.isfinite(tip).all(axis=1)]
-    way = float(np.ptp(finite, axis=0).max()) if len(finite) else 0.0
-    return PATCH + 0.5 * min(way, WIDEST)
-
-
-def _carried(log: Log, contacts: Sequence[Contact], times: Array) -> CarriedPoses:
-    """Free objects and mechanisms at the frames."""
-    count = log.object_quaternion.shape[1] // 4
-    turns = [_continuous(log.object_quaternion[:, 4 * i : 4 * i + 4]) for i in range(count)]
-    turned = np.concatenate([_read(log.time, each, times) for each in turns], axis=1) if turns else NOTHING
-    places, coordinates = (
-        _read(log.time, each, times) if each.size else NOTHING for each in (log.object_position, log.mechanism_position)
-    )
-    return logged_poses(contacts, places, turned, coordinates)
-
-
-def _touches(
-    log: Log, vehicle: Vehicle, contacts: Sequence[Contact], times: Array, carried: CarriedPoses
-) -> Iterator[TouchArrow]:
-    """Contact forces at the frames, at the places that the bodies have then."""
-    if not log.contact_force.size:
-        return
-    begin = 0
-    where = (_read(log.time, each, times) for each in (log.position, _continuous(log.quaternion), log.joints))
-    poses = moving_poses(vehicle, *where)
-    for contact in contacts:
-        end = begin + contact.logged_pairs
-        force = _read(log.time, log.contact_force[:, begin:end], times)
-        force = np.where(times[:, None] < _end_of(log), force, 0.0)
-        yield from touch_arrows(contact, vehicle, poses, times, force, carried)
-        begin = end
-
-
-def _end_of(log: Log) -> float:
-    """When the last control period of a flight is over, s."""
-    return float(log.time[-1] + (log.time[1] - log.time[0] if log.time.size > 1 else 0.0))
-
-
-def _read(time: Array, values: Array, times: Array) -> Array:
-    """Columns (N, k) at other instants, (F, k)."""
-    columns = [np.interp(times, time, column) for column in values.T]
-    return np.stack(columns, axis=1) if columns else np.zeros((len(times), 0))
-
-
-def _continuous(quaternion: Array) -> Array:
-    """The same attitudes with signs that do not jump, so that they can be read between two instants."""
-    same = np.einsum("ni,ni->n", quaternion[1:], quaternion[:-1]) >= 0.0
-    sign = np.concatenate([[1.0], np.cumprod(np.where(same, 1.0, -1.0))])
-    return np.asarray(quaternion * sign[:, None], dtype=float)

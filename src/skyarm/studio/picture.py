@@ -13,8 +13,9 @@ from skyarm.drawing.pose_program import Array, Placed, PoseProgram
 from skyarm.drawing.sight_lines import hidden_share
 from skyarm.drawing.world_shapes import ground_height, point_shapes, world_shapes
 from skyarm.scenario.scenario_record import Scenario, first_state
+from skyarm.studio.arrows import TRAIL, Arrows, trail
 from skyarm.studio.flight import Flight
-from skyarm.studio.scene import COLORS, GHOST, TRAIL, Arrows, VehicleNodes, trail
+from skyarm.studio.scene import COLORS, GHOST, VehicleNodes
 from skyarm.studio.sights import goal_of
 from skyarm.studio.world_nodes import TouchArrows, WorldNodes
 

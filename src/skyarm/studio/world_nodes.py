@@ -12,7 +12,8 @@ from skyarm.drawing.meshes import mesh_of
 from skyarm.drawing.pose_program import Array, quaternions_of
 from skyarm.drawing.world_shapes import WorldShape, world_shapes
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.studio.scene import NEWTON, SHORTEST, STILL
+from skyarm.studio.arrows import NEWTON, SHORTEST
+from skyarm.studio.scene import STILL
 from skyarm.studio.sights import Touching
 
 SURFACE, OBJECT, TOUCH = (168, 163, 152), (158, 117, 76), (198, 26, 140)
