@@ -43,6 +43,7 @@ def test_a_ring_is_points_on_a_circle_across_the_z_axis():
     assert (places - middle) @ [1.0, 0.0, 0.0] == pytest.approx(np.zeros(6), abs=1e-15)
     assert places[0] - middle == pytest.approx([0.0, 0.0, -0.01])
     assert places.mean(axis=0) == pytest.approx(middle)
+    assert [len(Ring(radius=0.01, count=count).offsets()) for count in (3, 64)] == [3, 64]
     turn = math.pi / 3.0
     assert places[1] - middle == pytest.approx([0.0, 0.01 * math.sin(turn), -0.01 * math.cos(turn)])
 
