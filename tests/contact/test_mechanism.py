@@ -98,6 +98,14 @@ def test_dry_friction_holds_what_is_weaker_and_takes_its_part_of_what_is_stronge
     assert soft[-1, 2] == pytest.approx(0.005, rel=1e-2)
 
 
+def test_it_vibrates_on_its_bristle_with_half_of_critical_damping():
+    """Far below sliding: q = v / w_d exp(-w t / 2) sin(w_d t), w^2 = friction / (bristle m)."""
+    rows = moved(hinge(friction=0.4, inertia=2.0), 0.1, rate=1e-6, step=0.001)
+    w, t = math.sqrt(0.4 / 2e-3 / 2.0), 0.001 * np.arange(101)
+    damped = w * math.sqrt(0.75)
+    assert rows[:, 0] == pytest.approx(1e-6 / damped * np.exp(-0.5 * w * t) * np.sin(damped * t), abs=1e-11)
+
+
 @pytest.mark.parametrize(("damping", "elastic"), [(0.0, True), (2.0, False)])
 def test_a_stop_gives_no_more_than_it_takes(damping, elastic):
     """At many phases of a step and both ends: of two elastic ones 0.3 % is lost, nothing won; others take some."""
