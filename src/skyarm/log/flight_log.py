@@ -43,6 +43,8 @@ CONTINUOUS = "continuous reference"
 IF_ANY = (
     "payload_mass",
     "lag_found",
+    "load_mass_found",
+    "load_place_found",
     "path_time",
     "tilts",
     "tilt_commands",
@@ -74,6 +76,8 @@ class Log:
         payload_mass: (N, payloads) what is held of each payload with a time; without columns where there is none.
         lag_found: (N, 2) s, how late the rotors' and the joints' loops act beyond what the law was told, as it has
             found (:mod:`skyarm.control.blocks.lag_estimate`); without columns for a law that does not look for it.
+        load_mass_found, load_place_found: (N,) kg and (N, 3) m, mass of the load that the law has learned and its
+            centre of mass in the axes of the tip; empty for a law that learns none.
         path_time: (N,) how far along the reference a governor leads the law, s; ``time - path_time`` is its lag. Empty
             without a governor.
         contact_force, contact_friction, contact_depth: (N, pairs) how strongly a surface of the world pushes a point of
@@ -115,6 +119,12 @@ class Log:
     measured_joints: Annotated[Array, Unit("rad or m", "measured")]
     payload_mass: Annotated[Array, Unit("kg", "held of each payload with a time")] = field(default_factory=_nothing)
     lag_found: Annotated[Array, Unit("s", "found by the law beyond what it was told")] = field(default_factory=_nothing)
+    load_mass_found: Annotated[Array, Unit("kg", "of the load that the law has learned")] = field(
+        default_factory=_nothing
+    )
+    load_place_found: Annotated[Array, Unit("m", "centre of mass of that load, axes of the tip")] = field(
+        default_factory=_nothing
+    )
     path_time: Annotated[Array, Unit("s", "time of the reference that a governor leads the law along")] = field(
         default_factory=_nothing
     )

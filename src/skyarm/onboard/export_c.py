@@ -19,7 +19,7 @@ from skyarm.compile.c.c_file import StepFile
 from skyarm.compile.c.c_source import Floats
 from skyarm.compile.c.c_struct import Struct, Units, make_struct
 from skyarm.compile.tracing.float_trial import PERIODS
-from skyarm.control.controller import Controller, innermost, presses
+from skyarm.control.controller import Controller, innermost, learns_load, presses
 from skyarm.control.law_checks import check_controller, checked_law
 from skyarm.control.law_trial import level, try_law
 from skyarm.control.model import TORQUE_GAINS
@@ -137,7 +137,7 @@ def _examples(controller: Controller, period: float, estimator: ErrorStateFilter
     found = {
         "parameters": Constants(parameters=controller.par, period=period),
         "measurement": blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts)),
-        "reference": Reference(**arm, push=(0.0,) * 5 if presses(controller.par) else ()).dense(),
+        "reference": Reference(**arm, **_beside(controller.par)).dense(),
         "memory": controller.memory,
     }
     if estimator is not None:
@@ -145,6 +145,11 @@ def _examples(controller: Controller, period: float, estimator: ErrorStateFilter
         found["measurement"] = blank_readings(estimator, vehicle.n)
         found["memory"] = first_estimated_memory(controller, estimator)
     return found
+
+
+def _beside(par: Any) -> dict[str, Any]:
+    """What of a reference, beside the motion, the law answers."""
+    return {"push": (0.0,) * 5 if presses(par) else (), "load": (0.0,) if learns_load(par) else ()}
 
 
 def _traced(controller: Controller, records: dict[str, Any], estimator: ErrorStateFilter | None) -> Program:

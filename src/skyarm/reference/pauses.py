@@ -66,5 +66,6 @@ def paused(trajectory: Trajectory, rests: Sequence[tuple[float, float]]) -> Traj
             joints=tuple(pause(signal) for signal in trajectory.joints),
             tip=tip,
             push=push,
+            load=None if trajectory.load is None else pause(trajectory.load),
         )
     return trajectory

@@ -197,8 +197,8 @@ def samples(flown: Flown) -> Samples:
     first, command, reading = marks.tolist()
     wind = reading + len(leaves(columns.reading))
     rows = flown.rows
-    lags = rows[:, rows.shape[1] - len(columns.lags) :]
-    return Samples(rows[:, first:command], rows[:, command:reading], rows[:, reading:wind], columns.wind, lags)
+    found = rows[:, rows.shape[1] - len(columns.found) :]
+    return Samples(rows[:, first:command], rows[:, command:reading], rows[:, reading:wind], columns.wind, found)
 
 
 def ending(scenario: Scenario, inputs: EpisodeInputs, flown: Flown, tick: int) -> Ended | None:

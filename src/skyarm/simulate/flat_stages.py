@@ -11,7 +11,7 @@ from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.compile import leaves, rebuild, trace
-from skyarm.control.blocks.lag_estimate import lags_found
+from skyarm.control.found_by_law import numbers_found
 from skyarm.plant.coupled_memory import places_among, places_in
 from skyarm.plant.interface import Plant
 from skyarm.records.leaves import parts
@@ -187,14 +187,14 @@ class FlatStages:
         return found._replace(memory=memory, sensors=sensors, estimate=estimate, reading=reading, command=command)
 
     @cached_property
-    def lag_places(self) -> tuple[int, ...]:
-        """Places of the lags that the law finds among the numbers of its memory."""
+    def found_places(self) -> tuple[int, ...]:
+        """Places of what the law finds out among the numbers of its memory."""
         first = self._first.memory
-        return lags_found(rebuild((first,), iter(range(len(leaves(first)))))[0]) if self._traced else ()
+        return numbers_found(rebuild((first,), iter(range(len(leaves(first)))))[0]) if self._traced else ()
 
-    def lags(self, memory: Any) -> Flat:
-        """What the law has found of its loops' lags, for the log."""
-        return tuple(memory[place] for place in self.lag_places)
+    def found(self, memory: Any) -> Flat:
+        """What the law has found out, for the log."""
+        return tuple(memory[place] for place in self.found_places)
 
     @cached_property
     def _coupled(self) -> tuple[int, ...]:

@@ -73,7 +73,8 @@ class Row:
 class Sample:
     """What may be logged of a control instant.
 
-    ``reading`` is the full state as its sensor read it now; ``lags`` are those that the law found, if it looks for any.
+    ``reading`` is the full state as its sensor read it now; ``found`` is what the law found out,
+    of most laws nothing (:mod:`skyarm.control.found_by_law`).
     """
 
     alive: Scalar
@@ -81,7 +82,7 @@ class Sample:
     command: Command
     reading: Measurement
     wind: WindSample
-    lags: tuple[Scalar, ...] = ()
+    found: tuple[Scalar, ...] = ()
 
 
 def ended(now: LoopState) -> LoopState:

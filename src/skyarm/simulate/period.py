@@ -129,7 +129,7 @@ def make_period(
             command=found.command,
             reading=found.reading,
             wind=begun.wind,
-            lags=stages.lags(found.memory),
+            found=stages.found(found.memory),
         )
         return stages.keep(found.alive, following, now), sample
 

@@ -16,7 +16,7 @@ from skyarm.actuation import Command
 from skyarm.actuation.tilting import with_rest
 from skyarm.algebra import Vec3
 from skyarm.compile.tracing.repeat import repeat, repeat_while
-from skyarm.control.blocks.lag_estimate import lags_found
+from skyarm.control.found_by_law import numbers_found
 from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
@@ -198,9 +198,9 @@ class Stages:
         """What the log keeps of the surroundings."""
         return felt(around, self.scenario.world.vehicle, state)
 
-    def lags(self, memory: Any) -> tuple[Any, ...]:
-        """What the law has found of its loops' lags, for the log; () of most laws."""
-        return lags_found(memory)
+    def found(self, memory: Any) -> tuple[Any, ...]:
+        """What the law has found out, for the log; () of most laws."""
+        return numbers_found(memory)
 
     def count(self, ticks: Any, alive: Any) -> Any:
         """Control periods flown."""
