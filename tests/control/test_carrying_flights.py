@@ -66,7 +66,8 @@ def test_the_tip_hardly_jumps_when_the_load_goes(scenario, log):
     plain_law = scenario_from(DOCUMENT | {"controller": DOCUMENT["controller"] | {"load": 0.0}})
     without = skyarm.run(plain_law)
     released = [error(each, DROP, 2.6) for each in (log, without)]
-    assert released[0] < 5e-3 < 30e-3 < released[1]
+    assert released[0] < 5e-3
+    assert released[1] > 30e-3
     assert not without.load_mass_found.size
 
 

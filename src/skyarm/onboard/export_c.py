@@ -149,7 +149,7 @@ def _examples(controller: Controller, period: float, estimator: ErrorStateFilter
 
 def _beside(par: Any) -> dict[str, Any]:
     """What of a reference, beside the motion, the law answers."""
-    return {"push": (0.0,) * 5 if presses(par) else (), "load": (0.0,) if learns_load(par) else ()}
+    return {"push": (0.0,) * 12 if presses(par) else (), "load": (0.0,) if learns_load(par) else ()}
 
 
 def _traced(controller: Controller, records: dict[str, Any], estimator: ErrorStateFilter | None) -> Program:

@@ -56,7 +56,7 @@ def paused(trajectory: Trajectory, rests: Sequence[tuple[float, float]]) -> Traj
             tip = dataclasses.replace(tip, x=pause(tip.x), y=pause(tip.y), z=pause(tip.z))
         push = trajectory.push
         if push is not None:
-            push = dataclasses.replace(push, force=pause(push.force))
+            push = push.with_signals(pause)
         trajectory = dataclasses.replace(
             trajectory,
             x=pause(trajectory.x),

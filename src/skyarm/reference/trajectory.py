@@ -27,7 +27,7 @@ class Reference:
     """A reference is the desired motion at one instant (or, with arrays as scalars, at many).
 
     ``tip`` is empty where the tip has no reference of its own: then it is where a level base on reference carries it.
-    ``push`` is empty where no contact is ever asked for; else force (N), speed (m/s) and unit normal
+    ``push`` is empty where no contact is ever asked for; else force (N), speed (m/s), unit normal and more
     (:class:`skyarm.reference.tip_push.TipPush`). ``load`` is empty where nothing is ever held; else a number, above 0.5
     while the tip is told to hold what it carries.
     """
@@ -46,7 +46,9 @@ class Reference:
     joint_jerks: Annotated[tuple[Scalar, ...], Unit("rad/s^3 or m/s^3")] = ()
     joint_snaps: Annotated[tuple[Scalar, ...], Unit("rad/s^4 or m/s^4")] = ()
     tip: Annotated[tuple[Scalar, ...], Unit("m", "the tip, world axes")] = ()
-    push: Annotated[tuple[Scalar, ...], Unit("", "wanted contact: N, m/s, unit normal in world axes")] = ()
+    push: Annotated[
+        tuple[Scalar, ...], Unit("", "wanted contact: N, m/s, unit normal in world axes; grip, pivot (m) and axis")
+    ] = ()
     load: Annotated[tuple[Scalar, ...], Unit("", "above 0.5 while the tip is told to hold a load")] = ()
 
     def __post_init__(self) -> None:
@@ -142,7 +144,7 @@ class Trajectory:
     def switch_times(self) -> tuple[float, ...]:
         """List the times (s), in order, at which a signal or one of its derivatives may jump."""
         tip = () if self.tip is None else (self.tip.x, self.tip.y, self.tip.z)
-        push = () if self.push is None else (self.push.force,)
+        push = () if self.push is None else self.push.signals
         load = () if self.load is None else (self.load,)
         return Sum((self.x, self.y, self.z, self.yaw, *self.joints, *tip, *push, *load)).switch_times()
 
@@ -159,7 +161,7 @@ class Trajectory:
             tip = dataclasses.replace(tip, x=a, y=b, z=c)
         push = self.push
         if push is not None:
-            push = dataclasses.replace(push, force=Shifted(push.force, delay))
+            push = push.with_signals(lambda signal: Shifted(signal, delay))
         load = None if self.load is None else Shifted(self.load, delay)
         guards = tuple(dataclasses.replace(guard, at=guard.at + float(delay)) for guard in self.guards)
         return Trajectory(x=x, y=y, z=z, yaw=yaw, joints=tuple(joints), tip=tip, push=push, load=load, guards=guards)

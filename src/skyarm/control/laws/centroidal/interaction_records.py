@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.select import choose
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.tip_force import Trust
 from skyarm.files import shown
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar
+from skyarm.scalars import Scalar, divide, logical_and, logical_or, sqrt, where
 from skyarm.vehicle.vehicle_records import Vehicle
+
+NEAREST = 1e-3
+"""m of a tip from the axis that it goes about, times the axis's length of 1: nearer the direction out of it is none."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -41,6 +46,7 @@ class InteractionGains:
     tired: Annotated[Scalar, Unit("", "share of a limit from which on friction is let go")] = 0.9
     worn: Annotated[Scalar, Unit("", "share of a limit at which most is let go")] = 1.0
     relief: Annotated[Scalar, Unit("", "0 to 1, of the observed friction that is let go at most")] = 0.2
+    yielding: Annotated[Scalar, Unit("", "0 to 1, of the observed force across that is answered while it grips")] = 0.7
     tilting: Annotated[Scalar, Unit("1/s", "at which sliding corrects the normal")] = 1.0
     again: Annotated[Scalar, Unit("m/s", "with which the tip comes back to a surface that it lost, at most")] = 0.1
     furthest: Annotated[Scalar, Unit("m", "that the base looks for the surface")] = 0.5
@@ -66,11 +72,47 @@ class InteractionMemory:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Wanted:
-    """A wanted contact as the reference says it: N, m/s and the unit normal out of the surface, world axes."""
+    """A wanted contact as the reference says it: N, m/s and the unit normal out of the surface, world axes.
+
+    Attributes:
+        grip: 1 while the tip is held by what it grips; a structural 0 where it never is.
+        pivot: m, on the axis about which the tip goes then. axis: its unit vector; None for a normal as told.
+    """
 
     force: Any
     speed: Any
     normal: Vec3
+    grip: Any = 0
+    pivot: Vec3 | None = None
+    axis: Vec3 | None = None
+
+    @property
+    def grips(self) -> bool:
+        """Whether the tip ever grips: structure."""
+        return type(self.grip) is not int
+
+    @property
+    def asked(self) -> Any:
+        """Whether any contact is."""
+        wanted: Any = self.force > 0.0
+        return logical_or(wanted, self.grip > 0.5) if self.grips else wanted
+
+    @property
+    def presses(self) -> Any:
+        """Whether the tip shall press on a surface, which it may slide along."""
+        wanted: Any = self.force > 0.0
+        return logical_and(wanted, self.grip < 0.5) if self.grips else wanted
+
+    def about_the_pivot(self, tip: Vec3) -> Wanted:
+        """The same contact with the normal out of the axis to the tip (m, world axes) while it grips."""
+        if self.pivot is None or self.axis is None:
+            return self
+        arm = tip - self.pivot
+        out = arm - self.axis * self.axis.dot(arm)
+        size = out.dot(out)
+        turns = logical_and(self.grip > 0.5, size * self.axis.dot(self.axis) > NEAREST * NEAREST)
+        unit = out * divide(1.0, sqrt(size + 1e-12))
+        return dataclasses.replace(self, normal=choose(turns, unit, self.normal))
 
 
 def interaction_gains(thresholds: tuple[float, float], mode: str, vehicle: Vehicle) -> InteractionGains | None:
@@ -112,5 +154,7 @@ def first_interaction(joints: int) -> InteractionMemory:
 
 def wanted_of(push: Sequence[Any]) -> Wanted:
     """The field ``push`` of a reference."""
-    force, speed, *normal = push
-    return Wanted(force=force, speed=speed, normal=Vec3(*normal))
+    force, speed, *normal = push[:5]
+    grip = where(push[5] > 0.5, 1.0, 0.0) if len(push) > 5 else 0
+    pivot, axis = (Vec3(*push[6:9]), Vec3(*push[9:])) if len(push) > 6 else (None, None)
+    return Wanted(force=force, speed=speed, normal=Vec3(*normal), grip=grip, pivot=pivot, axis=axis)

@@ -123,7 +123,7 @@ def centroidal(
         for each in free[1:]:
             calm = mul(calm, each)
         if pressing is not None:
-            calm = where(logical_or(pressing.engaged > 0.5, reference.push[0] > 0.0), 0.0, calm)
+            calm = where(logical_or(pressing.engaged > 0.5, pressing.asked), 0.0, calm)
         load = learn_load(
             par.load,
             load,

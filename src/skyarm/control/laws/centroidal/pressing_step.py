@@ -58,7 +58,7 @@ def press(
     vehicle = par.model.vehicle
     then = levers(vehicle, observed.quaternion.rotation(), observed.joints)
     now = levers(vehicle, state.quaternion.rotation(), state.joints)
-    told = wanted_of(push)
+    told = wanted_of(push).about_the_pivot(state.position + now.R.apply(now.tip))
     wanted = dataclasses.replace(told, normal=leaning(told.normal, memory.lean))
     moving = state.rate.cross(now.tip)
     for column, rate in zip(now.columns, state.joint_rates, strict=True):
@@ -75,7 +75,7 @@ def press(
         wanted.normal,
         velocity,
         par.interaction.tilting,
-        wanted.force > 0.0,
+        wanted.presses,
         logical_and(slides, memory.share > 1.0 - 1e-9),
         dt,
     )
