@@ -1,4 +1,4 @@
-"""A tip that grips a handle: force of either sign along the radius of a believed arc, nothing touched and nothing lost."""
+"""A tip that grips a handle: a force of either sign along the radius of a believed arc, and nothing to lose."""
 
 from __future__ import annotations
 

@@ -97,23 +97,42 @@ class FlatStages:
     @cached_property
     def _respond(self) -> FlatFunction:
         def program(
-            alive: Any, k: Any, x: Any, m: Any, queue: Any, s: Any, e: Any, d: Any, row: Row, u: Any, f: Any, draws: Any
+            alive: Any,
+            k: Any,
+            x: Any,
+            m: Any,
+            queue: Any,
+            s: Any,
+            e: Any,
+            d: Any,
+            row: Row,
+            u: Any,
+            f: Any,
+            p: Any,
+            draws: Any,
         ) -> tuple[Any, ...]:
             now = replace(self._first, ticks=k[0], state=x, memory=m, queue=queue, sensors=s, estimate=e, drives=d)
-            return respond(self._stages, now, row, Begun(alive[0], (), self._around, u, ()), f, draws)[:-1]
+            return respond(self._stages, now, row, Begun(alive[0], (), self._around, u, (), p), f, draws)[:-1]
 
         x = self._first
         loop = x.state, x.memory, x.queue, x.sensors, x.estimate, x.drives
-        return FlatFunction(program, ONE, ONE, *loop, self._row, x.queue[0], x.state.velocity, self._uniforms)
+        felt = x.state.velocity, self._pushes
+        return FlatFunction(program, ONE, ONE, *loop, self._row, x.queue[0], *felt, self._uniforms)
+
+    @cached_property
+    def _pushes(self) -> Any:
+        """What sensors of force feel, as an example."""
+        return self._begin.example(Begun._fields.index("pushes"))
 
     @cached_property
     def _sense(self) -> FlatFunction:
-        def program(s: Any, e: Any, k: Any, x: Any, f: Any, u: Any, t: Any, uniforms: Any) -> tuple[Any, ...]:
-            read = self._stages.sense(s, e, k[0], x, f, u, t[0], uniforms)
+        def program(s: Any, e: Any, k: Any, x: Any, f: Any, u: Any, t: Any, uniforms: Any, p: Any) -> tuple[Any, ...]:
+            read = self._stages.sense(s, e, k[0], x, f, u, t[0], uniforms, p)
             return read.sensors, read.estimate, read.reading, read.measurement
 
         x, force = self._first, self._first.state.velocity
-        return FlatFunction(program, x.sensors, x.estimate, ONE, x.state, force, x.queue[0], ONE, self._uniforms)
+        given = x.state, force, x.queue[0], ONE, self._uniforms, self._pushes
+        return FlatFunction(program, x.sensors, x.estimate, ONE, *given)
 
     @cached_property
     def _issue(self) -> FlatFunction:
@@ -158,7 +177,7 @@ class FlatStages:
         """What stands between the plant's two calls; raises where the command is refused."""
         if self._traced and self.given is None:
             loop = now.state, now.memory, now.queue, now.sensors, now.estimate, now.drives
-            given = row.time, row.reference, begun.acting, force, uniforms
+            given = row.time, row.reference, begun.acting, force, begun.pushes, uniforms
             found = Response._make((*self._respond(begun.alive, now.ticks, *loop, *given), begun.around))
         else:
             found = self._in_pieces(now, row, begun, force, uniforms)
@@ -171,7 +190,8 @@ class FlatStages:
 
     def sense(self, now: Any, row: Any, begun: Begun, force: Flat, uniforms: Flat) -> list[Flat]:
         """Memories of the sensors and of the estimator, the full state's reading, and what the law is told."""
-        return self._sense(now.sensors, now.estimate, now.ticks, now.state, force, begun.acting, row.time, uniforms)
+        loop = now.sensors, now.estimate, now.ticks, now.state
+        return self._sense(*loop, force, begun.acting, row.time, uniforms, begun.pushes)
 
     def _in_pieces(self, now: Any, row: Any, begun: Begun, force: Flat, uniforms: Flat) -> Response:
         """A response whose command is made outside of any program."""

@@ -37,6 +37,7 @@ COMMON: Mapping[str, Any] = {
     "wind": (0.0, 0.0, 0.0),
     "interaction": (0.0, 0.0),
     "load": 0.0,
+    "force_sensor": False,
 }
 """Limits and weights of all presets; see :class:`CentroidalParameters`, :class:`TipGains` and :class:`BaseGains`."""
 

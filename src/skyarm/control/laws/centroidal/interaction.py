@@ -116,6 +116,7 @@ def interact(
     into: Any,
     load: Any,
     dt: Any,
+    felt: Vec3 | None = None,
 ) -> tuple[InteractionMemory, Pressing]:
     """One period of pressing.
 
@@ -129,10 +130,12 @@ def interact(
         into: speed of the tip into the surface, m/s.
         load: of the joint or rotor nearest to its limit, the share of it that was sent last.
         dt: s.
+        felt: N, the tip's force as a sensor tells it, world axes; None without one. It decides on touch and loss, and
+            the integral follows it; what stands in the observer's place is the observer's own all the same.
     """
     n, asked = wanted.normal, wanted.asked
     force = tip_force(vehicle, gains.trust, at, without(observed, memory.bias))
-    along = n.dot(force)
+    along = n.dot(force if felt is None else felt)
     touching, doubt = touches(gains, memory, asked, along, into, dt)
     kept = 1.0 - gains.relief * clip((load - gains.tired) / (gains.worn - gains.tired), 0.0, 1.0)
     if wanted.grips:
@@ -155,6 +158,7 @@ def interact(
         free=free,
         bias=learned(gains, memory.bias, observed, force, asked, free, dt),
         force=vector_data(force),
+        felt=memory.felt if felt is None else vector_data(felt),
     )
     pressing = Pressing(
         n=n,
@@ -182,7 +186,9 @@ def touches(
     step = maximum(weak, through)
     doubt = where(logical_and(was, step > 0.0), memory.doubt + step, 0.0)
     # a sum of periods is not exactly their number times one
-    found: Any = where(was, where(doubt > 1.0 - 1e-9, 0.0, 1.0), where(along > gains.touch, 1.0, 0.0))
+    # what a tip feels that still goes in, soon after a loss, is what is left in the observer or a sensor's filter
+    begins = logical_and(along > gains.touch, logical_or(into < gains.escape, memory.free > gains.rebound))
+    found: Any = where(was, where(doubt > 1.0 - 1e-9, 0.0, 1.0), where(begins, 1.0, 0.0))
     return where(asked, found, 0.0), doubt
 
 

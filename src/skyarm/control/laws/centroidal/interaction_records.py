@@ -20,6 +20,8 @@ from skyarm.vehicle.vehicle_records import Vehicle
 NEAREST = 1e-3
 """m of a tip from the axis that it goes about, times the axis's length of 1: nearer the direction out of it is none."""
 
+SENSING = 60.0
+"""rad/s: a force sensor is heard above the bandwidth of the observers, and below that of the contact."""
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class InteractionGains:
@@ -31,6 +33,7 @@ class InteractionGains:
     patience: Annotated[Scalar, Unit("s", "below lost until contact is lost")] = 0.04
     escape: Annotated[Scalar, Unit("m/s", "into the surface, above which the tip goes through")] = 0.1
     haste: Annotated[Scalar, Unit("s", "that the tip goes through until contact is lost")] = 0.015
+    rebound: Annotated[Scalar, Unit("s", "after contact, in which a tip that goes in does not touch again")] = 0.05
     rise: Annotated[Scalar, Unit("s", "ramp of the wanted force")] = 0.15
     fall: Annotated[Scalar, Unit("s", "ramp to none")] = 0.02
     integral: Annotated[Scalar, Unit("1/s", "of the force's error")] = 4.0
@@ -49,7 +52,13 @@ class InteractionGains:
     yielding: Annotated[Scalar, Unit("", "0 to 1, of the observed force across that is answered while it grips")] = 0.7
     tilting: Annotated[Scalar, Unit("1/s", "at which sliding corrects the normal")] = 1.0
     again: Annotated[Scalar, Unit("m/s", "with which the tip comes back to a surface that it lost, at most")] = 0.1
+    sensing: Annotated[Scalar, Unit("rad/s", "filter of a force sensor; 0 of a law that does without one")] = 0
     furthest: Annotated[Scalar, Unit("m", "that the base looks for the surface")] = 0.5
+
+    @property
+    def senses(self) -> bool:
+        """Whether a force sensor tells the force along the normal: structure."""
+        return type(self.sensing) is not int
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -68,6 +77,7 @@ class InteractionMemory:
     bias: Disturbance
     force: Annotated[Vec3, Unit("N", "at the tip, believed, world axes")]
     lean: Annotated[Vec3, Unit("", "of the normal from the one that is told, found by sliding")]
+    felt: Annotated[Vec3 | tuple[()], Unit("N", "by a sensor at the tip, filtered, world axes")] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -93,7 +103,7 @@ class Wanted:
 
     @property
     def asked(self) -> Any:
-        """Whether any contact is."""
+        """Whether any contact is asked for."""
         wanted: Any = self.force > 0.0
         return logical_or(wanted, self.grip > 0.5) if self.grips else wanted
 
@@ -115,24 +125,29 @@ class Wanted:
         return dataclasses.replace(self, normal=choose(turns, unit, self.normal))
 
 
-def interaction_gains(thresholds: tuple[float, float], mode: str, vehicle: Vehicle) -> InteractionGains | None:
-    """Constants of pressing for its two thresholds, N; None where it is left out.
+def interaction_gains(
+    thresholds: tuple[float, float], mode: str, vehicle: Vehicle, sensor: bool = False
+) -> InteractionGains | None:
+    """Constants of pressing for its two thresholds, N, with or without a force sensor; None where it is left out.
 
     Raises:
         ControllerError: thresholds that are none, or a law without a tip to lead.
     """
     touch, lost = thresholds
     if touch == 0.0 and lost == 0.0:
+        if sensor:
+            raise ControllerError("controller.force_sensor = true: must be false without interaction")
         return None
     at = f"controller.interaction = {shown(thresholds)}"
     if not touch > lost > 0.0:
         raise ControllerError(f"{at}: must be two forces above 0, the second below the first, or twice 0")
     if mode != "tip" or not vehicle.n:
         raise ControllerError(f"{at}: must be twice 0 but in mode 'tip' with joints that press")
-    return InteractionGains(touch=touch, lost=lost)
+    gains = InteractionGains(touch=touch, lost=lost)
+    return dataclasses.replace(gains, sensing=SENSING) if sensor else gains
 
 
-def first_interaction(joints: int) -> InteractionMemory:
+def first_interaction(joints: int, sensor: bool = False) -> InteractionMemory:
     """Free flight, nothing known."""
     zero = Vec3(0.0, 0.0, 0.0)
     none = Disturbance(force=zero, torque=zero, efforts=(0.0,) * joints)
@@ -149,6 +164,7 @@ def first_interaction(joints: int) -> InteractionMemory:
         bias=none,
         force=zero,
         lean=zero,
+        felt=zero if sensor else (),
     )
 
 

@@ -89,7 +89,7 @@ def centroidal(
     held, pressing, force = memory.interaction, None, observed.force
     if par.interaction is not None and isinstance(held, InteractionMemory) and reference.push:
         held, pressing, unknown, force = press(
-            par, held, reference.push, signals, observed, memory.sent[-1], state, unknown, dt
+            par, held, reference.push, signals, observed, memory.sent[-1], state, unknown, measurement.tip_force, dt
         )
         signals = pressing.shifted(signals)
     share = low_pass_share(par.tip.shift_rate, dt)

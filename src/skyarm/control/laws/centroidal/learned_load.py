@@ -131,9 +131,12 @@ def learn_load(
     mass, about_x, about_y = missing(model.vehicle, gains, at, without(observed, memory.bias))
     step = where(holds, low_pass_share(mul(gains.pace, bandwidth), dt), 0.0) * learns
     slow = where(holds, low_pass_share(mul(gains.place_pace, bandwidth), dt), 0.0) * learns
+    least = gains.light * gains.limit
+    small = gains.doubt * (memory.mass + least)
+    large = divide(mass * mass, mass * mass + small * small)
+    step = step * (gains.calm + (1.0 - gains.calm) * large)
     m = clip(memory.mass + step * mass, 0.0, gains.limit)
     torque = Vec3(about_x, about_y, 0)
-    least = gains.light * gains.limit
     known = divide(m, (m * m + least * least) * maximum(model.gravity, 1e-3))
     off = at.tip.apply_T(UP.cross(torque)) * (-slow * known)
     far = gains.furthest

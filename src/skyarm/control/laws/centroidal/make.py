@@ -154,7 +154,7 @@ def make_centroidal(
         lag=_lag(gains["lag"], control_period),
         accelerometer=_accelerometer(gains["accelerometer"]),
         air=_air(vehicle, gains["hull_drag"], gains["wind"]),
-        interaction=interaction_gains(gains["interaction"], mode, vehicle),
+        interaction=interaction_gains(gains["interaction"], mode, vehicle, gains["force_sensor"]),
         load=load_gains(gains["load"], vehicle),
     )
     if gains["bandwidth"] != 1.0:
@@ -259,6 +259,6 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
             path=(AT_REST, AT_REST) if par.follows_path else (),
         ),
         lag=() if par.lag is None else first_lag(vehicle.n, par.lag.stride),
-        interaction=() if par.interaction is None else first_interaction(vehicle.n),
+        interaction=() if par.interaction is None else first_interaction(vehicle.n, par.interaction.senses),
         load=() if par.load is None else first_load(vehicle.n),
     )
