@@ -129,16 +129,14 @@ def learn_load(
     """
     at = hang(model.vehicle, R, joints, model.gravity)
     mass, about_x, about_y = missing(model.vehicle, gains, at, without(observed, memory.bias))
-    step = where(holds, low_pass_share(mul(gains.pace, bandwidth), dt), 0.0) * learns
-    slow = where(holds, low_pass_share(mul(gains.place_pace, bandwidth), dt), 0.0) * learns
     least = gains.light * gains.limit
     small = gains.doubt * (memory.mass + least)
-    large = divide(mass * mass, mass * mass + small * small)
-    step = step * (gains.calm + (1.0 - gains.calm) * large)
+    large = divide(mass * mass, mass * mass + small * small)  # 0 where the mass is settled
+    step = _step(gains.pace, bandwidth, holds, learns, dt) * (gains.calm + (1.0 - gains.calm) * large)
     m = clip(memory.mass + step * mass, 0.0, gains.limit)
-    torque = Vec3(about_x, about_y, 0)
+    slow = _step(gains.place_pace, bandwidth, holds, learns, dt) * (1.0 - large)
     known = divide(m, (m * m + least * least) * maximum(model.gravity, 1e-3))
-    off = at.tip.apply_T(UP.cross(torque)) * (-slow * known)
+    off = at.tip.apply_T(UP.cross(Vec3(about_x, about_y, 0))) * (-slow * known)
     far = gains.furthest
     place = Vec3(*(clip(each, -far, far) for each in memory.place + off))
     share = where(holds, 0.0, low_pass_share(gains.bias_rate, dt)) * learns
@@ -154,3 +152,8 @@ def learn_load(
         ),
     )
     return after
+
+
+def _step(pace: Any, bandwidth: Any, holds: Any, learns: Any, dt: Any) -> Any:
+    """The share of an error that is learned in one period."""
+    return where(holds, low_pass_share(mul(pace, bandwidth), dt), 0.0) * learns

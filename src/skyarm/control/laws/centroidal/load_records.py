@@ -32,9 +32,9 @@ class LoadGains:
     trust: Trust = Trust()
     twist: Annotated[Scalar, Unit("N m", "at the tip, as much as 1 N of the base's force")] = 0.03
     pace: Annotated[Scalar, Unit("", "rate of the mass over the observer's bandwidth")] = 1.5
-    doubt: Annotated[Scalar, Unit("", "share of the mass, an error below which counts as noise")] = 0.1
+    doubt: Annotated[Scalar, Unit("", "share of the mass, an error below which counts as noise")] = 0.05
     calm: Annotated[Scalar, Unit("", "0 to 1, of the rate that is left of it there")] = 0.1
-    place_pace: Annotated[Scalar, Unit("", "rate of the centre of mass over the observer's bandwidth")] = 0.2
+    place_pace: Annotated[Scalar, Unit("", "rate of the centre of mass over the observer's bandwidth")] = 0.1
     light: Annotated[Scalar, Unit("", "share of the limit, a mass below which tells little of its centre")] = 0.2
     furthest: Annotated[Scalar, Unit("m", "of the centre of mass from the tip, along each of its axes")] = 0.05
     size: Annotated[Scalar, Unit("m", "radius of gyration about the centre of mass, of any axis")] = 0.01
