@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import re
+import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -142,6 +145,13 @@ def test_every_engine_tells_the_same_and_numbers_have_paths(scenario):
     session = skyarm.Session(switch, machine_code=False)
     session.step()
     assert session.measurement.tip_force == ()
+
+
+def test_the_sensor_on_the_page_is_one():
+    page = Path(__file__).resolve().parents[2] / "docs" / "sensors.md"  # its toml without a title
+    (text,) = re.findall(r"```toml\n(.*?)```", page.read_text("utf-8"), re.DOTALL)
+    found = scenario_from(DOCUMENT | tomllib.loads(text)).instruments[0].sensor
+    assert found == ForceTorque(force=Channel(sigma=0.05, turn_on=0.1), bandwidth=600.0)
 
 
 @pytest.mark.parametrize(
