@@ -9,11 +9,12 @@ BENCH ?= out/bench.json
 WORKERS ?= 2
 TESTS ?=
 
-.PHONY: reproduce test test-lowest docs films envelope fresh browser thorough attack digests mutants bench lint hooks clean help
+.PHONY: reproduce test pytest test-lowest docs films envelope fresh browser thorough attack digests mutants bench lint hooks clean help
 
 help:
 	@echo "make reproduce    fly the paper's five experiments on both plants; OUT=$(OUT) is the folder of the results"
 	@echo "make test         lint, and most tests (thorough, attack, digests: the rest); TESTS='tests/plant -k wind' runs these only"
+	@echo "make pytest       these tests without lint; TESTS as above"
 	@echo "make test-lowest  every test on the lowest versions of pyproject.toml, in $(LOWEST); PYTHON must be 3.11"
 	@echo "make docs         build the documentation site, out/docs/site/index.html; run all that README, docs and examples show"
 	@echo "make films        the moving pictures of README and docs, drawn anew into docs/images: some minutes"
@@ -48,7 +49,11 @@ lint: $(VENV)/.test
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-test: lint
+# lint runs beside the tests: mypy keeps one core busy, the other would wait for it
+test: $(VENV)/.test
+	@$(MAKE) --no-print-directory -j2 lint pytest
+
+pytest: $(VENV)/.test
 	$(BIN)/pytest $(TESTS)
 
 $(LOWEST)/.installed: pyproject.toml tests/lowest.py
@@ -73,10 +78,14 @@ docs: $(VENV)/.docs
 WIND := case3_wind --controller paper_pd,paper_ct,centroidal_tip_stiff --label PD --label CT --label "centroidal law" \
 	--title "A circle in 2 N of wind: the paper's Case 3"
 
+PRESS := examples/press_and_slide.toml --label "centroidal law with interaction"
+
 films: $(VENV)/.test
 	$(BIN)/python -m skyarm film $(WIND) docs/images/laws_in_wind.webp --layout over --camera fixed --fine \
 		--stop 15 --speed 1.5 --size 800x450 --fps 15
 	$(BIN)/python -m skyarm film $(WIND) docs/images/laws_in_wind.mp4 --size 960x540
+	$(BIN)/python -m skyarm film $(PRESS) docs/images/press_and_slide.webp --camera fixed --no-ghost --fine \
+		--stop 11 --speed 1.5 --size 720x450 --fps 12
 
 envelope: $(VENV)/.test
 	$(BIN)/python -m skyarm compare envelope-suite --out out/envelope

@@ -177,7 +177,7 @@ WINDOWS = Windows(
 )
 
 
-LATER = ("x_error_max", "ee_time_outside", "reference_lag_mean", "reference_lag_max")
+LATER = ("x_error_max", "ee_time_outside", "reference_lag_mean", "reference_lag_max", "phases_done")
 """Metrics that there were not yet when the digests were taken."""
 
 

@@ -14,6 +14,7 @@ from logged_flights import flown
 from skyarm.cli.main import main
 from skyarm.log.ros.message_types import full_name
 from skyarm.log.ros.topics import FlightTopics
+from world_flights import touching
 
 PAGE = (Path(__file__).resolve().parents[1] / "docs" / "logs.md").read_text("utf-8")
 COMMANDS = [line.split("#")[0].strip() for line in PAGE.splitlines() if line.startswith("    skyarm ")]
@@ -58,7 +59,8 @@ def test_the_topics_shown_are_those_that_are_written():
     words = {0: "once", 1: "200", 4: "50"}
     written = {
         each.name: (full_name(each.kind), "control" if each.name == "/skyarm/flight" else words[each.every])
-        for each in FlightTopics(flown()).topics
+        for log in (flown(), touching())
+        for each in FlightTopics(log).topics
     }
     assert {name: (kind, rate) for name, kind, rate, _ in rows} == written
 

@@ -11,6 +11,7 @@ import pytest
 
 from added_components import registry_kept
 from commanded import skyarm
+from world_flights import touching
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 PAGE = (DOCS / "pictures.md").read_text("utf-8")
@@ -20,7 +21,7 @@ COMMANDS = re.findall(r"^    (skyarm .*)$", PAGE, re.MULTILINE)
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """With the page's study, shortened."""
+    """With the page's study, shortened, and a flight that presses."""
     pytest.importorskip("pyarrow")
     made: Path = tmp_path_factory.mktemp("pictures")
     short = re.sub(r"episodes = \d+", "episodes = 40", STUDY).replace("duration = 12", "duration = 0.3")
@@ -29,6 +30,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )  # a law of its own takes seconds
     text = re.sub(r"windows = .*", "windows = { steady = [0.1, 0.3], transient = [0.0, 0.1] }", short)
     (made / "arm_length.toml").write_text(text)
+    touching().save_npz(made / "press.npz")
     return made
 
 
@@ -41,7 +43,7 @@ def test_the_commands_shown_draw_in_their_order(folder: Path) -> None:
             done = skyarm(*words)
             assert done.code == 0, (words, done.err)
             made += [words[words.index(option) + 1] for option in ("-o", "--drawing") if option in words]
-    assert len(made) == len(set(made)) == 8
+    assert len(made) == len(set(made)) == 10
     for name in made:
         assert (folder / name).stat().st_size > 5_000, name
 
@@ -56,11 +58,11 @@ def test_the_code_shown_draws(folder: Path, capsys: pytest.CaptureFixture[str]) 
 
 
 def test_every_kind_and_style_stands_on_the_page() -> None:
-    from skyarm.figures.flight_panels import ALL, KINDS
+    from skyarm.figures.flight_panels import ALL, KINDS, PATH
     from skyarm.figures.picture_styles import STYLES
     from skyarm.files.picture_names import SUFFIXES
 
-    assert re.findall(r"^\| `(\w+)` \|", PAGE, re.MULTILINE) == [*KINDS, ALL]
+    assert re.findall(r"^\| `(\w+)` \|", PAGE, re.MULTILINE) == [*KINDS, ALL, PATH]
     for style in STYLES:
         assert f"`--style {style}`" in PAGE
     assert all(suffix.upper() in PAGE for suffix in SUFFIXES)

@@ -48,8 +48,15 @@ def test_friction_sideways_turns_the_vehicle(scenario):
     assert said.value == pytest.approx(0.3 * 1.0 * ahead)
     assert said.level == WARNING
     assert found(scenario, **{"force.value": 0.5})[question].level == OK
+    # on a ceiling or floor it is sideways, too; a wall beside the tip turns the vehicle by the push itself; of one that
+    # leans, friction has the largest part that is across the normal
     upward = {"normal.0": 0.0, "normal.2": 1.0}
-    assert found(scenario, **upward)[question].value == pytest.approx(0.0)
+    assert found(scenario, **upward)[question].value == pytest.approx(0.3 * ahead)
+    beside = {"normal.0": 0.0, "normal.1": 1.0}
+    assert found(scenario, **beside)[question].value == pytest.approx(ahead)
+    leaning = {"normal.0": 0.0, "normal.1": 0.6, "normal.2": 0.8}
+    assert found(scenario, **leaning)[question].value == pytest.approx((0.6 + 0.3 * 0.8) * ahead)
+    assert found(scenario, **{"force.value": 0.0}) == {}
     # half of the yaw torque that rotors can add to hover: two rotors slow down to nothing or two speed up
     inverse = np.array(make_mixer(vehicle).inverse, dtype=float)
     arm = zip(vehicle.links, link_poses(vehicle, POSE), strict=True)

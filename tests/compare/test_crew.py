@@ -47,6 +47,7 @@ def same(one: Cell, other: Cell) -> bool:
     )
 
 
+@pytest.mark.thorough
 def test_flights_in_processes_are_those_of_one_process():
     todo = [flights(), flights(WRONG, one_by_one=1), flights(law="paper_ct", plant="mujoco")]
     found = []

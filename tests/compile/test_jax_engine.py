@@ -257,6 +257,7 @@ def test_slopes_of_a_flown_metric_by_every_gain_mass_and_length_equal_central_di
     assert np.count_nonzero(slopes[:, 1]) > 20
 
 
+@pytest.mark.thorough
 def test_slopes_of_noisy_pendulums_equal_central_differences_in_every_lane():
     """Tolerance: h^2 of a smooth function; log of a uniform number has a slope through its bits."""
     kernel = pendulum(lanes_per_block=2)

@@ -9,7 +9,7 @@ from programs_random import bits, random_function, same_bits
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing import repeat as room
-from skyarm.compile.tracing.repeat import operations, repeat
+from skyarm.compile.tracing.repeat import operations, repeat, repeat_while
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.scalars import sin, where
 
@@ -72,6 +72,27 @@ def test_a_loop_of_a_random_function_has_the_bits_of_python_floats():
         for _ in range(2):
             x = step(x, (float(values[ends, k]),), (), ())[0]
         assert bits(carry[:, k]) == bits(x)
+
+
+def test_rounds_that_differ_from_lane_to_lane_leave_each_lane_its_own_and_none_passes_by():
+    """Doubling n times; a call in which no lane asks for a round is counted in no round."""
+
+    def step(carry, parameters, row, draws):
+        return repeat_while(3, row[0] * parameters[0], lambda x: (2.0 * x[0] + x[1], x[1]), carry), ()
+
+    loops, plain = (trace_loop(step, (0.0, 0.0), (0.0,), (0.0,), loops=kept) for kept in (True, False))
+    counts = np.array([[0.0, 1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 0.0]])
+    carry = np.stack([np.arange(1.0, 9.0), np.full(8, 0.5)])
+    for rows in ([[1.0]], [[0.0]], [[0.0], [1.0], [0.0]]):
+        done = counts[0] * (1.0 if [1.0] in rows else 0.0)
+        expected = carry[0] * 2.0**done + 0.5 * (2.0**done - 1.0)
+        for loop in (loops, plain):
+            assert (Kernel(loop, Lanes(4)).run(carry, counts, np.array(rows))[0][0] == expected).all()
+        for x, n, end in zip(carry[0].tolist(), counts[0].tolist(), expected.tolist(), strict=True):
+            now = (x, 0.5)
+            for row in rows:
+                now = loops.stepper()((*now, n, *row))
+            assert now[0] == end
 
 
 def test_a_short_repetition_is_written_out(monkeypatch):

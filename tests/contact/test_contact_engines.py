@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from skyarm.contact import Contact, ContactPoint, Surface
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.environment import SignalVector
 from skyarm.reference import Sine
+from skyarm.vehicle.linkage import BASE
 from standing_vehicles import at_rest, limp
 
 BIRD = limp("hummingbird_arm2_rotors")
@@ -74,7 +76,7 @@ def test_the_force_acts_where_the_ball_touches_and_its_power_is_that_of_the_spot
     for row in lanes(12):
         state, memory = rebuild((START, MEMORY), iter(row.tolist()))
         motion = PointMotion(BIRD, state)
-        wrench = CONTACT.wrenches(memory, 0.0, motion, ())[1]
+        (wrench,) = (each for each in CONTACT.wrenches(memory, 0.0, motion, ()) if each.body == BASE)
         w = motion.turned(motion.angular_velocity(wrench.body), wrench.body)
         power = wrench.force_W.dot(motion.velocity(wrench.point, wrench.body)) + wrench.torque_W.dot(w)
         expected, h = 0.0, 1e-7
@@ -140,6 +142,37 @@ def test_far_is_what_stays_five_millimetres_away_at_its_present_speed(height, sp
     ground = Contact(surfaces=(Surface(name="g"), Surface(name="deep", position=(0.0, 0.0, -1.0))), points=SPOT)
     state = dataclasses.replace(START, position=Vec3(0.0, 0.0, height), velocity=Vec3(3.0, 0.0, speed))
     assert bool(ground.far(ground.start(0.005, ()), PointMotion(BIRD, state), 0.005)) is far
+
+
+def test_while_it_is_far_the_clock_goes_on_and_bristles_stand_up():
+    memory = dataclasses.replace(MEMORY, clock=(0.25,), bristles=tuple(Vec3(1e-4, 0.0, -2e-4) for _ in MEMORY.bristles))
+    later = CONTACT.alone(memory, 0.005, 3, 9.8)
+    assert later.clock == (0.255,)
+    for bristle in later.bristles:
+        assert [*bristle] == pytest.approx([1e-4 * math.exp(-2.5), 0.0, -2e-4 * math.exp(-2.5)], rel=1e-12)
+
+
+def test_points_of_the_base_push_together_as_each_would_alone():
+    """Force and moment about the base's origin of two skids, against the sum of one by one."""
+    ground = Surface(name="ground", position=(0.0, 0.0, -0.09), angles=(0.05, 0.1, 0.0))
+    skids = [ContactPoint(name=str(y), body="base", position=Vec3(0.1, y, -0.12)) for y in (0.1, -0.05)]
+    link = ContactPoint(name="elbow", body="link1", position=Vec3(0.0, 0.01, -0.14), radius=0.03)
+
+    def moment(points):
+        contact = Contact(surfaces=(ground,), points=points)
+        start = dataclasses.replace(START, rate=Vec3(0.3, 0.2, 0.1), velocity=Vec3(0.1, 0.2, 0.0))
+        memory = dataclasses.replace(contact.start(0.005, ()), bristles=(Vec3(1e-4, 5e-5, 0.0),) * len(points))
+        motion, found = PointMotion(BIRD, start), np.zeros(8)
+        wrenches = contact.wrenches(memory, 0.0, motion, ())
+        for wrench in wrenches:
+            base, joints = motion.generalized(wrench.force_W, wrench.torque_W, wrench.point, wrench.body)
+            found += [*leaves(base), *joints]
+        return found, len(wrenches)
+
+    together, count = moment((*skids, link))
+    alone = [moment((each,))[0] for each in (*skids, link)]
+    assert all(np.abs(each).max() > 1.0 for each in alone[:2])
+    assert (together, count) == (pytest.approx(sum(alone), rel=1e-12), 2)
 
 
 SPOT = (ContactPoint(name="spot", body="base"),)

@@ -154,9 +154,9 @@ def test_what_is_learned_stays_within_its_bounds():
     y = [float(each) for each in unit_load(TRUTH, plan).efforts]
     for sign, end in ((1.0, 0), (-1.0, 1)):
         load, friction = first_learned(2), first_learned(2)
-        for _ in range(400):
-            load = adapt(par, load, plan, qd, tuple(-sign * 5.0 * each for each in y), FREE, 0.005)
-            friction = adapt(par, friction, plan, qd, (sign * 5.0, sign * 5.0), FREE, 0.005)
+        for _ in range(100):
+            load = adapt(par, load, plan, qd, tuple(-sign * 20.0 * each for each in y), FREE, 0.005)
+            friction = adapt(par, friction, plan, qd, (sign * 20.0, sign * 20.0), FREE, 0.005)
         assert load.tip_mass == pytest.approx(-sign * 0.2)
         # back to no damping at all, or to the highest
         assert [joint.damping for joint in friction.joints] == pytest.approx([p[end] for p in par.damping_limits])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skyarm.figures.envelope_panels import HIGH, LOW, TOP, envelope_figure
+from skyarm.figures.envelope_panels import HIGH, LOW, LOWEST, TOP, envelope_figure
 
 
 def point(error, *, lost=False):
@@ -18,7 +18,7 @@ AXES = {
         "values": [1.0, 2.0, 3.0],
         "laws": {
             "one": [point(0.001), point(0.01), point(None, lost=True)],
-            "other": [point(1e-6), point(0.1), point(50.0)],
+            "other": [point(1e-7), point(0.1), point(50.0)],
         },
     },
     "push_x": {"unit": "N", "values": [1.0], "laws": {"other": [point(0.02)]}},
@@ -38,11 +38,20 @@ def test_a_lost_law_has_no_error_and_a_cross_in_the_band():
     assert np.isnan(error[2])
     assert (crosses, mark) == ([2.0], "x")
     assert HIGH < heights[0] < TOP
-    assert whole == [LOW, 100.0, HIGH], "what is beyond the axis stands at its edge"
+    assert whole == [LOWEST, 100.0, HIGH], "what is beyond the axis stands at its edge"
     assert none == []
     assert panel.get_yscale() == "log"
     assert [label.get_text() for label in panel.get_xticklabels()] == ["1", "2", "3"]
     assert panel.get_title(loc="left") == "circle [m/s]"
+
+
+def test_the_scale_begins_below_the_smallest_error_and_at_a_tenth_of_a_millimetre_at_most():
+    for error, low in ((1e-3, LOW), (5e-5, 0.01), (2e-6, LOWEST), (None, LOW)):
+        axis = {"unit": "N", "values": [1.0], "laws": {"one": [point(error, lost=error is None)]}}
+        panel = envelope_figure({"x": axis}, ["one"]).axes[0]
+        assert np.isclose(panel.get_ylim()[0], low)
+        if error is not None:
+            assert np.isclose(panel.lines[0].get_ydata()[0], 1e3 * error)
 
 
 def test_a_law_keeps_its_look_where_others_do_not_fly():

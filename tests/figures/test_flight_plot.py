@@ -74,7 +74,7 @@ def expected(kind: str, log: skyarm.Log) -> list[tuple[str, Any, Any]]:
     return found[kind]
 
 
-@pytest.mark.parametrize("kind", [*KINDS, "all"])
+@pytest.mark.parametrize("kind", [*(kind for kind in KINDS if kind != "contact"), "all"])
 def test_every_line_is_the_log_s(kind: str) -> None:
     figure = plot(flights(), kind=kind)
     for name, log in flights().items():
@@ -324,7 +324,11 @@ def test_labels_are_what_tells_flights_apart() -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"kind": "speed"}, "kind = 'speed': must be one of tracking, attitude, tip, efforts, rotors, all"),
+        ({"kind": "contact"}, "kind = 'contact': must be another one, for the flights have no contact"),
+        (
+            {"kind": "speed"},
+            "kind = 'speed': must be one of tracking, attitude, tip, contact, efforts, rotors, all, path",
+        ),
         ({"kind": "trackin"}, "did you mean 'tracking'?"),
         ({"style": "poster"}, "style = 'poster': must be one of paper, talk"),
         ({"dark": True}, "dark: must come with style = 'talk'"),

@@ -6,7 +6,6 @@ import base64
 import dataclasses
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,10 +13,8 @@ import pytest
 from film_flights import flight
 
 pytest.importorskip("viser", reason="no extra 'studio'")
-import msgspec
-import zstandard
-
 import skyarm
+from recorded_scenes import place_at, unpacked
 from skyarm.drawing.vehicle_shapes import vehicle_shapes
 from skyarm.film.film_settings import FilmSettings
 from skyarm.film.recording import RECORDING_NAME, Recording, record, save_recording
@@ -26,28 +23,9 @@ from skyarm.film.recording_page import page_with, player_page, recording_frame
 FPS = 20
 
 
-def unpacked(content: bytes) -> dict[str, Any]:
-    """The messages of a recording: the length of what is packed, then zstd of a length and msgpack."""
-    inner = zstandard.ZstdDecompressor().decompress(content[8:])
-    length = int.from_bytes(inner[:8], "little")
-    found: dict[str, Any] = msgspec.msgpack.decode(inner[8 : 8 + length])
-    return found
-
-
 @pytest.fixture(scope="module")
 def two() -> Recording:
     return record([flight(), flight("centroidal_tip")], FilmSettings(fps=FPS))
-
-
-def place_at(messages: list[Any], name: str, kind: str, field: str, seconds: float) -> np.ndarray:
-    """What the last message up to an instant says of a node."""
-    said = [
-        message[field]
-        for at, message in messages
-        if message["type"] == kind and message["name"] == name and at <= seconds + 1e-9
-    ]
-    # viser leaves out what is as a node begins
-    return np.array(said[-1] if said else {"position": (0.0, 0.0, 0.0), "wxyz": (1.0, 0.0, 0.0, 0.0)}[field])
 
 
 def test_every_body_is_where_the_log_has_it(two: Recording) -> None:

@@ -44,9 +44,9 @@ def test_five_noisy_seconds_tell(vehicle, late, slower, drive):
         world=dataclasses.replace(base.world, vehicle=with_slower_motors(believed, slower)),
     )
     log = as_measured(scenario)
-    assert log.time[-1] > 3.0
+    assert log.time[-1] > 2.5  # the hexarotor with all of it is lost after 2.6 s, and has told by then
     found = loop_lags(log, believed).rotors
     assert found.known
-    assert abs(found.delay.value - late) < 0.0025
+    assert abs(found.delay.value - late) < 0.0035
     assert found.delay.low <= late <= found.delay.high
     assert found.factor == pytest.approx((slower, slower), rel=0.12)

@@ -42,6 +42,7 @@ def instant():
         held=goal(HELD),
         continuous=goal(SMOOTH),
         lag=0.35,
+        phase=2.0,
     )
 
 
@@ -64,6 +65,7 @@ def expected(wanted):
         "pitch_size": abs(pitch),
         "tilt": np.arccos(TURN.as_matrix()[2, 2]),
         "lag": 0.35,
+        "phase": 2.0,
         "rate_square": np.sum(np.square(NOW["rate"])),
         "jitter_size": np.mean(np.abs(change)),
         "jitter_square": np.mean(change**2),

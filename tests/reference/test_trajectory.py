@@ -20,7 +20,7 @@ from skyarm.reference import (
     circle,
     hover,
 )
-from skyarm.reference.setting import Guard
+from skyarm.reference.phase_guard import Guard
 
 
 def case3_joint(amplitude, phase):

@@ -10,10 +10,10 @@ import sys
 
 import numpy as np
 import pytest
-from shared_programs import hurried
 
 import skyarm
 from kernel_threads import queues, serving, wait_until
+from shared_programs import hurried
 from skyarm.compile import leaves
 from skyarm.compile.llvm import lane_stepper, rounds
 from skyarm.compile.llvm.lane_stepper import apart
@@ -81,6 +81,7 @@ def blowing(**changes):
     return dataclasses.replace(noisy(**changes), wind=gusty)
 
 
+@pytest.mark.thorough
 def test_an_episode_is_a_session_of_its_own_whenever_its_lane_began_it():
     """Lanes begin again by themselves at the end of the duration, and one of them in the middle of an episode."""
     planned = blowing(duration=0.1)

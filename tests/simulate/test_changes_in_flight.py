@@ -7,9 +7,9 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from shared_programs import shared_programs
 
 from added_components import RandomPush, Turbulence, same_logs
+from shared_programs import shared_programs
 from simulate_flights import document
 from skyarm import BatchSession, Scenario, ScenarioError, Session, run, scenario_from
 from skyarm.log.flight_log import Log

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from shared_programs import shared_programs
 
+from shared_programs import shared_programs
 from simulate_flights import document
 from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3

@@ -129,8 +129,9 @@ def test_a_gripper_closes_and_opens_in_flight(folder, plant):
 def test_a_guard_holds_the_fingers_of_the_next_phase_back(folder):
     early = planned(folder, until={"error": 1e-12, "hold": 0.1, "timeout": 0.3})
     log = skyarm.run(early)
-    assert finger_at(log.scenario, 1.2 + 0.3) == pytest.approx(0.01)
-    assert finger_at(log.scenario, 0.9 + 0.3) == pytest.approx(0.05)
+    finger = log.joints_reference[:, 1]
+    assert finger[round((1.2 + 0.3) * 200)] == pytest.approx(0.01)
+    assert finger[round((0.9 + 0.3) * 200)] == pytest.approx(0.05)
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from shared_programs import hurried
 
 import skyarm
+from shared_programs import hurried
 from simulate_flights import circling
 from skyarm.actuation import Command
 from skyarm.algebra import Vec3

@@ -6,8 +6,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from shared_programs import shared_programs
 
+from shared_programs import shared_programs
 from simulate_flights import document
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves

@@ -1,6 +1,7 @@
 """A payload picked up and put down along phases of the tip, from one file, on both plants."""
 
 import copy
+import dataclasses
 import tomllib
 from pathlib import Path
 
@@ -54,8 +55,13 @@ def test_a_guard_moves_the_instants_of_payloads_and_what_the_law_is_told():
     (box,) = planned.payloads
     taken = log.time[np.flatnonzero(log.payload_mass[:, 0])[0]]
     assert taken == pytest.approx(box.pick + 0.5, abs=5e-3)
-    again = log.scenario
-    assert [each.at for each in again.changes] == [again.payloads[0].pick] == pytest.approx([taken], abs=5e-3)
+    # the law's belief follows: a law that was told at the planned instant, or never, sends other commands
+    assert not planned.changes
+    assert box.believed
+    for other in (dataclasses.replace(box, believed=False), dataclasses.replace(box, mass=0.03)):
+        unlike = skyarm.run(dataclasses.replace(planned, payloads=(other,)))
+        apart = np.abs(unlike.rotor_commands - log.rotor_commands).max(axis=1) > 1e-6
+        assert log.time[np.flatnonzero(apart)[0]] == pytest.approx(taken, abs=6e-3)
     np.testing.assert_allclose(log.tip_reference[round(taken * 200)], [0.2, 0.0, 0.65], atol=1e-9)
 
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from shared_programs import shared_programs
 
 from added_components import Blend, Ceiling, Fix, Lag, RandomPush, Turbulence, same_logs, with_law
+from shared_programs import shared_programs
 from simulate_flights import document
 from skyarm import Session
 from skyarm.actuation import Command

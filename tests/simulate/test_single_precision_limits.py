@@ -6,9 +6,9 @@ import warnings
 
 import numpy as np
 import pytest
-from shared_programs import hurried
 
 import skyarm
+from shared_programs import hurried
 
 LIMIT = "plant.vehicle.links.0.joint.effort_limit"
 

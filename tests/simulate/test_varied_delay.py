@@ -6,8 +6,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from shared_programs import hurried
 
+from shared_programs import hurried
 from simulate_flights import circling
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.places import LATE

@@ -7,8 +7,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from shared_programs import hurried
 
+from shared_programs import hurried
 from simulate_flights import document
 from skyarm.algebra import Quaternion
 from skyarm.compile import leaves

@@ -2,33 +2,13 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
-
 import numpy as np
 import pytest
 
 import skyarm
+from scenes_without_browser import Scene
 from skyarm.drawing.pose_program import PoseProgram
 from skyarm.studio.scene import STILL, VehicleNodes
-
-
-class Node(SimpleNamespace):
-    """Counts what is written to it."""
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        self.__dict__["writes"] = self.__dict__.get("writes", 0) + 1
-        self.__dict__[name] = np.array(value)
-
-
-class Scene:
-    """A scene without a browser: nodes by their names."""
-
-    def __init__(self) -> None:
-        self.nodes: dict[str, Node] = {}
-
-    def __getattr__(self, _name: str) -> Any:
-        return lambda name, *_, **__: self.nodes.setdefault(name, Node())
 
 
 @pytest.mark.parametrize("step", [STILL / 7.0, 3.0 * STILL])

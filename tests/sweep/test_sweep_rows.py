@@ -15,7 +15,7 @@ from skyarm.contact import Contact, Surface
 from skyarm.metrics.windows import Windows
 from skyarm.plant.friction_rate import friction_rate
 from skyarm.plant.integrators import FRICTION_STEP
-from skyarm.scenario.endings import STATUSES
+from skyarm.scenario.endings import PHASE_FAILED, STATUSES
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.scenario.scenario_record import first_state
@@ -193,9 +193,12 @@ def test_statuses_are_those_of_single_runs_in_their_order() -> None:
     goals = np.tile([0.0, 0.0, 1.0], (400, 1))
     wanted = [ended_by(scenario, 0.0, x, goal) for x, goal in zip(states.tolist(), goals.tolist(), strict=True)]
     named = [ending.status if ending else "completed" for ending in wanted]
-    assert set(named) == set(STATUSES)
+    assert set(named) == set(STATUSES) - {PHASE_FAILED}
     state = rebuild(first_state(scenario), iter(list(states.T)))
     assert statuses(scenario, {}, state, goals, np.zeros(400, dtype=bool)).tolist() == named
+    # a phase that failed is the cause where nothing else is wrong
+    failed = statuses(scenario, {}, state, goals, np.zeros(400, dtype=bool), np.arange(400) % 2 == 0).tolist()
+    assert failed == [PHASE_FAILED if name == "completed" and k % 2 == 0 else name for k, name in enumerate(named)]
     # a lane that stopped with nothing wrong in its state had a command that was not finite
     stopped = statuses(scenario, {}, state, goals, np.ones(400, dtype=bool)).tolist()
     assert stopped == ["diverged" if each == "completed" else each for each in named]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 
 import numpy as np
@@ -97,6 +98,9 @@ def test_a_killed_search_goes_on_to_the_same_bytes_on_other_threads(tuned, tmp_p
     result = tune("--workers", "2", folder=tmp_path / "cut")
     assert result.exit_code == 0, result.output
     assert "pick" in result.output
+    # a vehicle without joints and tip
+    assert "base error" in result.output
+    assert not re.search("tip error|joints|effort", result.output)
     for name in ("tuned.toml", "tune.html", "round_002.npz"):
         assert (tmp_path / "cut" / name).read_bytes() == (folder / name).read_bytes(), name
 
@@ -107,6 +111,8 @@ def test_the_page_has_a_stop_for_every_file_and_asks_for_nothing(tuned):
     stops = len(told["front"])
     assert page.count('type="radio"') == stops == len(list(folder.glob("front_*.toml")))
     assert page.count(" checked") == 1
+    assert "base error, 90 % of plants, mm" in page
+    assert not re.search("tip error|joint efforts|of the joints|>effort<|>joints<", page)
     assert f'id="stop{told["picked"]}" aria-label="stop {told["picked"] + 1} of {stops}, calm to stiff" checked' in page
     assert "http" not in page.replace("http-equiv", "")
     assert "<script" not in page

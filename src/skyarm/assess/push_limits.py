@@ -27,13 +27,15 @@ def push_limits(scenario: Scenario) -> list[Finding]:
     """The wanted contact against joints and rotors, of a level base where the reference has it; none without one.
 
     The base is taken as level; friction along the surface is left out at the joints, and at the rotors it is that of
-    the roughest surface, sideways.
+    the roughest surface, in the direction along the surface in which it turns the vehicle most.
     """
     vehicle, push = scenario.world.vehicle, scenario.trajectory.push
     if push is None or not vehicle.n or not vehicle.end_effector:
         return []
     times = np.linspace(0.0, scenario.duration, INSTANTS, endpoint=False)
     at = max((scenario.trajectory.at(float(t)) for t in times), key=lambda reference: float(reference.push[0]))
+    if not float(at.push[0]) > 0.0:
+        return []  # no contact is asked for at any time
     return [*_law(scenario), *_joints(scenario, at), *_yaw(scenario, at)]
 
 
@@ -47,7 +49,7 @@ def _law(scenario: Scenario) -> list[Finding]:
 
 def _force(at: Reference) -> Array:
     """Force of the surface on the tip, N, axes of the level base."""
-    force, _, *normal = (float(c) for c in at.push)
+    force, _, *normal = (float(c) for c in at.push[:5])
     x, y, z = normal
     c, s = math.cos(float(at.yaw)), math.sin(float(at.yaw))
     return force * np.array([c * x + s * y, c * y - s * x, z])
@@ -85,10 +87,11 @@ def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
     allocation = Allocation.of(make_mixer(vehicle))
     hover = allocation.squared(hover_efforts(vehicle, float(scenario.world.gravity), np.array([joints])))
     room = min(float(allocation.room(hover, sign * np.eye(WRENCH)[2])[0]) for sign in (1.0, -1.0))
-    tip, push = np.array([float(c) for c in frame_pose(vehicle, vehicle.frame(), joints).p]), _force(at)
-    # along the surface, level: z x n
-    torque = max(frictions) * abs(float(tip[:2] @ push[:2]))
-    text = f"sliding sideways takes {torque:.3g} of {room:.3g} N m of yaw torque at friction {max(frictions):g}"
+    tip, push = frame_pose(vehicle, vehicle.frame(), joints).p, _force(at)
+    # a force f at r turns about z by f.(z x r); friction is across the push
+    lever = np.array([-float(tip.y), float(tip.x), 0.0])
+    torque = float(abs(lever @ push) + max(frictions) * np.linalg.norm(np.cross(push, lever)))
+    text = f"pushing and sliding take {torque:.3g} of {room:.3g} N m of yaw torque at friction {max(frictions):g}"
     level = WARNING if torque > HALF * room else OK
     return [
         Finding(
@@ -99,7 +102,9 @@ def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
             value=torque,
             limit=HALF * room,
             unit="N m",
-            remedy="" if level == OK else "slide up and down only, less force, a shorter reach, or stronger yaw",
+            remedy=""
+            if level == OK
+            else "slide across the lever as little as can be, less force, a shorter reach, or stronger yaw",
             joints=joints,
         )
     ]

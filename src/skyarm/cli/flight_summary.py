@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from rich.text import Text
 from skyarm.cli.terminal_chart import chart
 from skyarm.cli.terminal_tables import add, shown, table_of
 from skyarm.files import printable
+from skyarm.log.grasp_periods import GraspPeriod
 from skyarm.metrics.path_distance import path_distance
 from skyarm.metrics.windows import Windows, windows_of
 from skyarm.simulate import Log
@@ -35,7 +37,14 @@ def episode(log: Log) -> RenderableType:
     for what, found in beside_errors(log).items():
         add(table, BESIDE[what], *("-" if value is None else shown(value, 4) for value in found.values()))
     lags = [lag_words(log)] if log.lag_found.size else []
-    return Group(*heads, table, *(Text(printable(line)) for line in (*lags, *contact_lines(log))))
+    beneath = (*lags, *contact_lines(log), *grasp_lines(log), *phase_lines(log))
+    return Group(*heads, table, *(Text(printable(line)) for line in beneath))
+
+
+def phase_lines(log: Log) -> list[str]:
+    """When the phases of a task that waits were done, in one line."""
+    ends = [f"{name} {'-' if end is None else f'{end:g} s'}" for name, end in log.phase_ends]
+    return [f"phases done: {', '.join(ends)}"] if ends else []
 
 
 def contact_lines(log: Log) -> list[str]:
@@ -64,6 +73,20 @@ def contacts(log: Log) -> list[dict[str, Any]]:
     ]
 
 
+def grasp_lines(log: Log) -> list[str]:
+    """What each gripper held in words, a line for each grasp."""
+    return [
+        f"{each.gripper} took {each.held} at {each.start:g} s: {_ended(each)}, largest force {each.peak:.3g} N"
+        for each in log.grasp_periods
+    ]
+
+
+def _ended(grasp: GraspPeriod) -> str:
+    if grasp.end is None:
+        return "holds it to the end"
+    return f"{'gave way' if grasp.gave_way else 'let go'} at {grasp.end:g} s"
+
+
 def lag_words(log: Log) -> str:
     """What the law found at the end of how late its loops act."""
     rotors, joints = 1e3 * log.lag_found[-1]
@@ -83,6 +106,10 @@ def facts(log: Log) -> dict[str, Any]:
         found["lag_found_s"] = log.lag_found[-1]
     if log.contact_force.size:
         found["contacts"] = contacts(log)
+    if log.gripper_taken.size:
+        found["grasps"] = [dataclasses.asdict(each) for each in log.grasp_periods]
+    if log.phase.size:
+        found["phase_ends"] = [{"phase": name, "end": end} for name, end in log.phase_ends]
     beside = beside_errors(log)
     return found | ({"governor": beside} if beside else {})
 
@@ -105,7 +132,7 @@ def beside_errors(log: Log) -> dict[str, dict[str, float | None]]:
 
     Empty without a governor.
     """
-    if not log.path_time.size:
+    if not log.path_time.size or log.phase.size:
         return {}
     distances = {"lag": log.time - log.path_time, "base_to_path": path_distance(log.position, log.position_reference)}
     if not np.array_equal(log.tool, log.position):

@@ -48,14 +48,14 @@ def say_unlikely(name: str, lines: Sequence[str]) -> None:
 
 
 def say_steps(scenario: Any) -> None:
-    """Say where the material of a surface asks for shorter integration steps than the physics rate."""
+    """Say where a surface, an object or a gripper asks for shorter integration steps than the physics rate."""
     for contact in scenario.contacts:
-        surface = min(contact.surfaces, key=lambda each: each.material.largest_step)
-        step, usual = float(surface.material.largest_step), 1.0 / scenario.rates.physics
+        what, least = min(contact.steps, key=lambda each: float(each[1]))
+        step, usual = float(least), 1.0 / scenario.rates.physics
         if step < usual * (1.0 - 1e-9):
             say(
-                f"{scenario.name}: the material of surface '{surface.name}' asks for integration steps of "
-                f"{1e3 * step:.2g} ms in contact, shorter than rates.physics has"
+                f"{scenario.name}: {what} asks for integration steps of {1e3 * step:.2g} ms in contact, shorter than "
+                "rates.physics has"
             )
 
 

@@ -17,7 +17,10 @@ def plot(
     ],
     file: Annotated[str, typer.Option("--out", "-o", help="the picture to write: .png, .svg or .pdf")],
     kind: Annotated[
-        str | None, typer.Option(help="of flights: tracking, attitude, tip, efforts, rotors or all; all if left out")
+        str | None,
+        typer.Option(
+            help="of flights: tracking, attitude, tip, contact, efforts, rotors, path or all; all if left out"
+        ),
     ] = None,
     window: Annotated[
         tuple[float, float] | None, typer.Option(metavar="START STOP", help="of flights: s; the whole if left out")

@@ -14,9 +14,12 @@ from skyarm.registry.plugins import identities
 
 def print_front(found: Any, console: Console, seconds: float) -> None:
     """Print the front, then what the pick and the starts do on plants and a path kept aside."""
+    from skyarm.tune.tune_page import error_words
     from skyarm.tune.tuning_records import ASIDE
 
-    rows = [("", "tip error", "jitter", "effort", "lost", "saturated", "delay", "rotors", "joints")]
+    vehicle = found.plan.flight.world.vehicle
+    error = error_words(vehicle)
+    rows: list[tuple[str, ...]] = [("", error, "jitter", "effort", "lost", "saturated", "delay", "rotors", "joints")]
     for i, point in enumerate((found.before, *found.points)):
         mark = "before" if i == 0 else "pick" if i - 1 == found.picked else ""
         rows.append(
@@ -32,6 +35,8 @@ def print_front(found: Any, console: Console, seconds: float) -> None:
         )
     plan = found.plan
     console.print(Text(f"{plan.label} for {plan.flight.world.vehicle.name}, from calm to stiff", style="bold"))
+    if not vehicle.n:  # nothing of joints that there are not
+        rows = [(*row[:3], *row[4:-1]) for row in rows]
     for line in aligned(rows):
         console.print(line, soft_wrap=True)
     console.print(
@@ -44,7 +49,7 @@ def print_front(found: Any, console: Console, seconds: float) -> None:
         (name, f"{1e3 * x.tip:.3g} mm", f"{x.jitter:.3g}", f"{x.lost:.1%}", "yes" if x.meets else "no")
         for name, x in found.aside.items()
     ]
-    for line in aligned([("", "tip error", "jitter", "lost", "meets all"), *aside]):
+    for line in aligned([("", error, "jitter", "lost", "meets all"), *aside]):
         console.print(line, soft_wrap=True)
     if found.pick.margins.why_none:
         say(f"margins are not asked for: {found.pick.margins.why_none}")

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sized
 from html import escape
 from typing import Any
 
-from skyarm.compare.envelope_setting import DURATION
 from skyarm.compare.envelope_tables import (
     MEANING,
     RULES,
@@ -29,7 +28,7 @@ DPI = 160
 CAPTION = "Error of every law along every axis, mm. A cross in the band at the top is a law that is lost there"
 
 HOW = (
-    f"Trials of {DURATION:g} s; motions grow from rest between 2 and 5 s. Perfect state, or where an axis is noisy "
+    "Trials of {seconds}; motions grow from rest between 2 and 5 s. Perfect state, or where an axis is noisy "
     "1 mm, 1 cm/s, 2 mrad, 0.01 rad/s, joints 1 mrad, and measurements 5 ms old, of which laws that can are told. "
     "Another vehicle than the paper's is given forces and payloads by its weight, accelerations by its thrust margin "
     "where that is smaller, and swings of the arm by its joints' limits."
@@ -53,8 +52,9 @@ def envelope_page(found: Mapping[str, Any], picture: bytes) -> str:
     maps = "".join(
         table(_numbers(axis_head(axis)), axis_rows(axis), axis_title(name, axis)) for name, axis in axes.items()
     )
-    body.append(section("Axis by axis", _note(HOW) + maps))
-    facts = f"{len(laws)} laws, {len(axes)} axes, seed {found['seed']}, plant {found['plant']}"
+    body.append(section("Axis by axis", _note(HOW.format(seconds=_seconds(axes))) + maps))
+    facts = f"{_counted(laws, 'law', 'laws')}, {_counted(axes, 'axis', 'axes')}, seed {found['seed']}"
+    facts += f", plant {found['plant']}"
     return page(f"The envelope of {found['vehicle']}", f"{facts}; skyarm {versions()['skyarm']}", "\n".join(body))
 
 
@@ -65,6 +65,16 @@ def envelope_section(found: Mapping[str, Any], address: str) -> str:
     picture = image(CAPTION, CAPTION, envelope_picture(found))
     told = details("Where each law is good", table(_numbers(summary_head(laws)), summary_rows(axes, laws)))
     return f'{_sentences(found)}{_note(MEANING)}<div class="single">{picture}</div>{told}{link}'
+
+
+def _seconds(axes: Mapping[str, Any]) -> str:
+    """How long the trials were flown."""
+    return " and ".join(f"{each:g} s" for each in sorted({axis["window_s"][1] for axis in axes.values()}))
+
+
+def _counted(things: Sized, one: str, many: str) -> str:
+    """So many of something."""
+    return f"{len(things)} {one if len(things) == 1 else many}"
 
 
 def _numbers(head: list[str], text: int = 1) -> list[str]:

@@ -1,8 +1,31 @@
 """Contact of a vehicle with surfaces of the world: material, surfaces, points that touch, the force between them."""
 
-from skyarm.contact.contact import Contact, ContactMemory, Touch
+from skyarm.contact.carrier import CarriedFrame, Carrier
+from skyarm.contact.contact import Contact, ContactMemory
 from skyarm.contact.contact_point import ContactPoint
+from skyarm.contact.free_object import FreeObject, ObjectMotion
+from skyarm.contact.gripper import Command, Grip, Gripper
 from skyarm.contact.material import Material
+from skyarm.contact.mechanism import Mechanism
+from skyarm.contact.mechanism_effort import Detent, MechanismMotion
 from skyarm.contact.surface import Surface
+from skyarm.contact.touch import Touch
 
-__all__ = ["Contact", "ContactMemory", "ContactPoint", "Material", "Surface", "Touch"]
+__all__ = [
+    "CarriedFrame",
+    "Carrier",
+    "Command",
+    "Contact",
+    "ContactMemory",
+    "ContactPoint",
+    "Detent",
+    "FreeObject",
+    "Grip",
+    "Gripper",
+    "Material",
+    "Mechanism",
+    "MechanismMotion",
+    "ObjectMotion",
+    "Surface",
+    "Touch",
+]

@@ -1,7 +1,8 @@
 """Contact of a vehicle with the surfaces of a scenario: a force whose bristles move with the plant.
 
 Every point may touch every surface. What a pair remembers is its bristle; where a surface moves, there is a clock
-beside them, since it goes on within a control period.
+beside them, since it goes on within a control period. Bodies that move in the world (:mod:`skyarm.contact.carrier`)
+have their motion there, too.
 """
 
 from __future__ import annotations
@@ -11,16 +12,25 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
+from skyarm.contact.carried_contact import NOBODY, Carried, Meeting
+from skyarm.contact.carrier import Carrier, untouched_after
 from skyarm.contact.contact_point import ContactPoint
+from skyarm.contact.free_object import FreeObject
+from skyarm.contact.grasps import UNCHANGED, Grasps
+from skyarm.contact.gripper import Grip, Gripper
+from skyarm.contact.material import RECOVERY
+from skyarm.contact.mechanism import Mechanism
+from skyarm.contact.moving_points import moving_points, wrenches_on
 from skyarm.contact.surface import Surface
+from skyarm.contact.touch import Touch, touch_of
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
-from skyarm.environment.component import Force, Wrench
+from skyarm.environment.component import Force, Wrench, moved_by
 from skyarm.files import shown
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, logical_and, maximum, minimum, neg, sqrt
+from skyarm.scalars import Scalar, data, exp, logical_and, maximum, minimum, neg, sqrt
 from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -37,36 +47,15 @@ class ContactMemory:
 
     Attributes:
         clock: s, of surfaces that move; empty where none does.
-        bristles: deflection of each pair's bristle, m, world axes: the first surface's points, then the next one's.
+        bristles: deflection of each pair's bristle, m, world axes: the first surface's points, then the next one's;
+            then those of the carriers' pairs (:class:`skyarm.contact.carried_contact.Carried`).
+        carried: memories of the carriers. grips: of the grippers.
     """
 
     clock: tuple[Any, ...]
     bristles: tuple[Vec3, ...]
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Touch:
-    """What a surface does to a point, world axes.
-
-    Attributes:
-        depth: penetration, m; negative outside. rising: m/s, at which it falls.
-        normal: N, along ``axis``, the surface's outward normal.
-        friction: N. bristle_rate: m/s. spot: where it acts, seen from the point, m.
-    """
-
-    depth: Any
-    rising: Any
-    normal: Any
-    axis: Vec3
-    friction: Vec3
-    bristle_rate: Vec3
-    spot: Vec3
-
-    @property
-    def force(self) -> Vec3:
-        """Both forces, N."""
-        total: Vec3 = self.axis * self.normal + self.friction
-        return total
+    carried: tuple[Any, ...] = ()
+    grips: tuple[Grip, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -75,21 +64,33 @@ class Contact(Force):
 
     Attributes:
         points: left out for the vehicle's tip.
+        objects: bodies that nothing holds. mechanisms: bodies with one degree of freedom.
+        grippers: what the vehicle takes hold of them with.
     """
 
-    surfaces: tuple[Surface, ...]
+    surfaces: tuple[Surface, ...] = ()
     points: tuple[ContactPoint, ...] = ()
+    objects: tuple[FreeObject, ...] = ()
+    mechanisms: tuple[Mechanism, ...] = ()
+    grippers: tuple[Gripper, ...] = ()
     rotor_radius: Annotated[Scalar, Unit("m", "of the rotors' discs, which may touch nothing; 0: hubs", low=0.0)] = 0
 
     def __post_init__(self) -> None:
         accept_fields(self, "world")
         if type(self.rotor_radius) is float and self.rotor_radius == 0.0:
             object.__setattr__(self, "rotor_radius", 0)
-        for what, records in (("surfaces", self.surfaces), ("points", self.points)):
-            names = [record.name for record in records]
+        object.__setattr__(self, "points", tuple(each for point in self.points for each in point.each()))
+        taken: list[str] = []
+        named = {
+            what: [each.name for each in getattr(self, what)] for what in ("surfaces", "points", "objects", "grippers")
+        }
+        named["mechanisms"] = [each.name for each in self.mechanisms]
+        named["mechanisms"] += [part.name for each in self.mechanisms for part in each.parts]
+        for what, names in named.items():
             for name in names:
-                if names.count(name) > 1:
+                if names.count(name) > 1 or (what in ("objects", "grippers", "mechanisms") and name in taken):
                     raise RecordError(f"world.{what}: name = {shown(name)}: must be of one only")
+            taken += names
 
     @property
     def coupled(self) -> bool:  # type: ignore[override]
@@ -97,9 +98,32 @@ class Contact(Force):
         return True
 
     @property
+    def carriers(self) -> tuple[Carrier, ...]:
+        """Everything that moves and carries surfaces, in the order of the memory."""
+        return (*self.objects, *self.mechanisms)
+
+    @property
+    def carried(self) -> Carried:
+        """The carriers with what they may touch."""
+        return Carried(carriers=self.carriers, surfaces=self.surfaces, points=self.points)
+
+    @property
+    def grasps(self) -> Grasps:
+        """The grippers with what they may hold."""
+        return Grasps(grippers=self.grippers, carriers=self.carriers)
+
+    @property
+    def steps(self) -> tuple[tuple[str, Any], ...]:
+        """What asks for an integration step, in words, and the longest that it bears, s."""
+        touched = self.surfaces if self.points or not self.carriers else ()
+        own = [(f"the material of surface {each.name!r}", each.material.largest_step) for each in touched]
+        inner = [(f"mechanism {c.name!r}", c.largest_step) for c in self.carriers if c.largest_step is not None]
+        return (*own, *self.carried.steps(), *self.grasps.steps(), *inner)
+
+    @property
     def largest_step(self) -> Any:  # type: ignore[override]
-        """Longest integration step (s) that every material bears; None without surfaces."""
-        steps = [surface.material.largest_step for surface in self.surfaces]
+        """Longest integration step (s) that everything bears; None of an empty world."""
+        steps = [step for _, step in self.steps]
         least = steps[0] if steps else None
         for each in steps[1:]:
             least = minimum(least, each)
@@ -117,15 +141,21 @@ class Contact(Force):
         return tuple((surface, point) for surface in self.surfaces for point in self.points)
 
     @property
+    def logged_pairs(self) -> int:
+        """How many pairs of a surface and a point of the vehicle a log has columns of."""
+        carried = sum(len(carrier.surfaces) for carrier in self.carriers)
+        return (len(self.surfaces) + carried) * len(self.points)
+
+    @property
     def still(self) -> tuple[Surface, ...]:
         """Surfaces that do not move."""
         return tuple(surface for surface in self.surfaces if not surface.moves)
 
     def check(self, vehicle: Vehicle) -> None:
         """Raise ValueError with one line unless the vehicle has the points."""
-        if not self.surfaces:
+        if not self.surfaces and not self.carriers:
             raise RecordError("world.surfaces: is missing; a world has at least one surface")
-        if not self.points:
+        if not self.points and not self.carriers:
             raise RecordError(f"world.points: is missing; vehicle {vehicle.name!r} has no tip")
         for i, point in enumerate(self.points):
             try:
@@ -134,19 +164,38 @@ class Contact(Force):
                 raise RecordError(f"world.points[{i}].frame = {shown(point.frame)}: {error}") from None
             except ValueError as error:
                 raise RecordError(f"world.points[{i}].{error}") from None
+        for i, mechanism in enumerate(self.mechanisms):
+            if not mechanism.surfaces:
+                raise RecordError(
+                    f"world.mechanisms[{i}].parts: is missing; nothing of {mechanism.name!r} can be touched"
+                )
+        for i, gripper in enumerate(self.grippers):
+            try:
+                vehicle.frame(gripper.frame or None)
+            except VehicleError as error:
+                raise RecordError(f"world.grippers[{i}].frame = {shown(gripper.frame)}: {error}") from None
+            if not self.carriers:
+                raise RecordError("world.grippers: must be left out of a world without objects")
 
     def start(self, period: float, draws: Sequence[Any]) -> ContactMemory:
-        """Upright bristles at t = 0."""
+        """Upright bristles at t = 0, and every carrier where it starts."""
         clock = (0.0,) if any(surface.moves for surface in self.surfaces) else ()
-        return ContactMemory(clock=clock, bristles=tuple(Vec3(0.0, 0.0, 0.0) for _ in self.pairs))
+        upright = tuple(Vec3(0.0, 0.0, 0.0) for _ in range(len(self.pairs) + self.carried.count))
+        return ContactMemory(
+            clock=clock, bristles=upright, carried=tuple(carrier.start() for carrier in self.carriers),
+            grips=tuple(gripper.start() for gripper in self.grippers),
+        )  # fmt: skip
 
     def advance(self, memory: Any, t: Any, dt: float, state: State, draws: Sequence[Any]) -> Any:
-        """The clock set anew, so that steps leave no rounding in it."""
-        return replace(memory, clock=(t,)) if memory.clock else memory
+        """The clock set anew, and attitudes in unit length, so that steps leave no rounding in them."""
+        carried = tuple(each.advance(held) for each, held in zip(self.carriers, memory.carried, strict=True))
+        return (
+            replace(memory, clock=(t,) if memory.clock else (), carried=carried) if memory.clock or carried else memory
+        )
 
     def touches(self, memory: Any, motion: PointMotion) -> list[Touch]:
         """What happens at every pair now."""
-        found, moving = [], [_moving(point, motion) for point in self.points]
+        found, moving = [], moving_points(self.points, motion)
         bristles, clock, step = iter(memory.bristles), (*memory.clock, 0.0)[0], self.largest_step
         for surface in self.surfaces:
             material, surface_velocity = surface.material, surface.place(clock)[1]
@@ -154,56 +203,93 @@ class Contact(Force):
                 depth, n = surface.depth(position, point.radius, clock)
                 spot = n * neg(point.radius)  # where it touches, seen from its middle
                 slip = velocity + turning.cross(spot) - surface_velocity
-                rising = slip.dot(n)
-                held = next(bristles)
-                bristle = held - n * held.dot(n)  # a round surface's normal turns
-                rate = material.bristle_rate(bristle, slip - n * rising, depth, material.bristle_length / step)
-                normal = material.normal_force(depth, -rising)
-                friction = material.friction_force(bristle, rate, normal)
-                found.append(
-                    Touch(
-                        depth=depth, rising=rising, normal=normal, friction=friction, spot=spot, bristle_rate=rate,
-                        axis=n,
-                    )
-                )  # fmt: skip
+                found.append(touch_of(material, depth, n, spot, slip, next(bristles), step))
         return found
+
+    def meetings(self, memory: Any, motion: PointMotion) -> list[Meeting]:
+        """What happens now at every pair of which a carrier is one."""
+        if not self.carriers:
+            return []
+        moving = moving_points(self.points, motion)
+        clock, bristles = (*memory.clock, 0.0)[0], memory.bristles[len(self.pairs) :]
+        return self.carried.meetings(memory.carried, moving, clock, bristles, self.largest_step)
 
     def slope(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> ContactMemory:
         """Rate of the memory."""
-        rates = tuple(touch.bristle_rate for touch in self.touches(memory, motion))
-        return ContactMemory(clock=tuple(1.0 for _ in memory.clock), bristles=rates)
+        meetings = self.meetings(memory, motion)
+        touches = (*self.touches(memory, motion), *(each.touch for each in meetings))
+        pushes = self.carried.pushes(memory.carried, meetings)
+        if self.grippers:
+            pulls = self.grasps.on_bodies(memory, motion)
+            pushes = [(f + g, t + u) for (f, t), (g, u) in zip(pushes, pulls, strict=True)]
+        going = zip(self.carriers, memory.carried, pushes, strict=True)
+        return ContactMemory(
+            clock=tuple(1.0 for _ in memory.clock),
+            bristles=tuple(Vec3(*(data(c) for c in touch.bristle_rate)) for touch in touches),
+            carried=tuple(carrier.slope(held, *push, motion.gravity) for carrier, held, push in going),
+            grips=tuple(UNCHANGED for _ in memory.grips),
+        )
+
+    def euler_step(self, memory: Any, slope: Any, dt: Any) -> ContactMemory:
+        """Memory after a semi-implicit Euler step, in which bodies go on with their new velocities."""
+        going = zip(self.carriers, memory.carried, slope.carried, strict=True)
+        return ContactMemory(
+            clock=moved_by(memory.clock, slope.clock, dt),
+            bristles=moved_by(memory.bristles, slope.bristles, dt),
+            carried=tuple(carrier.euler_step(held, rate, dt) for carrier, held, rate in going),
+            grips=memory.grips,
+        )
 
     def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
-        """A force at every point, and the torque about it of a ball that touches beside its middle."""
-        touches, found = self.touches(memory, motion), []
-        for i, point in enumerate(self.points):
+        """What touches does to the bodies of the points, and what grippers do."""
+        touches, meetings = self.touches(memory, motion), self.meetings(memory, motion)
+        pushes = []
+        for i in range(len(self.points)):
             force = torque = ZERO3
-            for touch in touches[i :: len(self.points)]:
+            own = [each.touch for each in meetings if each.by == NOBODY and each.index == i]
+            for touch in (*touches[i :: len(self.points)], *own):
                 force, torque = force + touch.force, torque + touch.spot.cross(touch.force)
-            at, body = point.place(motion.vehicle)
-            found.append(Wrench(force_W=force, torque_W=torque, point=at, body=body))
-        return found
+            pushes.append((force, torque))
+        return wrenches_on(self.points, motion, pushes) + self.grasps.on_vehicle(memory, motion)
+
+    def act(self, memory: Any, t: Any, motion: PointMotion) -> Any:
+        """Grippers take hold, let go and give way."""
+        return replace(memory, grips=self.grasps.after(memory, t, motion)) if self.grippers else memory
 
     def far(self, memory: Any, motion: PointMotion, seconds: Any) -> Any:
-        """Whether no point comes as near to a surface as ``NEAR``, if it goes on with its velocity."""
+        """Whether no point or spot comes as near to a surface as ``NEAR``, if it goes on with its velocity.
+
+        What a gripper holds is near.
+        """
         found: Any = True
-        for touch in self.touches(memory, motion):
+        for grip in memory.grips:
+            found = grip.taken < 0.5 if found is True else logical_and(found, grip.taken < 0.5)
+        for touch in (*self.touches(memory, motion), *(each.touch for each in self.meetings(memory, motion))):
             away = touch.depth - touch.rising * seconds < -NEAR
             found = away if found is True else logical_and(found, away)
         return found
 
+    def alone(self, memory: Any, seconds: Any, rounds: int, gravity: Any) -> ContactMemory:
+        """The clock goes on, bristles stand up, bodies move untouched."""
+        left = exp(-RECOVERY * seconds)
+        bodies = zip(self.carriers, memory.carried, strict=True)
+        return ContactMemory(
+            clock=tuple(t + seconds for t in memory.clock),
+            bristles=tuple(bristle * left for bristle in memory.bristles),
+            carried=tuple(untouched_after(each, held, seconds / rounds, rounds, gravity) for each, held in bodies),
+            grips=memory.grips,
+        )
+
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
-        """Normal force (N), friction (N) and penetration (m) of each pair, one after the other; zeros outside."""
+        """Normal force (N), friction (N) and penetration (m) of each pair, one after the other; zeros outside.
+
+        Behind them stand the carriers' numbers, then the grippers'.
+        """
         numbers: list[Any] = []
-        for touch in self.touches(memory, motion):
+        own = [each.touch for each in self.meetings(memory, motion) if each.by == NOBODY]
+        for touch in (*self.touches(memory, motion), *own):
             friction = touch.friction
             numbers += [touch.normal, sqrt(friction.dot(friction)), maximum(touch.depth, 0.0)]
-        return tuple(numbers)
-
-
-def _moving(point: ContactPoint, motion: PointMotion) -> tuple[Vec3, Vec3, Vec3]:
-    """Position (m), velocity (m/s) and angular velocity (rad/s) of a point, world axes; the last of a ball only."""
-    at, body = point.place(motion.vehicle)
-    ball = not (type(point.radius) is int and point.radius == 0)
-    turning = motion.turned(motion.angular_velocity(body), body) if ball else ZERO3
-    return motion.position(at, body), motion.velocity(at, body), turning
+        for carrier, held in zip(self.carriers, memory.carried, strict=True):
+            numbers += carrier.logged(held)
+        return (*numbers, *self.grasps.logged(memory, motion))

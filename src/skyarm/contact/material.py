@@ -24,7 +24,7 @@ from typing import Annotated, Any
 from skyarm.algebra import Vec3
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, absolute, divide, maximum, minimum, sqrt, where
+from skyarm.scalars import Scalar, absolute, divide, maximum, minimum, same, sqrt, where
 
 BRISTLE_DAMPING = 5.0
 """N s/m at one newton and more; 1/m times the force below. It damps the vibration of a tip that sticks."""
@@ -67,19 +67,24 @@ class Material:
 
     @property
     def largest_step(self) -> Any:
-        """Longest integration step (s) that the contact bears, as its stiffness and that of its bristles say."""
+        """Longest integration step (s) that the contact with a vehicle bears."""
+        return self.step_of(LIGHTEST)
+
+    def step_of(self, mass: Any) -> Any:
+        """Longest integration step (s) of a contact that moves a mass (kg), by the stiffness of it and its bristles."""
         bristles = self.friction * self.stiffness * PRESSED / self.bristle_length
         fastest = maximum(sqrt(self.stiffness) / NORMAL_STEP, sqrt(bristles) / BRISTLE_STEP)
-        return minimum(LIGHTEST**0.5 / fastest, LONGEST)
+        return minimum(sqrt(mass) / fastest, LONGEST)
 
-    def normal_force(self, depth: Any, depth_rate: Any) -> Any:
+    def normal_force(self, depth: Any, depth_rate: Any, mass: Any = LIGHTEST) -> Any:
         """Force of the surface along its outward normal, N.
 
         Args:
             depth: penetration, m; negative outside.
             depth_rate: m/s.
+            mass: kg that the contact moves at least.
         """
-        way = absolute(depth_rate) * self.largest_step
+        way = absolute(depth_rate) * self.step_of(mass)
         half = 0.5 * way + depth
         mean = where(depth + depth > way, depth, divide(half * half, way + way + _STILL))
         force = self.stiffness * mean * (1.0 + self.dissipation * depth_rate)
@@ -96,21 +101,24 @@ class Material:
                 0.2 mm over which friction builds up, and neither sticking nor steady sliding.
         """
         speed = sqrt(slip.dot(slip) + _STILL)
-        share = divide(minimum(speed, fastest), speed)
-        bending = (slip - bristle * (speed / self.bristle_length)) * share
-        return Vec3(*(where(depth > 0.0, a, -RECOVERY * z) for a, z in zip(bending, bristle, strict=True)))
+        followed = minimum(speed, fastest)
+        bending = slip * divide(followed, speed) - bristle * (followed * (1.0 / self.bristle_length))
+        touches, recovery = depth > 0.0, bristle * -RECOVERY
+        return Vec3(*(a if same(a, z) else where(touches, a, z) for a, z in zip(bending, recovery, strict=True)))
 
-    def friction_force(self, bristle: Vec3, bristle_rate: Vec3, normal_force: Any) -> Vec3:
+    def friction_force(self, bristle: Vec3, bristle_rate: Vec3, normal_force: Any, mass: Any = LIGHTEST) -> Vec3:
         """Force of the surface against the slip, N, world axes: never beyond the cone.
 
         Args:
             bristle: deflection, m.
             bristle_rate: m/s.
             normal_force: N.
+            mass: kg that the contact moves at least: damping falls with its root, as its integration step does.
         """
         most = self.friction * normal_force
-        damping = minimum(BRISTLE_DAMPING * normal_force, BRISTLE_DAMPING)
-        wanted = bristle * (most / self.bristle_length) + bristle_rate * damping
+        largest = BRISTLE_DAMPING if mass is LIGHTEST else BRISTLE_DAMPING * sqrt(mass / LIGHTEST)
+        damping = minimum(largest * normal_force, largest)
+        wanted = bristle * (most * (1.0 / self.bristle_length)) + bristle_rate * damping
         size = sqrt(wanted.dot(wanted) + _STILL)
         force: Vec3 = wanted * -minimum(divide(most, size), 1.0)
         return force

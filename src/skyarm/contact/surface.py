@@ -1,4 +1,4 @@
-"""Surfaces of the world: a plane, a box, a cylinder or a sphere, somewhere, at rest or moving."""
+"""Surfaces of the world: a plane, a box, a cylinder, a sphere or a plate with a hole, at rest or moving."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Mat3, Vec3
 from skyarm.algebra.matrix import axis_rotation
+from skyarm.contact.hole import SIZES, from_plate, require_hole
 from skyarm.contact.material import Material
 from skyarm.environment.signal_vector import NO_SIGNALS, SignalVector
 from skyarm.files import must_be_one_of, shown
@@ -16,8 +17,8 @@ from skyarm.records.units import Unit
 from skyarm.reference.signals import Constant
 from skyarm.scalars import Scalar, absolute, divide, maximum, sign, sqrt, where
 
-SHAPES = {"plane": (), "box": ("x", "y", "z"), "cylinder": ("radius", "length"), "sphere": ("radius",)}
-"""Shape -> what its sizes are, m. A plane's outside is along its z axis, which is the cylinder's axis, too."""
+SHAPES = {"plane": (), "box": ("x", "y", "z"), "cylinder": ("radius", "length"), "sphere": ("radius",), "hole": SIZES}
+"""Shape -> what its sizes are, m. A plane's outside is along its z axis, the axis of cylinder and hole, too."""
 
 _CENTRE = 1e-24
 """m^2 under a root: in the middle of a sphere or on a cylinder's axis the normal is zero instead of NaN."""
@@ -32,7 +33,8 @@ class Surface:
 
     Attributes:
         name: for messages, logs and pictures. shape: one of ``SHAPES``.
-        size: lengths of a box along its axes, radius and length of a cylinder, radius of a sphere; none of a plane.
+        size: lengths of a box along its axes, radius and length of a cylinder, radius of a sphere; none of a plane; of
+            a plate with a hole those of :mod:`skyarm.contact.hole`.
         motion: what is added to the position as time goes on, m, world axes. It must have a velocity: a step is
             passed without one.
     """
@@ -40,7 +42,9 @@ class Surface:
     name: str
     shape: str = "plane"
     size: Annotated[tuple[Scalar, ...], Unit("m", low=0.0, strict=True)] = ()
-    position: Annotated[Vec3, Unit("m", "of its middle, or of a point of a plane, world axes", folds=True)] = ZERO3
+    position: Annotated[
+        Vec3, Unit("m", "of its middle, of a point of a plane, of a hole's mouth, world axes", folds=True)
+    ] = ZERO3
     angles: Annotated[Vec3, Unit("rad", "roll, pitch, yaw: about x, then y, then z of the world", folds=True)] = ZERO3
     motion: SignalVector = NO_SIGNALS
     material: Material = field(default_factory=Material)
@@ -58,6 +62,8 @@ class Surface:
         if len(self.size) != len(sizes):
             allowed = f"must be {len(sizes)} numbers, {', '.join(sizes)}" if sizes else "must be left out of a plane"
             raise RecordError(f"surface.size = {shown(list(self.size))}: {allowed}")
+        if self.shape == "hole":
+            require_hole(self.size)
 
     @property
     def moves(self) -> bool:
@@ -68,11 +74,21 @@ class Surface:
     @property
     def rotation(self) -> Mat3:
         """R_WS, axes of the surface to world axes."""
-        R = Mat3.identity()
-        for axis, angle in zip((E_X, E_Y, E_Z), self.angles, strict=True):
-            if not (type(angle) is int and angle == 0):
-                R = axis_rotation(axis, angle) @ R
-        return R
+        return rotation_of(self.angles)
+
+    @property
+    def farthest(self) -> Any:
+        """Distance of its farthest place from its origin, m; of a shape with an end."""
+        if self.shape == "sphere":
+            return self.size[0]
+        if self.shape == "box":
+            x, y, z = self.size
+            return 0.5 * sqrt(x * x + y * y + z * z)
+        if self.shape == "hole":
+            outer, length = self.size[3:]
+            return sqrt(outer * outer + length * length)
+        radius, length = self.size
+        return sqrt(radius * radius + 0.25 * length * length)
 
     def place(self, t: Any) -> tuple[Vec3, Vec3]:
         """Position (m) and velocity (m/s) at time t (s), world axes."""
@@ -88,6 +104,11 @@ class Surface:
         if self.shape == "sphere":
             away = sqrt(p.dot(p) + _CENTRE)
             return ((away - self.size[0], p * divide(1.0, away)),)
+        if self.shape == "hole":  # as if it were filled
+            outer, length = self.size[3:]
+            away = sqrt(p.x * p.x + p.y * p.y + _CENTRE)
+            round_about = Vec3(divide(p.x, away), divide(p.y, away), 0)
+            return ((away - outer, round_about), _slab(p.z + 0.5 * length, length, E_Z))
         if self.shape == "cylinder":
             away = sqrt(p.x * p.x + p.y * p.y + _CENTRE)
             round_about = Vec3(divide(p.x, away), divide(p.y, away), 0)
@@ -98,7 +119,7 @@ class Surface:
         """How deep a ball about a point is in the surface (m, negative outside), and the outward normal, world axes.
 
         Inside it is the nearest face that counts; of a ball that touches an edge or a corner from outside, the way to
-        its middle.
+        its middle; of a plate with a hole always the nearest place.
 
         Args:
             point_W: middle of the ball, m, world axes.
@@ -106,7 +127,11 @@ class Surface:
             t: s.
         """
         R = self.rotation
-        faces = self._faces(R.apply_T(point_W - self.place(t)[0]))
+        p = R.apply_T(point_W - self.place(t)[0])
+        if self.shape == "hole":
+            height, normal = from_plate(self.size, p)
+            return radius - height, R.apply(normal)
+        faces = self._faces(p)
         height, normal = _nearest(faces)
         if len(faces) > 1 and not (type(radius) is int and radius == 0):
             height, normal = _rounded(faces, height, normal)
@@ -133,6 +158,15 @@ class Surface:
         for each in found[1:]:
             widest = maximum(widest, each)
         return widest
+
+
+def rotation_of(angles: Vec3) -> Mat3:
+    """Rotation by roll, pitch and yaw (rad) about x, then y, then z of the outer axes; zeros of structure fold away."""
+    R = Mat3.identity()
+    for axis, angle in zip((E_X, E_Y, E_Z), angles, strict=True):
+        if not (type(angle) is int and angle == 0):
+            R = axis_rotation(axis, angle) @ R
+    return R
 
 
 def _half_width(axis: Vec3, normal: Vec3, radius: Any) -> Any:

@@ -1,1 +1,1 @@
-"""What a vehicle looks like, from its records alone: shapes, and where they are."""
+"""What a vehicle and its world look like, from their records alone: shapes, and where they are."""

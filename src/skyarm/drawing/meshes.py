@@ -41,21 +41,37 @@ def mesh_of(shape: Shape) -> tuple[Array, Faces]:
         lower = [(math.sin(a), -math.cos(a)) for a in np.linspace(0.0, 0.5 * math.pi, 5)]
         profile = [(radius * r, radius * z - 0.5 * length) for r, z in lower]
         vertices, faces = _revolved([*profile, *((r, -z) for r, z in reversed(profile))])
+    elif shape.kind == "box":
+        vertices, faces = _box(np.array(shape.size))
+    elif shape.kind == "hole":
+        radius, depth, chamfer, outer, length = shape.size
+        plate = [(0.0, -length), (outer, -length), (outer, 0.0)]
+        vertices, faces = _revolved(
+            [*plate, (radius + chamfer, 0.0), (radius, -chamfer), (radius, -depth), (0.0, -depth)]
+        )
+    elif shape.kind == "patch":
+        vertices = np.array([[x, y, 0.0] for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]) * [*shape.size, 0.0]
+        faces = np.array([[0, 1, 2], [0, 2, 3]])
     else:
-        raise ValueError(f"shape.kind = {shape.kind!r}: must be ellipsoid, capsule, cylinder or sphere")
+        allowed = "ellipsoid, capsule, cylinder, sphere, box, patch or hole"
+        raise ValueError(f"shape.kind = {shape.kind!r}: must be {allowed}")
     return vertices @ np.array(shape.rotation).T + np.array(shape.position), faces
 
 
 def blade_mesh(radius: float) -> tuple[Array, Faces]:
     """A rotor's blade from end to end along x, thin along z, about its hub."""
-    half = np.array([radius, 0.5 * BLADE[0] * radius, 0.5 * BLADE[1] * radius])
+    return _box(np.array([radius, 0.5 * BLADE[0] * radius, 0.5 * BLADE[1] * radius]))
+
+
+def _box(half: Array) -> tuple[Array, Faces]:
+    """A box about the origin by its half lengths (3,)."""
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     return corners, np.array([corner for a, b, c, d in quads for corner in ((a, b, c), (a, c, d))])
 
 
 def _revolved(profile: list[tuple[float, float]]) -> tuple[Array, Faces]:
-    """A profile of (radius, height), upwards, turned about z."""
+    """A profile of (radius, height), turned about z; its outside is to the right of the way along it."""
     angles = np.linspace(0.0, 2.0 * math.pi, AROUND, endpoint=False)
     ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(AROUND)], axis=1)
     vertices = np.concatenate([ring * [r, r, 0.0] + [0.0, 0.0, z] for r, z in profile])

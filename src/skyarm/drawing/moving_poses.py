@@ -27,17 +27,17 @@ def moving_poses(vehicle: Vehicle, position: Array, quaternion: Array, joints: A
     """
     count = len(position)
     unit = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
-    R = _stack([list(row) for row in Quaternion(*unit.T).rotation().rows], count)
+    R = stack([list(row) for row in Quaternion(*unit.T).rotation().rows], count)
     found = {BASE: (R, np.array(position, dtype=float))}
     for i, pose in enumerate(link_poses(vehicle, list(joints.T))):
-        rotation = _stack([list(row) for row in pose.R.rows], count)
-        offset = _stack(list(pose.p), count)
+        rotation = stack([list(row) for row in pose.R.rows], count)
+        offset = stack(list(pose.p), count)
         found[i] = (R @ rotation, position + np.einsum("nij,nj->ni", R, offset))
     return found
 
 
-def _stack(entries: list[object], count: int) -> Array:
+def stack(entries: list[object], count: int) -> Array:
     """Numbers and columns (N,), nested in lists, as one array (N, ...)."""
     if isinstance(entries[0], list):
-        return np.stack([_stack(row, count) for row in entries if isinstance(row, list)], axis=1)
+        return np.stack([stack(row, count) for row in entries if isinstance(row, list)], axis=1)
     return np.stack([np.broadcast_to(np.asarray(entry, dtype=float), count) for entry in entries], axis=1)

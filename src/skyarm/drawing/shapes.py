@@ -1,4 +1,4 @@
-"""A shape is one solid to draw, fixed to a body of a vehicle. It has no mass and touches nothing."""
+"""A shape is one solid to draw, fixed to a body of a vehicle or of the world. It has no mass and touches nothing."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Matrix = tuple[Vector, Vector, Vector]
 
 UPRIGHT: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
-ROLES = ("hull", "boom", "rotor", "link", "joint", "tip", "payload")
+ROLES = ("hull", "boom", "rotor", "link", "joint", "tip", "payload", "point", "surface", "object")
 """What a shape stands for; who draws it chooses a colour by it."""
 
 
@@ -23,8 +23,10 @@ class Shape:
         name: unique among the shapes of a vehicle.
         role: one of ROLES.
         kind: "ellipsoid" (three half axes), "capsule" or "cylinder" (radius, length between the centres of its ends,
-            along z), "sphere" (radius).
-        body: link of the vehicle, BASE for the airframe.
+            along z), "sphere" (radius), "box" (three half lengths), "patch" of a plane (two half lengths; its outside
+            is along z), "hole" (a plate with one, about z: radius, depth, chamfer, outer radius, length; the origin is
+            in the middle of the mouth).
+        body: link of the vehicle, BASE for the airframe; of a surface of the world it says nothing.
         size: m, by kind.
         position: centre, m, axes of the body.
         rotation: rows of R_BS, axes of the shape to those of the body.

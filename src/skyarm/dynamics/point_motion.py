@@ -20,10 +20,13 @@ class PointMotion:
     Args:
         vehicle: whose bodies they are. state: of the vehicle; it may be traced.
         air: velocity of the air (m/s) at a place (m), world axes; calm if left out.
+        gravity: m/s^2, for what falls beside the vehicle; none if left out.
     """
 
-    def __init__(self, vehicle: Vehicle, state: State, air: Callable[[Vec3], Vec3] | None = None) -> None:
-        self.vehicle, self.state, self._air = vehicle, state, air
+    def __init__(
+        self, vehicle: Vehicle, state: State, air: Callable[[Vec3], Vec3] | None = None, *, gravity: Any = 0
+    ) -> None:
+        self.vehicle, self.state, self._air, self.gravity = vehicle, state, air, gravity
 
     def air_velocity(self, point: Vec3 = ZERO3, body: int = BASE) -> Vec3:
         """World velocity of the air at a point given in a body's frame, m/s."""

@@ -23,7 +23,9 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.leaves import leaves, rebuild
 from skyarm.records.units import Unit
+from skyarm.scalars import add, mul
 from skyarm.vehicle.linkage import BASE
 
 
@@ -44,6 +46,12 @@ class Wrench:
         # made at every stage of the integrator: what holds vectors already is not looked at
         if not (type(self.force_W) is type(self.torque_W) is type(self.point) is Vec3 and type(self.body) is int):
             accept_fields(self, "wrench")
+
+
+def moved_by(memory: Any, slope: Any, dt: Any) -> Any:
+    """Memory + dt * slope, number by number."""
+    pairs = zip(leaves(memory), leaves(slope), strict=True)
+    return rebuild(memory, iter([add(value, mul(rate, dt)) for value, rate in pairs]))
 
 
 class Component:
@@ -76,6 +84,10 @@ class Component:
         """Memory for the period that begins at ``t`` (s) and takes ``dt`` (s); ``state`` is the vehicle's at ``t``."""
         return memory
 
+    def act(self, memory: Any, t: Any, motion: PointMotion) -> Any:
+        """A coupled component's memory after what it does at the control instant ``t`` (s): take hold, let go."""
+        return memory
+
     def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:
         """Velocity of the air at a place, world axes, m/s."""
         return ZERO3
@@ -95,9 +107,27 @@ class Component:
         """Rate of each number of a coupled component's memory, 1/s, as a record of its kind; arguments as above."""
         raise NotImplementedError(f"{type(self).__name__} is coupled and must say the slope of its memory")
 
+    def euler_step(self, memory: Any, slope: Any, dt: Any) -> Any:
+        """A coupled component's memory after a step (s) of the semi-implicit Euler method.
+
+        Velocities go before what they move, or springs gain energy; a memory without velocities goes on straight.
+        """
+        return moved_by(memory, slope, dt)
+
     def far(self, memory: Any, motion: PointMotion, seconds: Any) -> Any:
-        """Whether a coupled component will ask for nothing within so many seconds, so that its steps may wait."""
+        """Whether a coupled component will not act within so many seconds: the vehicle then moves without it."""
         return False
+
+    def alone(self, memory: Any, seconds: Any, rounds: int, gravity: Any) -> Any:
+        """The memory of a coupled component after so many seconds for which it was far.
+
+        Args:
+            memory: before.
+            seconds: s.
+            rounds: parts of the time that are as short as it asks for.
+            gravity: m/s^2, along -z.
+        """
+        return memory
 
     def logged(self, memory: Any, motion: PointMotion) -> tuple[Any, ...]:
         """Numbers of this instant that a log keeps."""

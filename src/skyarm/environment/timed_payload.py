@@ -13,12 +13,13 @@ What happens to it afterwards is not simulated.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Sym3, Vec3
 from skyarm.environment.component import Component
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, logical_and, mul, where
 from skyarm.vehicle.linkage import Body
@@ -81,6 +82,7 @@ class TimedPayload(Component):
         name: for logs and pictures; empty for its number.
         frame: that holds it; empty for the vehicle's tip.
         pick_place, drop_place: where the frame must be; None for anywhere.
+        believed: of a task whose phases wait: the law is told of it as the task has it, at the reference's time.
     """
 
     name: str = ""
@@ -92,6 +94,7 @@ class TimedPayload(Component):
     pick_place: Reach | None = None
     drop: Annotated[Scalar, Unit("s", low=0.0, infinite=True)] = math.inf
     drop_place: Reach | None = None
+    believed: bool = field(default=False, metadata=WRITTEN_IF_ANY)
 
     @property
     def rigid(self) -> bool:

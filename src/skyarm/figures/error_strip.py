@@ -1,4 +1,4 @@
-"""The plot below a film: error of the tip over time, one curve a flight, as pixels a cursor can be put into."""
+"""The plot below a film: error of the tip or contact force over time, one curve a flight, as pixels for a cursor."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ POINTS = 1500
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """Error (N,), m, at instants (N,), s, in a colour."""
+    """Error (N,), m, or force (N,), N, at instants (N,), s, in a colour."""
 
     time: Array
     error: Array
@@ -55,7 +55,9 @@ class Strip:
     bottom: int
 
 
-def error_strip(curves: Sequence[Curve], span: tuple[float, float], width: int, height: int, scale: float) -> Strip:
+def error_strip(
+    curves: Sequence[Curve], span: tuple[float, float], width: int, height: int, scale: float, *, forces: bool = False
+) -> Strip:
     """Draw the plot.
 
     Args:
@@ -64,6 +66,7 @@ def error_strip(curves: Sequence[Curve], span: tuple[float, float], width: int, 
         width: pixels.
         height: pixels.
         scale: of texts, 1 at 720 lines.
+        forces: of contact, N; else errors of the tip, m.
     """
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor="white")
     canvas: Any = FigureCanvasAgg(figure)
@@ -73,21 +76,21 @@ def error_strip(curves: Sequence[Curve], span: tuple[float, float], width: int, 
     bottom, top = (40.0 * scale + 9.0) / height, 1.0 - 10.0 * scale / height
     ax = figure.add_axes((edge / width, bottom, 1.0 - (edge + 26.0 * scale) / width, top - bottom))
     style.dress(ax, size=size, family=style.PAGE_FONT[0])
-    logarithmic = _far_apart(curves)
+    logarithmic, unit = not forces and _far_apart(curves), 1.0 if forces else 1e3
     for curve in curves:
-        time, error = _highest(curve.time, 1e3 * np.clip(curve.error, SMALLEST if logarithmic else 0.0, LARGEST))
+        time, error = _highest(curve.time, unit * np.clip(curve.error, SMALLEST if logarithmic else 0.0, LARGEST))
         ax.plot(time, error, color=curve.color, linewidth=1.7 * scale)
     if logarithmic:
         ax.set_yscale("log")
         ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         ax.yaxis.set_minor_formatter(FuncFormatter(lambda _value, _: ""))
     else:
-        ax.set_ylim(0.0, max(ax.get_ylim()[1], 1e3 * SMALLEST))
+        ax.set_ylim(0.0, max(ax.get_ylim()[1], unit * SMALLEST))
         ax.yaxis.set_major_locator(MaxNLocator(nbins=3))
     ax.set_xlim(*span)
     text: dict[str, Any] = {"fontsize": size, "family": style.PAGE_FONT}
     ax.set_xlabel("time, s", labelpad=1.0, **text)
-    ax.set_ylabel("tip error, mm", **text)
+    ax.set_ylabel("contact, N" if forces else "tip error, mm", **text)
     canvas.draw()
     box = ax.get_window_extent()
     pixels = np.asarray(canvas.buffer_rgba())[:, :, :3].copy()

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skyarm.figures.contact_curves import Touching, touchings
 from skyarm.figures.flight_events import Event, events_in
 from skyarm.figures.quantities import end_time, gust_interval
 from skyarm.log.flight_log import Log
@@ -23,7 +24,7 @@ class FlightFacts:
         rotor_limits: (largest speed,), rad/s.
         setpoints: joint by joint, units of what it is told where that is no torque, None where it is; several of
             several flights.
-        events: gusts, faults, changes.
+        events: gusts, faults, changes. touching: pairs of surfaces and points that touched, and when.
     """
 
     joints: tuple[str, ...] = ()
@@ -35,6 +36,7 @@ class FlightFacts:
     rotor_limits: tuple[tuple[float], ...] = ()
     setpoints: tuple[tuple[str | None, ...], ...] = ()
     events: tuple[Event, ...] = ()
+    touching: tuple[Touching, ...] = ()
 
 
 def flight_facts(log: Log) -> FlightFacts:
@@ -55,6 +57,7 @@ def flight_facts(log: Log) -> FlightFacts:
         rotor_limits=tuple((float(rotor.max_speed),) for rotor in vehicle.rotors),
         setpoints=tuple((unit,) for unit in names_of(log).setpoints),
         events=events_in(scenario, end_time(log)),
+        touching=touchings(log),
     )
 
 
@@ -67,6 +70,7 @@ def _from_arrays(log: Log) -> FlightFacts:
         setpoints=tuple((unit,) for unit in names_of(log).setpoints),
         tip=not np.array_equal(log.tip, log.position),
         events=() if gust is None else (Event("gust", *gust),),
+        touching=touchings(log),
     )
 
 

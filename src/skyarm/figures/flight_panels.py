@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.figures.contact_curves import contact_force, wanted_force
 from skyarm.figures.flight_facts import FlightFacts
 from skyarm.files import must_be_one_of, shown
 from skyarm.log.flight_log import Log
@@ -32,6 +33,7 @@ class FlightPanel:
         limits: flight -> values that it must not pass, in the unit of the panel.
         magnitude: never negative, so the axis begins at zero.
         span: least extent of the axis, so that rounding noise does not fill a panel.
+        touching: (surface, point) of the pairs whose touches and losses are marked below; empty for none, None for all.
     """
 
     label: str
@@ -41,6 +43,7 @@ class FlightPanel:
     limits: Callable[[FlightFacts], tuple[float, ...]] = lambda _facts: ()
     magnitude: bool = False
     span: float = 0.02
+    touching: tuple[tuple[str, str], ...] | None = ()
 
 
 def _column(name: str, i: int, scale: float = 1.0) -> Callable[[Log], Array | None]:
@@ -81,8 +84,25 @@ def _tip(_flight: FlightFacts) -> list[FlightPanel]:
         of=lambda log: MILLIMETRES * np.asarray(np.linalg.norm(log.tip - log.tip_reference, axis=1)),
         magnitude=True,
         span=1.0,
+        touching=None,
     )
     return [*at, error]
+
+
+def _contact(flight: FlightFacts) -> list[FlightPanel]:
+    """Normal force of every pair of a surface and a point that touched in any flight."""
+    return [
+        FlightPanel(
+            label=f"{each.surface}, {each.point}",
+            unit="N",
+            of=contact_force(each.surface, each.point),
+            desired=wanted_force(each.point),
+            magnitude=True,
+            span=0.1,
+            touching=((each.surface, each.point),),
+        )
+        for each in flight.touching
+    ]
 
 
 def _attitude(_flight: FlightFacts) -> list[FlightPanel]:
@@ -148,11 +168,12 @@ KINDS: Mapping[str, Callable[[FlightFacts], list[FlightPanel]]] = {
     "tracking": _tracking,
     "attitude": _attitude,
     "tip": _tip,
+    "contact": _contact,
     "efforts": _efforts,
     "rotors": _rotors,
 }
 
-ALL = "all"
+ALL, PATH = "all", "path"
 
 
 def panels_of(kind: str, flights: Sequence[FlightFacts]) -> list[FlightPanel]:
@@ -162,7 +183,7 @@ def panels_of(kind: str, flights: Sequence[FlightFacts]) -> list[FlightPanel]:
         ValueError: one line: no such kind, or flights that have nothing of it.
     """
     if kind not in (*KINDS, ALL):
-        raise ValueError(f"kind = {shown(kind)}: {must_be_one_of((*KINDS, ALL), kind)}")
+        raise ValueError(f"kind = {shown(kind)}: {must_be_one_of((*KINDS, ALL, PATH), kind)}")
     arm = max(flights, key=lambda flight: len(flight.joints))
     most = FlightFacts(
         joints=arm.joints,
@@ -173,10 +194,11 @@ def panels_of(kind: str, flights: Sequence[FlightFacts]) -> list[FlightPanel]:
         ),
         rotors=max((flight.rotors for flight in flights), key=len),
         tip=any(flight.tip for flight in flights),
+        touching=tuple({(each.surface, each.point): each for flight in flights for each in flight.touching}.values()),
     )
     kinds = [name for name in KINDS if name != "tip" or most.tip] if kind == ALL else [kind]
     found = [panel for each in kinds for panel in KINDS[each](most)]
     if not found:
-        missing = "joints" if kind == "efforts" else "rotors"
+        missing = {"efforts": "joints", "contact": "contact"}.get(kind, "rotors")
         raise ValueError(f"kind = {shown(kind)}: must be another one, for the flights have no {missing}")
     return found

@@ -15,11 +15,13 @@ from skyarm.figures import picture_styles
 from skyarm.figures.flight_events import Event
 from skyarm.figures.flight_facts import FlightFacts, flight_facts
 from skyarm.figures.flight_labels import ending_of, flights_by_label
-from skyarm.figures.flight_panels import ALL, FlightPanel, panels_of
+from skyarm.figures.flight_panels import ALL, PATH, FlightPanel, panels_of
+from skyarm.figures.path_views import path_figure
 from skyarm.figures.picture_files import save_picture
 from skyarm.figures.picture_styles import Picture, PictureStyle, picture_style
 from skyarm.figures.quantities import end_time
 from skyarm.figures.style import limits
+from skyarm.figures.touch_marks import TOUCH_WORDS, mark_touches
 from skyarm.files import number
 from skyarm.files.picture_names import require_suffix
 from skyarm.log.flight_log import Log
@@ -52,8 +54,9 @@ def plot(
     Args:
         flights: one log, several, or several by the words that the legend has for them.
         file: written there too, as PNG, SVG or PDF by its suffix.
-        kind: "tracking" (base and joints with their references), "attitude", "tip" (with its error), "efforts" and
-            "rotors" with their limits, or "all".
+        kind: "tracking" (base and joints with their references), "attitude", "tip" (with its error), "contact" (forces
+            with the wanted one), "efforts" and "rotors" with their limits, "all" of these; or "path" (of the tip, from
+            above and from the right, with the world).
         style: "paper" (a column, or two; readable in grey) or "talk" (a slide).
         dark: of a talk, light on dark.
         window: (start, stop), s; the whole of the longest flight if left out.
@@ -72,13 +75,19 @@ def plot(
     if not 1 <= len(named) <= MOST:
         raise ValueError(f"flights = {len(named)}: must be 1 to {MOST} in one picture")
     facts = {label: flight_facts(log) for label, log in named.items()}
-    panels = panels_of(kind, list(facts.values()))
     span = _window(window, named)
+    if kind == PATH:
+        figure = path_figure(named, facts, chosen, span)
+        if file is not None:
+            save_picture(figure, Path(file), style)
+        return figure
+    panels = panels_of(kind, list(facts.values()))
     columns = OF_A_PAGE[style] if kind == ALL else None
     figure, axes = picture_styles.panels(chosen, len(panels), columns)
     handles: dict[str, Any] = {}
     for ax, panel in zip(axes, panels, strict=True):
         handles |= _draw(ax, panel, named, chosen, span) | _limits(ax, panel, facts, chosen)
+        handles |= mark_touches(ax, panel, facts, chosen)
     shading: dict[str, Any] = {}
     for ax in axes:
         shading |= _shade(ax, facts, chosen, span)
@@ -86,7 +95,7 @@ def plot(
     title = _title(named)
     if style == "talk" and title:
         figure.suptitle(title, **chosen.words)
-    order = [label for label in (*_legend_names(named), "desired", "limit") if label in handles]
+    order = [label for label in (*_legend_names(named), "desired", "limit", *TOUCH_WORDS) if label in handles]
     handles = {label: handles[label] for label in order} | shading
     picture_styles.legend(figure, chosen, list(handles.values()), list(handles))
     if file is not None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.drawing.shapes import Shape
+from skyarm.drawing.meshes import mesh_of
+from skyarm.drawing.shapes import UPRIGHT, Shape
 
 Array = npt.NDArray[np.float64]
 
@@ -66,6 +67,8 @@ def surface(shape: Shape) -> Array:
         radius, length = shape.size
         ball = radius * _directions()
         local = _both_ends(ball, length)
+    elif shape.kind in ("box", "patch", "hole"):
+        local = mesh_of(replace(shape, rotation=UPRIGHT, position=(0.0, 0.0, 0.0)))[0]
     else:
         half = shape.size if shape.kind == "ellipsoid" else shape.size * 3
         local = _directions() * np.array(half)

@@ -11,14 +11,12 @@ import numpy.typing as npt
 
 from skyarm.drawing.vehicle_shapes import longest_boom
 from skyarm.film.filmed_flight import FilmedFlight
+from skyarm.film.free_view import ELEVATION, free_azimuth, looking_towards
 
 Array = npt.NDArray[np.float64]
 
 FIELD_OF_VIEW = 40.0
 """deg, from the lower to the upper edge of a panel."""
-
-AZIMUTH, ELEVATION = 125.0, -16.0
-"""deg: the camera looks along +x turned by the azimuth about z, and downwards by -elevation."""
 
 TURN = 12.0
 """deg/s of film time at which the orbiting camera goes round."""
@@ -27,15 +25,12 @@ SMOOTH = 0.6
 """s: time constant with which a following camera turns to what it follows."""
 
 
-def _axes_of_view() -> Array:
-    """Right, up and away, as columns, of a camera at AZIMUTH and ELEVATION."""
-    az, el = math.radians(AZIMUTH), math.radians(ELEVATION)
-    away = np.array([math.cos(el) * math.cos(az), math.cos(el) * math.sin(az), math.sin(el)])
+def _axes_of_view(azimuth: float) -> Array:
+    """Right, up and away, as columns, of a camera at an azimuth, deg, and ELEVATION."""
+    az, away = math.radians(azimuth), looking_towards(azimuth)
     right = np.array([math.sin(az), -math.cos(az), 0.0])
     return np.stack([right, np.cross(right, away), away], axis=1)
 
-
-_VIEW = _axes_of_view()
 
 FLAT = 0.4
 """Height of a flying vehicle of upright rotors over its width, at its usual tilts."""
@@ -61,9 +56,12 @@ class CameraPath:
 def fixed(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
     """A camera that stands still and has every vehicle in view all the time."""
     places = np.concatenate([part for flight in flights for part in _seen(flight)])
-    low, high = ((places @ _VIEW).min(axis=0), (places @ _VIEW).max(axis=0))
-    middle = _VIEW @ (0.5 * (low + high))
-    return _path(np.tile(middle, (len(seconds), 1)), _to_see(places - middle, flights, aspect))
+    azimuth = free_azimuth(flights)
+    view = _axes_of_view(azimuth)
+    low, high = ((places @ view).min(axis=0), (places @ view).max(axis=0))
+    middle = view @ (0.5 * (low + high))
+    distance = _to_see(places - middle, flights, aspect, azimuth)
+    return _path(np.tile(middle, (len(seconds), 1)), distance, azimuth)
 
 
 def orbit(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
@@ -71,7 +69,7 @@ def orbit(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> Cam
     places = np.concatenate([part for flight in flights for part in _seen(flight)])
     middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
     radius = float(np.linalg.norm(places - middle, axis=1).max()) + _margin(flights)
-    still = _path(np.tile(middle, (len(seconds), 1)), _to_hold(radius, aspect))
+    still = _path(np.tile(middle, (len(seconds), 1)), _to_hold(radius, aspect), free_azimuth(flights))
     return CameraPath(still.look_at, still.distance, still.azimuth + TURN * seconds, still.elevation)
 
 
@@ -79,13 +77,15 @@ def follow(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> Ca
     """A camera that goes with the vehicles and their desired positions, so that how far they are apart is seen."""
     places = np.stack([part for flight in flights for part in _seen(flight)])
     middle = _smoothed(0.5 * (places.min(axis=0) + places.max(axis=0)), seconds)
-    return _path(middle, _to_see((places - middle).reshape(-1, 3), flights, aspect))
+    azimuth = free_azimuth(flights)
+    return _path(middle, _to_see((places - middle).reshape(-1, 3), flights, aspect, azimuth), azimuth)
 
 
 def tip(flights: Sequence[FilmedFlight], seconds: Array, aspect: float) -> CameraPath:
     """A close look at the desired place of the tip."""
     desired = np.mean([flight.desired_tip for flight in flights], axis=0)
-    return _path(_smoothed(desired, seconds), _to_hold(0.9 * max(map(vehicle_reach, flights)), aspect))
+    distance = _to_hold(0.9 * max(map(vehicle_reach, flights)), aspect)
+    return _path(_smoothed(desired, seconds), distance, free_azimuth(flights))
 
 
 CAMERAS: dict[str, Callable[[Sequence[FilmedFlight], Array, float], CameraPath]] = {
@@ -97,9 +97,9 @@ CAMERAS: dict[str, Callable[[Sequence[FilmedFlight], Array, float], CameraPath]]
 """Camera paths by name: (flights in one picture, seconds of film (F,), width over height) -> path."""
 
 
-def _path(look_at: Array, distance: float) -> CameraPath:
+def _path(look_at: Array, distance: float, azimuth: float) -> CameraPath:
     ones = np.ones(len(look_at))
-    return CameraPath(look_at, distance * ones, AZIMUTH * ones, ELEVATION * ones)
+    return CameraPath(look_at, distance * ones, azimuth * ones, ELEVATION * ones)
 
 
 def vehicle_reach(flight: FilmedFlight) -> float:
@@ -140,9 +140,9 @@ def _to_hold(radius: float, aspect: float) -> float:
     return radius / math.sin(min(half, across))
 
 
-def _to_see(places: Array, flights: Sequence[FilmedFlight], aspect: float) -> float:
+def _to_see(places: Array, flights: Sequence[FilmedFlight], aspect: float, azimuth: float) -> float:
     """Distance from which vehicles at places (N, 3), told from the middle of the picture, are inside it."""
-    across, upwards, away = (places @ _VIEW).T
+    across, upwards, away = (places @ _axes_of_view(azimuth)).T
     slope = math.tan(math.radians(0.5 * FIELD_OF_VIEW))
     margin, height = _margin(flights), _height(flights)
     needed = [

@@ -21,6 +21,8 @@ Array = npt.NDArray[np.float64]
 
 INK, PALE, PAPER = (28, 32, 40), (96, 104, 118), (255, 255, 255)
 LOST = (190, 20, 30)
+WANTED = (0.55, 0.58, 0.63)
+"""Colour of the force that is asked for."""
 TITLE_SIZE, NAME_SIZE, NUMBER_SIZE = 24.0, 22.0, 22.0
 """Pixels at 720 lines."""
 
@@ -73,6 +75,8 @@ class Captions:
         color = np.round(255.0 * np.array(flight.color)).astype(np.uint8)
         self._blank[box.top : box.top + box.height, box.left : box.left + bar] = color
         wide, share = (225.0, 0.52) if self._one_wind else (400.0, 0.6)
+        if flight.contact is not None:
+            wide, share = wide + 185.0, 0.62
         number = round(min(wide * self._layout.scale, share * box.width))
         name = Box(box.left + bar, box.top, box.width - bar - number, box.height)
         self._write(self._blank, name, flight.label, tuple(int(c) for c in color), NAME_SIZE, align="left", bold=True)
@@ -82,9 +86,17 @@ class Captions:
         box = self._layout.plot
         if box is None:
             return None
-        curves = [Curve(each.error_time, each.error_curve, each.color) for each in self._flights]
         span = float(self._times[0]), _end(self._times)
-        strip = error_strip(curves, span, box.width, box.height, self._layout.scale)
+        forces = all(each.wanted_curve is not None and each.contact_curve is not None for each in self._flights)
+        curves = [Curve(each.error_time, each.error_curve, each.color) for each in self._flights]
+        if forces:
+            curves = [
+                Curve(each.error_time, force, color)
+                for each in self._flights
+                for force, color in ((each.wanted_curve, WANTED), (each.contact_curve, each.color))
+                if force is not None
+            ]
+        strip = error_strip(curves, span, box.width, box.height, self._layout.scale, forces=forces)
         self._blank[_inside(box)] = strip.pixels
         return strip
 
@@ -125,7 +137,8 @@ def state_words(flight: FilmedFlight, time: float, k: int) -> str:
     """What is said of a flight at frame k, ``time`` s: its error, and after its end that, or why it was lost."""
     if time >= flight.end:
         return flight.lost or f"ended at {flight.end:g} s"
-    return f"tip error {error_words(float(flight.error[k]))}"
+    touch = f"contact {force:.1f} N, " if (force := 0.0 if flight.contact is None else flight.contact[k]) > 0.0 else ""
+    return f"{touch}tip error {error_words(float(flight.error[k]))}"
 
 
 def error_words(error: float) -> str:

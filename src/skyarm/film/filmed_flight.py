@@ -4,14 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.algebra import Vec3
+from skyarm.drawing.shapes import Shape
+from skyarm.drawing.touch_arrows import TouchArrow
+from skyarm.drawing.world_shapes import WorldShape, ground_height, point_shapes, world_shapes
 from skyarm.environment import HangingPayload
 from skyarm.files import shown
 from skyarm.film.film_settings import FilmSettings
+from skyarm.film.filmed_world import carried_at, patch_about, touches_at
+from skyarm.film.read_log import continuous, end_of, read
 from skyarm.log.flight_log import Log
+from skyarm.reference.tip_push import TipPush
 from skyarm.vehicle.vehicle_records import Vehicle
 
 Array = npt.NDArray[np.float64]
@@ -45,17 +53,6 @@ class Load:
     held_at: npt.NDArray[np.int64]
 
 
-@dataclass(frozen=True, slots=True)
-class FilmedSurface:
-    """A box, cylinder or sphere of the world: its size as the scenario says it, its middle (F, 3), R_WS (3, 3)."""
-
-    name: str
-    shape: str
-    size: tuple[float, ...]
-    position: Array
-    rotation: Array
-
-
 @dataclass(frozen=True, kw_only=True)
 class FilmedFlight:
     """What a film shows of one flight at F instants; world axes, SI units, radians.
@@ -66,9 +63,15 @@ class FilmedFlight:
         position (F, 3), quaternion (F, 4) wxyz, joints (F, n): of the plant.
         desired_position (F, 3), desired_quaternion (F, 4), desired_joints (F, n): the continuous reference, level.
         tip, desired_tip: (F, 3) m. force: (F, 3) N of the wind. air: (F, 3) m/s, velocity of the air.
-        error: (F,) m, distance of the tip from its reference.
+        error: (F,) m, distance of the tip from its reference; across the believed normal while it shall press.
         error_time, error_curve: (N,) s and m, the same at every control instant.
-        loads: payloads that are taken or left on the way. surfaces: of the world, but for planes.
+        contact: (F,) N, sum of all normal forces on the vehicle; None without a world.
+        contact_curve, wanted_curve: (N,) N, the same, and the force that the reference asks for; the second one None
+            where it asks for none.
+        tilts: (F, rotors that tilt) rad; without columns where none does.
+        loads: payloads that are taken or left on the way.
+        surfaces: of the world, but for its ground. ground: height of that, m. points: marks of what may touch them.
+        touches: contact forces.
         end: s; from then on the vehicle stays where it was. lost: why it ended early, in words; empty for a whole
             flight.
     """
@@ -79,6 +82,7 @@ class FilmedFlight:
     position: Array
     quaternion: Array
     joints: Array
+    tilts: Array
     desired_position: Array
     desired_quaternion: Array
     desired_joints: Array
@@ -92,7 +96,13 @@ class FilmedFlight:
     end: float
     lost: str
     loads: tuple[Load, ...] = ()
-    surfaces: tuple[FilmedSurface, ...] = ()
+    surfaces: tuple[WorldShape, ...] = ()
+    contact: Array | None = None
+    contact_curve: Array | None = None
+    wanted_curve: Array | None = None
+    ground: float = 0.0
+    points: tuple[Shape, ...] = ()
+    touches: tuple[TouchArrow, ...] = ()
 
 
 def frame_times(logs: Sequence[Log], settings: FilmSettings) -> Array:
@@ -104,7 +114,7 @@ def frame_times(logs: Sequence[Log], settings: FilmSettings) -> Array:
     for log in logs:
         if not log.time.size:
             raise ValueError(f"log = {log.info.get('scenario')!r}: must hold at least one control instant to be filmed")
-    longest = max(map(_end_of, logs))
+    longest = max(map(end_of, logs))
     stop = longest if settings.stop is None else min(settings.stop, longest)
     count = round((stop - settings.start) * settings.fps / settings.speed)
     if count < 1:
@@ -141,17 +151,21 @@ def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFligh
     Raises:
         ValueError: the log does not tell its vehicle.
     """
-    vehicle = log.scenario.world.vehicle
-    now = {name: _read(log.time, getattr(log, name), times) for name in READ}
-    yaw = _read(log.time, np.unwrap(log.yaw_reference)[:, None], times)[:, 0]
-    whole = log.status == "completed"
+    scenario = log.scenario
+    vehicle, contacts = scenario.world.vehicle, scenario.contacts
+    carried = carried_at(log, contacts, times)
+    now = {name: read(log.time, getattr(log, name), times) for name in READ}
+    yaw = read(log.time, np.unwrap(log.yaw_reference)[:, None], times)[:, 0]
+    push, whole = getattr(scenario.trajectory, "push", None), log.status == "completed"
+    error, contact = _error(log, push), log.contact_force.sum(axis=1) if log.contact_force.size else None
     return FilmedFlight(
         label=label,
         color=color,
         vehicle=vehicle,
         position=now["position"],
-        quaternion=_read(log.time, _continuous(log.quaternion), times),
+        quaternion=read(log.time, continuous(log.quaternion), times),
         joints=now["joints"],
+        tilts=now["tilts"],
         desired_position=now["position_reference"],
         desired_quaternion=np.stack([np.cos(yaw / 2), 0 * yaw, 0 * yaw, np.sin(yaw / 2)], axis=1),
         desired_joints=now["joints_reference"],
@@ -159,14 +173,28 @@ def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFligh
         desired_tip=now["tip_reference"],
         force=now["wind_force"],
         air=now["air_velocity"],
-        error=_read(log.time, np.linalg.norm(log.tip - log.tip_reference, axis=1)[:, None], times)[:, 0],
+        error=read(log.time, error[:, None], times)[:, 0],
         error_time=log.time,
-        error_curve=np.linalg.norm(log.tip - log.tip_reference, axis=1),
-        end=_end_of(log) if whole else float(log.time[-1]),
+        error_curve=error,
+        contact=None if contact is None else read(log.time, contact[:, None], times)[:, 0],
+        contact_curve=contact,
+        wanted_curve=None if push is None else np.broadcast_to(push.force.derivatives(log.time)[0], log.time.shape),
+        end=end_of(log) if whole else float(log.time[-1]),
         lost="" if whole else log.status.replace("_", " "),
-        loads=tuple(_loads(log, times)),
-        surfaces=tuple(_surfaces(log, times)),
+        loads=tuple(_loads(log, scenario.payloads, times)),
+        surfaces=world_shapes(contacts, times, np.mean(now["tip_reference"], axis=0), patch_about(now["tip"]), carried),
+        ground=ground_height(contacts),
+        points=point_shapes(contacts, vehicle),
+        touches=tuple(touches_at(log, vehicle, contacts, times, carried)),
     )
+
+
+def _error(log: Log, push: TipPush | None) -> Array:
+    """Distance of the tip from its reference (N,), m; across the believed normal while it shall press."""
+    away = log.tip - log.tip_reference
+    if push is not None:
+        away = np.stack(list(push.across(Vec3(*away.T), log.time)), axis=1)
+    return np.asarray(np.linalg.norm(away, axis=1))
 
 
 READ = (
@@ -178,46 +206,18 @@ READ = (
     "tip_reference",
     "wind_force",
     "air_velocity",
+    "tilts",
 )
 """Arrays of a log that a film reads as they are."""
 
 
-def _loads(log: Log, times: Array) -> Iterator[Load]:
+def _loads(log: Log, payloads: Sequence[Any], times: Array) -> Iterator[Load]:
     """Payloads that are held at some frames; one on a cord is left out, a log does not tell where it hangs."""
     instants = np.clip(np.searchsorted(log.time, times, side="right") - 1, 0, log.time.size - 1)
-    for payload, masses in zip(log.scenario.payloads, log.payload_mass.T, strict=False):
+    for payload, masses in zip(payloads, log.payload_mass.T, strict=False):
         (held,) = np.nonzero(masses[instants] > 0.0)
         if isinstance(payload, HangingPayload) or not held.size:
             continue
         # the last frame at which it was held, and before the first that one
         at = held[np.maximum(np.searchsorted(held, np.arange(len(times)), side="right") - 1, 0)]
         yield Load(mass=float(payload.mass), frame=payload.frame, held_at=at)
-
-
-def _surfaces(log: Log, times: Array) -> Iterator[FilmedSurface]:
-    """Surfaces that have an end; the ground of a film is the plane z = 0 whatever the world says."""
-    for contact in log.scenario.contacts:
-        for surface in contact.surfaces:
-            if surface.shape != "plane":
-                place = np.stack([np.broadcast_to(c, times.shape) for c in surface.place(times)[0]], axis=1)
-                rows = [[float(entry) for entry in row] for row in surface.rotation.rows]
-                size = tuple(float(each) for each in surface.size)
-                yield FilmedSurface(surface.name, surface.shape, size, place, np.array(rows))
-
-
-def _end_of(log: Log) -> float:
-    """When the last control period of a flight is over, s."""
-    return float(log.time[-1] + (log.time[1] - log.time[0] if log.time.size > 1 else 0.0))
-
-
-def _read(time: Array, values: Array, times: Array) -> Array:
-    """Columns (N, k) at other instants, (F, k)."""
-    columns = [np.interp(times, time, column) for column in values.T]
-    return np.stack(columns, axis=1) if columns else np.zeros((len(times), 0))
-
-
-def _continuous(quaternion: Array) -> Array:
-    """The same attitudes with signs that do not jump, so that they can be read between two instants."""
-    same = np.einsum("ni,ni->n", quaternion[1:], quaternion[:-1]) >= 0.0
-    sign = np.concatenate([[1.0], np.cumprod(np.where(same, 1.0, -1.0))])
-    return np.asarray(quaternion * sign[:, None], dtype=float)

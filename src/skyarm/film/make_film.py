@@ -92,9 +92,8 @@ def film_panels(
         if settings.ghost:
             solids += ghost_solids(inside[0])
         booms = max(longest_boom(flight.vehicle) for flight in inside)
-        panels.append(
-            Panel(box.left, box.top, box.width, box.height, path, solids, marks_of(inside, times, booms, layout.scale))
-        )
+        marks = marks_of(inside, times, booms, layout.scale)
+        panels.append(Panel(box.left, box.top, box.width, box.height, path, solids, marks, inside[0].ground))
     return panels
 
 

@@ -23,6 +23,12 @@ TRAIL_PIECES = 80
 PATH: RGBA = (0.25, 0.28, 0.34, 0.55)
 WIND: RGBA = (0.25, 0.55, 0.85, 0.9)
 
+TOUCH: RGBA = (0.78, 0.1, 0.55, 0.95)
+"""Of contact forces."""
+
+TOUCH_PER_NEWTON, LONGEST_TOUCH = 0.12, 0.5
+"""m per N, m."""
+
 THICK, THIN = 3.5, 2.0
 """Pixels at 720 lines: of a trail, of a desired path."""
 
@@ -94,6 +100,18 @@ def wind_arrow(flight: FilmedFlight, k: int, reach: float, rgba: RGBA = WIND) ->
     return [Mark("arrow", 0.06 * reach, end - min(size, LONGEST_ARROW) * along, end, rgba)]
 
 
+def touch_marks(flight: FilmedFlight, k: int, reach: float) -> list[Mark]:
+    """An arrow for every contact force, from where it acts, along it."""
+    found = []
+    for touch in flight.touches:
+        size = float(np.linalg.norm(touch.force[k]))
+        if size > LEAST_FORCE:
+            length = min(TOUCH_PER_NEWTON * size, LONGEST_TOUCH)
+            end = touch.spot[k] + touch.force[k] * (length / size)
+            found.append(Mark("arrow", 0.045 * reach, touch.spot[k], end, TOUCH))
+    return found
+
+
 def wind_words(flight: FilmedFlight, k: int) -> str:
     """The wind at a frame in words; empty without wind."""
     force, speed = (float(np.linalg.norm(each[k])) for each in (flight.force, flight.air))
@@ -126,6 +144,8 @@ def marks_of(flights: Sequence[FilmedFlight], times: Array, reach: float, scale:
 
     def at(k: int) -> list[Mark]:
         moving = [mark for flight in flights for mark in trail(flight, times, k, THICK * scale)]
-        return [*still, *moving, *(arrow for each, rgba in winds for arrow in wind_arrow(each, k, reach, rgba))]
+        touching = [mark for flight in flights for mark in touch_marks(flight, k, reach)]
+        blowing = [arrow for each, rgba in winds for arrow in wind_arrow(each, k, reach, rgba)]
+        return [*still, *moving, *touching, *blowing]
 
     return at

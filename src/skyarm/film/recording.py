@@ -17,13 +17,15 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.files import write_atomically
-from skyarm.film.camera_paths import AZIMUTH, CAMERAS, FIELD_OF_VIEW, CameraPath, vehicle_reach
+from skyarm.film.camera_paths import CAMERAS, FIELD_OF_VIEW, CameraPath, vehicle_reach
 from skyarm.film.captions import state_words
 from skyarm.film.film_settings import FilmSettings
 from skyarm.film.filmed_flight import FilmedFlight, film_flights, frame_times
+from skyarm.film.free_view import free_azimuth
 from skyarm.film.marks import LEAST_FORCE, LEAST_SPEED, WIND, wind_words
 from skyarm.film.recording_page import import_viser, page_with, player_page
-from skyarm.film.recording_scene import PATH_COLOR, RecordedBodies, add_path
+from skyarm.film.recording_scene import PATH_COLOR, RecordedBodies, add_path, add_world
+from skyarm.film.recording_touches import RecordedTouches, turn_x_onto
 from skyarm.log.flight_log import Log
 
 Array = npt.NDArray[np.float64]
@@ -140,7 +142,7 @@ def _recorded(
 
 
 class _Recorded:
-    """One flight in the scene: vehicle, ghost, its tip's path, name and error, wind."""
+    """One flight in the scene: vehicle, ghost, its tip's path, name and error, wind, its world and what touches it."""
 
     def __init__(
         self, scene: Any, root: str, flight: FilmedFlight, shift: Array, times: Array, settings: FilmSettings
@@ -163,6 +165,8 @@ class _Recorded:
             head_radius=0.1 * reach,
             head_length=0.22 * reach,
         )
+        self._touches = RecordedTouches(scene, root, flight, shift, reach)
+        self._world = add_world(scene, root, flight, shift)
         self._wind_from = above - np.array([0.0, 0.0, 0.5 * reach])
         self._reach = reach
         self._every = max(1, round(settings.fps / WORDS_PER_SECOND))
@@ -174,6 +178,9 @@ class _Recorded:
         if k % self._every == 0:
             self._words.text = self._text(k)
         self._put_wind(k)
+        self._touches.put(k)
+        for node in self._world:
+            node.put(k)
 
     def _put_wind(self, k: int) -> None:
         """Turn the arrow into the wind, hide it without one."""
@@ -187,7 +194,7 @@ class _Recorded:
         self._wind.visible = blows is not None
         if blows is not None:
             along = wind / size
-            self._wind.wxyz = _turn_x_onto(along)
+            self._wind.wxyz = turn_x_onto(along)
             self._wind.position = self._wind_from - 0.9 * self._reach * along
 
     def _text(self, k: int) -> str:
@@ -211,7 +218,7 @@ def _surroundings(
         "/ground",
         width=40.0,
         height=40.0,
-        position=(float(centre[0]), float(centre[1]), 0.0),
+        position=(float(centre[0]), float(centre[1]), flights[0].ground),
         cell_size=0.5,
         cell_color=GRID,
         section_size=2.0,
@@ -231,7 +238,7 @@ def _shifts(flights: Sequence[FilmedFlight], settings: FilmSettings) -> list[Arr
     if settings.layout == "over" or len(flights) == 1:
         return [np.zeros(3) for _ in flights]
     # to the camera's right
-    turn = np.radians(AZIMUTH)
+    turn = np.radians(free_azimuth(flights))
     right = np.array([np.sin(turn), -np.cos(turn), 0.0])
     along = np.concatenate([places @ right for f in flights for places in (f.desired_position, f.position)])
     apart = min(float(np.ptp(along)), 3.0) + 2.4 * max(vehicle_reach(flight) for flight in flights)
@@ -245,13 +252,3 @@ def _eye(path: CameraPath, wider: float) -> tuple[Array, Array]:
     along = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
     target = path.look_at[0]
     return target - (path.distance[0] + wider) * along, target
-
-
-def _turn_x_onto(along: Array) -> Array:
-    """Quaternion wxyz of the shortest turn of x onto a unit vector."""
-    w = 1.0 + along[0]
-    if w < 1e-9:
-        return np.array([0.0, 0.0, 0.0, 1.0])
-    found = np.array([w, 0.0, -along[2], along[1]])
-    turned: Array = found / np.linalg.norm(found)
-    return turned

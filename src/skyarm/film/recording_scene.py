@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.drawing.meshes import mesh_of
 from skyarm.drawing.moving_poses import moving_poses
-from skyarm.drawing.shapes import Shape
+from skyarm.drawing.shapes import UPRIGHT, Shape
+from skyarm.drawing.tilted_rotors import rotor_turns, turned_shape
 from skyarm.drawing.vehicle_shapes import vehicle_shapes
 from skyarm.film.filmed_flight import FilmedFlight
-from skyarm.film.solids import RGBA, role_color
+from skyarm.film.solids import RGBA, role_color, world_color
 
 Array = npt.NDArray[np.float64]
 
@@ -20,6 +23,9 @@ DIGITS = 4
 
 SEGMENTS, SUBDIVISIONS = 24, 2
 """Of round shapes."""
+
+THIN = 1e-3
+"""m: half the thickness of a plane's patch."""
 
 PATH_COLOR = (90, 96, 110)
 
@@ -33,25 +39,55 @@ class RecordedBodies:
             pose = flight.desired_position, flight.desired_quaternion, flight.desired_joints
         else:
             pose = flight.position, flight.quaternion, flight.joints
-        self._nodes: list[tuple[Any, Array, Array]] = []
+        self._nodes: list[MovingNode] = []
+        # nothing is wanted of the servos: the desired pose has them at rest
+        turns = {} if ghost else rotor_turns(vehicle, flight.tilts)
         for body, (rotation, place) in moving_poses(vehicle, *pose).items():
             node = scene.add_frame(f"{root}/body{body + 1}", show_axes=False)
-            for shape in vehicle_shapes(vehicle):
+            for shape in (*vehicle_shapes(vehicle), *(() if ghost else flight.points)):
                 if shape.body == body:
                     color = role_color(shape.role, flight.color, ghost=ghost)
-                    add_shape(scene, f"{root}/body{body + 1}/{shape.name}", shape, color)
-            self._nodes.append((node, np.round(place + shift, DIGITS), np.round(_quaternions(rotation), DIGITS)))
+                    disc = add_shape(scene, f"{root}/body{body + 1}/{shape.name}", shape, color)
+                    if shape.name in turns:
+                        still = np.broadcast_to(np.array(shape.position), place.shape)
+                        self._nodes.append(MovingNode(disc, still, turned_shape(shape, turns)))
+            self._nodes.append(MovingNode(node, place + shift, rotation))
 
     def put(self, k: int) -> None:
-        """Move every body to frame k; what has not moved is not recorded again."""
-        for node, place, quaternion in self._nodes:
-            if k == 0 or np.any(place[k] != place[k - 1]):
-                node.position = place[k]
-            if k == 0 or np.any(quaternion[k] != quaternion[k - 1]):
-                node.wxyz = quaternion[k]
+        """Move every body to frame k."""
+        for node in self._nodes:
+            node.put(k)
 
 
-def add_shape(scene: Any, name: str, shape: Shape, color: RGBA) -> None:
+class MovingNode:
+    """A node of the scene whose place (F, 3) and rotation (F, 3, 3) at every frame are known."""
+
+    def __init__(self, node: Any, place: Array, rotation: Array) -> None:
+        self._node, self._place = node, np.round(place, DIGITS)
+        self._quaternion = np.round(_quaternions(rotation), DIGITS)
+
+    def put(self, k: int) -> None:
+        """Move it to frame k; what has not moved is not recorded again."""
+        place, quaternion = self._place, self._quaternion
+        if k == 0 or np.any(place[k] != place[k - 1]):
+            self._node.position = place[k]
+        if k == 0 or np.any(quaternion[k] != quaternion[k - 1]):
+            self._node.wxyz = quaternion[k]
+
+
+def add_world(scene: Any, root: str, flight: FilmedFlight, shift: Array) -> list[MovingNode]:
+    """The surfaces of a flight's world; returns those that move."""
+    moving = []
+    for solid in flight.surfaces:
+        node = add_shape(scene, f"{root}/{solid.shape.name}", solid.shape, world_color(solid.shape.role))
+        placed = MovingNode(node, solid.position + shift, solid.rotation)
+        placed.put(0)
+        if solid.moves:
+            moving.append(placed)
+    return moving
+
+
+def add_shape(scene: Any, name: str, shape: Shape, color: RGBA) -> Any:
     """One shape as a node of the scene, under the node of its body."""
     look = {
         "color": tuple(round(255 * c) for c in color[:3]),
@@ -61,15 +97,21 @@ def add_shape(scene: Any, name: str, shape: Shape, color: RGBA) -> None:
     }
     if shape.kind in ("sphere", "ellipsoid"):
         axes = (shape.size[0],) * 3 if shape.kind == "sphere" else shape.size
-        scene.add_icosphere(name, radius=1.0, scale=axes, subdivisions=SUBDIVISIONS, **look)
-        return
+        return scene.add_icosphere(name, radius=1.0, scale=axes, subdivisions=SUBDIVISIONS, **look)
+    if shape.kind in ("box", "patch"):
+        lengths = tuple(2.0 * half for half in (*shape.size, THIN)[:3])
+        return scene.add_box(name, dimensions=lengths, **look)
+    if shape.kind == "hole":
+        vertices, faces = mesh_of(replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT))
+        return scene.add_mesh_simple(name, vertices, faces, side="double", flat_shading=True, **look)
     radius, length = shape.size
-    scene.add_cylinder(name, radius=radius, height=length, radial_segments=SEGMENTS, **look)
+    node = scene.add_cylinder(name, radius=radius, height=length, radial_segments=SEGMENTS, **look)
     if shape.kind == "capsule":
         along = np.array(shape.rotation) @ [0.0, 0.0, 0.5 * length]
         for end, sign in (("start", -1.0), ("end", 1.0)):
             look["position"] = np.array(shape.position) + sign * along
             scene.add_icosphere(f"{name}/{end}", radius=radius, subdivisions=SUBDIVISIONS, **_within(look, shape))
+    return node
 
 
 def add_path(scene: Any, name: str, places: Array, color: tuple[int, ...], width: float) -> None:

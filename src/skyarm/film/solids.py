@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.drawing.hole_parts import without_holes
 from skyarm.drawing.moving_poses import moving_poses
 from skyarm.drawing.shapes import Shape
+from skyarm.drawing.tilted_rotors import rotor_turns, turned_shape
 from skyarm.drawing.vehicle_shapes import payload_shape, vehicle_shapes
-from skyarm.film.filmed_flight import Color, FilmedFlight, FilmedSurface
-from skyarm.vehicle.linkage import BASE
+from skyarm.film.filmed_flight import Color, FilmedFlight
 
 Array = npt.NDArray[np.float64]
 RGBA = tuple[float, float, float, float]
@@ -21,7 +22,9 @@ GHOST_OPACITY, ROTOR_OPACITY = 0.16, 0.45
 GHOST: Color = (0.15, 0.2, 0.3)
 DARK: Color = (0.16, 0.17, 0.2)
 TIP: Color = (0.85, 0.12, 0.16)
-SURFACE: RGBA = (0.62, 0.6, 0.56, 0.9)
+POINT: Color = (0.95, 0.75, 0.1)
+SURFACE: RGBA = (0.66, 0.64, 0.6, 1.0)
+OBJECT: RGBA = (0.62, 0.46, 0.3, 1.0)
 WHITE: Color = (1.0, 1.0, 1.0)
 
 
@@ -44,15 +47,14 @@ class Solid:
 def vehicle_solids(flight: FilmedFlight) -> list[Solid]:
     """The vehicle in its colour, the payloads that it takes and leaves, the surfaces that it may touch."""
     own = _solids(flight, flight.position, flight.quaternion, flight.joints, ghost=False)
-    return [*own, *_loads(flight), *map(_surface, flight.surfaces)]
+    shown = without_holes(flight.surfaces)
+    world = [Solid(each.shape, world_color(each.shape.role), each.position, each.rotation) for each in shown]
+    return [*own, *_loads(flight), *world]
 
 
-def _surface(surface: FilmedSurface) -> Solid:
-    """A surface of the world; a box has half lengths here."""
-    halves = tuple(0.5 * each for each in surface.size) if surface.shape == "box" else surface.size
-    shape = Shape(f"world/{surface.name}", "surface", surface.shape, BASE, halves)
-    turned = np.broadcast_to(surface.rotation, (len(surface.position), 3, 3))
-    return Solid(shape, SURFACE, surface.position, turned)
+def world_color(role: str) -> RGBA:
+    """Colour of a part of the world: a surface, or an object that moves."""
+    return OBJECT if role == "object" else SURFACE
 
 
 def _loads(flight: FilmedFlight) -> Iterator[Solid]:
@@ -80,19 +82,26 @@ def role_color(role: str, color: Color, *, ghost: bool) -> RGBA:
         return (*GHOST, GHOST_OPACITY)
     if role == "rotor":
         return (*_mix(color, WHITE, 0.45), ROTOR_OPACITY)
-    own = {"hull": color, "link": _mix(color, WHITE, 0.25), "tip": TIP, "payload": _mix(color, DARK, 0.5)}
+    own = {
+        "hull": color,
+        "link": _mix(color, WHITE, 0.25),
+        "tip": TIP,
+        "point": POINT,
+        "payload": _mix(color, DARK, 0.5),
+    }
     return (*own.get(role, DARK), 1.0)
 
 
 def _solids(flight: FilmedFlight, position: Array, quaternion: Array, joints: Array, *, ghost: bool) -> list[Solid]:
     poses = moving_poses(flight.vehicle, position, quaternion, joints)
+    # nothing is wanted of the servos: the desired pose has them at rest
+    turns = {} if ghost else rotor_turns(flight.vehicle, flight.tilts)
     found = []
-    for shape in vehicle_shapes(flight.vehicle):
+    for shape in (*vehicle_shapes(flight.vehicle), *(() if ghost else flight.points)):
         R, p = poses[shape.body]
         centre = p + R @ np.array(shape.position)
-        found.append(
-            Solid(shape, role_color(shape.role, flight.color, ghost=ghost), centre, R @ np.array(shape.rotation))
-        )
+        color = role_color(shape.role, flight.color, ghost=ghost)
+        found.append(Solid(shape, color, centre, R @ turned_shape(shape, turns)))
     return found
 
 

@@ -28,6 +28,7 @@ KINDS = {
     "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
     "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
     "box": mujoco.mjtGeom.mjGEOM_BOX,
+    "patch": mujoco.mjtGeom.mjGEOM_BOX,
     "arrow": mujoco.mjtGeom.mjGEOM_ARROW,
     "line": mujoco.mjtGeom.mjGEOM_LINE,
 }
@@ -40,6 +41,18 @@ SKY, HORIZON = (0.82, 0.88, 0.95), (0.965, 0.972, 0.98)
 
 GRID_PIXELS, MOST_GEOMS = 256, 4000
 
+NO_SHADOW = mujoco.mjtCatBit.mjCAT_DECOR.value
+"""Category of what throws no shadow: the ground, whose own would be a dotted rim, and all that is seen through."""
+
+LAMP = np.array([-7.5, -6.0, 30.0])
+"""m: where the light is, seen from what the camera looks at, so that shadows fall where the flight is."""
+
+SHADOWED = 2.5
+"""m about it within which shadows are drawn."""
+
+THIN = 2e-4
+"""m: half the thickness of a plane's patch."""
+
 
 @dataclass(frozen=True, slots=True)
 class Panel:
@@ -48,6 +61,7 @@ class Panel:
     Attributes:
         left, top, width, height: pixels, from the frame's upper left corner.
         camera: where it is looked from. solids: that move. marks: number of a frame -> lines and arrows of that frame.
+        ground: height of the ground, m.
     """
 
     left: int
@@ -57,6 +71,7 @@ class Panel:
     camera: CameraPath
     solids: Sequence[Solid]
     marks: Callable[[int], Sequence[Mark]]
+    ground: float = 0.0
 
 
 class Stage:
@@ -100,6 +115,9 @@ class Stage:
             scene,
         )
         ground = scene.ngeom
+        for geom in scene.geoms[:ground]:
+            geom.pos = geom.pos + np.array([0.0, 0.0, panel.ground])
+            geom.category = NO_SHADOW
         for solid in panel.solids:
             half_length = solid.shape.kind in ("capsule", "cylinder")
             size = (solid.shape.size[0], 0.5 * solid.shape.size[1]) if half_length else solid.shape.size
@@ -116,13 +134,18 @@ class Stage:
             geom = self._add(scene, mark.kind, (mark.width, mark.width, 0.0), mark.rgba)
             mujoco.mjv_connector(geom, KINDS[mark.kind].value, mark.width, mark.start, mark.end)
         mujoco.mjv_updateCamera(self._model, self._data, _camera(panel.camera, k), scene)
+        for i in range(scene.nlight):
+            if not scene.lights[i].headlight:
+                scene.lights[i].pos = panel.camera.look_at[k] + LAMP
 
     def _add(self, scene: Any, kind: str, size: Sequence[float], rgba: Sequence[float]) -> Any:
         """One more geom, matt."""
         geom = scene.geoms[scene.ngeom]
-        sizes = np.array([*size, 0.0, 0.0][:3])
+        sizes = np.array([*size, THIN if kind == "patch" else 0.0, 0.0][:3])
         mujoco.mjv_initGeom(geom, KINDS[kind].value, sizes, np.zeros(3), np.eye(3).ravel(), np.array(rgba, np.float32))
         geom.specular, geom.shininess = 0.15, 0.3
+        if rgba[3] < 1.0:
+            geom.category = NO_SHADOW
         scene.ngeom += 1
         return geom
 
@@ -186,8 +209,9 @@ def _model(width: int, height: int, *, fine: bool) -> Any:
     tiles = 1.0 / TILE
     material = spec.add_material(name="ground", texuniform=True, texrepeat=[tiles, tiles], specular=0.0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "grid"
+    spec.visual.map.shadowclip = SHADOWED
     spec.worldbody.add_light(
-        pos=[0.0, 0.0, 30.0], dir=[0.25, 0.2, -1.0], type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, castshadow=fine,
+        pos=LAMP, dir=-LAMP, type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, castshadow=fine,
         diffuse=[0.5] * 3, specular=[0.2] * 3,
     )  # fmt: skip
     size = [GROUND_HALF_WIDTH, GROUND_HALF_WIDTH, 1.0]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.log.flight_log import Log
+from skyarm.log.log_columns import touched_surfaces
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -51,5 +52,5 @@ def contact_pairs(log: Log) -> tuple[tuple[str, str], ...]:
     """Surface and point of each column of ``contact_force``."""
     world = log.info.get("scenario_record") or {}
     held: Any = world.get("contact") if isinstance(world, Mapping) else None
-    surfaces, points = ([str(each["name"]) for each in (held or {}).get(of) or ()] for of in ("surfaces", "points"))
-    return tuple((surface, point) for surface in surfaces for point in points)
+    points = [str(each["name"]) for each in (held or {}).get("points") or ()]
+    return tuple((surface, point) for surface in touched_surfaces(held or {}) for point in points)

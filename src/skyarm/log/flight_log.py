@@ -46,11 +46,21 @@ IF_ANY = (
     "load_mass_found",
     "load_place_found",
     "path_time",
+    "phase",
     "tilts",
     "tilt_commands",
     "contact_force",
     "contact_friction",
     "contact_depth",
+    "object_position",
+    "object_quaternion",
+    "object_velocity",
+    "object_rate",
+    "mechanism_position",
+    "mechanism_rate",
+    "gripper_taken",
+    "gripper_force",
+    "gripper_lost",
 )
 """Arrays of what not every flight has: left out of files, with no column, where there is none."""
 
@@ -79,17 +89,26 @@ class Log:
         load_mass_found, load_place_found: (N,) kg and (N, 3) m, mass of the load that the law has learned and its
             centre of mass in the axes of the tip; empty for a law that learns none.
         path_time: (N,) how far along the reference a governor leads the law, s; ``time - path_time`` is its lag. Empty
-            without a governor.
+            without a governor; of a task whose phases wait, the reference's own time, which is waited from.
+        phase: (N,) number of the phase that is flown, one more than the last once all are done. Empty where no phase
+            waits.
         contact_force, contact_friction, contact_depth: (N, pairs) how strongly a surface of the world pushes a point of
             the vehicle along its normal, and how strongly across (N), and how deep the point is in it (m), at the
-            instant; the first surface with each point, then the next one. Without columns where there is no world.
+            instant; the first surface with each point, then the next one, then every object with each point. Without
+            columns where there is no world.
+        object_position, object_quaternion, object_velocity, object_rate: (N, 3 or 4 objects) of the middle of each free
+            object's shape: m, wxyz, m/s (world axes), angular velocity in rad/s (its own axes).
+        mechanism_position, mechanism_rate: (N, mechanisms) rad and rad/s of what turns, m and m/s of what slides.
+        gripper_taken, gripper_force, gripper_lost: (N, grippers) the number of the object that a gripper holds, from 1,
+            and 0 for none; the force of the grasp, N; how often it has given way.
         tilts, tilt_commands: (N, tilting rotors) rad; without columns where no rotor tilts.
         measured_position, measured_joints: what the sensors said at this instant; a delayed controller saw it later.
         info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground",
-            "controller_undefined", "rotor_contact", "body_contact"), cause, end time; ``scenario_record`` is all that
-            was flown as plain data, and ``digest`` its SHA-256: logs of one digest, and of the same versions, are of
-            the same flight (:attr:`scenario` reads it back). ``plugins`` were loaded; ``code`` are the files of
-            someone's own code that flew, by name and SHA-256, which are part of the digest.
+            "controller_undefined", "rotor_contact", "body_contact", "phase_failed"), cause, end time;
+            ``scenario_record`` is all that was flown as plain data, and ``digest`` its SHA-256: logs of one digest,
+            and of the same versions, are of the same flight (:attr:`scenario` reads it back). ``plugins`` were loaded;
+            ``code`` are the files of someone's own code that flew, by name and SHA-256, which are part of the digest.
+            ``phases`` are the kinds of the phases of a task that waits.
     """
 
     time: Annotated[Array, Unit("s")]
@@ -125,9 +144,10 @@ class Log:
     load_place_found: Annotated[Array, Unit("m", "centre of mass of that load, axes of the tip")] = field(
         default_factory=_nothing
     )
-    path_time: Annotated[Array, Unit("s", "time of the reference that a governor leads the law along")] = field(
+    path_time: Annotated[Array, Unit("s", "time of the reference that the law is led along")] = field(
         default_factory=_nothing
     )
+    phase: Annotated[Array, Unit("", "number of the task's phase")] = field(default_factory=_nothing)
     contact_force: Annotated[Array, Unit("N", "of a surface on a point, along its normal")] = field(
         default_factory=_nothing
     )
@@ -137,9 +157,35 @@ class Log:
     contact_depth: Annotated[Array, Unit("m", "penetration of a point into a surface")] = field(
         default_factory=_nothing
     )
+    object_position: Annotated[Array, Unit("m", "of an object's middle, world axes")] = field(default_factory=_nothing)
+    object_quaternion: Annotated[Array, Unit("", "attitude of an object, its axes to world axes")] = field(
+        default_factory=_nothing
+    )
+    object_velocity: Annotated[Array, Unit("m/s", "of an object's middle, world axes")] = field(
+        default_factory=_nothing
+    )
+    object_rate: Annotated[Array, Unit("rad/s", "angular velocity of an object, its own axes")] = field(
+        default_factory=_nothing
+    )
+    mechanism_position: Annotated[Array, Unit("rad or m", "of a mechanism")] = field(default_factory=_nothing)
+    mechanism_rate: Annotated[Array, Unit("rad/s or m/s", "of a mechanism")] = field(default_factory=_nothing)
+    gripper_taken: Annotated[Array, Unit("", "number of the object that a gripper holds, from 1; 0 for none")] = field(
+        default_factory=_nothing
+    )
+    gripper_force: Annotated[Array, Unit("N", "of a gripper's grasp")] = field(default_factory=_nothing)
+    gripper_lost: Annotated[Array, Unit("", "how often a grasp has given way")] = field(default_factory=_nothing)
     tilts: Annotated[Array, units(State)["tilts"]] = field(default_factory=_nothing)
     tilt_commands: Annotated[Array, Unit("rad", "commanded")] = field(default_factory=_nothing)
     info: dict[str, Any]
+
+    @property
+    def phase_ends(self) -> tuple[tuple[str, float | None], ...]:
+        """(kind, when it was done in s, None if it was not) of each phase of a task that waits for the flight."""
+        found = []
+        for number, name in enumerate(self.info.get("phases", ())):
+            later = np.flatnonzero(self.phase > number + 0.5)
+            found.append((str(name), float(self.time[later[0]]) if later.size else None))
+        return tuple(found)
 
     @property
     def contact_periods(self) -> tuple[Any, ...]:
@@ -147,6 +193,13 @@ class Log:
         from skyarm.log.contact_periods import contact_periods
 
         return contact_periods(self)
+
+    @property
+    def grasp_periods(self) -> tuple[Any, ...]:
+        """From each grasp to its end: :func:`skyarm.log.grasp_periods.grasp_periods`."""
+        from skyarm.log.grasp_periods import grasp_periods
+
+        return grasp_periods(self)
 
     @property
     def tip(self) -> Array:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.contact.mechanism_kinds import KINDS
 from skyarm.log.flight_log import IF_ANY, Log
 from skyarm.log.joint_setpoints import setpoints_of
 from skyarm.records.units import Unit, units
@@ -50,7 +51,14 @@ PLACES = ("load_place_found",)
 CONTACT_ARRAYS = ("contact_force", "contact_friction", "contact_depth")
 """Arrays of a number for each surface of the world with each point of the vehicle."""
 
-WORLD = ("surfaces", "points")
+OBJECT_ARRAYS = {"object_position": 3, "object_quaternion": 4, "object_velocity": 3, "object_rate": 3}
+"""Arrays of free objects, in the order in which a contact logs them, and how many numbers each object has in them."""
+
+MECHANISM_ARRAYS = ("mechanism_position", "mechanism_rate")
+"""Arrays of a number for each mechanism, in the order in which a contact logs them, behind the objects."""
+
+GRIPPER_ARRAYS = ("gripper_taken", "gripper_force", "gripper_lost")
+"""Arrays of a number for each gripper, in the order in which a contact logs them."""
 
 RENAMED = {"tool": "tip", "tool_held": "tip_held", "tool_reference": "tip_reference"}
 """Array that a log's file of arrays keeps under its first name -> the word for it."""
@@ -84,7 +92,9 @@ class Names:
     """Names of the plant's joints and rotors as its file has them, the joints' kinds, and what they are told.
 
     ``setpoints`` has a unit for each joint that takes a setpoint in place of a torque, None for the others; ``tilting``
-    are the rotors that tilt, ``contacts`` the pairs of a surface of the world and a point of the vehicle.
+    are the rotors that tilt, ``contacts`` the pairs of a surface of the world and a point of the vehicle, ``objects``
+    its free bodies, ``mechanisms`` those with one degree of freedom (kinds as those of joints), ``grippers`` those of
+    the vehicle.
     """
 
     joints: tuple[str, ...]
@@ -93,6 +103,10 @@ class Names:
     setpoints: tuple[str | None, ...]
     tilting: tuple[str, ...] = ()
     contacts: tuple[str, ...] = ()
+    objects: tuple[str, ...] = ()
+    mechanisms: tuple[str, ...] = ()
+    grippers: tuple[str, ...] = ()
+    mechanism_kinds: tuple[str, ...] = ()
 
 
 def names_of(log: Log) -> Names:
@@ -115,15 +129,35 @@ def names_of(log: Log) -> Names:
             for each, kind in zip(found, kinds, strict=True)
         ),
         tuple(each["name"] for each in map(_table, turning) if each.get("tilt")),
-        _contacts(log),
+        *_contacts(log),
     )
 
 
-def _contacts(log: Log) -> tuple[str, ...]:
-    """Surface and point of each pair that may touch."""
+def _contacts(log: Log) -> tuple[tuple[str, ...], ...]:
+    """Pairs of a surface and a point; objects and mechanisms, whose skins are surfaces, too; grippers."""
     world = _below(log.info, "scenario_record", "contact")
-    surfaces, points = ([word(str(_table(each).get("name"))) for each in world.get(of) or []] for of in WORLD)
-    return tuple(f"{surface}_{point}" for surface in surfaces for point in points)
+    points, objects, mechanisms, grippers = (
+        tuple(word(str(_table(each).get("name"))) for each in world.get(of) or [])
+        for of in ("points", "objects", "mechanisms", "grippers")
+    )
+    surfaces = map(word, touched_surfaces(world))
+    pairs = tuple(f"{surface}_{point}" for surface in surfaces for point in points)
+    return pairs, objects, mechanisms, grippers, tuple(_joint_kind(each) for each in world.get("mechanisms") or [])
+
+
+def _joint_kind(mechanism: Any) -> str:
+    """The kind of joint that a mechanism is."""
+    kind = KINDS.get(str(_table(mechanism).get("kind")))
+    return "" if kind is None else "revolute" if kind.turns else "prismatic"
+
+
+def touched_surfaces(world: Mapping[str, Any]) -> list[str]:
+    """Names of all that the vehicle's points may touch, as plain data of a contact tell them, in a log's order."""
+    found = [str(_table(each).get("name")) for of in ("surfaces", "objects") for each in world.get(of) or []]
+    for each in map(_table, world.get("mechanisms") or []):
+        found += [str(each.get("name"))] * bool(each.get("size"))
+        found += [str(_table(part).get("name")) for part in each.get("parts") or []]
+    return found
 
 
 def _below(data: Any, *path: str) -> Mapping[str, Any]:
@@ -143,6 +177,8 @@ def columns(log: Log) -> tuple[Column, ...]:
         width = getattr(log, array).shape[1:]
         for index, ending in enumerate(_endings(array, width[0] if width else None, names)):
             kind = names.kinds[index] if array in JOINT_ARRAYS else ""
+            if array in MECHANISM_ARRAYS and len(names.mechanism_kinds) == width[0]:
+                kind = names.mechanism_kinds[index]
             place = index if width else None
             told = names.setpoints[index] if array == "efforts" else None
             own = unit_of_kind(unit, kind) if told is None else told
@@ -171,6 +207,12 @@ def _endings(array: str, width: int | None, names: Names) -> list[str]:
         return [f"{begin}_{each}" for each in LOOPS[array][:width]]
     if array in CONTACT_ARRAYS and len(names.contacts) == width:
         return [f"{begin}_{each}" for each in names.contacts]
+    if array in OBJECT_ARRAYS and len(names.objects) * OBJECT_ARRAYS[array] == width:
+        return [f"{begin}_{each}_{axis}" for each in names.objects for axis in AXES[OBJECT_ARRAYS[array]]]
+    if array in MECHANISM_ARRAYS and len(names.mechanisms) == width:
+        return [f"{begin}_{each}" for each in names.mechanisms]
+    if array in GRIPPER_ARRAYS and len(names.grippers) == width:
+        return [f"{begin}_{each}" for each in names.grippers]
     if array in IF_ANY and array not in PLACES:
         return [f"{begin}_{i}" for i in range(width)]
     return [f"{begin}_{axis}" for axis in AXES.get(width, map(str, range(width)))]

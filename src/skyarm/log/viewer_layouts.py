@@ -19,6 +19,7 @@ from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import SETPOINT, columns
 from skyarm.log.ros.frame_transforms import WORLD
 from skyarm.log.ros.topics import FLIGHT_TOPIC
+from skyarm.log.ros.world_markers import MOVING_TOPIC, WORLD_TOPIC, WorldMarkers
 
 FOXGLOVE, PLOTJUGGLER = "foxglove.json", "plotjuggler.xml"
 """Names of the files."""
@@ -32,6 +33,7 @@ PLOTS = {
     "joint efforts, N m or N": ("efforts",),
     "rotor speeds, rad/s": ("rotor_speeds",),
     "wind, N": ("wind_force",),
+    "contact, N": ("contact_force", "contact_friction"),
 }
 """Title of a plot -> the log's arrays in it."""
 
@@ -64,14 +66,27 @@ def write_layouts(log: Log, folder: str | os.PathLike[str]) -> list[Path]:
     """Write both layouts for a log's vehicle into a folder."""
     shown = plots(log)
     return [
-        write_atomically(Path(folder, FOXGLOVE), (json.dumps(foxglove(shown), indent=2) + "\n").encode()),
+        write_atomically(
+            Path(folder, FOXGLOVE), (json.dumps(foxglove(shown, world_of(log)), indent=2) + "\n").encode()
+        ),
         write_atomically(Path(folder, PLOTJUGGLER), plotjuggler(shown).encode()),
     ]
 
 
-def foxglove(shown: Sequence[Plot]) -> dict[str, Any]:
-    """Layout of Foxglove and Lichtblick: the vehicle on the left, plots in two columns beside it."""
-    panels: dict[str, Any] = {"3D!vehicle": _scene()}
+def world_of(log: Log) -> tuple[str, ...]:
+    """Topics that hold the shapes of a log's world."""
+    markers = WorldMarkers(log)
+    return (WORLD_TOPIC,) * bool(markers.still()) + (MOVING_TOPIC,) * markers.moves
+
+
+def foxglove(shown: Sequence[Plot], world: Sequence[str] = ()) -> dict[str, Any]:
+    """Layout of Foxglove and Lichtblick: the vehicle on the left, plots in two columns beside it.
+
+    Args:
+        shown: the plots.
+        world: topics of the world's shapes.
+    """
+    panels: dict[str, Any] = {"3D!vehicle": _scene(world)}
     for k, (title, curves) in enumerate(shown):
         panels[f"Plot!{k}"] = {
             "title": title,
@@ -98,9 +113,9 @@ def foxglove(shown: Sequence[Plot]) -> dict[str, Any]:
     }
 
 
-def _scene() -> dict[str, Any]:
-    """The panel that draws the vehicle and its reference, seen from 4 m away."""
-    drawn = ("/vehicle", "/reference/base", "/reference/tip", "/tip")
+def _scene(world: Sequence[str]) -> dict[str, Any]:
+    """The panel that draws the vehicle, its reference and its world, seen from 4 m away."""
+    drawn = (*world, "/vehicle", "/reference/base", "/reference/tip", "/tip")
     camera = {
         "perspective": True,
         "distance": 4,

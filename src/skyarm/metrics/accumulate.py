@@ -43,6 +43,7 @@ class Instant:
         state: of the plant. tool: its tip, world, m.
         command: issued now. before: rotor speeds commanded a period ago; those of now at the first instant.
         held, continuous: the reference. lag: s, by which a governor holds what the law is told back behind it.
+        phase: number of the task's phase, where phases wait.
     """
 
     state: State
@@ -52,6 +53,7 @@ class Instant:
     held: Goal
     continuous: Goal
     lag: Scalar = 0.0
+    phase: Scalar = 0.0
 
 
 def joint_norm(joints: tuple[Any, ...], wanted: tuple[Any, ...]) -> Any:
@@ -114,6 +116,7 @@ QUANTITIES: Mapping[str, Callable[[Instant, Goal], Any]] = {
     "rate_square": lambda now, _: now.state.rate.dot(now.state.rate),
     "jitter_size": lambda now, _: _jitter_size(now),
     "lag": lambda now, _: now.lag,
+    "phase": lambda now, _: now.phase,
     "jitter_square": lambda now, _: _jitter_square(now),
 }
 """Errors (m, rad), attitude (rad), squared body rate, rotor jitter (rad/s, and squared); efforts are ``effort`` + i."""

@@ -110,6 +110,7 @@ FREE = {
     "rotor_jitter_mean": _mean("steady", "jitter_size"),
     "reference_lag_mean": _mean("steady", "lag"),
     "reference_lag_max": _extreme("max", "whole", "lag"),
+    "phases_done": _extreme("max", "whole", "phase"),
     # against the continuous reference always, as a mean height before the motion
     "hover_offset": _mean("hover", f"height{CONTINUOUS}"),
 }

@@ -134,4 +134,5 @@ def _instants(log: Log) -> Instant:
         held=goal("held"),
         continuous=goal("reference"),
         lag=log.time - log.path_time if log.path_time.size else np.zeros(log.time.size),
+        phase=log.phase if log.phase.size else np.zeros(log.time.size),
     )

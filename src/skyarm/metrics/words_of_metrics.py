@@ -42,6 +42,7 @@ WORDS: Mapping[str, tuple[str, str]] = {
     "rate_rms": ("RMS body rate", "rad/s"),
     "reference_lag_mean": ("mean lag of the governor", "s"),
     "reference_lag_max": ("largest lag of the governor", "s"),
+    "phases_done": ("phases done", "phases"),
     "rotor_jitter": ("RMS change of a rotor command per period", "rad/s"),
     "rotor_jitter_mean": ("mean change of a rotor command per period", "rad/s"),
 }

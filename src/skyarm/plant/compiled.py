@@ -11,12 +11,12 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import Program, trace
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
-from skyarm.plant.coupled_memory import places_in
+from skyarm.plant.coupled_memory import memories_of, places_in
 from skyarm.plant.impact import after_impact
 from skyarm.plant.integrators import FRICTION_STEP, INTEGRATORS
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
 from skyarm.plant.largest_step import divisions, largest_step
-from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate
+from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, far_step
 from skyarm.plant.stop_rate import joint_rate
 from skyarm.plant.surroundings import Around, Surroundings
 from skyarm.scalars import where
@@ -53,6 +53,11 @@ class Steps(int):
         made.far = far
         return made
 
+    @property
+    def rounds(self) -> int:
+        """Steps near that one far stands for, at least."""
+        return math.ceil(self / self.far)
+
     def __eq__(self, other: object) -> bool:
         return int(self) == other and self.far == getattr(other, "far", None)
 
@@ -80,6 +85,7 @@ class RigidBodyPlant:
         sizes = world.vehicle.n, len(world.vehicle.rotors), len(world.vehicle.tilts)
         self._examples = (example_state(*sizes), example_command(*sizes), around)
         self._steps: dict[float, Program] = {}
+        self._far_steps: dict[tuple[float, int], Program] = {}
         self._largest, self._coupled = largest_step(around), places_in(around)
         self._largest_far = largest_step(around, coupled=False)
         self._per_second = joint_rate(world.vehicle) / FRICTION_STEP
@@ -103,6 +109,16 @@ class RigidBodyPlant:
             self._steps[dt] = trace(step, *self._examples)
         return self._steps[dt]
 
+    def _far_step(self, dt: float, rounds: int) -> Program:
+        if (dt, rounds) not in self._far_steps:
+
+            def step(state: State, command: Command, around: Surroundings) -> Moved:
+                now = state, memories_of(around)
+                return far_step(self._integrator, self._world, now, command, around, dt, rounds)
+
+            self._far_steps[dt, rounds] = trace(step, *self._examples)
+        return self._far_steps[dt, rounds]
+
     def substeps(self, seconds: float) -> int:
         """Integration steps that an interval is cut into; :class:`Steps` where fewer will do far from contact."""
         near, far = (self._count(seconds, largest) for largest in (self._largest, self._largest_far))
@@ -116,10 +132,11 @@ class RigidBodyPlant:
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:
         """State after ``seconds`` of held command and surroundings, then the coupled memories."""
         divided = self._integrator != "euler" or self._largest is not None
-        count = self.substeps(seconds)
+        count, rounds = self.substeps(seconds), 0
         if isinstance(count, Steps) and self._far.flat((*state, *around, seconds))[0] > 0.5:
-            count = count.far
-        step = self._step(seconds / count if divided else self._physics_step)
+            rounds, count = count.rounds, count.far
+        dt = seconds / count if divided else self._physics_step
+        step = self._far_step(dt, rounds) if rounds else self._step(dt)
         x, end, given = tuple(state), len(state), list(around)
         for _ in range(count):
             x = step.flat((*x[:end], *command, *given))

@@ -1,4 +1,4 @@
-"""Memories that go on with the plant: bristles of a contact, a clock, later the motion of what is pushed.
+"""Memories that go on with the plant: bristles of a contact, a clock, the motion of what is pushed.
 
 They are numbers beside the state, integrated by the same steps; without a coupled component there are none, and
 nothing here is an operation.
@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.compile import leaves, rebuild
+from skyarm.compile import leaves
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
+from skyarm.environment.component import moved_by
+from skyarm.plant.interface import Truth
 from skyarm.plant.surroundings import Around, Surroundings
-from skyarm.scalars import add, mul
-from skyarm.vehicle.vehicle_records import Vehicle
 
 Memories = tuple[Any, ...]
 """Of the coupled components, in their order."""
@@ -30,17 +30,26 @@ def with_memories(around: Around, memories: Memories) -> Around:
     return around.with_coupled(memories) if isinstance(around, Surroundings) else around
 
 
-def slopes_of(vehicle: Vehicle, state: State, rotor_speeds: Sequence[Any], around: Around) -> Memories:
+def slopes_of(world: Truth, state: State, rotor_speeds: Sequence[Any], around: Around) -> Memories:
     """Rates of the memories at a state, 1/s."""
     if not isinstance(around, Surroundings) or not around.coupled:
         return ()
-    return around.slopes(PointMotion(vehicle, state, around.air_velocity), rotor_speeds)
+    motion = PointMotion(world.vehicle, state, around.air_velocity, gravity=world.gravity)
+    return around.slopes(motion, rotor_speeds)
 
 
 def moved(memories: Memories, slopes: Memories, dt: Any) -> Memories:
     """Memories + dt * slopes."""
-    pairs = zip(leaves(memories), leaves(slopes), strict=True)
-    return rebuild(memories, iter([add(value, mul(rate, dt)) for value, rate in pairs]))
+    found: Memories = moved_by(memories, slopes, dt)
+    return found
+
+
+def after_euler_step(around: Around, slopes: Memories, dt: Any) -> Memories:
+    """Memories of the surroundings after a semi-implicit Euler step (s)."""
+    if not isinstance(around, Surroundings):
+        return ()
+    going = zip(around.coupled, around.coupled_memories(), slopes, strict=True)
+    return tuple(around.components[i].euler_step(memory, slope, dt) for i, memory, slope in going)
 
 
 def places_in(around: Around) -> tuple[int, ...]:

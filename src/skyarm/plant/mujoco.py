@@ -18,7 +18,7 @@ import numpy as np
 from skyarm.actuation import Command
 from skyarm.compile import leaves
 from skyarm.compile.llvm.quick_function import Quick
-from skyarm.plant.coupled_memory import memories_of, moved, places_in, slopes_of
+from skyarm.plant.coupled_memory import after_euler_step, memories_of, places_in, slopes_of
 from skyarm.plant.integrators import FRICTION_STEP, HELD_FRICTION_STEP, INTEGRATORS
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
 from skyarm.plant.largest_step import divisions, drives_step, largest_step
@@ -104,7 +104,7 @@ class MujocoPlant:
         require_plant(world.vehicle)
         if integrator not in INTEGRATORS:
             raise ValueError(f"integrator = {integrator!r}: must be one of {list(INTEGRATORS)}")
-        self.vehicle = world.vehicle
+        self.vehicle, self._world = world.vehicle, world
         integrator = _with_loads_at_stages(integrator, world.vehicle, around)
         if integrator in LARGEST_FRICTION_STEP:
             rate = joint_rate(world.vehicle)
@@ -147,7 +147,9 @@ class MujocoPlant:
             self._carried = Loads(world.vehicle, self.model, self._data, around, dofs)
         self._staged: StagedRungeKutta | None = None
         if integrator == "rk4_staged":
-            self._staged = StagedRungeKutta(layout, self.model, self._data, around, physics_step, self._forward)
+            self._staged = StagedRungeKutta(
+                layout, self.model, self._data, around, physics_step, self._forward, gravity=world.gravity
+            )
 
     def _forces_and_speeds(self, x: Any, commanded: Any, setpoints: Any, angles: Any, around: Around) -> Any:
         """Generalised forces in MuJoCo's order, then after one physics step rotor speeds, tilts, coupled memories."""
@@ -155,8 +157,8 @@ class MujocoPlant:
         forces = self._layout.generalized_forces(state, setpoints, around, commanded)
         turned = lagged(self.vehicle, state, command, self._physics_step, around)
         leaning = tilted(self.vehicle, state, command, self._physics_step)
-        slopes = slopes_of(self.vehicle, state, state.rotor_speeds, around)
-        memories = leaves(moved(memories_of(around), slopes, self._physics_step))
+        slopes = slopes_of(self._world, state, state.rotor_speeds, around)
+        memories = leaves(after_euler_step(around, slopes, self._physics_step))
         return tuple(number(value) for value in (*forces, *turned, *leaning, *memories))
 
     def advance(self, state: Flat, command: Flat, around: Flat, seconds: float) -> tuple[float, ...]:

@@ -21,7 +21,7 @@ from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.quick_function import Quick
 from skyarm.dynamics.state import State
 from skyarm.plant.coupled_memory import memories_of, places_in, slopes_of, with_memories
-from skyarm.plant.interface import number
+from skyarm.plant.interface import Truth, number
 from skyarm.plant.loads import lagged, tilted
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.surroundings import Around
@@ -44,11 +44,14 @@ class StagedRungeKutta:
         layout: of the vehicle. model, data: MuJoCo's; a step works in ``data``.
         around: surroundings as an example. dt: length of a step, s.
         forward: MuJoCo's forward dynamics, or with the forces that hold followers.
+        gravity: m/s^2, of what moves beside the vehicle.
     """
 
     def __init__(
-        self, layout: Layout, model: Any, data: Any, around: Around, dt: float, forward: Any = mujoco.mj_forward
-    ) -> None:
+        self, layout: Layout, model: Any, data: Any, around: Around, dt: float, forward: Any = mujoco.mj_forward,
+        *, gravity: Any = 0,
+    ) -> None:  # fmt: skip
+        self._truth = Truth(vehicle=layout.vehicle, gravity=gravity)
         self._layout, self._model, self._data, self._forward = layout, model, data, forward
         self._qpos, self._qvel, self._force, self._qacc = data.qpos, data.qvel, data.qfrc_applied, data.qacc
         nq, nv = layout.nq, layout.nv
@@ -81,7 +84,7 @@ class StagedRungeKutta:
         first, x, (own, share, earlier, time) = self._layout.state(start), self._layout.state(now), weights
         held = memories_of(around)
         there = with_memories(around, rebuild(held, iter(memory)))
-        faster = leaves(slopes_of(self._layout.vehicle, x, x.rotor_speeds, there))
+        faster = leaves(slopes_of(self._truth, x, x.rotor_speeds, there))
         memory = [add(m, add(mul(earlier, s), mul(own, k))) for m, s, k in zip(kept, rates, faster, strict=True)]
         rates = [add(s, mul(share, k)) for s, k in zip(rates, faster, strict=True)]
         around = with_memories(around, rebuild(held, iter(memory)))

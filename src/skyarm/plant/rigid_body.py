@@ -15,11 +15,11 @@ from skyarm.actuation import Command
 from skyarm.algebra import Motion, Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.state import coordinate_acceleration
-from skyarm.plant.coupled_memory import Memories, memories_of, moved, slopes_of, with_memories
+from skyarm.plant.coupled_memory import Memories, after_euler_step, memories_of, moved, slopes_of, with_memories
 from skyarm.plant.interface import Truth
 from skyarm.plant.loaded_vehicle import loaded_vehicle
 from skyarm.plant.loads import applied_force, lagged, tilted
-from skyarm.plant.surroundings import Around
+from skyarm.plant.surroundings import Around, Surroundings
 from skyarm.scalars import Scalar, add, mul
 
 
@@ -90,7 +90,7 @@ def coupled_rk4(world: Truth, state: State, command: Command, around: Around, dt
             at = replace(at, tilts=turned)
         now = with_memories(around, memories)
         rate = derivative(world, at, speeds, command.efforts, now, command.rotor_speeds)
-        return rate, slopes_of(world.vehicle, at, speeds, now)
+        return rate, slopes_of(world, at, speeds, now)
 
     k1, m1 = slope(state, first, state.rotor_speeds, state.tilts)
     k2, m2 = slope(_moved(state, k1, 0.5 * dt), moved(first, m1, 0.5 * dt), half, half_angles)
@@ -125,13 +125,13 @@ def coupled_euler(world: Truth, state: State, command: Command, around: Around, 
 
     The attitude moves by the exponential of the new rate, as MuJoCo's manifold update does, so that both plants make
     the same step; its length is corrected before it turns, when nothing waits for it. Memories of coupled components
-    move by their rates before the step. First order.
+    move by their rates before the step, bodies among them as the vehicle. First order.
     """
     rate = derivative(world, state, state.rotor_speeds, command.efforts, around, command.rotor_speeds)
     velocity = state.velocity + rate.velocity * dt
     w = state.rate + rate.rate * dt
     joint_rates = tuple(add(x, mul(dx, dt)) for x, dx in zip(state.joint_rates, rate.joint_rates, strict=True))
-    slopes = slopes_of(world.vehicle, state, state.rotor_speeds, around)
+    slopes = slopes_of(world, state, state.rotor_speeds, around)
     after = State(
         position=state.position + velocity * dt,
         quaternion=state.quaternion.renormalized() * Quaternion.of_small_rotation(w, dt),
@@ -142,7 +142,7 @@ def coupled_euler(world: Truth, state: State, command: Command, around: Around, 
         rotor_speeds=lagged(world.vehicle, state, command, dt, around),
         tilts=tilted(world.vehicle, state, command, dt),
     )
-    return after, moved(memories_of(around), slopes, dt)
+    return after, after_euler_step(around, slopes, dt)
 
 
 def step_rk4(world: Truth, state: State, command: Command, around: Around, dt: float) -> State:
@@ -153,6 +153,25 @@ def step_rk4(world: Truth, state: State, command: Command, around: Around, dt: f
 def step_euler(world: Truth, state: State, command: Command, around: Around, dt: float) -> State:
     """The state alone after :func:`coupled_euler`."""
     return coupled_euler(world, state, command, around, dt)[0]
+
+
+def far_step(
+    name: str, world: Truth, now: Moved, command: Command, around: Surroundings, dt: Any, rounds: int
+) -> Moved:
+    """A step of a vehicle that is far from what is coupled to it, whose memories go on alone.
+
+    Args:
+        name: of the integrator.
+        world: true vehicle and gravity.
+        now: state, and memories of the coupled components.
+        command: held for the period.
+        around: surroundings of the period.
+        dt: s.
+        rounds: steps in its place that what is coupled asks for.
+    """
+    there = around.with_coupled(now[1])
+    after, _ = COUPLED_STEP[name](world, now[0], command, there.without_coupled(), dt)
+    return after, there.alone(dt, rounds, world.gravity)
 
 
 STEP = {"rk4": step_rk4, "euler": step_euler, "rk4_staged": step_rk4}

@@ -81,6 +81,16 @@ class Surroundings:
             found = there if found is True else logical_and(found, there)
         return found
 
+    def without_coupled(self) -> Surroundings:
+        """The surroundings of a vehicle that is far from what is coupled to it."""
+        kept = [i for i, component in enumerate(self.components) if not component.coupled]
+        components, memories = (tuple(each[i] for i in kept) for each in (self.components, self.memories))
+        return replace(self, components=components, memories=memories)
+
+    def alone(self, seconds: Any, rounds: int, gravity: Any) -> tuple[Any, ...]:
+        """Memories of the coupled components after so many seconds, in so many parts, for which they were far."""
+        return tuple(self.components[i].alone(self.memories[i], seconds, rounds, gravity) for i in self.coupled)
+
     def effort(self, index: int, setpoint: Any, position: Any, rate: Any) -> Any:
         """What a joint's drive gives before its limit and friction, N m or N."""
         if not self.drives:

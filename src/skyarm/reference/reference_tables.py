@@ -72,7 +72,9 @@ def trajectory_from(table: dict[str, Any], n_joints: int, where: str, setting: S
         shown = f"{len(entries)} signals" if isinstance(entries, list) else repr(entries)
         raise ValueError(f"{where}.joints = {shown}: must be a list of {n_joints}, one for each joint of the vehicle")
     joints = tuple(signal_from(entry, f"{where}.joints[{index}]") for index, entry in enumerate(entries))
-    return Trajectory(x=base.x, y=base.y, z=base.z, yaw=yaw, joints=joints, guards=setting.all_guards)
+    return Trajectory(
+        x=base.x, y=base.y, z=base.z, yaw=yaw, joints=joints, guards=setting.all_guards, phases=setting.all_phases
+    )
 
 
 def motion_from(entry: Any, where: str, setting: Setting) -> Trajectory:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass, field
-from typing import Annotated
 
-from skyarm.records.field_rules import accept_fields
-from skyarm.records.units import Unit
+from skyarm.reference.phase_guard import Guard, Phase
+from skyarm.reference.tip_push import TipPush
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
@@ -42,26 +41,6 @@ class JointMove:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Guard:
-    """What a flight must show before the reference goes on: until then the whole reference rests.
-
-    Attributes:
-        at: s, planned end of the phase. error: m, of the tip; of the base where the vehicle has none.
-        hold: s, for which the error stays below that. timeout: s, after which the reference goes on all the same.
-        loads: names of the payloads that the task takes and leaves: their instants wait, too.
-    """
-
-    at: Annotated[float, Unit("s", low=0.0)]
-    error: Annotated[float, Unit("m", low=0.0, strict=True)]
-    hold: Annotated[float, Unit("s", low=0.0)] = 0.5
-    timeout: Annotated[float, Unit("s", low=0.0, strict=True)] = 5.0
-    loads: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        accept_fields(self, "guard")
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
 class Setting:
     """Facts of the flight that a reference's tables may need.
 
@@ -69,7 +48,7 @@ class Setting:
         vehicle: the plant's; None where a reference is read on its own.
         gravity: m/s^2. duration: s.
         thrust_to_weight: highest thrust over weight; infinite where nobody knows.
-        events, guards, joint_moves: filled while phases are read.
+        events, guards, phases, pushes, joint_moves: filled while phases are read.
     """
 
     vehicle: Vehicle | None = None
@@ -78,6 +57,8 @@ class Setting:
     thrust_to_weight: float = math.inf
     events: list[TaskEvent] = field(default_factory=list)
     guards: list[Guard] = field(default_factory=list)
+    phases: list[Phase] = field(default_factory=list)
+    pushes: list[TipPush] = field(default_factory=list)
     joint_moves: list[JointMove] = field(default_factory=list)
 
     @property
@@ -85,3 +66,8 @@ class Setting:
         """The guards, each with the payloads that wait for it."""
         loads = tuple(dict.fromkeys(event.payload for event in self.events))
         return tuple(dataclasses.replace(guard, loads=loads) for guard in self.guards)
+
+    @property
+    def all_phases(self) -> tuple[Phase, ...]:
+        """The phases of a task that waits for the flight; none of one that does not."""
+        return tuple(self.phases) if self.guards else ()

@@ -16,11 +16,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
+from skyarm.algebra import Vec3
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Signal
-from skyarm.scalars import Scalar, divide, sqrt
+from skyarm.scalars import Scalar, divide, sqrt, where
 
 SPEED = 0.1
 """m/s, with which the tip comes where nothing is said: an arm of 0.1 kg then meets 5000 N/m with 2 N."""
@@ -70,6 +71,18 @@ class TipPush:
         """The same contact with each signal changed."""
         grip = None if self.grip is None else change(self.grip)
         return dataclasses.replace(self, force=change(self.force), grip=grip)
+
+    def across(self, away: Vec3, t: Any) -> Vec3:
+        """What of an error of the tip counts: all of it, and only what is across the normal while it shall press.
+
+        Args:
+            away: m, world axes.
+            t: s.
+        """
+        force, _, *normal = self.at(t)[:5]
+        n = Vec3(*normal)
+        along = n * away.dot(n)
+        return Vec3(*(a - where(force > 0.0, b, 0.0) for a, b in zip(away, along, strict=True)))
 
 
 def _unit(v: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:

@@ -50,18 +50,26 @@ def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> T
     if isinstance(table, dict) and "push" in table:
         push = push_from(table["push"], f"{where}.push")
         rest = {name: value for name, value in table.items() if name != "push"}
-        return dataclasses.replace(reference_from(rest, n_joints, where, setting), push=push)
+        found = reference_from(rest, n_joints, where, setting)
+        if setting.pushes:
+            raise ValueError(f"{where}.push: must be left out beside phases that press")
+        return dataclasses.replace(found, push=push)
     if isinstance(table, dict) and "load" in table:
         load = signal_from(table["load"], f"{where}.load")
         rest = {name: value for name, value in table.items() if name != "load"}
         return dataclasses.replace(reference_from(rest, n_joints, where, setting), load=load)
     if not isinstance(table, dict) or "tip" not in table:
-        found = trajectory_from(table, n_joints, where, setting)
+        found = _pushing(trajectory_from(table, n_joints, where, setting), setting)
         return with_joint_moves(found, setting.joint_moves, setting.vehicle)
     rest = {name: value for name, value in table.items() if name not in ("tip", "joints")}
     base = trajectory_from(rest, n_joints, where, setting)
-    found = _of_tip(table, base, where, setting)
-    return dataclasses.replace(found, guards=setting.all_guards)
+    found = _pushing(_of_tip(table, base, where, setting), setting)
+    return dataclasses.replace(found, guards=setting.all_guards, phases=setting.all_phases)
+
+
+def _pushing(trajectory: Trajectory, setting: Setting) -> Trajectory:
+    """The trajectory with the push that phases ask for."""
+    return dataclasses.replace(trajectory, push=setting.pushes[0]) if setting.pushes else trajectory
 
 
 def _of_tip(table: dict[str, Any], base: Trajectory, where: str, setting: Setting) -> Trajectory:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
@@ -15,7 +15,7 @@ from skyarm.records.leaves import parts
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference.compose import Shifted, Sum, Windowed
-from skyarm.reference.setting import Guard
+from skyarm.reference.phase_guard import Guard, Phase
 from skyarm.reference.signals import Constant, Signal, Sine
 from skyarm.reference.tip_motion import TipMotion
 from skyarm.reference.tip_push import TipPush
@@ -92,7 +92,8 @@ class Trajectory:
 
     With a ``tip`` in the world the base is where it carries that tip (:mod:`skyarm.reference.tip_motion`), moved by the
     signals ``x``, ``y``, ``z``. With a ``push`` it asks for contact (:mod:`skyarm.reference.tip_push`); with a ``load``
-    it says when the tip is told to hold one. With ``guards`` it waits for the flight (:mod:`skyarm.simulate.pinned`).
+    it says when the tip is told to hold one. With ``guards`` it waits for the flight
+    (:mod:`skyarm.simulate.path_clock`), and ``phases`` are those of its task.
     """
 
     x: Annotated[Signal, Unit("m", "base origin, world axes")] = ZERO
@@ -106,6 +107,7 @@ class Trajectory:
         default=None, metadata=WRITTEN_IF_ANY
     )
     guards: tuple[Guard, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
+    phases: tuple[Phase, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         accept_fields(self, "trajectory")
@@ -163,8 +165,16 @@ class Trajectory:
         if push is not None:
             push = push.with_signals(lambda signal: Shifted(signal, delay))
         load = None if self.load is None else Shifted(self.load, delay)
-        guards = tuple(dataclasses.replace(guard, at=guard.at + float(delay)) for guard in self.guards)
-        return Trajectory(x=x, y=y, z=z, yaw=yaw, joints=tuple(joints), tip=tip, push=push, load=load, guards=guards)
+        later = float(delay) if self.guards else 0.0
+        guards = tuple(replace(each, at=each.at + later, begin=each.begin + later) for each in self.guards)
+        phases = tuple(each.later(later) for each in self.phases)
+        moved = Trajectory(x=x, y=y, z=z, yaw=yaw, joints=tuple(joints), tip=tip, push=push, load=load)
+        return replace(moved, guards=guards, phases=phases) if guards else moved
+
+    @property
+    def returns(self) -> tuple[tuple[float, float], ...]:
+        """Beginning and end, s, of the phases in which an offset of the reference is taken back."""
+        return tuple(phase.back for phase in self.phases if phase.back is not None)
 
     def __add__(self, other: Trajectory) -> Trajectory:
         """Both motions at once, with the guards of both; one without joints leaves the other's as they are."""
@@ -182,8 +192,10 @@ class Trajectory:
             raise ValueError("two trajectories that each have a load do not add")
         x, y, z, yaw = self.x + other.x, self.y + other.y, self.z + other.z, self.yaw + other.yaw
         guards = tuple(sorted((*self.guards, *other.guards), key=lambda guard: guard.at))
+        phases = tuple(sorted((*self.phases, *other.phases), key=lambda phase: phase.end))
         tip, push, load = self.tip or other.tip, self.push or other.push, self.load or other.load
-        return Trajectory(x=x, y=y, z=z, yaw=yaw, joints=joints, tip=tip, push=push, load=load, guards=guards)
+        both = Trajectory(x=x, y=y, z=z, yaw=yaw, joints=joints, tip=tip, push=push, load=load)
+        return replace(both, guards=guards, phases=phases)
 
 
 def signals(values: Sequence[Signal | Any]) -> tuple[Signal, ...]:

@@ -219,7 +219,10 @@ BUILT_IN: tuple[Ending, ...] = (
 )
 """The endings of every episode, in the order in which the first that holds is the cause."""
 
-STATUSES = ("completed", *(ending.status for ending in BUILT_IN))
+PHASE_FAILED = "phase_failed"
+"""Status of a flight whose task has a phase that failed."""
+
+STATUSES = ("completed", *(ending.status for ending in BUILT_IN), PHASE_FAILED)
 
 
 def rotor_clearances(scenario: Scenario, state: State) -> list[tuple[Any, str, str]]:

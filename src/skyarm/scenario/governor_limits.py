@@ -17,6 +17,7 @@ from skyarm.control.model import Model
 from skyarm.dynamics import frame_pose
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
+from skyarm.reference.path_pause import PathPause
 from skyarm.scalars import Scalar
 
 Array = npt.NDArray[Any]
@@ -40,6 +41,8 @@ class GovernorOptions:
         tilt: rad, of the base. turning: rad/s^2, angular acceleration of the base.
         joint_speed: rad/s or m/s, of every joint; servos have limits of their own besides.
         fastest: ds/dt with which it may catch up once it has fallen behind; 1 never does.
+        pause_error, pause_thrust, pause_acceleration: of a pause (:mod:`skyarm.reference.path_pause`); infinite bounds
+            never pause.
     """
 
     reserve: Annotated[float, Unit("", "share of rotors and joints that is left to the control", low=0.0)] = 0.2
@@ -47,16 +50,28 @@ class GovernorOptions:
     turning: Annotated[float, Unit("rad/s^2", "angular acceleration of the base", low=0.0, strict=True)] = 10.0
     joint_speed: Annotated[Scalar, Unit("rad/s or m/s", infinite=True)] = math.inf
     fastest: Annotated[float, Unit("", "ds/dt with which it may catch up", low=1.0)] = 1.0
+    pause_error: Annotated[Scalar, Unit("m", "of the tip, in flight", infinite=True)] = math.inf
+    pause_thrust: Annotated[Scalar, Unit("", "share of a rotor's largest", infinite=True)] = math.inf
+    pause_acceleration: Annotated[float, Unit("1/s", "of the reference's time", low=0.0, strict=True)] = 0.5
 
     def __post_init__(self) -> None:
         accept_fields(self, "reference.governor")
         bounds = (("reserve", 0.9), ("tilt", 1.5), ("fastest", 2.0))
-        if not self.joint_speed > 0.0:
-            raise ValueError(f"reference.governor.joint_speed = {self.joint_speed!r}: must be above 0")
+        for name in ("joint_speed", "pause_error", "pause_thrust"):
+            if not getattr(self, name) > 0.0:
+                raise ValueError(f"reference.governor.{name} = {getattr(self, name)!r}: must be above 0")
         for name, most in bounds:
             value = getattr(self, name)
             if value > most:
                 raise ValueError(f"reference.governor.{name} = {value!r}: must be at most {most:g}")
+        if 1.0 <= self.pause_thrust < math.inf:
+            raise ValueError(f"reference.governor.pause_thrust = {self.pause_thrust!r}: must be below 1")
+
+    @property
+    def pause(self) -> PathPause | None:
+        """The pause in flight; None where nothing bounds it."""
+        found = PathPause(error=self.pause_error, thrust=self.pause_thrust, acceleration=self.pause_acceleration)
+        return found if found.used else None
 
 
 class Limits:

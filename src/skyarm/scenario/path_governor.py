@@ -81,7 +81,7 @@ def options_from(table: Any) -> GovernorOptions:
 
 def governed_scenario(scenario: Scenario, options: GovernorOptions) -> Scenario:
     """The scenario with a planned time of its reference; without any where none is needed."""
-    bare = dataclasses.replace(scenario, path_time=None)
+    bare = dataclasses.replace(scenario, path_time=None, pause=options.pause)
     if bare.duration > LONGEST:
         allowed = f"must be left out of a flight of more than {LONGEST:g} s"
         raise ValueError(f"reference.governor: {allowed}")

@@ -21,6 +21,7 @@ What is believed is a point mass at the frame, told by changes of ``model.payloa
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -28,6 +29,7 @@ from typing import Any
 from skyarm.algebra import Vec3
 from skyarm.environment import HangingPayload, Reach, TimedPayload
 from skyarm.files import Fields, shown
+from skyarm.reference import Trajectory
 from skyarm.scenario.changes import Change
 
 OF_KIND = {"rigid": ("inertia", "com"), "hanging": ("cord", "stretch", "damping_ratio")}
@@ -79,6 +81,18 @@ def _when(fields: Fields, name: str) -> tuple[float, Reach | None]:
     return after, reach
 
 
+def waiting_beliefs(
+    payloads: Sequence[TimedPayload], told: Sequence[bool], trajectory: Trajectory
+) -> tuple[tuple[TimedPayload, ...], tuple[bool, ...]]:
+    """The payloads of a task that waits say themselves whether the law is told: no instant is known; and the rest."""
+    waiting = {name for guard in trajectory.guards for name in guard.loads}
+    now = tuple(
+        dataclasses.replace(each, believed=True) if told_of and each.name in waiting else each
+        for each, told_of in zip(payloads, told, strict=True)
+    )
+    return now, tuple(told_of and not each.believed for each, told_of in zip(now, told, strict=True))
+
+
 def belief_changes(
     payloads: Sequence[TimedPayload], told: Sequence[bool], duration: float, rate: int
 ) -> tuple[Change, ...]:
@@ -99,5 +113,6 @@ def belief_changes(
         for t in instants:
             mass = math.fsum(float(each.mass) for each in here if each.pick <= t < each.drop)
             found.append(Change(at=t, path=path, value=mass))
-    steps = round(duration * rate)
-    return tuple(sorted((each for each in found if each.tick(rate) < steps), key=lambda change: change.at))
+    steps = duration * rate  # of an absurd duration, which is refused later, infinity
+    last = round(steps) if math.isfinite(steps) else steps
+    return tuple(sorted((each for each in found if each.tick(rate) < last), key=lambda change: change.at))

@@ -61,10 +61,11 @@ from skyarm.scenario.change_checks import require_changes
 from skyarm.scenario.changes import Change, changes_from, require_within, without_law
 from skyarm.scenario.law_by_name import loop_facts
 from skyarm.scenario.path_governor import with_governor
-from skyarm.scenario.payload_tables import belief_changes, payloads_from
+from skyarm.scenario.payload_tables import belief_changes, payloads_from, waiting_beliefs
 from skyarm.scenario.reference_setting import in_folder, setting_of
 from skyarm.scenario.scenario_of_log import scenario_of_log
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.scenario.standing_objects import with_standing_objects
 from skyarm.scenario.start_in_world import require_start_outside
 from skyarm.scenario.task_payloads import with_instants
 
@@ -176,6 +177,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
     setting = setting_of(world, longest)
     trajectory = reference_from(in_folder(motion, folder), world.vehicle.n, "reference", setting)
     payloads, told = payloads_from(with_instants(top.take("payloads", []), setting.events, rates.control))
+    payloads, told = waiting_beliefs(payloads, told, trajectory)
     model = _model(top, plant, world, folder)
     tables.require_servos_said(controller, world.vehicle, model)
     scenario = Scenario(
@@ -213,6 +215,8 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
     initial = top.take("initial", None)
     top.done()
     require_changes(scenario)
+    for held in scenario.contacts:
+        scenario = dataclasses.replace(scenario, contact=with_standing_objects(held, float(world.gravity)))
     if initial is not None:
         scenario = dataclasses.replace(scenario, initial=tables.initial(Fields(initial, "initial"), scenario))
     require_start_outside(scenario)

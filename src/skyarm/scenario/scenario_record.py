@@ -25,6 +25,7 @@ from skyarm.records.coerce import RecordError, accept
 from skyarm.records.field_rules import require_fields, rules
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.reference import Trajectory
+from skyarm.reference.path_pause import PathPause
 from skyarm.reference.path_time import PathTime
 from skyarm.registry.registrations import registrations
 from skyarm.scalars import Scalar, cos, data, minimum, sin
@@ -92,6 +93,7 @@ class Scenario:
         payloads: loads that are picked up and set down in flight; the law knows of them as far as it is told.
         path_time: of a governor (:func:`skyarm.govern`): how far along the reference the law is led, while errors are
             taken against the reference as it is commanded; None leads it as commanded.
+        pause: of a governor that slows the reference's time in flight; None never does.
         contact: surfaces of the world and the vehicle's points that touch them (:mod:`skyarm.contact`); None for
             nothing to touch.
     """
@@ -124,6 +126,7 @@ class Scenario:
     changes: tuple[Change, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
     payloads: tuple[TimedPayload, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
     path_time: PathTime | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
+    pause: PathPause | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
     contact: Contact | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:

@@ -1,8 +1,10 @@
-"""A vehicle may start in the air or at rest on a surface, not inside of one."""
+"""A vehicle, and every object, may start in the air or at rest on a surface, not inside of one."""
 
 from __future__ import annotations
 
 from skyarm.compile import leaves
+from skyarm.contact.carried_contact import NOBODY
+from skyarm.contact.contact import Contact
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import concrete
 from skyarm.scenario.endings import BodyContact, RotorContact
@@ -31,7 +33,26 @@ def require_start_outside(scenario: Scenario) -> None:
                     f"which would push it with {float(touch.normal):.3g} N: must start outside, or at rest by "
                     "initial.standing = true"
                 )
+        _require_objects_outside(contact, motion, weight, float(scenario.world.gravity))
         for ending in (RotorContact(), BodyContact()):
             if not ending.fine(scenario, state, state.position, 0):
                 cause = ending.cause(scenario, state, state.position)
                 raise ValueError(f"world: {cause} at the start: must start outside")
+
+
+def _require_objects_outside(contact: Contact, motion: PointMotion, weight: float, gravity: float) -> None:
+    """The same of objects, in surfaces and in each other, and of the vehicle's points in objects."""
+    weights = [float(getattr(each, "mass", 0.0)) * gravity for each in contact.carriers]
+    for each in contact.meetings(contact.start(1.0, ()), motion):
+        touching = weight if each.by == NOBODY else weights[each.by]
+        borne = max(touching, 1e-9 if each.of == NOBODY else weights[each.of])
+        if float(each.touch.normal) > MOST * max(borne, 1e-9):
+            what = (
+                f"point {contact.points[each.index].name!r}"
+                if each.by == NOBODY
+                else repr(contact.carriers[each.by].name)
+            )
+            raise ValueError(
+                f"world: {what} starts {float(each.touch.depth):.3g} m inside {each.surface!r}, which would push "
+                f"it with {float(each.touch.normal):.3g} N: must start outside, or at rest by standing = true"
+            )

@@ -67,10 +67,10 @@ def _reference(scenario: Scenario, table: Any) -> dict[str, Any]:
     motion, joined = tables.joined(governed)
     setting = setting_of(scenario.world, scenario.duration)
     trajectory = reference_from(motion, scenario.world.vehicle.n, "reference", setting)
-    found = dataclasses.replace(scenario, trajectory=trajectory, joined=joined, path_time=None)
+    found = dataclasses.replace(scenario, trajectory=trajectory, joined=joined, path_time=None, pause=None)
     if options is not None:
         found = with_governor(found, options, setting)
-    return {"trajectory": trajectory, "joined": joined, "path_time": found.path_time}
+    return {"trajectory": trajectory, "joined": joined, "path_time": found.path_time, "pause": found.pause}
 
 
 def _of_reference(field: str) -> Callable[[Scenario, Any], dict[str, Any]]:

@@ -13,16 +13,18 @@ from skyarm.control.found_by_law import found_by_law
 from skyarm.environment import WindSample
 from skyarm.files import versions
 from skyarm.log.flight_log import IF_ANY, Array, Log
-from skyarm.log.log_columns import CONTACT_ARRAYS
 from skyarm.log.tip_positions import level_tip, tip
 from skyarm.metrics.windows import Windows
 from skyarm.records.identity import log_digest
 from skyarm.records.own_files import own_files
 from skyarm.records.plain import plain
+from skyarm.reference import Reference
+from skyarm.reference.phase_words import phase_numbers
 from skyarm.registry.plugins import identities
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.inputs import EpisodeInputs
+from skyarm.simulate.world_columns import logged_in_contact
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +34,7 @@ class Samples:
     Attributes:
         wind: its scalars (N,) or longer; numbers that stand for every instant.
         found: (N, k) what the law found out, or without columns.
+        led: of a reference that waits (``Sample.led``), likewise.
     """
 
     states: Array
@@ -39,6 +42,7 @@ class Samples:
     readings: Array
     wind: WindSample
     found: Array
+    led: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +98,7 @@ def _tables(piece: Piece) -> dict[str, Array]:
     vehicle = scenario.world.vehicle
     n, rotors, count = vehicle.n, len(vehicle.rotors), len(flown.states)
     x, u, m = flown.states, flown.commands, flown.readings
-    held, wind = inputs.held_reference, flown.wind
+    wind = flown.wind
     start, stop = piece.start, piece.start + count
 
     def table(record: Any, start: int = 0) -> Array:
@@ -103,28 +107,30 @@ def _tables(piece: Piece) -> dict[str, Array]:
         return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
     position, quaternion, joints = x[:, 0:3], x[:, 3:7], x[:, 13 : 13 + n]
-    free = inputs.reference_between(start, stop)
+    held, free, path_time, late = _references(inputs, flown, start, stop)
     tables = {
-        "position_held": table(held.position, start),
-        "velocity_held": table(held.velocity, start),
-        "joints_held": table(held.joints, start),
-        "joint_rates_held": table(held.joint_rates, start),
-        "yaw_held": table((held.yaw,), start)[:, 0],
+        "position_held": table(held.position, late),
+        "velocity_held": table(held.velocity, late),
+        "joints_held": table(held.joints, late),
+        "joint_rates_held": table(held.joint_rates, late),
+        "yaw_held": table((held.yaw,), late)[:, 0],
         "position_reference": table(free.position),
         "joints_reference": table(free.joints),
         "yaw_reference": table((free.yaw,))[:, 0],
         "wind_force": table(wind.force_W),
         "air_velocity": table(wind.air_velocity_W),
     }
-    if len(inputs.path_time):
-        tables["path_time"] = np.asarray(inputs.path_time)[start:stop]
-    own = {"held": table(held.tip, start), "reference": table(free.tip)} if free.tip else {}
+    if len(path_time):
+        tables["path_time"] = path_time
+    if scenario.trajectory.phases:
+        tables["phase"] = phase_numbers(scenario.trajectory, path_time)
+    own = {"held": table(held.tip, late), "reference": table(free.tip)} if free.tip else {}
     if vehicle.tilts:
         tables |= {"tilts": x[:, 13 + 2 * n + rotors :], "tilt_commands": u[:, rotors + n :]}
     if wind.held:
         tables["payload_mass"] = table(wind.held)
-    for i, name in enumerate(CONTACT_ARRAYS if wind.contacts else ()):
-        tables[name] = table(wind.contacts[i :: len(CONTACT_ARRAYS)])
+    for name, columns in logged_in_contact(scenario, wind.contacts).items():
+        tables[name] = table(columns)
     begin = 0
     for name, numbers in found_by_law(scenario.controller.memory).items():
         if flown.found.shape[1]:
@@ -153,6 +159,16 @@ def _tables(piece: Piece) -> dict[str, Array]:
     }
 
 
+def _references(
+    inputs: EpisodeInputs, flown: Samples, start: int, stop: int
+) -> tuple[Reference, Reference, Array, int]:
+    """Held and continuous reference, the reference's time, and the place in the first of what was flown first."""
+    if inputs.waits.guards:
+        return (*inputs.led(flown.led.T), 0)
+    led = flown.led[:, 0] if flown.led.shape[1] else np.asarray(inputs.path_time)[start:stop]
+    return inputs.held_reference, inputs.reference_between(start, stop), led, start
+
+
 def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
     """What a log says about itself."""
     rates, whole, files = scenario.rates, plain(scenario), own_files(scenario)
@@ -179,6 +195,7 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
         "versions": versions("numpy", "mujoco-core"),
         "plugins": identities(),
         "code": files,
+        **({"phases": [phase.name for phase in scenario.trajectory.phases]} if scenario.trajectory.phases else {}),
         "scenario_record": whole,
         "digest": log_digest(whole, files),
     }

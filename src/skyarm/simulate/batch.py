@@ -36,6 +36,7 @@ from skyarm.simulate.lane_arguments import (
 )
 from skyarm.simulate.lane_rules import LaneRules, require_draws, require_latencies
 from skyarm.simulate.lanes_and_changes import require_apart_from_changes
+from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.outcome import Outcome
 from skyarm.simulate.own_code_trials import try_own_code
 
@@ -153,7 +154,7 @@ class Batch:
         ended = rebuild(self._legs[-1].first, iter(list(carry.astype(float))))
         ticks = np.asarray(ended[0].ticks).astype(int)
         completed = ticks >= self.scenario.steps
-        status = self._statuses(columns, ended[0].state, ticks, ~completed)
+        status = self._statuses(columns, ended[0], ticks, ~completed)
         return Outcome(
             metrics=self._metrics(ended[1], ticks),
             # an ending may come in the very last period
@@ -176,15 +177,15 @@ class Batch:
             last, log = (leg, carry), [*log, *kept]
         return carry, log[0] if len(log) == 1 else np.concatenate(log)
 
-    def _statuses(self, columns: list[Array], state: State, ticks: Array, ended: Array) -> Array:
+    def _statuses(self, columns: list[Array], now: LoopState, ticks: Array, ended: Array) -> Array:
         """Status of each lane, by the scenario of the leg that it was left in."""
         if len(self._legs) == 1:
-            return self._legs[0].statuses(columns, state, ticks, ended)
+            return self._legs[0].statuses(columns, now, ticks, ended)
         found = np.full(len(ticks), "completed", dtype=object)
         for leg in self._legs:
             here = (ticks >= leg.periods.start) & ((ticks < leg.periods.stop) | (leg is self._legs[-1]))
             if here.any():
-                left = rebuild(state, iter([np.asarray(number)[here] for number in leaves(state)]))
+                left = rebuild(now, iter([np.asarray(number)[here] for number in leaves(now)]))
                 mine = [column[here] for column in columns]
                 found[here] = leg.statuses(mine, left, ticks[here], ended[here])
         return found.astype(str)

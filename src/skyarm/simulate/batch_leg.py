@@ -28,7 +28,9 @@ from skyarm.simulate.draws import draw_plan, draws_needed, start_draws
 from skyarm.simulate.first_state import component_groups, first_loop_state, first_surroundings
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop_state import LoopState, carried, structure_of
+from skyarm.simulate.path_clock import PathClock
 from skyarm.simulate.short_steps import require_short_steps
+from skyarm.simulate.stages import Stages
 
 Array = npt.NDArray[Any]
 
@@ -145,6 +147,7 @@ class Leg:
         def step(both: Any, values: tuple[Any, ...], fed: Any, uniforms: Any) -> tuple[Any, Any]:
             varied = self._varied(values)
             row, goals, inside = self._feed.read(varied, fed)
+            row = Stages(varied).led(both[0], row)
             period = make_counting_period(varied, substeps, options.wanted)
             following, sample = period(both, row, goals, inside, uniforms)
             wanted = row.reference.dense() if options.changing else row.reference
@@ -221,11 +224,12 @@ class Leg:
                 log += [kept] if start % every == 0 else []
         return carry, log
 
-    def statuses(self, columns: Sequence[Array], state: Any, ticks: Array, ended: Array) -> Array:
-        """Status of lanes that this leg left, from the states they were left in."""
+    def statuses(self, columns: Sequence[Array], now: LoopState, ticks: Array, ended: Array) -> Array:
+        """Status of lanes that this leg left, from the loops they were left in."""
         named = self.named(columns)
-        goals = self._feed.goals(named, np.minimum(ticks, self.scenario.steps - 1))
-        return statuses(self.scenario, named, state, goals, ended)
+        goals = self._feed.goals(named, np.minimum(ticks, self.scenario.steps - 1), now)
+        failed = np.asarray(now.clock.failed) > 0.5 if isinstance(now.clock, PathClock) else None
+        return statuses(self.scenario, named, now.state, goals, ended, failed)
 
     def require(self, columns: Sequence[Array]) -> None:
         """Refuse numbers of lanes that the code's steps do not bear.

@@ -20,10 +20,11 @@ from skyarm.metrics.accumulate import Goal
 from skyarm.reference import Publisher, Reference
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
-from skyarm.simulate.counting_period import goal_of
 from skyarm.simulate.inputs import EpisodeInputs
 from skyarm.simulate.lane_arguments import numbers_of, require_values, require_within_queue
-from skyarm.simulate.loop_state import Row
+from skyarm.simulate.loop_state import LoopState, Row
+from skyarm.simulate.path_clock import Waits
+from skyarm.simulate.tip_and_goal import goal_of
 
 Array = npt.NDArray[Any]
 
@@ -52,7 +53,10 @@ class Feed:
         flags = [np.asarray(masks[name], dtype=float) for name in self._flags]
         columns = [inputs.times, *flags]
         self.example: Any = (0.0, (0.0,) * len(flags))
-        if self._own_motion:
+        self._waits = bool(scenario.trajectory.guards)
+        if self._waits:
+            pass  # the loop has the reference's clock
+        elif self._own_motion:
             columns.append(self._held_times)
             self.example = (*self.example, 0.0)
         else:
@@ -72,12 +76,17 @@ class Feed:
         goal: Goal = program.record(list(evaluate(program, leaves(dense), self._scenario.steps)))
         return goal
 
-    def read(self, varied: Scenario, fed: Any) -> tuple[Row, tuple[Goal, Goal], dict[str, Any]]:
-        """A row as the closed loop takes it: row, (held, continuous) goal, window -> condition."""
+    def read(self, varied: Scenario, fed: Any) -> tuple[Row, tuple[Goal, ...], dict[str, Any]]:
+        """A row as the closed loop takes it: row, (held, continuous) goal, window -> condition.
+
+        Without goals where phases wait: the loop knows where its reference is.
+        """
         time, flags, *rest = fed
         inside: dict[str, Any] = dict.fromkeys(self._windows, True)
         inside |= {name: flag > 0.5 for name, flag in zip(self._flags, flags, strict=True)}
         vehicle = varied.world.vehicle
+        if self._waits:
+            return Row(time=time, reference=()), (), inside
         if self._own_motion:
             held, free = (varied.trajectory.at(t) for t in (rest[0], time))
             goals = goal_of(vehicle, held.dense()), goal_of(vehicle, free.dense())
@@ -96,8 +105,15 @@ class Feed:
         nodes = [c for c in goal_of(varied.world.vehicle, still).tool if isinstance(c, Node)]
         return any(node.op == "input" for node in live(nodes))
 
-    def goals(self, values: Mapping[str, Array], ticks: Array) -> Array:
-        """(lanes, 3) position of the held reference at each lane's instant, m."""
+    def goals(self, values: Mapping[str, Array], ticks: Array, now: LoopState) -> Array:
+        """(lanes, 3) position of the held reference at each lane's instant, m; ``now`` is how each lane was left."""
+        if self._waits:
+            motion = {path: column for path, column in values.items() if path.startswith("reference.")}
+            with np.errstate(all="ignore"):
+                waits = Waits(with_numbers(self._scenario, motion))
+                _, held, *offset = waits.times(now.clock, now.ticks)
+                place = waits.reference(np.asarray(held), offset).dense().position
+            return np.stack(_columns(place, len(ticks)), axis=1)
         if not self._own_motion:
             return np.stack(_columns(self._inputs.held_reference.dense().position, self._scenario.steps), axis=1)[ticks]
         motion = {path: column for path, column in values.items() if path.startswith("reference.")}

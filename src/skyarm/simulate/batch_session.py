@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
@@ -18,11 +19,10 @@ from skyarm.dynamics import State
 from skyarm.files import shown
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.largest_step import largest_step
-from skyarm.scalars import floor, where
+from skyarm.scalars import floor
 from skyarm.scenario.numbers import number_at, require_apart, with_numbers
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, noise_key
-from skyarm.simulate.check_endings import healthy
 from skyarm.simulate.draws import draw_plan, draws_needed, start_draws
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.lane_arguments import (
@@ -134,7 +134,9 @@ class BatchSession:
         self._carry = self._stepper.carry
         now: LoopState = rebuild(self._first, iter(list(self._carry)))
         self.state: State = now.state
-        self._check = trace(self._sound, self._base, 0.0, structure_of(self._first.state))
+        self._check = trace(
+            self._sound, self._base, 0.0, structure_of(self._first.state), structure_of(self._first.clock)
+        )
         self._alive, self._ticks = self._carry[0], self._carry[1]
         self.episodes: Array = np.zeros(lanes, dtype=np.int64)
         self._next, self._over = 0, False
@@ -156,7 +158,9 @@ class BatchSession:
         return with_numbers(self.scenario, dict(zip(self.paths, numbers, strict=True)))
 
     def _row(self, scenario: Scenario, ticks: Any) -> Row:
-        """A lane's own time and held reference."""
+        """A lane's own time and held reference; the loop has that of a task whose phases wait."""
+        if scenario.trajectory.guards:
+            return Row(time=ticks / float(self.scenario.rates.control), reference=())
         held = floor((ticks + 0.5) / float(self._ratio)) * float(self._ratio)
         rate = float(self.scenario.rates.control)
         return Row(time=ticks / rate, reference=scenario.trajectory.at(held / rate).dense())
@@ -164,10 +168,12 @@ class BatchSession:
     def _starting(self, numbers: tuple[Any, ...], *draws: tuple[Any, ...]) -> LoopState:
         return first_loop_state(self._varied(numbers), draws)
 
-    def _sound(self, numbers: tuple[Any, ...], ticks: Any, state: State) -> Any:
+    def _sound(self, numbers: tuple[Any, ...], ticks: Any, state: State, clock: Any) -> Any:
         """1 where no ending has come, else 0."""
-        varied = self._varied(numbers)
-        return where(healthy(varied, state, self._row(varied, ticks).reference.position), 1.0, 0.0)
+        stages = Stages(self._varied(numbers))
+        now = dataclasses.replace(self._first, ticks=ticks, clock=clock)
+        row = stages.led(now, self._row(stages.scenario, ticks))
+        return stages.check(1.0, state, row.reference, clock)
 
     def set(self, values: Mapping[str, Any], mask: Array | None = None) -> None:
         """Give lanes other numbers by path; they hold from the next step on, a start from the next episode on.
@@ -281,7 +287,8 @@ class BatchSession:
         if last.size:
             # against the held reference of the last period, as a single run does
             ticks = np.full(last.size, self.scenario.steps - 1.0)
-            columns = [*self._parameters[: len(self._base), last], ticks, *(leaf[last] for leaf in leaves(self.state))]
+            left = leaves((self.state, self.now.clock))
+            columns = [*self._parameters[: len(self._base), last], ticks, *(leaf[last] for leaf in left)]
             with np.errstate(all="ignore"):
                 sound = evaluate(self._check, [column.astype(float) for column in columns], last.size)[0]
             self.ended[last] = sound < 0.5

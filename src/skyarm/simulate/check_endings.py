@@ -11,10 +11,12 @@ import numpy.typing as npt
 
 from skyarm.algebra import Vec3
 from skyarm.compile import rebuild
+from skyarm.control.blocks.observed_push import observed_push
 from skyarm.dynamics import State
 from skyarm.plant.compiled import example_state
+from skyarm.reference.phase_words import failure_words
 from skyarm.scalars import logical_and
-from skyarm.scenario.endings import BUILT_IN, Ending, not_finite
+from skyarm.scenario.endings import BUILT_IN, PHASE_FAILED, Ending, not_finite
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
 
@@ -70,6 +72,18 @@ def ended_by(scenario: Scenario, time: float, x: Sequence[float], goal: Sequence
     return None
 
 
+def failed_phase(scenario: Scenario, time: float, clock: Any) -> Ended | None:
+    """The ending of a task whose phase failed, or None."""
+    if float(getattr(clock, "failed", 0.0)) < 0.5:
+        return None
+    # the clock has gone on to the next guard
+    guard = scenario.trajectory.guards[max(round(float(clock.guard)) - 1, 0)]
+    words = failure_words(scenario.trajectory, guard)
+    if guard.force is not None and observed_push(scenario.controller.memory) is None:
+        words += f"; law {scenario.controller.name} observes no force"
+    return Ended(PHASE_FAILED, words, time)
+
+
 def refused(scenario: Scenario, time: float, command: Sequence[float]) -> Ended | None:
     """The ending that a command means, or None."""
     cause = not_finite(scenario.world.vehicle, command)
@@ -80,7 +94,14 @@ OF_CAUSES = ("plant.vehicle.", "endings.", "world.")
 """Beginnings of the paths of numbers that decide what ends an episode."""
 
 
-def statuses(scenario: Scenario, values: Mapping[str, Array], state: State, goals: Array, ended: Array) -> Array:
+def statuses(
+    scenario: Scenario,
+    values: Mapping[str, Array],
+    state: State,
+    goals: Array,
+    ended: Array,
+    failed: Array | None = None,
+) -> Array:
     """Status of each lane of a batch, from the states they were left in.
 
     Args:
@@ -90,6 +111,7 @@ def statuses(scenario: Scenario, values: Mapping[str, Array], state: State, goal
         goals: (lanes, 3) position of the held reference at that time, m.
         ended: True where the lane stopped before its time. A lane that flew to the end is looked at once more, as a
             single run does after its last step.
+        failed: True where a phase of its task failed; None of a scenario whose phases do not wait.
     """
     # limits, the places of rotors and joints, and the endings' own numbers are all that the causes depend on
     kept = {
@@ -99,9 +121,11 @@ def statuses(scenario: Scenario, values: Mapping[str, Array], state: State, goal
         varied = with_numbers(scenario, kept)
     goal, lanes = Vec3(*goals.T), len(goals)
     every = endings_of(varied)
-    words = np.array(["completed", *(ending.status for ending in every)])
+    words = np.array(["completed", *(ending.status for ending in every), PHASE_FAILED])
     with np.errstate(all="ignore"):
         found = np.where(ended, 1, 0)  # a command that is not finite leaves a sound state behind
+        if failed is not None:
+            found = np.where(failed, len(words) - 1, found)
         for slack, asked in ((SLACK, ended), (0, np.ones(lanes, dtype=bool))):
             for index in range(len(every), 0, -1) if asked.any() else ():
                 fine = np.broadcast_to(np.asarray(every[index - 1].fine(varied, state, goal, slack)), (lanes,))

@@ -19,7 +19,7 @@ from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.scalars.philox import uniforms
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.assemble_log import Samples
-from skyarm.simulate.check_endings import Ended, ended_by, refused
+from skyarm.simulate.check_endings import Ended, ended_by, failed_phase, refused
 from skyarm.simulate.draws import draws_needed
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.inputs import EpisodeInputs
@@ -197,15 +197,17 @@ def samples(flown: Flown) -> Samples:
     first, command, reading = marks.tolist()
     wind = reading + len(leaves(columns.reading))
     rows = flown.rows
-    found = rows[:, rows.shape[1] - len(columns.found) :]
-    return Samples(rows[:, first:command], rows[:, command:reading], rows[:, reading:wind], columns.wind, found)
+    end = rows.shape[1] - len(columns.led)
+    found, led = rows[:, end - len(columns.found) : end], rows[:, end:]
+    return Samples(rows[:, first:command], rows[:, command:reading], rows[:, reading:wind], columns.wind, found, led)
 
 
 def ending(scenario: Scenario, inputs: EpisodeInputs, flown: Flown, tick: int) -> Ended | None:
     """Why the episode stopped after so many periods, in words."""
-    goal = inputs.goals[min(tick, scenario.steps - 1)].tolist()
+    goal = inputs.held_position(tick, flown.carry)
     time = tick / scenario.rates.control
     found = ended_by(scenario, time, leaves(flown.carry.state), goal)
+    found = found or failed_phase(scenario, time, flown.carry.clock)
     if flown.ended is None or found is not None:
         return found
     sample: Sample = rebuild(flown.sample, iter(flown.ended.tolist()))

@@ -24,6 +24,7 @@ from skyarm.simulate.first_state import component_groups, first_loop_state
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
 from skyarm.simulate.loop_state import LoopState, carried
 from skyarm.simulate.own_code_trials import try_own_code
+from skyarm.simulate.path_clock import PathClock
 from skyarm.simulate.session_code import SessionCode
 
 Array = npt.NDArray[np.float64]
@@ -136,6 +137,8 @@ class CompiledSteps:
 
     def reference(self) -> Reference:
         """The held reference of the next period."""
+        if isinstance(self.first.clock, PathClock):
+            return self._inputs.held_now(self.now)
         held: Reference = rebuild(self._inputs.reference_example, iter(self._rows[self.tick, 1:].tolist()))
         return held
 

@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from skyarm.algebra import Vec3
-from skyarm.dynamics import State, frame_pose
 from skyarm.metrics.accumulate import Goal, Instant, Total, counted
-from skyarm.reference import Reference
-from skyarm.scalars import cos, logical_and, sin, where
+from skyarm.scalars import logical_and, where
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop_state import LoopState, Row, Sample
 from skyarm.simulate.period import make_period
 from skyarm.simulate.stages import RigidBodySteps, Stages
-from skyarm.vehicle.vehicle_records import Vehicle
+from skyarm.simulate.tip_and_goal import goal_of, tool_of
 
 
 def make_counting_period(
@@ -32,11 +29,15 @@ def make_counting_period(
     def step(
         both: tuple[LoopState, tuple[Any, ...]],
         row: Row,
-        goals: tuple[Goal, Goal],
+        goals: tuple[Goal, ...],
         inside: Mapping[str, Any],
         uniforms: tuple[Any, ...],
     ) -> tuple[tuple[LoopState, tuple[Any, ...]], Sample]:
         loop, totals = both
+        row = stages.led(loop, row)
+        if not goals:
+            free = stages.waits.reference(row.path_time, stages.path_times(loop)[2:])
+            goals = goal_of(vehicle, row.reference.dense()), goal_of(vehicle, free.dense())
         following, sample = period(loop, row, uniforms)
         state, command = sample.state, sample.command
         first = loop.ticks < 0.5
@@ -49,32 +50,10 @@ def make_counting_period(
             held=goals[0],
             continuous=goals[1],
             lag=0.0 if isinstance(row.path_time, tuple) else row.time - row.path_time,
+            phase=stages.waits.phase(row.path_time),
         )
         alive = sample.alive > 0.5
         counts = {name: alive if within is True else logical_and(alive, within) for name, within in inside.items()}
         return (following, counted(totals, wanted, now, counts)), sample
 
     return step
-
-
-def tool_of(vehicle: Vehicle, state: State) -> Vec3:
-    """World position of the tip; of the base origin if the vehicle has none."""
-    if not vehicle.end_effector:
-        return state.position
-    held = frame_pose(vehicle, vehicle.frame(vehicle.end_effector), state.joints).p
-    return state.position + state.quaternion.rotation().apply(held)
-
-
-def goal_of(vehicle: Vehicle, reference: Reference) -> Goal:
-    """What a reference wants; its tool is the tip's own reference, or that of the level vehicle.
-
-    The latter is p_d + R_z(psi_d) p_e(th_d).
-    """
-    if reference.tip:
-        return Goal(position=reference.position, joints=reference.joints, tool=Vec3(*reference.tip))
-    tool = reference.position
-    if vehicle.end_effector:
-        held = frame_pose(vehicle, vehicle.frame(vehicle.end_effector), reference.joints).p
-        c, s = cos(reference.yaw), sin(reference.yaw)
-        tool = tool + Vec3(c * held.x - s * held.y, s * held.x + c * held.y, held.z)
-    return Goal(position=reference.position, joints=reference.joints, tool=tool)

@@ -15,6 +15,8 @@ from skyarm.sensors.measurement import blank_measurement
 from skyarm.sensors.sensor import NO_PUSH
 from skyarm.simulate.draws import start_draws
 from skyarm.simulate.loop_state import LoopState, SensorState
+from skyarm.simulate.pace_clock import Paces
+from skyarm.simulate.path_clock import Waits
 from skyarm.simulate.stages import Stages, commands_waiting, readings_waiting
 
 
@@ -38,6 +40,7 @@ def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Any]] | None =
     return LoopState(
         alive=1.0,
         ticks=0.0,
+        clock=Waits(scenario).first() if scenario.pause is None else Paces(scenario).first(),
         state=state,
         memory=scenario.controller.memory,
         queue=(standing,) * commands_waiting(scenario),

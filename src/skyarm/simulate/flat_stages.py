@@ -78,7 +78,11 @@ class FlatStages:
     """
 
     def __init__(self, stages: Stages, first: LoopState, row: Row) -> None:
-        self._stages, self._first, self._row = stages, first, row
+        self._stages, self._first, self._fed = stages, first, row
+        self._row = row
+        if first.clock != ():
+            reference, told, path_time = self._lead.example(0)
+            self._row = replace(row, reference=reference, told=told, path_time=path_time)
         self._traced = stages.scenario.controller.compiled
         # not from zeros: a component may refuse numbers that are not its own
         self._around = stages.surroundings(first.components, first.drives, 0.0)
@@ -86,36 +90,59 @@ class FlatStages:
         self.given: Flat | None = None
 
     @cached_property
+    def _lead(self) -> FlatFunction:
+        def program(ticks: Any, clock: Any, row: Row) -> tuple[Any, ...]:
+            now = replace(self._first, ticks=ticks[0], clock=clock)
+            fed = self._stages.led(now, row)
+            return ((fed.reference, fed.told, fed.path_time),)
+
+        return FlatFunction(program, ONE, self._first.clock, self._fed)
+
+    def led(self, now: Any, row: Any) -> Any:
+        """What the instant is fed, with the reference where its own clock stands."""
+        return (
+            replace(row, reference=self._lead(now.ticks, now.clock, (*row.time, *row.reference))[0])
+            if now.clock
+            else row
+        )
+
+    def path_times(self, now: Any) -> Flat:
+        """What the log keeps of a reference that waits."""
+        return self._times(now.ticks, now.clock)[0] if now.clock else ()
+
+    @cached_property
+    def _times(self) -> FlatFunction:
+        def program(ticks: Any, clock: Any) -> tuple[Any, ...]:
+            return (self._stages.path_times(replace(self._first, ticks=ticks[0], clock=clock)),)
+
+        return FlatFunction(program, ONE, self._first.clock)
+
+    @property
+    def led_count(self) -> int:
+        """How many numbers the log keeps of a reference that waits."""
+        return 0 if self._first.clock == () else len(self._stages.path_times(self._first))
+
+    @cached_property
     def _begin(self) -> FlatFunction:
-        def program(alive: Any, x: Any, queue: Any, m: Any, d: Any, row: Row, uniforms: Any) -> Begun:
-            now = replace(self._first, alive=alive[0], state=x, queue=queue, components=m, drives=d)
+        def program(alive: Any, x: Any, queue: Any, m: Any, d: Any, c: Any, row: Row, uniforms: Any) -> Begun:
+            now = replace(self._first, alive=alive[0], state=x, queue=queue, components=m, drives=d, clock=c)
             return begin(self._stages, now, row, uniforms)
 
         x = self._first
-        return FlatFunction(program, ONE, x.state, x.queue, x.components, x.drives, self._row, self._uniforms)
+        return FlatFunction(program, ONE, x.state, x.queue, x.components, x.drives, x.clock, self._row, self._uniforms)
 
     @cached_property
     def _respond(self) -> FlatFunction:
         def program(
-            alive: Any,
-            k: Any,
-            x: Any,
-            m: Any,
-            queue: Any,
-            s: Any,
-            e: Any,
-            d: Any,
-            row: Row,
-            u: Any,
-            f: Any,
-            p: Any,
-            draws: Any,
-        ) -> tuple[Any, ...]:
+            alive: Any, k: Any, x: Any, m: Any, queue: Any, s: Any, e: Any, d: Any, c: Any, row: Row, u: Any, f: Any,
+            p: Any, draws: Any,
+        ) -> tuple[Any, ...]:  # fmt: skip
             now = replace(self._first, ticks=k[0], state=x, memory=m, queue=queue, sensors=s, estimate=e, drives=d)
+            now = replace(now, clock=c)
             return respond(self._stages, now, row, Begun(alive[0], (), self._around, u, (), p), f, draws)[:-1]
 
         x = self._first
-        loop = x.state, x.memory, x.queue, x.sensors, x.estimate, x.drives
+        loop = x.state, x.memory, x.queue, x.sensors, x.estimate, x.drives, x.clock
         felt = x.state.velocity, self._pushes
         return FlatFunction(program, ONE, ONE, *loop, self._row, x.queue[0], *felt, self._uniforms)
 
@@ -141,10 +168,18 @@ class FlatStages:
             nothing: Any = ()
             read = Readings(sensors=(), estimate=(), reading=nothing, measurement=nothing)
             begun = Begun(alive[0], (), self._around, self._stages.acting(queue), ())
-            return issue(self._stages, now, begun, read, (), command)[:-1]
+            return issue(self._stages, now, begun, read, (), command, ())[:-1]
 
         x = self._first
         return FlatFunction(program, ONE, ONE, x.state, x.queue, x.drives, x.queue[0])
+
+    @cached_property
+    def _wait(self) -> FlatFunction:
+        def program(clock: Any, k: Any, told: Any, row: Row, memory: Any, command: Any) -> tuple[Any, ...]:
+            return (self._stages.wait(clock, k[0], told, row, memory, command),)
+
+        memory = self._first.memory if self._traced else ()
+        return FlatFunction(program, self._first.clock, ONE, self.told, self._row, memory, self._first.queue[0])
 
     @cached_property
     def wind(self) -> Any:
@@ -163,7 +198,7 @@ class FlatStages:
 
     def surround(self, now: Any, row: Any, uniforms: Flat) -> Begun:
         """What stands before the plant is first called."""
-        loop = now.alive, now.state, now.queue, now.components, now.drives
+        loop = now.alive, now.state, now.queue, now.components, now.drives, now.clock
         return Begun._make(self._begin(*loop, row.time, row.reference, uniforms))
 
     def begin(self, now: Any, row: Any, uniforms: Flat) -> Begun:
@@ -176,7 +211,7 @@ class FlatStages:
     def respond(self, now: Any, row: Any, begun: Begun, force: Flat, uniforms: Flat) -> Response:
         """What stands between the plant's two calls; raises where the command is refused."""
         if self._traced and self.given is None:
-            loop = now.state, now.memory, now.queue, now.sensors, now.estimate, now.drives
+            loop = now.state, now.memory, now.queue, now.sensors, now.estimate, now.drives, now.clock
             given = row.time, row.reference, begun.acting, force, begun.pushes, uniforms
             found = Response._make((*self._respond(begun.alive, now.ticks, *loop, *given), begun.around))
         else:
@@ -200,11 +235,17 @@ class FlatStages:
         if command is None:
             # a law that cannot be traced is called with records of floats; its memory is its own
             seen, fed = rebuild(self.told, iter(told)), rebuild(self._row, iter((*row.time, *row.reference)))
-            memory, decided = self._stages.decide(memory, seen, self._stages.joined(fed))
+            memory, decided = self._stages.decide(memory, seen, self._stages.joined(fed), fed.path_time)
             command = tuple(leaves(decided))
         parts = self._issue(begun.alive, now.ticks, now.state, now.queue, now.drives, command)
         found = Response._make((*parts, begun.around))
-        return found._replace(memory=memory, sensors=sensors, estimate=estimate, reading=reading, command=command)
+        clock: Flat = ()
+        if now.clock:
+            held = memory if self._traced else ()
+            (clock,) = self._wait(now.clock, now.ticks, told, (*row.time, *row.reference), held, command)
+        return found._replace(
+            memory=memory, sensors=sensors, estimate=estimate, reading=reading, command=command, clock=clock
+        )
 
     @cached_property
     def found_places(self) -> tuple[int, ...]:

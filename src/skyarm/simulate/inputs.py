@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -15,7 +16,9 @@ from skyarm.compile.tracing.array_evaluation import evaluate
 from skyarm.reference import Publisher, Reference
 from skyarm.reference.path_time import by_flight_time
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.simulate.loop_state import Row
+from skyarm.simulate.loop_state import LoopState, Row
+from skyarm.simulate.pace_clock import PaceClock, Paces
+from skyarm.simulate.path_clock import PathClock, Waits
 
 Array = npt.NDArray[Any]
 
@@ -56,6 +59,8 @@ class EpisodeInputs:
 
     def rows(self, start: int, stop: int) -> Array:
         """What the closed loop is fed at these instants, leaves of a :class:`Row`."""
+        if self.waits.guards:
+            return np.asarray(self.times[start:stop, None])
         fed = Row(time=self.times, reference=self.held_reference, told=self.told_reference, path_time=self.path_time)
         columns = (np.asarray(leaf, dtype=float) for leaf in leaves(fed))
         count = stop - start
@@ -65,7 +70,7 @@ class EpisodeInputs:
     def told_reference(self) -> Reference | tuple[()]:
         """The governed reference as published and held, a record of arrays; empty without a governor."""
         path = self.scenario.path_time
-        if path is None:
+        if path is None or self.scenario.pause is not None:
             return ()
         rates = self.scenario.rates
         publisher = Publisher(control_rate=rates.control, reference_rate=rates.reference)
@@ -78,13 +83,59 @@ class EpisodeInputs:
     def path_time(self) -> Array | tuple[()]:
         """(steps,) time of the governed reference, s; empty without a governor."""
         path = self.scenario.path_time
-        return () if path is None else np.asarray(path.derivatives(self.times)[0])
+        return () if path is None or self.scenario.pause is not None else np.asarray(path.derivatives(self.times)[0])
 
     @cached_property
     def row_example(self) -> Row:
         """What one instant is fed."""
+        if self.waits.guards:
+            return Row(time=0.0, reference=())
         told: Any = _example(self.told_reference) if self.told_reference else ()
         return Row(time=0.0, reference=self.reference_example, told=told, path_time=0.0 if told else ())
+
+    @cached_property
+    def waits(self) -> Waits:
+        """Guards of the reference's phases."""
+        return Waits(self.scenario)
+
+    def led(self, columns: Any) -> tuple[Reference, Reference, Array]:
+        """The held and the continuous reference of a scenario whose phases wait, and the reference's time, s.
+
+        Args:
+            columns: of what a sample has of it (``led``), (N,) each.
+        """
+        path_time, held_time, *offset = (np.asarray(column, dtype=float) for column in columns)
+        return self._at(held_time, offset), self._at(path_time, offset), path_time
+
+    def _at(self, times: Array, offset: Sequence[Any]) -> Reference:
+        program = self._moved if offset else self._program
+        found: Reference = program.record(list(evaluate(program, [times, *offset], len(times))))
+        return found
+
+    @cached_property
+    def _moved(self) -> Program:
+        return trace(lambda given: self.waits.reference(given[0], given[1:]), (0.0,) * 5)
+
+    def held_position(self, tick: int, now: LoopState) -> list[float]:
+        """Position of the held reference in a control period, m, that begins with a loop state."""
+        if not isinstance(now.clock, PathClock):
+            goal: list[float] = self.goals[min(tick, self.scenario.steps - 1)].tolist()
+            return goal
+        return [float(c) for c in self.held_now(now).position]
+
+    def held_now(self, now: LoopState) -> Reference:
+        """The held reference where the clock of a loop stands, as data."""
+        columns = [np.array([float(value)]) for value in self.waits.times(now.clock, now.ticks)]
+        held, _, _ = self.led(columns)
+        dense: Reference = held.dense()
+        return rebuild(dense, iter([float(np.asarray(leaf).reshape(-1)[0]) for leaf in leaves(dense)]))
+
+    def row_at(self, tick: int, now: LoopState) -> Row:
+        """What a control period is fed that begins with a loop state, with what the reference's own clock leads to."""
+        fed: Row = rebuild(self.row_example, iter(self.rows(tick, tick + 1)[0].tolist()))
+        if isinstance(now.clock, PaceClock):
+            return dataclasses.replace(fed, told=Paces(self.scenario).told(now.clock, now.ticks).dense())
+        return dataclasses.replace(fed, reference=self.held_now(now)) if isinstance(now.clock, PathClock) else fed
 
     @cached_property
     def goals(self) -> Array:

@@ -59,7 +59,7 @@ class LiveSteps(CompiledSteps):
             stages = Stages(varied)
             row = fed
             if self._own_motion:
-                row = Row(time=fed[0], reference=varied.trajectory.at(fed[1]))
+                row = Row(time=fed[0], reference=() if varied.trajectory.guards else varied.trajectory.at(fed[1]))
             return make_period(stages, RigidBodySteps(stages, substeps))(now, row, drawn)
 
         numbers = tuple(number_at(origin, path) for path in self._paths)

@@ -15,7 +15,6 @@ from skyarm.simulate import compiled_flight
 from skyarm.simulate.assemble_log import Piece, Samples, assemble, describe, joined
 from skyarm.simulate.check_endings import RUNNING, Ended
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
-from skyarm.simulate.pinned import pinned
 from skyarm.simulate.session import Session
 from skyarm.simulate.staged_flight import StagedFlight
 
@@ -42,16 +41,13 @@ def run(scenario: Scenario, progress: Progress | None = None, *, keep: Keep | No
     The rigid-body plant flies in machine code, unless the law cannot be traced. Where that code cannot be made a
     warning says so, and the episode flies in Python: slower, the same numbers to the last bit.
 
-    Changes in flight take hold in their control periods, as in a :class:`skyarm.Session` of the scenario. A reference
-    with guards is flown once more for each of them (:mod:`skyarm.simulate.pinned`).
+    Changes in flight take hold in their control periods, as in a :class:`skyarm.Session` of the scenario.
     """
     require_flight(scenario)
     if progress is not None and not callable(progress):
         raise ScenarioError(f"progress = {shown(progress)}: must be a function of periods flown and all")
     if keep is not None and not callable(keep):
         raise ScenarioError(f"keep = {shown(keep)}: must be a function of periods flown and of what gives their log")
-    if scenario.trajectory.guards:
-        scenario = pinned(scenario, run)
     if scenario.changes:
         return _run_with_changes(scenario, progress, keep)
     if scenario.plant == "rigid_body" and scenario.controller.compiled:
@@ -70,8 +66,6 @@ def run(scenario: Scenario, progress: Progress | None = None, *, keep: Keep | No
 def run_in_python(scenario: Scenario, progress: Progress | None = None, *, keep: Keep | None = None) -> Log:
     """Fly an episode as :func:`run` does, stage by stage in Python floats, on any plant and with any law."""
     require_flight(scenario)
-    if scenario.trajectory.guards:
-        scenario = pinned(scenario, run_in_python)
     if scenario.changes:
         return _to_its_end(Session(scenario, machine_code=False), progress, keep)
     flight = StagedFlight(scenario)

@@ -42,6 +42,7 @@ class LoopState:
         queue: commands on their way, oldest first; the first acts now.
         sensors: the full state's first, then the named ones. estimate: memory of the estimator.
         components: memories of air and forces. drives: memories of the joint drives.
+        clock: of a reference whose phases wait (:mod:`skyarm.simulate.path_clock`); () where none does.
     """
 
     alive: Scalar
@@ -53,18 +54,20 @@ class LoopState:
     estimate: Any
     components: tuple[Any, ...]
     drives: tuple[Any, ...]
+    clock: Any = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Row:
     """What a control instant is fed from outside: its time and the held reference.
 
+    Of a scenario whose phases wait it is the time alone; the loop puts the reference there, and ``path_time``.
     ``told`` is the governed sample that the law is told in its place and ``path_time`` the reference's time, s
     (:mod:`skyarm.reference.path_time`); without a governor both are empty: structure.
     """
 
     time: Scalar
-    reference: Reference
+    reference: Any
     told: Reference | tuple[()] = ()
     path_time: Scalar | tuple[()] = ()
 
@@ -73,8 +76,9 @@ class Row:
 class Sample:
     """What may be logged of a control instant.
 
-    ``reading`` is the full state as its sensor read it now; ``found`` is what the law found out,
-    of most laws nothing (:mod:`skyarm.control.found_by_law`).
+    ``reading`` is the full state as its sensor read it now; ``found`` is what the law found out, of most laws nothing
+    (:mod:`skyarm.control.found_by_law`); ``led`` is what :meth:`skyarm.simulate.path_clock.Waits.times` says of a
+    reference that waits.
     """
 
     alive: Scalar
@@ -83,6 +87,7 @@ class Sample:
     reading: Measurement
     wind: WindSample
     found: tuple[Scalar, ...] = ()
+    led: tuple[Scalar, ...] = ()
 
 
 def ended(now: LoopState) -> LoopState:
@@ -106,6 +111,11 @@ def carried(first: LoopState, now: LoopState, groups: Sequence[tuple[int, int]] 
             fields[name] = _grouped(new, old, groups or ((len(new), len(old)),))
         elif name == "drives" and len(new) == len(old):
             fields[name] = tuple(_kept(a, b) for a, b in zip(new, old, strict=True))
+        elif name == "clock" and new != () and mismatch(new, old, "clock"):
+            # another task: its time is the flight's
+            fields[name] = dataclasses.replace(
+                new, place=now.ticks, held=() if isinstance(new.held, tuple) else now.ticks
+            )
         else:
             fields[name] = _kept(new, old)
     return LoopState(**fields)

@@ -43,7 +43,7 @@ class Response(NamedTuple):
     Attributes:
         alive: 1 while the command is finite, too. ticks, memory, queue, sensors, estimate, drives: of the loop state.
         command: of the law. reading: of the full state's sensor. acting: the command that acts now.
-        around: surroundings, the drives having heard their setpoints.
+        clock: of a reference that waits. around: surroundings, the drives having heard their setpoints.
     """
 
     alive: Any
@@ -56,6 +56,7 @@ class Response(NamedTuple):
     command: Any
     reading: Any
     acting: Any
+    clock: Any
     around: Any
 
 
@@ -64,8 +65,8 @@ Period = Callable[[LoopState, Row, Any], tuple[LoopState, Sample]]
 
 def begin(stages: Any, now: LoopState, row: Row, uniforms: Any) -> Begun:
     """Endings, surroundings and the command that acts: the stages before the plant is first called."""
-    alive = stages.check(now.alive, now.state, row.reference)
-    components, around = stages.surround(now.components, now.drives, now.state, row.time, uniforms)
+    alive = stages.check(now.alive, now.state, row.reference, now.clock)
+    components, around = stages.surround(now.components, now.drives, now.state, row.time, uniforms, row.path_time)
     wind, pushes = stages.felt(around, now.state), stages.pushes(around, now.state)
     return Begun(alive, components, around, stages.acting(now.queue), wind, pushes)
 
@@ -75,11 +76,12 @@ def respond(stages: Any, now: LoopState, row: Row, begun: Begun, force: Any, uni
     read = stages.sense(
         now.sensors, now.estimate, now.ticks, now.state, force, begun.acting, row.time, uniforms, begun.pushes
     )
-    memory, command = stages.decide(now.memory, read.measurement, stages.joined(row))
-    return issue(stages, now, begun, read, memory, command)
+    memory, command = stages.decide(now.memory, read.measurement, stages.joined(row), row.path_time)
+    clock = stages.wait(now.clock, now.ticks, read.measurement, row, memory, command)
+    return issue(stages, now, begun, read, memory, command, clock)
 
 
-def issue(stages: Any, now: LoopState, begun: Begun, read: Any, memory: Any, command: Any) -> Response:
+def issue(stages: Any, now: LoopState, begun: Begun, read: Any, memory: Any, command: Any, clock: Any) -> Response:
     """Command line and drives: the stages after the law."""
     alive, queue, acting = stages.send(begun.alive, now.queue, command)
     drives = stages.drive(now.drives, begun.acting, acting, now.state)
@@ -94,6 +96,7 @@ def issue(stages: Any, now: LoopState, begun: Begun, read: Any, memory: Any, com
         command=command,
         reading=read.reading,
         acting=acting,
+        clock=clock,
         around=stages.with_drives(begun.around, drives),
     )
 
@@ -113,6 +116,7 @@ def make_period(
     """
 
     def period(now: LoopState, row: Row, uniforms: Any) -> tuple[LoopState, Sample]:
+        row = stages.led(now, row)
         begun = begin(stages, now, row, uniforms)
         force = plant.specific_force(now.state, begun.acting, begun.around)
         found = respond(stages, now, row, begun, force, uniforms)
@@ -127,6 +131,7 @@ def make_period(
             estimate=found.estimate,
             components=stages.gone_on(begun.components, coupled),
             drives=found.drives,
+            clock=found.clock,
         )
         sample = Sample(
             alive=found.alive,
@@ -135,6 +140,7 @@ def make_period(
             reading=found.reading,
             wind=begun.wind,
             found=stages.found(found.memory),
+            led=stages.path_times(now),
         )
         return stages.keep(found.alive, following, now), sample
 

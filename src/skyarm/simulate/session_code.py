@@ -35,9 +35,11 @@ class CommandedStages(Stages):
     given: Any = 0.0
     command: Any = None
 
-    def decide(self, memory: Any, measurement: Measurement, reference: Reference) -> tuple[Any, Command]:
+    def decide(
+        self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any = ()
+    ) -> tuple[Any, Command]:
         """The law, or the command that is given; the law's memory stays then."""
-        following, wanted = super().decide(memory, measurement, reference)
+        following, wanted = super().decide(memory, measurement, reference, path_time)
         own = self.given < 0.5
         return blend(own, following, memory), blend(own, wanted, self.command)
 
@@ -113,7 +115,8 @@ class SessionCode:
         def told(now: LoopState, values: Any, row: Row, drawn: Any) -> Measurement:
             stages = Stages(self._varied(values))
             plant = RigidBodySteps(stages, lambda _: 1)
-            _, around = stages.surround(now.components, now.drives, now.state, row.time, drawn)
+            row = stages.led(now, row)
+            _, around = stages.surround(now.components, now.drives, now.state, row.time, drawn, row.path_time)
             before = stages.acting(now.queue)
             force = plant.specific_force(now.state, before, around)
             pushes = stages.pushes(around, now.state)

@@ -20,12 +20,13 @@ from skyarm.scalars.philox import uniforms
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.assemble_log import Piece, Samples, joined
-from skyarm.simulate.check_endings import Ended, ended_by, going_on, refused
+from skyarm.simulate.check_endings import Ended, ended_by, failed_phase, going_on, refused
 from skyarm.simulate.first_state import component_groups, first_loop_state, first_surroundings
 from skyarm.simulate.flat_stages import EpisodeEndedError, FlatStages, FlatSteps, flatten
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
 from skyarm.simulate.loop_state import LoopState, Row, carried
 from skyarm.simulate.own_code_trials import try_own_code
+from skyarm.simulate.path_clock import PathClock
 from skyarm.simulate.period import make_period
 from skyarm.simulate.stages import Stages
 
@@ -91,7 +92,7 @@ class StagedFlight:
         except EpisodeEndedError as error:
             self.ended = self._why(k, error.command)
             return False
-        self._logged.append((sample.state, sample.command, sample.reading, sample.wind, sample.found))
+        self._logged.append((sample.state, sample.command, sample.reading, sample.wind, sample.found, sample.led))
         if self.tick == self.scenario.steps:
             self.ended = self._why(self.tick, None)
         return self.ended is None and self.tick < self.scenario.steps
@@ -116,8 +117,9 @@ class StagedFlight:
         time = k / self.scenario.rates.control
         if command is not None:
             return refused(self.scenario, time, command)
-        goal = self.inputs.goals[min(k, self.scenario.steps - 1)].tolist()
-        return ended_by(self.scenario, time, self._flat.state, goal)
+        now = self.now
+        goal = self.inputs.held_position(k, now)
+        return ended_by(self.scenario, time, self._flat.state, goal) or failed_phase(self.scenario, time, now.clock)
 
     def log(self) -> Log:
         """What was flown so far."""
@@ -133,14 +135,15 @@ class StagedFlight:
         examples = self.first.state, self.first.queue[0], self._stages.reading
         ends = np.cumsum([len(leaves(each)) for each in examples])
         rows = self._rows(start - self.begun, stop - self.begun)
-        width = rows.shape[1] - len(self._stages.found_places)
-        states, commands, readings, wind, found = np.split(rows, [*ends.tolist(), width], axis=1)
-        return Samples(states, commands, readings, rebuild(self._stages.wind, iter(wind.T)), found)
+        led = rows.shape[1] - self._stages.led_count
+        first = led - len(self._stages.found_places)
+        states, commands, readings, wind, found, led_by = np.split(rows, [*ends.tolist(), first, led], axis=1)
+        return Samples(states, commands, readings, rebuild(self._stages.wind, iter(wind.T)), found, led_by)
 
     def _rows(self, start: int, stop: int) -> Any:
         """What was logged: a row a period, the leaves of a sample but for ``alive``."""
         width = len(leaves((self.first.state, self.first.queue[0], self._stages.reading, self._stages.wind)))
-        width += len(self._stages.found_places)
+        width += len(self._stages.found_places) + self._stages.led_count
         numbers = chain.from_iterable(chain.from_iterable(self._logged[start:stop]))
         return np.fromiter(numbers, dtype=float, count=width * (stop - start)).reshape(-1, width)
 
@@ -160,12 +163,15 @@ class StagedFlight:
 
     def reference(self) -> Reference:
         """The held reference of the next period."""
+        if isinstance(self.first.clock, PathClock):
+            return self.inputs.held_now(self.now)
         held: Reference = rebuild(self.inputs.reference_example, iter(self._held[self.tick]))
         return held
 
     def measurement(self) -> Measurement:
         """What the law is told in the next period."""
-        now, stages, row, drawn = self._flat, self._stages, self._row(self.tick), self._draws(self.tick)
+        now, stages, drawn = self._flat, self._stages, self._draws(self.tick)
+        row = stages.led(now, self._row(self.tick))
         begun = stages.surround(now, row, drawn)
         force = self._plant.specific_force(now.state, begun.acting, begun.around)
         _, _, _, read = stages.sense(now, row, begun, force, drawn)

@@ -16,6 +16,7 @@ from skyarm.actuation import Command
 from skyarm.actuation.tilting import with_rest
 from skyarm.algebra import Vec3
 from skyarm.compile.tracing.repeat import repeat, repeat_while
+from skyarm.control.blocks.observed_push import observed_push
 from skyarm.control.found_by_law import numbers_found
 from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
@@ -25,12 +26,12 @@ from skyarm.estimate.estimator import FULL_STATE
 from skyarm.plant.compiled import Steps
 from skyarm.plant.coupled_memory import Memories, memories_of, with_memories
 from skyarm.plant.impact import after_impact
-from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate
+from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, far_step
 from skyarm.plant.surroundings import Surroundings, felt
 from skyarm.records.blend import blend
 from skyarm.reference import Reference
 from skyarm.scalars import absolute, floor, logical_and, where
-from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.tip_sensor import tip_sensor
 from skyarm.sensors.measurement import Measurement
 from skyarm.sensors.sensor import NO_PUSH, Push
@@ -47,6 +48,8 @@ from skyarm.simulate.draws import Draws, draw_plan
 from skyarm.simulate.felt_pushes import push_at
 from skyarm.simulate.joined_reference import joined_reference
 from skyarm.simulate.loop_state import LoopState, Row, SensorState, ended
+from skyarm.simulate.pace_clock import PaceClock, Paces
+from skyarm.simulate.path_clock import PathClock, Waits
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -67,13 +70,11 @@ class Stages:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        if scenario.trajectory.guards:
-            allowed = "has phases that wait (until): only skyarm.run finds how long; its log's scenario flies anywhere"
-            raise ScenarioError(f"reference of {scenario.name!r}: {allowed}")
         self.scenario = scenario
         self.period = 1.0 / scenario.rates.control
         self.components = scenario.components
         self.sensors = scenario.all_sensors
+        self.waits, self.paces = Waits(scenario), Paces(scenario)
         self.draws: Draws = draw_plan(scenario)
         self._law = checked_law(scenario.controller)
         model = scenario.controller.par.model
@@ -84,18 +85,58 @@ class Stages:
         # named sensors are measured each so many control periods
         self._every = tuple(round(scenario.rates.control / s.frequency) if s.frequency else 1 for _, s in self.sensors)
 
-    def check(self, alive: Any, state: State, reference: Reference) -> Any:
-        """Endings: 1 while the episode goes on, else 0."""
-        return where(logical_and(alive > 0.5, healthy(self.scenario, state, reference.position)), 1.0, 0.0)
+    def led(self, now: LoopState, row: Row) -> Row:
+        """What the instant is fed, with the reference where its own clock stands."""
+        if isinstance(now.clock, PaceClock):
+            told = row.told or self.paces.told(now.clock, now.ticks)
+            return dataclasses.replace(row, told=told, path_time=self.paces.path_time(now.clock))
+        if now.clock == () or row.reference != ():
+            return row
+        _, held, *offset = self.waits.times(now.clock, now.ticks)
+        path_time = self.waits.path_time(now.clock)
+        reference = self.waits.reference(held, offset)
+        if self.scenario.trajectory.load is not None:  # the gripper's command is of this period, not of a sample
+            load = self.scenario.trajectory.load.derivatives(path_time)[0]
+            reference = dataclasses.replace(reference, load=(load,))
+        return dataclasses.replace(row, reference=reference, path_time=path_time)
 
-    def surround(self, memories: Sequence[Any], drives: Sequence[Any], state: State, time: Any, uniforms: Any) -> Any:
+    def path_times(self, now: LoopState) -> tuple[Any, ...]:
+        """What the log keeps of a reference's own clock; () where it has none."""
+        if isinstance(now.clock, PaceClock):
+            return (self.paces.path_time(now.clock),)
+        return () if now.clock == () else self.waits.times(now.clock, now.ticks)
+
+    def wait(self, clock: Any, ticks: Any, measurement: Measurement, row: Row, memory: Any, command: Command) -> Any:
+        """The reference's own clock, one period later."""
+        if isinstance(clock, PaceClock):
+            return self.paces.following(clock, ticks, measurement, row.told, command)
+        if clock == ():
+            return ()
+        return self.waits.following(clock, ticks, self.waits.seen(measurement, row.reference, observed_push(memory)))
+
+    def check(self, alive: Any, state: State, reference: Reference, clock: Any = ()) -> Any:
+        """Endings: 1 while the episode goes on, else 0."""
+        fine = logical_and(alive > 0.5, healthy(self.scenario, state, reference.position))
+        if isinstance(clock, PathClock):
+            fine = logical_and(fine, clock.failed < 0.5)
+        return where(fine, 1.0, 0.0)
+
+    def surround(
+        self, memories: Sequence[Any], drives: Sequence[Any], state: State, time: Any, uniforms: Any,
+        path_time: Any = (),
+    ) -> Any:  # fmt: skip
         """Air, forces and faults of the period: memories as they go on, and what the plant is told."""
         going = tuple(
-            component.follow(memory, time, self._grasp(component, state))
+            component.follow(
+                memory, path_time if component.name in self.waits.loads else time, self._grasp(component, state)
+            )
             if isinstance(component, TimedPayload)
             else component.advance(memory, time, self.period, state, self.draws.of_component(i, uniforms))
             for i, (component, memory) in enumerate(zip(self.components, memories, strict=True))
         )
+        for i in self.coupled:
+            acted = self.components[i].act(going[i], time, PointMotion(self.scenario.world.vehicle, state))
+            going = (*going[:i], acted, *going[i + 1 :])
         return going, self.surroundings(going, drives, time)
 
     def _grasp(self, payload: TimedPayload, state: State) -> Grasp:
@@ -175,10 +216,12 @@ class Stages:
         full: Any = first
         return Readings(sensors=tuple(going), estimate=memory, reading=full, measurement=measurement)
 
-    def decide(self, memory: Any, measurement: Measurement, reference: Reference) -> tuple[Any, Command]:
+    def decide(
+        self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any = ()
+    ) -> tuple[Any, Command]:
         """The law."""
-        controller = self.scenario.controller
-        following, command = self._law(memory, measurement, reference, self.period, par=controller.par)
+        par = self.waits.believing(self.scenario.controller.par, path_time)
+        following, command = self._law(memory, measurement, reference, self.period, par=par)
         return following, with_rest(self.scenario.world.vehicle, command)
 
     def send(self, alive: Any, queue: Sequence[Command], command: Command) -> tuple[Any, tuple[Command, ...], Command]:
@@ -238,7 +281,9 @@ class StagesByActions(Stages):
         super().__init__(scenario)
         self._command = command
 
-    def decide(self, memory: Any, measurement: Measurement, reference: Reference) -> tuple[Any, Command]:
+    def decide(
+        self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any = ()
+    ) -> tuple[Any, Command]:
         """The command from outside."""
         return memory, with_rest(self.scenario.world.vehicle, self._command)
 
@@ -286,18 +331,23 @@ class RigidBodySteps:
 
     def _held(self, now: Moved, command: Command, around: Surroundings, seconds: Any) -> Moved:
         count = self._substeps(seconds if type(seconds) is float else self._period)
-        step, world = COUPLED_STEP[self._scenario.integrator], self._scenario.world
-        rounds: Any = count
-        if isinstance(count, Steps):
-            motion = PointMotion(world.vehicle, now[0])
-            there = around.with_coupled(now[1]).far(motion, seconds)
-            rounds = where(there, float(count.far), float(count))
-        dt = seconds / rounds
+        name, world = self._scenario.integrator, self._scenario.world
 
         def stepped(both: Moved) -> Moved:
-            return step(world, both[0], command, with_memories(around, both[1]), dt)
+            return COUPLED_STEP[name](world, both[0], command, with_memories(around, both[1]), seconds / count)
 
-        return repeat(count, stepped, now) if rounds is count else repeat_while(count, rounds, stepped, now)
+        far: Any = False
+        if isinstance(count, Steps):
+            motion = PointMotion(world.vehicle, now[0])
+            far = around.with_coupled(now[1]).far(motion, seconds)
+        if not isinstance(count, Steps) or far is False:
+            return repeat(count, stepped, now)
+
+        def apart(both: Moved) -> Moved:
+            return far_step(name, world, both, command, around, seconds / count.far, count.rounds)
+
+        now = repeat_while(count, where(far, 0.0, float(count)), stepped, now)
+        return repeat_while(count.far, where(far, float(count.far), 0.0), apart, now)
 
 
 def commands_waiting(scenario: Scenario) -> int:

@@ -87,6 +87,7 @@ def hovering(scenario: Scenario) -> Scenario:
         scenario,
         trajectory=still,
         path_time=None,
+        pause=None,
         duration=SETTLING,
         wind=NO_WIND,
         faults=(),
@@ -192,5 +193,8 @@ def frozen_instants(flight: Scenario, count: int) -> Iterator[Frozen]:
         if now.alive < 0.5:
             return
         yield Frozen(
-            time=float(inputs.times[until]), differentiator=differentiator, carry=now, row=rows[until].tolist()
+            time=float(inputs.times[until]),
+            differentiator=differentiator,
+            carry=now,
+            row=leaves(inputs.row_at(until, now)),
         )

@@ -79,7 +79,7 @@ class Differentiator:
             self._ages = steps[0] // ratio, steps[1] // ratio
             self._joints_lates = (np.arange(ratio) + steps[1] - steps[0]) % ratio / scenario.rates.physics
         self._point = open_point(first, self._ages, len(scenario.power))
-        row = inputs.row_example
+        row = inputs.row_at(0, first)
 
         def step(point: OpenPoint, given: tuple[Any, ...], fed: Row, _uniforms: Any) -> tuple[OpenPoint, Any]:
             return point, self._outputs(point, given, fed)

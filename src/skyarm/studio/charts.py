@@ -1,4 +1,4 @@
-"""Plots beside the scene: tip error, tilt, joint efforts and rotor speeds of every law over the last seconds."""
+"""Plots beside the scene: tip error, tilt, contact, efforts and rotor speeds of every law over the last seconds."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class Chart:
 
 
 def charts(gui: Any, flights: Sequence[Flight]) -> list[Chart]:
-    """The four plots of some flights."""
+    """The plots of some flights: four, and one of contact where there is a world."""
     links = flights[0].first.world.vehicle.links if flights else ()
     # of joints whose drives take another setpoint no effort is known
     torques = [i for i in range(len(links)) if not any(flight.first.told[i] for flight in flights)]
@@ -93,6 +93,11 @@ def charts(gui: Any, flights: Sequence[Flight]) -> list[Chart]:
         Chart(gui, "tip error (mm)", flights, {"": lambda seen: 1e3 * seen.error}),
         Chart(gui, "tilt (deg)", flights, {"": lambda seen: math.degrees(seen.tilt)}),
     ]
+    surfaces = (
+        [surface.name for contact in flights[0].first.contacts for surface in contact.surfaces] if flights else []
+    )
+    if surfaces:
+        found.append(Chart(gui, "contact force (N)", flights, {name: _force(name) for name in surfaces}))
     if torques:
         efforts = {links[i].joint.name: _effort(i, 100.0 if limited else 1.0) for i in torques}
         title = "joint efforts (% of limit)" if limited else "joint efforts (N m or N)"
@@ -101,6 +106,11 @@ def charts(gui: Any, flights: Sequence[Flight]) -> list[Chart]:
     if flights and flights[0].first.world.vehicle.rotors:
         found.append(Chart(gui, "slowest and fastest rotor (% of limit)", flights, rotors, 100.0))
     return found
+
+
+def _force(surface: str) -> Column:
+    """Sum of a surface's normal forces on the vehicle, N."""
+    return lambda seen: sum(each.normal for each in seen.touching if each.surface == surface)
 
 
 def _limit(flight: Flight, joint: int) -> float:

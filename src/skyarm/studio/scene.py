@@ -1,4 +1,4 @@
-"""The vehicles, what pushes on them and where they should be, as nodes of a viser scene."""
+"""The vehicles, and where they should be, as nodes of a viser scene."""
 
 from __future__ import annotations
 
@@ -11,22 +11,17 @@ import numpy as np
 from skyarm.drawing.meshes import blade_mesh, mesh_of
 from skyarm.drawing.pose_program import Array, Placed, quaternions_of
 from skyarm.drawing.shapes import Shape, turn_onto
+from skyarm.drawing.tilted_rotors import disc_name, rotor_turns
 from skyarm.drawing.vehicle_shapes import payload_shape, rotor_radius, vehicle_shapes
-from skyarm.studio.sights import Sight
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Vehicle
 
 COLORS = ((38, 110, 190), (214, 105, 30), (44, 140, 80))
 """Of the first, second and third law, here and in the plots: blue, orange, green."""
 
-GREY, GHOST, LOST, THRUST = (90, 96, 105), (130, 130, 140), (200, 40, 40), (240, 190, 40)
-WIND, PUSHED, OBSERVED = (70, 170, 220), (225, 60, 60), (150, 80, 190)
-
-TONES = {"hull": 1.0, "boom": 0.75, "rotor": 0.5, "link": 0.85, "joint": 0.6, "tip": 1.15, "payload": 0.4}
+GREY, GHOST, LOST = (90, 96, 105), (130, 130, 140), (200, 40, 40)
+TONES = {"hull": 1.0, "boom": 0.75, "rotor": 0.5, "link": 0.85, "joint": 0.6, "tip": 1.15, "point": 1.4, "payload": 0.4}
 """Role of a shape -> how bright its law's colour is."""
-
-NEWTON = 0.08
-"""m of arrow per newton. Air: the same per metre a second."""
 
 SLOWED = 40.0
 """Times that rotors are drawn slower than they turn."""
@@ -34,12 +29,6 @@ SLOWED = 40.0
 STILL = 1e-4
 """m, and components of a quaternion, below which a node stays as it was sent: an eighth of a pixel from where tabs look
 on. It counts from what was sent last, so that slow motion does not add up."""
-
-SHORTEST = 0.01
-"""m of arrow below which none is drawn."""
-
-TRAIL = 4.0
-"""s of tip trail."""
 
 
 class VehicleNodes:
@@ -49,6 +38,7 @@ class VehicleNodes:
         scene: of viser. name: beginning of the nodes' names.
         vehicle: with concrete numbers. color: of its law.
         plain: without shadows. opacity: None draws all of it, with rotors; a ghost has none.
+        points: marks of what may touch the world.
     """
 
     def __init__(
@@ -60,6 +50,7 @@ class VehicleNodes:
         *,
         plain: bool = False,
         opacity: float | None = None,
+        points: Sequence[Shape] = (),
     ) -> None:
         self._scene, self._name, self._vehicle, self._opacity = scene, name, vehicle, opacity
         self._look = {"opacity": opacity, "cast_shadow": not plain and opacity is None, "receive_shadow": False}
@@ -70,8 +61,11 @@ class VehicleNodes:
         self._sent_turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(vehicle.moving) + 1, 1))
         self._sent_places = np.zeros((len(vehicle.moving) + 1, 3))
         self._meshes: list[tuple[Any, float]] = []
-        for shape in vehicle_shapes(vehicle):
-            self._add(shape, color)
+        self._discs: dict[str, Any] = {}
+        for shape in (*vehicle_shapes(vehicle), *points):
+            node = self._add(shape, color)
+            if shape.role == "rotor":
+                self._discs[shape.name] = node
         self._blades = None if opacity is not None or not vehicle.rotors else self._add_blades()
         self._turned = np.zeros(len(vehicle.rotors))
         self._payload: tuple[float, Any] = (0.0, None)
@@ -138,6 +132,22 @@ class VehicleNodes:
         spun = _times(np.concatenate([np.cos(half), np.sin(half) * self._ups], axis=1), self._lifts)
         self._blades.batched_wxyzs = spun.astype(np.float32)
 
+    def tilt(self, angles: Sequence[Any]) -> None:
+        """Turn the discs and blades of the rotors that tilt, rad; nothing of a vehicle without any."""
+        if not self._vehicle.tilts:
+            return
+        turns = rotor_turns(self._vehicle, np.array([[float(a) for a in angles]]))
+        for i, rotor in enumerate(self._vehicle.rotors):
+            name, axis = disc_name(rotor.name), rotor.axis
+            if name not in turns:
+                continue
+            turn, hub = turns[name][0], np.array([float(c) for c in rotor.position])
+            disc = self._discs[name]
+            disc.wxyz, disc.position = quaternions_of(turn[None])[0], hub - turn @ hub
+            if self._blades is not None:
+                lift = turn @ np.array(turn_onto((float(axis.x), float(axis.y), float(axis.z))))
+                self._lifts[i], self._ups[i] = quaternions_of(lift[None])[0], lift[:, 2]
+
     def carry(self, mass: float) -> None:
         """Show a payload at the tip, kg; none where it weighs nothing."""
         held, node = self._payload
@@ -161,72 +171,6 @@ class VehicleNodes:
     def remove(self) -> None:
         """Take it out of the scene, with all that hangs on it."""
         self._base.remove()
-
-
-class Arrows:
-    """Forces on one vehicle, and the air that it meets: an arrow each, in world axes.
-
-    Args:
-        scene: of viser.
-        name: of the node.
-        vehicle: with concrete numbers.
-        place: (3,) m, where it is at first.
-    """
-
-    def __init__(self, scene: Any, name: str, vehicle: Vehicle, place: Array) -> None:
-        rotors, count = vehicle.rotors, len(vehicle.rotors)
-        self._hubs = np.array([[float(c) for c in rotor.position] for rotor in rotors]).reshape(count, 3)
-        axes = np.array([[float(c) for c in rotor.axis] for rotor in rotors]).reshape(count, 3)
-        self._thrusts = axes * np.array([[NEWTON * float(rotor.thrust_coefficient)] for rotor in rotors]).reshape(
-            count, 1
-        )
-        colors = np.array([THRUST] * count + [WIND, PUSHED, OBSERVED], dtype=np.uint8)
-        self._points = np.tile(place, (count + 3, 2, 1)).astype(np.float32)
-        self._node = scene.add_arrows(
-            name, self._points, colors, shaft_radius=0.004, head_radius=0.011, head_length=0.022
-        )
-
-    def point(self, last: Sight, speeds: Array, placed: Placed, beside: Array) -> None:
-        """Draw what acts now.
-
-        Args:
-            last: what was seen last.
-            speeds: of the rotors, rad/s.
-            placed: where the bodies are.
-            beside: (3,) m, how far beside its own place the vehicle is drawn.
-        """
-        seen = np.zeros(3) if last.observed is None else np.array([float(c) for c in last.observed])
-        R, p = placed.rotations[0], placed.positions[0] + beside
-        arrows = np.zeros_like(self._points)
-        arrows[:-3, 0] = p + self._hubs @ R.T
-        arrows[:-3, 1] = arrows[:-3, 0] + (self._thrusts * (speeds**2)[:, None]) @ R.T
-        above = p + np.array([0.0, 0.0, 0.22])
-        arrows[-3] = above - last.air * NEWTON, above
-        arrows[-2] = p - last.pushed * NEWTON, p
-        arrows[-1] = p, p + seen * NEWTON
-        # the head of an arrow is drawn however short it is: inside the hull nobody sees it
-        short = ((arrows[:, 1] - arrows[:, 0]) ** 2).sum(axis=1) < SHORTEST**2
-        arrows[short] = p
-        if np.isfinite(arrows).all() and np.abs(arrows - self._points).max() > STILL:
-            self._points = arrows
-            self._node.points = arrows
-
-    def show(self, visible: bool) -> None:
-        """Show or hide them."""
-        self._node.visible = visible
-
-    def remove(self) -> None:
-        """Take them out of the scene."""
-        self._node.remove()
-
-
-def trail(sights: Sequence[Any], beside: Array) -> Array:
-    """(N, 2, 3) segments of the tip's way."""
-    tips = np.array([seen.tip for seen in sights], dtype=np.float32).reshape(-1, 3) + beside
-    if len(tips) < 2:
-        tips = np.zeros((2, 3))
-    segments: Array = np.stack([tips[:-1], tips[1:]], axis=1).astype(np.float32)
-    return segments
 
 
 def _toned(color: Sequence[int], tone: float) -> tuple[int, int, int]:

@@ -10,11 +10,15 @@ from typing import Any
 import numpy as np
 
 from skyarm.algebra import Vec3
+from skyarm.contact import Contact
+from skyarm.contact.carried_contact import NOBODY
 from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.drawing.pose_program import Array, Placed, PoseProgram
+from skyarm.dynamics.point_motion import PointMotion
 from skyarm.plant.surroundings import Surroundings, felt
 from skyarm.records.leaves import is_record, parts
 from skyarm.reference import Reference
+from skyarm.reference.tip_push import TipPush
 from skyarm.simulate.live_session import LiveSession
 from skyarm.simulate.session import Session
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -26,12 +30,14 @@ class Sight:
 
     Attributes:
         tick: control periods flown. time: s.
-        tip: its position, world axes, m. error: its distance from where it should be, m.
+        tip: its position, world axes, m. error: its distance from where it should be, m; across the
+            believed normal while it shall press.
         tilt: of the base's z axis against the vertical, rad.
         efforts: share of each joint's limit that its setpoint takes; N m or N of a joint without a limit.
         rotors: share of each rotor's highest speed.
         air: velocity of the air at the base, world axes, m/s. pushed: force on the base of all that surrounds it, N.
         observed: force on the base that the law's observer has found, N, world axes; None without an observer.
+        touching: what the surfaces of the world do to the points of the vehicle; empty without a world.
     """
 
     tick: int
@@ -44,6 +50,27 @@ class Sight:
     air: Array
     pushed: Array
     observed: Vec3 | None
+    touching: tuple[Touching, ...] = ()
+
+    @property
+    def contact(self) -> float:
+        """Sum of all normal forces on the vehicle, N."""
+        return sum(each.normal for each in self.touching)
+
+
+@dataclass(frozen=True, slots=True)
+class Touching:
+    """One surface and one point now.
+
+    Attributes:
+        surface: its name. normal: N.
+        spot: (3,) where it acts, world axes, m. force: (3,) N on the vehicle, with friction.
+    """
+
+    surface: str
+    normal: float
+    spot: Array
+    force: Array
 
 
 def sight(session: LiveSession | Session, program: PoseProgram) -> Sight:
@@ -59,14 +86,48 @@ def sight(session: LiveSession | Session, program: PoseProgram) -> Sight:
         tick=session.tick,
         time=time,
         tip=placed.tip,
-        error=math.dist(placed.tip, goal.tip),
+        error=_error(getattr(scenario.trajectory, "push", None), placed.tip - goal.tip, time),
         tilt=math.acos(min(1.0, max(-1.0, upward))) if math.isfinite(upward) else math.pi,
         efforts=_efforts(vehicle, now.queue[-1].efforts),
         rotors=tuple(float(w) / float(r.max_speed) for w, r in zip(state.rotor_speeds, vehicle.rotors, strict=True)),
         air=np.array([float(c) for c in outside.air_velocity_W]),
         pushed=np.array([float(c) for c in outside.force_W]),
         observed=observed_force(now.memory),
+        touching=touching(scenario.components, now.components, PointMotion(vehicle, state))
+        if scenario.contacts
+        else (),
     )
+
+
+def touching(components: Sequence[Any], memories: Sequence[Any], motion: PointMotion) -> tuple[Touching, ...]:
+    """What every surface does to every point now.
+
+    Args:
+        components: of the scenario, with their memories.
+        memories: one for each.
+        motion: of the vehicle.
+    """
+    found = []
+    for contact, memory in zip(components, memories, strict=True):
+        if not isinstance(contact, Contact):
+            continue
+        pairs = zip(contact.pairs, contact.touches(memory, motion), strict=True)
+        own = [(surface.name, point, touch) for (surface, point), touch in pairs]
+        meetings = [each for each in contact.meetings(memory, motion) if each.by == NOBODY]
+        own += [(each.surface, contact.points[each.index], each.touch) for each in meetings]
+        for surface, point, touch in own:
+            at, body = point.place(motion.vehicle)
+            spot = np.array([float(c) for c in motion.position(at, body) + touch.spot])
+            force = np.array([float(c) for c in touch.force])
+            found.append(Touching(surface, float(touch.normal), spot, force))
+    return tuple(found)
+
+
+def _error(push: TipPush | None, away: Array, time: float) -> float:
+    """Distance of the tip from where it should be, m: across the believed normal while it shall press."""
+    if push is not None:
+        away = np.array([float(c) for c in push.across(Vec3(*map(float, away)), time)])
+    return float(np.linalg.norm(away))
 
 
 def goal_of(program: PoseProgram, reference: Reference) -> Placed:

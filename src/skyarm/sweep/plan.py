@@ -153,6 +153,20 @@ def _changed_together(study: Study, scenario: Scenario, path: str, numbers: Mapp
         raise StudyError(f'{study.source}: derived."{path}"{reached}: {error}') from None
 
 
+def fastest_plant(scenario: Scenario, ends: Mapping[str, tuple[float, float]]) -> Scenario:
+    """The scenario that asks for the shortest integration steps while each number is anywhere between its ends.
+
+    Args:
+        scenario: as it is.
+        ends: path -> least and greatest number.
+
+    Raises:
+        StudyError: a vehicle that cannot be, with the path and the value that make it so.
+    """
+    study = Study(name=scenario.name, source=scenario.name, scenarios={}, vary={}, episodes=1, document={})
+    return _stiffest(study, scenario, ends, ())
+
+
 def _stiffest(
     study: Study,
     scenario: Scenario,

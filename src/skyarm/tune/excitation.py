@@ -96,6 +96,7 @@ def excited(scenario: Scenario, law: str | None = None, *, own_motion: bool = Fa
             found,
             trajectory=(unseen_motion if unseen else motion)(scenario.world.vehicle),
             path_time=None,
+            pause=None,
             duration=UNSEEN.stop if unseen else DURATION,
             windows=Windows(steady=UNSEEN if unseen else Window(SETTLED, BLOWN), gust=Window(BLOWN, STEPPED)),
         )

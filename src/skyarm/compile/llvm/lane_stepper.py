@@ -25,10 +25,13 @@ class LaneStepper:
     made anew after a fork. :meth:`close` ends them, as does the end of the kernel.
 
     Args:
-        kernel: without logging. lanes: how many. seed: key of the random numbers. threads: most that work.
+        kernel: of one row a step; what it logs of it is written anew by each. lanes: how many.
+        seed: key of the random numbers; of a loop with own seeds, until :meth:`begin` gives others. threads: most that
+            work.
 
     Attributes:
         carry, parameters: (leaves, lanes) views that a step reads and writes in place. row: shared by all lanes.
+        logged: (logged, lanes) view on what the last step logged; without logging it has no rows.
     """
 
     def __init__(self, kernel: Kernel, lanes: int, *, seed: int = 0, threads: int = 1) -> None:
@@ -40,9 +43,12 @@ class LaneStepper:
         self._carry = np.zeros((loop.carry, stride), dtype)
         self._parameters = np.zeros((loop.parameters, stride), dtype)
         self._row = np.zeros((1, loop.row), dtype)
-        self._log = np.zeros((0, loop.logged, stride), dtype)
-        self._keys = np.zeros(1 + stride, dtype=np.uint64)
-        self._keys[0] = seed
+        self._log = np.zeros((1, loop.logged if kernel.logging else 0, stride), dtype)
+        self.logged: Array = self._log[0, :, :lanes]
+        # [seed, episode of every lane], and the seed of every lane where they have their own
+        self._keys = np.zeros(1 + stride * (2 if loop.own_seeds else 1), dtype=np.uint64)
+        self._keys[0], self._keys[1 + stride :] = seed, seed
+        self._seeds = self._keys[1 + stride :]
         self._tick = 0
         self.carry, self.parameters, self.row = self._carry[:, :lanes], self._parameters[:, :lanes], self._row[0]
         arrays = (self._carry, self._parameters, self._row, self._log, self._keys)
@@ -80,14 +86,19 @@ class LaneStepper:
         """Another key of the random numbers."""
         self._keys[0] = seed
 
-    def begin(self, where: Array, episodes: Array) -> None:
+    def begin(self, where: Array, episodes: Array, seeds: Array | None = None, first: int = 0) -> None:
         """Begin episodes: the random numbers of these lanes are keyed by them, and by steps counted from here.
 
         Args:
             where: (m,) numbers of the lanes.
             episodes: (m,) whole numbers of 32 bits.
+            seeds: (m,) of these lanes, in a loop with own seeds.
+            first: number of the next step.
         """
-        self._keys[1 + where] = episodes.astype(np.uint64) | np.uint64(-self._tick % 2**32 << 32)
+        ahead = (first - self._tick) % 2**32
+        self._keys[1 + where] = episodes.astype(np.uint64) | np.uint64(ahead << 32)
+        if seeds is not None:
+            self._seeds[where] = seeds
 
     def step(self) -> None:
         """One step.

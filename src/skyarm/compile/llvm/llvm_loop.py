@@ -46,6 +46,8 @@ def assembly(loop: Loop, lanes: Lanes, *, logging: bool) -> str:
     if loop.uniforms:
         writer.do("  %episodes.at = getelementptr i64, ptr %keys, i64 %offset")
         writer.do("  %episodes.ptr = getelementptr i64, ptr %episodes.at, i64 1")
+        if loop.own_seeds:
+            writer.do("  %seeds.ptr = getelementptr i64, ptr %episodes.ptr, i64 %lanes")
     writer.do("  br label %head")
     writer.do("head:")
     writer.do("  %i = phi i64 [ %begin, %block ], [ %i.next, %latch ]")
@@ -61,7 +63,7 @@ def assembly(loop: Loop, lanes: Lanes, *, logging: bool) -> str:
         if node.index in used:
             writer.names[node.index] = _row(writer, i, loop.row)
     if loop.uniforms:
-        for node, name in zip(draws, write_uniforms(writer, loop.uniforms), strict=True):
+        for node, name in zip(draws, write_uniforms(writer, loop.uniforms, own_seeds=loop.own_seeds), strict=True):
             writer.names[node.index] = name
     writer.program(varying)
     results = [writer.names[node.index] for node in loop.program.outputs]

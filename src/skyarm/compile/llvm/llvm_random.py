@@ -16,12 +16,13 @@ LOW = 0xFFFFFFFF
 Splat = Callable[[int], str]
 
 
-def write_uniforms(writer: Writer, draws: Sequence[tuple[int, int]]) -> list[str]:
+def write_uniforms(writer: Writer, draws: Sequence[tuple[int, int]], *, own_seeds: bool = False) -> list[str]:
     """Write the draws of this step; returns the names of vectors of numbers in (0, 1).
 
     Args:
         writer: of the loop's function.
         draws: (channel, how many numbers) pairs.
+        own_seeds: the seed of each lane stands at ``%seeds.ptr``, in place of the one for all in ``%keys``.
 
     The function has ``%keys`` = [seed, key of every lane] as 64-bit integers, ``%episodes.ptr`` at this block's
     first key, and ``%step``. A lane's key is its episode in the low 32 bits and, in the high ones, what is to be added
@@ -38,7 +39,10 @@ def write_uniforms(writer: Writer, draws: Sequence[tuple[int, int]]) -> list[str
         zeros = writer.lanes.splat("i32 0")
         return writer.emit(f"shufflevector {words} {first}, {words} poison, <{width} x i32> {zeros}")
 
-    seed = broadcast(writer.emit("load i64, ptr %keys, align 8"))
+    if own_seeds:
+        seed = writer.emit(f"load {words}, ptr %seeds.ptr, align 8")
+    else:
+        seed = broadcast(writer.emit("load i64, ptr %keys, align 8"))
     keys = [
         writer.emit(f"and {words} {seed}, {splat(LOW)}"),
         writer.emit(f"lshr {words} {seed}, {splat(32)}"),

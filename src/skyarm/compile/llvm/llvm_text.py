@@ -109,19 +109,20 @@ class Writer:
             if node.op == "repeat":
                 self._loop(node, body)
             elif node.op == "item":
-                block = node.args[0]
-                self.names[node.index] = self.names[block.args[len(block.value[1]) + node.value].index]
+                self.names[node.index] = f"%r{node.args[0].index}.e{node.value}"
             elif node.index not in self.names:
                 self.names[node.index] = self._value(node)
 
     def _loop(self, block: Node, body: Iterable[Node]) -> None:
-        """A repetition; its body is one basic block, and its results are the names of its last round."""
+        """A repetition; its body is one basic block, which is passed by where no lane asks for a round."""
         count, slots, until = block.value
         label, vector = f"r{block.index}", self.lanes.vector
         starts = [self.names[arg.index] for arg in block.args[: len(slots)]]
         for k, slot in enumerate(slots):
             self.names[slot.index] = f"%{label}.s{k}"
-        self.lines += [f"  br label %{label}.entry", f"{label}.entry:", f"  br label %{label}", f"{label}:"]
+        self.lines += [f"  br label %{label}.entry", f"{label}.entry:"]
+        begun = "true" if until is None else self._goes_on(starts[until])
+        self.lines += [f"  br i1 {begun}, label %{label}, label %{label}.exit", f"{label}:"]
         heads = len(self.lines)
         self.program(body)
         ends = [self.names[arg.index] for arg in block.args[len(slots) :]]
@@ -136,9 +137,14 @@ class Writer:
         ]
         more = f"%{label}.more"
         if until is not None:
-            left = self.emit(f"fcmp ogt {vector} {ends[until]}, {self.lanes.constant(0.5)}")
-            more = self.emit(f"and i1 {more}, {self._any(left)}")
+            more = self.emit(f"and i1 {more}, {self._goes_on(ends[until])}")
         self.lines += [f"  br i1 {more}, label %{label}, label %{label}.exit", f"{label}.exit:"]
+        for k, (start, end) in enumerate(zip(starts, ends, strict=True)):
+            self.do(f"  %{label}.e{k} = phi {vector} [ {start}, %{label}.entry ], [ {end}, %{label} ]")
+
+    def _goes_on(self, left: str) -> str:
+        """Whether any lane asks for another round, i1."""
+        return self._any(self.emit(f"fcmp ogt {self.lanes.vector} {left}, {self.lanes.constant(0.5)}"))
 
     def _any(self, condition: str) -> str:
         """Whether a condition holds in any lane, i1."""

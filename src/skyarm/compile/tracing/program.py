@@ -85,9 +85,10 @@ def _loop(block: Node, body: Sequence[Node], name: Callable[[Node], str], divide
     held = ", ".join(f"v{slot.index}" for slot in slots)
     starts, ends = block.args[: len(slots)], block.args[len(slots) :]
     lines = [f"    {held}, = {', '.join(map(name, starts))},", f"    for _ in range({count}):"]
+    if until is not None:
+        lines += [f"        if not {name(slots[until])} > 0.5:", "            break"]
     lines += [f"        v{node.index} = {_expression(node, name, divide)}" for node in body]
-    lines.append(f"        {held}, = {', '.join(map(name, ends))},")
-    return lines if until is None else [*lines, f"        if not {name(slots[until])} > 0.5:", "            break"]
+    return [*lines, f"        {held}, = {', '.join(map(name, ends))},"]
 
 
 def _expression(node: Node, name: Callable[[Node], str], divide: str) -> str:

@@ -42,12 +42,12 @@ def repeat(count: int, function: Callable[[Record], Record], record: Record) -> 
 def repeat_while(count: int, rounds: Any, function: Callable[[Record], Record], record: Record) -> Record:
     """``function`` applied ``rounds`` times to ``record``, where ``rounds`` may be traced and differ from lane to lane.
 
-    Machine code makes as many rounds as the lane that asks for most; other lanes keep what they have. Where nothing
-    can be skipped, ``count`` rounds are made.
+    Machine code makes as many rounds as the lane that asks for most, none where none asks; other lanes keep what they
+    have. Where nothing can be skipped, ``count`` rounds are made.
 
     Args:
         count: most rounds.
-        rounds: how many, at least one.
+        rounds: how many, from none on.
         function: of a round.
         record: at the beginning.
     """

@@ -23,6 +23,7 @@ class Loop:
         carry, parameters, row: how many inputs of each kind. uniforms: (channel, count) of the random numbers.
         logged: how many outputs follow the next carry.
         result: the records (carry, log) the step returns, for shaping.
+        own_seeds: every lane draws with a seed of its own, not with one for all.
     """
 
     program: Lowered
@@ -32,6 +33,7 @@ class Loop:
     uniforms: tuple[tuple[int, int], ...]
     logged: int
     result: Any
+    own_seeds: bool = False
 
     def stepper(self) -> Callable[[Any], tuple[float, ...]]:
         """One step as a Python function of all inputs in order: the reference of every other engine."""
@@ -46,6 +48,7 @@ def trace_loop(
     uniforms: tuple[tuple[int, int], ...] = (),
     *,
     loops: bool = False,
+    own_seeds: bool = False,
 ) -> Loop:
     """Trace step(carry, parameters, row, uniforms) -> (carry, log).
 
@@ -56,6 +59,7 @@ def trace_loop(
         row: example record of the inputs of one step.
         uniforms: (channel, count) of the numbers uniform in (0, 1) that a step draws.
         loops: keep repetitions as loops, for machine code and Python; other engines want them written out.
+        own_seeds: every lane draws with a seed of its own (:class:`skyarm.compile.llvm.lane_stepper.LaneStepper`).
 
     Raises:
         ValueError: the step returns a carry with another number of scalars.
@@ -74,7 +78,7 @@ def trace_loop(
     outputs = [graph.lift(leaf) for leaf in (*following, *log)]
     inputs = [node for group in (*groups, draws) for node in group]
     program = lower(inputs, live(outputs), outputs)
-    return Loop(program, len(groups[0]), len(groups[1]), len(groups[2]), uniforms, len(log), result)
+    return Loop(program, len(groups[0]), len(groups[1]), len(groups[2]), uniforms, len(log), result, own_seeds)
 
 
 def _named(carry: Any, parameters: Any, row: Any) -> list[tuple[str, Any]]:

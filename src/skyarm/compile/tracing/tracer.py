@@ -242,8 +242,8 @@ class Graph:
     ) -> list[Node]:
         """Close a loop over ``slots``; returns what its last round leaves in each.
 
-        ``until`` is the number of a slot: once it is at most 0.5 in every lane, further rounds change nothing and need
-        not be made.
+        ``until`` is the number of a slot: while it is at most 0.5 in every lane, at the start or later, further rounds
+        change nothing and need not be made.
         """
         self._loops_made += 1
         block = self._make("repeat", (*starts, *ends), (count, tuple(slots), until), ("repeat", len(self.nodes)))

@@ -31,6 +31,7 @@ from skyarm.log.ros.frame_transforms import (
 from skyarm.log.ros.instants import METRICS, Part
 from skyarm.log.ros.markers import markers
 from skyarm.log.ros.message_types import DEFINITIONS, FLIGHT, ROS1, flight_definition
+from skyarm.log.ros.world_markers import MOVING_TOPIC, WORLD_TOPIC, WorldMarkers
 from skyarm.log.tip_positions import yaw_quaternion
 from skyarm.records.restore import restore
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -44,6 +45,8 @@ HIGHEST = 1e6
 """Hz: no control is faster, and a log that says so is taken for one at FAST."""
 
 FLIGHT_TOPIC = "/skyarm/flight"
+
+MARKERS = "visualization_msgs/MarkerArray"
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +82,9 @@ class FlightTopics:
         self._names = names_of(log)
         self.definitions: dict[str, str] = {**DEFINITIONS, FLIGHT: flight_definition(self._columns)}
         fast, self.period = every_of(log)
-        self.topics = tuple(self._flight() + self._state(fast) + self._rest(self.period, vehicle_of(log)))
+        self.topics = tuple(
+            self._flight() + self._state(fast) + self._rest(self.period, vehicle_of(log)) + _world(self.period, log)
+        )
 
     def encoded(self, topic: Topic, log: Log, ros1: bool = False) -> tuple[npt.NDArray[np.int64], Bytes]:
         """Times (ns) and messages of a topic in a part of the flight.
@@ -221,9 +226,20 @@ def _transforms(every: int, vehicle: Vehicle | None) -> list[Topic]:
     fixed, drawn = {"transforms": frames.fixed()}, {"markers": markers(vehicle, frames)}
     return [
         Topic("/tf_static", "tf2_msgs/TFMessage", 0, lambda _: fixed),
-        Topic("/vehicle", "visualization_msgs/MarkerArray", 0, lambda _: drawn),
+        Topic("/vehicle", MARKERS, 0, lambda _: drawn),
         *topics,
     ]
+
+
+def _world(every: int, log: Log) -> list[Topic]:
+    """Shapes of the world: those that stand still once, those that move with the time; none without a world."""
+    markers_of_world = WorldMarkers(log)
+    still, found = markers_of_world.still(), list[Topic]()
+    if still:
+        found.append(Topic(WORLD_TOPIC, MARKERS, 0, lambda _: {"markers": still}))
+    if markers_of_world.moves:
+        found.append(Topic(MOVING_TOPIC, MARKERS, every, markers_of_world.moving))
+    return found
 
 
 def _pose(position: Array, wxyz: Array) -> dict[str, Any]:

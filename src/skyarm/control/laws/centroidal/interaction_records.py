@@ -23,6 +23,7 @@ NEAREST = 1e-3
 SENSING = 60.0
 """rad/s: a force sensor is heard above the bandwidth of the observers, and below that of the contact."""
 
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class InteractionGains:
     """Constants of pressing; touch and lost are the law's option, the others are in no unit of the vehicle's size."""

@@ -72,5 +72,6 @@ def bearable(disturbance: Array, most: Array) -> Array:
     What pushes harder carries the arm away until it lies along the push. A torque foreseen as constant would spin it
     up over the whole horizon, and no plan would be found.
     """
-    share = np.max(np.abs(disturbance[6:]) / (BEARABLE * most), initial=1.0)
+    driven = most > 0.0  # nothing bears what acts on a passive joint, and it is foreseen as it is
+    share = np.max(np.abs(disturbance[6:][driven]) / (BEARABLE * most[driven]), initial=1.0)
     return disturbance if share == 1.0 else np.append(disturbance[:3], disturbance[3:] / share)

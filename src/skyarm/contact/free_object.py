@@ -1,0 +1,206 @@
+"""Free objects: rigid bodies that lie on surfaces, slide, roll, tip over, are pushed and fall.
+
+An object's motion is that of Newton and Euler about its centre of mass. Its skin is a surface for the vehicle's points
+and for other objects; with its own corners, rims or as a ball it touches the surfaces of the world.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import product
+from typing import Annotated, Any
+
+from skyarm.algebra import E_X, E_Y, E_Z, ZERO3, Quaternion, Vec3
+from skyarm.contact.carrier import CarriedFrame, Carrier, Spot
+from skyarm.contact.material import Material
+from skyarm.contact.shape_mass import largest_mobility, uniform_moments
+from skyarm.contact.surface import SHAPES, Surface
+from skyarm.files import must_be_one_of, shown
+from skyarm.records.coerce import RecordError, concrete
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, data, divide, minimum, sqrt
+
+SOLIDS = tuple(shape for shape in SHAPES if shape not in ("plane", "hole"))
+"""Shapes of an object: those that have an end, and no hollow."""
+
+RIM = ((1.0, 0.0), (-0.5, 0.75**0.5), (-0.5, -(0.75**0.5)))
+"""Cosines and sines of three places on a cylinder's rim, from its deepest place on: it stands on three, lies on one."""
+
+REST = Vec3(0.0, 0.0, 0.0)
+"""Of what a start leaves out: zeros that may be varied, not structure."""
+
+_LEVEL = 1e-10
+"""Share of a fixed direction in that of the rim's deepest place, which a cylinder that stands upright does not have."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ObjectMotion:
+    """Motion of a free object.
+
+    Attributes:
+        position: of its centre of mass, m, world axes. attitude: its axes to world axes.
+        velocity: of the centre of mass, m/s, world axes. rate: angular velocity, rad/s, its own axes.
+    """
+
+    position: Vec3
+    attitude: Quaternion
+    velocity: Vec3
+    rate: Vec3
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FreeObject(Carrier):
+    """A free object is a rigid body of the world that nothing holds.
+
+    Attributes:
+        name: for messages, logs and paths. shape: one of ``SOLIDS``. size: as that of a surface.
+        inertia: left out for that of a body of uniform density.
+        standing: whether it is set down on what is below it, at rest, when a file is read.
+    """
+
+    name: str
+    mass: Annotated[Scalar, Unit("kg", low=0.0, strict=True)]
+    shape: str = "box"
+    size: Annotated[tuple[Scalar, ...], Unit("m", low=0.0, strict=True)]
+    inertia: Annotated[Vec3, Unit("kg m^2", "moments about its centre of mass, its axes", low=0.0)] = ZERO3
+    com: Annotated[Vec3, Unit("m", "its centre of mass, seen from the shape's middle, its axes", folds=True)] = ZERO3
+    position: Annotated[Vec3, Unit("m", "of the shape's middle at the start, world axes")] = REST
+    angles: Annotated[Vec3, Unit("rad", "roll, pitch, yaw at the start: about x, then y, then z of the world")] = REST
+    velocity: Annotated[Vec3, Unit("m/s", "of the centre of mass at the start, world axes")] = REST
+    angular_velocity: Annotated[Vec3, Unit("rad/s", "at the start, world axes")] = REST
+    standing: bool = False
+    material: Material = field(default_factory=Material)
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "object")
+        object.__setattr__(self, "com", Vec3(*(0 if concrete(c) and c == 0.0 else c for c in self.com)))
+        if not self.name:
+            raise RecordError("object.name = '': must not be empty")
+        if self.shape not in SOLIDS:
+            raise RecordError(f"object.shape = {shown(self.shape)}: {must_be_one_of(SOLIDS, self.shape)}")
+        sizes = SHAPES[self.shape]
+        if len(self.size) != len(sizes):
+            raise RecordError(
+                f"object.size = {shown(list(self.size))}: must be {len(sizes)} numbers, {', '.join(sizes)}"
+            )
+        self._require_moments()
+        if self.standing and any(concrete(c) and c != 0.0 for c in (*self.velocity, *self.angular_velocity)):
+            raise RecordError("object.standing = true: must be false of an object that moves at the start")
+
+    def _require_moments(self) -> None:
+        """Refuse moments that no body has."""
+        moments = tuple(self.inertia)
+        if not concrete(*moments):
+            return
+        largest, said = max(moments), shown([float(each) for each in moments])
+        if all(each == 0.0 for each in moments):
+            object.__setattr__(self, "inertia", ZERO3)
+        elif min(moments) == 0.0:
+            raise RecordError(f"object.inertia = {said}: must be above 0, or left out for a uniform density")
+        elif 2.0 * largest > sum(moments) * (1.0 + 1e-9):
+            raise RecordError(f"object.inertia = {said}: no moment may be larger than the sum of the other two")
+
+    @property
+    def moments(self) -> Vec3:
+        """Moments of inertia about the centre of mass, its axes, kg m^2."""
+        given = all(type(each) is int and each == 0 for each in self.inertia)
+        return uniform_moments(self.shape, self.size, self.mass) if given else self.inertia
+
+    @property
+    def surfaces(self) -> tuple[Surface, ...]:
+        """Its skin."""
+        return (Surface(name=self.name, shape=self.shape, size=self.size, material=self.material),)
+
+    @property
+    def mobility(self) -> Any:
+        """1/kg: of the face, rim or place that is the easiest to move."""
+        return largest_mobility(self.shape, self.size, self.com, self.mass, self.moments)
+
+    @property
+    def gyration(self) -> Any:
+        """Square of the least radius of gyration, m^2."""
+        moments = self.moments
+        return minimum(minimum(moments.x, moments.y), moments.z) / self.mass
+
+    def start(self) -> ObjectMotion:
+        """Where the fields put it."""
+        attitude = Quaternion(1.0, 0.0, 0.0, 0.0)
+        for axis, angle in zip((E_X, E_Y, E_Z), self.angles, strict=True):
+            attitude = Quaternion.of_rotation_vector(axis * data(angle)) * attitude
+        R = attitude.rotation()
+        return ObjectMotion(
+            position=_data(self.position + R.apply(self.com)),
+            attitude=attitude,
+            velocity=_data(self.velocity),
+            rate=_data(R.apply_T(self.angular_velocity)),
+        )
+
+    def advance(self, memory: ObjectMotion) -> ObjectMotion:
+        """The attitude in unit length."""
+        return ObjectMotion(
+            position=memory.position, attitude=memory.attitude.normalized(), velocity=memory.velocity, rate=memory.rate
+        )
+
+    def frame(self, memory: ObjectMotion) -> CarriedFrame:
+        """Axes in the middle of the shape."""
+        R = memory.attitude.rotation()
+        arm, turning = R.apply(self.com), R.apply(memory.rate)
+        return CarriedFrame(
+            position=memory.position - arm, rotation=R, velocity=memory.velocity - turning.cross(arm), turning=turning
+        )
+
+    def slope(self, memory: ObjectMotion, force_W: Vec3, torque_W: Vec3, gravity: Any) -> ObjectMotion:
+        """Newton's and Euler's equations."""
+        R, w, moments = memory.attitude.rotation(), memory.rate, self.moments
+        torque = R.apply_T(torque_W - R.apply(self.com).cross(force_W)) - w.cross(w.scaled(moments))
+        return ObjectMotion(
+            position=memory.velocity,
+            attitude=memory.attitude.derivative(w),
+            velocity=_data(force_W * (1.0 / self.mass) - E_Z * gravity),
+            rate=Vec3(*(data(divide(t, i)) for t, i in zip(torque, moments, strict=True))),
+        )
+
+    def euler_step(self, memory: ObjectMotion, slope: ObjectMotion, dt: Any) -> ObjectMotion:
+        """Velocities first; the attitude moves by the exponential of the new rate, as the vehicle's."""
+        velocity, rate = memory.velocity + slope.velocity * dt, memory.rate + slope.rate * dt
+        return ObjectMotion(
+            position=memory.position + velocity * dt,
+            attitude=memory.attitude * Quaternion.of_small_rotation(rate, dt),
+            velocity=velocity,
+            rate=rate,
+        )
+
+    @property
+    def spot_count(self) -> int:
+        """Corners of a box, places on the rims of a cylinder, a sphere itself."""
+        return {"box": 8, "cylinder": 2 * len(RIM), "sphere": 1}[self.shape]
+
+    def spots(self, frame: CarriedFrame, toward: Callable[[Vec3], Vec3]) -> tuple[Spot, ...]:
+        """Where it may touch a surface."""
+        if self.shape == "sphere":
+            return ((frame.position, self.size[0]),)
+        if self.shape == "box":
+            halves = [frame.rotation.column(i) * (0.5 * self.size[i]) for i in range(3)]
+            return tuple(
+                (frame.position + halves[0] * a + halves[1] * b + halves[2] * c, 0)
+                for a, b, c in product((-1, 1), (-1, 1), (-1, 1))
+            )
+        axis, normal = frame.rotation.column(2), toward(frame.position)
+        way = axis * axis.dot(normal) - normal + frame.rotation.column(0) * _LEVEL
+        down = way * divide(self.size[0], sqrt(way.dot(way) + _LEVEL**3))
+        across, half = axis.cross(down), axis * (0.5 * self.size[1])
+        return tuple(
+            (frame.position + half * end + down * cosine + across * sine, 0) for end in (-1, 1) for cosine, sine in RIM
+        )
+
+    def logged(self, memory: ObjectMotion) -> tuple[Any, ...]:
+        """Position of the shape's middle, attitude, its velocity (world axes), angular velocity (own axes)."""
+        frame = self.frame(memory)
+        return (*frame.position, *memory.attitude, *frame.velocity, *memory.rate)
+
+
+def _data(vector: Vec3) -> Vec3:
+    """Zeros of structure as data: what a memory holds may change."""
+    return Vec3(*(data(c) for c in vector))

@@ -1,0 +1,202 @@
+"""Mechanisms of the world: bodies with one degree of freedom that carry surfaces, as doors, valves, drawers, buttons.
+
+What touches a mechanism moves it along or about its axis, against what :mod:`skyarm.contact.mechanism_effort` says.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+from skyarm.algebra import ZERO3, Vec3
+from skyarm.algebra.matrix import axis_rotation
+from skyarm.contact.carrier import CarriedFrame, Carrier
+from skyarm.contact.material import Material
+from skyarm.contact.mechanism_effort import Detent, MechanismMotion, inner_effort, longest_step
+from skyarm.contact.mechanism_kinds import KINDS, Solid, solid_of
+from skyarm.contact.surface import Surface, rotation_of
+from skyarm.files import must_be_one_of, shown
+from skyarm.records.coerce import RecordError, concrete
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar, data, divide, maximum, mul, neg, sqrt
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Mechanism(Carrier):
+    """A mechanism is a body of the world with one degree of freedom.
+
+    Attributes:
+        name: for messages, logs and paths. kind: one of ``KINDS``.
+        axis: of a hinge or slide; other kinds have their own. size: lengths of the kind's body.
+        parts: surfaces beside that body, as a handle, in the mechanism's axes. A hinge's axis goes through the origin.
+        initial: coordinate at the start.
+        lower, upper: coordinates at which it meets stops.
+    """
+
+    name: str
+    kind: str
+    size: Annotated[tuple[Scalar, ...], Unit("m", low=0.0, strict=True)] = ()
+    axis: Annotated[Vec3, Unit("", "of the motion, its own axes, of any length", folds=True)] = ZERO3
+    position: Annotated[Vec3, Unit("m", "of the origin of its axes, world axes", folds=True)] = ZERO3
+    angles: Annotated[Vec3, Unit("rad", "roll, pitch, yaw: about x, then y, then z of the world", folds=True)] = ZERO3
+    parts: tuple[Surface, ...] = ()
+    material: Material = field(default_factory=Material)
+    mass: Annotated[Scalar, Unit("kg", "its weight acts at com", low=0.0)] = 0
+    com: Annotated[Vec3, Unit("m", "centre of mass, its own axes", folds=True)] = ZERO3
+    inertia: Annotated[Scalar, Unit("kg m^2", "about the axis of a hinge; 0 for a uniform body", low=0.0)] = 0
+    initial: Annotated[Scalar, Unit("rad or m")] = 0.0
+    lower: Annotated[Scalar, Unit("rad or m", "of the coordinate", infinite=True)] = -math.inf
+    upper: Annotated[Scalar, Unit("rad or m", "of the coordinate", infinite=True)] = math.inf
+    stiffness: Annotated[Scalar, Unit("N m/rad or N/m", "of a closer or spring", low=0.0)] = 0.0
+    rest: Annotated[Scalar, Unit("rad or m", "coordinate at which that is slack")] = 0.0
+    damping: Annotated[Scalar, Unit("N m s/rad or N s/m", low=0.0)] = 0.0
+    friction: Annotated[Scalar, Unit("N m or N", "dry", low=0.0)] = 0
+    bristle: Annotated[Scalar, Unit("rad or m", "slip at which dry friction is whole", low=0.0)] = 0
+    detent: Detent | None = None
+    stop_stiffness: Annotated[Scalar, Unit("N m/rad or N/m", "0 for one by the inertia", low=0.0)] = 0
+    stop_damping: Annotated[Scalar, Unit("s/rad or s/m", "share of a stop's force by the speed into it", low=0.0)] = 2.0
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "mechanism")
+        for name in ("position", "angles", "axis", "com"):
+            held = getattr(self, name)
+            object.__setattr__(self, name, Vec3(*(0 if concrete(c) and c == 0.0 else c for c in held)))
+        for name in ("mass", "inertia", "friction", "bristle", "stop_stiffness"):
+            if concrete(getattr(self, name)) and getattr(self, name) == 0.0:
+                object.__setattr__(self, name, 0)
+        if not self.name:
+            raise RecordError("mechanism.name = '': must not be empty")
+        if self.kind not in KINDS:
+            raise RecordError(f"mechanism.kind = {shown(self.kind)}: {must_be_one_of(KINDS, self.kind)}")
+        self._require_body()
+        self._require_numbers()
+
+    def _require_body(self) -> None:
+        """Refuse sizes and axes that the kind does not have, and parts without an end or with a motion."""
+        said, options = KINDS[self.kind], KINDS[self.kind].sizes
+        if len(self.size) not in [len(each) for each in options] and (self.size or options):
+            words = " or ".join(f"{len(each)} numbers, {', '.join(each)}" for each in options)
+            allowed = f"must be {words}" if options else f"must be left out of a {self.kind}, which is made of parts"
+            raise RecordError(f"mechanism.size = {shown(list(self.size))}: {allowed}")
+        none = all(type(c) is int and c == 0 for c in self.axis)
+        if said.axis is None and none:
+            raise RecordError(f"mechanism.axis: is missing; a {self.kind} has none of its own")
+        if said.axis is not None and not none:
+            raise RecordError(f"mechanism.axis: must be left out of a {self.kind}, which has one of its own")
+        for i, part in enumerate(self.parts):
+            if part.shape == "plane":
+                raise RecordError(f"mechanism.parts[{i}].shape = 'plane': must be a shape with an end")
+            if part.moves:
+                raise RecordError(f"mechanism.parts[{i}].motion: must be left out; parts move with their mechanism")
+
+    def _require_numbers(self) -> None:
+        """Refuse a mechanism that weighs nothing, and limits that leave no way."""
+        turns = KINDS[self.kind].turns
+        if not turns and type(self.inertia) is not int:
+            raise RecordError(f"mechanism.inertia: must be left out of a {self.kind}, which slides; mass says it")
+        if type(self.moved) is int or (concrete(self.moved) and not self.moved > 0.0):
+            what = "inertia" if turns and not self.size else "mass"
+            raise RecordError(f"mechanism.{what}: is missing; a {self.kind} must have one above 0")
+        if concrete(self.lower, self.upper) and not self.lower < self.upper:
+            raise RecordError(f"mechanism.lower = {shown(self.lower)}: must be below upper = {shown(self.upper)}")
+        if concrete(self.initial, self.lower, self.upper) and not self.lower <= self.initial <= self.upper:
+            raise RecordError(
+                f"mechanism.initial = {shown(self.initial)}: must be between lower = {shown(self.lower)} and upper = "
+                f"{shown(self.upper)}"
+            )
+
+    @property
+    def turns(self) -> bool:
+        """Whether it is a hinge."""
+        return KINDS[self.kind].turns
+
+    @property
+    def solid(self) -> Solid | None:
+        """The body that its kind has, if any."""
+        return solid_of(self.kind, self.size) if self.size else None
+
+    @property
+    def surfaces(self) -> tuple[Surface, ...]:
+        """The kind's body, and the parts."""
+        solid = self.solid
+        if solid is None:
+            return self.parts
+        own = Surface(
+            name=self.name, shape=solid.shape, size=solid.size, position=solid.middle, material=self.material
+        )  # fmt: skip
+        return (own, *self.parts)
+
+    @property
+    def moved(self) -> Any:
+        """Its inertia along the coordinate, kg m^2 or kg."""
+        if not self.turns:
+            return self.mass
+        if type(self.inertia) is int and self.solid is not None:
+            return mul(self.mass, self.solid.gyration)
+        return self.inertia
+
+    @property
+    def mobility(self) -> Any:
+        """1/kg, of the place of its surfaces that is farthest from the axis."""
+        if not self.turns:
+            return 1.0 / self.mass
+        reach = maximum(0.0, 1e-3)
+        for surface in self.surfaces:
+            away = surface.position - self._along * self._along.dot(surface.position)
+            reach = maximum(reach, sqrt(away.dot(away) + 1e-24) + surface.farthest)
+        return reach * reach / self.moved
+
+    @property
+    def _along(self) -> Vec3:
+        """Unit vector of the axis, its own axes."""
+        axis = KINDS[self.kind].axis
+        if axis is not None:
+            return axis
+        if self.axis.coordinate_axis() is not None:
+            return self.axis
+        unit: Vec3 = self.axis * divide(1.0, sqrt(self.axis.dot(self.axis)))
+        return unit
+
+    @property
+    def largest_step(self) -> Any:
+        """Longest integration step (s) that stops, spring, friction and detent bear."""
+        return longest_step(self)
+
+    def start(self) -> MechanismMotion:
+        """At rest where its fields put it."""
+        bristle = () if type(self.friction) is int else (0.0,)
+        return MechanismMotion(coordinate=data(self.initial), rate=0.0, bristle=bristle)
+
+    def frame(self, memory: MechanismMotion) -> CarriedFrame:
+        """Its axes: a hinge's turn about their origin, a slide's move."""
+        R = rotation_of(self.angles)
+        axis = R.apply(self._along)
+        if self.turns:
+            turned = R @ axis_rotation(self._along, memory.coordinate)
+            return CarriedFrame(position=self.position, rotation=turned, velocity=ZERO3, turning=axis * memory.rate)
+        return CarriedFrame(
+            position=self.position + axis * memory.coordinate, rotation=R, velocity=axis * memory.rate, turning=ZERO3
+        )
+
+    def slope(self, memory: MechanismMotion, force_W: Vec3, torque_W: Vec3, gravity: Any) -> MechanismMotion:
+        """Newton's or Euler's equation about the axis."""
+        frame, rate = self.frame(memory), memory.rate
+        axis, weight = rotation_of(self.angles).apply(self._along), Vec3(0, 0, neg(mul(self.mass, gravity)))
+        if self.turns:
+            applied = axis.dot(torque_W + frame.rotation.apply(self.com).cross(weight))
+        else:
+            applied = axis.dot(force_W + weight)
+        own, bristle = inner_effort(self, memory)
+        return MechanismMotion(coordinate=rate, rate=(applied + own) / self.moved, bristle=bristle)
+
+    def euler_step(self, memory: MechanismMotion, slope: MechanismMotion, dt: Any) -> MechanismMotion:
+        """The rate first."""
+        rate = memory.rate + slope.rate * dt
+        bristle = tuple(z + change * dt for z, change in zip(memory.bristle, slope.bristle, strict=True))
+        return MechanismMotion(coordinate=memory.coordinate + rate * dt, rate=rate, bristle=bristle)
+
+    def logged(self, memory: MechanismMotion) -> tuple[Any, ...]:
+        """Coordinate and rate."""
+        return (memory.coordinate, memory.rate)

@@ -1,0 +1,22 @@
+"""The force at the tip that a law observes, for those who may know no more than the law."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from skyarm.algebra import Vec3
+from skyarm.control.controller import innermost
+from skyarm.records.leaves import is_record
+
+
+def observed_push(memory: Any) -> Vec3 | None:
+    """Force on the tip (N, world axes) that a law's memory holds; None of a law that observes none.
+
+    A law says it in a field ``tip_force`` of its memory, or presses on surfaces (``interaction``).
+    """
+    own = innermost(memory)
+    found = getattr(own, "tip_force", None)
+    if isinstance(found, Vec3):
+        return found
+    pressing: Any = getattr(own, "interaction", ())
+    return pressing.force if is_record(pressing) else None

@@ -1,0 +1,229 @@
+"""What an environment's actions mean: records that turn numbers in [-1, 1] into the command of a period."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.actuation import Command, mix
+from skyarm.actuation.hover import hover_trim
+from skyarm.actuation.rotor import speed_of_push
+from skyarm.algebra import Vec3
+from skyarm.control.controller import with_applied_command
+from skyarm.control.model import Model
+from skyarm.records.coerce import concrete
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+from skyarm.reference import Reference
+from skyarm.scalars import clip, maximum
+from skyarm.sensors.measurement import Measurement
+from skyarm.vehicle.vehicle_records import Vehicle
+
+Decide = Callable[[Any, Measurement, Reference], tuple[Any, Command]]
+"""The scenario's law: (memory, measurement, reference) -> (memory, command)."""
+
+USUAL_EFFORT = 0.5
+"""N m, N, rad or m at full action of a joint without a limit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Actions:
+    """A kind of action. A subclass is a frozen dataclass of numbers.
+
+    Attributes:
+        joints: setpoint of every joint at full action, in its unit: N m or N of a joint that takes its effort, else
+            rad or m. None takes the effort limit, or the joint's range, and 0.5 where there is none.
+    """
+
+    joints: Annotated[float | None, Unit("N m, N, rad or m", "setpoint of a joint at full action", low=0.0)] = None
+
+    asks_law = False
+    """Whether the scenario's law is asked."""
+
+    def __post_init__(self) -> None:
+        accept_fields(self, type(self).__name__)
+
+    def size(self, vehicle: Vehicle) -> int:
+        """How many numbers an action has."""
+        return len(vehicle.rotors) + vehicle.n
+
+    def command(
+        self, action: tuple[Any, ...], memory: Any, measurement: Measurement, reference: Reference, law: Decide,
+        par: Any, told: tuple[bool, ...],
+    ) -> tuple[Any, Command]:  # fmt: skip
+        """The law's memory and the command of a period, over any scalar.
+
+        Args:
+            action: (size,) numbers in [-1, 1].
+            memory: of the law, ``()`` where it is not asked.
+            measurement: of the period.
+            reference: told for it.
+            law: of the scenario.
+            par: its constants, with the belief.
+            told: which joints take setpoints.
+        """
+        raise NotImplementedError(f"{type(self).__name__} must say its command")
+
+    def efforts(self, action: tuple[Any, ...], model: Model, told: tuple[bool, ...]) -> tuple[Any, ...]:
+        """Setpoints of the joints from the last numbers of an action."""
+        n = model.vehicle.n
+        full = [self._full(link.joint, each) for link, each in zip(model.vehicle.links, told, strict=True)]
+        return tuple(a * each for a, each in zip(action[len(action) - n :], full, strict=True))
+
+    def _full(self, joint: Any, told: bool) -> float:
+        """Setpoint of a joint at full action."""
+        if self.joints is not None:
+            return self.joints
+        limit = min(joint.upper, -joint.lower) if told else joint.effort_limit
+        return float(limit) if concrete(limit) and 0.0 < limit < math.inf else USUAL_EFFORT
+
+
+@dataclass(frozen=True, kw_only=True)
+class RotorsAndJoints(Actions):
+    """Speeds of the rotors about hover, then setpoints of the joints.
+
+    Attributes:
+        span: share of the believed hover speed that a full action adds or takes.
+    """
+
+    span: Annotated[float, Unit("", "share of the hover speed", low=0.0, strict=True)] = 0.2
+
+    def command(
+        self, action: tuple[Any, ...], memory: Any, measurement: Measurement, reference: Reference, law: Decide,
+        par: Any, told: tuple[bool, ...],
+    ) -> tuple[Any, Command]:  # fmt: skip
+        """Hover speed plus the action's share of it, within what the rotors can turn."""
+        model: Model = par.model
+        speeds = tuple(w * (1.0 + self.span * a) for w, a in zip(_hover(model), action, strict=False))
+        return memory, within_limits(model.vehicle, speeds, self.efforts(action, model, told), told)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RatesAndThrust(Actions):
+    """Body rates (x, y, z) and thrust, by a rate controller on the believed inertia and mixer; then the joints.
+
+    Attributes:
+        rate: rad/s at full action. thrust: share of the weight that a full action adds or takes.
+        bandwidth: of the rate controller, 1/s.
+    """
+
+    rate: Annotated[float, Unit("rad/s", "at full action", low=0.0, strict=True)] = 4.0
+    thrust: Annotated[float, Unit("", "share of the weight at full action", low=0.0, strict=True)] = 0.8
+    bandwidth: Annotated[float, Unit("1/s", low=0.0, strict=True)] = 20.0
+
+    def size(self, vehicle: Vehicle) -> int:
+        """Three rates, thrust, the joints."""
+        return 4 + vehicle.n
+
+    def command(
+        self, action: tuple[Any, ...], memory: Any, measurement: Measurement, reference: Reference, law: Decide,
+        par: Any, told: tuple[bool, ...],
+    ) -> tuple[Any, Command]:  # fmt: skip
+        """Torque J (rate wanted - rate) bandwidth, thrust about the weight, mixed."""
+        model: Model = par.model
+        missing = Vec3(*(self.rate * a for a in action[:3])) - measurement.rate
+        torque = model.vehicle.base.inertia.apply(missing * self.bandwidth)
+        weight = model.vehicle.mass * model.gravity
+        speeds, squares = mix(par.mixer, torque, weight * (1.0 + self.thrust * action[3]))
+        if any(rotor.table is not None for rotor in model.vehicle.rotors):
+            rows = zip(model.vehicle.rotors, squares, strict=True)
+            speeds = tuple(speed_of_push(rotor, maximum(square, 0.0)) for rotor, square in rows)
+        return memory, within_limits(model.vehicle, speeds, self.efforts(action, model, told), told)
+
+
+@dataclass(frozen=True, kw_only=True)
+class References(Actions):
+    """Displacements of the reference that the scenario's law is told: of the base (x, y, z), then of the joints.
+
+    Attributes:
+        position: m at full action, world axes. angle: rad or m of a joint at full action.
+    """
+
+    position: Annotated[float, Unit("m", "at full action", low=0.0, strict=True)] = 0.5
+    angle: Annotated[float, Unit("rad or m", "of a joint at full action", low=0.0, strict=True)] = 0.5
+
+    asks_law = True
+
+    def size(self, vehicle: Vehicle) -> int:
+        """Three, and the joints."""
+        return 3 + vehicle.n
+
+    def command(
+        self, action: tuple[Any, ...], memory: Any, measurement: Measurement, reference: Reference, law: Decide,
+        par: Any, told: tuple[bool, ...],
+    ) -> tuple[Any, Command]:  # fmt: skip
+        """The law's command for the displaced reference; its derivatives stay."""
+        position = reference.position + Vec3(*(self.position * a for a in action[:3]))
+        joints = tuple(q + self.angle * a for q, a in zip(reference.joints, action[3:], strict=True))
+        tip = tuple(p + self.position * a for p, a in zip(reference.tip, action[:3], strict=False))
+        return law(memory, measurement, dataclasses.replace(reference, position=position, joints=joints, tip=tip))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Residual(Actions):
+    """What is added to the command of the scenario's law: to the rotors' speeds, then to the joints' setpoints.
+
+    A law that keeps what it commanded is told what was sent.
+
+    Attributes:
+        span: share of the believed hover speed at full action.
+    """
+
+    span: Annotated[float, Unit("", "share of the hover speed", low=0.0, strict=True)] = 0.1
+
+    asks_law = True
+
+    def command(
+        self, action: tuple[Any, ...], memory: Any, measurement: Measurement, reference: Reference, law: Decide,
+        par: Any, told: tuple[bool, ...],
+    ) -> tuple[Any, Command]:  # fmt: skip
+        """The law's command plus the action's, within what rotors and joints can do."""
+        model: Model = par.model
+        following, own = law(memory, measurement, reference)
+        pairs = zip(own.rotor_speeds, _hover(model), action, strict=False)
+        speeds = tuple(w + self.span * hover * a for w, hover, a in pairs)
+        added = self.efforts(action, model, told)
+        efforts = tuple(u + more for u, more in zip(own.efforts, added, strict=True))
+        sent = dataclasses.replace(within_limits(model.vehicle, speeds, efforts, told), tilts=own.tilts)
+        return with_applied_command(following, _as_kept(following, sent)), sent
+
+
+ACTIONS: dict[str, type[Actions]] = {
+    "rotors_and_joints": RotorsAndJoints,
+    "rates_and_thrust": RatesAndThrust,
+    "references": References,
+    "residual": Residual,
+}
+"""Kinds of actions by the name that stands for one with its usual numbers."""
+
+
+def within_limits(
+    vehicle: Vehicle, speeds: tuple[Any, ...], efforts: tuple[Any, ...], told: tuple[bool, ...]
+) -> Command:
+    """A command within the rotors' speeds and the joints' efforts; setpoints of drives pass as they are."""
+    turned = tuple(clip(w, 0.0, rotor.max_speed) for w, rotor in zip(speeds, vehicle.rotors, strict=True))
+    rows = zip(efforts, vehicle.links, told, strict=True)
+    held = tuple(
+        u if setpoint or _free(link.joint.effort_limit) else clip(u, -link.joint.effort_limit, link.joint.effort_limit)
+        for u, link, setpoint in rows
+    )
+    return Command(rotor_speeds=turned, efforts=held)
+
+
+def _as_kept(memory: Any, sent: Command) -> Command:
+    """A command as a law's memory keeps it: without angles of rotors that tilt, where the law has none."""
+    kept = getattr(memory, "sent", None)
+    newest = kept[-1] if isinstance(kept, tuple) and kept else kept
+    return sent if getattr(newest, "tilts", ()) else dataclasses.replace(sent, tilts=())
+
+
+def _free(limit: Any) -> bool:
+    return concrete(limit) and limit == math.inf
+
+
+def _hover(model: Model) -> tuple[Any, ...]:
+    """Believed hover speeds with the arm at zero, rad/s."""
+    return hover_trim(model.vehicle, (0.0,) * model.vehicle.n, model.gravity).speeds

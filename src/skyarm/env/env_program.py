@@ -1,0 +1,249 @@
+"""One step of an environment as a traced program: action in, observation, reward and endings out.
+
+A control period of the loop (:mod:`skyarm.simulate.period`) begins with what is measured and ends with the plant. An
+environment's step is cut elsewhere: it takes an action for what was measured before, flies the plant, and measures
+what the next period begins with, which is what a policy acts on next. The stages and their order are the loop's, and so
+are the numbers: :class:`skyarm.Session` with the same commands flies the same bits.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.actuation.tilting import with_rest
+from skyarm.algebra import Vec3
+from skyarm.compile import leaves, rebuild
+from skyarm.compile.tracing.stepped_loop import Loop, trace_loop
+from skyarm.dynamics import State
+from skyarm.env.env_task import Task
+from skyarm.env.env_views import Result, Sight
+from skyarm.plant.compiled import RigidBodyPlant
+from skyarm.records.blend import blend
+from skyarm.reference import Reference
+from skyarm.scalars import absolute, clip, floor, logical_and, where
+from skyarm.scenario.numbers import number_at, with_numbers
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.check_endings import endings_of
+from skyarm.simulate.draws import draws_needed
+from skyarm.simulate.first_state import first_loop_state, first_surroundings
+from skyarm.simulate.loop_state import LoopState, Row, structure_of
+from skyarm.simulate.period import Begun, issue
+from skyarm.simulate.stages import Readings, RigidBodySteps, Stages
+
+LARGEST = 1e6
+"""Largest number of an observation and a reward: what has diverged is told as this, what is no number as 0."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class EnvState:
+    """What an environment's step hands to the next.
+
+    Attributes:
+        loop: state of the closed loop; sensors, estimator and components stand in the period that comes next.
+        seen: leaves of the measurement of that period, those of them that somebody reads.
+        action: the last one.
+    """
+
+    loop: LoopState
+    seen: tuple[Any, ...]
+    action: tuple[Any, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Outcome:
+    """What a step gives out.
+
+    Attributes:
+        observation: numbers. reward: number. truncated: 1 where the scenario's duration is over, and no ending came.
+        ending: 0 while none has come, else which of the scenario's endings, from 1 on; one more than there are where
+            the command was not finite.
+    """
+
+    observation: tuple[Any, ...]
+    reward: Any
+    truncated: Any
+    ending: Any
+
+
+class EnvProgram:
+    """The step of a task and the state that its episodes begin with.
+
+    Args:
+        task: what is flown.
+
+    Attributes:
+        base: numbers of the randomised paths in the scenario as it is. size: numbers of an action.
+        first: state of an episode, as an example. loop: the step, traced; it logs an :class:`Outcome`.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self.task, scenario = task, task.scenario
+        self.paths = task.randomised.paths
+        self.base = tuple(number_at(scenario, path) for path in self.paths)
+        self.size = task.actions.size(scenario.controller.par.model.vehicle)
+        stiff = task.randomised.stiffest
+        around = first_surroundings(stiff, first_loop_state(stiff))
+        self._plant = RigidBodyPlant(stiff.world, around, scenario.integrator, 1.0 / scenario.rates.physics)
+        self._ratio = scenario.rates.control // scenario.rates.reference
+        self.uniforms = draws_needed(scenario)
+        draws = (0.5,) * sum(count for _, count in self.uniforms)
+        self._measurement = structure_of(self._begin(self.base, draws, None)[1])
+        self._kept = tuple(range(len(leaves(self._measurement))))
+        # what of the measurement the next step reads shows in a first trace: usually all for a law, nothing else
+        whole = self._traced(draws)
+        used = {arg.index for node in whole.program.nodes for arg in node.args}
+        count = whole.carry - len(self._kept) - self.size
+        self._kept = tuple(i for i in self._kept if whole.program.inputs[count + i].index in used)
+        self.loop = self._traced(draws)
+
+    def _traced(self, draws: tuple[Any, ...]) -> Loop:
+        first, _ = self.start(self.base, draws)
+        self.first: EnvState = structure_of(first)
+        values = (self.base, (0.0,) * self.size)
+        return trace_loop(self.step, self.first, values, (), self.uniforms, loops=True, own_seeds=True)
+
+    def start(
+        self, numbers: Sequence[Any], draws: Sequence[Any], started: Sequence[Sequence[Any]] | None = None
+    ) -> tuple[EnvState, tuple[Any, ...]]:
+        """State and observation that an episode begins with.
+
+        Args:
+            numbers: of the randomised paths.
+            draws: uniform numbers of the first period.
+            started: uniform numbers that start each component; the scenario's own if left out.
+        """
+        now, measurement, told = self._begin(numbers, draws, started)
+        action = (0.0,) * self.size
+        state = EnvState(loop=now, seen=self._seen(measurement), action=action)
+        return state, self._observed(Stages(self._varied(numbers)), measurement, told, action)
+
+    def _begin(self, numbers: Sequence[Any], draws: Sequence[Any], started: Any) -> tuple[LoopState, Any, Reference]:
+        """Loop, measurement and told reference of an episode's first period."""
+        stages = Stages(self._varied(numbers))
+        first = first_loop_state(stages.scenario, started)
+        if not self.task.actions.asks_law:
+            first = dataclasses.replace(first, memory=())
+        row = self._row(stages.scenario, first.ticks)
+        return (*self._measured(stages, first, row, draws), stages.joined(row))
+
+    def step(self, now: EnvState, values: Any, _fed: Any, draws: Sequence[Any]) -> tuple[EnvState, Outcome]:
+        """Fly one control period by an action, and measure."""
+        numbers, given = values
+        stages = Stages(self._varied(numbers))
+        action = tuple(clip(a, -1.0, 1.0) for a in given)
+        loop, row = now.loop, self._row(stages.scenario, now.loop.ticks)
+        memory, command = self._decide(stages, now, row, action)
+        around = stages.surroundings(loop.components, loop.drives, row.time)
+        begun = Begun(loop.alive, loop.components, around, stages.acting(loop.queue), None)
+        nothing: Any = None
+        read = Readings(sensors=loop.sensors, estimate=loop.estimate, reading=nothing, measurement=nothing)
+        found = issue(stages, loop, begun, read, memory, command, loop.clock)
+        plant = RigidBodySteps(stages, self._plant.substeps)
+        moved, coupled = plant.advance(loop.state, begun.acting, found.acting, found.around)
+        # a command that is not finite ends the episode where it is, as in a single run
+        state: State = blend(found.alive > 0.5, moved, loop.state)
+        flown = LoopState(
+            alive=1.0,
+            ticks=loop.ticks + 1.0,
+            state=state,
+            memory=found.memory,
+            queue=found.queue,
+            sensors=found.sensors,
+            estimate=found.estimate,
+            components=stages.gone_on(begun.components, coupled),
+            drives=found.drives,
+            clock=found.clock,
+        )
+        coming = self._row(stages.scenario, flown.ticks)
+        ending = self._ending(stages.scenario, state, self._goal(stages.scenario, flown.ticks), found.alive)
+        following, measurement = self._measured(stages, flown, coming, draws)
+        ended = where(ending > 0.5, 1.0, 0.0)
+        result = Result(
+            state=state,
+            reference=coming.reference,
+            vehicle=stages.scenario.world.vehicle,
+            action=action,
+            action_before=now.action,
+            command=command,
+            ended=ended,
+        )
+        reward: Any = 0.0
+        for term in self.task.reward:
+            reward = reward + term.value(result) * term.weight
+        over = flown.ticks > self.task.scenario.steps - 0.5
+        outcome = Outcome(
+            observation=self._observed(stages, measurement, stages.joined(coming), action),
+            reward=_finite(reward),
+            truncated=where(logical_and(over, ending < 0.5), 1.0, 0.0),
+            ending=ending,
+        )
+        return EnvState(loop=following, seen=self._seen(measurement), action=action), outcome
+
+    def _varied(self, numbers: Sequence[Any]) -> Scenario:
+        return with_numbers(self.task.scenario, dict(zip(self.paths, numbers, strict=True)))
+
+    def _row(self, scenario: Scenario, ticks: Any) -> Row:
+        """An episode's own time and held reference."""
+        return Row(time=ticks / float(scenario.rates.control), reference=self._reference(scenario, ticks))
+
+    def _reference(self, scenario: Scenario, ticks: Any) -> Reference:
+        """As it is published and held."""
+        held = floor((ticks + 0.5) / float(self._ratio)) * float(self._ratio)
+        return scenario.trajectory.at(held / float(scenario.rates.control)).dense()
+
+    def _goal(self, scenario: Scenario, ticks: Any) -> Vec3:
+        """Where the held reference is after a period; after the last one, where it was, as in a single run."""
+        last = float(self.task.scenario.steps - 1)
+        position: Vec3 = self._reference(scenario, where(ticks > last, last, ticks)).position
+        return position
+
+    def _decide(self, stages: Stages, now: EnvState, row: Row, action: tuple[Any, ...]) -> Any:
+        """The law's memory and the command that the action means."""
+        values = iter(leaves(self._measurement))
+        known = dict(zip(self._kept, now.seen, strict=True))
+        measurement = rebuild(self._measurement, iter([known.get(i, old) for i, old in enumerate(values)]))
+        par = stages.scenario.controller.par
+        memory, command = self.task.actions.command(
+            action, now.loop.memory, measurement, stages.joined(row), stages.decide, par, self.task.told
+        )
+        return memory, with_rest(stages.scenario.world.vehicle, command)
+
+    def _measured(self, stages: Stages, now: LoopState, row: Row, draws: Any) -> tuple[LoopState, Any]:
+        """Surroundings and sensors of the period that comes next."""
+        components, around = stages.surround(now.components, now.drives, now.state, row.time, draws)
+        acting = stages.acting(now.queue)
+        force = RigidBodySteps(stages, self._plant.substeps).specific_force(now.state, acting, around)
+        read = stages.sense(now.sensors, now.estimate, now.ticks, now.state, force, acting, row.time, draws)
+        following = dataclasses.replace(now, components=components, sensors=read.sensors, estimate=read.estimate)
+        return following, read.measurement
+
+    def _seen(self, measurement: Any) -> tuple[Any, ...]:
+        numbers = leaves(measurement)
+        return tuple(numbers[i] for i in self._kept)
+
+    def _observed(self, stages: Stages, measurement: Any, told: Reference, action: tuple[Any, ...]) -> tuple[Any, ...]:
+        model = stages.scenario.controller.par.model
+        return observation_of(self.task, Sight(measurement=measurement, reference=told, action=action, model=model))
+
+    def _ending(self, scenario: Scenario, state: State, goal: Vec3, sent: Any) -> Any:
+        """Number of the first ending that has come, 0 while none has."""
+        endings = endings_of(scenario)
+        found = where(sent > 0.5, 0.0, float(len(endings) + 1))
+        for index in range(len(endings), 0, -1):
+            fine = endings[index - 1].fine(scenario, state, goal, 0)
+            if fine is not True:
+                found = where(fine, found, float(index))
+        return found
+
+
+def observation_of(task: Task, sight: Sight) -> tuple[Any, ...]:
+    """The numbers of an observation, all of them finite."""
+    return tuple(_finite(number) for each in task.observation for number in each.numbers(sight))
+
+
+def _finite(value: Any) -> Any:
+    """Within the largest number; 0 for NaN, whose comparisons are all false."""
+    return where(absolute(value) <= LARGEST, value, where(value > 0.0, LARGEST, where(value < 0.0, -LARGEST, 0.0)))

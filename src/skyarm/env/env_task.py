@@ -1,0 +1,130 @@
+"""A task: a scenario with what its actions mean, what is observed and rewarded, and which of its numbers vary."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.env.action_kinds import ACTIONS, Actions
+from skyarm.env.observed_quantities import OBSERVED, USUAL, Observed
+from skyarm.env.randomised_numbers import Randomised, randomised
+from skyarm.env.reward_terms import REWARDS, USUAL_REWARD, RewardTerm
+from skyarm.files import must_be_one_of, shown
+from skyarm.scenario.scenario_checks import require_flight
+from skyarm.scenario.scenario_file import load_scenario
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.simulate.lane_arguments import require_rigid_body
+from skyarm.simulate.own_code_trials import try_own_code
+
+PRECISIONS = ("single", "double", "bit_exact")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """A task fixes an environment up to its seed.
+
+    Attributes:
+        scenario: what is flown; its law is asked where the actions build on it.
+        actions: what they mean. observation, reward: what each is made of.
+        randomised: numbers that are drawn anew for every episode.
+        precision: "single", "double", or "bit_exact" (double without fused multiply-add).
+    """
+
+    scenario: Scenario
+    actions: Actions
+    observation: tuple[Observed, ...]
+    reward: tuple[RewardTerm, ...]
+    randomised: Randomised
+    precision: str
+
+    @property
+    def told(self) -> tuple[bool, ...]:
+        """Which joints take setpoints of drives."""
+        return self.scenario.told
+
+
+def make_task(
+    scenario: Scenario | str | os.PathLike[str],
+    *,
+    actions: Actions | str = "rotors_and_joints",
+    observation: Iterable[Observed | str] = USUAL,
+    reward: Iterable[RewardTerm | str] = USUAL_REWARD,
+    randomise: Mapping[str, Any] | None = None,
+    controller: str | None = None,
+    duration: float | None = None,
+    precision: str = "single",
+) -> Task:
+    """Make a task, everything that it is given looked at first.
+
+    Args:
+        scenario: record, name or path of a file.
+        actions: a record, or a name of :data:`skyarm.env.action_kinds.ACTIONS`.
+        observation: records, or names of :data:`skyarm.env.observed_quantities.OBSERVED`.
+        reward: records, or names of :data:`skyarm.env.reward_terms.REWARDS`.
+        randomise: path -> distribution, as ``[vary]`` of a study: ``{"plant.payload.mass": {"uniform": [0.0, 0.1]}}``.
+        controller: in place of the scenario file's.
+        duration: likewise, s.
+        precision: of all numbers.
+
+    Raises:
+        ScenarioError: one line with field, value and what is allowed.
+    """
+    flown = _scenario(scenario, controller, duration)
+    if precision not in PRECISIONS:
+        raise ScenarioError(f"precision = {shown(precision)}: {must_be_one_of(dict.fromkeys(PRECISIONS), precision)}")
+    kind = _named("actions", actions, ACTIONS, Actions)
+    seen = _several("observation", observation, OBSERVED, Observed)
+    if not seen:
+        raise ScenarioError(f"observation = {shown(observation)}: must have at least one quantity")
+    if kind.asks_law:
+        flown.controller.require_compiled(f"an environment with actions {type(kind).__name__}")
+        if flown.path_time is not None or flown.pause is not None:
+            raise ScenarioError("reference.governor: must be left out where actions build on the law")
+    else:
+        # a law that is not asked ends no episode where it is not defined
+        flown = dataclasses.replace(flown, controller=dataclasses.replace(flown.controller, margin=None))
+    try_own_code(flown, law=kind.asks_law)
+    return Task(
+        scenario=flown,
+        actions=kind,
+        observation=seen,
+        reward=_several("reward", reward, REWARDS, RewardTerm),
+        randomised=randomised(flown, randomise),
+        precision=precision,
+    )
+
+
+def _scenario(given: Any, controller: str | None, duration: float | None) -> Scenario:
+    """The scenario, which must be one that batches fly."""
+    if isinstance(given, Scenario):
+        if controller is not None:
+            raise ScenarioError(f"controller = {shown(controller)}: must be left out with a scenario that is a record")
+        flown = given if duration is None else dataclasses.replace(given, duration=duration)
+    else:
+        flown = load_scenario(given, controller=controller, duration=duration)
+    require_flight(flown)
+    require_rigid_body(flown)
+    if flown.changes:
+        raise ScenarioError("changes: must be left out of an environment; randomise varies its numbers")
+    if flown.trajectory.guards:
+        raise ScenarioError("reference: phases that wait (until) must be left out of an environment")
+    return flown
+
+
+def _named(field: str, given: Any, known: Mapping[str, Any], kind: type) -> Any:
+    """A record as it is, or the one that a name stands for."""
+    if isinstance(given, kind):
+        return given
+    if isinstance(given, str) and given in known:
+        return known[given]()
+    raise ScenarioError(f"{field} = {shown(given)}: {must_be_one_of(known, given)}, or a record {kind.__name__}")
+
+
+def _several(field: str, given: Any, known: Mapping[str, Any], kind: type) -> tuple[Any, ...]:
+    """A tuple of records or names."""
+    if isinstance(given, (str, Mapping)) or not isinstance(given, Iterable):
+        raise ScenarioError(f"{field} = {shown(given)}: must be a list of names or records {kind.__name__}")
+    return tuple(_named(f"{field}[{i}]", each, known, kind) for i, each in enumerate(given))

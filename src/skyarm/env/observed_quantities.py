@@ -1,0 +1,172 @@
+"""What an environment's observation is made of: records that each give some numbers of what a law is told.
+
+An observation is a tuple of these records; its numbers stand one behind the other. Each number is divided by the
+record's ``scale``, in the unit that its field states, so that what matters is of the size of one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.algebra import Vec3
+from skyarm.dynamics import State
+from skyarm.env.env_views import Sight
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+from skyarm.simulate.tip_and_goal import goal_of, tool_of
+from skyarm.vehicle.vehicle_records import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True)
+class Observed:
+    """An observed quantity gives some numbers of an observation. A subclass is a frozen dataclass of numbers."""
+
+    def __post_init__(self) -> None:
+        accept_fields(self, type(self).__name__)
+
+    def numbers(self, sight: Sight) -> Sequence[Any]:
+        """The numbers, over any scalar."""
+        raise NotImplementedError(f"{type(self).__name__} must say its numbers")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PositionError(Observed):
+    """Reference minus measured position of the base origin, world axes."""
+
+    scale: Annotated[float, Unit("m", low=0.0, strict=True)] = 1.0
+
+    def numbers(self, sight: Sight) -> Sequence[Any]:
+        """Three."""
+        return _scaled(sight.reference.position - sight.measurement.position, self.scale)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VelocityError(Observed):
+    """Reference minus measured velocity of the base origin, world axes."""
+
+    scale: Annotated[float, Unit("m/s", low=0.0, strict=True)] = 1.0
+
+    def numbers(self, sight: Sight) -> Sequence[Any]:
+        """Three."""
+        return _scaled(sight.reference.velocity - sight.measurement.velocity, self.scale)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attitude(Observed):
+    """Rotation matrix from base to world axes, row by row: no jump and no second form of the same attitude."""
+
+    def numbers(self, sight: Sight) -> Sequence[Any]:
+        """Nine."""
+        R = sight.measurement.quaternion.rotation()
+        return [*R.r0, *R.r1, *R.r2]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyRate(Observed):
+    """Measured angular velocity, base axes."""
+
+    scale: Annotated[float, Unit("rad/s", low=0.0, strict=True)] = 5.0
+
+    def numbers(self, sight: Sight) -> Sequence[Any]:
+        """Three."""
+        return _scaled(sight.measurement.rate, self.scale)
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointErrors(Observed):
+    """Reference minus measured joints."""
+
+    scale: Annotated[float, Unit("rad or m", low=0.0, strict=True)] = 1.0
+
+    def numbers(self, sight: Sight) -> Sequence[Any]:
+        """One a joint."""
+        pairs = zip(sight.reference.joints, sight.measurement.joints, strict=True)
+        return [(wanted - now) / self.scale for wanted, now in pairs]
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointAngles(Observed):
+    """Measured joints."""
+
+    scale: Annotated[float, Unit("rad or m", low=0.0, strict=True)] = 1.0
+
+    def numbers(self, sight: Sight) -> Sequence[Any]:
+        """One a joint."""
+        return [now / self.scale for now in sight.measurement.joints]
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointRates(Observed):
+    """Measured rates of the joints."""
+
+    scale: Annotated[float, Unit("rad/s or m/s", low=0.0, strict=True)] = 5.0
+
+    def numbers(self, sight: Sight) -> Sequence[Any]:
+        """One a joint."""
+        return [rate / self.scale for rate in sight.measurement.joint_rates]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TipError(Observed):
+    """Reference minus measured position of the tip, by the believed arm, world axes; of the base without an arm."""
+
+    scale: Annotated[float, Unit("m", low=0.0, strict=True)] = 0.1
+
+    def numbers(self, sight: Sight) -> Sequence[Any]:
+        """Three."""
+        vehicle, seen = sight.model.vehicle, sight.measurement
+        return _scaled(tip_error(vehicle, _state(seen), sight.reference), self.scale)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LastAction(Observed):
+    """The action before."""
+
+    def numbers(self, sight: Sight) -> Sequence[Any]:
+        """One a number of the action."""
+        return sight.action
+
+
+OBSERVED: dict[str, type[Observed]] = {
+    "position_error": PositionError,
+    "velocity_error": VelocityError,
+    "attitude": Attitude,
+    "body_rate": BodyRate,
+    "joint_errors": JointErrors,
+    "joint_angles": JointAngles,
+    "joint_rates": JointRates,
+    "tip_error": TipError,
+    "last_action": LastAction,
+}
+"""Observed quantities by the name that stands for one with its usual scale."""
+
+USUAL = (
+    *("position_error", "velocity_error", "attitude", "body_rate"),
+    *("joint_errors", "joint_angles", "joint_rates", "tip_error", "last_action"),
+)
+"""The observation where none is given."""
+
+
+def tip_error(vehicle: Vehicle, state: State, reference: Any) -> Vec3:
+    """Wanted minus actual position of the tip, world axes, m."""
+    return goal_of(vehicle, reference).tool - tool_of(vehicle, state)
+
+
+def _state(seen: Any) -> State:
+    """A measurement as a state."""
+    return State(
+        position=seen.position,
+        quaternion=seen.quaternion,
+        velocity=seen.velocity,
+        rate=seen.rate,
+        joints=seen.joints,
+        joint_rates=seen.joint_rates,
+        rotor_speeds=seen.rotor_speeds,
+        tilts=seen.tilts,
+    )
+
+
+def _scaled(vector: Vec3, scale: float) -> list[Any]:
+    return [number / scale for number in vector]

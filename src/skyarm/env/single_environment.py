@@ -1,0 +1,100 @@
+"""One episode at a time in the conventions of Gymnasium 1.x, by the same machine code as many."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.compile import leaves
+from skyarm.env.env_lanes import EnvLanes
+from skyarm.env.env_task import make_task
+from skyarm.env.seeds_of_lanes import seed_of
+from skyarm.env.vector_environment import spaces
+from skyarm.files import shown
+from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.scenario_record import Scenario, ScenarioError
+from skyarm.simulate.check_endings import ended_by
+
+Array = npt.NDArray[Any]
+
+
+class Environment(gymnasium.Env[Array, Array]):
+    """A scenario whose commands come from actions.
+
+    Args:
+        scenario: record, name or path of a file.
+        task: further arguments of :func:`skyarm.env.env_task.make_task`.
+
+    Attributes:
+        lanes: the one lane that flies: state, numbers drawn.
+    """
+
+    def __init__(self, *, scenario: Scenario | str = "case3", render_mode: str | None = None, **task: Any) -> None:
+        if render_mode is not None:
+            raise ScenarioError(f"render_mode = {shown(render_mode)}: must be None; films are made of logs")
+        self.lanes = EnvLanes(make_task(scenario, **task), 1)
+        self.observation_space, self.action_space = spaces(self.lanes)
+        self.metadata = {"render_modes": [], "render_fps": self.lanes.task.scenario.rates.control}
+        self._only = np.zeros(1, dtype=np.intp)
+        self._begun = False
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """Begin episode 0 of a seed, or the next episode without one."""
+        key = None if seed is None else seed_of(seed)
+        super().reset(seed=seed)
+        if key is None and not self._begun:
+            key = int(self.np_random.integers(2**32))
+        if key is None:
+            self.lanes.begin(self._only)
+        else:
+            self.lanes.reseed(self._only, np.array([key], dtype=np.uint64))
+        self._begun = True
+        return self.lanes.observation[:, 0].copy(), {}
+
+    def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """Fly one control period.
+
+        Args:
+            action: (numbers,) in [-1, 1]; what is beyond counts as the bound.
+
+        Returns:
+            observation, reward, terminated, truncated, and where terminated ``{"status": word, "cause": sentence}``.
+
+        Raises:
+            ScenarioError: an action of another shape, no numbers, or numbers that are not finite; or the episode is
+                over.
+        """
+        lanes = self.lanes
+        if not self._begun or lanes.ended[0] or lanes.truncated[0]:
+            raise ScenarioError("step: must come after reset(), and before the end of the episode")
+        try:
+            lanes.act(np.asarray(action)[None])
+        except (TypeError, ValueError) as error:
+            raise ScenarioError(str(error).replace("actions[0]", "action")) from None
+        lanes.step()
+        ended = bool(lanes.ended[0])
+        info = self._why() if ended else {}
+        return lanes.observation[:, 0].copy(), float(lanes.reward[0]), ended, bool(lanes.truncated[0]), info
+
+    def _why(self) -> dict[str, Any]:
+        """Status and cause of an episode that ended before its time."""
+        lanes = self.lanes
+        ending = int(lanes.ending[0])
+        status = str(lanes.statuses[ending])
+        if ending == len(lanes.statuses) - 1:
+            return {"status": status, "cause": "the command was not finite"}
+        numbers = {path: float(column[0]) for path, column in lanes.numbers().items()}
+        scenario = with_numbers(lanes.task.scenario, numbers)
+        ticks, ratio = int(lanes.loop.ticks[0]), scenario.rates.control // scenario.rates.reference
+        held = min(ticks, scenario.steps - 1) // ratio * ratio / scenario.rates.control
+        goal = [float(c) for c in scenario.trajectory.at(held).position]
+        x = [float(leaf[0]) for leaf in leaves(lanes.state)]
+        ended = ended_by(scenario, ticks / scenario.rates.control, x, goal)
+        return {"status": status, "cause": ended.cause if ended else status}
+
+    def close(self) -> None:
+        """End the threads."""
+        self.lanes.close()

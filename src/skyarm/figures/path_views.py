@@ -1,0 +1,139 @@
+"""Paths of flights from above and from the right, with the world about them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.patches import Polygon
+
+from skyarm.drawing.carried_poses import logged_poses
+from skyarm.drawing.world_shapes import WorldShape, ground_height, world_shapes
+from skyarm.figures import picture_styles
+from skyarm.figures.flight_facts import FlightFacts
+from skyarm.figures.flight_labels import ending_of
+from skyarm.figures.picture_styles import Picture, PictureStyle
+from skyarm.figures.projection import SIDE, TOP, View, hull, surface
+from skyarm.figures.touch_marks import TOUCH_WORDS, touch_places
+from skyarm.log.flight_log import Log
+
+Array = npt.NDArray[np.float64]
+
+HEIGHTS = {"paper": 3.0, "talk": 6.2}
+"""in."""
+
+ROOM, LEAST = 0.3, 0.15
+"""Room about the paths, as a share of how far they go, and m."""
+
+FACE_ON = 0.5
+"""A plane that is seen from its front, by the cosine, is not drawn: it would cover all."""
+
+FILLS = {False: {"surface": "#cfc9bd", "object": "#d9b48f"}, True: {"surface": "#4a4740", "object": "#7a5a3a"}}
+"""Role of a shape -> fill, on light and on dark ground."""
+
+
+def path_figure(
+    named: Mapping[str, Log], facts: Mapping[str, FlightFacts], style: PictureStyle, span: tuple[float, float]
+) -> Picture:
+    """Draw the tips' paths over a stretch of time, from above and from the right.
+
+    Args:
+        named: words of the legend -> log.
+        facts: the same flights.
+        style: of the picture.
+        span: first and last instant, s.
+
+    Returns:
+        a figure with the world of the first flight that has one: filled as it is at first, what moves also as a line
+        where it is at last. A plane is drawn where it is seen from its edge.
+    """
+    figure = picture_styles.blank(style, style.wide, HEIGHTS[style.name])
+    axes = figure.subplots(1, 2)
+    handles: dict[str, Any] = {}
+    world = _world(named, span)
+    for ax, view in zip(axes, (TOP, SIDE), strict=True):
+        picture_styles.dress(ax, style)
+        handles |= _paths(ax, view, named, style, span)
+        handles |= touch_places(ax, view, named, facts, style, span)
+        _frame(ax)
+        for solid in world[0]:
+            _draw_solid(ax, view, solid, style)
+        if world[1] is not None and view is SIDE:
+            ax.axhspan(-1e3, world[1], facecolor=_fill(style, "surface"), edgecolor="none", zorder=0.5)
+        words = {"fontsize": style.text, "family": list(style.font), "color": style.ink}
+        ax.set_xlabel("x [m]", **words)
+        ax.set_ylabel("y [m]" if view is TOP else "z [m]", **words)
+        ax.set_title("from above" if view is TOP else "from the right", **style.small_words)
+    order = [each for each in (*handles,) if each not in ("desired", *TOUCH_WORDS)]
+    order += [each for each in ("desired", *TOUCH_WORDS) if each in handles]
+    picture_styles.legend(figure, style, [handles[each] for each in order], order)
+    return figure
+
+
+def _paths(
+    ax: Axes, view: View, named: Mapping[str, Log], style: PictureStyle, span: tuple[float, float]
+) -> dict[str, Any]:
+    """Paths of tips and where they should be."""
+    handles: dict[str, Any] = {}
+    for i, (label, log) in enumerate(named.items()):
+        inside = (log.time >= span[0]) & (log.time <= span[1])
+        name = label + ending_of(log)
+        (handles[name],) = ax.plot(*view.flat(log.tip[inside]).T, label=name, **style.look(i).line)
+        desired = view.flat(log.tip_reference[inside]).T
+        (handles["desired"],) = ax.plot(*desired, label="desired", **style.desired.line)
+    return handles
+
+
+def _frame(ax: Axes) -> None:
+    """A square about the paths."""
+    ends = np.array([ax.dataLim.min, ax.dataLim.max])
+    ends[:, ~np.isfinite(ends).all(axis=0)] = [[-1.0], [1.0]]
+    half = 0.5 * float(np.max(ends[1] - ends[0]))
+    half = max(half * (1.0 + 2.0 * ROOM), half + LEAST)
+    middle = 0.5 * (ends[0] + ends[1])
+    ax.set_xlim(middle[0] - half, middle[0] + half)
+    ax.set_ylim(middle[1] - half, middle[1] + half)
+    ax.set_aspect("equal", adjustable="box")
+    ax.set_autoscale_on(False)
+
+
+def _world(named: Mapping[str, Log], span: tuple[float, float]) -> tuple[tuple[WorldShape, ...], float | None]:
+    """Surfaces and objects of the first flight that has any, at its first and last instant; height of its ground."""
+    for log in named.values():
+        try:
+            contacts = log.scenario.contacts
+        except ValueError:  # of a version that kept none, or of a plugin that is not loaded
+            continue
+        inside = np.flatnonzero((log.time >= span[0]) & (log.time <= span[1]))
+        if not contacts or not inside.size:
+            continue
+        ends = inside[[0, -1]]
+        moved = (log.object_position, log.object_quaternion, log.mechanism_position)
+        carried = logged_poses(contacts, *(each[ends] if each.size else each for each in moved))
+        around = np.mean(log.tip[inside], axis=0)
+        level = any(each.shape == "plane" for contact in contacts for each in contact.surfaces)
+        return (
+            world_shapes(contacts, log.time[ends], tuple(around), carried=carried),
+            ground_height(contacts) if level else None,
+        )
+    return (), None
+
+
+def _draw_solid(ax: Axes, view: View, solid: WorldShape, style: PictureStyle) -> None:
+    """Outline of a solid as it is at first, filled; where it is at last, as a line."""
+    for k in (0, 1) if solid.moves else (0,):
+        if solid.shape.kind == "patch" and abs(solid.rotation[k, :, 2] @ view.toward) > FACE_ON:
+            continue
+        points = surface(solid.shape) @ solid.rotation[k].T + solid.position[k]
+        corners = hull(view.flat(points))
+        drawn = Polygon(corners, closed=True, label=solid.shape.name, zorder=0.6 + 0.1 * k)
+        fill = "none" if k else _fill(style, solid.shape.role)
+        drawn.set(facecolor=fill, edgecolor=style.frame, linewidth=0.09 * style.small, linestyle="--" if k else "-")
+        ax.add_patch(drawn)
+
+
+def _fill(style: PictureStyle, role: str) -> str:
+    return FILLS[style.face != "#ffffff"][role]

@@ -1,0 +1,217 @@
+"""Phases that touch: approach, press, slide, write, search, insert, turn, retreat.
+
+What they ask for is the push of the reference (:class:`skyarm.reference.tip_push.TipPush`): a force along one normal,
+which a law that can press holds; across the normal the tip stays on the path. A force holds on in the phases that touch
+until ``retreat`` or a motion in free flight ends it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+from skyarm.algebra import Vec3, axis_rotation
+from skyarm.files import Fields, shown
+from skyarm.reference.guard_tables import guard_from, unit_vector
+from skyarm.reference.minimum_snap import minimum_snap
+from skyarm.reference.phase_builder import Place, Task, require_field, seconds
+from skyarm.reference.polynomials import Polynomials
+from skyarm.reference.task_tables import MOST_POINTS, place_of, points_of, require_apart, within
+from skyarm.reference.turning import Turning
+
+EASE = 0.05
+"""s of the plan between asking for a force and waiting for it."""
+
+TOUCHED = 0.5
+"""Share of the wanted force from which on a tip counts as touching, where a phase says nothing else."""
+
+MOST_TURNS = 40.0
+"""Turns of a spiral or about an axis."""
+
+FASTEST_TURNING = 1.0
+"""Turns a second of a spiral: at its middle its pace would be more."""
+
+
+def approach(task: Task, phase: Fields) -> None:
+    """Go in front of a place on the surface."""
+    _tell_normal(task, phase)
+    goal = place_of(phase, "position", phase.at("position"))
+    usual = 0.05 if "normal" in phase.table else 0.0
+    clearance = within(phase.number("clearance", usual, low=0.0), phase.at("clearance"))
+    if clearance and task.normal is None:
+        raise ValueError(f"{phase.at('clearance')} = {clearance:g}: must be left out without a normal")
+    if task.normal is not None:
+        goal = _along(goal, task.normal, clearance)
+    _go(task, phase, goal, touches=False)
+
+
+def press(task: Task, phase: Fields) -> None:
+    """Ask for a force, wait until something pushes back, hold it for a while."""
+    _tell_push(task, phase)
+    force = task.force or 0.0
+    usual = {"force": TOUCHED * force, "hold": 0.1, "timeout": 10.0, "fails": True, "direction": task.normal}
+    begun, duration = task.time, seconds(phase, "duration", 1.0)
+    task.rest(EASE)
+    task.wait(guard_from(phase, task.normal, usual))
+    task.rest(duration)
+    task.press(begun, task.time)
+
+
+def slide(task: Task, phase: Fields) -> None:
+    """Go to another place along the surface, pressing."""
+    _tell_push(task, phase)
+    begun, goal = task.time, place_of(phase, "position", phase.at("position"))
+    _go(task, phase, goal, touches=True)
+    task.press(begun, task.time)
+
+
+def write(task: Task, phase: Fields) -> None:
+    """Follow a polyline along the surface, pressing, at rest in each corner."""
+    _tell_push(task, phase)
+    points = points_of(phase.take("points"), phase.at("points"))
+    if not 1 <= len(points) <= MOST_POINTS:
+        raise ValueError(f"{phase.at('points')} = {len(points)} points: must be 1 to {MOST_POINTS}")
+    require_apart([task.at, *points], phase.at("points"))
+    begun = task.time
+    whole = None if phase.take("duration", None) is None else seconds(phase, "duration")
+    length = sum(math.dist(a, b) for a, b in zip([task.at, *points], points, strict=False))
+    for point in points:
+        share = None if whole is None else whole * math.dist(task.at, point) / length
+        task.go([task.at, point], share)
+    task.wait(guard_from(phase, task.normal))
+    task.press(begun, task.time)
+
+
+def retreat(task: Task, phase: Fields) -> None:
+    """Ask for no force; go to a place, or stay for a while."""
+    task.force = None
+    if phase.take("position", None) is None:
+        task.rest(seconds(phase, "duration", 1.0))
+        task.wait(guard_from(phase, task.normal))
+        return
+    _go(task, phase, place_of(phase, "position", phase.at("position")), touches=False)
+
+
+def search(task: Task, phase: Fields) -> None:
+    """Follow a spiral along the surface, pressing, until the tip drops in."""
+    _tell_push(task, phase)
+    u, w = _across(task.normal or (0.0, 0.0, 1.0))
+    pitch = within(phase.number("pitch", low=0.0, strict=True), phase.at("pitch"))
+    radius = within(phase.number("radius", low=0.0, strict=True), phase.at("radius"))
+    pace = within(phase.number("pace", 0.02, low=0.0, strict=True), phase.at("pace"))
+    depth = within(phase.number("depth", 0.003, low=0.0, strict=True), phase.at("depth"))
+    if radius > MOST_TURNS * pitch:
+        raise ValueError(f"{phase.at('pitch')} = {pitch:g}: must be at least {radius / MOST_TURNS:.3g} for its radius")
+    most, growth, begun = 2.0 * math.pi * radius / pitch, pitch / (2.0 * math.pi), task.time
+    angle = _spiral_angle(begun, most, growth, pace)
+    duration = float(angle.knots[-1]) - begun
+    to = tuple(
+        p + growth * most * (a * math.cos(most) + b * math.sin(most)) for p, a, b in zip(task.at, u, w, strict=True)
+    )
+    task.turn([Turning(angle=angle, radius=0.0, growth=growth, u=a, w=b) for a, b in zip(u, w, strict=True)],
+              (to[0], to[1], to[2]), duration)  # fmt: skip
+    usual = {"distance": depth, "hold": 0.05, "timeout": 0.5, "fails": True, "early": True, "direction": task.normal}
+    task.wait(guard_from(phase, task.normal, usual))
+    task.press(begun, task.time)
+
+
+def insert(task: Task, phase: Fields) -> None:
+    """Press along the axis until the tip has gone in."""
+    _tell_push(task, phase)
+    depth = within(phase.number("distance", low=0.0, strict=True), phase.at("distance"))
+    usual = {"distance": depth, "hold": 0.05, "timeout": 10.0, "fails": True, "direction": task.normal}
+    begun = task.time
+    task.rest(EASE)
+    task.wait(guard_from(phase, task.normal, usual))
+    task.press(begun, task.time)
+
+
+def turn(task: Task, phase: Fields) -> None:
+    """Go about an axis by an angle; with the force of the phases before, if there is one."""
+    if task.force is not None or "force" in phase.table:
+        _tell_push(task, phase)
+    center, axis = place_of(phase, "center", phase.at("center")), unit_vector(phase, "axis")
+    angle = within(phase.number("angle"), phase.at("angle"), -2.0 * math.pi * MOST_TURNS, 2.0 * math.pi * MOST_TURNS)
+    if not angle:
+        raise ValueError(f"{phase.at('angle')} = 0: must be an angle in rad, counter-clockwise about the axis")
+    begun, duration = task.time, seconds(phase, "duration")
+    a, away = Vec3(*axis), Vec3(*task.at) - Vec3(*center)
+    out = away - a * a.dot(away)
+    radius = float(out.norm())
+    if radius < 1e-6:
+        raise ValueError(f"{phase.at('center')} = {shown(list(center))}: must be a place beside which the tip stands")
+    u = out * (1.0 / radius)
+    w = a.cross(u)
+    to = Vec3(*task.at) + (axis_rotation(a, angle).apply(out) - out)
+    profile = minimum_snap((begun, begun + duration), (0.0, angle))
+    turning = [Turning(angle=profile, radius=radius, u=p, w=q) for p, q in zip(u, w, strict=True)]
+    task.turn(turning, (to.x, to.y, to.z), duration)
+    task.wait(guard_from(phase, task.normal))
+    if task.force is not None:
+        task.press(begun, task.time)
+
+
+TOUCHING: Mapping[str, Callable[[Task, Fields], None]] = {
+    "press": press, "slide": slide, "write": write, "search": search, "insert": insert, "turn": turn, "open": turn,
+}  # fmt: skip
+"""Phases in which the tip may press, by kind."""
+
+
+def _go(task: Task, phase: Fields, goal: Place, *, touches: bool) -> None:
+    """A motion to a place, through others."""
+    via = points_of(phase.take("via", []), phase.at("via"))
+    duration = None if phase.take("duration", None) is None else seconds(phase, "duration")
+    points = [task.at, *via, goal]
+    if touches or via:
+        require_apart(points, phase.at("position"))
+    task.go(points, duration, back=not touches)
+    task.wait(guard_from(phase, task.normal))
+
+
+def _tell_normal(task: Task, phase: Fields) -> None:
+    if phase.take("normal", None) is not None:
+        normal = unit_vector(phase, "normal")
+        require_field(phase, "normal", normal, task.normal, "must be the same in all phases of a task")
+        task.normal = normal
+
+
+def _tell_push(task: Task, phase: Fields) -> None:
+    """Force, normal and speed of a phase that touches; what it leaves out is that of the phase before."""
+    _tell_normal(task, phase)
+    if phase.take("speed", None) is not None:
+        speed = within(phase.number("speed", low=0.0, strict=True), phase.at("speed"))
+        require_field(phase, "speed", (speed,), None if task.speed is None else (task.speed,),
+                      "must be the same in all phases of a task")  # fmt: skip
+        task.speed = speed
+    if task.force is None or phase.take("force", None) is not None:
+        task.force = within(phase.number("force", low=0.0, strict=True), phase.at("force"))
+    if task.normal is None:
+        raise ValueError(f"{phase.at('normal')}: is missing; must be a vector out of the surface that is touched first")
+
+
+def _along(place: Place, direction: Place, length: float) -> Place:
+    x, y, z = (p + length * d for p, d in zip(place, direction, strict=True))
+    return x, y, z
+
+
+def _across(normal: Place) -> tuple[Vec3, Vec3]:
+    """Two unit vectors across a normal and each other."""
+    n = Vec3(*normal)
+    least = min(range(3), key=lambda i: abs(normal[i]))
+    u = n.cross(Vec3(*(1.0 if i == least else 0.0 for i in range(3))))
+    u = u * (1.0 / float(u.norm()))
+    return u, n.cross(u)
+
+
+def _spiral_angle(begin: float, most: float, growth: float, pace: float) -> Polynomials:
+    """Angle of an Archimedean spiral over time: along it with a pace (m/s), but no faster than a turn a second.
+
+    With da/dt = pace / (growth sqrt(k^2 + a^2)) the time of an angle is known; knots stand at each quarter of a turn,
+    and the first and the last piece take twice their time: it begins and ends at rest.
+    """
+    k = pace / (growth * 2.0 * math.pi * FASTEST_TURNING)
+    count = max(3, math.ceil(most / (0.5 * math.pi)))
+    angles = [most * i / count for i in range(count + 1)]
+    even = [0.5 * growth / pace * (a * math.hypot(k, a) + k * k * math.asinh(a / k)) for a in angles]
+    first, last = even[1], even[-1] - even[-2]
+    return minimum_snap([begin, *(begin + first + t for t in even[1:-1]), begin + first + even[-1] + last], angles)

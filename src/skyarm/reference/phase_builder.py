@@ -1,0 +1,154 @@
+"""A task as its phases are read: where it stands, at what time, and the pieces of its motion so far."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from skyarm.files import Fields, shown
+from skyarm.reference.compose import Sum, Windowed
+from skyarm.reference.minimum_snap import minimum_snap
+from skyarm.reference.phase_guard import Guard, Phase
+from skyarm.reference.setting import Setting
+from skyarm.reference.signals import Constant, Signal
+from skyarm.reference.task_tables import CLOSEST, within
+from skyarm.reference.tip_push import SPEED, TipPush
+from skyarm.reference.trajectory import Trajectory
+from skyarm.reference.turning import Turning
+from skyarm.reference.waypoints import SHORTEST, FlightLimits, Points, allocate
+
+Place = tuple[float, float, float]
+
+EDGE = 1e-6
+"""s after which a force changes: at the planned end of a phase, where the reference may wait, that phase's force
+holds."""
+
+COMING_BACK = 1.0
+"""s in which the reference comes back to its plan where the next place is the one that it would be at."""
+
+
+def seconds(fields: Fields, name: str, *default: Any) -> float:
+    """How long something of a phase takes."""
+    return within(fields.number(name, *default), fields.at(name), CLOSEST)
+
+
+class Task:
+    """Phases as they are read.
+
+    Args:
+        start: place at the beginning, m. limits: of motions. setting: of the flight.
+
+    Attributes:
+        at: place, m. time: s. begun: s, when the present phase began.
+        handled: beginning of the last dwell and the instant at which its payload is taken or left, s.
+        normal: out of the surface that the task touches. speed: m/s, with which the tip comes. force: N, the last one.
+    """
+
+    def __init__(self, start: Place, limits: FlightLimits, setting: Setting) -> None:
+        self.start = self.at = start
+        self.time = self.begun = 0.0
+        self.handled = 0.0, 0.0
+        self.setting = setting
+        self.normal: Place | None = None
+        self.speed: float | None = None
+        self.force: float | None = None
+        self._limits = limits
+        self._pieces: list[tuple[Points, tuple[float, ...]]] = []
+        self._turns: list[tuple[Turning, ...]] = []
+        self._forces: list[tuple[float, float, float]] = []
+        self._strays = self._back = False
+        self._window = 0.0, 0.0
+
+    def begin(self, phase: Fields) -> None:
+        """Rest until the instant at which a phase is to begin, if it says one."""
+        if phase.take("start", None) is not None:
+            start = within(phase.number("start"), phase.at("start"), 0.0)
+            if start < self.time:
+                allowed = f"must be at or after {self.time:.6g} s, the end of the phase before"
+                raise ValueError(f"{phase.at('start')} = {start:g}: {allowed}")
+            self.time = start
+        self.begun, self._back = self.time, False
+
+    def end(self, kind: str) -> None:
+        """Note a phase that has been read."""
+        self.setting.phases.append(Phase(name=kind, end=self.time, back=self._window if self._back else None))
+
+    def rest(self, duration: float) -> None:
+        """Stay."""
+        self.time += duration
+
+    def go(self, points: Points, duration: float | None = None, *, back: bool = False) -> None:
+        """Add the motion of least snap through points; none where they are one place.
+
+        Args:
+            points: from where the task stands, m.
+            duration: s; as fast as the limits let if left out.
+            back: an offset of the reference is taken back on the way.
+        """
+        begun, here = self.time, len(points) == 2 and _apart(points[0], points[1]) < SHORTEST
+        if not here:
+            times = allocate(points, self._limits, self.setting.gravity)
+            if duration is not None:
+                times = tuple(t * (duration / times[-1]) for t in times)
+            self._pieces.append((points, tuple(self.time + t for t in times)))
+            self.time, self.at = self.time + times[-1], points[-1]
+        if back and self._strays:
+            self.time = max(self.time, begun + COMING_BACK) if here else self.time
+            self._back, self._window, self._strays = True, (begun, self.time), False
+
+    def turn(self, turning: Sequence[Turning], to: Place, duration: float) -> None:
+        """Add a motion about an axis, one signal for each coordinate."""
+        self._turns.append(tuple(turning))
+        self.time, self.at = self.time + duration, to
+
+    def press(self, begin: float, end: float) -> None:
+        """Ask for the task's force from one instant of the plan to another."""
+        if self.force is None or self.normal is None:
+            raise AssertionError("a force needs its size and direction")
+        self._forces.append((begin, end, self.force))
+
+    def wait(self, until: Mapping[str, Any] | None) -> None:
+        """Let the reference rest here until the flight shows what a guard asks."""
+        if until is None:
+            return
+        number = len(self.setting.phases)
+        guard = Guard(at=self.time, begin=min(self.begun, self.time), phase=number, **until)
+        self.setting.guards.append(guard)
+        self._strays = self._strays or guard.early
+
+    def motion(self) -> Trajectory:
+        """The whole motion, each axis a sum of what every piece adds to where it begins; and the push."""
+        axes: list[Signal] = []
+        for axis in range(3):
+            parts: list[Any] = [Constant(self.start[axis])]
+            for points, times in self._pieces:
+                if any(p[axis] != points[0][axis] for p in points):
+                    parts.append(minimum_snap(times, [p[axis] - points[0][axis] for p in points]))
+            parts += [turning[axis] for turning in self._turns]
+            axes.append(Sum(tuple(parts)))
+        x, y, z = axes
+        self._tell_push()
+        return Trajectory(x=x, y=y, z=z)
+
+    def _tell_push(self) -> None:
+        """The push of the whole reference stands beside its motion."""
+        if not self._forces:
+            return
+        if self.setting.pushes:
+            raise ValueError("reference: two tasks whose phases press do not add")
+        pieces = tuple(Windowed(Constant(f), a + EDGE, b + EDGE) for a, b, f in self._forces)
+        speed = SPEED if self.speed is None else self.speed
+        if self.normal is None:
+            raise AssertionError("a force needs a direction")
+        self.setting.pushes.append(TipPush(force=Sum(pieces), normal=self.normal, speed=speed))
+
+
+def _apart(a: Place, b: Place) -> float:
+    return max(abs(p - q) for p, q in zip(a, b, strict=True))
+
+
+def require_field(fields: Fields, name: str, value: Any, known: Any, words: str) -> None:
+    """Refuse a value that another phase has said otherwise."""
+    if known is not None and any(not math.isclose(a, b, abs_tol=1e-9) for a, b in zip(value, known, strict=True)):
+        raise ValueError(f"{fields.at(name)} = {shown(list(value) if len(value) > 1 else value[0])}: {words}")

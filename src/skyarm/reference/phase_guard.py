@@ -1,0 +1,71 @@
+"""Phases of a task, and what a flight must show before the reference leaves one of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from skyarm.records.field_rules import accept_fields
+from skyarm.records.units import Unit
+from skyarm.scalars import Scalar
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Phase:
+    """One phase of a task, at the reference's own time.
+
+    Attributes:
+        name: its kind. end: s, planned. back: s and s, from when to when the reference comes back to its plan in it, if
+            a phase before ended early.
+    """
+
+    name: str
+    end: Annotated[float, Unit("s", low=0.0)]
+    back: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "phase")
+
+    def later(self, seconds: float) -> Phase:
+        """The same phase so many seconds later."""
+        back = None if self.back is None else (self.back[0] + seconds, self.back[1] + seconds)
+        return Phase(name=self.name, end=self.end + seconds, back=back)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Guard:
+    """What a flight must show before the reference goes on: until then the whole reference rests.
+
+    All that is asked must hold together for ``hold`` seconds; what is None is not asked. Force, distance and error are
+    those that the law knows of: the measured tip, the force that the law observes.
+
+    Attributes:
+        at: s, planned end of what it guards; there the reference rests.
+        begin: s, planned beginning: distances count from there.
+        phase: number of its phase.
+        error: m, of the tip across the normal while a push is asked for; of the base where the vehicle has no tip.
+        force, force_below: N along ``direction``, above and below which it holds.
+        distance: m, that the tip has moved against ``direction``, at least.
+        direction: unit vector, world axes: out of the surface.
+        hold: s, for which all of it must hold. timeout: s of rest, after which the reference goes on all the same.
+        fails: after the timeout the flight ends in place of that.
+        early: what is left of the phase is skipped when the guard holds before its end.
+        loads: names of the payloads that the task takes and leaves, at the reference's time.
+    """
+
+    at: Annotated[Scalar, Unit("s", low=0.0)]
+    begin: Annotated[Scalar, Unit("s", low=0.0)] = 0.0
+    phase: int = 0
+    error: Annotated[Scalar | None, Unit("m", low=0.0, strict=True)] = None
+    force: Annotated[Scalar | None, Unit("N", low=0.0, strict=True)] = None
+    force_below: Annotated[Scalar | None, Unit("N", low=0.0, strict=True)] = None
+    distance: Annotated[Scalar | None, Unit("m", low=0.0, strict=True)] = None
+    direction: Annotated[tuple[Scalar, Scalar, Scalar], Unit("", "out of the surface, world axes")] = (0.0, 0.0, 1.0)
+    hold: Annotated[Scalar, Unit("s", low=0.0)] = 0.5
+    timeout: Annotated[Scalar, Unit("s", low=0.0, strict=True)] = 5.0
+    fails: bool = False
+    early: bool = False
+    loads: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        accept_fields(self, "guard")

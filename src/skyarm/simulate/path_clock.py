@@ -1,0 +1,249 @@
+"""The clock of a reference whose phases wait for the flight: a state of the closed loop.
+
+The clock counts control periods of the reference. It goes on with the flight's own, stands still at the planned end of
+a guarded phase until the flight shows what the guard asks, and skips what is left of a phase that may end early. Guards
+know what the law knows: the measurement, and the force that the law observes.
+
+Where no phase waits the clock is ``()``: structure, without an operation.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skyarm.algebra import Vec3
+from skyarm.records.leaves import leaves
+from skyarm.reference.path_offset import offset_reference
+from skyarm.reference.phase_guard import Guard
+from skyarm.reference.phase_words import PASSED
+from skyarm.reference.trajectory import Reference
+from skyarm.scalars import Scalar, floor, logical_and, logical_not, logical_or, minimum, sqrt, where
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.tip_and_goal import goal_of, tip_at
+
+WHOLE = 1e-9
+"""Control periods that are rounding."""
+
+NEVER = 1e30
+"""Control periods that no flight has."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PathClock:
+    """The reference's clock between two control periods; all times are control periods.
+
+    Attributes:
+        place: of the reference, now. held: of the sample that is held; () where each period publishes one.
+        guard: number of the guard that comes next. waited: at its end. calm: for which it has held.
+        origin: m, world axes, the tip where the phase began. failed: 1 once a phase has failed that must not.
+        offset: m, of the reference since a phase ended early while it moved. since: place from which on.
+    """
+
+    place: Scalar
+    held: Scalar | tuple[()]
+    guard: Scalar
+    waited: Scalar
+    calm: Scalar
+    origin: Vec3 | tuple[()]
+    failed: Scalar
+    offset: Vec3 | tuple[()]
+    since: Scalar | tuple[()]
+
+    def begun_at(self, ticks: Any) -> PathClock:
+        """A clock that begins in a control period of the flight."""
+        return dataclasses.replace(self, place=ticks, held=() if isinstance(self.held, tuple) else ticks)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Seen:
+    """What guards look at in a control period.
+
+    Attributes:
+        tip: as measured, m, world axes. goal: where the held reference wants it. push: of that reference.
+        force: on the tip as the law observes it, N, world axes; None of a law that observes none.
+    """
+
+    tip: Vec3
+    goal: Vec3
+    push: tuple[Any, ...]
+    force: Vec3 | None
+
+
+class Waits:
+    """The guards of a scenario and its reference's clock, over any scalar.
+
+    Args:
+        scenario: whose numbers may be traced.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._trajectory = scenario.trajectory
+        self.guards: tuple[Guard, ...] = scenario.trajectory.guards
+        self.loads = frozenset(name for guard in self.guards for name in guard.loads)
+        self._believed = tuple(each for each in scenario.payloads if each.believed)
+        self._rate = float(scenario.rates.control)
+        self._ratio = scenario.rates.control // scenario.rates.reference
+        self._vehicle = scenario.controller.par.model.vehicle
+        self._ends = tuple(guard.at * self._rate for guard in self.guards)
+        self._moves = any(guard.early for guard in self.guards)
+        self._measures = any(guard.distance is not None for guard in self.guards)
+        self._stops = self._stops_of_early_phases() if self._moves else ()
+
+    def _stops_of_early_phases(self) -> tuple[Vec3, ...]:
+        """Where the reference of the base is at the end of each guarded phase, m."""
+        return tuple(self._trajectory.at(guard.at).position for guard in self.guards)
+
+    def first(self) -> PathClock | tuple[()]:
+        """The clock before the first period."""
+        if not self.guards:
+            return ()
+        zero = Vec3(0.0, 0.0, 0.0)
+        return PathClock(
+            place=0.0,
+            held=() if self._ratio == 1 else 0.0,
+            guard=0.0,
+            waited=0.0,
+            calm=0.0,
+            origin=zero if self._measures else (),
+            failed=0.0,
+            offset=zero if self._moves else (),
+            since=0.0 if self._moves else (),
+        )
+
+    def held(self, clock: Any, ticks: Any) -> Any:
+        """Place of the sample that holds in a period: taken in it where it publishes one."""
+        if self._ratio == 1:
+            return clock.place
+        # a thousandth of a period: ticks are whole, their share of a sample's is not
+        due = ticks - floor(ticks / float(self._ratio) + 1e-3) * float(self._ratio) < 0.5
+        return where(due, clock.place, clock.held)
+
+    def times(self, clock: Any, ticks: Any) -> tuple[Any, ...]:
+        """Times of the reference and of its held sample, s, and its offset, m: what a log keeps of the clock."""
+        return self.path_time(clock), self.held(clock, ticks) / self._rate, *leaves((clock.offset, clock.since))
+
+    def path_time(self, clock: Any) -> Any:
+        """Time of the reference, s."""
+        return clock.place / self._rate
+
+    def phase(self, path_time: Any) -> Any:
+        """Number of the phase that is flown at a time of the reference, s; 0 where no phase waits."""
+        found: Any = 0.0
+        for each in self._trajectory.phases:
+            found = found + where(path_time > each.end + PASSED, 1.0, 0.0)
+        return found
+
+    def reference(self, time: Any, offset: Sequence[Any] = ()) -> Reference:
+        """The reference at its own time, s; ``offset`` as :meth:`times` has it."""
+        found = self._trajectory.at(time)
+        if not offset:
+            return found
+        *moved, since = offset
+        return offset_reference(found, Vec3(*moved), self._trajectory.returns, since / self._rate, time)
+
+    def believing(self, par: Any, path_time: Any) -> Any:
+        """The law's constants, its model told of the payloads that the task holds at a time of the reference (s)."""
+        vehicle = par.model.vehicle
+        for payload in self._believed:
+            held = logical_and(path_time >= payload.pick, path_time < payload.drop)
+            vehicle = vehicle.with_payload(where(held, payload.mass, 0.0), payload.frame or None)
+        if not self._believed:
+            return par
+        return dataclasses.replace(par, model=dataclasses.replace(par.model, vehicle=vehicle))
+
+    def seen(self, measurement: Any, reference: Reference, force: Vec3 | None) -> Seen:
+        """What guards look at."""
+        tip = tip_at(self._vehicle, measurement.position, measurement.quaternion, measurement.joints)
+        return Seen(tip=tip, goal=goal_of(self._vehicle, reference).tool, push=reference.push, force=force)
+
+    def following(self, clock: Any, ticks: Any, seen: Seen) -> Any:
+        """The clock one control period later."""
+        n, end = clock.guard, self._chosen(clock.guard, self._ends, NEVER)
+        begin = self._chosen(n, [guard.begin * self._rate for guard in self.guards])
+        there = clock.place >= end - WHOLE
+        fresh = logical_and(clock.place <= begin + WHOLE, clock.waited < 0.5)
+        origin = clock.origin if not self._measures else _either(fresh, seen.tip, clock.origin)
+        looks = there
+        if self._moves:
+            early = self._chosen(n, [1.0 if guard.early else 0.0 for guard in self.guards], 0.0) > 0.5
+            looks = logical_or(there, logical_and(early, logical_not(fresh)))
+        calm = where(logical_and(looks, self._holds(n, seen, origin)), clock.calm + 1.0, 0.0)
+        enough = calm > self._chosen(n, [guard.hold * self._rate for guard in self.guards]) + (1.0 - 1e-6)
+        late = logical_and(
+            there, clock.waited >= self._chosen(n, [guard.timeout * self._rate for guard in self.guards]) - 1e-6
+        )
+        passed = logical_or(enough, late)
+        fails = self._chosen(n, [1.0 if guard.fails else 0.0 for guard in self.guards]) > 0.5
+        failed = logical_and(logical_and(late, logical_not(enough)), fails)
+        number = where(passed, n + 1.0, n)
+        gone = where(passed, where(there, clock.place, end), clock.place) + 1.0
+        return PathClock(
+            place=minimum(gone, self._chosen(number, self._ends, NEVER)),
+            held=() if self._ratio == 1 else self.held(clock, ticks),
+            guard=number,
+            waited=where(passed, 0.0, where(there, clock.waited + 1.0, 0.0)),
+            calm=where(passed, 0.0, calm),
+            origin=_either(passed, seen.tip, origin) if self._measures else origin,
+            failed=where(failed, 1.0, clock.failed),
+            **self._skipped(clock, logical_and(enough, logical_not(there)), end),
+        )
+
+    def _skipped(self, clock: Any, skips: Any, end: Any) -> dict[str, Any]:
+        """Offset of the reference, so that it stays where it is when what is left of a phase is skipped."""
+        if not self._moves:
+            return {"offset": (), "since": ()}
+        now = self.reference(self.path_time(clock), (*clock.offset, clock.since)).position
+        stop = Vec3(*(self._chosen(clock.guard, column) for column in zip(*self._stops, strict=True)))
+        return {
+            "offset": _either(skips, now - stop, clock.offset),
+            "since": where(skips, end, clock.since),
+        }
+
+    def _holds(self, n: Any, seen: Seen, origin: Any) -> Any:
+        """Whether the flight shows all that the guard asks."""
+        found: Any = n > -1.0
+        if any(guard.error is not None for guard in self.guards):
+            most = self._asked(n, "error", NEVER)
+            found = logical_and(found, _away(seen) <= most)
+        if any(guard.force is not None or guard.force_below is not None for guard in self.guards):
+            out = self._direction(n)
+            along: Any = 0.0 if seen.force is None else out.dot(seen.force)
+            found = logical_and(found, along >= self._asked(n, "force", -NEVER))
+            found = logical_and(found, along <= self._asked(n, "force_below", NEVER))
+        if self._measures:
+            moved = self._direction(n).dot(origin - seen.tip)
+            found = logical_and(found, moved >= self._asked(n, "distance", -NEVER))
+        return found
+
+    def _direction(self, n: Any) -> Vec3:
+        return Vec3(
+            *(self._chosen(n, column) for column in zip(*(each.direction for each in self.guards), strict=True))
+        )
+
+    def _asked(self, n: Any, name: str, nothing: float) -> Any:
+        given = [getattr(guard, name) for guard in self.guards]
+        return self._chosen(n, [nothing if value is None else value for value in given])
+
+    def _chosen(self, n: Any, values: Sequence[Any], beyond: Any = None) -> Any:
+        """The value that belongs to guard number n; ``beyond`` those, the last one's if left out."""
+        found = values[-1] if beyond is None else beyond
+        for i in reversed(range(len(values))):
+            found = where(n < i + 0.5, values[i], found)
+        return found
+
+
+def _either(condition: Any, a: Vec3, b: Any) -> Vec3:
+    return Vec3(*(where(condition, x, y) for x, y in zip(a, b, strict=True)))
+
+
+def _away(seen: Seen) -> Any:
+    """Distance of the tip from its reference, m; across the normal while a push is asked for."""
+    away = seen.tip - seen.goal
+    if seen.push:
+        force, _, *normal = seen.push[:5]
+        n = Vec3(*normal)
+        away = away - n * where(force > 0.0, n.dot(away), 0.0)
+    return sqrt(away.dot(away))

@@ -1,0 +1,40 @@
+"""Where a vehicle's tip is, and where a reference wants it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.dynamics import State, frame_pose
+from skyarm.metrics.accumulate import Goal
+from skyarm.reference import Reference
+from skyarm.scalars import cos, sin
+from skyarm.vehicle.vehicle_records import Vehicle
+
+
+def tool_of(vehicle: Vehicle, state: State) -> Vec3:
+    """World position of the tip; of the base origin if the vehicle has none."""
+    return tip_at(vehicle, state.position, state.quaternion, state.joints)
+
+
+def tip_at(vehicle: Vehicle, position: Vec3, quaternion: Quaternion, joints: Any) -> Vec3:
+    """The same from the parts of a state, or of a measurement."""
+    if not vehicle.end_effector:
+        return position
+    held = frame_pose(vehicle, vehicle.frame(vehicle.end_effector), joints).p
+    return position + quaternion.rotation().apply(held)
+
+
+def goal_of(vehicle: Vehicle, reference: Reference) -> Goal:
+    """What a reference wants; its tool is the tip's own reference, or that of the level vehicle.
+
+    The latter is p_d + R_z(psi_d) p_e(th_d).
+    """
+    if reference.tip:
+        return Goal(position=reference.position, joints=reference.joints, tool=Vec3(*reference.tip))
+    tool = reference.position
+    if vehicle.end_effector:
+        held = frame_pose(vehicle, vehicle.frame(vehicle.end_effector), reference.joints).p
+        c, s = cos(reference.yaw), sin(reference.yaw)
+        tool = tool + Vec3(c * held.x - s * held.y, s * held.x + c * held.y, held.z)
+    return Goal(position=reference.position, joints=reference.joints, tool=tool)

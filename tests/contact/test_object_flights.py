@@ -1,0 +1,277 @@
+"""Flights with objects and grippers: files, starts at rest, plants, lanes, logs, and what is refused."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skyarm
+from free_scenes import BIRD, Scene, with_object
+from skyarm.algebra import Vec3
+from skyarm.contact import Contact, FreeObject, Surface
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.log.log_columns import columns
+from skyarm.plant.compiled import RigidBodyPlant
+from skyarm.plant.mujoco import MujocoPlant
+from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.scenario_file import scenario_from
+from skyarm.scenario.scenario_record import first_state
+from skyarm.simulate.loop import run_in_python
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "pick_and_place_box.toml"
+DOCUMENT = tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))
+
+
+def lifting(duration=0.6):
+    """The tip begins on a box of 30 g, the magnet takes it at 0.1 s, and it is lifted."""
+    found = copy.deepcopy(DOCUMENT) | {"duration": duration}
+    found["world"]["objects"][0]["mass"] = 0.03
+    path = found["reference"]["tip"]["path"]
+    path["position"], path["acceleration"] = [0.2, 0.0, 0.811], 3.0
+    path["phases"] = [{"kind": "go_to", "position": [0.2, 0.0, 0.86], "duration": 0.5}]
+    found["world"]["grippers"][0]["closed"] = {"kind": "constant", "value": 1, "start": 0.1, "stop": 0.5}
+    return found
+
+
+@pytest.fixture(scope="module")
+def lifted():
+    return skyarm.run(scenario_from(lifting()))
+
+
+def test_the_box_goes_along_while_it_is_held_and_falls_when_it_is_let_go(lifted):
+    assert lifted.status == "completed"
+    (grasp,) = lifted.grasp_periods
+    assert (grasp.gripper, grasp.held, grasp.gave_way) == ("magnet", "box", False)
+    assert (grasp.start, grasp.end) == (0.1, 0.5)
+    held = (lifted.time >= 0.1) & (lifted.time < 0.5)
+    assert np.array_equal(lifted.gripper_taken[:, 0] > 0.5, held)
+    above = np.linalg.norm((lifted.tip - lifted.object_position)[held], axis=1)
+    assert np.ptp(above) < 1e-3
+    assert lifted.object_position[held][-1, 2] > 0.8
+    assert grasp.peak == lifted.gripper_force[held].max() > 0.3
+    assert lifted.gripper_force[~held].max() == 0.0
+    falls = lifted.object_velocity[lifted.time >= 0.5, 2]
+    assert np.diff(falls)[:10] == pytest.approx(-9.81 * 0.005, abs=1e-6)
+
+
+def test_columns_are_named_after_objects_and_grippers_and_files_keep_them(lifted, tmp_path):
+    named = {each.name: each for each in columns(lifted)}
+    for name, unit in (("object_position_box_z", "m"), ("object_quaternion_box_w", ""), ("object_rate_box_x", "rad/s"),
+                       ("object_velocity_box_y", "m/s"), ("gripper_taken_magnet", ""), ("gripper_force_magnet", "N"),
+                       ("gripper_lost_magnet", ""), ("contact_force_box_tip", "N")):  # fmt: skip
+        assert named[name].unit == unit
+    assert np.array_equal(named["object_position_box_z"].of(lifted), lifted.object_position[:, 2])
+    again = skyarm.load_log(lifted.save_npz(tmp_path / "a.npz"))
+    assert np.array_equal(again.object_quaternion, lifted.object_quaternion)
+    assert again.scenario.contact == lifted.scenario.contact
+    assert again.grasp_periods == lifted.grasp_periods
+
+
+def test_what_a_gripper_held_is_said(lifted):
+    from skyarm.cli.flight_summary import facts, grasp_lines
+
+    (line,) = grasp_lines(lifted)
+    assert line.startswith("magnet took box at 0.1 s: let go at 0.5 s, largest force ")
+    (told,) = json.loads(json.dumps(facts(lifted)["grasps"]))
+    assert (told["gripper"], told["held"], told["end"]) == ("magnet", "box", 0.5)
+    lost = dataclasses.replace(lifted, gripper_lost=lifted.gripper_lost + (lifted.time >= 0.5)[:, None])
+    assert "gave way at 0.5 s" in grasp_lines(lost)[0]
+    short = {
+        name: getattr(lifted, name)[:60] for name in ("time", "gripper_taken", "gripper_lost", "gripper_force")
+    }  # fmt: skip
+    assert "holds it to the end" in grasp_lines(dataclasses.replace(lifted, **short))[0]
+
+
+@pytest.mark.thorough
+def test_both_plants_lift_the_same(lifted):
+    theirs = skyarm.run(scenario_from(lifting(0.3), replaced={"plant": "mujoco"}))
+    count = len(theirs.time)
+    assert theirs.object_position == pytest.approx(lifted.object_position[:count], abs=5e-5)  # steps of 0.7 and 0.5 ms
+    assert theirs.gripper_force == pytest.approx(lifted.gripper_force[:count], abs=2e-2)
+
+
+@pytest.mark.thorough
+def test_floats_lift_the_same_bits(lifted):
+    slow = run_in_python(scenario_from(lifting(0.15)))
+    count = len(slow.time)
+    for name in ("object_position", "object_quaternion", "gripper_force", "position"):
+        assert np.array_equal(getattr(slow, name), getattr(lifted, name)[:count])
+
+
+@pytest.mark.thorough
+def test_lanes_of_a_batch_lift_each_its_own_box():
+    """Masses, holding forces and starts differ from lane to lane: each as it flies alone."""
+    scenario = scenario_from(lifting(0.15))
+    values = {
+        "world.objects.box.mass": np.array([0.03, 0.06]), "world.grippers.magnet.force": np.array([10.0, 0.2]),
+        "world.objects.box.position.x": np.array([0.2, 0.203]),
+    }  # fmt: skip
+    light = with_numbers(scenario, {"world.objects.box.mass": 0.03})
+    lanes = skyarm.Batch(scenario, list(values), stiffest=light, log_every=1).fly(values).log
+    positions = np.stack([*lanes.state.position], axis=-1)  # (lanes, samples, 3)
+    for lane in range(2):
+        alone = skyarm.run(with_numbers(scenario, {path: float(each[lane]) for path, each in values.items()}))
+        assert alone.gripper_lost[-1] == [0.0, 1.0][lane]
+        assert positions[lane] == pytest.approx(alone.position, abs=1e-7)  # steps of the lightest
+        assert np.abs(positions[lane] - positions[1 - lane]).max() > 1e-5
+
+
+def resting(**numbers):
+    """The example's table and an object on it, 5 mm above."""
+    found = copy.deepcopy(DOCUMENT) | {"duration": 0.1}
+    found["world"]["objects"][0] |= {"position": [0.2, 0.0, 0.785]} | numbers
+    return found
+
+
+@pytest.mark.parametrize(
+    "numbers",
+    [{}, {"shape": "sphere", "size": [0.03]}, {"shape": "cylinder", "size": [0.03, 0.06]},
+     {"shape": "cylinder", "size": [0.03, 0.06], "angles": [1.5707963267948966, 0.0, 0.3]},
+     {"com": [0.01, -0.02, 0.0]}, {"angles": [0.0, 0.0, 0.5], "mass": 2.0}],
+)  # fmt: skip
+def test_an_object_that_is_standing_begins_as_its_weight_presses_it(numbers):
+    """Nothing accelerates: the sum of what the table does is the weight, without a moment."""
+    scenario = scenario_from(resting(**numbers))
+    body, memory = scenario.contact.objects[0], scenario.contact.start(0.005, ())
+    motion = PointMotion(scenario.world.vehicle, first_state(scenario), gravity=9.81)
+    rates = scenario.contact.slope(memory, 0.0, motion, ()).carried[0]
+    assert [*rates.velocity] == pytest.approx([0.0] * 3, abs=1e-8)
+    assert [*rates.rate] == pytest.approx([0.0] * 3, abs=1e-5)
+    pressed = 0.785 - float(body.position.z)
+    assert 0.005 < pressed < 0.0065
+    again = scenario_from(resting(**numbers))
+    assert again.contact == scenario.contact
+
+
+def test_one_that_stands_already_stays_where_it_is():
+    from skyarm.scenario.standing_objects import with_standing_objects
+
+    contact = scenario_from(resting()).contact
+    assert with_standing_objects(contact, 9.81) == contact
+
+
+def test_one_that_begins_a_little_inside_is_lifted_first():
+    above, inside = (scenario_from(resting(position=[0.2, 0.0, z])).contact.objects[0] for z in (0.785, 0.7791))
+    assert float(inside.position.z) == pytest.approx(float(above.position.z), abs=1e-12)
+
+
+def test_a_plate_stands_on_the_corners_of_a_smaller_box():
+    from skyarm.scenario.standing_objects import with_standing_objects
+
+    box = FreeObject(name="box", size=(0.1, 0.1, 0.1), mass=0.5, position=Vec3(0.0, 0.0, 0.05))
+    plate = FreeObject(name="plate", size=(0.3, 0.3, 0.01), mass=0.2, standing=True, position=Vec3(0.01, 0.02, 0.12))
+    contact = Contact(surfaces=(Surface(name="ground"),), objects=(box, plate))
+    settled = with_standing_objects(contact, 9.8).objects[1]
+    weight, tilting = 0.2 * 9.8, 4.0 * 5000.0 * 0.05**2
+    assert float(settled.angles.x) == pytest.approx(-0.02 * weight / tilting, rel=0.01)
+    assert float(settled.angles.y) == pytest.approx(0.01 * weight / tilting, rel=0.01)
+    sunk = weight / 20000.0 + (0.02**2 + 0.01**2) * weight / tilting
+    assert float(settled.position.z) == pytest.approx(0.105 - sunk, abs=1e-6)
+    again = with_standing_objects(dataclasses.replace(contact, objects=(box, settled)), 9.8)
+    assert again.objects[1] == settled
+
+
+@pytest.mark.parametrize(
+    ("numbers", "words"),
+    [({"position": [0.2, 1.0, 0.8]}, r"world.objects\[0\].standing = true: must be above a surface; nothing carries"),
+     ({"position": [0.2, 0.0, 0.75]}, "must begin outside of what carries it"),
+     ({"angles": [0.5, 0.3, 0.0], "position": [0.2, 0.0, 0.85]}, "it tips over"),
+     ({"standing": False, "position": [0.2, 0.0, 0.77]}, "'box' starts .* m inside 'table'"),
+     ({"standing": 3}, r"world.objects\[0\].standing = 3: must be true or false"),
+     ({"mass": "heavy"}, r"world.objects\[0\].mass = 'heavy'"),
+     ({"mass": -1.0}, r"world.objects\[0\]: object.mass = -1.0: must be above 0"),
+     ({"mass": float("nan")}, r"world.objects\[0\]"),
+     ({"colour": "red"}, r"world.objects\[0\].colour = 'red': unknown field"),
+     ({"mass": 1e-12}, "world.largest_step = .*at least 5e-06 s"),
+     ({"name": "table"}, "world.objects: name = 'table': must be of one only"),
+     ({"size": 0.06}, r"world.objects\[0\].size = 0.06")],
+)  # fmt: skip
+def test_objects_that_cannot_be_are_refused_in_one_line(numbers, words):
+    with pytest.raises(skyarm.ScenarioError, match=words) as caught:
+        scenario_from(resting(**numbers))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "words"),
+    [({"frame": "claw"}, r"world.grippers\[0\].frame = 'claw': .*no frame 'claw'"),
+     ({"kind": "glue"}, "gripper.kind = 'glue': must be one of"),
+     ({"closed": "yes"}, r"world.grippers\[0\].closed = 'yes'"),
+     ({"closed": {"kind": "wave"}}, r"world.grippers\[0\].closed.kind = 'wave'"),
+     ({"reach": -1.0}, "gripper.reach = -1.0: must be above 0"),
+     ({"name": "box"}, "world.grippers: name = 'box': must be of one only"),
+     ({"stiffness": 1e15}, "world.largest_step = .*at least 5e-06 s")],
+)  # fmt: skip
+def test_grippers_that_cannot_be_are_refused_in_one_line(numbers, words):
+    found = resting()
+    found["world"]["grippers"][0] |= numbers
+    with pytest.raises(skyarm.ScenarioError, match=words) as caught:
+        scenario_from(found)
+    assert "\n" not in str(caught.value)
+
+
+def test_weightless_objects_do_not_stand():
+    found = resting()
+    found["plant"]["gravity"] = 0.0
+    with pytest.raises(skyarm.ScenarioError, match=r"world.objects\[0\].standing = true: .*gravity leaves no weight"):
+        scenario_from(found)
+
+
+def test_what_asks_for_short_steps_is_named(capsys):
+    from skyarm.cli.lines import say_steps
+
+    say_steps(scenario_from(resting()))
+    assert capsys.readouterr().err == ""
+    say_steps(scenario_from(resting(mass=0.005)))
+    assert "the mass of 'box' asks for integration steps of 0.34 ms in contact" in capsys.readouterr().err
+    found = resting()
+    found["world"]["grippers"][0]["stiffness"] = 5e4
+    say_steps(scenario_from(found))
+    assert "gripper 'magnet' asks for integration steps of 0.36 ms" in capsys.readouterr().err
+
+
+def test_the_semi_implicit_method_neither_heats_nor_holds_back_what_lies_there():
+    """Explicit, a box on a frictionless ground of this stiffness gains 10 % of its speed each step of 1 ms."""
+    contact = Contact(
+        surfaces=(Surface(name="ground"),),
+        objects=(FreeObject(name="box", size=(0.1, 0.1, 0.1), mass=0.1, position=Vec3(0.0, 0.0, 0.05)),),
+    )
+    spinning = with_object(contact, position=Vec3(0.0, 0.0, 2.0), angular_velocity=Vec3(0.0, 0.0, 10.0))
+    scene = Scene(contact, integrator="euler")
+    _, rests = scene.fly(contact, 0.2)
+    assert np.abs(rests[-10:, 0, 2] - 0.05 + 4.9e-5).max() < 6e-5
+    _, falls = scene.fly(spinning, 0.1)
+    assert falls[-1, 0, 2] == pytest.approx(2.0 - 0.5 * 9.8 * 0.01, abs=6e-4)
+    assert 2.0 * np.arctan2(falls[-1, 0, 6], falls[-1, 0, 3]) == pytest.approx(1.0, abs=1e-6)
+    assert float(BIRD.mass) > 0.0
+
+
+@pytest.mark.parametrize("integrator", ["rk4", "euler"])
+def test_on_both_plants_a_ball_rolls_and_falls_the_same(integrator):
+    """Steps are 1.3 and 1 ms with the first method, 1 and 1 with the second."""
+    ball = FreeObject(name="ball", shape="sphere", size=(0.05,), mass=0.1, position=Vec3(0.0, 0.0, 0.06),
+                      velocity=Vec3(0.3, 0.0, -0.1))  # fmt: skip
+    contact = Contact(surfaces=(Surface(name="ground"),), points=(), objects=(ball,))
+    ours, theirs = (
+        Scene(contact, kind=kind, integrator=integrator).fly(contact, 0.1)[1] for kind in (RigidBodyPlant, MujocoPlant)
+    )
+    assert ours[-1, 0, 11] > 1.0, "it touched"
+    if integrator == "euler":
+        assert theirs == pytest.approx(ours, abs=1e-12)
+    assert theirs[-1, 0, :10] == pytest.approx(ours[-1, 0, :10], abs=2e-3)
+
+
+@pytest.mark.thorough
+def test_the_example_carries_its_box_to_the_place():
+    log = skyarm.run(skyarm.load_scenario(EXAMPLE))
+    assert log.status == "completed"
+    assert log.object_position[-1, :2] == pytest.approx([0.6, 0.0], abs=0.01)
+    assert log.object_position[-1, 2] == pytest.approx(0.77995, abs=2e-5)
+    (grasp,) = log.grasp_periods
+    assert not grasp.gave_way

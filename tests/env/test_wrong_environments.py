@@ -1,0 +1,190 @@
+"""What an environment is given is looked at before anything flies; each mistake is one line with what is allowed."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import gymnasium
+import numpy as np
+import pytest
+
+import skyarm
+from shared_programs import hurried
+from skyarm.env import REWARDS, RatesAndThrust
+from skyarm.env.env_task import make_task
+from skyarm.env.single_environment import Environment
+from skyarm.env.vector_environment import VectorEnvironment
+from skyarm.records.coerce import RecordError
+from skyarm.scalars import where
+from small_environments import MASS, bare
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _cache(tmp_path_factory):
+    with hurried(tmp_path_factory.mktemp("cache")):
+        yield
+
+
+@pytest.fixture(scope="module")
+def two():
+    made = VectorEnvironment(2, **bare())
+    made.reset(seed=0)
+    return made
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"scenario": "cas3"}, "scenario = 'cas3': did you mean 'case3'"),
+        ({"scenario": 3}, "scenario = 3"),
+        ({"scenario": "nowhere.toml"}, "nowhere.toml"),
+        ({"actions": "torques"}, "actions = 'torques': must be one of rotors_and_joints"),
+        ({"observation": "attitude"}, "observation = 'attitude': must be a list"),
+        ({"observation": ()}, "at least one quantity"),
+        ({"observation": ["atitude"]}, r"observation\[0\] = 'atitude': did you mean 'attitude'"),
+        ({"reward": [3]}, r"reward\[0\] = 3: must be one of tip_near"),
+        ({"precision": "half"}, "precision = 'half': must be one of single"),
+        ({"duration": -1.0}, "duration = -1.0"),
+        ({"duration": 0.0123}, "duration"),
+        ({"controller": "paper_ct"}, "controller = 'paper_ct': must be left out"),
+        ({"randomise": [MASS]}, "randomise = .*: must be a table"),
+        ({"randomise": {"plant.mass": {"uniform": [0.0, 1.0]}}}, "randomise: .*plant.mass"),
+        ({"randomise": {3: {"uniform": [0.0, 1.0]}}}, "randomise: path = 3"),
+        ({"randomise": {MASS: {"gauss": [0.0, 1.0]}}}, "must have exactly one of uniform"),
+        ({"randomise": {MASS: {"uniform": [1.0, 0.0]}}}, "the first below the second"),
+        ({"randomise": {"plant.vehicle.base.mass": {"normal": [0.5, 0.1]}}}, "randomise: .*base.mass"),
+    ],
+)
+def test_a_task_that_cannot_be_is_refused(given, words):
+    with pytest.raises(ValueError, match=words) as error:
+        make_task(**bare(**given))
+    assert "\n" not in str(error.value)
+
+
+def test_scenarios_that_lanes_do_not_fly_are_refused():
+    other = skyarm.load_scenario("case3", plant="mujoco")
+    with pytest.raises(skyarm.ScenarioError, match="must be rigid_body"):
+        make_task(other)
+    change = skyarm.Change(at=1.0, path=MASS, value=0.1)
+    with pytest.raises(skyarm.ScenarioError, match="changes: must be left out"):
+        make_task(dataclasses.replace(skyarm.load_scenario("case3"), changes=(change,)))
+    called = skyarm.load_scenario("case3", controller="nmpc")
+    with pytest.raises(ValueError, match="its law cannot be traced"):
+        make_task(called, actions="residual")
+
+
+@pytest.mark.parametrize(
+    ("kind", "numbers"),
+    [(RatesAndThrust, {"rate": 0.0}), (RatesAndThrust, {"rate": "x"}), (REWARDS["tip_near"], {"scale": -1.0})],
+)
+def test_records_refuse_numbers_that_cannot_be(kind, numbers):
+    with pytest.raises(RecordError, match=kind.__name__):
+        kind(**numbers)
+
+
+@pytest.mark.parametrize(
+    ("actions", "words"),
+    [
+        (np.zeros((2, 3)), r"shape \(2, 3\), must be of shape \(2, 4\)"),
+        (np.zeros((4, 2)), r"must be of shape \(2, 4\)"),
+        (np.zeros(4), r"must be of shape \(2, 4\)"),
+        (np.zeros((2, 4), dtype=bool), "bool of shape"),
+        ("up", "must be of shape"),
+        ([[0.0] * 4, [0.0] * 3], "must be an array"),
+        ([[0.0] * 4, [0.0, np.nan, 0.0, 0.0]], r"actions\[1\] = .*must be finite"),
+        ([[np.inf] * 4, [-np.inf] * 4], r"actions\[0\] = .*must be finite"),
+    ],
+)
+def test_actions_that_are_none_are_refused_and_nothing_flies(two, actions, words):
+    ticks = two.lanes.loop.ticks.copy()
+    with pytest.raises(skyarm.ScenarioError, match=words) as error:
+        two.step(actions)
+    assert "\n" not in str(error.value)
+    assert np.array_equal(two.lanes.loop.ticks, ticks)
+    assert np.isfinite(two.lanes.actions).all()
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"seed": -1}, "seed = -1"),
+        ({"seed": 1.5}, "seed = 1.5"),
+        ({"seed": [1]}, "a list of 1"),
+        ({"seed": [1, "x"]}, r"seed\[1\] = 'x'"),
+        ({"options": {"reset_mask": np.array([True])}}, "mask: bool of shape"),
+        ({"options": {"reset_mask": np.array([0, 1])}}, "mask: int64 of shape"),
+        ({"options": {"reset_mask": np.zeros(2, dtype=bool)}}, "at least one lane"),
+    ],
+)
+def test_resets_that_cannot_be_are_refused(two, given, words):
+    with pytest.raises((skyarm.ScenarioError, gymnasium.error.Error), match=words):
+        two.reset(**given)
+
+
+def test_other_arguments_of_environments_are_refused():
+    for given, words in (
+        ({"autoreset_mode": "Never"}, "autoreset_mode = 'Never': must be one of NextStep"),
+        ({"render_mode": "human"}, "render_mode = 'human'"),
+        ({"num_envs": 0}, "num_envs = 0"),
+        ({"threads": 0}, "threads = 0"),
+    ):
+        with pytest.raises(skyarm.ScenarioError, match=words):
+            VectorEnvironment(**bare(**given))
+    with pytest.raises(skyarm.ScenarioError, match="render_mode = 'human'"):
+        Environment(**bare(render_mode="human"))
+    with pytest.raises(skyarm.ScenarioError, match=r"must come after reset\(\)"):
+        VectorEnvironment(2, **bare()).step(np.zeros((2, 4)))
+
+
+def test_a_law_whose_command_is_not_finite_ends_the_episode_where_it_is():
+    given = bare(actions="residual")
+
+    def law(memory, measurement, reference, dt, *, par):
+        late = where(measurement.position.z > 0.0, memory[0] + 1.0, 0.0)
+        return (late,), skyarm.Command(rotor_speeds=(where(late > 2.5, float("nan"), 480.0),) * 4, efforts=())
+
+    planned = dataclasses.replace(given["scenario"].controller, name="fails", law=law, memory=(0.0,))
+    one = Environment(**{**given, "scenario": dataclasses.replace(given["scenario"], controller=planned)})
+    one.reset(seed=0)
+    assert not one.step(np.zeros(4))[2]
+    assert not one.step(np.zeros(4))[2]
+    before = [float(c[0]) for c in one.lanes.state.velocity]
+    observed, _, ended, truncated, info = one.step(np.zeros(4))
+    assert (ended, truncated) == (True, False)
+    assert info == {"status": "diverged", "cause": "the command was not finite"}
+    assert [float(c[0]) for c in one.lanes.state.velocity] == before
+    assert observed in one.observation_space
+
+
+def test_a_single_environment_refuses_what_comes_at_the_wrong_time_and_says_why_it_ended():
+    one = Environment(**bare(actions=skyarm.env.RotorsAndJoints(span=1.0)))
+    with pytest.raises(skyarm.ScenarioError, match=r"must come after reset\(\)"):
+        one.step(np.zeros(4))
+    one.reset(seed=2**40 + 3)
+    with pytest.raises(skyarm.ScenarioError, match=r"^action = .*must be finite"):
+        one.step(np.full(4, np.nan))
+    assert one.lanes.seeds[0] == (2**40 + 3) % 2**32
+    ended = False
+    while not ended:
+        *_, ended, truncated, info = one.step(-np.ones(4))
+        assert not truncated
+    assert info["status"] == "ground"
+    assert info["cause"].startswith("lowest point at z = -")
+    with pytest.raises(skyarm.ScenarioError, match="before the end of the episode"):
+        one.step(np.zeros(4))
+    # an ending that comes in the very last period counts as one
+    last = Environment(**bare(actions=skyarm.env.RotorsAndJoints(span=1.0)), duration=one.lanes.loop.ticks[0] / 100.0)
+    last.reset(seed=2**40 + 3)
+    for _ in range(int(one.lanes.loop.ticks[0])):
+        *_, ended, truncated, info = last.step(-np.ones(4))
+    assert (ended, truncated, info["status"]) == (True, False, "ground")
+
+
+def test_what_diverges_ends_the_episode_with_a_finite_observation():
+    one = Environment(**bare(randomise={"initial.velocity.x": {"uniform": [1.05e4, 1.1e4]}}))
+    one.reset(seed=0)
+    observed, reward, ended, truncated, info = one.step(np.zeros(4))
+    assert (ended, truncated) == (True, False)
+    assert info == {"status": "diverged", "cause": "velocity.x passed 10000"}
+    assert observed in one.observation_space
+    assert np.isfinite(reward)

@@ -1,0 +1,28 @@
+"""Recordings, unpacked again: their messages, and what they say of a node at an instant."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+import numpy as np
+import zstandard
+
+
+def unpacked(content: bytes) -> dict[str, Any]:
+    """The messages of a recording: the length of what is packed, then zstd of a length and msgpack."""
+    inner = zstandard.ZstdDecompressor().decompress(content[8:])
+    length = int.from_bytes(inner[:8], "little")
+    found: dict[str, Any] = msgspec.msgpack.decode(inner[8 : 8 + length])
+    return found
+
+
+def place_at(messages: list[Any], name: str, kind: str, field: str, seconds: float) -> np.ndarray:
+    """What the last message up to an instant says of a node."""
+    said = [
+        message[field]
+        for at, message in messages
+        if message["type"] == kind and message["name"] == name and at <= seconds + 1e-9
+    ]
+    # viser leaves out what is as a node begins
+    return np.array(said[-1] if said else {"position": (0.0, 0.0, 0.0), "wxyz": (1.0, 0.0, 0.0, 0.0)}[field])

@@ -1,0 +1,199 @@
+"""The clock of a reference that waits, one period at a time, on every engine, against plain Python."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import skyarm
+from flying_engines import ENGINES, evaluate
+from skyarm.algebra import Vec3
+from skyarm.compile import leaves, rebuild
+from skyarm.reference.compose import Sum
+from skyarm.reference.minimum_snap import minimum_snap
+from skyarm.reference.phase_guard import Guard, Phase
+from skyarm.reference.signals import Constant
+from skyarm.reference.trajectory import Trajectory
+from skyarm.simulate.path_clock import PathClock, Seen, Waits
+from thorough import sampled
+
+OUT = (0.6, 0.0, 0.8)
+"""Out of the surface."""
+
+GUARDS = (
+    Guard(at=0.1, begin=0.05, phase=0, error=0.01, hold=0.01, timeout=0.05),
+    Guard(at=0.2, begin=0.1, phase=1, force=0.5, force_below=2.0, direction=OUT, hold=0.0, timeout=0.02, fails=True),
+    Guard(at=0.2125, begin=0.2, phase=2, distance=0.004, direction=OUT, hold=0.01, timeout=1.0, early=True),
+    Guard(
+        at=0.4, begin=0.2125, phase=3, force=0.1, distance=0.002, direction=OUT, hold=0.005, timeout=0.01, fails=True
+    ),
+)
+PHASES = (Phase(name="a", end=0.1), Phase(name="b", end=0.2), Phase(name="c", end=0.2125), Phase(name="d", end=0.4))
+
+RATE = 200
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    base = skyarm.load_scenario("case1", duration=1.0)
+    way = Sum((Constant(0.1), minimum_snap((0.15, 0.3), (0.0, 0.02))))
+    trajectory = Trajectory(x=way, z=Constant(1.0), joints=base.trajectory.joints, guards=GUARDS, phases=PHASES)
+    return dataclasses.replace(base, trajectory=trajectory, rates=dataclasses.replace(base.rates, reference=50))
+
+
+def oracle(clock: PathClock, ticks: float, tip: Any, goal: Any, push: Any, force: Any) -> dict[str, Any]:
+    """The same in words of a programme: what happens to the clock in one period."""
+    place, n = clock.place, round(clock.guard)
+    held = place if round(ticks) % 4 == 0 else clock.held
+    guard = GUARDS[n] if n < len(GUARDS) else None
+    if guard is None:
+        fresh = place <= GUARDS[-1].begin * RATE + 1e-9 and clock.waited < 0.5
+        still = {"origin": tip if fresh else clock.origin, "failed": clock.failed, "calm": 0.0, "waited": 0.0}
+        return {"place": place + 1.0, "held": held, "guard": float(n), **still}
+    end, begin = guard.at * RATE, guard.begin * RATE
+    there = place >= end - 1e-9
+    fresh = place <= begin + 1e-9 and clock.waited < 0.5
+    origin = tip if fresh else clock.origin
+    asked = []
+    if guard.error is not None:
+        away = [a - b for a, b in zip(tip, goal, strict=True)]
+        if push[0] > 0.0:
+            along = sum(a * b for a, b in zip(away, push[2:], strict=True))
+            away = [a - along * b for a, b in zip(away, push[2:], strict=True)]
+        asked.append(math.hypot(*away) <= guard.error)
+    felt = sum(a * b for a, b in zip(force, OUT, strict=True))
+    if guard.force is not None:
+        asked.append(felt >= guard.force)
+    if guard.force_below is not None:
+        asked.append(felt <= guard.force_below)
+    if guard.distance is not None:
+        asked.append(sum((a - b) * c for a, b, c in zip(origin, tip, OUT, strict=True)) >= guard.distance)
+    looks = there or (guard.early and not fresh)
+    calm = clock.calm + 1.0 if looks and all(asked) else 0.0
+    enough = calm > 0.0 and (calm - 1.0) / RATE >= guard.hold - 1e-9
+    late = there and clock.waited / RATE >= guard.timeout - 1e-9
+    following = {"held": held, "origin": origin, "failed": clock.failed}
+    if not (enough or late):
+        waited = clock.waited + 1.0 if there else 0.0
+        return following | {"place": min(place + 1.0, end), "guard": float(n), "calm": calm, "waited": waited}
+    stop = GUARDS[n + 1].at * RATE if n + 1 < len(GUARDS) else math.inf
+    gone = min((place if there else end) + 1.0, stop)
+    failed = 1.0 if late and not enough and guard.fails else clock.failed
+    return following | {"origin": tip, "place": gone, "guard": n + 1.0, "calm": 0.0, "waited": 0.0, "failed": failed}
+
+
+def drawn(count: int) -> list[list[float]]:
+    """Clocks at and beside every threshold: place, held, guard, waited, calm ... force, push."""
+    rng, found = np.random.default_rng(5), []
+    for _ in range(count):
+        n = int(rng.integers(0, 5))
+        guard = GUARDS[min(n, 3)]
+        ends = [guard.at * RATE, guard.at * RATE - 1, guard.begin * RATE, guard.begin * RATE + 1]
+        place = float(rng.choice(ends))
+        waited = float(rng.choice([0, 1, 2, 3, 4, 9, 10, 11, 200])) if place == ends[0] else 0.0
+        tip = np.array([0.1, 0.0, 1.0]) + rng.choice([0.0, 0.0035, 0.0099, 0.0101], 3) * rng.choice([-1.0, 1.0], 3)
+        force = np.array(OUT) * rng.choice([0.05, 0.11, 0.49, 0.51, 1.99, 2.01]) + 0.3 * np.array([-0.8, 0.0, 0.6])
+        origin = tip + np.array(OUT) * rng.choice([0.0019, 0.0021, 0.0039, 0.0041])
+        calm, failed, tick = rng.integers(0, 5), rng.integers(0, 2), rng.integers(0, 9)
+        push = (float(rng.choice([0.0, 1.0])), 0.1, *OUT)
+        found.append([place, place - 2, n, waited, calm, *origin, failed, tick, *tip, *force, *push])
+    return [[float(c) for c in row] for row in found]
+
+
+def following(waits: Waits, row: Any) -> list[Any]:
+    place, held, guard, waited, calm, *rest = row
+    example = waits.first()
+    numbers = [place, held, guard, waited, calm, *rest[:4], 0.0, 0.0, 0.0, 0.0]
+    clock = rebuild(example, iter(numbers))
+    goal = Vec3(0.1, 0.0, 1.0)
+    seen = Seen(tip=Vec3(*rest[5:8]), goal=goal, push=tuple(rest[11:16]), force=Vec3(*rest[8:11]))
+    after = waits.following(clock, rest[4], seen)
+    return [after.place, after.held, after.guard, after.waited, after.calm, *after.origin, after.failed]
+
+
+ROWS = drawn(400)
+
+
+@pytest.fixture(scope="module")
+def wanted(scenario):
+    rows = []
+    for row in ROWS:
+        clock = rebuild(Waits(scenario).first(), iter([*row[:9], 0.0, 0.0, 0.0, 0.0]))
+        clock = dataclasses.replace(clock, origin=tuple(row[5:8]))
+        found = oracle(clock, row[9], row[10:13], (0.1, 0.0, 1.0), row[16:21], row[13:16])
+        names = ("place", "held", "guard", "waited", "calm", "origin", "failed")
+        rows.append([c for name in names for c in (found[name] if name == "origin" else [found[name]])])
+    return np.array(rows)
+
+
+def test_the_draws_meet_every_branch(scenario, wanted):
+    before, after = np.array(ROWS), wanted
+    passed = after[:, 2] > before[:, 2]
+    assert 40 < passed.sum() < 300
+    assert (after[:, 8] > before[:, 8]).sum() > 5
+    skipped = passed & (before[:, 0] < [GUARDS[min(int(n), 3)].at * RATE - 0.5 for n in before[:, 2]])
+    assert set(before[skipped, 2]) == {2.0}
+    assert (after[:, 0] == before[:, 0]).sum() > 20
+
+
+@pytest.mark.parametrize("engine", sampled(ENGINES, 4))
+def test_one_period_is_that_of_plain_python(scenario, wanted, engine):
+    waits = Waits(scenario)
+    found = evaluate(engine, lambda *row: following(waits, row), ROWS)
+    np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-9)
+
+
+def test_a_reference_that_ends_early_goes_on_from_where_it_is(scenario):
+    waits, shift = Waits(scenario), 1.0 / RATE
+    clock = dataclasses.replace(waits.first(), place=41.0, guard=2.0, calm=2.0, origin=Vec3(0.1, 0.0, 1.0), since=0.0)
+    there = Vec3(0.1, 0.0, 1.0) - Vec3(*OUT) * 0.005
+    seen = Seen(tip=there, goal=there, push=(), force=Vec3(0.0, 0.0, 0.0))
+    after = waits.following(clock, 41.0, seen)
+    assert (after.place, after.guard) == (GUARDS[2].at * RATE + 1.0, 3.0)
+
+    def at(each):
+        _, held, *offset = waits.times(each, 0.0)
+        return waits.reference(held, offset)
+
+    now, then = at(clock), at(after)
+    assert now.position.x < float(scenario.trajectory.at(after.place * shift).position.x) - 1e-5
+    # the plan has moved on by a period only
+    speed = float(scenario.trajectory.at(GUARDS[2].at).velocity.x)
+    assert then.position.x - now.position.x == pytest.approx(speed * shift, rel=0.2)
+
+
+def test_an_offset_is_taken_back_smoothly_in_the_phase_that_returns(scenario):
+    phases = (*PHASES[:3], dataclasses.replace(PHASES[3], back=(0.25, 0.4)))
+    trajectory = dataclasses.replace(scenario.trajectory, phases=phases)
+    waits = Waits(dataclasses.replace(scenario, trajectory=trajectory))
+    offset, step = (0.003, -0.002, 0.001), 1e-4
+    rows = [waits.reference(t, (*offset, 0.2125 * RATE)) for t in np.arange(0.2, 0.45, step).tolist()]
+    plan = [trajectory.at(t) for t in np.arange(0.2, 0.45, step).tolist()]
+    left = np.array(
+        [[float(a - b) for a, b in zip(r.position, p.position, strict=True)] for r, p in zip(rows, plan, strict=True)]
+    )
+    np.testing.assert_allclose(left[:500], np.tile(offset, (500, 1)), atol=1e-12)
+    np.testing.assert_allclose(left[2001:], 0.0, atol=1e-12)
+    for name, less in (
+        ("velocity", "position"),
+        ("acceleration", "velocity"),
+        ("jerk", "acceleration"),
+        ("snap", "jerk"),
+    ):
+        below, own = (np.array([[float(c) for c in getattr(r, each)] for r in rows]) for each in (less, name))
+        slope = np.gradient(below, step, axis=0)
+        # where a motion of least snap begins and ends its snap jumps
+        assert np.quantile(np.abs(slope - own)[20:-20], 0.98) < 5e-3 * np.abs(own).max()
+    # of an offset that began after the phase nothing is taken back
+    late = waits.reference(0.42, (*offset, 0.3 * RATE))
+    assert float(late.position.y) == pytest.approx(-0.002)
+
+
+def test_where_no_phase_waits_the_clock_is_nothing(scenario):
+    bare = dataclasses.replace(scenario, trajectory=dataclasses.replace(scenario.trajectory, guards=(), phases=()))
+    assert Waits(bare).first() == ()
+    assert leaves(Waits(bare).first()) == []

@@ -1,0 +1,166 @@
+"""A governor that pauses in flight: the law is led more slowly where it is behind, and nothing else is other."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.metrics.path_distance import path_distance
+from skyarm.metrics.score import score
+from skyarm.reference.path_pause import PathPause
+from skyarm.scenario.numbers import with_numbers
+from skyarm.simulate.batch import Batch
+from skyarm.simulate.loop import run_in_python
+from skyarm.simulate.pace_clock import Paces
+
+POINTS = [[0, 0, 1], [2, 0, 1.5], [2, 2, 1]]
+BASE = {"kind": "waypoints", "points": POINTS, "start": 0.2, "speed": 3.0, "acceleration": 4.0, "tilt": 0.6,
+        "rate": 4, "spin": 30}  # fmt: skip
+MASS = "plant.payload.mass"
+
+
+def flight(governor, duration=4.0):
+    reference = {"base": BASE} | ({"governor": governor} if governor else {})
+    document = {"name": "p", "duration": duration, "plant": {"vehicle": "hummingbird_arm2_rotors"}}
+    return skyarm.scenario_from(document | {"controller": {"preset": "paper_ct"}, "reference": reference})
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return flight({"pause_error": 0.05, "pause_thrust": 0.9})
+
+
+@pytest.fixture(scope="module")
+def log(scenario):
+    return skyarm.run(scenario)
+
+
+@pytest.fixture(scope="module")
+def states(scenario):
+    """The loop's clock in each period."""
+    session, found = skyarm.Session(scenario), []
+    for _ in range(500):
+        found.append(session.now.clock.now)
+        session.step()
+    return found
+
+
+def same(a, b):
+    return [name for name, array in a.arrays().items() if not np.array_equal(array, b.arrays()[name])]
+
+
+def test_the_vehicle_keeps_nearer_to_the_path_and_errors_stay_errors(scenario, log):
+    free = skyarm.run(dataclasses.replace(scenario, pause=None))
+    assert not free.path_time.size
+    off, own = (path_distance(each.tip, each.tip_reference).max() for each in (free, log))
+    assert own < 0.6 * off
+    # against the reference as it is commanded the lag counts in full
+    np.testing.assert_array_equal(log.tip_reference, free.tip_reference)
+    np.testing.assert_array_equal(log.position_held, free.position_held)
+    error = np.linalg.norm(log.tip - log.tip_reference, axis=1).max()
+    assert error > 2.0 * np.linalg.norm(free.tip - free.tip_reference, axis=1).max()
+    lag = log.time - log.path_time
+    assert lag.max() > 0.3
+    assert score(log, ("reference_lag_max",))["reference_lag_max"] == lag.max()
+
+
+def test_time_never_runs_backwards_and_changes_its_rate_no_faster_than_it_may(log, states):
+    rate = np.diff(log.path_time) * 200.0
+    assert -1e-12 < rate.min() < 0.5
+    assert rate.max() < 1.0 + 1e-12
+    change = np.array([state.acceleration for state in states])
+    assert 0.4 < np.abs(change).max() <= 0.5 + 1e-12
+    places, rates = (np.array([getattr(state, name) for state in states]) for name in ("place", "rate"))
+    np.testing.assert_allclose(np.gradient(places)[1:-1], rates[1:-1], atol=2e-4)
+    inside = (rates[1:-1] > 1e-6) & (rates[1:-1] < 1.0 - 1e-6)
+    np.testing.assert_allclose(np.gradient(rates, 1 / 200)[1:-1][inside], change[1:-1][inside], atol=0.06)
+    np.testing.assert_array_equal(places / 200.0, log.path_time[: len(places)])
+
+
+def test_what_the_law_is_told_are_derivatives_by_the_flight_s_time(scenario, states):
+    # published in each period, so that neighbours can be compared
+    paces = Paces(dataclasses.replace(scenario, rates=dataclasses.replace(scenario.rates, reference=200)))
+    first = paces.first()
+    told = [paces.told(dataclasses.replace(first, now=state), 0.0) for state in states]
+    for low, high, scale in (("position", "velocity", 0.01), ("velocity", "acceleration", 0.1)):
+        below, own = (np.array([[float(c) for c in getattr(each, name)] for each in told]) for name in (low, high))
+        slope = np.gradient(below, 1 / 200, axis=0)
+        assert np.abs(own).max() > 1.0
+        assert np.quantile(np.abs(slope - own)[2:-2], 0.99) < scale
+    moved = [float(c) for c in told[400].position]
+    np.testing.assert_array_equal(moved, [float(c) for c in scenario.trajectory.at(states[400].place / 200.0).position])
+
+
+def test_python_sessions_and_batches_fly_the_same_bits(scenario, log):
+    short = dataclasses.replace(scenario, duration=1.5)
+    assert same(skyarm.run(short), run_in_python(short)) == []
+    session = skyarm.Session(scenario)
+    for _ in range(250):
+        session.step()
+    held = session.snapshot()
+    assert same(session.run(), log) == []
+    session.restore(held)
+    assert same(session.run(), log) == []
+    masses = np.array([0.0, 0.1])
+    found = Batch(scenario, [MASS], bit_exact=True, log_every=1, metrics=["reference_lag_max"], effort=0).fly(
+        {MASS: masses}
+    )
+    for lane, mass in enumerate(masses):
+        alone = skyarm.run(with_numbers(scenario, {MASS: float(mass)}))
+        np.testing.assert_array_equal(found.log.state.position.x[lane], alone.position[:, 0])
+        assert found.metrics["reference_lag_max"][lane] == (alone.time - alone.path_time).max()
+    assert same(skyarm.replay(log), log) == []
+
+
+def test_a_plan_and_a_pause_go_together():
+    planned = flight({"tilt": 0.3, "reserve": 0.4}, 3.0)
+    both = flight({"tilt": 0.3, "reserve": 0.4, "pause_error": 10.0}, 3.0)
+    assert planned.path_time == both.path_time
+    assert planned.path_time is not None
+    a, b = skyarm.run(planned), skyarm.run(both)
+    # bounds that are never met: the plan alone, but for what rounds otherwise
+    np.testing.assert_allclose(b.path_time, a.path_time, atol=1e-9)
+    np.testing.assert_allclose(b.position, a.position, atol=1e-6)
+    tight = skyarm.run(flight({"tilt": 0.3, "reserve": 0.4, "pause_error": 0.03}, 3.0))
+    assert (tight.path_time <= a.path_time + 1e-9).all()
+    assert (a.path_time - tight.path_time).max() > 0.05
+
+
+@pytest.mark.parametrize(
+    ("error", "thrust", "rate"),
+    [(0.0, 0.0, 1.0), (0.05, 0.8, 1.0), (0.075, 0.5, 0.5), (0.1, 0.5, 0.0), (0.3, 0.5, 0.0), (0.0, 0.9, 0.5),
+     (0.0, 1.0, 0.0), (0.0, 1.2, 0.0), (0.0625, 0.95, 0.25)],
+)  # fmt: skip
+def test_the_rate_falls_from_one_at_a_bound_to_none(error, thrust, rate):
+    assert PathPause(error=0.05, thrust=0.8).rate(error, thrust) == pytest.approx(rate)
+    assert PathPause(error=0.05).rate(error, 5.0) == pytest.approx(min(max(2.0 - error / 0.05, 0.0), 1.0))
+    assert PathPause(thrust=0.8).rate(9.0, thrust) == pytest.approx(min(max((1.0 - thrust) / 0.2, 0.0), 1.0))
+
+
+def test_without_bounds_there_is_no_clock():
+    assert flight({"tilt": 0.6}).pause is None
+    assert skyarm.Session(flight({"tilt": 0.6})).now.clock == ()
+    with pytest.raises(skyarm.ScenarioError, match=r"pause_eror: is no option of a governor|pause_eror.*unknown"):
+        flight({"pause_eror": 0.1})
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"pause_error": 0.0}, "reference.governor.pause_error = 0.0: must be above 0"),
+        ({"pause_error": math.nan}, "reference.governor.pause_error = nan: must be a finite number"),
+        ({"pause_thrust": 1.0}, "reference.governor.pause_thrust = 1.0: must be below 1"),
+        ({"pause_thrust": -0.1}, "reference.governor.pause_thrust = -0.1: must be above 0"),
+        ({"pause_acceleration": 0.0}, "reference.governor.pause_acceleration = 0.0: must be above 0"),
+        ({"pause_error": "far"}, "reference.governor.pause_error = 'far': must be a"),
+    ],
+)
+def test_a_pause_that_cannot_be_gets_one_line(options, message):
+    with pytest.raises(skyarm.ScenarioError) as caught:
+        flight(options)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)

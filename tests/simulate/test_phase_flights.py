@@ -1,0 +1,170 @@
+"""Tasks whose phases wait for what the flight shows: pressed, slid, searched; alone, in batches and in sessions."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.metrics.score import score
+from skyarm.scenario.numbers import with_numbers
+from skyarm.simulate.batch import Batch
+from skyarm.simulate.batch_session import BatchSession
+from skyarm.simulate.loop import run_in_python
+from skyarm.sweep.study_file import load_study
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+DOCUMENT = tomllib.loads((EXAMPLES / "press_in_phases.toml").read_text("utf-8"))
+
+TIMEOUT, SPEED = "reference.guards.0.timeout", "reference.push.speed"
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return skyarm.load_scenario(EXAMPLES / "press_in_phases.toml", duration=7.0)
+
+
+@pytest.fixture(scope="module")
+def log(scenario):
+    return skyarm.run(scenario)
+
+
+def same(a, b):
+    """Names of the arrays in which two logs differ."""
+    return [name for name, array in a.arrays().items() if not np.array_equal(array, b.arrays()[name])]
+
+
+def test_each_phase_begins_when_the_flight_has_shown_what_the_one_before_asks(log):
+    names, ends = zip(*log.phase_ends, strict=True)
+    assert names == ("hold", "press", "slide", "retreat")
+    touch = log.time[np.flatnonzero(log.contact_force[:, 0] > 0.0)[0]]
+    # half the force is felt for 0.1 s, then it presses for 0.5 s; the wanted force is there at the end
+    assert touch + 0.6 < ends[1] < touch + 1.2
+    assert log.contact_force[np.searchsorted(log.time, ends[1]), 0] == pytest.approx(1.0, abs=0.05)
+    # the slide takes its 3 s, and 0.2 s in which the error across is small
+    assert ends[2] - ends[1] == pytest.approx(3.2, abs=0.03)
+    k = np.searchsorted(log.time, ends[2])
+    assert np.linalg.norm((log.tip - log.tip_reference)[k, 1:]) < 5e-3
+    assert ends[3] - ends[2] == pytest.approx(1.2, abs=0.1)
+    assert (log.contact_force[log.time > ends[2] + 0.3, 0] == 0.0).all()
+
+
+def test_the_log_says_where_the_reference_s_clock_stands(scenario, log):
+    assert (np.diff(log.path_time) >= 0.0).all()
+    waits = np.diff(log.path_time) == 0.0
+    assert waits.sum() / 200 == pytest.approx(log.time[-1] - log.path_time[-1], abs=0.02)
+    assert np.unique(log.phase).tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+    for k in (50, 250, 700, 1100, 1399):
+        wanted = scenario.trajectory.at(float(log.path_time[k]))
+        np.testing.assert_array_equal(log.tip_reference[k], [float(c) for c in wanted.tip])
+
+
+def test_python_floats_and_a_log_fly_the_same_bits(scenario, log):
+    short = dataclasses.replace(scenario, duration=2.5)
+    assert same(skyarm.run(short), run_in_python(short)) == []
+    assert same(skyarm.replay(log), log) == []
+
+
+def test_a_session_goes_on_from_a_gate(scenario, log):
+    session = skyarm.Session(scenario)
+    for _ in range(200):
+        session.step()
+    assert session.now.clock.waited > 0.0  # it waits for the touch
+    held = session.snapshot()
+    np.testing.assert_array_equal([float(c) for c in session.reference.tip], log.tip_held[200])
+    assert same(session.run(), log) == []
+    session.restore(held)
+    assert same(session.run(), log) == []
+
+
+def test_a_batch_is_a_loop_of_single_flights(scenario):
+    short = dataclasses.replace(scenario, duration=3.0)
+    values = {TIMEOUT: np.array([3.0, 0.5, 3.0]), SPEED: np.array([0.1, 0.1, 0.2])}
+    names = ("phases_done", "reference_lag_max", "ee_error_max_continuous")
+    batch = Batch(short, list(values), bit_exact=True, log_every=1, metrics=names, effort=0)
+    found = batch.fly(values)
+    assert found.status.tolist() == ["completed", "phase_failed", "completed"]
+    for lane in range(3):
+        alone = skyarm.run(with_numbers(short, {path: float(column[lane]) for path, column in values.items()}))
+        flown = alone.time.size
+        assert (alone.status, alone.info["end_time"]) == (found.status[lane], found.end_time[lane])
+        np.testing.assert_array_equal(found.log.state.position.x[lane][:flown], alone.position[:, 0])
+        # published at 50 Hz, each sample held for four periods
+        pressing = np.isin(alone.phase, (1.0, 2.0))[np.arange(flown) // 4 * 4]
+        np.testing.assert_array_equal(found.log.reference.push[0][lane][:flown] > 0.0, pressing)
+        for name, value in score(alone, names).items():
+            assert found.metrics[name][lane] == pytest.approx(value, rel=1e-12), name
+
+
+def test_a_phase_that_must_not_fail_ends_the_flight_and_says_why(scenario):
+    away = with_numbers(scenario, {"world.surfaces.wall.position.0": 2.0})
+    log = skyarm.run(away)
+    assert log.status == "phase_failed"
+    assert log.info["cause"] == "phase 1 'press': no contact of 0.5 N within 3 s"
+    assert log.phase_ends[1:] == (("press", None), ("slide", None), ("retreat", None))
+    # 0.55 s of the plan, 3 s of waiting, and the period in which it is noticed
+    assert log.info["end_time"] == pytest.approx(3.555)
+    # the same guard lets another task go on
+    guard = dataclasses.replace(away.trajectory.guards[0], fails=False)
+    on = dataclasses.replace(away.trajectory, guards=(guard, *away.trajectory.guards[1:]))
+    goes_on = skyarm.run(dataclasses.replace(away, trajectory=on, duration=4.5))
+    assert (goes_on.status, goes_on.phase_ends[1]) == ("completed", ("press", pytest.approx(4.055)))
+
+
+def test_a_law_that_observes_no_force_is_told_of():
+    log = skyarm.run(skyarm.load_scenario(EXAMPLES / "press_in_phases.toml", duration=4.0, controller="paper_ct"))
+    assert log.status == "phase_failed"
+    assert log.info["cause"].endswith("within 3 s; law paper_ct_euler observes no force") or log.info["cause"].endswith(
+        "observes no force"
+    )
+
+
+def test_a_search_ends_where_the_tip_drops_in_and_the_reference_stays_there():
+    document = copy.deepcopy(DOCUMENT)
+    # a slit of 2 cm, whose edge is 1 mm beside the tip
+    sides = {"left": 0.522, "right": -0.499}
+    size = [0.1, 1.0, 0.9]
+    document["world"]["surfaces"] = [
+        {"name": name, "shape": "box", "size": size, "position": [0.342, y, 0.45]} for name, y in sides.items()
+    ]
+    search = {"kind": "search", "pitch": 0.004, "radius": 0.012, "pace": 0.03, "depth": 0.006}
+    back = {"kind": "retreat", "position": [0.2, 0.0, 0.83], "duration": 1.0}
+    phases = document["reference"]["tip"]["path"]["phases"]
+    document["reference"]["tip"]["path"]["phases"] = [*phases[:2], search, {"kind": "insert", "distance": 0.02}, back]
+    scenario = skyarm.scenario_from(document | {"duration": 8.0})
+    log = skyarm.run(scenario)
+    ends = dict(log.phase_ends)
+    assert log.status == "completed"
+    planned = {phase.name: phase.end for phase in scenario.trajectory.phases}
+    assert 0.1 < ends["search"] - ends["press"] < planned["search"] - planned["press"] - 0.5
+    # no jump where the rest of the spiral is skipped, and the plan again after the retreat
+    steps = np.abs(np.diff(log.tip_reference, axis=0)).max(axis=1)
+    k = np.searchsorted(log.time, ends["search"])
+    assert steps[k - 3 : k + 3].max() < 0.03 * 1.5 / 200
+    np.testing.assert_allclose(log.tip_reference[-1], [0.2, 0.0, 0.83], atol=1e-12)
+    assert np.abs(log.tip_reference[k, 1:] - [0.0, 0.83]).max() > 1e-3
+    gone_in = log.tip[np.searchsorted(log.time, ends["insert"]), 0] - log.tip[k, 0]
+    assert gone_in > 0.019
+
+
+@pytest.mark.thorough
+def test_lanes_that_are_stepped_wait_too(scenario):
+    lanes = BatchSession(dataclasses.replace(scenario, duration=1.0), 2, law=True, bit_exact=True)
+    session = skyarm.Session(dataclasses.replace(scenario, duration=1.0))
+    for _ in range(200):
+        lanes.step()
+        session.step()
+    assert lanes.truncated.all()
+    assert not lanes.ended.any()
+    np.testing.assert_array_equal(lanes.now.clock.place, [session.now.clock.place] * 2)
+    np.testing.assert_array_equal(lanes.state.position.x, [session.state.position.x] * 2)
+
+
+def test_the_study_of_four_worlds_is_of_this_scenario():
+    study = load_study(EXAMPLES / "press_in_four_worlds.toml")
+    assert study.episodes == 4

@@ -1,0 +1,155 @@
+"""The world in the studio: what is said of its forces, where its nodes are, and that nothing is there without one."""
+
+from __future__ import annotations
+
+import copy
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scenes_without_browser import Scene
+from skyarm import scenario_from
+from skyarm.actuation.tilting import turned
+from skyarm.algebra import Quaternion
+from skyarm.drawing.carried_poses import held_poses
+from skyarm.drawing.pose_program import PoseProgram
+from skyarm.drawing.vehicle_shapes import vehicle_shapes
+from skyarm.simulate.session import Session
+from skyarm.studio.arrows import NEWTON, Arrows
+from skyarm.studio.charts import charts
+from skyarm.studio.picture import APART, VIEWS, Picture, View
+from skyarm.studio.scene import VehicleNodes
+from skyarm.studio.sights import sight
+from skyarm.studio.world_nodes import TouchArrows, WorldNodes
+from skyarm.vehicle.vehicle_files import load_vehicle
+from world_flights import DOCUMENT
+
+
+@cache
+def session() -> Session:
+    """The flight of the other pictures' tests with the tip in the wall from the start, before its first period."""
+    document = copy.deepcopy(DOCUMENT)
+    document["controller"] = {"preset": "paper_pd"}
+    document["world"]["surfaces"][1]["position"][0] = 0.2615
+    return Session(scenario_from(document), machine_code=False)
+
+
+def test_what_is_seen_of_a_contact_is_what_a_log_keeps() -> None:
+    flown = Session(session().scenario, machine_code=False)
+    seen = sight(flown, PoseProgram(flown.scenario.world.vehicle))
+    (wall,) = (each for each in seen.touching if each.normal > 0.0)
+    assert wall.surface == "wall"
+    np.testing.assert_allclose(wall.spot, seen.tip, atol=1e-12)
+    assert seen.contact == wall.normal
+    flown.step()
+    assert wall.normal == pytest.approx(flown.log.contact_force[0, 2], rel=1e-9)
+    across = flown.log.contact_friction[0, 2]
+    assert np.linalg.norm(wall.force) == pytest.approx(np.hypot(wall.normal, across), rel=1e-9)
+
+
+def test_nodes_of_the_world_go_where_it_goes_and_what_stands_still_is_sent_once() -> None:
+    scenario, scene = session().scenario, Scene()
+    begin = held_poses(scenario.components, session().now.components)
+    world = WorldNodes(scene, "/world1", scenario, begin, np.zeros(3), np.array([0.0, APART, 0.0]))
+    assert world.moves
+    wall, post, parcel = (scene.nodes[f"/world1/world/{name}"] for name in ("wall", "post", "parcel"))
+    assert "/world1/world/ground" not in scene.nodes
+    before = getattr(wall, "writes", 0)
+    fallen = {"parcel": (begin["parcel"][0], begin["parcel"][1] - [0.0, 0.0, 0.4])}
+    world.place(scenario, 0.25, fallen)
+    np.testing.assert_allclose(wall.position, [0.2615, 0.0, 0.45])
+    np.testing.assert_allclose(post.position, [0.3 * np.sin(0.25 * np.pi), 2.0, 0.5])
+    np.testing.assert_allclose(parcel.position, fallen["parcel"][1][0])
+    assert getattr(wall, "writes", 0) == before
+
+
+def test_arrows_of_contact_are_shown_while_something_pushes() -> None:
+    flown, scene = session(), Scene()
+    seen = sight(flown, PoseProgram(flown.scenario.world.vehicle))
+    arrows = TouchArrows(scene, "/touches1", len(seen.touching), np.zeros(3))
+    node, beside = scene.nodes["/touches1"], np.array([0.0, APART, 0.0])
+    arrows.point([], beside)
+    assert not getattr(node, "visible", False)
+    arrows.point(seen.touching, beside)
+    assert node.visible
+    (acting,) = (i for i, each in enumerate(seen.touching) if each.normal > 0.0)
+    wall = seen.touching[acting]
+    np.testing.assert_allclose(
+        node.points[acting], [wall.spot + beside, wall.spot + beside + NEWTON * wall.force], rtol=1e-5
+    )
+    assert np.all(node.points[[i for i in range(len(seen.touching)) if i != acting]] == node.points[acting][0])
+    arrows.show(False)
+    assert not node.visible
+    arrows.show(True)
+    assert node.visible
+    arrows.point([], beside)
+    assert not node.visible
+
+
+def picture_of(scenario: Any) -> tuple[Picture, Scene, SimpleNamespace]:
+    """A picture of a scenario under two laws, on a server without a browser."""
+    scene, camera = Scene(), SimpleNamespace()
+    picture = Picture(SimpleNamespace(scene=scene, initial_camera=camera), plain=True)
+    picture.build(scenario, ["a", "b"])
+    return picture, scene, camera
+
+
+def test_a_world_stands_once_or_beside_each_vehicle_and_a_tab_looks_round_the_wall() -> None:
+    picture, scene, camera = picture_of(session().scenario)
+    assert scene.nodes["/ground"].position[2] == -0.3
+    assert [bool(scene.nodes[f"/world{i}"].visible) for i in (1, 2)] == [True, False]
+    picture.choose(View(beside=True))
+    assert [bool(scene.nodes[f"/world{i}"].visible) for i in (1, 2)] == [True, True]
+    assert camera.position[0] < camera.look_at[0], "from behind: the wall is ahead"
+    assert "/law1/-1/point/skid" in scene.nodes
+    assert "/ghost/-1/point/skid" not in scene.nodes
+
+
+def test_without_a_world_nothing_of_it_is_there() -> None:
+    document = {key: value for key, value in DOCUMENT.items() if key != "world"}
+    document["reference"] = {key: value for key, value in DOCUMENT["reference"].items() if key != "push"}
+    scenario = scenario_from({**document, "controller": {"preset": "paper_pd"}})
+    _, scene, camera = picture_of(scenario)
+    assert not [name for name in scene.nodes if "world" in name or "touch" in name or "point" in name]
+    assert scene.nodes["/ground"].position[2] == 0.0
+    np.testing.assert_allclose(np.array(camera.position) - camera.look_at, VIEWS[0] - [0.12, 0.08, -0.06])
+    plain = Session(scenario, machine_code=False)
+    assert sight(plain, PoseProgram(scenario.world.vehicle)).touching == ()
+    assert "contact force (N)" not in titles(plain)
+    assert "contact force (N)" in titles(session())
+
+
+def titles(flown: Session) -> list[str]:
+    """Titles of the plots beside the scene."""
+    gui = SimpleNamespace(add_uplot=lambda *_, **words: words["title"])
+    flight = SimpleNamespace(first=flown.scenario, title="a", seen=lambda _: [])
+    return [chart._node for chart in charts(gui, [flight])]  # type: ignore[list-item]
+
+
+def test_rotors_that_tilt_are_turned_with_their_blades_and_thrusts() -> None:
+    vehicle, scene = load_vehicle("voliro_like"), Scene()
+    nodes = VehicleNodes(scene, "/law1", vehicle, (10, 20, 30))
+    angles = np.linspace(-0.5, 0.7, len(vehicle.tilts))
+    nodes.tilt(angles)
+    speeds = np.full(len(vehicle.rotors), 100.0)
+    nodes.spin(speeds, 0.0)
+    program = PoseProgram(vehicle)
+    placed = program((0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0), [0.0] * vehicle.n)
+    arrows = Arrows(scene, "/arrows1", vehicle, placed.positions[0])
+    seen = SimpleNamespace(observed=None, air=np.zeros(3), pushed=np.zeros(3))
+    arrows.point(seen, speeds, placed, np.zeros(3), angles)  # type: ignore[arg-type]
+    discs = {each.name: each for each in vehicle_shapes(vehicle) if each.role == "rotor"}
+    blades = scene.nodes["/law1/-1/blades"].batched_wxyzs
+    for i, (rotor, after) in enumerate(zip(vehicle.rotors, turned(vehicle, tuple(angles)).rotors, strict=True)):
+        node, axis = scene.nodes[f"/law1/-1/rotor/{rotor.name}"], [float(c) for c in after.axis]
+        R = np.array([[float(c) for c in row] for row in Quaternion(*node.wxyz).rotation().rows])
+        np.testing.assert_allclose(R @ np.array(discs[f"rotor/{rotor.name}"].rotation)[:, 2], axis, atol=1e-9)
+        hub = np.array([float(c) for c in rotor.position])
+        np.testing.assert_allclose(R @ hub + node.position, hub, atol=1e-12)
+        B = np.array([[float(c) for c in row] for row in Quaternion(*map(float, blades[i])).rotation().rows])
+        np.testing.assert_allclose(B[:, 2], axis, atol=1e-6)
+        along = scene.nodes["/arrows1"].points[i, 1] - scene.nodes["/arrows1"].points[i, 0]
+        np.testing.assert_allclose(along / np.linalg.norm(along), axis, atol=1e-5)
