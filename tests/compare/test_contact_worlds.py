@@ -105,7 +105,9 @@ def test_every_law_meets_the_same_worlds():
     first, *others = [each.worlds() for each in flights if each.case.name == "press_and_hold"]
     assert all(each is first for each in others)
     assert worlds_of("press_and_hold", 5, 1).values.keys() == first.values.keys()
-    assert not np.array_equal(worlds_of("press_and_hold", 5, 1).values["delays.command"], first.values["delays.command"])
+    assert not np.array_equal(
+        worlds_of("press_and_hold", 5, 1).values["delays.command"], first.values["delays.command"]
+    )
 
 
 def test_a_law_of_positions_is_led_behind_the_surface_and_waits_for_no_force():

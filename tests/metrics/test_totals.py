@@ -173,7 +173,9 @@ def test_a_level_tool_is_where_the_table_of_a_log_has_it():
 
 
 def test_the_settling_time_is_refused_and_what_there_is_is_told():
-    with pytest.raises(ValueError, match="'settling_time': must be one of standard, gust, wind, paper, effort, contact, all"):
+    with pytest.raises(
+        ValueError, match="'settling_time': must be one of standard, gust, wind, paper, effort, contact, all"
+    ):
         metric_names(["settling_time"], 2)
 
 

@@ -12,12 +12,12 @@ from skyarm.cli.lines import say
 from skyarm.cli.machine_output import give
 from skyarm.cli.progress import bar
 from skyarm.compare.comparison import prepare
-from skyarm.compare.contact_laws import FLAGSHIP, LAWS, MOTION
+from skyarm.compare.contact_laws import LAWS, OWN
 from skyarm.compare.contact_suite import CONTACT, QUICK, WORLDS, ContactSuite, fly_contact, replaced_contact
 from skyarm.compare.contact_tables import contact_report
 from skyarm.compare.contact_tasks import TASKS
 from skyarm.compare.overwrites import require_same_plugins
-from skyarm.control.catalogue import choices, full_name, is_named, meant, require_different
+from skyarm.control.catalogue import choices, full_name, is_named, meant
 from skyarm.files import must_be_one_of, require_writable, shown, taken_back
 from skyarm.simulate.own_code_trials import try_own_code
 
@@ -71,12 +71,11 @@ def _laws(words: str | None) -> tuple[str, ...]:
     """Laws of the suite or any others by name, aliases resolved."""
     if words is None:
         return LAWS
-    names, own = _split("--laws", words), (FLAGSHIP, MOTION)
-    require_different([name for name in names if name != MOTION], "--laws")
+    names = _split("--laws", words)
     for name in names:
-        if name not in own and not is_named(name):
-            raise ValueError(f"--laws = {shown(name)}: {meant(name)}must be {MOTION} or {choices()}")
-    return _once("--laws", (name if name in own else full_name(name) for name in names))
+        if name not in OWN and not is_named(name):
+            raise ValueError(f"--laws = {shown(name)}: {meant(name)}must be one of {', '.join(OWN)}, or {choices()}")
+    return _once("--laws", (name if name in OWN else full_name(name) for name in names))
 
 
 def _tasks(words: str | None) -> tuple[str, ...]:

@@ -18,14 +18,21 @@ from skyarm.scenario.law_by_name import controller_by_name
 from skyarm.scenario.scenario_file import LIBRARY, scenario_from
 from skyarm.scenario.scenario_record import Delays, Scenario
 
-FLAGSHIP, MOTION = "centroidal", "centroidal_motion"
+FLAGSHIP, MOTION, LOAD = "centroidal", "centroidal_motion", "centroidal_load"
 
-LAWS = (FLAGSHIP, MOTION, "paper_ct", "paper_pd")
-"""What flies where nobody chooses: the scenario's own law, the same without interaction, and the paper's two."""
+OWN = (FLAGSHIP, MOTION, LOAD)
+"""Laws that the scenario's own is made into."""
+
+LARGEST = 0.3
+"""kg, that a law learns that learns its load."""
+
+LAWS = (*OWN, "paper_ct", "paper_pd")
+"""What flies where nobody chooses: the scenario's own law, it without interaction, it with a learned load, the paper's."""
 
 TITLES = {
     FLAGSHIP: "the centroidal law, with interaction where the task has a push",
     MOTION: "the same without interaction",
+    LOAD: "the same with a load that is learned while something is held",
 }
 
 TUNED = {"paper_ct": "hybrid_computed_torque_tuned", "paper_pd": "decoupled_pd_tuned"}
@@ -43,8 +50,11 @@ def document_of(task: Task) -> dict[str, Any]:
 
 
 def flies_its_own(task: Task, law: str) -> bool:
-    """Whether a law has flights of its own in a task: without a push the flagship has no interaction to leave out."""
-    return law != MOTION or task.push > 0.0
+    """Whether a law has flights of its own in a task.
+
+    Without a push the flagship has no interaction to leave out, without an object no load to learn.
+    """
+    return task.push > 0.0 if law == MOTION else bool(task.object) or law != LOAD
 
 
 def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body", seed: int = 0) -> Scenario:
@@ -57,8 +67,10 @@ def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body",
     document["plant"]["kind"] = plant
     if law == MOTION:
         document["controller"].pop("interaction", None)
+    if law == LOAD:
+        document["controller"]["load"] = LARGEST
     found = scenario_from(document)
-    if law not in (FLAGSHIP, MOTION):
+    if law not in OWN:
         name = law if document["plant"]["vehicle"] == PAPER else TUNED.get(law, law)
         found = dataclasses.replace(found, controller=controller_by_name(found, name))
     if task.push and not presses(found.controller.par):

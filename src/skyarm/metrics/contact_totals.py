@@ -72,7 +72,7 @@ class PushTotals(Metric):
         """Totals with one more instant; those of a flight without contact stay as they are."""
         if not now.push or not now.contact:
             return memory
-        wanted, _, *normal = now.push
+        wanted, normal = now.push[0], now.push[2:5]
         force = _sum(now.contact)
         asked, touches = wanted > 0.0, force > 0.0
         begins = logical_and(logical_and(asked, touches), memory.first >= NOT_YET)
@@ -156,7 +156,7 @@ def _sum(forces: tuple[Any, ...]) -> Any:
     return total
 
 
-def _across(now: Instant, normal: list[Any]) -> Any:
+def _across(now: Instant, normal: tuple[Any, ...]) -> Any:
     """Distance of the tip from its reference across the believed normal, m."""
     away = now.tool - now.held.tool
     along = away.x * normal[0] + away.y * normal[1] + away.z * normal[2]
