@@ -11,7 +11,16 @@ import pytest
 
 from skyarm.compare.cells import fly
 from skyarm.compare.contact_flights import contact_flights, worlds_of
-from skyarm.compare.contact_laws import BEHIND, FLAGSHIP, MOTION, as_positions, document_of, scenario_of
+from skyarm.compare.contact_laws import (
+    BEHIND,
+    FLAGSHIP,
+    LOAD,
+    MOTION,
+    as_positions,
+    document_of,
+    flies_its_own,
+    scenario_of,
+)
 from skyarm.compare.contact_record import METRICS
 from skyarm.compare.contact_tasks import FRICTION, TASKS
 from skyarm.compare.contact_worlds import CHANNEL, MOST_DISCARDED, NUMBERS, draw_worlds, kept
@@ -36,7 +45,8 @@ def circle():
 
 def test_worlds_stay_within_their_bounds_and_fill_them(circle):
     _, values = circle
-    assert 500.0 <= values["stiffness"].min() < 1500.0 < 4e4 < values["stiffness"].max() <= 1e5
+    assert 500.0 <= values["stiffness"].min() < 1500.0
+    assert 4e4 < values["stiffness"].max() <= 1e5
     assert 2e3 < np.median(values["stiffness"]) < 2e4, "by its logarithm; evenly it would be 5e4"
     assert values["delays.command"].min() >= 0.0
     assert 0.008 < values["delays.command"].max() <= 0.010
@@ -46,7 +56,8 @@ def test_worlds_stay_within_their_bounds_and_fill_them(circle):
     assert 8.0 < wrong.max() <= 10.0
     told = float(shipped("slide_circle").world.vehicle.rotors[0].thrust_coefficient)
     thrust = values["plant.vehicle.rotors.0.thrust_coefficient"] / told
-    assert 0.9 <= thrust.min() < 0.92 < 0.98 < thrust.max() <= 1.0
+    assert 0.9 <= thrust.min() < 0.92
+    assert 0.98 < thrust.max() <= 1.0
 
 
 def test_what_physics_forbids_is_discarded(circle):
@@ -102,12 +113,12 @@ def test_every_law_meets_the_same_worlds():
     names = [(each.case.name, each.entrant.name, each.condition.name) for each in flights]
     assert ("press_and_hold", MOTION, "noisy") in names
     assert ("perch_on_shelf", MOTION, "noisy") not in names, "without a push there is no interaction to leave out"
+    assert [flies_its_own(TASKS[name], LOAD) for name in ("pick_and_carry", "press_and_hold")] == [True, False]
     first, *others = [each.worlds() for each in flights if each.case.name == "press_and_hold"]
     assert all(each is first for each in others)
-    assert worlds_of("press_and_hold", 5, 1).values.keys() == first.values.keys()
-    assert not np.array_equal(
-        worlds_of("press_and_hold", 5, 1).values["delays.command"], first.values["delays.command"]
-    )
+    other = worlds_of("press_and_hold", 5, 1).values
+    assert other.keys() == first.values.keys()
+    assert not np.array_equal(other["delays.command"], first.values["delays.command"])
 
 
 def test_a_law_of_positions_is_led_behind_the_surface_and_waits_for_no_force():

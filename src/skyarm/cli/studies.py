@@ -219,6 +219,8 @@ def compare(
     threads = workers("--workers", flying)
     if plant not in registered("plant"):
         raise ValueError(f"--plant = {plant!r}: {must_be_one_of(registered('plant'), plant)}")
+    if worlds is not None and not 1 <= worlds <= MOST:
+        raise ValueError(f"--worlds = {worlds}: must be from 1 to {MOST}")
     in_contact = {"--tasks": tasks is not None, "--worlds": worlds is not None}
     if suite == "contact-suite":
         from skyarm.cli.contact_command import contact

@@ -27,7 +27,7 @@ LARGEST = 0.3
 """kg, that a law learns that learns its load."""
 
 LAWS = (*OWN, "paper_ct", "paper_pd")
-"""What flies where nobody chooses: the scenario's own law, it without interaction, it with a learned load, the paper's."""
+"""What flies where nobody chooses: the scenario's own law without and with parts of it, and the paper's two."""
 
 TITLES = {
     FLAGSHIP: "the centroidal law, with interaction where the task has a push",
