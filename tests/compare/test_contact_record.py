@@ -59,7 +59,7 @@ def test_what_is_missing_is_named(task, word, changed):
 
 def test_a_flight_that_lacks_several_counts_once_under_the_first():
     found = cell("completed", "phase_failed", "rotor_contact", "completed")
-    found.metrics["contact_held"][3] = 0.1
+    found.metrics["contact_held"][2:] = 0.1
     told = cell_record(TASKS["press_and_hold"], found, WEIGHT, 3, np.array([0.001, 0.002, 0.006, 0.005]))
     assert told["causes"] == {"phases": 1, "rotor_contact": 1, "force": 1}
     assert (told["flights"], told["successes"], told["success_rate"]) == (4, 1, 0.25)

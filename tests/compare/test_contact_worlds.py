@@ -61,7 +61,7 @@ def test_worlds_stay_within_their_bounds_and_fill_them(circle):
 
 
 def test_what_physics_forbids_is_discarded(circle):
-    """Wind over half of 1 N; friction whose torque at 0.2116 m is over half of the weakest rotors' 0.1123 N m."""
+    """Wind over half of 1 N; friction whose torque at 0.2116 m is over half of the rotors' 0.1123 N m."""
     worlds, values = circle
     wind = np.sqrt(sum(values[f"environment.wind.force_W.{axis}"] ** 2 for axis in "xyz"))
     assert 0.4 < wind.max() <= 0.5

@@ -1,8 +1,7 @@
 """Wrong worlds of a task: drawn from the seed before anything flies, kept where physics lets the task be done.
 
 A world is discarded where friction across the push would use half of the yaw torque or more, where a joint would need
-80 % of its torque, or where the wind is more than half of the push. The rotors' yaw torque is that of the weakest ones
-that are drawn.
+80 % of its torque, or where the wind is more than half of the push.
 """
 
 from __future__ import annotations
@@ -95,7 +94,7 @@ def kept(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) -> npt.NDAr
         found &= bool(np.all(np.abs(pushing_efforts(scenario, joints, push)) <= WARNS * limits))
     if task.sideways:
         pushing, sliding = yaw_torques(scenario, joints, push)
-        room = yaw_room(_weakest(scenario), joints)
+        room = yaw_room(scenario, joints)
         found &= pushing + drawn["friction"] * sliding <= HALF * room
     if task.object:
         mass = number_at(scenario, f"world.objects.{task.object}.mass")
@@ -105,16 +104,6 @@ def kept(task: Task, scenario: Scenario, drawn: Mapping[str, Array]) -> npt.NDAr
         efforts = still[:, None] + more[:, None] * drawn["mass"]
         found &= np.all(np.abs(efforts) <= WARNS * limits[:, None], axis=0)
     return found
-
-
-def _weakest(scenario: Scenario) -> Scenario:
-    """The scenario with the weakest rotors that are drawn."""
-    vehicle = scenario.world.vehicle
-    rotors = tuple(
-        dataclasses.replace(rotor, thrust_coefficient=rotor.thrust_coefficient * THRUST[0]) for rotor in vehicle.rotors
-    )
-    world = dataclasses.replace(scenario.world, vehicle=dataclasses.replace(vehicle, rotors=rotors))
-    return dataclasses.replace(scenario, world=world)
 
 
 def _numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: Array) -> dict[str, Array]:
