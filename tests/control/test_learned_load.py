@@ -21,7 +21,7 @@ from skyarm.reference import Reference
 from skyarm.sensors.measurement import blank_measurement
 from skyarm.vehicle.linkage import Body
 
-DT, STEP, G = 0.005, 0.02, 9.81
+DT, STEP, G = 0.005, 0.04, 9.81
 GAINS = LoadGains(limit=0.6)
 ARM = skyarm.load_vehicle("hexarotor_arm6")
 JOINTS = (0.2, -0.6, -0.97, 0.3, -0.8, 0.4)
