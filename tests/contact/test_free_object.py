@@ -357,18 +357,16 @@ def test_force_and_friction_of_a_light_body_are_those_of_its_mass_and_act_at_the
     """f = k d (1 + c dd/dt), d being 0.5 mm, and the bristle's damping 5 N s/m sqrt(m / 20 g)."""
     contact, memory, motion, touches = spinning
     mass = 1.0 / (1.0 / 0.02 + float(contact.objects[0].mobility))
-    wrenches = contact.wrenches(memory, 0.0, motion, ())
+    (wrench,) = contact.wrenches(memory, 0.0, motion, ())
+    places = [np.array([*motion.position(point.position)], dtype=float) for point in contact.points]
+    forces = [np.array([*touch.force], dtype=float) for touch in touches]
+    assert [*wrench.force_W] == pytest.approx(sum(forces))
+    assert [*wrench.torque_W] == pytest.approx(sum(np.cross(place, f) for place, f in zip(places, forces, strict=True)))
     for touch in touches:
         assert float(touch.normal) == pytest.approx(2000.0 * 5e-4 * 1.02)
         slip = np.array([float(c) for c in touch.bristle_rate])
         damping = min(1.0, float(touch.normal)) * 5.0 * math.sqrt(mass / 0.02)
         assert [*touch.friction] == pytest.approx(-damping * slip, abs=1e-9)
-    # points of the base act at its origin
-    (wrench,) = wrenches
-    forces = [np.array([float(c) for c in touch.force]) for touch in touches]
-    assert [*wrench.force_W] == pytest.approx(sum(forces))
-    levers = [np.array([float(c) for c in point.position]) for point in contact.points]
-    assert [*wrench.torque_W] == pytest.approx(sum(map(np.cross, levers, forces)))
 
 
 def test_a_slow_touch_is_smoothed_over_the_step_of_its_mass():
