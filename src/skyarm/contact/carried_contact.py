@@ -17,7 +17,7 @@ from skyarm.contact.contact_point import ContactPoint
 from skyarm.contact.material import LIGHTEST
 from skyarm.contact.surface import Surface
 from skyarm.contact.touch import Touch, touch_of
-from skyarm.scalars import neg
+from skyarm.scalars import divide, neg
 
 NOBODY = -1
 """Number of a carrier that stands for the world, of a surface, or for the vehicle, of a point."""
@@ -142,7 +142,7 @@ class Carried:
 
 def both(a: Any, b: Any) -> Any:
     """The mass (kg) of two that push each other."""
-    return 1.0 / (1.0 / a + 1.0 / b)
+    return divide(1.0, divide(1.0, a) + divide(1.0, b))
 
 
 @dataclass(frozen=True, slots=True)
