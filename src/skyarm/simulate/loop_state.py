@@ -76,8 +76,9 @@ class Row:
 class Sample:
     """What may be logged of a control instant.
 
-    ``reading`` is the full state as its sensor read it now; ``lags`` are those that the law found, if it looks for any;
-    ``led`` is what :meth:`skyarm.simulate.path_clock.Waits.times` says of a reference that waits.
+    ``reading`` is the full state as its sensor read it now; ``found`` is what the law found out, of most laws nothing
+    (:mod:`skyarm.control.found_by_law`); ``led`` is what :meth:`skyarm.simulate.path_clock.Waits.times` says of a
+    reference that waits.
     """
 
     alive: Scalar
@@ -85,7 +86,7 @@ class Sample:
     command: Command
     reading: Measurement
     wind: WindSample
-    lags: tuple[Scalar, ...] = ()
+    found: tuple[Scalar, ...] = ()
     led: tuple[Scalar, ...] = ()
 
 
@@ -111,10 +112,7 @@ def carried(first: LoopState, now: LoopState, groups: Sequence[tuple[int, int]] 
         elif name == "drives" and len(new) == len(old):
             fields[name] = tuple(_kept(a, b) for a, b in zip(new, old, strict=True))
         elif name == "clock" and new != () and mismatch(new, old, "clock"):
-            # another task: its time is the flight's
-            fields[name] = dataclasses.replace(
-                new, place=now.ticks, held=() if isinstance(new.held, tuple) else now.ticks
-            )
+            fields[name] = new.begun_at(now.ticks)  # another task: its time is the flight's
         else:
             fields[name] = _kept(new, old)
     return LoopState(**fields)
