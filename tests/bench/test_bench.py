@@ -104,6 +104,7 @@ def test_the_machine_is_described():
     json.dumps(found)
 
 
+@pytest.mark.thorough
 def test_environments_are_stepped_with_drawn_actions(monkeypatch):
     pytest.importorskip("gymnasium", reason="the extra gym is not installed")
     monkeypatch.setattr(environment_steps, "WORLDS", 3)
