@@ -51,7 +51,9 @@ def test_touch_has_a_hysteresis_and_is_lost_after_its_patience():
 
 def test_a_tip_that_goes_in_fast_for_three_periods_has_lost_the_surface():
     there = dataclasses.replace(FREE, touching=1.0)
-    assert touched([1.0] * 4, into=0.11, memory=there) == [1.0, 1.0, 0.0, 1.0]
+    assert touched([1.0] * 4, into=0.11, memory=there) == [1.0, 1.0, 0.0, 0.0]  # what is left is no new touch
+    for again in ({"memory": dataclasses.replace(FREE, free=0.051), "into": 0.11}, {"memory": FREE, "into": 0.09}):
+        assert touched([1.0], **again) == [1.0]
     assert all(touched([1.0] * 4, into=0.09, memory=there))
 
 

@@ -84,7 +84,7 @@ def test_a_push_is_kept_with_the_scenario(scenario):
 
 def test_exported_c_is_told_of_the_push(scenario):
     found = export_c(scenario.controller, name="law", period=0.005)
-    assert "double push[5];" in found.text
+    assert "double push[12];" in found.text
     assert "interaction_touch" in found.parameters
 
 

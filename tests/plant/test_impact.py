@@ -13,7 +13,7 @@ from skyarm.dynamics.state import State
 from skyarm.environment import Effectiveness, PayloadMemory, TimedPayload
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth, flat
-from skyarm.plant.loaded_vehicle import loaded_vehicle, with_load
+from skyarm.plant.loaded_vehicle import loaded_vehicle
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.plant.mujoco_model import build_spec, joint_addresses
 from skyarm.plant.surroundings import Surroundings
@@ -90,7 +90,7 @@ def test_a_load_at_rest_that_is_grasped_keeps_the_momentum_of_the_whole(vehicle,
     later = after(kind(Truth(vehicle=vehicle), told), state, told)
     whole = vehicle
     for load in LOADS:
-        whole = with_load(whole, *load.body(vehicle))
+        whole = whole.with_body(*load.body(vehicle))
     before, behind = in_mujoco(vehicle, state), in_mujoco(whole, later)
     assert np.allclose(behind[0], before[0], rtol=0, atol=1e-10)
     assert np.allclose(behind[1], before[1], rtol=0, atol=1e-10)
@@ -127,7 +127,7 @@ def test_mujoco_carries_what_a_model_with_the_load_in_it_carries(vehicle):
         told = around(held=held)
         made = vehicle
         for load, share in zip(LOADS, held, strict=True):
-            made = with_load(made, *load.body(vehicle)) if share else made
+            made = made.with_body(*load.body(vehicle)) if share else made
         alone = MujocoPlant(Truth(vehicle=made), Surroundings(), "rk4_staged")
         wanted = alone.advance(flat(state), command, (0.0,), 0.001)
         for plant in plants:

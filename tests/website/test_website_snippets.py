@@ -44,6 +44,8 @@ OTHERS = {
 }
 ELSEWHERE |= {name: tests for name, tests in OTHERS.items() if name in PAGES}
 TABLES = {
+    ("pressing.md", "toml"): "tests/control/test_gripping.py",
+    ("sensors.md", "toml"): "tests/sensors/test_force_sensors.py",
     ("tip_and_tasks.md", "toml"): "tests/test_docs_of_tasks.py",
     ("scenario_files.md", "toml"): "tests/test_docs.py",
     ("centroidal_law.md", "toml"): "tests/control/test_level_flights.py",

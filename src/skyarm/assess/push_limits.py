@@ -49,7 +49,7 @@ def _law(scenario: Scenario) -> list[Finding]:
 
 def _force(at: Reference) -> Array:
     """Force of the surface on the tip, N, axes of the level base."""
-    force, _, *normal = (float(c) for c in at.push)
+    force, _, *normal = (float(c) for c in at.push[:5])
     x, y, z = normal
     c, s = math.cos(float(at.yaw)), math.sin(float(at.yaw))
     return force * np.array([c * x + s * y, c * y - s * x, z])

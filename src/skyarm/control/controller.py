@@ -117,6 +117,16 @@ def presses(par: Any) -> bool:
     return getattr(innermost(par), "interaction", None) is not None
 
 
+def senses_force(par: Any) -> bool:
+    """Whether a law, inside whatever layers, is to be told by a force sensor at the tip."""
+    return bool(getattr(getattr(innermost(par), "interaction", None), "senses", False))
+
+
+def learns_load(par: Any) -> bool:
+    """Whether a law, inside whatever layers, learns what a reference says that the tip holds."""
+    return getattr(innermost(par), "load", None) is not None
+
+
 def all_applied(joints: int) -> tuple[float, ...]:
     """Return 1 for the rotors together and 1 for each joint: every command was applied as desired."""
     return (1.0,) * (1 + joints)

@@ -15,7 +15,7 @@ from skyarm.records.units import units
 
 SCHEMA = 1
 
-SCALARS = ("time", "yaw_held", "yaw_reference", "path_time", "phase")
+SCALARS = ("time", "yaw_held", "yaw_reference", "load_mass_found", "path_time", "phase")
 """Arrays of a number an instant."""
 
 FOURS = ("quaternion",)

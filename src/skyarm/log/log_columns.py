@@ -45,6 +45,9 @@ TILT_ARRAYS = {"tilts": "rotor_tilt", "tilt_commands": "rotor_tilt_command"}
 LOOPS = {"lag_found": ("rotors", "joints")}
 """Array of a number for each group of loops -> endings of its columns."""
 
+PLACES = ("load_place_found",)
+"""Arrays of three axes that not every flight has."""
+
 CONTACT_ARRAYS = ("contact_force", "contact_friction", "contact_depth")
 """Arrays of a number for each surface of the world with each point of the vehicle."""
 
@@ -210,7 +213,7 @@ def _endings(array: str, width: int | None, names: Names) -> list[str]:
         return [f"{begin}_{each}" for each in names.mechanisms]
     if array in GRIPPER_ARRAYS and len(names.grippers) == width:
         return [f"{begin}_{each}" for each in names.grippers]
-    if array in IF_ANY:
+    if array in IF_ANY and array not in PLACES:
         return [f"{begin}_{i}" for i in range(width)]
     return [f"{begin}_{axis}" for axis in AXES.get(width, map(str, range(width)))]
 

@@ -19,7 +19,7 @@ from skyarm.compile.c.c_file import StepFile
 from skyarm.compile.c.c_source import Floats
 from skyarm.compile.c.c_struct import Struct, Units, make_struct
 from skyarm.compile.tracing.float_trial import PERIODS
-from skyarm.control.controller import Controller, innermost, presses
+from skyarm.control.controller import Controller, innermost, learns_load, presses, senses_force
 from skyarm.control.law_checks import check_controller, checked_law
 from skyarm.control.law_trial import level, try_law
 from skyarm.control.model import TORQUE_GAINS
@@ -106,7 +106,8 @@ def export_c(
         estimator.require_torques(vehicle.name, {each.name: each.drive for each in vehicle.drives})
     records = _examples(controller, period, estimator)
     seen = level(
-        blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts)), float(controller.par.model.gravity)
+        blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts), 3 if senses_force(controller.par) else 0),
+        float(controller.par.model.gravity),
     )
     try_law(controller, period, seen, (records["reference"],) * PERIODS)
     program = _traced(controller, records, estimator)
@@ -136,8 +137,10 @@ def _examples(controller: Controller, period: float, estimator: ErrorStateFilter
     arm: dict[str, Any] = {f"joint{word}": joints for word in ("s", "_rates", "_accelerations", "_jerks", "_snaps")}
     found = {
         "parameters": Constants(parameters=controller.par, period=period),
-        "measurement": blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts)),
-        "reference": Reference(**arm, push=(0.0,) * 5 if presses(controller.par) else ()).dense(),
+        "measurement": blank_measurement(
+            vehicle.n, len(vehicle.rotors), len(vehicle.tilts), 3 if senses_force(controller.par) else 0
+        ),
+        "reference": Reference(**arm, **_beside(controller.par)).dense(),
         "memory": controller.memory,
     }
     if estimator is not None:
@@ -145,6 +148,11 @@ def _examples(controller: Controller, period: float, estimator: ErrorStateFilter
         found["measurement"] = blank_readings(estimator, vehicle.n)
         found["memory"] = first_estimated_memory(controller, estimator)
     return found
+
+
+def _beside(par: Any) -> dict[str, Any]:
+    """What of a reference, beside the motion, the law answers."""
+    return {"push": (0.0,) * 12 if presses(par) else (), "load": (0.0,) if learns_load(par) else ()}
 
 
 def _traced(controller: Controller, records: dict[str, Any], estimator: ErrorStateFilter | None) -> Program:

@@ -9,7 +9,6 @@ from typing import Any
 from skyarm.environment import PayloadMemory, TimedPayload
 from skyarm.plant.surroundings import Around, Surroundings
 from skyarm.scalars import add, mul
-from skyarm.vehicle.linkage import BASE, Body
 from skyarm.vehicle.vehicle_records import Vehicle
 
 LOCKED = 1e12
@@ -38,7 +37,7 @@ def changes_inertia(around: Around) -> bool:
 def loaded_vehicle(vehicle: Vehicle, around: Around) -> Vehicle:
     """The vehicle with what it holds now; itself, at no cost, where nothing can be held or stuck."""
     for payload, memory in payloads_of(around):
-        vehicle = with_load(vehicle, *payload.body(vehicle, memory.held))
+        vehicle = vehicle.with_body(*payload.body(vehicle, memory.held))
     stuck = stuck_of(around)
     if not stuck:
         return vehicle
@@ -47,18 +46,4 @@ def loaded_vehicle(vehicle: Vehicle, around: Around) -> Vehicle:
         if type(share) is not int:
             joint = dataclasses.replace(links[i].joint, armature=add(links[i].joint.armature, mul(LOCKED, share)))
             links[i] = dataclasses.replace(links[i], joint=joint)
-    return dataclasses.replace(vehicle, links=tuple(links))
-
-
-def with_load(vehicle: Vehicle, link: int, load: Body) -> Vehicle:
-    """The vehicle with a load as a part of the body of one link."""
-    if link == BASE:
-        return dataclasses.replace(vehicle, base=vehicle.base.joined(load))
-    if link >= vehicle.n:
-        held, k = list(vehicle.followers), link - vehicle.n
-        moved = dataclasses.replace(held[k].link, body=held[k].link.body.joined(load))
-        held[k] = dataclasses.replace(held[k], link=moved)
-        return dataclasses.replace(vehicle, followers=tuple(held))
-    links = list(vehicle.links)
-    links[link] = dataclasses.replace(links[link], body=links[link].body.joined(load))
     return dataclasses.replace(vehicle, links=tuple(links))

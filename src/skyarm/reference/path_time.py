@@ -136,6 +136,7 @@ def by_flight_time(reference: Reference, s: Derivatives) -> Reference:
         joint_snaps=moved[3],
         tip=r.tip,
         push=r.push,
+        load=r.load,
     )
 
 

@@ -56,7 +56,7 @@ def paused(trajectory: Trajectory, rests: Sequence[tuple[float, float]]) -> Traj
             tip = dataclasses.replace(tip, x=pause(tip.x), y=pause(tip.y), z=pause(tip.z))
         push = trajectory.push
         if push is not None:
-            push = dataclasses.replace(push, force=pause(push.force))
+            push = push.with_signals(pause)
         trajectory = dataclasses.replace(
             trajectory,
             x=pause(trajectory.x),
@@ -66,5 +66,6 @@ def paused(trajectory: Trajectory, rests: Sequence[tuple[float, float]]) -> Traj
             joints=tuple(pause(signal) for signal in trajectory.joints),
             tip=tip,
             push=push,
+            load=None if trajectory.load is None else pause(trajectory.load),
         )
     return trajectory

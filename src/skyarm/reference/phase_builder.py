@@ -13,7 +13,7 @@ from skyarm.reference.phase_guard import Guard, Phase
 from skyarm.reference.setting import Setting
 from skyarm.reference.signals import Constant, Signal
 from skyarm.reference.task_tables import CLOSEST, within
-from skyarm.reference.tip_push import TipPush
+from skyarm.reference.tip_push import SPEED, TipPush
 from skyarm.reference.trajectory import Trajectory
 from skyarm.reference.turning import Turning
 from skyarm.reference.waypoints import SHORTEST, FlightLimits, Points, allocate
@@ -138,10 +138,10 @@ class Task:
         if self.setting.pushes:
             raise ValueError("reference: two tasks whose phases press do not add")
         pieces = tuple(Windowed(Constant(f), a + EDGE, b + EDGE) for a, b, f in self._forces)
-        given = {} if self.speed is None else {"speed": self.speed}
+        speed = SPEED if self.speed is None else self.speed
         if self.normal is None:
             raise AssertionError("a force needs a direction")
-        self.setting.pushes.append(TipPush(force=Sum(pieces), normal=self.normal, **given))
+        self.setting.pushes.append(TipPush(force=Sum(pieces), normal=self.normal, speed=speed))
 
 
 def _apart(a: Place, b: Place) -> float:

@@ -38,7 +38,8 @@ def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> T
     """The trajectory of a reference, whose tip may have a motion of its own.
 
     Args:
-        table: of the whole reference, as :func:`skyarm.reference.trajectory_from` takes it, and ``tip``, ``push``.
+        table: of the whole reference, as :func:`skyarm.reference.trajectory_from` takes it, and ``tip``, ``push``,
+            ``load``.
         n_joints: joints of the vehicle.
         where: name of the reference's table.
         setting: whose vehicle, and for how long.
@@ -53,6 +54,10 @@ def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> T
         if setting.pushes:
             raise ValueError(f"{where}.push: must be left out beside phases that press")
         return dataclasses.replace(found, push=push)
+    if isinstance(table, dict) and "load" in table:
+        load = signal_from(table["load"], f"{where}.load")
+        rest = {name: value for name, value in table.items() if name != "load"}
+        return dataclasses.replace(reference_from(rest, n_joints, where, setting), load=load)
     if not isinstance(table, dict) or "tip" not in table:
         found = _pushing(trajectory_from(table, n_joints, where, setting), setting)
         return with_joint_moves(found, setting.joint_moves, setting.vehicle)

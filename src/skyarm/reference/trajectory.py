@@ -27,8 +27,9 @@ class Reference:
     """A reference is the desired motion at one instant (or, with arrays as scalars, at many).
 
     ``tip`` is empty where the tip has no reference of its own: then it is where a level base on reference carries it.
-    ``push`` is empty where no contact is ever asked for; else force (N), speed (m/s) and unit normal
-    (:class:`skyarm.reference.tip_push.TipPush`).
+    ``push`` is empty where no contact is ever asked for; else force (N), speed (m/s), unit normal and more
+    (:class:`skyarm.reference.tip_push.TipPush`). ``load`` is empty where nothing is ever held; else a number, above 0.5
+    while the tip is told to hold what it carries.
     """
 
     position: Annotated[Vec3, Unit("m", "base origin, world axes")] = ZERO3
@@ -45,7 +46,10 @@ class Reference:
     joint_jerks: Annotated[tuple[Scalar, ...], Unit("rad/s^3 or m/s^3")] = ()
     joint_snaps: Annotated[tuple[Scalar, ...], Unit("rad/s^4 or m/s^4")] = ()
     tip: Annotated[tuple[Scalar, ...], Unit("m", "the tip, world axes")] = ()
-    push: Annotated[tuple[Scalar, ...], Unit("", "wanted contact: N, m/s, unit normal in world axes")] = ()
+    push: Annotated[
+        tuple[Scalar, ...], Unit("", "wanted contact: N, m/s, unit normal in world axes; grip, pivot (m) and axis")
+    ] = ()
+    load: Annotated[tuple[Scalar, ...], Unit("", "above 0.5 while the tip is told to hold a load")] = ()
 
     def __post_init__(self) -> None:
         # made in every period: what holds vectors and tuples already is not looked at
@@ -53,7 +57,7 @@ class Reference:
         vectors = vectors and type(self.jerk) is type(self.snap) is Vec3
         tuples = type(self.joints) is type(self.joint_rates) is type(self.joint_accelerations) is tuple
         tuples = tuples and type(self.joint_jerks) is type(self.joint_snaps) is type(self.tip) is tuple
-        tuples = tuples and type(self.push) is tuple
+        tuples = tuples and type(self.push) is type(self.load) is tuple
         numbers = {type(self.yaw), type(self.yaw_rate), type(self.yaw_acceleration)} <= PLAIN_NUMBERS
         if not (vectors and tuples and numbers):
             accept_fields(self, "reference")
@@ -87,8 +91,9 @@ class Trajectory:
     """A trajectory holds the signals of the base position, the heading and the joints.
 
     With a ``tip`` in the world the base is where it carries that tip (:mod:`skyarm.reference.tip_motion`), moved by the
-    signals ``x``, ``y``, ``z``. With a ``push`` it asks for contact (:mod:`skyarm.reference.tip_push`). With ``guards``
-    it waits for the flight (:mod:`skyarm.simulate.path_clock`), and ``phases`` are those of its task.
+    signals ``x``, ``y``, ``z``. With a ``push`` it asks for contact (:mod:`skyarm.reference.tip_push`); with a ``load``
+    it says when the tip is told to hold one. With ``guards`` it waits for the flight
+    (:mod:`skyarm.simulate.path_clock`), and ``phases`` are those of its task.
     """
 
     x: Annotated[Signal, Unit("m", "base origin, world axes")] = ZERO
@@ -98,6 +103,9 @@ class Trajectory:
     joints: Annotated[tuple[Signal, ...], Unit("rad or m")] = ()
     tip: TipMotion | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
     push: TipPush | None = dataclasses.field(default=None, metadata=WRITTEN_IF_ANY)
+    load: Annotated[Signal | None, Unit("", "above 0.5 while the tip holds a load")] = dataclasses.field(
+        default=None, metadata=WRITTEN_IF_ANY
+    )
     guards: tuple[Guard, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
     phases: tuple[Phase, ...] = dataclasses.field(default=(), metadata=WRITTEN_IF_ANY)
 
@@ -132,13 +140,15 @@ class Trajectory:
             joint_snaps=q[4],
             tip=tip,
             push=() if self.push is None else self.push.at(t),
+            load=() if self.load is None else (self.load.derivatives(t)[0],),
         )
 
     def switch_times(self) -> tuple[float, ...]:
         """List the times (s), in order, at which a signal or one of its derivatives may jump."""
         tip = () if self.tip is None else (self.tip.x, self.tip.y, self.tip.z)
-        push = () if self.push is None else (self.push.force,)
-        return Sum((self.x, self.y, self.z, self.yaw, *self.joints, *tip, *push)).switch_times()
+        push = () if self.push is None else self.push.signals
+        load = () if self.load is None else (self.load,)
+        return Sum((self.x, self.y, self.z, self.yaw, *self.joints, *tip, *push, *load)).switch_times()
 
     def with_joints(self, *joints: Signal | float) -> Trajectory:
         """Return the same base motion with these joint signals (a number is held)."""
@@ -153,11 +163,12 @@ class Trajectory:
             tip = dataclasses.replace(tip, x=a, y=b, z=c)
         push = self.push
         if push is not None:
-            push = dataclasses.replace(push, force=Shifted(push.force, delay))
+            push = push.with_signals(lambda signal: Shifted(signal, delay))
+        load = None if self.load is None else Shifted(self.load, delay)
         later = float(delay) if self.guards else 0.0
         guards = tuple(replace(each, at=each.at + later, begin=each.begin + later) for each in self.guards)
         phases = tuple(each.later(later) for each in self.phases)
-        moved = Trajectory(x=x, y=y, z=z, yaw=yaw, joints=tuple(joints), tip=tip, push=push)
+        moved = Trajectory(x=x, y=y, z=z, yaw=yaw, joints=tuple(joints), tip=tip, push=push, load=load)
         return replace(moved, guards=guards, phases=phases) if guards else moved
 
     @property
@@ -177,11 +188,14 @@ class Trajectory:
             raise ValueError("two trajectories that each have a tip do not add")
         if self.push is not None and other.push is not None:
             raise ValueError("two trajectories that each have a push do not add")
+        if self.load is not None and other.load is not None:
+            raise ValueError("two trajectories that each have a load do not add")
         x, y, z, yaw = self.x + other.x, self.y + other.y, self.z + other.z, self.yaw + other.yaw
         guards = tuple(sorted((*self.guards, *other.guards), key=lambda guard: guard.at))
         phases = tuple(sorted((*self.phases, *other.phases), key=lambda phase: phase.end))
-        tip, push = self.tip or other.tip, self.push or other.push
-        return Trajectory(x=x, y=y, z=z, yaw=yaw, joints=joints, tip=tip, push=push, guards=guards, phases=phases)
+        tip, push, load = self.tip or other.tip, self.push or other.push, self.load or other.load
+        both = Trajectory(x=x, y=y, z=z, yaw=yaw, joints=joints, tip=tip, push=push, load=load)
+        return replace(both, guards=guards, phases=phases)
 
 
 def signals(values: Sequence[Signal | Any]) -> tuple[Signal, ...]:

@@ -10,6 +10,7 @@ _AERODYNAMIC = "skyarm.environment.aerodynamic_forces"
 _MOTION = "skyarm.reference.reference_tables"
 _TASKS = "skyarm.reference.task_tables"
 _SENSORS = "skyarm.sensors.sensor_kinds"
+_FORCE = "skyarm.sensors.force_sensors"
 _LAWS = "skyarm.control.catalogue.law_entries"
 
 SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
@@ -31,6 +32,8 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "position": (f"{_SENSORS}:Position", "position, as of satellite navigation"),
         "heading": (f"{_SENSORS}:Heading", "yaw, as of a compass"),
         "encoders": (f"{_SENSORS}:Encoders", "positions and rates of the joints"),
+        "force_torque": (f"{_FORCE}:ForceTorque", "force and torque that push at the tip or another frame"),
+        "tactile_switch": (f"{_FORCE}:TactileSwitch", "whether anything pushes there"),
     },
     "estimator": {
         "pass_through": ("skyarm.estimate.estimator:PassThrough", "the full state as it was read"),

@@ -64,6 +64,8 @@ def names(record: Any) -> dict[str, tuple[Place, ...] | Tree]:
             del found["tip"]
         if record.push is None:
             del found["push"]
+        if record.load is None:
+            del found["load"]
     if isinstance(record, TipMotion):
         found["path"] = _motions(record)
     return found

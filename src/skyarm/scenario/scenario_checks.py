@@ -24,6 +24,7 @@ from skyarm.scalars import data
 from skyarm.scenario.check_frames import check_frames
 from skyarm.scenario.clock_checks import require_whole
 from skyarm.scenario.scenario_parts import ScenarioError
+from skyarm.scenario.tip_sensor import require_tip_sensor
 from skyarm.vehicle.check import require_plant
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -74,6 +75,7 @@ def check_additions(scenario: Scenario) -> None:
         except ValueError as error:
             raise ValueError(f"{where}.{error}") from None
     sensors = {each.name: each.sensor for each in scenario.instruments}
+    require_tip_sensor(scenario.controller.par, tuple(sensors.items()), scenario.world.vehicle)
     scenario.estimator.require_sensors(sensors, rates.control, scenario.controller.par.model.vehicle)
     if isinstance(scenario.estimator, ErrorStateFilter):
         # the scenario's own drives, too, of which the belief need not know

@@ -61,6 +61,10 @@ class ChannelSensor(Sensor):
         """Name, errors and true components of each channel."""
         raise NotImplementedError(f"{type(self).__name__} must say what it measures")
 
+    def examples(self, vehicle: Vehicle) -> Quantities:
+        """The same of some state: names and numbers of components count."""
+        return self.quantities(*_example(vehicle))
+
     def reading(self, t: Any, values: Sequence[tuple[Any, ...]], state: State, own: Any, first: Any, dt: float) -> Any:
         """Memory of the kind of sensor, and the record of a reading from the components of each channel."""
         raise NotImplementedError(f"{type(self).__name__} must say how it reads")
@@ -71,12 +75,12 @@ class ChannelSensor(Sensor):
 
     def require_vehicle(self, vehicle: Vehicle) -> None:
         """Biases and offsets are one for each component."""
-        for name, channel, truth in self.quantities(*_example(vehicle)):
+        for name, channel, truth in self.examples(vehicle):
             channel.require_count(len(truth), name)
 
     def uniforms(self, vehicle: Vehicle) -> int:
         """Pairs for normal numbers, and one for losses at random."""
-        return self._uniforms(self.quantities(*_example(vehicle)))
+        return self._uniforms(self.examples(vehicle))
 
     def _uniforms(self, quantities: Quantities) -> int:
         count = sum(channel.normals(len(truth)) for _, channel, truth in quantities)
@@ -84,8 +88,7 @@ class ChannelSensor(Sensor):
 
     def start(self, vehicle: Vehicle) -> ChannelMemory:
         """Nothing read yet."""
-        state, force = _example(vehicle)
-        quantities = self.quantities(state, force)
+        state, quantities = _example(vehicle)[0], self.examples(vehicle)
         own, last = self.first_own(vehicle), ()
         if self.dropouts.any:
             _, example = self.reading(0.0, [truth for _, _, truth in quantities], state, own, False, 1.0)
@@ -97,8 +100,13 @@ class ChannelSensor(Sensor):
         self, memory: ChannelMemory, t: Any, state: State, specific_force: Vec3, draws: Sequence[Any], dt: float
     ) -> tuple[ChannelMemory, Any]:
         """One reading."""
+        return self.read(memory, t, self.quantities(state, specific_force), state, draws, dt)
+
+    def read(
+        self, memory: ChannelMemory, t: Any, quantities: Quantities, state: Any, draws: Sequence[Any], dt: float
+    ) -> tuple[ChannelMemory, Any]:
+        """One reading of some quantities."""
         first = memory.read < 0.5
-        quantities = self.quantities(state, specific_force)
         if len(draws) != self._uniforms(quantities):
             raise RecordError(
                 f"{type(self).__name__.lower()}: a number that is absent varies; make it data first, "

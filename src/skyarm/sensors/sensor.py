@@ -3,11 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
 from skyarm.dynamics.state import State
+from skyarm.records.units import Unit
 from skyarm.vehicle.vehicle_records import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Push:
+    """What pushes the vehicle at a frame from outside: everything that acts beyond it, as one force and torque."""
+
+    force: Annotated[Vec3, Unit("N", "axes of the frame")]
+    torque: Annotated[Vec3, Unit("N m", "about its origin, axes of the frame")]
+
+
+NO_PUSH = Push(force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0))
+"""Nothing pushes."""
 
 
 class Sensor:
@@ -18,6 +32,9 @@ class Sensor:
     """
 
     __slots__ = ()
+
+    feels: str | None = None
+    """Name of a frame of the vehicle: the sensor reads what pushes there, by ``feel``; None reads the state."""
 
     @property
     def frequency(self) -> float:
@@ -61,3 +78,15 @@ class Sensor:
             memory, and the reading: a record or tuple of scalars of one shape.
         """
         raise NotImplementedError(f"{type(self).__name__} must say what it measures")
+
+    def feel(self, memory: Any, t: Any, push: Push, draws: Sequence[Any], dt: float) -> tuple[Any, Any]:
+        """One reading of a sensor that ``feels``, in place of ``measure``; ``push`` is the truth at its frame."""
+        raise NotImplementedError(f"{type(self).__name__} must say what it feels")
+
+    def take(
+        self, memory: Any, t: Any, state: State, specific_force: Vec3, push: Push, draws: Sequence[Any], dt: float
+    ) -> tuple[Any, Any]:
+        """One reading, of the state or of what pushes at the sensor's frame."""
+        if self.feels is None:
+            return self.measure(memory, t, state, specific_force, draws, dt)
+        return self.feel(memory, t, push, draws, dt)

@@ -51,3 +51,20 @@ class EncoderReading:
     time: Annotated[Scalar, Unit("s", "when it was read")]
     joints: Annotated[tuple[Scalar, ...], Unit("rad or m", "see the joints above")]
     joint_rates: Annotated[tuple[Scalar, ...], Unit("rad/s or m/s")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ForceReading:
+    """What pushes at a frame."""
+
+    time: Annotated[Scalar, Unit("s", "when it was read")]
+    force: Annotated[Vec3, Unit("N", "axes of the frame")]
+    torque: Annotated[Vec3, Unit("N m", "about its origin, axes of the frame")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SwitchReading:
+    """Whether anything pushes at a frame."""
+
+    time: Annotated[Scalar, Unit("s", "when it was read")]
+    closed: Annotated[Scalar, Unit("", "1 closed, 0 open")]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from skyarm.compile import leaves
+from skyarm.control.found_by_law import found_by_law
 from skyarm.environment import WindSample
 from skyarm.files import versions
 from skyarm.log.flight_log import IF_ANY, Array, Log
@@ -32,14 +33,15 @@ class Samples:
 
     Attributes:
         wind: its scalars (N,) or longer; numbers that stand for every instant.
-        lags: (N, 2) that the law found, or without columns. led: of a reference that waits (``Sample.led``), likewise.
+        found: (N, k) what the law found out, or without columns.
+        led: of a reference that waits (``Sample.led``), likewise.
     """
 
     states: Array
     commands: Array
     readings: Array
     wind: WindSample
-    lags: Array
+    found: Array
     led: Array
 
 
@@ -83,7 +85,7 @@ def joined(
 
 
 def _fill(tables: Sequence[dict[str, Array]]) -> None:
-    """Give each table the arrays that only others have: zeros, in periods of a law that finds no lag."""
+    """Give each table the arrays that only others have: zeros, in periods of a law that finds nothing of it."""
     widths = {name: table[name].shape[1:] for table in tables for name in table if name in IF_ANY}
     for table in tables:
         for name, width in widths.items():
@@ -129,8 +131,12 @@ def _tables(piece: Piece) -> dict[str, Array]:
         tables["payload_mass"] = table(wind.held)
     for name, columns in logged_in_contact(scenario, wind.contacts).items():
         tables[name] = table(columns)
-    if flown.lags.shape[1]:
-        tables["lag_found"] = flown.lags
+    begin = 0
+    for name, numbers in found_by_law(scenario.controller.memory).items():
+        if flown.found.shape[1]:
+            place = begin if len(numbers) == 1 else slice(begin, begin + len(numbers))
+            tables[name] = flown.found[:, place]
+            begin += len(numbers)
     del free  # its derivatives take more memory than the log of it
     for kind in ("held", "reference"):
         goals = (tables[f"{name}_{kind}"] for name in ("position", "yaw", "joints"))

@@ -198,8 +198,8 @@ def samples(flown: Flown) -> Samples:
     wind = reading + len(leaves(columns.reading))
     rows = flown.rows
     end = rows.shape[1] - len(columns.led)
-    lags, led = rows[:, end - len(columns.lags) : end], rows[:, end:]
-    return Samples(rows[:, first:command], rows[:, command:reading], rows[:, reading:wind], columns.wind, lags, led)
+    found, led = rows[:, end - len(columns.found) : end], rows[:, end:]
+    return Samples(rows[:, first:command], rows[:, command:reading], rows[:, reading:wind], columns.wind, found, led)
 
 
 def ending(scenario: Scenario, inputs: EpisodeInputs, flown: Flown, tick: int) -> Ended | None:

@@ -25,6 +25,7 @@ from skyarm.records.coerce import RecordError
 from skyarm.scalars import data, where
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, first_state
 from skyarm.sensors.measurement import Measurement, measurement_of
+from skyarm.sensors.sensor import NO_PUSH
 from skyarm.simulate.component_classes import check_classes, reading_mistake
 from skyarm.simulate.draws import draw_plan, start_draws
 from skyarm.vehicle.linkage import BASE
@@ -169,7 +170,7 @@ def _sensor(name: str, sensor: Any, scenario: Scenario, period: float) -> Trial:
     every = 1.0 / sensor.frequency if sensor.frequency else period
 
     def step(memory: Any, time: Any, state: State, draws: Any) -> tuple[Any, Any]:
-        result = sensor.measure(memory, time[0], state, WEIGHT, draws, every)
+        result = sensor.take(memory, time[0], state, WEIGHT, NO_PUSH, draws, every)
         if not isinstance(result, tuple) or len(result) != 2:
             raise trial.refusal(f"returns {kind_of(result)}: must return (memory, reading)")
         wrong = reading_mistake(result[1], "a reading")
@@ -197,7 +198,7 @@ def _estimator(scenario: Scenario, period: float) -> Trial:
         for named in scenario.instruments:
             middle = (0.5,) * named.sensor.uniforms(vehicle)
             start = named.sensor.start(vehicle)
-            readings[named.name] = named.sensor.measure(start, time[0], state, WEIGHT, middle, period)[1]
+            readings[named.name] = named.sensor.take(start, time[0], state, WEIGHT, NO_PUSH, middle, period)[1]
         command = Command(rotor_speeds=state.rotor_speeds, efforts=(0.0,) * vehicle.n)
         result = estimator.step(memory, readings, command, period)
         if not isinstance(result, tuple) or len(result) != 2 or not isinstance(result[1], Measurement):

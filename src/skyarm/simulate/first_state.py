@@ -12,6 +12,7 @@ from skyarm.plant.compiled import example_state
 from skyarm.scalars import data
 from skyarm.scenario.scenario_record import Scenario, first_state
 from skyarm.sensors.measurement import blank_measurement
+from skyarm.sensors.sensor import NO_PUSH
 from skyarm.simulate.draws import start_draws
 from skyarm.simulate.loop_state import LoopState, SensorState
 from skyarm.simulate.pace_clock import Paces
@@ -62,7 +63,7 @@ def _first_reading(scenario: Scenario, index: int) -> SensorState:
         return SensorState(memory=memory, held=(), waiting=(blank,) * waiting)
     state, draws = example_state(vehicle.n, len(vehicle.rotors), len(vehicle.tilts)), (0.5,) * sensor.uniforms(vehicle)
     period = 1.0 / (sensor.frequency or scenario.rates.control)
-    _, example = sensor.measure(memory, 0.0, state, state.velocity, draws, period)
+    _, example = sensor.take(memory, 0.0, state, state.velocity, NO_PUSH, draws, period)
     reading = rebuild(example, iter([0.0] * len(leaves(example))))
     slow = sensor.frequency and sensor.frequency < scenario.rates.control
     return SensorState(memory=memory, held=reading if slow else (), waiting=(reading,) * waiting)

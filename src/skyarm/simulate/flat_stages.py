@@ -11,7 +11,7 @@ from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.compile import leaves, rebuild, trace
-from skyarm.control.blocks.lag_estimate import lags_found
+from skyarm.control.found_by_law import numbers_found
 from skyarm.plant.coupled_memory import places_among, places_in
 from skyarm.plant.interface import Plant
 from skyarm.records.leaves import parts
@@ -135,24 +135,31 @@ class FlatStages:
     def _respond(self) -> FlatFunction:
         def program(
             alive: Any, k: Any, x: Any, m: Any, queue: Any, s: Any, e: Any, d: Any, c: Any, row: Row, u: Any, f: Any,
-            draws: Any,
+            p: Any, draws: Any,
         ) -> tuple[Any, ...]:  # fmt: skip
             now = replace(self._first, ticks=k[0], state=x, memory=m, queue=queue, sensors=s, estimate=e, drives=d)
             now = replace(now, clock=c)
-            return respond(self._stages, now, row, Begun(alive[0], (), self._around, u, ()), f, draws)[:-1]
+            return respond(self._stages, now, row, Begun(alive[0], (), self._around, u, (), p), f, draws)[:-1]
 
         x = self._first
         loop = x.state, x.memory, x.queue, x.sensors, x.estimate, x.drives, x.clock
-        return FlatFunction(program, ONE, ONE, *loop, self._row, x.queue[0], x.state.velocity, self._uniforms)
+        felt = x.state.velocity, self._pushes
+        return FlatFunction(program, ONE, ONE, *loop, self._row, x.queue[0], *felt, self._uniforms)
+
+    @cached_property
+    def _pushes(self) -> Any:
+        """What sensors of force feel, as an example."""
+        return self._begin.example(Begun._fields.index("pushes"))
 
     @cached_property
     def _sense(self) -> FlatFunction:
-        def program(s: Any, e: Any, k: Any, x: Any, f: Any, u: Any, t: Any, uniforms: Any) -> tuple[Any, ...]:
-            read = self._stages.sense(s, e, k[0], x, f, u, t[0], uniforms)
+        def program(s: Any, e: Any, k: Any, x: Any, f: Any, u: Any, t: Any, uniforms: Any, p: Any) -> tuple[Any, ...]:
+            read = self._stages.sense(s, e, k[0], x, f, u, t[0], uniforms, p)
             return read.sensors, read.estimate, read.reading, read.measurement
 
         x, force = self._first, self._first.state.velocity
-        return FlatFunction(program, x.sensors, x.estimate, ONE, x.state, force, x.queue[0], ONE, self._uniforms)
+        given = x.state, force, x.queue[0], ONE, self._uniforms, self._pushes
+        return FlatFunction(program, x.sensors, x.estimate, ONE, *given)
 
     @cached_property
     def _issue(self) -> FlatFunction:
@@ -205,7 +212,7 @@ class FlatStages:
         """What stands between the plant's two calls; raises where the command is refused."""
         if self._traced and self.given is None:
             loop = now.state, now.memory, now.queue, now.sensors, now.estimate, now.drives, now.clock
-            given = row.time, row.reference, begun.acting, force, uniforms
+            given = row.time, row.reference, begun.acting, force, begun.pushes, uniforms
             found = Response._make((*self._respond(begun.alive, now.ticks, *loop, *given), begun.around))
         else:
             found = self._in_pieces(now, row, begun, force, uniforms)
@@ -218,7 +225,8 @@ class FlatStages:
 
     def sense(self, now: Any, row: Any, begun: Begun, force: Flat, uniforms: Flat) -> list[Flat]:
         """Memories of the sensors and of the estimator, the full state's reading, and what the law is told."""
-        return self._sense(now.sensors, now.estimate, now.ticks, now.state, force, begun.acting, row.time, uniforms)
+        loop = now.sensors, now.estimate, now.ticks, now.state
+        return self._sense(*loop, force, begun.acting, row.time, uniforms, begun.pushes)
 
     def _in_pieces(self, now: Any, row: Any, begun: Begun, force: Flat, uniforms: Flat) -> Response:
         """A response whose command is made outside of any program."""
@@ -240,14 +248,14 @@ class FlatStages:
         )
 
     @cached_property
-    def lag_places(self) -> tuple[int, ...]:
-        """Places of the lags that the law finds among the numbers of its memory."""
+    def found_places(self) -> tuple[int, ...]:
+        """Places of what the law finds out among the numbers of its memory."""
         first = self._first.memory
-        return lags_found(rebuild((first,), iter(range(len(leaves(first)))))[0]) if self._traced else ()
+        return numbers_found(rebuild((first,), iter(range(len(leaves(first)))))[0]) if self._traced else ()
 
-    def lags(self, memory: Any) -> Flat:
-        """What the law has found of its loops' lags, for the log."""
-        return tuple(memory[place] for place in self.lag_places)
+    def found(self, memory: Any) -> Flat:
+        """What the law has found out, for the log."""
+        return tuple(memory[place] for place in self.found_places)
 
     @cached_property
     def _coupled(self) -> tuple[int, ...]:

@@ -157,7 +157,11 @@ def episode_inputs(scenario: Scenario) -> EpisodeInputs:
     publisher = Publisher(control_rate=rates.control, reference_rate=rates.reference)
     program = _motion(scenario)
     samples = evaluate(program, [times], scenario.steps)
-    return EpisodeInputs(scenario, times, program.record(list(samples[:, publisher.held_tick(ticks)])))
+    held: Reference = program.record(list(samples[:, publisher.held_tick(ticks)]))
+    if held.load:  # no sample of a motion: the gripper's command goes out in each control period
+        now: Reference = program.record(list(samples))
+        held = dataclasses.replace(held, load=now.load)
+    return EpisodeInputs(scenario, times, held)
 
 
 def _motion(scenario: Scenario) -> Program:

@@ -76,8 +76,9 @@ class Row:
 class Sample:
     """What may be logged of a control instant.
 
-    ``reading`` is the full state as its sensor read it now; ``lags`` are those that the law found, if it looks for any;
-    ``led`` is what :meth:`skyarm.simulate.path_clock.Waits.times` says of a reference that waits.
+    ``reading`` is the full state as its sensor read it now; ``found`` is what the law found out, of most laws nothing
+    (:mod:`skyarm.control.found_by_law`); ``led`` is what :meth:`skyarm.simulate.path_clock.Waits.times` says of a
+    reference that waits.
     """
 
     alive: Scalar
@@ -85,7 +86,7 @@ class Sample:
     command: Command
     reading: Measurement
     wind: WindSample
-    lags: tuple[Scalar, ...] = ()
+    found: tuple[Scalar, ...] = ()
     led: tuple[Scalar, ...] = ()
 
 

@@ -243,7 +243,7 @@ def _away(seen: Seen) -> Any:
     """Distance of the tip from its reference, m; across the normal while a push is asked for."""
     away = seen.tip - seen.goal
     if seen.push:
-        force, _, *normal = seen.push
+        force, _, *normal = seen.push[:5]
         n = Vec3(*normal)
         away = away - n * where(force > 0.0, n.dot(away), 0.0)
     return sqrt(away.dot(away))

@@ -26,6 +26,7 @@ class Begun(NamedTuple):
     Attributes:
         alive: 1 while no ending has come. components: memories of air and forces. around: surroundings of the period.
         acting: the command that acts before this period's arrives. wind: what the log keeps of the surroundings.
+        pushes: what sensors of force feel, one behind the other; () without any.
     """
 
     alive: Any
@@ -33,6 +34,7 @@ class Begun(NamedTuple):
     around: Any
     acting: Any
     wind: Any
+    pushes: Any = ()
 
 
 class Response(NamedTuple):
@@ -65,12 +67,15 @@ def begin(stages: Any, now: LoopState, row: Row, uniforms: Any) -> Begun:
     """Endings, surroundings and the command that acts: the stages before the plant is first called."""
     alive = stages.check(now.alive, now.state, row.reference, now.clock)
     components, around = stages.surround(now.components, now.drives, now.state, row.time, uniforms, row.path_time)
-    return Begun(alive, components, around, stages.acting(now.queue), stages.felt(around, now.state))
+    wind, pushes = stages.felt(around, now.state), stages.pushes(around, now.state)
+    return Begun(alive, components, around, stages.acting(now.queue), wind, pushes)
 
 
 def respond(stages: Any, now: LoopState, row: Row, begun: Begun, force: Any, uniforms: Any) -> Response:
     """Sensors, estimator, law, command line and drives: the stages between the plant's two calls."""
-    read = stages.sense(now.sensors, now.estimate, now.ticks, now.state, force, begun.acting, row.time, uniforms)
+    read = stages.sense(
+        now.sensors, now.estimate, now.ticks, now.state, force, begun.acting, row.time, uniforms, begun.pushes
+    )
     memory, command = stages.decide(now.memory, read.measurement, stages.joined(row), row.path_time)
     clock = stages.wait(now.clock, now.ticks, read.measurement, row, memory, command)
     return issue(stages, now, begun, read, memory, command, clock)
@@ -134,7 +139,7 @@ def make_period(
             command=found.command,
             reading=found.reading,
             wind=begun.wind,
-            lags=stages.lags(found.memory),
+            found=stages.found(found.memory),
             led=stages.path_times(now),
         )
         return stages.keep(found.alive, following, now), sample

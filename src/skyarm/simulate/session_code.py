@@ -119,7 +119,8 @@ class SessionCode:
             _, around = stages.surround(now.components, now.drives, now.state, row.time, drawn, row.path_time)
             before = stages.acting(now.queue)
             force = plant.specific_force(now.state, before, around)
-            read = stages.sense(now.sensors, now.estimate, now.ticks, now.state, force, before, row.time, drawn)
+            pushes = stages.pushes(around, now.state)
+            read = stages.sense(now.sensors, now.estimate, now.ticks, now.state, force, before, row.time, drawn, pushes)
             return read.measurement
 
         return Quick(told, self._example, self._numbers, self._row, (0.5,) * sum(count for _, count in self.draws))

@@ -92,7 +92,7 @@ class StagedFlight:
         except EpisodeEndedError as error:
             self.ended = self._why(k, error.command)
             return False
-        self._logged.append((sample.state, sample.command, sample.reading, sample.wind, sample.lags, sample.led))
+        self._logged.append((sample.state, sample.command, sample.reading, sample.wind, sample.found, sample.led))
         if self.tick == self.scenario.steps:
             self.ended = self._why(self.tick, None)
         return self.ended is None and self.tick < self.scenario.steps
@@ -136,14 +136,14 @@ class StagedFlight:
         ends = np.cumsum([len(leaves(each)) for each in examples])
         rows = self._rows(start - self.begun, stop - self.begun)
         led = rows.shape[1] - self._stages.led_count
-        lags = led - len(self._stages.lag_places)
-        states, commands, readings, wind, found, led_by = np.split(rows, [*ends.tolist(), lags, led], axis=1)
+        first = led - len(self._stages.found_places)
+        states, commands, readings, wind, found, led_by = np.split(rows, [*ends.tolist(), first, led], axis=1)
         return Samples(states, commands, readings, rebuild(self._stages.wind, iter(wind.T)), found, led_by)
 
     def _rows(self, start: int, stop: int) -> Any:
         """What was logged: a row a period, the leaves of a sample but for ``alive``."""
         width = len(leaves((self.first.state, self.first.queue[0], self._stages.reading, self._stages.wind)))
-        width += len(self._stages.lag_places) + self._stages.led_count
+        width += len(self._stages.found_places) + self._stages.led_count
         numbers = chain.from_iterable(chain.from_iterable(self._logged[start:stop]))
         return np.fromiter(numbers, dtype=float, count=width * (stop - start)).reshape(-1, width)
 

@@ -16,8 +16,8 @@ from skyarm.actuation import Command
 from skyarm.actuation.tilting import with_rest
 from skyarm.algebra import Vec3
 from skyarm.compile.tracing.repeat import repeat, repeat_while
-from skyarm.control.blocks.lag_estimate import lags_found
 from skyarm.control.blocks.observed_push import observed_push
+from skyarm.control.found_by_law import numbers_found
 from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
@@ -32,7 +32,9 @@ from skyarm.records.blend import blend
 from skyarm.reference import Reference
 from skyarm.scalars import absolute, floor, logical_and, where
 from skyarm.scenario.scenario_record import Scenario
+from skyarm.scenario.tip_sensor import tip_sensor
 from skyarm.sensors.measurement import Measurement
+from skyarm.sensors.sensor import NO_PUSH, Push
 from skyarm.simulate.check_endings import healthy
 from skyarm.simulate.command_line import (
     command_delay,
@@ -43,6 +45,7 @@ from skyarm.simulate.command_line import (
     switches,
 )
 from skyarm.simulate.draws import Draws, draw_plan
+from skyarm.simulate.felt_pushes import push_at
 from skyarm.simulate.joined_reference import joined_reference
 from skyarm.simulate.loop_state import LoopState, Row, SensorState, ended
 from skyarm.simulate.pace_clock import PaceClock, Paces
@@ -78,6 +81,7 @@ class Stages:
         self._estimator = scenario.estimator.believing(model.vehicle, model.gravity)
         self.whole, self.late = command_delay(scenario)
         self.apart = rotor_and_joint_delays(scenario) if scenario.delays.apart else None
+        self.tip_sensor = tip_sensor(self.sensors, scenario.world.vehicle)
         # named sensors are measured each so many control periods
         self._every = tuple(round(scenario.rates.control / s.frequency) if s.frequency else 1 for _, s in self.sensors)
 
@@ -90,7 +94,11 @@ class Stages:
             return row
         _, held, *offset = self.waits.times(now.clock, now.ticks)
         path_time = self.waits.path_time(now.clock)
-        return dataclasses.replace(row, reference=self.waits.reference(held, offset), path_time=path_time)
+        reference = self.waits.reference(held, offset)
+        if self.scenario.trajectory.load is not None:  # the gripper's command is of this period, not of a sample
+            load = self.scenario.trajectory.load.derivatives(path_time)[0]
+            reference = dataclasses.replace(reference, load=(load,))
+        return dataclasses.replace(row, reference=reference, path_time=path_time)
 
     def path_times(self, now: LoopState) -> tuple[Any, ...]:
         """What the log keeps of a reference's own clock; () where it has none."""
@@ -126,8 +134,9 @@ class Stages:
             else component.advance(memory, time, self.period, state, self.draws.of_component(i, uniforms))
             for i, (component, memory) in enumerate(zip(self.components, memories, strict=True))
         )
+        told = path_time if self.waits.guards else time  # of a reference that waits, its own time
         for i in self.coupled:
-            acted = self.components[i].act(going[i], time, PointMotion(self.scenario.world.vehicle, state))
+            acted = self.components[i].act(going[i], told, PointMotion(self.scenario.world.vehicle, state))
             going = (*going[:i], acted, *going[i + 1 :])
         return going, self.surroundings(going, drives, time)
 
@@ -139,6 +148,14 @@ class Stages:
         return Grasp(
             position=motion.position(*at), velocity=motion.velocity(*at), period=self.period, gravity=world.gravity
         )
+
+    def pushes(self, around: Surroundings, state: State) -> tuple[Push, ...]:
+        """What sensors of force feel, in their order; () without any."""
+        frames = [sensor.feels for _, sensor in self.sensors if sensor.feels is not None]
+        if not frames:
+            return ()
+        vehicle, gravity = self.scenario.world.vehicle, self.scenario.world.gravity
+        return tuple(push_at(vehicle.frame(frame or None), around, vehicle, state, gravity) for frame in frames)
 
     def surroundings(self, memories: tuple[Any, ...], drives: Sequence[Any], time: Any) -> Surroundings:
         """What the plant is told of one period."""
@@ -171,14 +188,18 @@ class Stages:
 
     def sense(
         self, sensors: Sequence[SensorState], estimate: Any, ticks: Any, state: State, force: Vec3, acting: Command,
-        time: Any, uniforms: Any,
+        time: Any, uniforms: Any, pushes: Sequence[Push] = (),
     ) -> Readings:  # fmt: skip
-        """Sensors and estimator: what is read now, what arrives now, what the law is told."""
-        going, arrived, first = [], {}, None
+        """Sensors and estimator: what is read now, what arrives now, what the law is told.
+
+        What a force sensor on the link of the tip reads goes to the law beside the estimate.
+        """
+        going, arrived, first, felt = [], {}, None, iter(pushes)
         for i, ((name, sensor), now) in enumerate(zip(self.sensors, sensors, strict=True)):
             every = self._every[i]
             draws = self.draws.of_sensor(i, uniforms)
-            memory, reading = sensor.measure(now.memory, time, state, force, draws, every * self.period)
+            push = NO_PUSH if sensor.feels is None else next(felt)
+            memory, reading = sensor.take(now.memory, time, state, force, push, draws, every * self.period)
             held: Any = ()
             if every > 1:
                 due = ticks - floor(ticks / every + 1e-9) * every < 0.5
@@ -190,6 +211,9 @@ class Stages:
             arrived[name] = seen[0]
             first = reading if first is None else first
         memory, measurement = self._estimator.step(estimate, arrived, acting, self.period)
+        if self.tip_sensor is not None:
+            name, turned = self.tip_sensor
+            measurement = dataclasses.replace(measurement, tip_force=tuple(turned.apply(arrived[name].force)))
         full: Any = first
         return Readings(sensors=tuple(going), estimate=memory, reading=full, measurement=measurement)
 
@@ -237,9 +261,9 @@ class Stages:
         """What the log keeps of the surroundings."""
         return felt(around, self.scenario.world.vehicle, state)
 
-    def lags(self, memory: Any) -> tuple[Any, ...]:
-        """What the law has found of its loops' lags, for the log; () of most laws."""
-        return lags_found(memory)
+    def found(self, memory: Any) -> tuple[Any, ...]:
+        """What the law has found out, for the log; () of most laws."""
+        return numbers_found(memory)
 
     def count(self, ticks: Any, alive: Any) -> Any:
         """Control periods flown."""

@@ -234,16 +234,19 @@ class Vehicle:
     def with_payload(self, mass: Scalar, frame: str | None = None) -> Vehicle:
         """Vehicle with a point mass (kg) held at a frame (the end effector by default)."""
         at = self.frame(frame)
-        load = Body(mass=mass, com=at.position)
-        if at.link == BASE:
+        return self.with_body(at.link, Body(mass=mass, com=at.position))
+
+    def with_body(self, link: int, load: Body) -> Vehicle:
+        """Vehicle with a load (in the axes of a link or follower, or ``BASE``) as a part of that one's body."""
+        if link == BASE:
             return dataclasses.replace(self, base=self.base.joined(load))
-        if at.link >= self.n:
-            held, k = list(self.followers), at.link - self.n
-            body = held[k].link.body.joined(load)
-            held[k] = dataclasses.replace(held[k], link=dataclasses.replace(held[k].link, body=body))
+        if link >= self.n:
+            held, k = list(self.followers), link - self.n
+            moved = dataclasses.replace(held[k].link, body=held[k].link.body.joined(load))
+            held[k] = dataclasses.replace(held[k], link=moved)
             return dataclasses.replace(self, followers=tuple(held))
         links = list(self.links)
-        links[at.link] = dataclasses.replace(links[at.link], body=links[at.link].body.joined(load))
+        links[link] = dataclasses.replace(links[link], body=links[link].body.joined(load))
         return dataclasses.replace(self, links=tuple(links))
 
     def with_joints(self, **values: Any) -> Vehicle:

@@ -36,6 +36,8 @@ COMMON: Mapping[str, Any] = {
     "hull_drag": False,
     "wind": (0.0, 0.0, 0.0),
     "interaction": (0.0, 0.0),
+    "load": 0.0,
+    "force_sensor": False,
 }
 """Limits and weights of all presets; see :class:`CentroidalParameters`, :class:`TipGains` and :class:`BaseGains`."""
 
@@ -120,6 +122,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "accelerometer": (0.0, 1e3),
     "wind": (-100.0, 100.0),
     "interaction": (0.0, 1e3),
+    "load": (0.0, 1e3),
     "arm_scaling": (0.0, 1.0),
 }
 """Lowest and highest value; entries that are not here are gains, at least 0."""

@@ -12,6 +12,9 @@ whole reference along n, by which the base comes to the surface, follows it whil
 
 The normal itself is corrected by sliding (:mod:`skyarm.control.laws.centroidal.surface_normal`).
 
+A tip that grips touches for as long as it is told to: f_d and o may have either sign, nothing is lost, and the normal
+may be the radius of an arc (:class:`skyarm.control.laws.centroidal.interaction_records.Wanted`).
+
 Friction holds a tip that does not slide with any force within its cone, and joints and rotors bear what is left in it.
 Where one of them comes near its limit the law answers less of the observed force across n; friction takes the
 difference over, at rest, until there is room.
@@ -31,7 +34,20 @@ from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.interaction_records import InteractionGains, InteractionMemory, Wanted
 from skyarm.control.laws.centroidal.tip_force import TipLevers, tip_force, without
 from skyarm.control.laws.centroidal.tip_reference import Goal
-from skyarm.scalars import add, clip, data, logical_and, logical_not, logical_or, maximum, minimum, mul, sub, where
+from skyarm.scalars import (
+    absolute,
+    add,
+    clip,
+    data,
+    logical_and,
+    logical_not,
+    logical_or,
+    maximum,
+    minimum,
+    mul,
+    sub,
+    where,
+)
 from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -44,7 +60,7 @@ class Pressing:
         n: out of the surface. share: 0 free, 1 pressing. damping: 1/s, of the tip along n where it presses.
         engaged: 1 while the order stands in place of the observed force. shift: m, m/s and m/s^2 along n.
         order: N, along n, in place of the observed one. force: N, the tip's as observed, world axes.
-        kept: 0 to 1, of the observed force across n that is answered.
+        kept: 0 to 1, of the observed force across n that is answered. asked: whether any contact is asked for.
     """
 
     n: Vec3
@@ -55,6 +71,7 @@ class Pressing:
     order: Any
     force: Vec3
     kept: Any
+    asked: Any = False
 
     def shifted(self, signals: Sequence[Taylor]) -> list[Taylor]:
         """The reference's signals with x, y and z moved along the normal."""
@@ -99,6 +116,7 @@ def interact(
     into: Any,
     load: Any,
     dt: Any,
+    felt: Vec3 | None = None,
 ) -> tuple[InteractionMemory, Pressing]:
     """One period of pressing.
 
@@ -112,13 +130,19 @@ def interact(
         into: speed of the tip into the surface, m/s.
         load: of the joint or rotor nearest to its limit, the share of it that was sent last.
         dt: s.
+        felt: N, the tip's force as a sensor tells it, world axes; None without one. It decides on touch and loss, and
+            the integral follows it; what stands in the observer's place is the observer's own all the same.
     """
-    n, asked = wanted.normal, wanted.force > 0.0
+    n, asked = wanted.normal, wanted.asked
     force = tip_force(vehicle, gains.trust, at, without(observed, memory.bias))
-    along = n.dot(force)
+    along = n.dot(force if felt is None else felt)
     touching, doubt = touches(gains, memory, asked, along, into, dt)
+    kept = 1.0 - gains.relief * clip((load - gains.tired) / (gains.worn - gains.tired), 0.0, 1.0)
+    if wanted.grips:
+        kept = where(wanted.grip > 0.5, gains.yielding, kept)
+        touching, doubt = maximum(touching, wanted.grip), doubt * (1.0 - wanted.grip)
     share = ramped(gains, memory.share, touching, dt)
-    integral = integrated(gains, memory.integral, wanted.force, along, touching, share, dt)
+    integral = integrated(gains, memory.integral, wanted.force, along, touching, share, dt, wanted.grips)
     engaged = where(logical_or(touching > 0.5, share > 0.0), 1.0, 0.0)
     shift = followed(gains, memory, asked, touching, wanted.speed, dt)
     free = where(logical_or(engaged > 0.5, memory.touching > 0.5), 0.0, memory.free + dt)
@@ -134,6 +158,7 @@ def interact(
         free=free,
         bias=learned(gains, memory.bias, observed, force, asked, free, dt),
         force=vector_data(force),
+        felt=memory.felt if felt is None else vector_data(felt),
     )
     pressing = Pressing(
         n=n,
@@ -141,9 +166,10 @@ def interact(
         damping=gains.damping,
         engaged=engaged,
         shift=shift,
+        asked=asked,
         order=share * (wanted.force + integral),
         force=force,
-        kept=1.0 - gains.relief * clip((load - gains.tired) / (gains.worn - gains.tired), 0.0, 1.0),
+        kept=kept,
     )
     return after, pressing
 
@@ -160,7 +186,9 @@ def touches(
     step = maximum(weak, through)
     doubt = where(logical_and(was, step > 0.0), memory.doubt + step, 0.0)
     # a sum of periods is not exactly their number times one
-    found: Any = where(was, where(doubt > 1.0 - 1e-9, 0.0, 1.0), where(along > gains.touch, 1.0, 0.0))
+    # what a tip feels that still goes in, soon after a loss, is what is left in the observer or a sensor's filter
+    begins = logical_and(along > gains.touch, logical_or(into < gains.escape, memory.free > gains.rebound))
+    found: Any = where(was, where(doubt > 1.0 - 1e-9, 0.0, 1.0), where(begins, 1.0, 0.0))
     return where(asked, found, 0.0), doubt
 
 
@@ -170,10 +198,17 @@ def ramped(gains: InteractionGains, share: Any, touching: Any, dt: Any) -> Any:
 
 
 def integrated(
-    gains: InteractionGains, integral: Any, wanted: Any, along: Any, touching: Any, share: Any, dt: Any
+    gains: InteractionGains,
+    integral: Any,
+    wanted: Any,
+    along: Any,
+    touching: Any,
+    share: Any,
+    dt: Any,
+    signed: bool = False,
 ) -> Any:
     """The bounded integral of the force's error, N: still while the ramp runs, none where contact is lost."""
-    most = gains.integral_share * wanted + gains.integral_least
+    most = gains.integral_share * (absolute(wanted) if signed else wanted) + gains.integral_least
     step = where(share < 1.0, 0.0, gains.integral * dt) * (wanted - along)
     return where(touching > 0.5, clip(integral + step, -most, most), 0.0)
 

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.select import choose
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.tip_force import Trust
 from skyarm.files import shown
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar
+from skyarm.scalars import Scalar, divide, logical_and, logical_or, sqrt, where
 from skyarm.vehicle.vehicle_records import Vehicle
+
+NEAREST = 1e-3
+"""m of a tip from the axis that it goes about, times the axis's length of 1: nearer the direction out of it is none."""
+
+SENSING = 60.0
+"""rad/s: a force sensor is heard above the bandwidth of the observers, and below that of the contact."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -26,6 +34,7 @@ class InteractionGains:
     patience: Annotated[Scalar, Unit("s", "below lost until contact is lost")] = 0.04
     escape: Annotated[Scalar, Unit("m/s", "into the surface, above which the tip goes through")] = 0.1
     haste: Annotated[Scalar, Unit("s", "that the tip goes through until contact is lost")] = 0.015
+    rebound: Annotated[Scalar, Unit("s", "after contact, in which a tip that goes in does not touch again")] = 0.05
     rise: Annotated[Scalar, Unit("s", "ramp of the wanted force")] = 0.15
     fall: Annotated[Scalar, Unit("s", "ramp to none")] = 0.02
     integral: Annotated[Scalar, Unit("1/s", "of the force's error")] = 4.0
@@ -41,9 +50,16 @@ class InteractionGains:
     tired: Annotated[Scalar, Unit("", "share of a limit from which on friction is let go")] = 0.9
     worn: Annotated[Scalar, Unit("", "share of a limit at which most is let go")] = 1.0
     relief: Annotated[Scalar, Unit("", "0 to 1, of the observed friction that is let go at most")] = 0.2
+    yielding: Annotated[Scalar, Unit("", "0 to 1, of the observed force across that is answered while it grips")] = 0.7
     tilting: Annotated[Scalar, Unit("1/s", "at which sliding corrects the normal")] = 1.0
     again: Annotated[Scalar, Unit("m/s", "with which the tip comes back to a surface that it lost, at most")] = 0.1
+    sensing: Annotated[Scalar, Unit("rad/s", "filter of a force sensor; 0 of a law that does without one")] = 0
     furthest: Annotated[Scalar, Unit("m", "that the base looks for the surface")] = 0.5
+
+    @property
+    def senses(self) -> bool:
+        """Whether a force sensor tells the force along the normal: structure."""
+        return type(self.sensing) is not int
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -62,35 +78,77 @@ class InteractionMemory:
     bias: Disturbance
     force: Annotated[Vec3, Unit("N", "at the tip, believed, world axes")]
     lean: Annotated[Vec3, Unit("", "of the normal from the one that is told, found by sliding")]
+    felt: Annotated[Vec3 | tuple[()], Unit("N", "by a sensor at the tip, filtered, world axes")] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Wanted:
-    """A wanted contact as the reference says it: N, m/s and the unit normal out of the surface, world axes."""
+    """A wanted contact as the reference says it: N, m/s and the unit normal out of the surface, world axes.
+
+    Attributes:
+        grip: 1 while the tip is held by what it grips; a structural 0 where it never is.
+        pivot: m, on the axis about which the tip goes then. axis: its unit vector; None for a normal as told.
+    """
 
     force: Any
     speed: Any
     normal: Vec3
+    grip: Any = 0
+    pivot: Vec3 | None = None
+    axis: Vec3 | None = None
+
+    @property
+    def grips(self) -> bool:
+        """Whether the tip ever grips: structure."""
+        return type(self.grip) is not int
+
+    @property
+    def asked(self) -> Any:
+        """Whether any contact is asked for."""
+        wanted: Any = self.force > 0.0
+        return logical_or(wanted, self.grip > 0.5) if self.grips else wanted
+
+    @property
+    def presses(self) -> Any:
+        """Whether the tip shall press on a surface, which it may slide along."""
+        wanted: Any = self.force > 0.0
+        return logical_and(wanted, self.grip < 0.5) if self.grips else wanted
+
+    def about_the_pivot(self, tip: Vec3) -> Wanted:
+        """The same contact with the normal out of the axis to the tip (m, world axes) while it grips."""
+        if self.pivot is None or self.axis is None:
+            return self
+        arm = tip - self.pivot
+        out = arm - self.axis * self.axis.dot(arm)
+        size = out.dot(out)
+        turns = logical_and(self.grip > 0.5, size * self.axis.dot(self.axis) > NEAREST * NEAREST)
+        unit = out * divide(1.0, sqrt(size + 1e-12))
+        return dataclasses.replace(self, normal=choose(turns, unit, self.normal))
 
 
-def interaction_gains(thresholds: tuple[float, float], mode: str, vehicle: Vehicle) -> InteractionGains | None:
-    """Constants of pressing for its two thresholds, N; None where it is left out.
+def interaction_gains(
+    thresholds: tuple[float, float], mode: str, vehicle: Vehicle, sensor: bool = False
+) -> InteractionGains | None:
+    """Constants of pressing for its two thresholds, N, with or without a force sensor; None where it is left out.
 
     Raises:
         ControllerError: thresholds that are none, or a law without a tip to lead.
     """
     touch, lost = thresholds
     if touch == 0.0 and lost == 0.0:
+        if sensor:
+            raise ControllerError("controller.force_sensor = true: must be false without interaction")
         return None
     at = f"controller.interaction = {shown(thresholds)}"
     if not touch > lost > 0.0:
         raise ControllerError(f"{at}: must be two forces above 0, the second below the first, or twice 0")
     if mode != "tip" or not vehicle.n:
         raise ControllerError(f"{at}: must be twice 0 but in mode 'tip' with joints that press")
-    return InteractionGains(touch=touch, lost=lost)
+    gains = InteractionGains(touch=touch, lost=lost)
+    return dataclasses.replace(gains, sensing=SENSING) if sensor else gains
 
 
-def first_interaction(joints: int) -> InteractionMemory:
+def first_interaction(joints: int, sensor: bool = False) -> InteractionMemory:
     """Free flight, nothing known."""
     zero = Vec3(0.0, 0.0, 0.0)
     none = Disturbance(force=zero, torque=zero, efforts=(0.0,) * joints)
@@ -107,10 +165,13 @@ def first_interaction(joints: int) -> InteractionMemory:
         bias=none,
         force=zero,
         lean=zero,
+        felt=zero if sensor else (),
     )
 
 
 def wanted_of(push: Sequence[Any]) -> Wanted:
     """The field ``push`` of a reference."""
-    force, speed, *normal = push
-    return Wanted(force=force, speed=speed, normal=Vec3(*normal))
+    force, speed, *normal = push[:5]
+    grip = where(push[5] > 0.5, 1.0, 0.0) if len(push) > 5 else 0
+    pivot, axis = (Vec3(*push[6:9]), Vec3(*push[9:])) if len(push) > 6 else (None, None)
+    return Wanted(force=force, speed=speed, normal=Vec3(*normal), grip=grip, pivot=pivot, axis=axis)

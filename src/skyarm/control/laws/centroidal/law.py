@@ -32,6 +32,8 @@ from skyarm.control.laws.centroidal.bandwidth import at_shares
 from skyarm.control.laws.centroidal.demands import Following, demands
 from skyarm.control.laws.centroidal.interaction import rested
 from skyarm.control.laws.centroidal.interaction_records import InteractionMemory
+from skyarm.control.laws.centroidal.learned_load import learn_load, with_learned
+from skyarm.control.laws.centroidal.load_records import LoadMemory
 from skyarm.control.laws.centroidal.memory import CentroidalMemory
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.pressing_step import press
@@ -39,7 +41,7 @@ from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.reference import Reference
-from skyarm.scalars import add, divide, maximum, mul, sub, where
+from skyarm.scalars import add, divide, logical_or, maximum, minimum, mul, sub, where
 from skyarm.sensors.measurement import Measurement
 
 SLOWEST = 1.0
@@ -55,6 +57,9 @@ def centroidal(
     )
     if par.lag is not None and isinstance(memory.lag, LagMemory):
         par = at_shares(par, *shares(par.lag, memory.lag, dt))
+    load = memory.load
+    if par.load is not None and isinstance(load, LoadMemory):
+        par = dataclasses.replace(par, model=with_learned(par.model, par.load, load))
     model, then, feedforward = par.model, memory.observed, memory.learned.feedforward
     observed, told = observe(
         model,
@@ -84,7 +89,7 @@ def centroidal(
     held, pressing, force = memory.interaction, None, observed.force
     if par.interaction is not None and isinstance(held, InteractionMemory) and reference.push:
         held, pressing, unknown, force = press(
-            par, held, reference.push, signals, observed, memory.sent[-1], state, unknown, dt
+            par, held, reference.push, signals, observed, memory.sent[-1], state, unknown, measurement.tip_force, dt
         )
         signals = pressing.shifted(signals)
     share = low_pass_share(par.tip.shift_rate, dt)
@@ -113,6 +118,24 @@ def centroidal(
         calm = rested(par.interaction, held)  # a surface is no load, no friction and no lag
         free, trusted = (tuple(mul(each, calm) for each in row) for row in (free, trusted))
         held = dataclasses.replace(held, gap=demand.gap)
+    if par.load is not None and isinstance(load, LoadMemory) and reference.load:
+        calm = free[0]
+        for each in free[1:]:
+            calm = mul(calm, each)
+        if pressing is not None:
+            calm = where(logical_or(pressing.engaged > 0.5, pressing.asked), 0.0, calm)
+        load = learn_load(
+            par.load,
+            load,
+            model,
+            observed.quaternion.rotation(),
+            observed.joints,
+            alone,
+            reference.load[0] > 0.5,
+            calm,
+            minimum(par.observer.force, par.observer.joints),
+            dt,
+        )
     if par.lag is not None and isinstance(lag, LagMemory):
         lag = learn(par.lag, lag, told, measurement, memory.started, trusted, dt)
     following = CentroidalMemory(
@@ -129,6 +152,7 @@ def centroidal(
         following=demand.following,
         lag=lag,
         interaction=held,
+        load=load,
     )
     return following, done.command
 

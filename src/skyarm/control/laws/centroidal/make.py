@@ -26,6 +26,7 @@ from skyarm.control.laws.centroidal.gain_presets import ENTRIES, PERIODS, PRESET
 from skyarm.control.laws.centroidal.interaction_records import first_interaction, interaction_gains
 from skyarm.control.laws.centroidal.joint_room import Ends, ends_of
 from skyarm.control.laws.centroidal.law import centroidal
+from skyarm.control.laws.centroidal.load_records import first_load, load_gains
 from skyarm.control.laws.centroidal.memory import CentroidalMemory
 from skyarm.control.laws.centroidal.option_checks import bounded, checked, must_act, one_of, periods_of
 from skyarm.control.laws.centroidal.parameters import MODE_ALIASES, MODES, CentroidalParameters, TipGains
@@ -123,7 +124,7 @@ def make_centroidal(
         thrust_floor=0.15 * vehicle.mass * model.gravity + 1e-3,
         adaptation=adaptation,
         tip_mass_limit=bounded("tip_mass_limit", tip_mass_limit, 0.0, 1e3),
-        adapts_load=adaptation > 0.0,
+        adapts_load=adaptation > 0.0 and not gains["load"] > 0.0,
         friction_adaptation=gains["friction_adaptation"],
         damping_limits=_dampings(vehicle),
         slow=tuple(SLOW[link.joint.kind] for link in vehicle.links),
@@ -153,7 +154,8 @@ def make_centroidal(
         lag=_lag(gains["lag"], control_period),
         accelerometer=_accelerometer(gains["accelerometer"]),
         air=_air(vehicle, gains["hull_drag"], gains["wind"]),
-        interaction=interaction_gains(gains["interaction"], mode, vehicle),
+        interaction=interaction_gains(gains["interaction"], mode, vehicle, gains["force_sensor"]),
+        load=load_gains(gains["load"], vehicle),
     )
     if gains["bandwidth"] != 1.0:
         par = at_shares(par, gains["bandwidth"], gains["bandwidth"])
@@ -257,5 +259,6 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
             path=(AT_REST, AT_REST) if par.follows_path else (),
         ),
         lag=() if par.lag is None else first_lag(vehicle.n, par.lag.stride),
-        interaction=() if par.interaction is None else first_interaction(vehicle.n),
+        interaction=() if par.interaction is None else first_interaction(vehicle.n, par.interaction.senses),
+        load=() if par.load is None else first_load(vehicle.n),
     )

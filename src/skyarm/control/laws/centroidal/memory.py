@@ -13,6 +13,7 @@ from skyarm.control.blocks.extrapolation import Channel
 from skyarm.control.blocks.lag_estimate import LagMemory
 from skyarm.control.laws.centroidal.demands import Following
 from skyarm.control.laws.centroidal.interaction_records import InteractionMemory
+from skyarm.control.laws.centroidal.load_records import LoadMemory
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
 
@@ -75,7 +76,7 @@ class CentroidalMemory:
         trim: added to the squared speeds that the mixer asks for, (rad/s)^2.
         learned: of a load at the tip and of friction.
         following: of the demands. lag: of the lag's estimate; empty without it. interaction: of pressing on surfaces;
-            empty without it.
+            empty without it. load: of the learned load; empty without it.
     """
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement")]
@@ -91,3 +92,4 @@ class CentroidalMemory:
     following: Following = Following()
     lag: LagMemory | tuple[()] = ()
     interaction: InteractionMemory | tuple[()] = ()
+    load: LoadMemory | tuple[()] = ()

@@ -13,6 +13,7 @@ from skyarm.control.blocks.felt_acceleration import AccelerometerGains
 from skyarm.control.blocks.force_trend import TrendGains
 from skyarm.control.blocks.lag_estimate import LagGains
 from skyarm.control.laws.centroidal.interaction_records import InteractionGains
+from skyarm.control.laws.centroidal.load_records import LoadGains
 from skyarm.control.model import JointGains, Model
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
@@ -88,6 +89,7 @@ class CentroidalParameters:
         accelerometer: bandwidths of its part in velocity and force; None for a law that does without one.
         air: wind and drag of the hull that are believed; None for still air and no hull.
         interaction: how the tip presses where the reference asks for it; None for a law of motions alone.
+        load: how a load is learned while the reference says that one is held; None for a law that only observes it.
     """
 
     model: Model
@@ -142,6 +144,7 @@ class CentroidalParameters:
     accelerometer: AccelerometerGains | None = None
     air: BelievedAir | None = None
     interaction: InteractionGains | None = None
+    load: LoadGains | None = None
 
     def choices(self) -> list[str]:
         """What is structure, in words."""
@@ -164,6 +167,7 @@ class CentroidalParameters:
             "force by the accelerometer": self.accelerometer is not None,
             "drag of the hull": self.air is not None and self.air.hull,
             "pressing on surfaces": self.interaction is not None,
+            "learned load": self.load is not None,
             "believed wind": self.air is not None and type(self.air.wind.x) is not int,
         }
         adapted += [name for name, there in added.items() if there]

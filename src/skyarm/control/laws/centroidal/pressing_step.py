@@ -10,6 +10,7 @@ from skyarm.actuation import Command
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance
+from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.interaction import Pressing, interact
 from skyarm.control.laws.centroidal.interaction_records import InteractionMemory, wanted_of
@@ -17,6 +18,7 @@ from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.surface_normal import leaning, slid
 from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.dynamics import State
+from skyarm.dynamics.kinematics import frame_pose
 from skyarm.scalars import absolute, divide, logical_and, maximum, where
 from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -34,6 +36,7 @@ def press(
     sent: Command,
     state: State,
     unknown: Disturbance,
+    tip_force: tuple[Any, ...],
     dt: Any,
 ) -> tuple[InteractionMemory, Pressing, Disturbance, Vec3]:
     """One period of pressing.
@@ -47,6 +50,7 @@ def press(
         sent: the last command.
         state: now.
         unknown: disturbance that the law would answer without a surface.
+        tip_force: N, measured by a sensor, axes of the tip; empty without one.
         dt: control period, s.
 
     Returns:
@@ -58,7 +62,7 @@ def press(
     vehicle = par.model.vehicle
     then = levers(vehicle, observed.quaternion.rotation(), observed.joints)
     now = levers(vehicle, state.quaternion.rotation(), state.joints)
-    told = wanted_of(push)
+    told = wanted_of(push).about_the_pivot(state.position + now.R.apply(now.tip))
     wanted = dataclasses.replace(told, normal=leaning(told.normal, memory.lean))
     moving = state.rate.cross(now.tip)
     for column, rate in zip(now.columns, state.joint_rates, strict=True):
@@ -69,13 +73,21 @@ def press(
     across = led - wanted.normal * wanted.normal.dot(led)
     slides: Any = across.dot(across) > SLIDES * SLIDES
     load = where(slides, 0.0, _load(vehicle, sent))
-    memory, pressing = interact(par.interaction, memory, wanted, vehicle, disturbance(observed), then, into, load, dt)
+    felt = None
+    if isinstance(memory.felt, Vec3) and tip_force:
+        turned = then.R @ frame_pose(vehicle, vehicle.frame(), observed.joints).R
+        felt = memory.felt + (turned.apply(Vec3(*tip_force)) - memory.felt) * low_pass_share(
+            par.interaction.sensing, dt
+        )
+    memory, pressing = interact(
+        par.interaction, memory, wanted, vehicle, disturbance(observed), then, into, load, dt, felt
+    )
     lean = slid(
         memory.lean,
         wanted.normal,
         velocity,
         par.interaction.tilting,
-        wanted.force > 0.0,
+        wanted.presses,
         logical_and(slides, memory.share > 1.0 - 1e-9),
         dt,
     )

@@ -1,0 +1,26 @@
+"""What laws find out while they fly, for the log."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from skyarm.control.blocks.lag_estimate import lags_found
+from skyarm.control.controller import innermost
+
+
+def found_by_law(memory: Any) -> Mapping[str, tuple[Any, ...]]:
+    """Arrays of a log, and their numbers in the memory of a law, also of one under layers; none of most laws.
+
+    A law tells of a load by a field ``load`` of its memory with a ``mass`` (kg) and a ``place`` (m, axes of the tip).
+    """
+    load: Any = getattr(innermost(memory), "load", ())
+    found = {"lag_found": lags_found(memory)}
+    if load != ():
+        found |= {"load_mass_found": (load.mass,), "load_place_found": tuple(load.place)}
+    return {name: numbers for name, numbers in found.items() if numbers}
+
+
+def numbers_found(memory: Any) -> tuple[Any, ...]:
+    """The same numbers in a row."""
+    return tuple(number for numbers in found_by_law(memory).values() for number in numbers)

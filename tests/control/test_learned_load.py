@@ -1,0 +1,179 @@
+"""A load at the tip, learned from the observed disturbance and made a part of the law's model."""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import cache
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm import dynamics
+from skyarm.algebra import Mat3, Motion, Quaternion, Vec3
+from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.controller import ControllerError
+from skyarm.control.laws.centroidal import make_centroidal
+from skyarm.control.laws.centroidal.learned_load import hang, learn_load, missing, with_learned
+from skyarm.control.laws.centroidal.load_records import LoadGains, LoadMemory, first_load
+from skyarm.control.model import Model
+from skyarm.reference import Reference
+from skyarm.sensors.measurement import blank_measurement
+from skyarm.vehicle.linkage import Body
+
+DT, STEP, G = 0.005, 0.02, 9.81
+GAINS = LoadGains(limit=0.6)
+ARM = skyarm.load_vehicle("hexarotor_arm6")
+JOINTS = (0.2, -0.6, -0.97, 0.3, -0.8, 0.4)
+TILTED = Quaternion(0.98, 0.1, -0.15, 0.05).normalized().rotation()
+TURNED = Quaternion(0.7, 0.7, 0.1, 0.0).normalized().rotation()
+MODEL = Model(vehicle=ARM, gravity=G)
+NONE = first_load(ARM.n)
+AT_TIP = (0.0, 0.0, 0.0)
+
+
+def weight_of(load, R, joints):
+    """What a load at the tip does to base and joints at rest, by the difference of two inverse dynamics."""
+    up = Motion(Vec3(0.0, 0.0, 0.0), R.apply_T(Vec3(0.0, 0.0, G)))
+    still = (0.0,) * ARM.n
+    found = []
+    for vehicle in (ARM, ARM.with_body(ARM.frame().link, load)):
+        force, efforts = dynamics.inverse_dynamics(vehicle, joints, Vec3(0.0, 0.0, 0.0), still, up, still)
+        found.append([*R.apply(force.force), *force.torque, *efforts])
+    lost = np.subtract(*found)
+    return Disturbance(force=Vec3(*lost[:3]), torque=Vec3(*lost[3:6]), efforts=tuple(lost[6:]))
+
+
+def at_tip(mass, place):
+    frame = ARM.frame()
+    return Body(mass=mass, com=frame.position + frame.rotation.apply(Vec3(*place)))
+
+
+def test_mass_and_torque_about_the_tip_are_those_of_the_load_that_hangs_there():
+    place = Vec3(0.02, -0.01, 0.015)
+    at = hang(ARM, TILTED, JOINTS, G)
+    mass, *torque = missing(ARM, GAINS, at, weight_of(at_tip(0.3, place), TILTED, JOINTS))
+    expected = np.cross([*at.tip.apply(place)], [0.0, 0.0, -0.3 * G])
+    assert mass == pytest.approx(0.3, rel=0.02)  # a little of the torque is held for weight
+    assert torque == pytest.approx(expected[:2], abs=0.1 * np.linalg.norm(expected))
+    alone = missing(ARM, GAINS, at, weight_of(at_tip(0.3, (0.0, 0.0, 0.0)), TILTED, JOINTS))
+    assert alone == pytest.approx([0.3, 0.0, 0.0], abs=1e-12)
+
+
+def test_of_wind_across_and_of_a_wrong_thrust_little_is_taken_for_a_load():
+    at = hang(ARM, TILTED, JOINTS, G)
+    still = (0.0,) * ARM.n
+    across, thrust = (
+        missing(ARM, GAINS, at, Disturbance(force=Vec3(*f), torque=Vec3(0.0, 0.0, 0.0), efforts=still))
+        for f in ((2.0, 2.0, 0.0), (0.0, 0.0, -4.0))
+    )
+    assert across[0] == 0.0
+    assert 0.0 < thrust[0] < 0.002  # 4 N are 0.4 kg; the joints know better
+
+
+@cache
+def rows_of(R):
+    """Disturbances of 1 kg at the tip and of 1 kg m along each of its axes, as numbers; R is TILTED or TURNED."""
+    one = [weight_of(at_tip(1.0, place), R, JOINTS) for place in ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))]
+    rows = np.array([[*d.force, *d.torque, *d.efforts] for d in one], dtype=float)
+    return rows - np.array([[0.0], [1.0], [1.0], [1.0]]) * rows[0]
+
+
+def learned(load, seconds, memory=NONE, R=TILTED, holds=True, learns=1.0, beside=None):
+    """The load after some time in which the observer holds what the model lacks."""
+    for _ in range(round(seconds / STEP)):
+        mass, place = load
+        lacks = [mass - memory.mass, *(mass * c - memory.mass * k for c, k in zip(place, memory.place, strict=True))]
+        d = (np.array(lacks) @ rows_of(R)).tolist()
+        d = Disturbance(force=Vec3(*d[:3]), torque=Vec3(*d[3:6]), efforts=tuple(d[6:]))
+        d = d if beside is None else d + beside
+        memory = learn_load(GAINS, memory, MODEL, R, JOINTS, d, holds, learns, 27.0, STEP)
+    return memory
+
+
+def test_the_mass_comes_within_a_tenth_of_a_second_and_its_place_in_a_second():
+    place = (0.02, -0.01, 0.0)
+    soon = learned((0.3, AT_TIP), 0.1)
+    assert soon.mass == pytest.approx(0.3 * (1.0 - np.exp(-1.5 * 27.0 * 0.1)), rel=1e-3)
+    assert learned((0.3, place), 2.0).mass == pytest.approx(0.3, rel=1e-3)
+    late = learned((0.3, place), 2.0)
+    down = np.array([*hang(ARM, TILTED, JOINTS, G).tip.apply_T(Vec3(0.0, 0.0, 1.0))])
+    off = np.array([*late.place]) - place
+    assert off - down * (off @ down) == pytest.approx(np.zeros(3), abs=1e-4)  # along the weight it cannot be known
+    turned = learned((0.3, place), 2.0, memory=late, R=TURNED)
+    assert [*turned.place] == pytest.approx(place, abs=1e-3)
+
+
+def test_mass_and_place_have_bounds():
+    found = learned((1.0, (0.09, 0.0, 0.0)), 1.0)
+    assert found.mass == 0.6
+    assert max(map(abs, found.place)) == 0.05
+    assert learned((-0.2, AT_TIP), 0.1, memory=found).mass < 0.4
+    assert learned((-0.2, AT_TIP), 0.1).mass == 0.0  # what pushes up is no load
+
+
+def test_a_light_load_tells_little_of_its_place():
+    off = [learned((mass, (0.02, 0.0, 0.0)), 0.2).place for mass in (0.01, 0.4)]
+    small, large = (np.linalg.norm([*each]) for each in off)
+    assert small < 0.1 * large
+
+
+def test_what_is_there_without_a_load_is_no_load():
+    wind = Disturbance(force=Vec3(0.3, 0.0, -1.0), torque=Vec3(0.0, 0.1, 0.0), efforts=(0.1,) * ARM.n)
+    nothing = (0.0, AT_TIP)
+    calm = learned(nothing, 8.0, holds=False, beside=wind)
+    assert (calm.mass, calm.place) == (0.0, Vec3(0.0, 0.0, 0.0))
+    assert calm.bias.force.z == pytest.approx(-1.0 * (1.0 - np.exp(-0.5 * 8.0)), rel=1e-6)
+    assert calm.bias.efforts[2] == pytest.approx(0.1, rel=0.05)
+    found = learned((0.3, AT_TIP), 0.5, memory=calm, beside=wind)
+    assert found.mass == pytest.approx(0.3, rel=1e-2)
+    assert found.bias == calm.bias
+    gone = learned(nothing, STEP, memory=found, holds=False)
+    assert (gone.mass, gone.place) == (0.0, Vec3(0.0, 0.0, 0.0))
+    for holds in (True, False):
+        assert learned((0.3, AT_TIP), 0.1, memory=calm, holds=holds, learns=0.0) == calm
+
+
+def test_the_model_holds_the_load_with_its_inertia():
+    memory = LoadMemory(mass=0.3, place=Vec3(0.02, 0.0, 0.01), bias=NONE.bias)
+    gains = dataclasses.replace(GAINS, size=0.03)
+    M = [
+        np.array(dynamics.mass_matrix(vehicle, Mat3.identity(), JOINTS))
+        for vehicle in (
+            with_learned(MODEL, gains, memory).vehicle,
+            ARM.with_body(ARM.frame().link, at_tip(0.3, (0.02, 0.0, 0.01))),
+        )
+    ]
+    # a ball beside a point: the same but for its own inertia in all that turns it
+    assert M[0][:3, :3] == pytest.approx(M[1][:3, :3])
+    assert (M[0] - M[1])[3:6, 3:6] == pytest.approx(0.3 * 0.03**2 * np.eye(3))
+    assert M[0][-1, -1] - M[1][-1, -1] == pytest.approx(0.3 * 0.03**2)
+
+
+def test_it_is_left_out_by_default_and_does_nothing_where_nothing_is_held():
+    model = MODEL
+    off, on = (make_centroidal(model, mode="tip", load=limit) for limit in (0.0, 0.5))
+    assert off.memory.load == ()
+    assert off.par.load is None
+    assert off.memory == make_centroidal(model, mode="tip").memory
+    assert "learned load" in on.par.choices()
+    assert (off.par.adapts_load, on.par.adapts_load) == (True, False)
+    reading, held = blank_measurement(ARM.n, len(ARM.rotors)), (0.0,) * ARM.n
+    reference = Reference(joints=held, joint_rates=held, joint_accelerations=held)
+    first = [each.law(each.memory, reading, reference, DT, par=each.par) for each in (off, on)]
+    assert [*first[0][1].efforts] == pytest.approx([*first[1][1].efforts], abs=1e-12)
+    assert first[1][0].load == on.memory.load
+    told = dataclasses.replace(reference, load=(1.0,))
+    assert off.law(off.memory, reading, told, DT, par=off.par)[1] == first[0][1]
+
+
+@pytest.mark.parametrize("limit", [-0.1, float("nan"), 1e4, "much", True, [0.5]])
+def test_other_limits_are_refused_in_one_line(limit):
+    with pytest.raises(ControllerError, match=r"controller\.load = ") as error:
+        make_centroidal(MODEL, mode="tip", load=limit)
+    assert "\n" not in str(error.value)
+
+
+def test_a_vehicle_without_an_arm_has_no_load_to_learn():
+    with pytest.raises(ControllerError, match=r"controller\.load = 0\.5: must be 0"):
+        make_centroidal(Model(vehicle=skyarm.load_vehicle("tilted_hexarotor"), gravity=G), load=0.5)
