@@ -3,23 +3,56 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
+import pytest
+
 import skyarm
+from shared_programs import hurried
+from skyarm.env import env_lanes
 from skyarm.environment.environment_tables import wind_from
 
 MASS = "plant.payload.mass"
 
 
+@contextmanager
+def one_program_a_task(cache: object) -> Iterator[None]:
+    """Within it a task is traced once, however many environments fly it, and machine code is made in a hurry.
+
+    Programs keep nothing of a flight. Tasks are the same if their texts are.
+    """
+    made: dict[str, Any] = {}
+    program = env_lanes.EnvProgram
+
+    def once(task: Any) -> Any:
+        text = repr(task)
+        if text not in made:
+            made[text] = program(task)  # which keeps the task, so that no other takes the address of a function in it
+        return made[text]
+
+    with hurried(cache), pytest.MonkeyPatch.context() as patch:
+        patch.setattr(env_lanes, "EnvProgram", once)
+        yield
+
+
 def noisy(**changes: Any) -> skyarm.Scenario:
-    """The paper's vehicle on a fast circle with all that draws: noise, turbulence that starts anew; late commands."""
+    """The paper's vehicle on a fast circle with all that draws, noise and turbulence; a gust, late commands."""
     planned = skyarm.load_scenario("case3_wind", **{"controller": "paper_ct", "duration": 0.1, **changes})
     return dataclasses.replace(
         planned,
         trajectory=skyarm.circle(radius=0.3, frequency_hz=0.5, center=[0.0, 0.0, 1.0], joints=[0.1, 0.2]),
-        sensors=skyarm.SensorNoise(position=0.001, rate=0.01),
+        sensors=skyarm.SensorNoise(position=0.001, rate=0.01, joints=0.01),
         delays=skyarm.Delays(command=0.002, measurement=0.005),
-        wind=wind_from({"mode": "moving_air", "turbulence": {"altitude": 6.0, "wind_20ft": 7.7}}, "wind"),
+        wind=wind_from(
+            {
+                "mode": "moving_air",
+                "turbulence": {"altitude": 6.0, "wind_20ft": 7.7},
+                "gust": {"velocity": [0.0, 5.0, 0.0], "start": 0.02, "duration": 0.01, "shape": "step"},
+            },
+            "wind",
+        ),
     )
 
 

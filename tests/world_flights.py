@@ -39,6 +39,7 @@ DOCUMENT: dict[str, Any] = {
                 "position": [0.0, 2.0, 0.5],
                 "motion": [{"kind": "sine", "amplitude": 0.3, "frequency_hz": 0.5}, 0.0, 0.0],
             },
+            {"name": "side", "position": [0.0, 3.0, 0.0], "angles": [1.5707963267948966, 0.0, 0.0]},
         ],
         "points": [
             {"name": "tip", "frame": "tip"},

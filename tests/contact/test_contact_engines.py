@@ -152,11 +152,12 @@ def test_while_it_is_far_the_clock_goes_on_and_bristles_stand_up():
         assert [*bristle] == pytest.approx([1e-4 * math.exp(-2.5), 0.0, -2e-4 * math.exp(-2.5)], rel=1e-12)
 
 
-def test_points_of_the_base_push_together_as_each_would_alone():
-    """Force and moment about the base's origin of two skids, against the sum of one by one."""
+def test_points_of_one_body_push_together_as_each_would_alone():
+    """Force, moment about the base's origin and joint efforts of two skids and three balls, against one by one."""
     ground = Surface(name="ground", position=(0.0, 0.0, -0.09), angles=(0.05, 0.1, 0.0))
     skids = [ContactPoint(name=str(y), body="base", position=Vec3(0.1, y, -0.12)) for y in (0.1, -0.05)]
     link = ContactPoint(name="elbow", body="link1", position=Vec3(0.0, 0.01, -0.14), radius=0.03)
+    ends = [ContactPoint(name=f"end{y}", body="link2", position=Vec3(0.0, y, -0.14), radius=0.02) for y in (0.01, 0.0)]
 
     def moment(points):
         contact = Contact(surfaces=(ground,), points=points)
@@ -169,10 +170,11 @@ def test_points_of_the_base_push_together_as_each_would_alone():
             found += [*leaves(base), *joints]
         return found, len(wrenches)
 
-    together, count = moment((*skids, link))
-    alone = [moment((each,))[0] for each in (*skids, link)]
-    assert all(np.abs(each).max() > 1.0 for each in alone[:2])
-    assert (together, count) == (pytest.approx(sum(alone), rel=1e-12), 2)
+    together, count = moment((*skids, link, *ends))
+    alone = [moment((each,)) for each in (*skids, link, *ends)]
+    assert all(np.abs(each).max() > 1.0 for each, _ in (*alone[:2], *alone[3:]))
+    assert together == pytest.approx(sum(each for each, _ in alone), rel=1e-12)
+    assert (count, {each for _, each in alone}) == (3, {1}), "one wrench for the base, one for each link"
 
 
 SPOT = (ContactPoint(name="spot", body="base"),)

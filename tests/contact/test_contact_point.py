@@ -31,6 +31,11 @@ def test_a_position_beside_a_frame_is_in_the_axes_of_the_frame():
     assert [*ContactPoint(name="p", frame="tip").place(with_turned_tip())[0]] == [0.0, 0.0, -0.15]
 
 
+def test_a_ball_without_a_radius_is_a_point_by_structure():
+    radius = ContactPoint(name="p", frame="tip", radius=0.0).radius
+    assert (radius, type(radius)) == (0, int)
+
+
 def test_a_ring_is_points_on_a_circle_across_the_z_axis():
     peg = ContactPoint(name="peg", frame="tip", radius=0.001, ring=Ring(radius=0.01, count=6))
     contact = Contact(surfaces=(Surface(name="ground"),), points=(peg,))
@@ -43,6 +48,7 @@ def test_a_ring_is_points_on_a_circle_across_the_z_axis():
     assert (places - middle) @ [1.0, 0.0, 0.0] == pytest.approx(np.zeros(6), abs=1e-15)
     assert places[0] - middle == pytest.approx([0.0, 0.0, -0.01])
     assert places.mean(axis=0) == pytest.approx(middle)
+    assert [len(Ring(radius=0.01, count=count).offsets()) for count in (3, 64)] == [3, 64]
     turn = math.pi / 3.0
     assert places[1] - middle == pytest.approx([0.0, 0.01 * math.sin(turn), -0.01 * math.cos(turn)])
 

@@ -42,8 +42,8 @@ def remembered(contact, row):
 
 @pytest.fixture(scope="module")
 def box():
-    """Steps of 0.5 ms: those of 20 g."""
-    return Scene(with_object(BOX, mass=0.02))
+    """Steps of 1 ms: those of 60 g."""
+    return Scene(with_object(BOX, mass=0.06))
 
 
 @pytest.fixture(scope="module")
@@ -74,8 +74,8 @@ def acceleration(rows, angle, first):
     return (v[-1] - v[first]) / (0.005 * (len(v) - 1 - first))
 
 
-@pytest.mark.parametrize("mass", [0.1, pytest.param(0.4, marks=pytest.mark.thorough)])
-def test_a_box_that_was_put_down_sinks_as_deep_as_its_weight_presses_its_four_corners(box, mass):
+def test_a_box_that_was_put_down_sinks_as_deep_as_its_weight_presses_its_four_corners(box):
+    mass = 0.1
     depth = mass * GRAVITY / (4.0 * 5000.0)
     down = with_ground(with_object(BOX, mass=mass, position=Vec3(0.0, 0.0, 0.03)), friction=0.0, dissipation=100.0)
     _, rows = box.fly(down, 0.15)
@@ -124,7 +124,8 @@ def test_a_cylinder_that_lies_rolls_with_two_thirds_and_one_that_stands_rests_on
 @pytest.mark.parametrize(
     ("mass", "size"),
     [
-        (0.02, (0.1, 0.08, 0.06)),
+        (0.1, (0.1, 0.08, 0.06)),
+        pytest.param(0.02, (0.1, 0.08, 0.06), marks=pytest.mark.thorough),
         pytest.param(0.3, (0.2, 0.2, 0.01), marks=pytest.mark.thorough),
         pytest.param(3.0, (0.1, 0.08, 0.06), marks=pytest.mark.thorough),
     ],
@@ -137,7 +138,7 @@ def test_a_bounce_on_a_corner_gains_no_energy(mass, size):
     scene = Scene(thrown, gravity=0.0)
     for _ in range(2):
         this = with_object(thrown, angles=Vec3(*rng.uniform(-3.0, 3.0, 3)))
-        _, rows = scene.fly(this, 0.4)
+        _, rows = scene.fly(this, 0.3)
         found = energy(rows[:, 0], this.objects[0])
         before, _ = energy(rows[:2, 0], this.objects[0])
         assert found.min() < 0.99 * before, "it touched"
@@ -356,13 +357,16 @@ def test_force_and_friction_of_a_light_body_are_those_of_its_mass_and_act_at_the
     """f = k d (1 + c dd/dt), d being 0.5 mm, and the bristle's damping 5 N s/m sqrt(m / 20 g)."""
     contact, memory, motion, touches = spinning
     mass = 1.0 / (1.0 / 0.02 + float(contact.objects[0].mobility))
-    wrenches = contact.wrenches(memory, 0.0, motion, ())
-    for touch, wrench in zip(touches, wrenches, strict=True):
+    (wrench,) = contact.wrenches(memory, 0.0, motion, ())
+    places = [np.array([*motion.position(point.position)], dtype=float) for point in contact.points]
+    forces = [np.array([*touch.force], dtype=float) for touch in touches]
+    assert [*wrench.force_W] == pytest.approx(sum(forces))
+    assert [*wrench.torque_W] == pytest.approx(sum(np.cross(place, f) for place, f in zip(places, forces, strict=True)))
+    for touch in touches:
         assert float(touch.normal) == pytest.approx(2000.0 * 5e-4 * 1.02)
         slip = np.array([float(c) for c in touch.bristle_rate])
         damping = min(1.0, float(touch.normal)) * 5.0 * math.sqrt(mass / 0.02)
         assert [*touch.friction] == pytest.approx(-damping * slip, abs=1e-9)
-        assert [*wrench.force_W] == pytest.approx([*touch.force])
 
 
 def test_a_slow_touch_is_smoothed_over_the_step_of_its_mass():
@@ -372,7 +376,7 @@ def test_a_slow_touch_is_smoothed_over_the_step_of_its_mass():
     contact = Contact(points=(ContactPoint(name="a", body="base", position=Vec3(0.0, 0.0, -0.12)),), objects=(box,))
     (meeting,) = contact.meetings(contact.start(0.005, ()), PointMotion(BIRD, at_rest(BIRD, (0.0, 0.0, 0.0))))
     mass = 1.0 / (1.0 / 0.02 + float(box.mobility))
-    way = 0.2 * 0.85 * math.sqrt(mass / 5000.0)
+    way = 0.2 * 0.7 * 0.85 * math.sqrt(mass / 5000.0)
     assert float(meeting.touch.normal) == pytest.approx(5000.0 * (0.5 * way - 5e-5) ** 2 / (2.0 * way), rel=1e-6)
 
 
@@ -382,15 +386,15 @@ def test_steps_are_those_of_the_masses_that_meet():
     light = FreeObject(name="light", size=(0.1, 0.1, 0.1), mass=0.01, material=soft)
     contact = Contact(surfaces=(Surface(name="ground", material=hard),), points=SPOT, objects=(heavy, light))
 
-    def step(mass, stiffness):
-        return pytest.approx(0.85 * math.sqrt(mass / stiffness))
+    def step(mass, stiffness, share=0.7):
+        return pytest.approx(share * 0.85 * math.sqrt(mass / stiffness))
 
     def both(a, b):
         return 1.0 / (1.0 / a + 1.0 / b)
 
     a, b = (1.0 / float(each.mobility) for each in (heavy, light))
     assert [(what, float(each)) for what, each in contact.steps] == [
-        ("the material of surface 'ground'", step(0.02, 8000.0)),
+        ("the material of surface 'ground'", step(0.02, 8000.0, 1.0)),
         ("the mass of 'heavy'", step(both(a, 0.02), 8000.0)),
         ("the mass of 'heavy'", step(both(a, b), 8000.0)),
         ("the mass of 'heavy'", step(a, 8000.0)),

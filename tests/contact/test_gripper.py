@@ -231,10 +231,13 @@ def test_a_hook_takes_what_it_rises_past_carries_it_from_below_and_loses_it_when
 def test_a_flight_that_holds_something_takes_the_steps_of_contact():
     contact = gripping()
     far = moved(taken(contact), (0.0, 0.0, -0.001))
-    assert not bool(contact.far(far, PointMotion(ARM, START), 0.005))
-    assert bool(contact.far(contact.start(0.005, ()), PointMotion(ARM, START), 0.005))
+    free = dataclasses.replace(far, grips=contact.start(0.005, ()).grips)
+    below = dataclasses.replace(contact, points=())
+    assert not bool(below.far(far, PointMotion(ARM, START), 0.005))
+    assert bool(below.far(free, PointMotion(ARM, START), 0.005))
     mass = 1.0 / (1.0 / 0.02 + float(contact.objects[0].mobility))
-    assert float(contact.largest_step) == pytest.approx(0.85 * math.sqrt(mass / 5000.0))
+    steps = [float(step) for _, step in contact.steps]
+    assert steps == [pytest.approx(0.85 * math.sqrt(mass / 5000.0))]
     soft = dataclasses.replace(contact, grippers=(Gripper(name="hand", stiffness=500.0),))
     assert float(soft.largest_step) == pytest.approx(0.85 * math.sqrt(mass / 500.0))
 

@@ -18,11 +18,13 @@ from skyarm.contact import Contact, FreeObject, Surface
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.log.log_columns import columns
 from skyarm.plant.compiled import RigidBodyPlant
+from skyarm.plant.largest_step import divisions
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import first_state
 from skyarm.simulate.loop import run_in_python
+from thorough import sampled
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "pick_and_place_box.toml"
 DOCUMENT = tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))
@@ -122,18 +124,63 @@ def test_lanes_of_a_batch_lift_each_its_own_box():
         assert np.abs(positions[lane] - positions[1 - lane]).max() > 1e-5
 
 
+def handled(*phases, **gripper):
+    """The example with other phases that grasp and release; its tip begins on the box of 30 g."""
+    found = lifting(0.4)
+    found["reference"]["tip"]["path"]["phases"] = [{"gripper": "magnet", "dwell": 0.1} | phase for phase in phases]
+    del found["world"]["grippers"][0]["closed"]
+    found["world"]["grippers"][0] |= gripper
+    return found
+
+
+def test_phases_close_and_open_a_gripper_half_way_through_their_dwell():
+    scenario = scenario_from(handled({"kind": "grasp"}, {"kind": "release"}, {"kind": "grasp"}))
+    closed = scenario.contact.grippers[0].closed
+    found = [bool(closed.at(t)) for t in (0.045, 0.05, 0.145, 0.15, 0.245, 0.25, 9.0)]
+    assert found == [False, True, True, False, False, True, True]
+    once = scenario_from(handled({"kind": "grasp"}, {"kind": "release"})).contact.grippers[0].closed
+    assert [bool(once.at(t)) for t in (0.045, 0.05, 0.145, 0.15)] == [False, True, True, False]
+
+
+@pytest.mark.parametrize(
+    ("phases", "gripper", "words"),
+    [([{"kind": "grasp", "gripper": "claw"}], {}, "phases\\[0\\].gripper = 'claw': must be .* there are magnet"),
+     ([{"kind": "grasp", "gripper": ""}], {}, "phases\\[0\\].gripper = '': must be the name of a gripper"),
+     ([{"kind": "grasp", "payload": "box"}], {}, "phases\\[0\\].payload = 'box': unknown field"),
+     ([{"kind": "grasp"}] * 2, {}, "phases\\[1\\].gripper = 'magnet': .*it holds something already"),
+     ([{"kind": "release"}], {}, "phases\\[0\\].gripper = 'magnet': .*it holds nothing"),
+     ([{"kind": "grasp"}], {"kind": "hook"}, "must be a gripper without a command of its own"),
+     ([{"kind": "grasp"}], {"closed": 0}, "must be a gripper without a command of its own")],
+)  # fmt: skip
+def test_phases_that_a_gripper_cannot_follow_are_refused_in_one_line(phases, gripper, words):
+    with pytest.raises(skyarm.ScenarioError, match=words) as caught:
+        scenario_from(handled(*phases, **gripper))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.thorough
+def test_where_phases_wait_a_gripper_closes_when_they_come_to_it():
+    """The guard holds the reference for 0.1 s: the tip is never within a nanometre of its goal."""
+    waits = {"kind": "grasp", "until": {"error": 1e-12, "timeout": 0.1}}
+    flown = [skyarm.run(scenario_from(handled(each))) for each in (waits, {"kind": "grasp"})]
+    starts = [log.grasp_periods[0].start for log in flown]
+    assert starts == pytest.approx([0.15, 0.05], abs=0.0051)
+
+
 def resting(**numbers):
     """The example's table and an object on it, 5 mm above."""
     found = copy.deepcopy(DOCUMENT) | {"duration": 0.1}
+    found["reference"]["tip"]["path"]["phases"] = [{"kind": "hold", "duration": 1.0}]
     found["world"]["objects"][0] |= {"position": [0.2, 0.0, 0.785]} | numbers
     return found
 
 
 @pytest.mark.parametrize(
     "numbers",
-    [{}, {"shape": "sphere", "size": [0.03]}, {"shape": "cylinder", "size": [0.03, 0.06]},
-     {"shape": "cylinder", "size": [0.03, 0.06], "angles": [1.5707963267948966, 0.0, 0.3]},
-     {"com": [0.01, -0.02, 0.0]}, {"angles": [0.0, 0.0, 0.5], "mass": 2.0}],
+    sampled([{"com": [0.01, -0.02, 0.0]}, {"shape": "sphere", "size": [0.03]},
+             {"shape": "cylinder", "size": [0.03, 0.06]},
+             {"shape": "cylinder", "size": [0.03, 0.06], "angles": [1.5707963267948966, 0.0, 0.3]},
+             {"angles": [0.0, 0.0, 0.5], "mass": 2.0}, {}], every=3),
 )  # fmt: skip
 def test_an_object_that_is_standing_begins_as_its_weight_presses_it(numbers):
     """Nothing accelerates: the sum of what the table does is the weight, without a moment."""
@@ -145,8 +192,6 @@ def test_an_object_that_is_standing_begins_as_its_weight_presses_it(numbers):
     assert [*rates.rate] == pytest.approx([0.0] * 3, abs=1e-5)
     pressed = 0.785 - float(body.position.z)
     assert 0.005 < pressed < 0.0065
-    again = scenario_from(resting(**numbers))
-    assert again.contact == scenario.contact
 
 
 def test_one_that_stands_already_stays_where_it_is():
@@ -226,10 +271,12 @@ def test_weightless_objects_do_not_stand():
 def test_what_asks_for_short_steps_is_named(capsys):
     from skyarm.cli.lines import say_steps
 
-    say_steps(scenario_from(resting()))
+    say_steps(scenario_from(resting(mass=0.5)))
     assert capsys.readouterr().err == ""
-    say_steps(scenario_from(resting(mass=0.005)))
-    assert "the mass of 'box' asks for integration steps of 0.34 ms in contact" in capsys.readouterr().err
+    light = scenario_from(resting(mass=0.005))
+    assert [divisions(0.005, float(each.contact.largest_step)) for each in (scenario_from(resting()), light)] == [7, 22]
+    say_steps(light)
+    assert "the mass of 'box' asks for integration steps of 0.24 ms in contact" in capsys.readouterr().err
     found = resting()
     found["world"]["grippers"][0]["stiffness"] = 5e4
     say_steps(scenario_from(found))
@@ -275,3 +322,4 @@ def test_the_example_carries_its_box_to_the_place():
     assert log.object_position[-1, 2] == pytest.approx(0.77995, abs=2e-5)
     (grasp,) = log.grasp_periods
     assert not grasp.gave_way
+    assert grasp.end is not None

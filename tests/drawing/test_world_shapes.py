@@ -17,7 +17,7 @@ from skyarm.contact.mechanism import Mechanism
 from skyarm.contact.mechanism_effort import MechanismMotion
 from skyarm.drawing.carried_poses import held_poses, logged_poses
 from skyarm.drawing.hole_parts import without_holes
-from skyarm.drawing.meshes import mesh_of
+from skyarm.drawing.meshes import AROUND, mesh_of
 from skyarm.drawing.moving_poses import moving_poses
 from skyarm.drawing.poses import body_poses
 from skyarm.drawing.sight_lines import hidden_share, inside
@@ -62,7 +62,11 @@ def test_a_drawn_surface_is_where_the_contact_has_its_skin(shape: str, moving: b
     assert solid.moves == moving
     vertices, faces = mesh_of(solid.shape)
     flat = shape in ("plane", "box")  # of round shapes the mesh has its corners alone on the skin
-    for points in (on_faces(vertices, faces) if flat else vertices, outline_points(solid.shape)):
+    drawn = [on_faces(vertices, faces) if flat else vertices, outline_points(solid.shape)]
+    if shape in ("cylinder", "hole"):  # straight along the axis: between two rings of corners it is on the skin, too
+        rings = vertices.reshape(-1, AROUND, 3)
+        drawn.append(0.5 * (rings[1:] + rings[:-1]).reshape(-1, 3))
+    for points in drawn:
         for k, t in enumerate(times):
             world = solid.position[k] + points @ solid.rotation[k].T
             # rounding of two rotations; circles of 24 corners have these on the rim
@@ -189,6 +193,11 @@ def test_arrows_are_the_forces_on_the_points() -> None:
     poses = moving_poses(vehicle, *(np.array([each]) for each in where))
     arrows = touch_arrows(contact, vehicle, poses, np.zeros(1), normal, held_poses([contact], [memory]))
     assert {each.surface for each in arrows} == {"tilted", "box"}
+    for arrow in arrows:
+        (point,) = (each for each in contact.points if each.name == arrow.point)
+        middle = np.array([float(c) for c in motion.position(*point.place(vehicle))])
+        along = arrow.force[0] / np.linalg.norm(arrow.force[0])
+        np.testing.assert_allclose(arrow.spot[0], middle - float(point.radius) * along, atol=1e-12)
     # at rest bristles stand upright: there is no friction
     force, torque = np.zeros(3), np.zeros(3)
     for wrench in contact.wrenches(memory, 0.0, motion, state.rotor_speeds):
@@ -225,6 +234,12 @@ def test_a_tip_that_is_a_ball_has_its_ball() -> None:
 
 def test_discs_are_turned_as_the_servos_turn_the_thrust() -> None:
     vehicle = load_vehicle("voliro_like")
+    first, *others = vehicle.rotors
+    assert first.tilt is not None
+    leaning = dataclasses.replace(
+        first, axis=Vec3(0.6, 0.0, 0.8), tilt=dataclasses.replace(first.tilt, axis=Vec3(0.8, 0.0, -0.6))
+    )
+    vehicle = vehicle.with_checked(rotors=(leaning, *others))
     angles = np.random.default_rng(2).uniform(-0.6, 0.6, (3, len(vehicle.tilts)))
     turns = rotor_turns(vehicle, angles)
     shapes = {each.name: each for each in vehicle_shapes(vehicle)}

@@ -9,22 +9,23 @@ import numpy as np
 import pytest
 
 import skyarm
-from shared_programs import hurried
 from skyarm.actuation.hover import hover_trim
 from skyarm.compile import leaves
-from skyarm.env import ActionChange, ActionSize, Result, Spin, TipNear
+from skyarm.env import ActionChange, ActionSize, Result, Sight, Spin, TipError, TipNear
+from skyarm.env.env_task import make_task
 from skyarm.env.single_environment import Environment
 from skyarm.env.vector_environment import VectorEnvironment
 from skyarm.scenario.numbers import with_numbers
 from skyarm.sweep.design import values
-from skyarm.sweep.distributions import Uniform
+from skyarm.sweep.distributions import Uniform, distribution_from
 from skyarm.sweep.study import Study
-from small_environments import MASS, bare, noisy
+from small_environments import MASS, bare, noisy, one_program_a_task
+from thorough import sampled
 
 
 @pytest.fixture(autouse=True, scope="module")
 def _cache(tmp_path_factory):
-    with hurried(tmp_path_factory.mktemp("cache")):
+    with one_program_a_task(tmp_path_factory.mktemp("cache")):
         yield
 
 
@@ -43,7 +44,7 @@ def begun(planned, seed, episode):
 def test_every_episode_is_that_of_a_session_with_its_seed_and_number():
     """State, measurement and ending; noise, turbulence, delays, a payload of its own; two episodes a lane."""
     planned = noisy(duration=0.05)
-    observation = (skyarm.env.OBSERVED["position_error"](scale=0.5), "body_rate", "joint_angles")
+    observation = (skyarm.env.OBSERVED["position_error"](scale=0.5), "body_rate", "specific_force", "joint_angles")
     reward = (ActionChange(weight=0.3), TipNear(scale=0.02, weight=2.0), Spin(scale=1.0), ActionSize())
     environment = VectorEnvironment(
         2,
@@ -66,7 +67,8 @@ def test_every_episode_is_that_of_a_session_with_its_seed_and_number():
             if not waiting[lane]:
                 told, seen = session.reference, session.measurement
                 wanted = [(a - b) / 0.5 for a, b in zip(told.position, seen.position, strict=True)]
-                assert observed[lane].tolist() == [*wanted, *(w / 5.0 for w in seen.rate), *seen.joints]
+                felt = [f / 10.0 for f in seen.specific_force]
+                assert observed[lane].tolist() == [*wanted, *(w / 5.0 for w in seen.rate), *felt, *seen.joints]
         observed, rewards, ended, truncated, _ = environment.step(action)
         for lane, seed in enumerate(seeds):
             if waiting[lane]:
@@ -186,3 +188,69 @@ def test_the_checker_of_gymnasium_has_no_complaint():
     made = gymnasium.make("skyarm/Scenario-v0", **bare())
     check_env(made.unwrapped)
     assert made.unwrapped.spec.id == "skyarm/Scenario-v0"
+
+
+@pytest.mark.thorough
+def test_a_belief_that_varies_is_the_one_of_the_episode():
+    """The arm that the policy believes in, in the observation as in the law."""
+    length = "model.vehicle.links.1.joint.position.z"
+    planned = noisy(duration=0.02)
+    one = Environment(
+        scenario=planned, observation=["tip_error"], randomise={length: {"list": [-0.3, -0.1]}}, precision="bit_exact"
+    )
+    seen = set()
+    for seed in range(4):
+        observed, _ = one.reset(seed=seed)
+        drawn_here = {path: float(column[0]) for path, column in one.lanes.numbers().items()}
+        scenario = with_numbers(dataclasses.replace(planned, seed=seed), drawn_here)
+        told = skyarm.Session(scenario, machine_code=False)
+        sight = Sight(
+            measurement=told.measurement,
+            reference=told.reference,
+            action=(0.0,) * 6,
+            model=scenario.controller.par.model,
+        )
+        assert observed.tolist() == list(TipError().numbers(sight))
+        seen.add(drawn_here[length])
+    assert seen == {-0.3, -0.1}
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Gate(skyarm.Ending):
+    """The reference past a line."""
+
+    x: float
+
+    status = "gate"
+
+    def fine(self, scenario, state, goal, slack):
+        return goal.x + 0.0 * state.position.x < self.x
+
+
+@pytest.mark.parametrize(("line", "ended"), sampled([(0.045, False), (0.035, True)], 2))
+def test_endings_look_at_the_reference_of_the_next_period_and_after_the_last_at_its_own(line, ended):
+    """As a session does: the reference is at 0.04 m in the last of five periods, and at 0.05 after it."""
+    moving = dataclasses.replace(skyarm.hover([0.0, 0.0, 1.0]), x=skyarm.Ramp(height=1.0, duration=1.0, start=0.0))
+    planned = dataclasses.replace(bare()["scenario"], trajectory=moving, duration=0.05, endings=(Gate(x=line),))
+    one = Environment(**bare(scenario=planned))
+    one.reset(seed=0)
+    flags = [one.step(np.zeros(4))[2:4] for _ in range(4 if ended else 5)]
+    session = skyarm.Session(planned)
+    while session.step():
+        pass
+    assert flags[-1] == (ended, not ended)
+    assert not any(any(each) for each in flags[:-1])
+    assert (session.ended is not None) == ended
+
+
+def test_numbers_are_drawn_as_a_sweep_draws_them_and_the_stiffest_sets_the_steps():
+    damping = "plant.vehicle.links.0.joint.damping"
+    table = {MASS: {"uniform": [0.0, 0.1]}, damping: {"log_uniform": [0.001, 0.1]}}
+    found = make_task(skyarm.load_scenario("case3"), randomise=table).randomised
+    seeds, episodes = np.array([3, 3, 2**31], dtype=np.uint64), np.array([0, 7, 7])
+    drawn_here = np.array(found.draw(seeds, episodes))
+    vary = {path: distribution_from(each, path) for path, each in table.items()}
+    for k, (seed, episode) in enumerate(zip(seeds.tolist(), episodes.tolist(), strict=True)):
+        study = Study(name="x", scenarios={}, vary=vary, episodes=9, seed=seed, document={})
+        assert drawn_here[:, k].tolist() == [float(column[0]) for column in values(study, [episode]).values()]
+    assert float(found.stiffest.world.vehicle.links[0].joint.damping) == pytest.approx(0.1, rel=1e-12)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import skyarm
+from skyarm.actuation.rotor import push
 from skyarm.env import OBSERVED, REWARDS, Result, Sight
 from skyarm.env.action_kinds import ACTIONS
 from skyarm.env.env_program import LARGEST, observation_of
@@ -15,6 +16,7 @@ from skyarm.env.env_task import make_task
 from skyarm.env.named_tasks import NAMED, task_scenario
 from skyarm.env.registered_environments import TASK_NAMES
 from skyarm.records.units import units
+from skyarm.vehicle.thrust_table import ThrustTable
 
 ROLL, YAW = 0.7, 0.4
 """rad, of base and reference."""
@@ -25,7 +27,7 @@ SIGHTED = skyarm.Measurement(
     quaternion=[np.cos(ROLL / 2), np.sin(ROLL / 2), 0.0, 0.0],
     velocity=[1.0, -2.0, 0.5],
     rate=[0.5, -1.0, 2.0],
-    specific_force=[0.0, 0.0, 9.8],
+    specific_force=[0.1, 0.2, 9.8],
     joints=[0.3, -0.2],
     joint_rates=[1.0, -4.0],
     rotor_speeds=[400.0] * 4,
@@ -65,6 +67,7 @@ def test_observed_quantities_are_what_they_say(planned):
         "velocity_error": np.array([-1.0, 3.0, -0.5]) / 2.0,
         "attitude": [1, 0, 0, 0, c, -s, 0, s, c],
         "body_rate": np.array([0.5, -1.0, 2.0]) / 2.0,
+        "specific_force": np.array([0.1, 0.2, 9.8]) / 2.0,
         "joint_errors": np.array([-0.2, 0.3]) / 2.0,
         "joint_angles": np.array([0.3, -0.2]) / 2.0,
         "joint_rates": np.array([1.0, -4.0]) / 2.0,
@@ -191,3 +194,49 @@ def test_shipped_tasks_are_those_that_are_registered_and_can_be_made():
             randomise=each.randomise,
         )
         assert task.scenario.name == each.file
+
+
+@dataclasses.dataclass(frozen=True)
+class Kept:
+    """Memory of a law that keeps its command."""
+
+    sent: skyarm.Command
+
+
+def test_joints_keep_to_their_limits_and_a_law_is_told_what_was_sent(planned):
+    par = planned.controller.par
+    links = [dataclasses.replace(each, joint=dataclasses.replace(each.joint, effort_limit=0.4, lower=-0.7, upper=1.2))
+             for each in par.model.vehicle.links]  # fmt: skip
+    vehicle = dataclasses.replace(par.model.vehicle, links=tuple(links))
+    model = dataclasses.replace(par.model, vehicle=vehicle)
+    own = skyarm.Command(rotor_speeds=(480.0,) * 4, efforts=(0.3, -0.1))
+
+    def flown(kind, action, told):
+        def law(memory, measurement, reference):
+            return Kept(own), own
+
+        asked = dataclasses.replace(par, model=model)
+        return ACTIONS[kind]().command((0.0,) * 4 + action, Kept(own), SIGHTED, WANTED, law, asked, told)
+
+    # a full action is the limit of the effort, or of the range where a drive takes setpoints
+    assert flown("rotors_and_joints", (1.0, -0.5), (False, True))[1].efforts == pytest.approx((0.4, -0.35))
+    memory, sent = flown("residual", (1.0, -0.5), (False, False))
+    assert sent.efforts == pytest.approx((0.4, -0.3))
+    assert memory.sent == sent
+    # setpoints of a drive are not efforts
+    assert flown("residual", (1.0, -0.5), (True, True))[1].efforts == pytest.approx((1.0, -0.45))
+
+
+def test_a_rotor_with_a_table_turns_at_the_speed_of_its_thrust(planned):
+    """At hover, of the arm at rest: a table whose thrust is no parabola."""
+    par = planned.controller.par
+    table = ThrustTable(speed=(200.0, 400.0, 600.0), thrust=(0.4, 1.6, 3.1))
+    rotors = tuple(dataclasses.replace(each, table=table) for each in par.model.vehicle.rotors)
+    vehicle = dataclasses.replace(par.model.vehicle, rotors=rotors)
+    asked = dataclasses.replace(par, model=dataclasses.replace(par.model, vehicle=vehicle))
+    level = dataclasses.replace(SIGHTED, rate=skyarm.Vec3(0.0, 0.0, 0.0))
+    arguments = (0.0,) * 6, (), level, WANTED, None, asked, (False, False)
+    found = ACTIONS["rates_and_thrust"]().command(*arguments)[1].rotor_speeds
+    thrust = sum(push(rotor, w) * rotor.thrust_coefficient for rotor, w in zip(rotors, found, strict=True))
+    assert float(thrust) == pytest.approx(float(vehicle.mass) * 9.81, rel=1e-6)
+    assert found[0] != pytest.approx(np.sqrt(float(vehicle.mass) * 9.81 / 4 / float(rotors[0].thrust_coefficient)))

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import skyarm
 from exported_law import Loaded
-from shared_programs import hurried
 from skyarm.control.controller import ControllerError
 from skyarm.env import as_law, network
+from skyarm.env.env_task import make_task
 from skyarm.env.single_environment import Environment
 from skyarm.onboard.export_c import export_c
-from small_environments import bare, noisy
+from small_environments import bare, noisy, one_program_a_task
 from thorough import sampled
 
 
 @pytest.fixture(autouse=True, scope="module")
 def _cache(tmp_path_factory):
-    with hurried(tmp_path_factory.mktemp("cache")):
+    with one_program_a_task(tmp_path_factory.mktemp("cache")):
         yield
 
 
@@ -70,6 +71,16 @@ def test_a_policy_flies_as_a_law_what_it_flew_in_its_environment(case):
     log = skyarm.run(dataclasses.replace(planned, controller=as_law(policy, environment), seed=3))
     assert np.array_equal(positions[:-1], log.position[1 : len(positions)])
     assert log.status == info.get("status", "completed")
+
+
+def test_a_policy_on_a_law_is_defined_where_the_law_is_and_one_alone_everywhere():
+    planned = skyarm.load_scenario("case3", controller="paper_ct")
+    edge = dataclasses.replace(planned.controller, margin=lambda quaternion: quaternion.w, limit="upside down")
+    planned = dataclasses.replace(planned, controller=edge)
+    for actions, defined in (("residual", planned.controller), ("rates_and_thrust", None)):
+        law = as_law(lambda numbers: numbers[:6], make_task(planned, actions=actions))
+        assert law.margin is (defined and defined.margin)
+        assert law.limit == (defined.limit if defined else "")
 
 
 def test_a_function_and_an_untraceable_one_fly_as_the_network_does():
@@ -136,8 +147,6 @@ def test_what_is_no_policy_is_refused(policy, words):
 
 
 def _task():
-    from skyarm.env.env_task import make_task
-
     return make_task(**bare())
 
 
@@ -148,3 +157,14 @@ def test_what_is_no_environment_and_normalization_that_does_not_fit_are_refused(
         network([ONE], means=[0.0])
     with pytest.raises(ControllerError, match="deviations: must be above 0"):
         network([ONE], deviations=[0.0] * 19)
+
+
+@pytest.mark.thorough
+def test_the_example_that_learns_is_better_than_the_law_below_it(monkeypatch, capsys):
+    """Two generations of it, on another motion than it learned in."""
+    source = (Path(__file__).resolve().parents[2] / "examples" / "learn_a_residual.py").read_text("utf-8")
+    monkeypatch.setattr("sys.argv", ["learn_a_residual.py", "2"])
+    exec(compile(source, "learn_a_residual.py", "exec"), {"__name__": "__main__"})
+    below, learned = (line.split() for line in capsys.readouterr().out.splitlines())
+    assert (below[:2], learned[:2]) == (["hybrid_computed_torque", "completed"], ["learned", "completed"])
+    assert float(learned[2]) < 0.7 * float(below[2])

@@ -12,8 +12,10 @@ from matplotlib.colors import to_rgba
 
 from film_flights import flight, needs_display
 from skyarm.algebra import Vec3
+from skyarm.drawing.world_shapes import WorldShape
 from skyarm.figures.contact_curves import APART, touchings
 from skyarm.figures.flight_plot import plot
+from skyarm.film import camera_paths
 from skyarm.film.captions import state_words
 from skyarm.film.film_settings import FilmSettings
 from skyarm.film.filmed_flight import COLORS, FilmedFlight, film_flight
@@ -67,6 +69,13 @@ def test_arrows_of_a_film_stand_on_the_tip_along_the_true_normal() -> None:
             length = min(TOUCH_PER_NEWTON * size[k], LONGEST_TOUCH)
             np.testing.assert_allclose(mark.end - mark.start, length * normal, atol=1e-9)
             assert mark.rgba == TOUCH
+    strong = dataclasses.replace(filmed(), touches=(dataclasses.replace(touch, force=100.0 * touch.force),))
+    (mark,) = touch_marks(strong, int(np.argmax(size)), 0.2)
+    np.testing.assert_allclose(mark.end - mark.start, LONGEST_TOUCH * normal, atol=1e-9)
+    # after its end a flight pushes nothing
+    (late,) = film_flight(log, "a", COLORS[0], np.array([log.time[-1], log.time[-1] + 1.0])).touches
+    assert log.contact_force[-1, PAIR] > 0.0
+    np.testing.assert_allclose(np.linalg.norm(late.force, axis=1), [log.contact_force[-1, PAIR], 0.0], atol=1e-12)
     # the panel's marks hold them, too
     layout = frame_layout(320, 240, 1, "side", plot=False)
     (panel,) = film_panels([filmed()], TIMES, FilmSettings(), layout)
@@ -114,12 +123,24 @@ def test_a_camera_stands_where_no_surface_hides_the_tip() -> None:
 @needs_display
 def test_the_wall_is_seen_in_a_picture() -> None:
     settings = FilmSettings(width=160, height=120, plot=False, title="")
-    world, bare = (
-        next(iter(film_frames([each], TIMES[-1:], settings))).astype(int)
-        for each in (_last(filmed()), dataclasses.replace(_last(filmed()), surfaces=(), touches=()))
-    )
-    changed = np.abs(world - bare).max(axis=2) > 12
-    assert 0.05 < changed.mean() < 0.9
+    last = _last(filmed())
+    bare = dataclasses.replace(last, surfaces=(), touches=())
+    # without surfaces the camera stands elsewhere: all are seen from where it stands with them
+    far = dataclasses.replace(last, touches=(), surfaces=tuple(_moved(each, 100.0) for each in last.surfaces))
+    high = dataclasses.replace(far, ground=0.0)
+    assert free_azimuth([far]) == free_azimuth([bare]) == AZIMUTH
+    azimuth = free_azimuth([last])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(camera_paths, "free_azimuth", lambda _: azimuth)
+        world, empty, raised = (
+            next(iter(film_frames([each], TIMES[-1:], settings))).astype(int) for each in (last, far, high)
+        )
+    assert 0.05 < (np.abs(world - empty).max(axis=2) > 12).mean() < 0.9
+    assert (np.abs(raised - empty).max(axis=2) > 3).mean() > 0.02, "the ground is where the world has it"
+
+
+def _moved(solid: WorldShape, away: float) -> WorldShape:
+    return dataclasses.replace(solid, position=solid.position - away * np.array([0.0, 0.0, 1.0]))
 
 
 def _last(shown: FilmedFlight) -> FilmedFlight:
@@ -165,11 +186,11 @@ def test_contact_figures_have_forces_wanted_forces_and_touches() -> None:
     assert {"a", "desired", "touch"} <= legend
 
 
-def forced(*periods: tuple[float, float]) -> Log:
+def forced(*periods: tuple[float, float], pair: int = PAIR) -> Log:
     """The flight with other instants of contact between the wall and the tip."""
     log, force = touching(), np.zeros_like(touching().contact_force)
     for start, stop in periods:
-        force[(log.time >= start - 1e-9) & (log.time < stop - 1e-9), PAIR] = 1.0
+        force[(log.time >= start - 1e-9) & (log.time < stop - 1e-9), pair] = 1.0
     return dataclasses.replace(log, contact_force=force)
 
 
@@ -191,6 +212,11 @@ def test_a_path_is_drawn_from_above_and_from_the_right_beside_its_world() -> Non
         np.testing.assert_array_equal(lines["desired"].get_xydata(), log.tip_reference[:, columns])
         touch = lines["_touch"].get_xydata()[0]
         np.testing.assert_array_equal(touch, log.tip[np.flatnonzero(log.contact_force[:, PAIR])[0], columns])
+    skid = plot({"a": forced((0.2, 0.4), pair=PAIR + 1)}, kind="path").axes[0]
+    assert "_touch" not in {line.get_label() for line in skid.get_lines()}, "where the tip was says nothing of a skid"
+    # a plane is drawn where it is seen from its edge
+    sides = [[patch.get_label() for patch in ax.patches].count("world/side") for ax in (above, right)]
+    assert sides == [1, 0]
     walls = [patch for patch in above.patches if patch.get_label() == "world/wall"]
     (wall,) = (each for each in log.scenario.contacts[0].surfaces if each.name == "wall")
     corners = walls[0].get_xy()

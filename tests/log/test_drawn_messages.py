@@ -84,7 +84,7 @@ def test_markers_of_the_world_are_where_the_flight_had_it(tmp_path):
     log = rows_of(touching(), slice(0, 40))
     found = by_rosbags(skyarm.save_log(log, tmp_path / "world.mcap"))[0]
     still = {marker.ns: marker for marker in found["/world"][2][0].markers}
-    assert set(still) == {"world/wall"}
+    assert set(still) == {"world/wall", "world/side"}
     wall = still["world/wall"]
     assert (wall.type, wall.header.frame_id, wall.frame_locked) == (1, "world", False)  # Marker.CUBE
     assert [wall.scale.x, wall.scale.y, wall.scale.z] == [0.1, 2.0, 0.9]

@@ -15,11 +15,16 @@ from skyarm.metrics.score import score
 from skyarm.scenario.numbers import with_numbers
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.batch_session import BatchSession
+from skyarm.simulate.check_endings import failed_phase
+from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop import run_in_python
+from skyarm.simulate.path_clock import Waits
 from skyarm.sweep.study_file import load_study
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 DOCUMENT = tomllib.loads((EXAMPLES / "press_in_phases.toml").read_text("utf-8"))
+
+METRICS = ("phases_done", "reference_lag_max", "ee_error_max_continuous")
 
 TIMEOUT, SPEED = "reference.guards.0.timeout", "reference.push.speed"
 
@@ -65,7 +70,7 @@ def test_the_log_says_where_the_reference_s_clock_stands(scenario, log):
 
 
 def test_python_floats_and_a_log_fly_the_same_bits(scenario, log):
-    short = dataclasses.replace(scenario, duration=2.5)
+    short = dataclasses.replace(scenario, duration=1.2)
     assert same(skyarm.run(short), run_in_python(short)) == []
     assert same(skyarm.replay(log), log) == []
 
@@ -75,6 +80,10 @@ def test_a_session_goes_on_from_a_gate(scenario, log):
     for _ in range(200):
         session.step()
     assert session.now.clock.waited > 0.0  # it waits for the touch
+    # margins look at the reference where it stands
+    row = episode_inputs(scenario).row_at(200, session.now)
+    assert [float(c) for c in row.reference.tip] == [float(c) for c in session.reference.tip]
+    assert row.time == 1.0
     held = session.snapshot()
     np.testing.assert_array_equal([float(c) for c in session.reference.tip], log.tip_held[200])
     assert same(session.run(), log) == []
@@ -82,23 +91,42 @@ def test_a_session_goes_on_from_a_gate(scenario, log):
     assert same(session.run(), log) == []
 
 
-def test_a_batch_is_a_loop_of_single_flights(scenario):
-    short = dataclasses.replace(scenario, duration=3.0)
-    values = {TIMEOUT: np.array([3.0, 0.5, 3.0]), SPEED: np.array([0.1, 0.1, 0.2])}
-    names = ("phases_done", "reference_lag_max", "ee_error_max_continuous")
-    batch = Batch(short, list(values), bit_exact=True, log_every=1, metrics=names, effort=0)
-    found = batch.fly(values)
-    assert found.status.tolist() == ["completed", "phase_failed", "completed"]
-    for lane in range(3):
-        alone = skyarm.run(with_numbers(short, {path: float(column[lane]) for path, column in values.items()}))
-        flown = alone.time.size
-        assert (alone.status, alone.info["end_time"]) == (found.status[lane], found.end_time[lane])
-        np.testing.assert_array_equal(found.log.state.position.x[lane][:flown], alone.position[:, 0])
-        # published at 50 Hz, each sample held for four periods
-        pressing = np.isin(alone.phase, (1.0, 2.0))[np.arange(flown) // 4 * 4]
-        np.testing.assert_array_equal(found.log.reference.push[0][lane][:flown] > 0.0, pressing)
-        for name, value in score(alone, names).items():
-            assert found.metrics[name][lane] == pytest.approx(value, rel=1e-12), name
+@pytest.fixture(scope="module")
+def batch(scenario):
+    """Four lanes: the scenario itself, a guard without patience, a faster tip, both."""
+    values = {TIMEOUT: np.array([3.0, 0.5, 3.0, 0.5]), SPEED: np.array([0.1, 0.1, 0.2, 0.2])}
+    flown = Batch(scenario, list(values), bit_exact=True, log_every=1, metrics=METRICS, effort=0).fly(values)
+    return values, flown
+
+
+def require_same(found, lane, alone):
+    """A lane is the flight that was flown alone."""
+    flown = alone.time.size
+    assert (alone.status, alone.info["end_time"]) == (found.status[lane], found.end_time[lane])
+    np.testing.assert_array_equal(found.log.state.position.x[lane][:flown], alone.position[:, 0])
+    # published at 50 Hz, each sample held for four periods
+    pressing = np.isin(alone.phase, (1.0, 2.0))[np.arange(flown) // 4 * 4]
+    np.testing.assert_array_equal(found.log.reference.push[0][lane][:flown] > 0.0, pressing)
+    for name, value in score(alone, METRICS).items():
+        assert found.metrics[name][lane] == pytest.approx(value, rel=1e-12), name
+
+
+def test_a_lane_of_a_batch_waits_for_itself(batch, log):
+    _, found = batch
+    require_same(found, 0, log)
+    assert found.status.tolist() == ["completed", "phase_failed", "completed", "phase_failed"]
+    # 0.55 s of the plan, the timeout, and the period in which it is noticed
+    np.testing.assert_allclose(found.end_time[[1, 3]], 1.055)
+    assert found.metrics["phases_done"].tolist() == [4.0, 1.0, 4.0, 1.0]
+    assert found.metrics["reference_lag_max"][2] < found.metrics["reference_lag_max"][0] - 0.2
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("lane", [1, 2, 3])
+def test_a_batch_is_a_loop_of_single_flights(scenario, batch, lane):
+    values, found = batch
+    alone = skyarm.run(with_numbers(scenario, {path: float(column[lane]) for path, column in values.items()}))
+    require_same(found, lane, alone)
 
 
 def test_a_phase_that_must_not_fail_ends_the_flight_and_says_why(scenario):
@@ -109,19 +137,25 @@ def test_a_phase_that_must_not_fail_ends_the_flight_and_says_why(scenario):
     assert log.phase_ends[1:] == (("press", None), ("slide", None), ("retreat", None))
     # 0.55 s of the plan, 3 s of waiting, and the period in which it is noticed
     assert log.info["end_time"] == pytest.approx(3.555)
-    # the same guard lets another task go on
+
+
+@pytest.mark.thorough
+def test_a_guard_may_let_the_task_go_on(scenario):
+    away = with_numbers(scenario, {"world.surfaces.wall.position.0": 2.0})
     guard = dataclasses.replace(away.trajectory.guards[0], fails=False)
     on = dataclasses.replace(away.trajectory, guards=(guard, *away.trajectory.guards[1:]))
     goes_on = skyarm.run(dataclasses.replace(away, trajectory=on, duration=4.5))
     assert (goes_on.status, goes_on.phase_ends[1]) == ("completed", ("press", pytest.approx(4.055)))
 
 
-def test_a_law_that_observes_no_force_is_told_of():
-    log = skyarm.run(skyarm.load_scenario(EXAMPLES / "press_in_phases.toml", duration=4.0, controller="paper_ct"))
-    assert log.status == "phase_failed"
-    assert log.info["cause"].endswith("within 3 s; law paper_ct_euler observes no force") or log.info["cause"].endswith(
-        "observes no force"
-    )
+def test_a_law_that_observes_no_force_is_told_of(scenario):
+    blind = skyarm.load_scenario(EXAMPLES / "press_in_phases.toml", controller="paper_ct")
+    clock = dataclasses.replace(Waits(blind).first(), guard=1.0)
+    assert failed_phase(blind, 3.0, clock) is None
+    failed = dataclasses.replace(clock, failed=1.0)
+    words = "phase 1 'press': no contact of 0.5 N within 3 s"
+    assert failed_phase(scenario, 3.0, failed).cause == words
+    assert failed_phase(blind, 3.0, failed).cause == f"{words}; law hybrid_computed_torque observes no force"
 
 
 def test_a_search_ends_where_the_tip_drops_in_and_the_reference_stays_there():

@@ -9,6 +9,11 @@ import numpy as np
 import pytest
 
 import skyarm
+from skyarm.environment import TimedPayload
+from skyarm.reference import Trajectory
+from skyarm.reference.phase_guard import Guard
+from skyarm.scenario.payload_tables import waiting_beliefs
+from skyarm.simulate.path_clock import Waits
 from thorough import sampled
 
 FILE = Path(__file__).resolve().parents[2] / "examples" / "pick_and_place.toml"
@@ -58,11 +63,24 @@ def test_a_guard_moves_the_instants_of_payloads_and_what_the_law_is_told():
     # the law's belief follows: a law that was told at the planned instant, or never, sends other commands
     assert not planned.changes
     assert box.believed
+    for time, held in ((box.pick - 1e-3, 0.0), (box.pick, 0.02), (1.9, 0.02), (2.0, 0.0)):
+        told = Waits(dataclasses.replace(planned, payloads=(dataclasses.replace(box, drop=2.0),)))
+        par = told.believing(planned.controller.par, time)
+        assert par.model.vehicle.mass - planned.controller.par.model.vehicle.mass == pytest.approx(held, abs=1e-12)
     for other in (dataclasses.replace(box, believed=False), dataclasses.replace(box, mass=0.03)):
         unlike = skyarm.run(dataclasses.replace(planned, payloads=(other,)))
         apart = np.abs(unlike.rotor_commands - log.rotor_commands).max(axis=1) > 1e-6
         assert log.time[np.flatnonzero(apart)[0]] == pytest.approx(taken, abs=6e-3)
     np.testing.assert_allclose(log.tip_reference[round(taken * 200)], [0.2, 0.0, 0.65], atol=1e-9)
+
+
+def test_only_a_payload_of_the_task_is_told_by_the_task():
+    box, bag = (TimedPayload(name=name, mass=0.1, pick=1.0) for name in ("box", "bag"))
+    trajectory = Trajectory(guards=(Guard(at=1.0, error=0.1, loads=("box",)),))
+    payloads, told = waiting_beliefs((box, bag, box), (True, True, False), trajectory)
+    assert [each.believed for each in payloads] == [True, False, False]
+    assert told == (False, True, False)
+    assert waiting_beliefs((box,), (True,), Trajectory()) == ((box,), (True,))
 
 
 @pytest.mark.parametrize(

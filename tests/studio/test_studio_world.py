@@ -25,7 +25,7 @@ from skyarm.studio.scene import VehicleNodes
 from skyarm.studio.sights import sight
 from skyarm.studio.world_nodes import TouchArrows, WorldNodes
 from skyarm.vehicle.vehicle_files import load_vehicle
-from world_flights import DOCUMENT
+from world_flights import DOCUMENT, WALL_ANGLE
 
 
 @cache
@@ -33,7 +33,8 @@ def session() -> Session:
     """The flight of the other pictures' tests with the tip in the wall from the start, before its first period."""
     document = copy.deepcopy(DOCUMENT)
     document["controller"] = {"preset": "paper_pd"}
-    document["world"]["surfaces"][1]["position"][0] = 0.2615
+    document["world"]["points"][0]["radius"] = 0.01
+    document["world"]["surfaces"][1]["position"][0] = 0.2715
     return Session(scenario_from(document), machine_code=False)
 
 
@@ -42,7 +43,8 @@ def test_what_is_seen_of_a_contact_is_what_a_log_keeps() -> None:
     seen = sight(flown, PoseProgram(flown.scenario.world.vehicle))
     (wall,) = (each for each in seen.touching if each.normal > 0.0)
     assert wall.surface == "wall"
-    np.testing.assert_allclose(wall.spot, seen.tip, atol=1e-12)
+    outward = np.array([-np.cos(WALL_ANGLE), -np.sin(WALL_ANGLE), 0.0])
+    np.testing.assert_allclose(wall.spot, seen.tip - 0.01 * outward, atol=1e-12)
     assert seen.contact == wall.normal
     flown.step()
     assert wall.normal == pytest.approx(flown.log.contact_force[0, 2], rel=1e-9)
@@ -60,7 +62,7 @@ def test_nodes_of_the_world_go_where_it_goes_and_what_stands_still_is_sent_once(
     before = getattr(wall, "writes", 0)
     fallen = {"parcel": (begin["parcel"][0], begin["parcel"][1] - [0.0, 0.0, 0.4])}
     world.place(scenario, 0.25, fallen)
-    np.testing.assert_allclose(wall.position, [0.2615, 0.0, 0.45])
+    np.testing.assert_allclose(wall.position, [0.2715, 0.0, 0.45])
     np.testing.assert_allclose(post.position, [0.3 * np.sin(0.25 * np.pi), 2.0, 0.5])
     np.testing.assert_allclose(parcel.position, fallen["parcel"][1][0])
     assert getattr(wall, "writes", 0) == before
@@ -135,7 +137,7 @@ def test_rotors_that_tilt_are_turned_with_their_blades_and_thrusts() -> None:
     angles = np.linspace(-0.5, 0.7, len(vehicle.tilts))
     nodes.tilt(angles)
     speeds = np.full(len(vehicle.rotors), 100.0)
-    nodes.spin(speeds, 0.0)
+    nodes.spin(speeds, 0.3)
     program = PoseProgram(vehicle)
     placed = program((0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0), [0.0] * vehicle.n)
     arrows = Arrows(scene, "/arrows1", vehicle, placed.positions[0])

@@ -12,6 +12,7 @@ from skyarm.env.observed_quantities import (
     LastAction,
     Observed,
     PositionError,
+    SpecificForce,
     TipError,
     VelocityError,
 )
@@ -60,6 +61,7 @@ __all__ = [
     "RewardTerm",
     "RotorsAndJoints",
     "Sight",
+    "SpecificForce",
     "Spin",
     "TipDistance",
     "TipError",

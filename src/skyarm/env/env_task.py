@@ -85,7 +85,7 @@ def make_task(
             raise ScenarioError("reference.governor: must be left out where actions build on the law")
     else:
         # a law that is not asked ends no episode where it is not defined
-        flown = dataclasses.replace(flown, controller=dataclasses.replace(flown.controller, margin=None))
+        flown = dataclasses.replace(flown, controller=dataclasses.replace(flown.controller, margin=None), pause=None)
     try_own_code(flown, law=kind.asks_law)
     return Task(
         scenario=flown,

@@ -75,6 +75,17 @@ class BodyRate(Observed):
 
 
 @dataclass(frozen=True, kw_only=True)
+class SpecificForce(Observed):
+    """What the accelerometer reads, base axes: +g along z in hover. It feels wind and contact before they move."""
+
+    scale: Annotated[float, Unit("m/s^2", low=0.0, strict=True)] = 10.0
+
+    def numbers(self, sight: Sight) -> Sequence[Any]:
+        """Three."""
+        return _scaled(sight.measurement.specific_force, self.scale)
+
+
+@dataclass(frozen=True, kw_only=True)
 class JointErrors(Observed):
     """Reference minus measured joints."""
 
@@ -134,6 +145,7 @@ OBSERVED: dict[str, type[Observed]] = {
     "velocity_error": VelocityError,
     "attitude": Attitude,
     "body_rate": BodyRate,
+    "specific_force": SpecificForce,
     "joint_errors": JointErrors,
     "joint_angles": JointAngles,
     "joint_rates": JointRates,

@@ -85,7 +85,10 @@ class Component:
         return memory
 
     def act(self, memory: Any, t: Any, motion: PointMotion) -> Any:
-        """A coupled component's memory after what it does at the control instant ``t`` (s): take hold, let go."""
+        """A coupled component's memory after what it does at the control instant: take hold, let go.
+
+        ``t`` (s) is that of the reference where its phases wait for the flight.
+        """
         return memory
 
     def velocity(self, memory: Any, t: Any, position_W: Vec3) -> Vec3:

@@ -3,7 +3,8 @@
 In free flight: ``hold``: duration. ``go_to``, ``carry``: position, via = [[x, y, z], ...], duration (left out: as fast
 as the limits let). ``lift``: height (m), duration. ``pick`` and ``place``: payload (its name), position, approach = [0,
 0, 0.1] (m, from where it comes and to where it leaves, against the position), dwell (s, 1: how long it stays there; the
-payload is taken or left half-way through). ``grasp`` and ``release``: payload, dwell; the same where the tip is.
+payload is taken or left half-way through). ``grasp`` and ``release``: payload, dwell; the same where the tip is. A
+gripper (its name) in place of payload closes or opens at that instant.
 
 In contact (:mod:`skyarm.reference.contact_phases`): ``approach``, ``press``, ``slide``, ``write``, ``search``,
 ``insert``, ``turn`` or ``open``, ``retreat``.
@@ -128,13 +129,15 @@ def _there_and_back(task: Task, phase: Fields, kind: str) -> None:
 
 def _handle(task: Task, phase: Fields, kind: str) -> None:
     """Wait, then take or leave the payload half-way through a dwell."""
-    payload = phase.take("payload")
-    if not isinstance(payload, str) or not payload:
-        raise ValueError(f"{phase.at('payload')} = {shown(payload)}: must be the name of a payload")
+    what = "gripper" if "gripper" in phase.table else "payload"
+    name = phase.take(what)
+    if not isinstance(name, str) or not name:
+        raise ValueError(f"{phase.at(what)} = {shown(name)}: must be the name of a {what}")
     dwell = seconds(phase, "dwell", 1.0)
     task.wait(guard_from(phase, task.normal))
     task.handled = task.time, task.time + 0.5 * dwell
-    event = TaskEvent(kind=kind, payload=payload, time=task.handled[1], where=phase.where)
+    named = {"payload": "", what: name}
+    event = TaskEvent(kind=kind, time=task.handled[1], where=phase.where, **named)
     task.setting.events.append(event)
     task.rest(dwell)
 

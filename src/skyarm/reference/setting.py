@@ -13,16 +13,18 @@ from skyarm.vehicle.vehicle_records import Vehicle
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TaskEvent:
-    """An instant at which a task takes or leaves a payload.
+    """An instant at which a task takes or leaves a payload, or closes or opens a gripper.
 
     Attributes:
-        kind: "pick" or "place". payload: its name. time: s. where: the phase's table, for messages.
+        kind: "pick" or "place". payload: its name; empty for a gripper's. time: s. where: the phase's table, for
+            messages. gripper: its name.
     """
 
     kind: str
     payload: str
     time: float
     where: str
+    gripper: str = ""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -64,7 +66,7 @@ class Setting:
     @property
     def all_guards(self) -> tuple[Guard, ...]:
         """The guards, each with the payloads that wait for it."""
-        loads = tuple(dict.fromkeys(event.payload for event in self.events))
+        loads = tuple(dict.fromkeys(event.payload for event in self.events if event.payload))
         return tuple(dataclasses.replace(guard, loads=loads) for guard in self.guards)
 
     @property

@@ -67,6 +67,7 @@ from skyarm.scenario.scenario_of_log import scenario_of_log
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.scenario.standing_objects import with_standing_objects
 from skyarm.scenario.start_in_world import require_start_outside
+from skyarm.scenario.task_grippers import with_commands
 from skyarm.scenario.task_payloads import with_instants
 
 LIBRARY = resources.files("skyarm.scenario") / "library"
@@ -176,7 +177,8 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
     longest = max(chosen["duration"], number(in_file["duration"], "duration"))
     setting = setting_of(world, longest)
     trajectory = reference_from(in_folder(motion, folder), world.vehicle.n, "reference", setting)
-    payloads, told = payloads_from(with_instants(top.take("payloads", []), setting.events, rates.control))
+    handled = [event for event in setting.events if not event.gripper]
+    payloads, told = payloads_from(with_instants(top.take("payloads", []), handled, rates.control))
     payloads, told = waiting_beliefs(payloads, told, trajectory)
     model = _model(top, plant, world, folder)
     tables.require_servos_said(controller, world.vehicle, model)
@@ -203,7 +205,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         ground=tables.truth_value(environment, "ground", True),
         windows=windows_from(Fields(top.take("windows", {}), "windows")),
         payloads=payloads,
-        contact=tables.contact(top),
+        contact=with_commands(tables.contact(top), [event for event in setting.events if event.gripper], rates.control),
         changes=(*_changes(top, replaced), *belief_changes(payloads, told, chosen["duration"], rates.control)),
         **chosen,
     )

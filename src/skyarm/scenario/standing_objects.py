@@ -22,7 +22,7 @@ Array = npt.NDArray[np.float64]
 LOWEST, LIFT, FINEST = 3.0, 0.002, 1e-4
 """m: how far an object is lowered at most, out of how deep inside of something it is taken, smallest way down."""
 
-ROUNDS, SMALL = 40, 1e-9
+ROUNDS, SMALL = 20, 1e-9
 """Newton steps at most, and the residual force by the weight at which they end."""
 
 NEAR = 1e-7

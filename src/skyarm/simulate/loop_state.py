@@ -112,10 +112,7 @@ def carried(first: LoopState, now: LoopState, groups: Sequence[tuple[int, int]] 
         elif name == "drives" and len(new) == len(old):
             fields[name] = tuple(_kept(a, b) for a, b in zip(new, old, strict=True))
         elif name == "clock" and new != () and mismatch(new, old, "clock"):
-            # another task: its time is the flight's
-            fields[name] = dataclasses.replace(
-                new, place=now.ticks, held=() if isinstance(new.held, tuple) else now.ticks
-            )
+            fields[name] = new.begun_at(now.ticks)  # another task: its time is the flight's
         else:
             fields[name] = _kept(new, old)
     return LoopState(**fields)

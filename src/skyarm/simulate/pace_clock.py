@@ -13,10 +13,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.actuation import Command
+from skyarm.records.blend import blend
 from skyarm.reference.path_time import by_flight_time
 from skyarm.reference.polynomials import uniform_curve
 from skyarm.reference.trajectory import Reference
-from skyarm.scalars import Scalar, clip, divide, floor, maximum, sqrt, where
+from skyarm.scalars import Scalar, clip, divide, floor, maximum, sqrt
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.tip_and_goal import goal_of, tip_at
@@ -73,8 +74,8 @@ class Paces:
         if not isinstance(clock.held, Pace):
             return clock.now
         due = ticks - floor(ticks / float(self._ratio) + 1e-3) * float(self._ratio) < 0.5
-        pairs = ((name, getattr(clock.now, name), getattr(clock.held, name)) for name in Pace.__dataclass_fields__)
-        return Pace(**{name: where(due, new, old) for name, new, old in pairs})
+        held: Pace = blend(due, clock.now, clock.held)
+        return held
 
     def path_time(self, clock: PaceClock) -> Any:
         """How far along the reference the law is led, s."""

@@ -188,11 +188,11 @@ class Waits:
             calm=where(passed, 0.0, calm),
             origin=_either(passed, seen.tip, origin) if self._measures else origin,
             failed=where(failed, 1.0, clock.failed),
-            **self._skipped(clock, logical_and(enough, logical_not(there)), end),
+            **self._skipped(clock, enough, end),
         )
 
     def _skipped(self, clock: Any, skips: Any, end: Any) -> dict[str, Any]:
-        """Offset of the reference, so that it stays where it is when what is left of a phase is skipped."""
+        """Offset of the reference, which stays where it is when what is left of a phase is skipped."""
         if not self._moves:
             return {"offset": (), "since": ()}
         now = self.reference(self.path_time(clock), (*clock.offset, clock.since)).position

@@ -81,7 +81,7 @@ def respond(stages: Any, now: LoopState, row: Row, begun: Begun, force: Any, uni
     return issue(stages, now, begun, read, memory, command, clock)
 
 
-def issue(stages: Any, now: LoopState, begun: Begun, read: Any, memory: Any, command: Any, clock: Any) -> Response:
+def issue(stages: Any, now: LoopState, begun: Begun, read: Any, memory: Any, command: Any, clock: Any = ()) -> Response:
     """Command line and drives: the stages after the law."""
     alive, queue, acting = stages.send(begun.alive, now.queue, command)
     drives = stages.drive(now.drives, begun.acting, acting, now.state)

@@ -134,8 +134,9 @@ class Stages:
             else component.advance(memory, time, self.period, state, self.draws.of_component(i, uniforms))
             for i, (component, memory) in enumerate(zip(self.components, memories, strict=True))
         )
+        told = path_time if self.waits.guards else time  # of a reference that waits, its own time
         for i in self.coupled:
-            acted = self.components[i].act(going[i], time, PointMotion(self.scenario.world.vehicle, state))
+            acted = self.components[i].act(going[i], told, PointMotion(self.scenario.world.vehicle, state))
             going = (*going[:i], acted, *going[i + 1 :])
         return going, self.surroundings(going, drives, time)
 
