@@ -1,8 +1,8 @@
 """The clock of a reference whose phases wait for the flight: a state of the closed loop.
 
 The clock counts control periods of the reference. It goes on with the flight's own, stands still at the planned end of
-a phase with a guard until the flight shows what the guard asks, and skips what is left of a phase that may end early. Guards
-know what the law knows: the measurement, and the force that the law observes.
+a phase with a guard until the flight shows what the guard asks, and skips what is left of a phase that may end early.
+Guards know what the law knows: the measurement, and the force that the law observes.
 
 Where no phase waits the clock is ``()``: structure, without an operation.
 """
