@@ -39,6 +39,9 @@ def test_the_joint_bears_the_force_by_its_lever(scenario):
     levels = [found(scenario, **{"force.value": force})[question].level for force in (1.0, 2.0, 3.0)]
     assert levels == [OK, WARNING, FAULT]
     assert found(scenario, **{"force.value": 3.0})[question].joints == POSE
+    assert " of 0.5 N m at joint joint1" in found(scenario, **{"force.value": 3.0})[question].text
+    early = found(scenario, **{"force.value": 3.0, "force.start": 0.0, "force.stop": 0.5})
+    assert early[question].value == pytest.approx(shares[3.0])
 
 
 def test_friction_sideways_turns_the_vehicle(scenario):

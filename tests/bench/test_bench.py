@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from skyarm.bench import bench_report as report
-from skyarm.bench import counts, machine
+from skyarm.bench import counts, environment_steps, machine
 from skyarm.bench import engines as ours
 from skyarm.bench import timing as room
 from skyarm.bench.accuracy import accuracy
 from skyarm.bench.latency import latency
 from skyarm.bench.timing import Contender, contest
+from skyarm.compile.llvm import kernel
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.scenario.scenario_file import load_scenario
@@ -103,6 +104,22 @@ def test_the_machine_is_described():
     json.dumps(found)
 
 
+@pytest.mark.thorough
+def test_environments_are_stepped_with_drawn_actions(monkeypatch):
+    pytest.importorskip("gymnasium", reason="the extra gym is not installed")
+    monkeypatch.setattr(environment_steps, "WORLDS", 3)
+    monkeypatch.setattr(environment_steps, "STEPS", 5)
+    monkeypatch.setattr("skyarm.compile.llvm.kernel._compiled", _hurried(kernel._compiled))
+    *_, bare = environment_steps.environments()
+    assert (bare.name, bare.run()) == ("env no arm", 15.0)
+    monkeypatch.setattr(environment_steps, "installed", lambda name: name != "gymnasium")
+    assert environment_steps.environments() == []
+
+
+def _hurried(compiled):
+    return lambda text, effort: compiled(text, 0)
+
+
 def test_the_report_shows_every_number_it_is_given():
     score = {
         "name": "engine",
@@ -122,6 +139,7 @@ def test_the_report_shows_every_number_it_is_given():
             "speed": [score],
             "long_arm": [score],
             "bare": [score | {"name": "armless"}],
+            "environments": [score | {"name": "of actions"}],
             "accuracy_m": {"rk4": 1.5e-9},
             "latency": {"compiled": {"p50_us": 0.25, "p99_us": 0.31}},
             "start_s": {"empty_cache": 0.5},
@@ -130,5 +148,18 @@ def test_the_report_shows_every_number_it_is_given():
             "not_installed": ["crazyflow"],
         }
     )
-    for piece in ("engine", "armless", "2x", "3x", "1.50e-09", "0.25", "0.31", "0.50", "819", "25000", "crazyflow"):
+    for piece in (
+        "engine",
+        "armless",
+        "of actions",
+        "2x",
+        "3x",
+        "1.50e-09",
+        "0.25",
+        "0.31",
+        "0.50",
+        "819",
+        "25000",
+        "crazyflow",
+    ):
         assert piece in text

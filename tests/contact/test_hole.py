@@ -87,6 +87,11 @@ def test_faces_are_where_the_size_says(place, depth, normal):
         assert [float(c) for c in n] == pytest.approx(normal, abs=1e-6)
 
 
+def test_a_micrometre_of_chamfer_is_enough():
+    plate = Surface(name="s", shape="hole", size=(0.02, 0.03, 1e-6, 0.06, 0.05))
+    assert float(plate.depth(Vec3(0.021, 0.0, -0.0005), 0, 0.0)[0]) == pytest.approx(0.0005, abs=1e-9)
+
+
 def test_a_disc_is_held_off_the_plate_as_if_its_hole_were_filled():
     plate = Surface(name="s", shape="hole", size=SIZE)
     above = plate.clearance(Vec3(0.0, 0.0, 0.02), Vec3(0.0, 0.0, 1.0), 0.01, 0.0)
@@ -102,7 +107,8 @@ def test_a_disc_is_held_off_the_plate_as_if_its_hole_were_filled():
      ((0.02, 0.03, 0.004, 0.024, 0.05), "outer radius must be above"),
      ((0.02, 0.05, 0.004, 0.06, 0.05), "length must be above depth"),
      ((0.02, 0.03), "must be 5 numbers, radius, depth, chamfer, outer radius, length"),
-     ((0.02, 0.03, 0.0, 0.06, 0.05), "above 0")],
+     ((0.02, 0.03, 0.0, 0.06, 0.05), "above 0"),
+     ((0.02, 0.03, 0.9e-6, 0.06, 0.05), "must be 1e-06 m each, or more")],
 )  # fmt: skip
 def test_holes_that_leave_no_material_are_refused(size, words):
     with pytest.raises(ValueError, match=words):

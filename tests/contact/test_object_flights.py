@@ -18,6 +18,7 @@ from skyarm.contact import Contact, FreeObject, Surface
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.log.log_columns import columns
 from skyarm.plant.compiled import RigidBodyPlant
+from skyarm.plant.largest_step import divisions
 from skyarm.plant.mujoco import MujocoPlant
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
@@ -270,10 +271,12 @@ def test_weightless_objects_do_not_stand():
 def test_what_asks_for_short_steps_is_named(capsys):
     from skyarm.cli.lines import say_steps
 
-    say_steps(scenario_from(resting()))
+    say_steps(scenario_from(resting(mass=0.5)))
     assert capsys.readouterr().err == ""
-    say_steps(scenario_from(resting(mass=0.005)))
-    assert "the mass of 'box' asks for integration steps of 0.34 ms in contact" in capsys.readouterr().err
+    light = scenario_from(resting(mass=0.005))
+    assert [divisions(0.005, float(each.contact.largest_step)) for each in (scenario_from(resting()), light)] == [7, 22]
+    say_steps(light)
+    assert "the mass of 'box' asks for integration steps of 0.24 ms in contact" in capsys.readouterr().err
     found = resting()
     found["world"]["grippers"][0]["stiffness"] = 5e4
     say_steps(scenario_from(found))

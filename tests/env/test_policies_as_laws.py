@@ -75,6 +75,8 @@ def test_a_policy_flies_as_a_law_what_it_flew_in_its_environment(case):
 
 def test_a_policy_on_a_law_is_defined_where_the_law_is_and_one_alone_everywhere():
     planned = skyarm.load_scenario("case3", controller="paper_ct")
+    edge = dataclasses.replace(planned.controller, margin=lambda quaternion: quaternion.w, limit="upside down")
+    planned = dataclasses.replace(planned, controller=edge)
     for actions, defined in (("residual", planned.controller), ("rates_and_thrust", None)):
         law = as_law(lambda numbers: numbers[:6], make_task(planned, actions=actions))
         assert law.margin is (defined and defined.margin)

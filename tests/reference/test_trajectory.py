@@ -20,7 +20,7 @@ from skyarm.reference import (
     circle,
     hover,
 )
-from skyarm.reference.phase_guard import Guard
+from skyarm.reference.phase_guard import Guard, Phase
 
 
 def case3_joint(amplitude, phase):
@@ -116,6 +116,14 @@ def test_guards_are_shifted_and_added_with_the_motion():
     assert [guard.at for guard in late.shifted(0.5).guards] == [3.5]
     assert [guard.at for guard in (late + early.shifted(1.0)).guards] == [2.0, 3.0]
     assert (late + hover((0, 0, 0))).guards == late.guards
+    phases = (Phase(name="go_to", end=3.0), Phase(name="retreat", end=4.0, back=(3.0, 3.5)))
+    task = dataclasses.replace(late, phases=phases).shifted(0.5)
+    assert [(phase.name, phase.end, phase.back) for phase in task.phases] == [
+        ("go_to", 3.5, None),
+        ("retreat", 4.5, (3.5, 4.0)),
+    ]
+    assert task.returns == ((3.5, 4.0),)
+    assert (task + hover((0, 0, 0))).phases == task.phases
 
 
 def test_a_dense_sample_fits_one_program_for_every_reference():

@@ -79,8 +79,13 @@ def test_forces_and_torques_are_those_about_the_frame(scenario):
     assert [*felt.force] == pytest.approx(R.T @ (FORCE + weight))
     assert [*felt.torque] == pytest.approx(R.T @ TORQUE + np.cross([0.0, 0.02, 0.0], R.T @ weight))
     elbow = dataclasses.replace(ARM.frame(), link=0, position=Vec3(0.0, 0.0, 0.0))
-    lever = np.array([*push_at(elbow, around, ARM, state, 9.81).torque]) - 0.0
-    assert np.linalg.norm(lever) > 0.1 * 0.2  # about the first joint the force has a lever
+    first = Pose(state.quaternion.rotation(), state.position) @ frame_pose(ARM, elbow, state.joints)
+    whole = Pose(state.quaternion.rotation(), state.position) @ frame_pose(ARM, ARM.frame(), state.joints)
+    lever = np.array([*(whole.p - first.p)], dtype=float)
+    load = R @ [0.0, 0.02, 0.0] + lever
+    about = np.cross(lever, FORCE) + TORQUE + np.cross(load, weight)
+    turned = np.array([[float(c) for c in row] for row in first.R.rows])
+    assert [*push_at(elbow, around, ARM, state, 9.81).torque] == pytest.approx(turned.T @ about)
 
 
 def test_a_sensor_feels_what_is_beyond_it():

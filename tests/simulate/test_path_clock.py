@@ -18,6 +18,7 @@ from skyarm.control.blocks.observed_push import observed_push
 from skyarm.reference.compose import Sum
 from skyarm.reference.minimum_snap import minimum_snap
 from skyarm.reference.phase_guard import Guard, Phase
+from skyarm.reference.phase_words import PASSED, phase_numbers
 from skyarm.reference.signals import Constant
 from skyarm.reference.trajectory import Trajectory
 from skyarm.simulate.first_state import first_loop_state
@@ -207,6 +208,14 @@ def test_a_task_that_takes_over_in_flight_begins_at_the_flight_s_time(scenario):
     clock = dataclasses.replace(first.clock, place=11.0, guard=1.0)
     assert carried(first, dataclasses.replace(before, clock=clock)).clock == clock
     assert carried(before, dataclasses.replace(first, ticks=37.0)).clock == ()
+
+
+def test_a_phase_is_flown_until_its_end_is_passed(scenario):
+    ends = [phase.end for phase in PHASES]
+    times = [0.0, *ends, *(end + PASSED for end in ends), *(end + 2.0 * PASSED for end in ends), 0.3]
+    wanted = [0.0, 0.0, 1.0, 2.0, 3.0, 0.0, 1.0, 2.0, 3.0, 1.0, 2.0, 3.0, 4.0, 3.0]
+    assert phase_numbers(scenario.trajectory, times).tolist() == wanted
+    assert [Waits(scenario).phase(time) for time in times] == wanted
 
 
 def test_a_law_of_one_s_own_tells_the_force_by_a_field_of_its_memory():

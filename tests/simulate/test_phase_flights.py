@@ -16,6 +16,7 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.batch_session import BatchSession
 from skyarm.simulate.check_endings import failed_phase
+from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.path_clock import Waits
 from skyarm.sweep.study_file import load_study
@@ -79,6 +80,10 @@ def test_a_session_goes_on_from_a_gate(scenario, log):
     for _ in range(200):
         session.step()
     assert session.now.clock.waited > 0.0  # it waits for the touch
+    # margins look at the reference where it stands
+    row = episode_inputs(scenario).row_at(200, session.now)
+    assert [float(c) for c in row.reference.tip] == [float(c) for c in session.reference.tip]
+    assert row.time == 1.0
     held = session.snapshot()
     np.testing.assert_array_equal([float(c) for c in session.reference.tip], log.tip_held[200])
     assert same(session.run(), log) == []

@@ -11,6 +11,7 @@ from skyarm.bench import machine
 from skyarm.bench import mujoco_pinocchio as others
 from skyarm.bench.accuracy import accuracy
 from skyarm.bench.counts import counts, growth
+from skyarm.bench.environment_steps import environments
 from skyarm.bench.latency import latency
 from skyarm.bench.optional_simulators import crazyflow, guests, installed
 from skyarm.bench.startup import start
@@ -23,7 +24,7 @@ from skyarm.vehicle.vehicle_files import load_vehicle
 SCENARIO = "case2_gust"
 LONG_ARM = "hexarotor_arm6"
 CRAZYFLOW_WORLDS = (1024, 4096, 16384)
-NOT_COMPARED = ("crazyflow", "rotorpy", "mujoco.mjx")
+NOT_COMPARED = ("crazyflow", "rotorpy", "mujoco.mjx", "gymnasium")
 
 Progress = Callable[[str], None]
 
@@ -66,6 +67,7 @@ def measure(*, quick: bool = False, progress: Progress = lambda _: None) -> dict
         "speed": [dataclasses.asdict(score) for score in scores],
         "long_arm": [dataclasses.asdict(score) for score in _long_arm(threads, rounds, quick, progress)],
         "bare": [dataclasses.asdict(score) for score in _bare(threads, rounds, quick, progress)],
+        "environments": [dataclasses.asdict(score) for score in contest(environments(), 4 * rounds, progress)],
         "not_installed": [name for name in NOT_COMPARED if not installed(name)],
     }
     progress("accuracy")
@@ -109,6 +111,8 @@ def text(found: dict[str, Any]) -> str:
     lines += [*_speeds(found["speed"]), "", "hexarotor with a six-joint arm", *_speeds(found["long_arm"])]
     if found.get("bare"):
         lines += ["", "a quadrotor without an arm, closed loop", *_speeds(found["bare"])]
+    if found.get("environments"):
+        lines += ["", "vector environments, steps of a world per second", *_speeds(found["environments"])]
     lines += ["", "largest distance from RK4 at 0.125 ms, m"]
     lines += [f"  {name:<44} {value:.2e}" for name, value in found["accuracy_m"].items()]
     lines += ["", "one control step, microseconds: median, 99th percentile"]

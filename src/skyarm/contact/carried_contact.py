@@ -17,7 +17,7 @@ from skyarm.contact.contact_point import ContactPoint
 from skyarm.contact.material import LIGHTEST
 from skyarm.contact.surface import Surface
 from skyarm.contact.touch import Touch, touch_of
-from skyarm.scalars import neg
+from skyarm.scalars import divide, neg
 
 NOBODY = -1
 """Number of a carrier that stands for the world, of a surface, or for the vehicle, of a point."""
@@ -65,16 +65,18 @@ class Carried:
         """What asks for a step, in words, and the longest integration step (s), of each kind of pair."""
         masses = [1.0 / each.mobility for each in self.carriers]
         for i, carrier in enumerate(self.carriers):
-            others = [mass for j, mass in enumerate(masses) if j != i and self.carriers[j].spot_count]
-            what = f"the mass of {carrier.name!r}"
+            others = [
+                (masses[j], each.step_share) for j, each in enumerate(self.carriers) if j != i and each.spot_count
+            ]
+            what, share = f"the mass of {carrier.name!r}", carrier.step_share
             for surface in carrier.surfaces:
                 if self.points:
-                    yield what, surface.material.step_of(both(masses[i], LIGHTEST))
-                for mass in others:
-                    yield what, surface.material.step_of(both(masses[i], mass))
+                    yield what, share * surface.material.step_of(both(masses[i], LIGHTEST))
+                for mass, other in others:
+                    yield what, min(share, other) * surface.material.step_of(both(masses[i], mass))
             if carrier.spot_count:
                 for surface in self.surfaces:
-                    yield what, surface.material.step_of(masses[i])
+                    yield what, share * surface.material.step_of(masses[i])
 
     def meetings(
         self,
@@ -140,7 +142,7 @@ class Carried:
 
 def both(a: Any, b: Any) -> Any:
     """The mass (kg) of two that push each other."""
-    return 1.0 / (1.0 / a + 1.0 / b)
+    return divide(1.0, divide(1.0, a) + divide(1.0, b))
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,6 +75,11 @@ class Carrier:
         """m^2: square of the least radius of gyration, with which a gripper holds its attitude; 0 to leave it free."""
         return 0
 
+    @property
+    def step_share(self) -> float:
+        """Share of a material's longest integration step that contact with it bears."""
+        return 1.0
+
     def start(self) -> Any:
         """First memory, a record or tuple of floats."""
         raise NotImplementedError

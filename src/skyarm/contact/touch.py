@@ -52,7 +52,7 @@ def touch_of(
     rising = slip.dot(axis)
     bristle = _across(held, axis)  # a round surface's normal turns
     rate = material.bristle_rate(bristle, _across(slip, axis), depth, material.bristle_length / step)
-    normal = material.normal_force(depth, -rising, mass)
+    normal = material.normal_force(depth, -rising, None if mass is LIGHTEST else step)
     friction = material.friction_force(bristle, rate, normal, mass)
     return Touch(
         depth=depth, rising=rising, normal=normal, friction=friction, spot=spot, bristle_rate=rate, axis=axis

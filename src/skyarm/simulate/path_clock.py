@@ -1,8 +1,8 @@
 """The clock of a reference whose phases wait for the flight: a state of the closed loop.
 
 The clock counts control periods of the reference. It goes on with the flight's own, stands still at the planned end of
-a guarded phase until the flight shows what the guard asks, and skips what is left of a phase that may end early. Guards
-know what the law knows: the measurement, and the force that the law observes.
+a phase with a guard until the flight shows what the guard asks, and skips what is left of a phase that may end early.
+Guards know what the law knows: the measurement, and the force that the law observes.
 
 Where no phase waits the clock is ``()``: structure, without an operation.
 """
@@ -93,7 +93,7 @@ class Waits:
         self._stops = self._stops_of_early_phases() if self._moves else ()
 
     def _stops_of_early_phases(self) -> tuple[Vec3, ...]:
-        """Where the reference of the base is at the end of each guarded phase, m."""
+        """Where the reference of the base is at the end of each phase with a guard, m."""
         return tuple(self._trajectory.at(guard.at).position for guard in self.guards)
 
     def first(self) -> PathClock | tuple[()]:

@@ -29,10 +29,11 @@ from skyarm.control.blocks.saturation import all_follow
 from skyarm.control.controller import all_applied
 from skyarm.control.laws.centroidal.adaptation import adapt
 from skyarm.control.laws.centroidal.bandwidth import at_shares
+from skyarm.control.laws.centroidal.carrying_step import carry
 from skyarm.control.laws.centroidal.demands import Following, demands
 from skyarm.control.laws.centroidal.interaction import rested
 from skyarm.control.laws.centroidal.interaction_records import InteractionMemory
-from skyarm.control.laws.centroidal.learned_load import learn_load, with_learned
+from skyarm.control.laws.centroidal.learned_load import with_learned
 from skyarm.control.laws.centroidal.load_records import LoadMemory
 from skyarm.control.laws.centroidal.memory import CentroidalMemory
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
@@ -41,7 +42,7 @@ from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.reference import Reference
-from skyarm.scalars import add, divide, logical_or, maximum, minimum, mul, sub, where
+from skyarm.scalars import add, divide, maximum, mul, sub, where
 from skyarm.sensors.measurement import Measurement
 
 SLOWEST = 1.0
@@ -92,6 +93,9 @@ def centroidal(
             par, held, reference.push, signals, observed, memory.sent[-1], state, unknown, measurement.tip_force, dt
         )
         signals = pressing.shifted(signals)
+    if par.load is not None and isinstance(load, LoadMemory) and reference.load:
+        load, resting = carry(par, memory, load, reference.load[0], observed, alone, pressing, dt)
+        unknown, force = unknown + resting, force + resting.force
     share = low_pass_share(par.tip.shift_rate, dt)
     slow = memory.slow_force + (force - memory.slow_force) * share
     steady = (slow if par.mode == "tip" else force) + feedforward.force
@@ -118,24 +122,6 @@ def centroidal(
         calm = rested(par.interaction, held)  # a surface is no load, no friction and no lag
         free, trusted = (tuple(mul(each, calm) for each in row) for row in (free, trusted))
         held = dataclasses.replace(held, gap=demand.gap)
-    if par.load is not None and isinstance(load, LoadMemory) and reference.load:
-        calm = free[0]
-        for each in free[1:]:
-            calm = mul(calm, each)
-        if pressing is not None:
-            calm = where(logical_or(pressing.engaged > 0.5, pressing.asked), 0.0, calm)
-        load = learn_load(
-            par.load,
-            load,
-            model,
-            observed.quaternion.rotation(),
-            observed.joints,
-            alone,
-            reference.load[0] > 0.5,
-            calm,
-            minimum(par.observer.force, par.observer.joints),
-            dt,
-        )
     if par.lag is not None and isinstance(lag, LagMemory):
         lag = learn(par.lag, lag, told, measurement, memory.started, trusted, dt)
     following = CentroidalMemory(

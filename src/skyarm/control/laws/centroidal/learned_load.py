@@ -112,8 +112,12 @@ def learn_load(
     learns: Any,
     bandwidth: Any,
     dt: Any,
-) -> LoadMemory:
-    """The load one period later.
+) -> tuple[LoadMemory, Disturbance]:
+    """The load one period later, and what the law shall not push against.
+
+    A load that is held and lies on something pushes the tip up as soon as the reference is a little low, and a law that
+    answered this would push down ever harder and leave its support late. So an upward force beyond the load's weight
+    is taken out of the disturbance that the law answers.
 
     Args:
         gains: constants.
@@ -151,7 +155,12 @@ def learn_load(
             ),
         ),
     )
-    return after
+    rests = maximum(-(memory.mass + mass), 0.0) * where(holds, learns, 0.0)
+    return after, Disturbance(
+        force=Vec3(0, 0, rests * at.lift),
+        torque=at.turning[0] * rests,
+        efforts=tuple(row[0] * rests for row in at.efforts),
+    )
 
 
 def _step(pace: Any, bandwidth: Any, holds: Any, learns: Any, dt: Any) -> Any:

@@ -1,0 +1,52 @@
+"""Where the learned load meets the rest of the law: when it learns, and how fast."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.disturbance_observer import Observed
+from skyarm.control.blocks.saturation import all_follow
+from skyarm.control.laws.centroidal.interaction import Pressing
+from skyarm.control.laws.centroidal.learned_load import learn_load
+from skyarm.control.laws.centroidal.load_records import LoadMemory
+from skyarm.control.laws.centroidal.memory import CentroidalMemory
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.scalars import logical_or, minimum, mul, where
+
+
+def carry(
+    par: CentroidalParameters,
+    memory: CentroidalMemory,
+    load: LoadMemory,
+    told: Any,
+    observed: Observed,
+    alone: Disturbance,
+    pressing: Pressing | None,
+    dt: Any,
+) -> tuple[LoadMemory, Disturbance]:
+    """One period of the learned load.
+
+    Args:
+        par: constants, with those of the load, whose model holds it.
+        memory: of the law, one period earlier.
+        load: of it.
+        told: above 0.5 while the tip is told to hold something.
+        observed: of the observer, at the measurement's time.
+        alone: the disturbance that it holds.
+        pressing: on a surface; None where no reference asks for it.
+        dt: control period, s.
+
+    Returns:
+        The memory, and what the law adds to the disturbance that it answers.
+    """
+    if par.load is None:
+        raise AssertionError("a load needs its constants")
+    calm: Any = where(all_follow(memory.applied), 1.0, 0.0)
+    for each in memory.free:
+        calm = mul(calm, each)
+    if pressing is not None:
+        calm = where(logical_or(pressing.engaged > 0.5, pressing.asked), 0.0, calm)
+    bandwidth = minimum(par.observer.force, par.observer.joints)
+    R = observed.quaternion.rotation()
+    return learn_load(par.load, load, par.model, R, observed.joints, alone, told > 0.5, calm, bandwidth, dt)

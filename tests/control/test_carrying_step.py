@@ -1,0 +1,80 @@
+"""When the load is learned: while it is told to be held, on no surface, and with no actuator at its limit."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import skyarm
+from skyarm.algebra import Mat3, Vec3
+from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.laws.centroidal import interaction, make_centroidal
+from skyarm.control.laws.centroidal.carrying_step import carry
+from skyarm.control.laws.centroidal.interaction import Pressing
+from skyarm.control.laws.centroidal.interaction_records import InteractionGains, first_interaction, wanted_of
+from skyarm.control.laws.centroidal.tip_force import levers
+from skyarm.control.model import Model
+from skyarm.dynamics.kinematics import frame_pose
+from skyarm.reference import Reference
+from skyarm.sensors.measurement import blank_measurement
+
+DT = 0.005
+ARM = skyarm.load_vehicle("hummingbird_arm2_rotors")
+LAW = make_centroidal(Model(vehicle=ARM, gravity=9.81), mode="tip", interaction=(0.3, 0.1), load=0.3)
+AT = levers(ARM, Mat3.identity(), (0.0, 0.0))
+PULLED = AT.disturbance(Vec3(0.0, 0.0, -0.981))
+
+
+def pressing(**changes):
+    held = {"n": Vec3(-1.0, 0.0, 0.0), "share": 0.0, "damping": 20.0, "engaged": 0.0, "shift": (0.0, 0.0, 0.0)}
+    return Pressing(**held | {"order": 0.0, "force": Vec3(0.0, 0.0, 0.0), "kept": 1.0} | changes)
+
+
+def mass(told=1.0, on=None, **memory):
+    """What is learned in a period of a weight of 100 g."""
+    whole = dataclasses.replace(LAW.memory, **memory)
+    found, _ = carry(LAW.par, whole, whole.load, told, whole.observed, PULLED, on, DT)
+    return found.mass
+
+
+def test_a_load_is_learned_while_it_is_told_to_be_held_and_no_surface_is_touched():
+    assert mass() == pytest.approx(0.1 * 0.183, rel=0.05)  # 1 - exp(-1.5 * 27 * 0.005)
+    assert mass(on=pressing()) == mass()
+    assert mass(told=0.4) == 0.0
+    for on in (pressing(engaged=1.0), pressing(asked=True)):
+        assert mass(on=on) == 0.0
+
+
+def test_nothing_is_learned_at_a_limit_and_of_a_command_that_others_changed():
+    assert mass(free=(1.0, 0.0, 1.0)) == 0.0
+    assert mass(free=(0.0, 1.0, 1.0)) == 0.0
+    assert mass(applied=(1.0, 1.0, 0.0)) == 0.0
+
+
+def test_what_a_sensor_reads_is_turned_to_world_axes_and_filtered():
+    law = make_centroidal(Model(vehicle=ARM, gravity=9.81), mode="tip", interaction=(0.3, 0.1), force_sensor=True)
+    joints, read = (0.4, -1.1), Vec3(0.5, 0.2, -0.3)
+    still = (0.0,) * 2
+    reading = dataclasses.replace(blank_measurement(2, 4), joints=joints, tip_force=(*read,))
+    reference = Reference(joints=joints, joint_rates=still, joint_accelerations=still, push=(1.0, 0.1, -1.0, 0.0, 0.0))
+    following, _ = law.law(law.memory, reading, reference, DT, par=law.par)
+    expected = frame_pose(ARM, ARM.frame(), joints).R.apply(read) * (1.0 - np.exp(-60.0 * DT))
+    assert [*following.interaction.felt] == pytest.approx([*expected], rel=1e-6)
+
+
+def test_a_sensor_decides_on_touch_and_leads_the_integral():
+    gains, none = InteractionGains(touch=0.3, lost=0.1, sensing=60.0), first_interaction(2, sensor=True)
+    nothing = Disturbance(force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0), efforts=(0.0, 0.0))
+    wish, there = wanted_of((1.0, 0.1, -1.0, 0.0, 0.0)), Vec3(-0.8, 0.0, 0.0)
+
+    def stepped(memory, felt):
+        return interaction.interact(gains, memory, wish, ARM, nothing, AT, 0.0, 0.0, DT, felt)[0]
+
+    assert (stepped(none, there).touching, stepped(none, None).touching) == (1.0, 0.0)
+    pressed = dataclasses.replace(none, touching=1.0, share=1.0)
+    assert stepped(pressed, there).integral == pytest.approx(4.0 * DT * 0.2)
+    assert stepped(pressed, None).integral == pytest.approx(4.0 * DT * 1.0)
+    assert stepped(none, there).felt == there
+    assert stepped(none, None).felt == none.felt  # a law that hears nothing keeps what it has
