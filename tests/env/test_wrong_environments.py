@@ -41,6 +41,7 @@ def two():
         ({"observation": "attitude"}, "observation = 'attitude': must be a list"),
         ({"observation": ()}, "at least one quantity"),
         ({"observation": ["atitude"]}, r"observation\[0\] = 'atitude': did you mean 'attitude'"),
+        ({"reward": []}, "at least one term"),
         ({"reward": [3]}, r"reward\[0\] = 3: must be one of tip_near"),
         ({"precision": "half"}, "precision = 'half': must be one of single"),
         ({"duration": -1.0}, "duration = -1.0"),
@@ -87,8 +88,9 @@ def test_records_refuse_numbers_that_cannot_be(kind, numbers):
         (np.zeros((2, 3)), r"shape \(2, 3\), must be of shape \(2, 4\)"),
         (np.zeros((4, 2)), r"must be of shape \(2, 4\)"),
         (np.zeros(4), r"must be of shape \(2, 4\)"),
-        (np.zeros((2, 4), dtype=bool), "bool of shape"),
-        ("up", "must be of shape"),
+        (np.zeros((2, 4), dtype=bool), r"bool of shape \(2, 4\), must be of real numbers"),
+        (np.zeros((2, 4), dtype=complex), r"actions: complex128 of shape \(2, 4\), must be of real numbers"),
+        ("up", "must be of real numbers"),
         ([[0.0] * 4, [0.0] * 3], "must be an array"),
         ([[0.0] * 4, [0.0, np.nan, 0.0, 0.0]], r"actions\[1\] = .*must be finite"),
         ([[np.inf] * 4, [-np.inf] * 4], r"actions\[0\] = .*must be finite"),
@@ -108,6 +110,8 @@ def test_actions_that_are_none_are_refused_and_nothing_flies(two, actions, words
     [
         ({"seed": -1}, "seed = -1"),
         ({"seed": 1.5}, "seed = 1.5"),
+        ({"options": {"foo": 1}}, r"options = \{'foo': 1\}: must be a table of reset_mask"),
+        ({"options": 3}, "options = 3: must be a table"),
         ({"seed": [1]}, "a list of 1"),
         ({"seed": [1, "x"]}, r"seed\[1\] = 'x'"),
         ({"options": {"reset_mask": np.array([True])}}, "mask: bool of shape"),
@@ -125,12 +129,17 @@ def test_other_arguments_of_environments_are_refused():
         ({"autoreset_mode": "Never"}, "autoreset_mode = 'Never': must be one of NextStep"),
         ({"render_mode": "human"}, "render_mode = 'human'"),
         ({"num_envs": 0}, "num_envs = 0"),
+        ({"num_envs": 10**9}, "num_envs = 1000000000: must be a whole number, at most 1000000"),
+        ({"copy": "x"}, "copy = 'x': must be True or False"),
+        ({"rewards": ["alive"]}, "rewards = .*: unknown argument; did you mean 'reward'"),
         ({"threads": 0}, "threads = 0"),
     ):
         with pytest.raises(skyarm.ScenarioError, match=words):
             VectorEnvironment(**bare(**given))
     with pytest.raises(skyarm.ScenarioError, match="render_mode = 'human'"):
         Environment(**bare(render_mode="human"))
+    with pytest.raises(skyarm.ScenarioError, match="foo = 1: unknown argument; there are actions, observation"):
+        Environment(**bare(foo=1))
     with pytest.raises(skyarm.ScenarioError, match=r"must come after reset\(\)"):
         VectorEnvironment(2, **bare()).step(np.zeros((2, 4)))
 
@@ -160,6 +169,15 @@ def test_a_single_environment_refuses_what_comes_at_the_wrong_time_and_says_why_
     with pytest.raises(skyarm.ScenarioError, match=r"must come after reset\(\)"):
         one.step(np.zeros(4))
     one.reset(seed=2**40 + 3)
+    for wrong, words in (
+        (np.zeros((1, 4)), r"^action: float64 of shape \(1, 4\), must be of shape \(4,\)"),
+        (np.zeros(3), r"^action: float64 of shape \(3,\), must be of shape \(4,\)"),
+        (np.zeros(4, dtype=complex), r"^action: complex128 of shape \(4,\), must be of real numbers"),
+    ):
+        with pytest.raises(skyarm.ScenarioError, match=words):
+            one.step(wrong)
+    with pytest.raises(skyarm.ScenarioError, match=r"options = .*: must be None or empty"):
+        one.reset(options={"foo": 1})
     with pytest.raises(skyarm.ScenarioError, match=r"^action = .*must be finite"):
         one.step(np.full(4, np.nan))
     assert one.lanes.seeds[0] == (2**40 + 3) % 2**32

@@ -15,7 +15,7 @@ PUSH = {"force": {"kind": "constant", "value": 2.0, "start": 1.0, "stop": 3.0}, 
 
 
 def trajectory(push=PUSH):
-    return reference_from({"push": push, "joints": [0.1]}, 1, "reference", Setting())
+    return reference_from({"push": push, "joints": [0.1]}, 1, "reference", Setting(duration=5.0))
 
 
 def test_force_speed_and_unit_normal_are_told():
@@ -25,6 +25,12 @@ def test_force_speed_and_unit_normal_are_told():
     assert trajectory({**PUSH, "speed": 0.3}).at(0.0).push[1] == 0.3
     assert Trajectory().at(0.0).push == ()
     assert {1.0, 3.0} <= set(told.switch_times())
+
+
+def test_a_tip_that_grips_may_pull():
+    assert trajectory({**PUSH, "force": -5.0, "grip": 1.0}).at(2.0).push[0] == -5.0
+    back = {"kind": "sequence", "start": 0.5, "segments": [[1.0, 3.0], [2.0, 0.0]]}
+    assert trajectory({**PUSH, "force": back}).at(4.0).push[0] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_the_force_waits_and_goes_with_the_motion():
@@ -42,9 +48,18 @@ def test_the_force_waits_and_goes_with_the_motion():
     [
         ({"normal": [0.0, 0.0, 0.0]}, r"reference\.push\.normal = .*must point out of the surface"),
         ({"normal": [1.0, 0.0]}, r"reference\.push\.normal"),
+        ({"speed": 1e6}, r"reference\.push\.speed = 1e\+06: must be from 0 to 10"),
+        ({"force": -5.0}, r"push\.force = -5 N at 0 s: must be at least 0 without grip"),
+        (
+            {"force": {"kind": "sine", "amplitude": 0.1, "frequency_hz": 1.0}},
+            r"push\.force = -0\.1 N at .*without grip",
+        ),
+        ({"force": {"kind": "constant", "value": -1.0, "start": 1.0, "stop": 1.001}}, r"push\.force = -1 N at 1 s"),
+        ({"force": 1e9}, r"push\.force = 1e\+09 N at 0 s: must be at most 10000 N"),
+        ({"force": -1e9, "grip": 1.0}, r"push\.force = -1e\+09 N at 0 s: must be at most 10000 N"),
         ({"speed": 0.0}, r"reference\.push\.speed = 0\.0: must be .*above 0"),
         ({"force": "hard"}, r"reference\.push\.force = 'hard'"),
-        ({"pressure": 1.0}, r"reference\.push\.pressure"),
+        ({"pressure": 1.0}, r"reference\.push\.pressure.*allowed: force, normal, speed, grip, pivot, axis"),
     ],
 )
 def test_other_tables_are_refused_in_one_line(changed, message):

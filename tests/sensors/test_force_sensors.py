@@ -163,7 +163,10 @@ def test_the_sensor_on_the_page_is_one():
     ("change", "words"),
     [
         ({"sensors": {}}, r"controller\.force_sensor = true: must be false without a sensor of kind 'force_torque'"),
-        ({"sensors": {"wrist": {"kind": "force_torque", "frame": "elbow"}}}, r"sensors\.wrist.*no frame 'elbow'"),
+        (
+            {"sensors": {"wrist": {"kind": "force_torque", "frame": "elbow"}}},
+            r"sensors\.wrist\.frame = 'elbow': .*no frame 'elbow'",
+        ),
         ({"sensors": {"wrist": {"kind": "force_torque", "bandwidth": -1}}}, r"bandwidth = -1"),
         ({"sensors": {"wrist": {"kind": "force_torque", "force": {"sigma": "x"}}}}, r"sigma"),
         (

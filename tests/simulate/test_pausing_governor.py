@@ -15,7 +15,9 @@ from skyarm.metrics.path_distance import path_distance
 from skyarm.metrics.score import score
 from skyarm.reference import hover
 from skyarm.reference.path_pause import PathPause
+from skyarm.scenario.governor_limits import GovernorOptions
 from skyarm.scenario.numbers import with_numbers
+from skyarm.scenario.path_governor import options_from
 from skyarm.sensors.measurement import blank_measurement
 from skyarm.simulate.batch import Batch
 from skyarm.simulate.first_state import first_loop_state
@@ -200,11 +202,18 @@ def test_without_bounds_there_is_no_clock(scenario):
         flight({"pause_eror": 0.1})
 
 
+def test_an_infinite_bound_says_never_in_a_file():
+    limits = {"pause_error": math.inf, "pause_thrust": math.inf, "joint_speed": math.inf}
+    assert options_from(limits) == GovernorOptions()
+    with pytest.raises(ValueError, match=r"pause_acceleration = inf: must be a finite number"):
+        options_from({"pause_acceleration": math.inf})
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         ({"pause_error": 0.0}, "reference.governor.pause_error = 0.0: must be above 0"),
-        ({"pause_error": math.nan}, "reference.governor.pause_error = nan: must be a finite number"),
+        ({"pause_error": math.nan}, "reference.governor.pause_error = nan: must be a number"),
         ({"pause_thrust": 1.0}, "reference.governor.pause_thrust = 1.0: must be below 1"),
         ({"pause_thrust": -0.1}, "reference.governor.pause_thrust = -0.1: must be above 0"),
         ({"pause_acceleration": 0.0}, "reference.governor.pause_acceleration = 0.0: must be above 0"),

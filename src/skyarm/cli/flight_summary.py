@@ -13,6 +13,7 @@ from skyarm.cli.terminal_chart import chart
 from skyarm.cli.terminal_tables import add, shown, table_of
 from skyarm.files import printable
 from skyarm.log.grasp_periods import GraspPeriod
+from skyarm.log.phase_timeouts import timed_out
 from skyarm.metrics.path_distance import path_distance
 from skyarm.metrics.windows import Windows, windows_of
 from skyarm.simulate import Log
@@ -42,8 +43,12 @@ def episode(log: Log) -> RenderableType:
 
 
 def phase_lines(log: Log) -> list[str]:
-    """When the phases of a task that waits were done, in one line."""
-    ends = [f"{name} {'-' if end is None else f'{end:g} s'}" for name, end in log.phase_ends]
+    """When the phases of a task that waits were done, and which of them by their timeout, in one line."""
+    late = timed_out(log)
+    ends = [
+        f"{name} {'-' if end is None else f'{end:g} s'}{' (timeout)' if number in late else ''}"
+        for number, (name, end) in enumerate(log.phase_ends)
+    ]
     return [f"phases done: {', '.join(ends)}"] if ends else []
 
 
@@ -109,7 +114,10 @@ def facts(log: Log) -> dict[str, Any]:
     if log.gripper_taken.size:
         found["grasps"] = [dataclasses.asdict(each) for each in log.grasp_periods]
     if log.phase.size:
-        found["phase_ends"] = [{"phase": name, "end": end} for name, end in log.phase_ends]
+        late = timed_out(log)
+        found["phase_ends"] = [
+            {"phase": name, "end": end, "timeout": number in late} for number, (name, end) in enumerate(log.phase_ends)
+        ]
     beside = beside_errors(log)
     return found | ({"governor": beside} if beside else {})
 

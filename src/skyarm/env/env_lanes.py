@@ -15,6 +15,7 @@ from skyarm.dynamics import State
 from skyarm.env.env_program import EnvProgram
 from skyarm.env.env_task import Task
 from skyarm.env.episode_starts import EpisodeStarts
+from skyarm.env.given_arguments import require_actions
 from skyarm.files import shown
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.simulate.check_endings import endings_of
@@ -99,8 +100,7 @@ class EnvLanes:
             found = np.asarray(actions)
         except (TypeError, ValueError):
             raise ScenarioError(f"actions = {shown(actions)}: must be an array") from None
-        if found.shape != held.shape[::-1] or found.dtype.kind not in "fiu":
-            raise ScenarioError(f"actions: {found.dtype} of shape {found.shape}, must be of shape {held.shape[::-1]}")
+        require_actions("actions", found, held.shape[::-1])
         if not np.isfinite(found).all():
             lane = int(np.flatnonzero(~np.isfinite(found).all(axis=1))[0])
             raise ScenarioError(f"actions[{lane}] = {shown(found[lane].tolist())}: must be finite")

@@ -87,11 +87,14 @@ def make_task(
         # a law that is not asked ends no episode where it is not defined
         flown = dataclasses.replace(flown, controller=dataclasses.replace(flown.controller, margin=None), pause=None)
     try_own_code(flown, law=kind.asks_law)
+    rewarded = _several("reward", reward, REWARDS, RewardTerm)
+    if not rewarded:
+        raise ScenarioError(f"reward = {shown(reward)}: must have at least one term")
     return Task(
         scenario=flown,
         actions=kind,
         observation=seen,
-        reward=_several("reward", reward, REWARDS, RewardTerm),
+        reward=rewarded,
         randomised=randomised(flown, randomise),
         precision=precision,
     )

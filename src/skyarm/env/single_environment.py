@@ -11,6 +11,7 @@ import numpy.typing as npt
 from skyarm.compile import leaves
 from skyarm.env.env_lanes import EnvLanes
 from skyarm.env.env_task import make_task
+from skyarm.env.given_arguments import require_actions, require_arguments, require_options
 from skyarm.env.seeds_of_lanes import seed_of
 from skyarm.env.vector_environment import spaces
 from skyarm.files import shown
@@ -35,6 +36,7 @@ class Environment(gymnasium.Env[Array, Array]):
     def __init__(self, *, scenario: Scenario | str = "case3", render_mode: str | None = None, **task: Any) -> None:
         if render_mode is not None:
             raise ScenarioError(f"render_mode = {shown(render_mode)}: must be None; films are made of logs")
+        require_arguments(task, make_task)
         self.lanes = EnvLanes(make_task(scenario, **task), 1)
         self.observation_space, self.action_space = spaces(self.lanes)
         self.metadata = {"render_modes": [], "render_fps": self.lanes.task.scenario.rates.control}
@@ -43,6 +45,7 @@ class Environment(gymnasium.Env[Array, Array]):
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Begin episode 0 of a seed, or the next episode without one."""
+        require_options(options, ())
         key = None if seed is None else seed_of(seed)
         super().reset(seed=seed)
         if key is None and not self._begun:
@@ -71,7 +74,9 @@ class Environment(gymnasium.Env[Array, Array]):
         if not self._begun or lanes.ended[0] or lanes.truncated[0]:
             raise ScenarioError("step: must come after reset(), and before the end of the episode")
         try:
-            lanes.act(np.asarray(action)[None])
+            found = np.asarray(action)
+            require_actions("action", found, lanes.actions.shape[:1])
+            lanes.act(found[None])
         except (TypeError, ValueError) as error:
             raise ScenarioError(str(error).replace("actions[0]", "action")) from None
         lanes.step()

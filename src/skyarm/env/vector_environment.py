@@ -13,6 +13,7 @@ from gymnasium.vector.utils import batch_space
 
 from skyarm.env.env_lanes import EnvLanes
 from skyarm.env.env_task import Task, make_task
+from skyarm.env.given_arguments import require_arguments, require_lanes, require_options
 from skyarm.env.seeds_of_lanes import seed_of, seeds_of
 from skyarm.files import must_be_one_of, shown
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
@@ -54,7 +55,10 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         if render_mode is not None:
             raise ScenarioError(f"render_mode = {shown(render_mode)}: must be None for many episodes together")
         self._mode = _mode(autoreset_mode)
-        count = require_count("num_envs", num_envs)
+        count = require_lanes(num_envs)
+        if not isinstance(copy, (bool, np.bool_)):
+            raise ScenarioError(f"copy = {shown(copy)}: must be True or False")
+        require_arguments(task, make_task)
         made: Task = make_task(scenario, **task)
         self.lanes = EnvLanes(made, count, threads=require_count("threads", threads))
         self.num_envs, self._copy = count, bool(copy)
@@ -81,6 +85,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
             seed: lane k takes ``seed + k``, or the k-th of a list; without one its next episode begins.
             options: ``{"reset_mask": (num_envs,) True or False}``.
         """
+        require_options(options, ("reset_mask",))
         mask = (options or {}).get("reset_mask")
         chosen = lane_mask(mask, self.num_envs)
         if mask is not None and not chosen.any():

@@ -16,7 +16,8 @@ from skyarm.reference.guard_tables import guard_from, unit_vector
 from skyarm.reference.minimum_snap import minimum_snap
 from skyarm.reference.phase_builder import Place, Task, require_field, seconds
 from skyarm.reference.polynomials import Polynomials
-from skyarm.reference.task_tables import MOST_POINTS, place_of, points_of, require_apart, within
+from skyarm.reference.task_tables import MOST_POINTS, place_of, points_of, require_way, within
+from skyarm.reference.tip_push import FASTEST, STRONGEST
 from skyarm.reference.turning import Turning
 
 EASE = 0.05
@@ -70,8 +71,9 @@ def write(task: Task, phase: Fields) -> None:
     _tell_push(task, phase)
     points = points_of(phase.take("points"), phase.at("points"))
     if not 1 <= len(points) <= MOST_POINTS:
-        raise ValueError(f"{phase.at('points')} = {len(points)} points: must be 1 to {MOST_POINTS}")
-    require_apart([task.at, *points], phase.at("points"))
+        said = f"{len(points)} points" if points else "[]"
+        raise ValueError(f"{phase.at('points')} = {said}: must be 1 to {MOST_POINTS} points")
+    require_way(task.at, points, [f"{phase.at('points')}[{i}]" for i in range(len(points))])
     begun = task.time
     whole = None if phase.take("duration", None) is None else seconds(phase, "duration")
     length = sum(math.dist(a, b) for a, b in zip([task.at, *points], points, strict=False))
@@ -163,7 +165,9 @@ def _go(task: Task, phase: Fields, goal: Place, *, touches: bool) -> None:
     duration = None if phase.take("duration", None) is None else seconds(phase, "duration")
     points = [task.at, *via, goal]
     if touches or via:
-        require_apart(points, phase.at("position"))
+        require_way(
+            task.at, [*via, goal], [*(f"{phase.at('via')}[{i}]" for i in range(len(via))), phase.at("position")]
+        )
     task.go(points, duration, back=not touches)
     task.wait(guard_from(phase, task.normal))
 
@@ -179,12 +183,12 @@ def _tell_push(task: Task, phase: Fields) -> None:
     """Force, normal and speed of a phase that touches; what it leaves out is that of the phase before."""
     _tell_normal(task, phase)
     if phase.take("speed", None) is not None:
-        speed = within(phase.number("speed", low=0.0, strict=True), phase.at("speed"))
+        speed = within(phase.number("speed", low=0.0, strict=True), phase.at("speed"), 0.0, FASTEST)
         require_field(phase, "speed", (speed,), None if task.speed is None else (task.speed,),
                       "must be the same in all phases of a task")  # fmt: skip
         task.speed = speed
     if task.force is None or phase.take("force", None) is not None:
-        task.force = within(phase.number("force", low=0.0, strict=True), phase.at("force"))
+        task.force = within(phase.number("force", low=0.0, strict=True), phase.at("force"), 0.0, STRONGEST)
     if task.normal is None:
         raise ValueError(f"{phase.at('normal')}: is missing; must be a vector out of the surface that is touched first")
 

@@ -28,8 +28,9 @@ from skyarm.reference.contact_phases import TOUCHING, approach, retreat
 from skyarm.reference.guard_tables import guard_from
 from skyarm.reference.phase_builder import Place, Task, seconds
 from skyarm.reference.setting import JointMove, Setting, TaskEvent
-from skyarm.reference.task_tables import limits_of, place_of, points_of, require_apart, within
+from skyarm.reference.task_tables import limits_of, place_of, points_of, require_way, within
 from skyarm.reference.trajectory import Trajectory
+from skyarm.reference.waypoints import SHORTEST
 
 
 def phases_table(fields: Fields, setting: Setting) -> Trajectory:
@@ -80,7 +81,7 @@ def go_to(task: Task, phase: Fields) -> None:
     goal = place_of(phase, "position", phase.at("position"))
     duration = None if phase.take("duration", None) is None else seconds(phase, "duration")
     points = [task.at, *via, goal]
-    require_apart(points, phase.at("position"))
+    require_way(task.at, [*via, goal], [*(f"{phase.at('via')}[{i}]" for i in range(len(via))), phase.at("position")])
     task.go(points, duration, back=True)
     task.wait(guard_from(phase, task.normal))
 
@@ -90,9 +91,9 @@ def lift(task: Task, phase: Fields) -> None:
     height = within(phase.number("height"), phase.at("height"))
     duration = None if phase.take("duration", None) is None else seconds(phase, "duration")
     x, y, z = task.at
-    points = [task.at, (x, y, z + height)]
-    require_apart(points, phase.at("height"))
-    task.go(points, duration)
+    if abs(height) < SHORTEST:
+        raise ValueError(f"{phase.at('height')} = {height:g}: must be {SHORTEST:g} m or more, up or down (below 0)")
+    task.go([task.at, (x, y, z + height)], duration)
     task.wait(guard_from(phase, task.normal))
 
 

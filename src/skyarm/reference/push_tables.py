@@ -16,18 +16,34 @@ A wrong table raises ValueError with one line: field, value, what is allowed.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from typing import Any
+
+import numpy as np
 
 from skyarm.files import Fields, shown
 from skyarm.reference.signal_tables import signal_from
-from skyarm.reference.tip_push import SPEED, TipPush
+from skyarm.reference.signals import Signal
+from skyarm.reference.task_tables import within
+from skyarm.reference.tip_push import FASTEST, SPEED, STRONGEST, TipPush
 
 SHORTEST = 1e-6
 """Length of a normal below which it points nowhere."""
 
+LOOKS = 401
+"""Instants of a flight at which the force is looked at, beside those at which it switches."""
 
-def push_from(table: Any, where: str) -> TipPush:
+ROUNDING = 1e-6
+"""N below 0 that a force without a grip may be: a smooth ramp back to 0 ends at no exact 0."""
+
+
+def push_from(table: Any, where: str, duration: float = 0.0) -> TipPush:
     """The wanted contact that a table describes.
+
+    Args:
+        table: as above.
+        where: its name.
+        duration: s of the flight, in the course of which the force is looked at.
 
     Raises:
         ValueError: one line with field, value and what is allowed.
@@ -37,16 +53,33 @@ def push_from(table: Any, where: str) -> TipPush:
     normal = fields.vector("normal")
     if sum(c * c for c in normal) < SHORTEST * SHORTEST:
         raise ValueError(f"{fields.at('normal')} = {shown(list(normal))}: must point out of the surface")
-    speed = fields.number("speed", SPEED, low=0.0, strict=True)
+    speed = within(fields.number("speed", SPEED, low=0.0, strict=True), fields.at("speed"), 0.0, FASTEST)
     found = TipPush(force=force, normal=normal, speed=speed)
-    if "grip" in fields.table:
+    # each is asked for, so that a misspelt one is told of all
+    if fields.take("grip", None) is not None:
         found = dataclasses.replace(found, grip=signal_from(fields.take("grip"), fields.at("grip")))
-    if "pivot" in fields.table:
+    if fields.take("pivot", None) is not None:
         found = dataclasses.replace(found, pivot=_vector(fields, "pivot", found))
-    if "axis" in fields.table:
+    if fields.take("axis", None) is not None:
         found = dataclasses.replace(found, axis=_vector(fields, "axis", found))
     fields.done()
+    _require_force(force, fields.at("force"), duration, pulls=found.grip is not None)
     return found
+
+
+def _require_force(force: Signal, at: str, duration: float, *, pulls: bool) -> None:
+    """Refuse a force that no vehicle has, and one that pulls where nothing is gripped."""
+    switches = sorted({0.0, *(float(t) for t in force.switch_times()), duration})
+    between = [0.5 * (a + b) for a, b in itertools.pairwise(switches)]
+    looks = np.concatenate([switches, between, np.linspace(0.0, duration, LOOKS)])
+    found = np.broadcast_to(np.asarray(force.derivatives(looks)[0], dtype=float), looks.shape)
+    worst = int(np.argmax(np.abs(found)))
+    if abs(found[worst]) > STRONGEST:
+        raise ValueError(f"{at} = {found[worst]:g} N at {looks[worst]:.4g} s: must be at most {STRONGEST:g} N")
+    least = int(np.argmin(found))
+    if not pulls and found[least] < -ROUNDING:
+        allowed = "must be at least 0 without grip; what only presses cannot pull"
+        raise ValueError(f"{at} = {found[least]:g} N at {looks[least]:.4g} s: {allowed}")
 
 
 def _vector(fields: Fields, name: str, push: TipPush) -> tuple[float, float, float]:

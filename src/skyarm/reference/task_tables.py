@@ -158,6 +158,20 @@ def require_apart(points: Points, at: str) -> None:
             raise ValueError(f"{at}[{i + 1}] = {shown(list(b))}: must be {SHORTEST:g} m or more from the point before")
 
 
+def require_way(start: Sequence[float], points: Points, names: Sequence[str]) -> None:
+    """Refuse a way with points that follow each other at one place.
+
+    Args:
+        start: where the task is before, m.
+        points: of the way, m.
+        names: of their fields.
+    """
+    for i, (a, b) in enumerate(itertools.pairwise([start, *points])):
+        if math.dist(a, b) < SHORTEST:
+            said = "the point before" if i else "where the task is already"
+            raise ValueError(f"{names[i]} = {shown(list(b))}: must be {SHORTEST:g} m or more from {said}")
+
+
 def rising(times: tuple[float, ...], at: str) -> tuple[float, ...]:
     """Times that rise."""
     if len(times) < 2 or any(b - a < CLOSEST for a, b in itertools.pairwise(times)):

@@ -26,6 +26,12 @@ from skyarm.scalars import Scalar, divide, sqrt, where
 SPEED = 0.1
 """m/s, with which the tip comes where nothing is said: an arm of 0.1 kg then meets 5000 N/m with 2 N."""
 
+FASTEST = 10.0
+"""m/s, with which a tip may come at most."""
+
+STRONGEST = 1e4
+"""N, that a tip may be asked to press with at most: far beyond what multirotors have."""
+
 UPRIGHT = (0.0, 0.0, 1.0)
 """The axis of a door."""
 

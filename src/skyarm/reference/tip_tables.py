@@ -48,7 +48,7 @@ def reference_from(table: Any, n_joints: int, where: str, setting: Setting) -> T
         ValueError: one line with field, value and what is allowed.
     """
     if isinstance(table, dict) and "push" in table:
-        push = push_from(table["push"], f"{where}.push")
+        push = push_from(table["push"], f"{where}.push", setting.duration)
         rest = {name: value for name, value in table.items() if name != "push"}
         found = reference_from(rest, n_joints, where, setting)
         if setting.pushes:

@@ -22,6 +22,9 @@ from skyarm.scalars import Scalar
 
 Array = npt.NDArray[Any]
 
+MAY_BE_INFINITE = ("joint_speed", "pause_error", "pause_thrust")
+"""Options of a governor that bound nothing where they are infinite."""
+
 SETTLES = 0.08
 """s, twice: windows of the means that the attitude follows of the thrust's direction. A tilt that is to jump is reached
 by the attitude loop of a vehicle of this size within about 0.15 s."""
@@ -57,7 +60,7 @@ class GovernorOptions:
     def __post_init__(self) -> None:
         accept_fields(self, "reference.governor")
         bounds = (("reserve", 0.9), ("tilt", 1.5), ("fastest", 2.0))
-        for name in ("joint_speed", "pause_error", "pause_thrust"):
+        for name in MAY_BE_INFINITE:
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"reference.governor.{name} = {getattr(self, name)!r}: must be above 0")
         for name, most in bounds:

@@ -21,7 +21,7 @@ from skyarm.reference.path_time import by_flight_time
 from skyarm.reference.setting import Setting
 from skyarm.reference.signals import Derivatives
 from skyarm.reference.trajectory import Reference, Trajectory
-from skyarm.scenario.governor_limits import GovernorOptions, Limits
+from skyarm.scenario.governor_limits import MAY_BE_INFINITE, GovernorOptions, Limits
 from skyarm.scenario.path_plan import Array, Ceilings, Judge, Plan, plan
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 
@@ -74,7 +74,11 @@ def options_from(table: Any) -> GovernorOptions:
     fields = Fields(table, "reference.governor")
     names = field_names(GovernorOptions) or ()
     # each is asked for, so that a misspelt one is told of all
-    given = {name: fields.number(name) for name in names if fields.take(name, None) is not None}
+    given = {
+        name: fields.number(name, infinite=name in MAY_BE_INFINITE)
+        for name in names
+        if fields.take(name, None) is not None
+    }
     fields.done()
     return GovernorOptions(**given)
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
+from skyarm.files import shown
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, exp, mul, sqrt, where
@@ -20,6 +21,7 @@ from skyarm.sensors.channel import Channel
 from skyarm.sensors.channel_sensor import ChannelMemory, ChannelSensor, Quantities
 from skyarm.sensors.sensor import NO_PUSH, Push
 from skyarm.sensors.sensor_readings import ForceReading, SwitchReading
+from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
@@ -45,7 +47,10 @@ class FramedSensor(ChannelSensor):
 
     def require_vehicle(self, vehicle: Vehicle) -> None:
         """The frame must be there."""
-        vehicle.frame(self.frame or None)
+        try:
+            vehicle.frame(self.frame or None)
+        except VehicleError as error:
+            raise RecordError(f"frame = {shown(self.frame)}: {error}") from None
         ChannelSensor.require_vehicle(self, vehicle)
 
     def examples(self, vehicle: Vehicle) -> Quantities:

@@ -13,6 +13,7 @@ from skyarm.control.found_by_law import found_by_law
 from skyarm.environment import WindSample
 from skyarm.files import versions
 from skyarm.log.flight_log import IF_ANY, Array, Log
+from skyarm.log.phase_timeouts import waits_of
 from skyarm.log.tip_positions import level_tip, tip
 from skyarm.metrics.windows import Windows
 from skyarm.records.identity import log_digest
@@ -196,6 +197,7 @@ def describe(scenario: Scenario, ending: Ended | None) -> dict[str, Any]:
         "plugins": identities(),
         "code": files,
         **({"phases": [phase.name for phase in scenario.trajectory.phases]} if scenario.trajectory.phases else {}),
+        **({"waits": waits_of(scenario.trajectory.guards)} if scenario.trajectory.guards else {}),
         "scenario_record": whole,
         "digest": log_digest(whole, files),
     }

@@ -1,0 +1,69 @@
+"""What an environment is given at each call, looked at before anything flies."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy.typing as npt
+
+from skyarm.files import did_you_mean, shown
+from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.simulate.lane_arguments import require_count
+
+MOST_LANES = 1_000_000
+"""Episodes that fly together at most: some hundreds of numbers each, so that this asks for gigabytes already."""
+
+
+def require_lanes(given: Any) -> int:
+    """How many episodes fly together.
+
+    Raises:
+        ScenarioError: no whole number, none, or more than a machine holds.
+    """
+    count = require_count("num_envs", given)
+    if count > MOST_LANES:
+        raise ScenarioError(f"num_envs = {shown(given)}: must be a whole number, at most {MOST_LANES}")
+    return count
+
+
+def require_actions(name: str, given: npt.NDArray[Any], shape: tuple[int, ...]) -> None:
+    """Refuse what are no numbers, or not as many.
+
+    Raises:
+        ScenarioError: one line with type or shape, and what is allowed.
+    """
+    if given.dtype.kind not in "fiu":
+        raise ScenarioError(f"{name}: {given.dtype} of shape {given.shape}, must be of real numbers, as float32")
+    if given.shape != shape:
+        raise ScenarioError(f"{name}: {given.dtype} of shape {given.shape}, must be of shape {shape}")
+
+
+def require_options(given: Any, known: Sequence[str]) -> None:
+    """Refuse options of a reset that there are not.
+
+    Raises:
+        ScenarioError: one line with the option and what is allowed.
+    """
+    if given is None:
+        return
+    allowed = f"must be a table of {', '.join(known)}" if known else "must be None or empty; there are no options"
+    if not isinstance(given, Mapping):
+        raise ScenarioError(f"options = {shown(given)}: {allowed}")
+    for name in given:
+        if name not in known:
+            raise ScenarioError(f"options = {shown(dict(given))}: {allowed}")
+
+
+def require_arguments(given: Mapping[str, Any], make: Callable[..., Any]) -> None:
+    """Refuse arguments of an environment that its task does not take.
+
+    Raises:
+        ScenarioError: one line with the argument and those that there are.
+    """
+    known = [name for name in inspect.signature(make).parameters if name != "scenario"]
+    for name, value in given.items():
+        if name not in known:
+            meant = did_you_mean(name, known)
+            raise ScenarioError(f"{name} = {shown(value)}: unknown argument; {meant}there are {', '.join(known)}")
