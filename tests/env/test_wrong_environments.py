@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 
-import gymnasium
 import numpy as np
 import pytest
+
+pytest.importorskip("gymnasium", reason="needs the extra 'gym'")
+import gymnasium
 
 import skyarm
 from skyarm.env import REWARDS, RatesAndThrust
 from skyarm.env.env_task import make_task
 from skyarm.env.single_environment import Environment
 from skyarm.env.vector_environment import VectorEnvironment
+from skyarm.environment.environment_tables import wind_from
 from skyarm.records.coerce import RecordError
 from skyarm.scalars import where
 from small_environments import MASS, bare, one_program_a_task
@@ -188,3 +192,38 @@ def test_what_diverges_ends_the_episode_with_a_finite_observation():
     assert info == {"status": "diverged", "cause": "velocity.x passed 10000"}
     assert observed in one.observation_space
     assert reward == -1e6
+
+
+def test_what_diverges_is_rewarded_by_the_state_before_and_a_term_without_a_number_leaves_the_others():
+    """A push that no vehicle survives; then a place that is none."""
+    push = {"environment.wind.force_W.x": {"uniform": [1.0e9, 1.1e9]}}
+    planned = dataclasses.replace(
+        bare()["scenario"], wind=wind_from({"mode": "force_wind", "force": [0.0, 0.0, 0.0]}, "wind")
+    )
+    reward = [REWARDS["position_distance"](), REWARDS["lost"](weight=10.0), REWARDS["alive"]()]
+    one = Environment(**bare(scenario=planned, randomise=push, reward=reward))
+    one.reset(seed=0)
+    _, given, ended, _, info = one.step(np.zeros(4))
+    assert (ended, info["status"]) == (True, "diverged")
+    assert given == -10.0
+    one.reset(seed=0)
+    one.lanes.state.position.x[0] = np.nan
+    _, given, ended, _, _ = one.step(np.zeros(4))
+    assert (ended, given) == (True, -10.0)
+
+
+def test_seeds_of_numpy_are_seeds_and_huge_actions_count_as_the_bound():
+    for precision in ("single", "double"):
+        one = Environment(**bare(precision=precision))
+        found = []
+        for action in (np.array([1e300, -1e300, 0.5, 0.0]), np.array([1.0, -1.0, 0.5, 0.0]), [1, -1, 0.5, 0]):
+            one.reset(seed=np.int64(5))
+            assert one.lanes.seeds[0] == 5
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                found.append(one.step(action)[0])
+            assert one.lanes.actions[:, 0].tolist() == [1.0, -1.0, 0.5, 0.0]
+        assert np.array_equal(found[0], found[1])
+        assert np.array_equal(found[0], found[2])
+    with pytest.raises(skyarm.ScenarioError, match="seed = True"):
+        one.reset(seed=True)
