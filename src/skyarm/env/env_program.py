@@ -88,6 +88,8 @@ class EnvProgram:
         stiff = task.randomised.stiffest
         around = first_surroundings(stiff, first_loop_state(stiff))
         self._plant = RigidBodyPlant(stiff.world, around, scenario.integrator, 1.0 / scenario.rates.physics)
+        # number of the ending whose state means nothing any more
+        self._diverged = next(1.0 + k for k, each in enumerate(endings_of(scenario)) if isinstance(each, Divergence))
         self._ratio = scenario.rates.control // scenario.rates.reference
         self.uniforms = draws_needed(scenario)
         draws = (0.5,) * sum(count for _, count in self.uniforms)
@@ -163,7 +165,7 @@ class EnvProgram:
         following, measurement = self._measured(stages, flown, coming, draws)
         ended = where(ending > 0.5, 1.0, 0.0)
         result = Result(
-            state=blend(self._diverged(stages.scenario, ending), loop.state, state),
+            state=state,
             reference=coming.reference,
             vehicle=stages.scenario.world.vehicle,
             action=action,
@@ -173,8 +175,10 @@ class EnvProgram:
         )
         # term by term: what one of them makes of a number that is none takes nothing from the others
         reward: Any = 0.0
+        sound = absolute(ending - self._diverged) > 0.5
         for term in self.task.reward:
-            reward = reward + _finite(term.value(result) * term.weight)
+            value = _finite(term.value(result) * term.weight)
+            reward = reward + (where(sound, value, 0.0) if term.of_state else value)
         over = flown.ticks > self.task.scenario.steps - 0.5
         outcome = Outcome(
             observation=self._observed(stages, measurement, stages.joined(coming), action),
@@ -244,11 +248,6 @@ class EnvProgram:
             if fine is not True:
                 found = where(fine, found, float(index))
         return found
-
-    def _diverged(self, scenario: Scenario, ending: Any) -> Any:
-        """Whether an ending says that the state means nothing any more."""
-        number = next(k for k, each in enumerate(endings_of(scenario), 1) if isinstance(each, Divergence))
-        return absolute(ending - float(number)) < 0.5
 
 
 def observation_of(task: Task, sight: Sight) -> tuple[Any, ...]:
