@@ -12,7 +12,6 @@ from skyarm.control.safety import with_safety_layer
 from skyarm.onboard.export_c import export_c
 from skyarm.records.plain import plain
 from skyarm.records.restore import restore
-from skyarm.reference.pauses import paused
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.loop import run_in_python
@@ -92,7 +91,6 @@ def test_the_load_of_a_reference_is_kept_moved_and_named(scenario):
     assert restore(plain(trajectory)) == trajectory
     assert trajectory.shifted(1.0).at(DROP + 0.9).load == (1.0,)
     assert trajectory.shifted(1.0).at(PICK + 0.9).load == (0.0,)
-    assert paused(trajectory, [(1.0, 5.0)]).at(DROP + 4.9).load == (1.0,)
     assert {PICK, DROP} <= set(trajectory.switch_times())
     assert dataclasses.replace(trajectory, load=None).at(1.0).load == ()
     with pytest.raises(ValueError, match="two trajectories that each have a load"):

@@ -9,16 +9,13 @@ from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.blocks.select import choose
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.tip_force import Trust
 from skyarm.files import shown
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, divide, logical_and, logical_or, sqrt, where
+from skyarm.reference.tip_push import out_of_axis
+from skyarm.scalars import Scalar, logical_and, logical_or, where
 from skyarm.vehicle.vehicle_records import Vehicle
-
-NEAREST = 1e-3
-"""m of a tip from the axis that it goes about, times the axis's length of 1: nearer the direction out of it is none."""
 
 SENSING = 60.0
 """rad/s: a force sensor is heard above the bandwidth of the observers, and below that of the contact."""
@@ -118,12 +115,8 @@ class Wanted:
         """The same contact with the normal out of the axis to the tip (m, world axes) while it grips."""
         if self.pivot is None or self.axis is None:
             return self
-        arm = tip - self.pivot
-        out = arm - self.axis * self.axis.dot(arm)
-        size = out.dot(out)
-        turns = logical_and(self.grip > 0.5, size * self.axis.dot(self.axis) > NEAREST * NEAREST)
-        unit = out * divide(1.0, sqrt(size + 1e-12))
-        return dataclasses.replace(self, normal=choose(turns, unit, self.normal))
+        out = out_of_axis(tip, self.pivot, self.axis, self.grip > 0.5, self.normal)
+        return dataclasses.replace(self, normal=out)
 
 
 def interaction_gains(
