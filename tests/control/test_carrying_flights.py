@@ -111,6 +111,15 @@ def test_a_load_that_is_no_signal_is_refused_in_one_line(load):
     assert "\n" not in str(refusal.value)
 
 
+def test_a_law_that_is_never_told_of_a_load_is_refused_in_one_line():
+    reference = {key: value for key, value in DOCUMENT["reference"].items() if key != "load"}
+    with pytest.raises(ValueError, match=r"controller\.load = 0\.3: must be 0 without reference\.load") as refusal:
+        scenario_from(DOCUMENT | {"reference": reference})
+    assert "\n" not in str(refusal.value)
+    without = DOCUMENT["controller"] | {"load": 0.0}
+    assert scenario_from(DOCUMENT | {"reference": reference, "controller": without}).controller.par.adapts_load
+
+
 def test_exported_c_is_told_of_the_load(scenario):
     found = export_c(scenario.controller, name="law", period=0.005)
     assert "double load[1];" in found.text

@@ -78,7 +78,7 @@ def pressed(*, memory=HELD, velocity=ZERO, led=ZERO, efforts=(0.0, 0.0), speed=4
     )
     signals = [Taylor((0.0, rate, 0.0, 0.0, 0.0)) for rate in (*led, 0.0, 0.0, 0.0)]
     sent = Command(rotor_speeds=(400.0, speed, 400.0, 400.0), efforts=efforts)
-    return par, press(par, memory, PUSH, signals, observed, sent, state, disturbance(observed), DT)
+    return par, press(par, memory, PUSH, signals, observed, sent, state, disturbance(observed), (), DT)
 
 
 def test_the_tip_that_goes_into_the_surface_is_the_one_that_is_lost():

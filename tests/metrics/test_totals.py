@@ -33,7 +33,8 @@ WINDOWS = Windows(
     holds=(Window(0.2, 0.4), Window(1.0, 1.1)),
     last=0.5,
 )
-NAMES = tuple(measures(2))
+NAMES = tuple(name for name in measures(2) if name not in GROUPS["contact"])
+"""Those of contact have a test of their own."""
 
 
 def flight(**changes):
@@ -172,7 +173,9 @@ def test_a_level_tool_is_where_the_table_of_a_log_has_it():
 
 
 def test_the_settling_time_is_refused_and_what_there_is_is_told():
-    with pytest.raises(ValueError, match="'settling_time': must be one of standard, gust, wind, paper, effort, all"):
+    with pytest.raises(
+        ValueError, match="'settling_time': must be one of standard, gust, wind, paper, effort, contact, all"
+    ):
         metric_names(["settling_time"], 2)
 
 

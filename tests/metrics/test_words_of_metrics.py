@@ -11,7 +11,8 @@ from skyarm.metrics.words_of_metrics import metric_words
 @pytest.mark.parametrize("name", sorted(measures(2)))
 def test_every_metric_of_the_catalogue_has_words_and_a_unit(name: str) -> None:
     words, unit = metric_words(name)
-    assert unit in ("m", "m s", "s", "rad", "rad s", "rad/s", "N m", "phases")
+    assert unit in ("m", "m s", "s", "rad", "rad s", "rad/s", "N m", "phases", "N", "losses", "")
+    assert unit or name in ("contact_held", "mechanism_last", "mechanism_furthest")
     assert "_" not in words
     for part, named in (("ee_", "tip"), ("joint_error", "joint"), ("pitch", "pitch"), ("tau2", "joint 2")):
         assert part not in name or named in words

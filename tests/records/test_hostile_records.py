@@ -24,6 +24,7 @@ import skyarm
 from added_components import same_logs
 from simulate_flights import document
 from skyarm.actuation.drive import TORQUE_DRIVE
+from skyarm.compare.suite import PAPER_CASES
 from skyarm.control.catalogue import LAWS
 from skyarm.control.safety import with_safety_layer
 from skyarm.records.leaves import field_names
@@ -49,7 +50,7 @@ HOSTILE: tuple[Any, ...] = (
 def scenarios() -> dict[str, Callable[[], skyarm.Scenario]]:
     """Scenarios that hold between them every kind of record that ships, made when they are asked for."""
     base = functools.cache(lambda: skyarm.load_scenario("case2_gust", duration=SECONDS))
-    found = {name: functools.partial(skyarm.load_scenario, name, duration=SECONDS) for name in skyarm.list_scenarios()}
+    found = {name: functools.partial(skyarm.load_scenario, name, duration=SECONDS) for name in PAPER_CASES}
     found["everything"] = lambda: dataclasses.replace(skyarm.scenario_from(document("everything")), duration=SECONDS)
     found["force"] = lambda: dataclasses.replace(
         base(),

@@ -16,10 +16,12 @@ import pytest
 
 import skyarm
 from added_components import registry_kept, same_logs
+from skyarm.compare.suite import PAPER_CASES
 from skyarm.control.safety import with_safety_layer
 from skyarm.records.plain import digest
 from skyarm.registry.plugins import load_file
 from skyarm.scenario.scenario_record import ScenarioError
+from thorough import sampled
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -35,7 +37,7 @@ def logged(scenario: skyarm.Scenario, folder: Path) -> tuple[skyarm.Log, Path]:
     return log, log.save_npz(folder / f"{scenario.name}.npz")
 
 
-@pytest.mark.parametrize("name", skyarm.list_scenarios())
+@pytest.mark.parametrize("name", sampled(skyarm.list_scenarios(), 100, keep=PAPER_CASES))
 def test_every_shipped_scenario_is_flown_again_from_its_log(name: str, tmp_path: Path) -> None:
     log, path = logged(skyarm.load_scenario(name, duration=0.2), tmp_path)
     scenario = skyarm.load_log(path).scenario

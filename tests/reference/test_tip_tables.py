@@ -299,7 +299,7 @@ PHASES = {"kind": "phases", "position": [0, 0, 1]}
         ),
         ({"base": PHASES}, "reference.base.phases: is missing"),
         ({"base": PHASES | {"phases": []}}, "reference.base.phases = []: must be a list of phases"),
-        ({"base": PHASES | {"phases": [{"kind": "wait"}]}}, "reference.base.phases[0].kind = 'wait': must be one of"),
+        ({"base": PHASES | {"phases": [{"kind": "zzz"}]}}, "reference.base.phases[0].kind = 'zzz': must be one of"),
         ({"base": PHASES | {"phases": [{"kind": "hold"}]}}, "reference.base.phases[0].duration: is missing"),
         (
             {"base": PHASES | {"phases": [{"kind": "pick", "payload": 1, "position": [0, 0, 0]}]}},

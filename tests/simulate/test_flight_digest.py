@@ -15,10 +15,11 @@ import numpy as np
 import pytest
 
 from simulate_flights import document
+from skyarm.compare.suite import PAPER_CASES
 from skyarm.compile import leaves
 from skyarm.records.plain import digest, plain
 from skyarm.reference import Constant, Sine
-from skyarm.scenario.scenario_file import list_scenarios, load_scenario, scenario_from
+from skyarm.scenario.scenario_file import load_scenario, scenario_from
 from skyarm.simulate import Log, Scenario, run
 
 
@@ -87,7 +88,7 @@ CHANGES: list[dict[str, Any]] = [
 
 def test_any_difference_between_scenarios_is_a_difference_of_their_digests() -> None:
     scenarios = [scenario_from(document("everything", **changes)) for changes in [{}, *CHANGES]]
-    scenarios += [load_scenario(name) for name in list_scenarios()]
+    scenarios += [load_scenario(name) for name in PAPER_CASES]
     scenarios.append(dataclasses.replace(scenarios[0], name="other"))
     found = [digest(plain(scenario)) for scenario in scenarios]
     assert len(set(found)) == len(found)
@@ -100,7 +101,7 @@ def test_equal_scenarios_have_one_digest_whoever_reads_them() -> None:
     assert digest(shuffled) == digest(plain(one))
 
 
-@pytest.mark.parametrize("name", [*list_scenarios(), "everything"])
+@pytest.mark.parametrize("name", [*PAPER_CASES, "everything"])
 def test_every_number_of_a_scenario_stands_in_its_record(name: str) -> None:
     scenario = scenario_from(document(name))
     held = sorted(leaf for leaf in leaves(scenario) if isinstance(leaf, float))

@@ -30,6 +30,7 @@ HELP_ONLY = (
     "skyarm compare paper-suite",
     "skyarm compare flight.toml",
     "skyarm compare envelope-suite",
+    "skyarm compare contact-suite",
     "skyarm sweep my_study.toml",
 )
 """Commands that take a minute or need other machines: they have tests of their own, here their help is asked for."""

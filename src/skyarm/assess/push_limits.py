@@ -55,11 +55,43 @@ def _force(at: Reference) -> Array:
     return force * np.array([c * x + s * y, c * y - s * x, z])
 
 
-def _joints(scenario: Scenario, at: Reference) -> list[Finding]:
-    vehicle, joints = scenario.world.vehicle, tuple(float(q) for q in at.joints)
+def pushing_efforts(scenario: Scenario, joints: tuple[float, ...], force: Array) -> Array:
+    """Joint efforts (N m or N) that hold the arm of a level base at rest against a force on its tip.
+
+    Args:
+        scenario: vehicle and gravity.
+        joints: rad or m.
+        force: on the tip, N, axes of the base.
+    """
+    vehicle = scenario.world.vehicle
     still = hover_efforts(vehicle, float(scenario.world.gravity), np.array([joints]))[WRENCH:, 0]
     columns = np.array([[float(c) for c in each.linear] for each in jacobian_columns(vehicle, vehicle.frame(), joints)])
-    efforts, limits = still - columns @ _force(at), effort_limits(vehicle)
+    found: Array = still - columns @ force
+    return found
+
+
+def yaw_room(scenario: Scenario, joints: tuple[float, ...]) -> float:
+    """Yaw torque that the rotors have left in level hover, the smaller of both senses, N m."""
+    vehicle = scenario.world.vehicle
+    allocation = Allocation.of(make_mixer(vehicle))
+    hover = allocation.squared(hover_efforts(vehicle, float(scenario.world.gravity), np.array([joints])))
+    return min(float(allocation.room(hover, sign * np.eye(WRENCH)[2])[0]) for sign in (1.0, -1.0))
+
+
+def yaw_torques(scenario: Scenario, joints: tuple[float, ...], push: Array) -> tuple[float, float]:
+    """Yaw torque of a push on the tip, and most that friction of coefficient 1 across it adds, N m.
+
+    A force f at r turns about z by f.(z x r).
+    """
+    vehicle = scenario.world.vehicle
+    tip = frame_pose(vehicle, vehicle.frame(), joints).p
+    lever = np.array([-float(tip.y), float(tip.x), 0.0])
+    return float(abs(lever @ push)), float(np.linalg.norm(np.cross(push, lever)))
+
+
+def _joints(scenario: Scenario, at: Reference) -> list[Finding]:
+    vehicle, joints = scenario.world.vehicle, tuple(float(q) for q in at.joints)
+    efforts, limits = pushing_efforts(scenario, joints, _force(at)), effort_limits(vehicle)
     shares = np.abs(efforts) / limits
     i = int(np.argmax(shares))
     share, name = float(shares[i]), vehicle.links[i].joint.name
@@ -81,16 +113,11 @@ def _joints(scenario: Scenario, at: Reference) -> list[Finding]:
 
 def _yaw(scenario: Scenario, at: Reference) -> list[Finding]:
     frictions = [float(s.material.friction) for contact in scenario.contacts for s in contact.surfaces]
-    vehicle, joints = scenario.world.vehicle, tuple(float(q) for q in at.joints)
+    joints = tuple(float(q) for q in at.joints)
     if not frictions:
         return []
-    allocation = Allocation.of(make_mixer(vehicle))
-    hover = allocation.squared(hover_efforts(vehicle, float(scenario.world.gravity), np.array([joints])))
-    room = min(float(allocation.room(hover, sign * np.eye(WRENCH)[2])[0]) for sign in (1.0, -1.0))
-    tip, push = frame_pose(vehicle, vehicle.frame(), joints).p, _force(at)
-    # a force f at r turns about z by f.(z x r); friction is across the push
-    lever = np.array([-float(tip.y), float(tip.x), 0.0])
-    torque = float(abs(lever @ push) + max(frictions) * np.linalg.norm(np.cross(push, lever)))
+    room, (pushing, sliding) = yaw_room(scenario, joints), yaw_torques(scenario, joints, _force(at))
+    torque = pushing + max(frictions) * sliding
     text = f"pushing and sliding take {torque:.3g} of {room:.3g} N m of yaw torque at friction {max(frictions):g}"
     level = WARNING if torque > HALF * room else OK
     return [

@@ -77,7 +77,7 @@ def _on_scenario(name: str, out: str, laws: str | None, *, console: Console, thr
         ValueError: neither a suite nor a scenario, or a law that is none.
     """
     if not name.endswith(".toml") and name not in list_scenarios():
-        suites = ", ".join((*SUITES, "envelope-suite"))
+        suites = ", ".join((*SUITES, "envelope-suite", "contact-suite"))
         raise ValueError(
             f"suite = {shown(name)}: must be one of {suites}, or a scenario (a .toml file or a shipped one)"
         )

@@ -176,10 +176,10 @@ def bench(
 @app.command()
 def compare(
     suite: Annotated[
-        str, typer.Argument(help="paper-suite, envelope-suite, or a scenario (.toml or shipped)")
+        str, typer.Argument(help="paper-suite, envelope-suite, contact-suite, or a scenario (.toml or shipped)")
     ] = "paper-suite",
     out: Annotated[
-        str | None, typer.Option("--out", help="folder of the results; out/compare, of the envelope out/envelope")
+        str | None, typer.Option("--out", help="folder of the results; out/compare, out/envelope, out/contact")
     ] = None,
     laws: Annotated[
         str | None, typer.Option(help="names or FILE.py:make, with commas; all of the suite if left out")
@@ -187,7 +187,11 @@ def compare(
     conditions: Annotated[str | None, typer.Option(help="of the suite, with commas; all if left out")] = None,
     axes: Annotated[str | None, typer.Option(help="of the envelope, with commas; all if left out")] = None,
     vehicle: Annotated[str | None, typer.Option(help="of the envelope, with an arm; the paper's if left out")] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="of the envelope: two values an axis, short flights")] = False,
+    tasks: Annotated[str | None, typer.Option(help="of the contact suite, with commas; all if left out")] = None,
+    worlds: Annotated[int | None, typer.Option(help="wrong worlds of each task in contact; 200 if left out")] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="of the envelope: two values an axis, short flights; in contact: 16 worlds")
+    ] = False,
     plants: Annotated[int, typer.Option(help="how many perturbed plants")] = 1000,
     seeds: Annotated[int, typer.Option(help="noisy flights of the truth")] = 8,
     one_by_one: Annotated[int, typer.Option(help="perturbed plants for what flies one by one: nmpc, MuJoCo")] = 8,
@@ -200,7 +204,7 @@ def compare(
     A scenario in place of the suite is flown as its file describes it, by its own law first (the row "own") and those
     of --laws: one table. Where --laws is left out, paper_pd, paper_ct and centroidal_tip fly beside it.
     The envelope-suite flies trials that get harder along axes (speed, delay, lag, wind, payload, noise): how far each
-    law is good, and where it is lost.
+    law is good, and where it is lost. The contact-suite flies tasks that touch the world, each in many wrong worlds.
     The same command continues what was interrupted.
     """
     from skyarm.cli.compare_command import compare as perform
@@ -215,6 +219,28 @@ def compare(
     threads = workers("--workers", flying)
     if plant not in registered("plant"):
         raise ValueError(f"--plant = {plant!r}: {must_be_one_of(registered('plant'), plant)}")
+    if worlds is not None and not 1 <= worlds <= MOST:
+        raise ValueError(f"--worlds = {worlds}: must be from 1 to {MOST}")
+    in_contact = {"--tasks": tasks is not None, "--worlds": worlds is not None}
+    if suite == "contact-suite":
+        from skyarm.cli.contact_command import contact
+
+        others = {"--conditions": conditions is not None, "--axes": axes is not None, "--vehicle": vehicle is not None}
+        _left_out(others, " for contact-suite, whose tasks say their own")
+        contact(
+            out or "out/contact",
+            laws=laws,
+            tasks=tasks,
+            worlds=worlds,
+            quick=quick,
+            seed=seed,
+            plant=plant,
+            one_by_one=one_by_one,
+            threads=threads,
+            console=console,
+        )
+        return
+    _left_out(in_contact, "; only contact-suite has it")
     if suite == "envelope-suite":
         from skyarm.cli.envelope_command import envelope
 
@@ -232,9 +258,8 @@ def compare(
             console=console,
         )
         return
-    for option, is_given in (("--axes", axes is not None), ("--vehicle", vehicle is not None), ("--quick", quick)):
-        if is_given:
-            raise ValueError(f"{option}: must be left out; only envelope-suite has it")
+    _left_out({"--axes": axes is not None, "--vehicle": vehicle is not None}, "; only envelope-suite has it")
+    _left_out({"--quick": quick}, "; only envelope-suite and contact-suite have it")
     perform(
         suite,
         out or "out/compare",
@@ -248,3 +273,10 @@ def compare(
         threads=threads,
         console=console,
     )
+
+
+def _left_out(given: dict[str, bool], why: str) -> None:
+    """Refuse options that another suite has."""
+    for option, is_given in given.items():
+        if is_given:
+            raise ValueError(f"{option}: must be left out{why}")

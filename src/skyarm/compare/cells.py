@@ -117,6 +117,10 @@ class Flights:
         """Metrics beside those that every comparison counts."""
         return ()
 
+    def stiffest(self, values: Mapping[str, Array]) -> dict[str, float]:
+        """Numbers of the episodes that fix the integration steps of all, by path."""
+        return {path: float(column.max()) for path, column in values.items() if path.endswith(".damping")}
+
     def more(self) -> Mapping[str, Any]:
         """What else fixes the cell, beside its scenario, its spread and its windows."""
         return {}
@@ -130,13 +134,12 @@ def fly(flights: Flights, threads: int = 1) -> Cell:
     if flights.alone(scenario):
         options: dict[str, Any] = {"keys": flights.keys(episodes), "more": flights.further_metrics}
         return Cell(*fly_one_by_one(scenario, values, episodes, flights.case.windows, **options))
-    damping = {path: float(column.max()) for path, column in values.items() if path.endswith(".damping")}
     batch = Batch(
         scenario,
         tuple(values),
         metrics=(*counted_metrics(scenario.told), *flights.further_metrics),
         windows=flights.case.windows,
-        stiffest=with_numbers(scenario, damping),
+        stiffest=with_numbers(scenario, flights.stiffest(values)),
         effort=0 if episodes <= FEW else 2,
     )
     found = batch.fly(values, seed=flights.seed, episodes=flights.keys(episodes), threads=threads)

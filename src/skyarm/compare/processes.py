@@ -16,12 +16,12 @@ Done = Callable[[Flights, Cell], None]
 Flown = tuple[dict[str, Any], str]
 
 
-def fly_in_processes(todo: Sequence[Flights], count: int, done: Done) -> None:
+def fly_in_processes(todo: Sequence[Flights], processes: int, done: Done) -> None:
     """Fly cells in order; ``done`` is called in the caller's process as each is whole.
 
     Args:
         todo: cells of laws or plants that fly one by one.
-        count: processes; the numbers do not depend on it.
+        processes: how many; the numbers do not depend on it.
         done: takes a cell and what it is of.
 
     Raises:
@@ -29,12 +29,13 @@ def fly_in_processes(todo: Sequence[Flights], count: int, done: Done) -> None:
     """
     if not todo:
         return
-    with workers(count) as submit:
+    with workers(processes) as submit:
         begun: list[list[Callable[[], Flown]]] = []
         for flights in todo:
             scenario = flights.scenario()
             values, windows = flights.values(scenario), flights.case.windows
-            whole = [(scenario, numbers_of(values, k), k, windows) for k in range(flights.episodes(scenario))]
+            more, count = flights.further_metrics, flights.episodes(scenario)
+            whole = [(scenario, numbers_of(values, k), k, windows, more) for k in range(count)]
             if _can_travel(scenario):
                 begun.append([submit(fly_single, *each).result for each in whole])
             else:

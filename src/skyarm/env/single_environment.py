@@ -44,7 +44,7 @@ class Environment(gymnasium.Env[Array, Array]):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Begin episode 0 of a seed, or the next episode without one."""
         key = None if seed is None else seed_of(seed)
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else int(seed))
         if key is None and not self._begun:
             key = int(self.np_random.integers(2**32))
         if key is None:

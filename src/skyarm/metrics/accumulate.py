@@ -15,6 +15,7 @@ from skyarm.actuation import Command
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.dynamics import State
+from skyarm.metrics.contact_totals import SHIPPED
 from skyarm.metrics.metric import Metric
 from skyarm.registry import RegistryError, find
 from skyarm.registry.class_signatures import class_mistake
@@ -43,7 +44,10 @@ class Instant:
         state: of the plant. tool: its tip, world, m.
         command: issued now. before: rotor speeds commanded a period ago; those of now at the first instant.
         held, continuous: the reference. lag: s, by which a governor holds what the law is told back behind it.
-        phase: number of the task's phase, where phases wait.
+        phase: number of the task's phase, where phases wait. time: s.
+        push: wanted contact of the reference, as :class:`skyarm.reference.trajectory.Reference` has it.
+        contact: normal force at each pair of a surface and a point of the vehicle, N. objects: places of the free
+            objects' middles, m, one behind the other. mechanisms: their coordinates, rad or m.
     """
 
     state: State
@@ -54,6 +58,11 @@ class Instant:
     continuous: Goal
     lag: Scalar = 0.0
     phase: Scalar = 0.0
+    time: Scalar = 0.0
+    push: tuple[Scalar, ...] = ()
+    contact: tuple[Scalar, ...] = ()
+    objects: tuple[Scalar, ...] = ()
+    mechanisms: tuple[Scalar, ...] = ()
 
 
 def joint_norm(joints: tuple[Any, ...], wanted: tuple[Any, ...]) -> Any:
@@ -142,11 +151,13 @@ def quantity(name: str, now: Instant) -> Any:
 
 
 def added_metric(name: str) -> Metric:
-    """A registered metric, with its numbers by default.
+    """A registered metric, with its numbers by default; or totals of contact.
 
     Raises:
         RegistryError: what is registered is no metric, or cannot be called as one.
     """
+    if name in SHIPPED:
+        return SHIPPED[name]
     kind = find("metric", name)
     mistake = class_mistake(kind) if isinstance(kind, type) else None
     if mistake is not None:

@@ -22,6 +22,7 @@ import numpy.typing as npt
 
 from skyarm.files import did_you_mean, shown
 from skyarm.metrics.accumulate import ADDED, CONTINUOUS, Total, added_metric
+from skyarm.metrics.contact_totals import VALUES
 from skyarm.registry import names as registered_names
 
 Array = npt.NDArray[Any]
@@ -116,6 +117,12 @@ FREE = {
 }
 """Metrics that have no twin."""
 
+CONTACT = {
+    name: Measure(((ADDED, "whole", totals),), "whole", lambda _n, _dt, held, value=value: value(held))
+    for name, (totals, value) in VALUES.items()
+}
+"""Metrics of contact, of which a flight without it has none."""
+
 REFERRED = TRACKING | GUST | PAPER
 
 STANDARD = (
@@ -130,6 +137,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     "wind": ("position_min", "position_max", "position_ripple", "pitch_mean", "pitch_ripple"),
     "paper": (*PAPER, "hover_offset"),
     "effort": ("efforts", "rotor_jitter", "rate_rms", "tilt_rms", "tilt_max", "altitude_error_max"),
+    "contact": tuple(CONTACT),
     "all": (*REFERRED, *FREE, "efforts"),
 }
 """Words for several metrics; ``efforts`` in them is the RMS of every joint's torque over the steady window."""
@@ -137,7 +145,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
 
 def measures(joints: int) -> dict[str, Measure]:
     """Every metric there is for an arm of so many joints."""
-    found = REFERRED | FREE | {f"tau{i + 1}_rms": _rms("steady", f"effort{i}") for i in range(joints)}
+    found = REFERRED | FREE | CONTACT | {f"tau{i + 1}_rms": _rms("steady", f"effort{i}") for i in range(joints)}
     for name, each in REFERRED.items():
         twins = tuple((kind, window, f"{what}{CONTINUOUS}") for kind, window, what in each.totals)
         found[f"{name}{CONTINUOUS}"] = Measure(twins, each.window, each.value)

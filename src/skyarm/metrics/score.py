@@ -16,7 +16,7 @@ from skyarm.dynamics import State
 from skyarm.files import shown
 from skyarm.log.flight_log import Log
 from skyarm.log.log_columns import names_of
-from skyarm.metrics.accumulate import CONTINUOUS, Goal, Instant, counted, first_totals, quantity
+from skyarm.metrics.accumulate import ADDED, CONTINUOUS, Goal, Instant, counted, first_totals, quantity
 from skyarm.metrics.metric_catalogue import metric_names, needed, values
 from skyarm.metrics.windows import Window, Windows, windows_of
 
@@ -48,7 +48,7 @@ def score(log: Log, metrics: Sequence[str] = ("standard",), windows: Windows | N
     masks = at.masks(log.time)
     used = tuple(dict.fromkeys(window for _, window, _ in wanted))
     totals = first_totals(wanted)
-    instants = _instants(log)
+    instants = _instants(log, pushes=any(kind == ADDED for kind, _, _ in wanted))
     example = rebuild(instants, iter([0.0] * len(leaves(instants))))
     flags = (0.0,) * len(used)
     program = trace(
@@ -103,8 +103,8 @@ def over_log(log: Log, name: str) -> Array:
     return row
 
 
-def _instants(log: Log) -> Instant:
-    """Every control instant of a log, as a record of arrays."""
+def _instants(log: Log, *, pushes: bool = False) -> Instant:
+    """Every control instant of a log, as a record of arrays; ``pushes`` with the contact that was asked for."""
 
     def rows(table: Any) -> tuple[Any, ...]:
         return tuple(table.T)
@@ -135,4 +135,21 @@ def _instants(log: Log) -> Instant:
         continuous=goal("reference"),
         lag=log.time - log.path_time if log.path_time.size else np.zeros(log.time.size),
         phase=log.phase if log.phase.size else np.zeros(log.time.size),
+        time=log.time,
+        push=_wanted(log) if pushes else (),
+        contact=rows(log.contact_force) if log.contact_force.size else (),
+        objects=rows(log.object_position) if log.object_position.size else (),
+        mechanisms=rows(log.mechanism_position) if log.mechanism_position.size else (),
     )
+
+
+def _wanted(log: Log) -> tuple[Array, ...]:
+    """The contact that the reference asked for at every instant; () of a flight without contact."""
+    if not log.contact_force.size or not log.info.get("scenario_record"):
+        return ()
+    push = log.scenario.trajectory.push
+    if push is None:
+        return ()
+    times = log.path_time if log.path_time.size else log.time
+    program = trace(lambda t: tuple(push.at(t)), 0.0)
+    return tuple(evaluate(program, [times], log.time.size))

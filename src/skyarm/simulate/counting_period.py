@@ -12,6 +12,7 @@ from skyarm.simulate.loop_state import LoopState, Row, Sample
 from skyarm.simulate.period import make_period
 from skyarm.simulate.stages import RigidBodySteps, Stages
 from skyarm.simulate.tip_and_goal import goal_of, tool_of
+from skyarm.simulate.world_columns import logged_in_contact
 
 
 def make_counting_period(
@@ -51,9 +52,26 @@ def make_counting_period(
             continuous=goals[1],
             lag=0.0 if isinstance(row.path_time, tuple) else row.time - row.path_time,
             phase=stages.waits.phase(row.path_time),
+            time=row.time,
+            **_touching(scenario, row, sample),
         )
         alive = sample.alive > 0.5
         counts = {name: alive if within is True else logical_and(alive, within) for name, within in inside.items()}
         return (following, counted(totals, wanted, now, counts)), sample
 
     return step
+
+
+def _touching(scenario: Scenario, row: Row, sample: Sample) -> dict[str, tuple[Any, ...]]:
+    """What metrics see of a contact; nothing of a scenario without a world."""
+    if not scenario.contacts:
+        return {}
+    arrays = logged_in_contact(scenario, sample.wind.contacts)
+    push, places = scenario.trajectory.push, arrays.get("object_position", [])
+    time = row.time if isinstance(row.path_time, tuple) else row.path_time
+    return {
+        "push": () if push is None else push.at(time),
+        "contact": tuple(arrays.get("contact_force", ())),
+        "objects": tuple(places),
+        "mechanisms": tuple(arrays.get("mechanism_position", ())),
+    }

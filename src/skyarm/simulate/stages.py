@@ -194,11 +194,13 @@ class Stages:
 
         What a force sensor on the link of the tip reads goes to the law beside the estimate.
         """
-        going, arrived, first, felt = [], {}, None, iter(pushes)
+        going, arrived, first = [], {}, None
+        feeling = [i for i, (_, sensor) in enumerate(self.sensors) if sensor.feels is not None]
+        felt = dict(zip(feeling, pushes, strict=True))
         for i, ((name, sensor), now) in enumerate(zip(self.sensors, sensors, strict=True)):
             every = self._every[i]
             draws = self.draws.of_sensor(i, uniforms)
-            push = NO_PUSH if sensor.feels is None else next(felt)
+            push = felt.get(i, NO_PUSH)
             memory, reading = sensor.take(now.memory, time, state, force, push, draws, every * self.period)
             held: Any = ()
             if every > 1:

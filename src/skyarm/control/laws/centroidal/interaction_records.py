@@ -34,7 +34,7 @@ class InteractionGains:
     patience: Annotated[Scalar, Unit("s", "below lost until contact is lost")] = 0.04
     escape: Annotated[Scalar, Unit("m/s", "into the surface, above which the tip goes through")] = 0.1
     haste: Annotated[Scalar, Unit("s", "that the tip goes through until contact is lost")] = 0.015
-    rebound: Annotated[Scalar, Unit("s", "after contact, in which a tip that goes in does not touch again")] = 0.05
+    rebound: Annotated[Scalar, Unit("s", "after the order is gone, in which a tip that goes in does not touch")] = 0.05
     rise: Annotated[Scalar, Unit("s", "ramp of the wanted force")] = 0.15
     fall: Annotated[Scalar, Unit("s", "ramp to none")] = 0.02
     integral: Annotated[Scalar, Unit("1/s", "of the force's error")] = 4.0
@@ -73,7 +73,7 @@ class InteractionMemory:
     found: Annotated[Scalar, Unit("", "1 once the push has met its surface")]
     shift: Annotated[Scalar, Unit("m", "of the reference along the normal")]
     shift_rate: Annotated[Scalar, Unit("m/s", "of the shift")]
-    free: Annotated[Scalar, Unit("s", "since the tip last touched")]
+    free: Annotated[Scalar, Unit("s", "since the order of the last contact is gone")]
     gap: Annotated[Scalar, Unit("m", "of the tip from its shifted reference, along the normal")]
     bias: Disturbance
     force: Annotated[Vec3, Unit("N", "at the tip, believed, world axes")]

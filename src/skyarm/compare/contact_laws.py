@@ -1,0 +1,118 @@
+"""Laws of the contact suite, and the task as each of them flies it.
+
+A law that presses flies the scenario as it is shipped. One that follows positions is led to the same places, 1 cm
+behind the believed surface, and its press waits for no force; all else is the same.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+from typing import Any
+
+from skyarm.compare.contact_tasks import DELAY, Task
+from skyarm.compare.suite import NOISE
+from skyarm.control.controller import presses
+from skyarm.environment import ForceWind
+from skyarm.scenario.law_by_name import controller_by_name
+from skyarm.scenario.scenario_file import LIBRARY, scenario_from
+from skyarm.scenario.scenario_record import Delays, Scenario
+
+FLAGSHIP, MOTION, LOAD = "centroidal", "centroidal_motion", "centroidal_load"
+
+OWN = (FLAGSHIP, MOTION, LOAD)
+"""Laws that the scenario's own is made into."""
+
+LARGEST = 0.3
+"""kg, that a law learns that learns its load."""
+
+LAWS = (*OWN, "paper_ct", "paper_pd")
+"""What flies where nobody chooses: the scenario's own law without and with parts of it, and the paper's two."""
+
+TITLES = {
+    FLAGSHIP: "the centroidal law, with interaction where the task has a push",
+    MOTION: "the same without interaction",
+    LOAD: "the same with a load that is learned while something is held",
+}
+
+TUNED = {"paper_ct": "hybrid_computed_torque_tuned", "paper_pd": "decoupled_pd_tuned"}
+"""The paper's laws on another vehicle than the paper's, which its gains are not for."""
+
+BEHIND = 0.01
+"""m, behind the believed surface, of the path of a law that follows positions."""
+
+PAPER = "hummingbird_arm2_rotors"
+
+
+def document_of(task: Task) -> dict[str, Any]:
+    """The shipped scenario of a task as plain data."""
+    return tomllib.loads((LIBRARY / f"{task.name}.toml").read_text("utf-8"))
+
+
+def flies_its_own(task: Task, law: str) -> bool:
+    """Whether a law has flights of its own in a task.
+
+    Without a push the flagship has no interaction to leave out, without an object no load to learn.
+    """
+    return task.push > 0.0 if law == MOTION else bool(task.object) or law != LOAD
+
+
+def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body", seed: int = 0) -> Scenario:
+    """A task as a law flies it, in the world as it is shipped.
+
+    Raises:
+        ControllerError: no such law, or one that does not fit the vehicle.
+    """
+    document = document_of(task)
+    document["plant"]["kind"] = plant
+    if law == MOTION:
+        document["controller"].pop("interaction", None)
+    if law == LOAD:
+        document["controller"]["load"] = LARGEST
+    found = scenario_from(document)
+    if law not in OWN:
+        name = law if document["plant"]["vehicle"] == PAPER else TUNED.get(law, law)
+        found = dataclasses.replace(found, controller=controller_by_name(found, name))
+    if task.push and not presses(found.controller.par):
+        led = scenario_from(as_positions(task, document))
+        found = dataclasses.replace(led, controller=found.controller)
+    wind = found.wind if isinstance(found.wind, ForceWind) else ForceWind()
+    return dataclasses.replace(
+        found,
+        name=task.name,
+        wind=wind,
+        sensors=NOISE if noisy else found.sensors,
+        delays=Delays(longest_command=DELAY),
+        seed=seed,
+    )
+
+
+def as_positions(task: Task, document: dict[str, Any]) -> dict[str, Any]:
+    """The task's document for a law that follows positions: the path goes ``BEHIND`` the believed surface."""
+    path = document["reference"]["tip"]["path"]
+    way = [-(task.face + BEHIND) * n for n in task.normal]
+    start, at, phases = list(path["position"]), list(path["position"]), list[dict[str, Any]]()
+    for phase in path["phases"]:
+        found = {**phase}
+        kind = phase["kind"]
+        if kind == "press":
+            phases.append({"kind": "go_to", "position": _moved(at, way), "duration": 2.0})
+            found["until"] = {"error": 1.0, "hold": 0.1, "timeout": 1.0, "on_timeout": "go_on"}
+        elif kind == "insert":
+            deeper = [-float(phase["distance"]) * n for n in task.normal]
+            found = {"kind": "slide", "position": _moved(_moved(at, way), deeper), "duration": 2.0}
+        elif kind == "retreat":
+            found = {"kind": "retreat", "position": start}
+        elif "points" in phase:
+            found["points"] = [_moved(point, way) for point in phase["points"]]
+            at = list(phase["points"][-1])
+        elif "position" in phase:
+            found["position"] = _moved(phase["position"], way)
+            at = list(phase["position"])
+        phases.append(found)
+    tip = {**document["reference"]["tip"], "path": {**path, "phases": phases}}
+    return {**document, "reference": {**document["reference"], "tip": tip}}
+
+
+def _moved(place: list[float], way: list[float]) -> list[float]:
+    return [p + w for p, w in zip(place, way, strict=True)]
