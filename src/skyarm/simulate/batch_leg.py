@@ -121,7 +121,7 @@ class Leg:
             first = first_loop_state(stiff)
         around = first_surroundings(stiff, first)
         plant = RigidBodyPlant(stiff.world, around, stiff.integrator, 1.0 / stiff.rates.physics)
-        self.largest = largest_step(around)
+        self.largest = largest_step(around, euler=stiff.integrator == "euler")
         key = (overrides.parts, self._free, tuple(self._set), tuple(self._swept))
         numbers = (*self.base, *self._set.values())
         counts = [2 * count for _, count in draw_plan(self.scenario).components]
