@@ -31,7 +31,7 @@ for generation in range(GENERATIONS):
     scale = np.sqrt(square / (1.0 - 0.99 ** (generation + 1))) + 1e-8
     policy += RATE * mean / (1.0 - 0.9 ** (generation + 1)) / scale
 
-flight = skyarm.load_scenario("case3_wind")  # another motion, in a wind that nobody learned in
+flight = skyarm.load_scenario("case3_wind")  # another motion; its wind is at the edge of those that were learned in
 learned = learn.as_law([(policy, np.zeros(shape[0]))], envs, name="learned")
 for law in (flight.controller, learned):
     log = skyarm.run(dataclasses.replace(flight, controller=law))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import compileall
 import gc
-import importlib.util
 import os
 import sys
 from pathlib import Path
@@ -16,9 +15,6 @@ import pytest
 # threads that wait for each other there made some tests five times slower
 for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
-
-# environments need the extra gym, which the extra test brings
-collect_ignore_glob = [] if importlib.util.find_spec("gymnasium") else ["env/*"]
 
 # a trace makes a hundred thousand nodes and no garbage; looking for some after every 700 took a sixth of all the time
 gc.set_threshold(50_000, 20, 100)

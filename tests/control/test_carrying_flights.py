@@ -12,7 +12,6 @@ from skyarm.control.safety import with_safety_layer
 from skyarm.onboard.export_c import export_c
 from skyarm.records.plain import plain
 from skyarm.records.restore import restore
-from skyarm.reference.pauses import paused
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate.loop import run_in_python
@@ -92,7 +91,6 @@ def test_the_load_of_a_reference_is_kept_moved_and_named(scenario):
     assert restore(plain(trajectory)) == trajectory
     assert trajectory.shifted(1.0).at(DROP + 0.9).load == (1.0,)
     assert trajectory.shifted(1.0).at(PICK + 0.9).load == (0.0,)
-    assert paused(trajectory, [(1.0, 5.0)]).at(DROP + 4.9).load == (1.0,)
     assert {PICK, DROP} <= set(trajectory.switch_times())
     assert dataclasses.replace(trajectory, load=None).at(1.0).load == ()
     with pytest.raises(ValueError, match="two trajectories that each have a load"):
@@ -109,6 +107,15 @@ def test_a_load_that_is_no_signal_is_refused_in_one_line(load):
     with pytest.raises(ValueError, match=r"reference\.load") as refusal:
         scenario_from(document)
     assert "\n" not in str(refusal.value)
+
+
+def test_a_law_that_is_never_told_of_a_load_is_refused_in_one_line():
+    reference = {key: value for key, value in DOCUMENT["reference"].items() if key != "load"}
+    with pytest.raises(ValueError, match=r"controller\.load = 0\.3: must be 0 without reference\.load") as refusal:
+        scenario_from(DOCUMENT | {"reference": reference})
+    assert "\n" not in str(refusal.value)
+    without = DOCUMENT["controller"] | {"load": 0.0}
+    assert scenario_from(DOCUMENT | {"reference": reference, "controller": without}).controller.par.adapts_load
 
 
 def test_exported_c_is_told_of_the_load(scenario):

@@ -53,6 +53,31 @@ def test_nothing_is_learned_at_a_limit_and_of_a_command_that_others_changed():
     assert mass(applied=(1.0, 1.0, 0.0)) == 0.0
 
 
+def test_what_is_left_of_a_contact_is_no_bias_and_hinders_no_mass():
+    def after(free, told):
+        touched = dataclasses.replace(LAW.memory.interaction, free=free)
+        whole = dataclasses.replace(LAW.memory, interaction=touched)
+        return carry(LAW.par, whole, whole.load, told, whole.observed, PULLED, pressing(), DT)[0]
+
+    assert (after(0.45, 0.0).bias.force.z, after(0.45, 1.0).mass) == (0.0, mass())
+    assert after(0.55, 0.0).bias.force.z == pytest.approx(-0.981 * (1.0 - np.exp(-0.5 * DT)))
+
+
+def test_the_weight_of_a_known_load_is_no_push_on_a_surface():
+    model, still = Model(vehicle=ARM, gravity=9.81), (0.0, 0.0)
+    law = make_centroidal(model, mode="tip", interaction=(0.3, 0.1), force_sensor=True, load=0.3)
+    knows = dataclasses.replace(law.memory, load=dataclasses.replace(law.memory.load, mass=0.05))
+    joints = (0.4, -1.1)
+    weighs = frame_pose(ARM, ARM.frame(), joints).R.apply_T(Vec3(0.0, 0.0, -0.05 * 9.81))
+    reading = dataclasses.replace(blank_measurement(2, 4), joints=joints, tip_force=(*weighs,))
+    reference = Reference(
+        joints=joints, joint_rates=still, joint_accelerations=still, push=(1.0, 0.1, -1.0, 0.0, 0.0), load=(1.0,)
+    )
+    felt = [law.law(memory, reading, reference, DT, par=law.par)[0].interaction.felt for memory in (law.memory, knows)]
+    assert felt[0].z == pytest.approx(-0.05 * 9.81 * (1.0 - np.exp(-60.0 * DT)))
+    assert [*felt[1]] == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
+
+
 def test_what_a_sensor_reads_is_turned_to_world_axes_and_filtered():
     law = make_centroidal(Model(vehicle=ARM, gravity=9.81), mode="tip", interaction=(0.3, 0.1), force_sensor=True)
     joints, read = (0.4, -1.1), Vec3(0.5, 0.2, -0.3)
@@ -78,3 +103,16 @@ def test_a_sensor_decides_on_touch_and_leads_the_integral():
     assert stepped(pressed, None).integral == pytest.approx(4.0 * DT * 1.0)
     assert stepped(none, there).felt == there
     assert stepped(none, None).felt == none.felt  # a law that hears nothing keeps what it has
+
+
+def test_a_tip_that_still_goes_in_touches_again_70_ms_after_the_loss():
+    gains, dt = InteractionGains(touch=0.3, lost=0.1, sensing=60.0), 0.001
+    nothing = Disturbance(force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0), efforts=(0.0, 0.0))
+    wish, there = wanted_of((1.0, 0.1, -1.0, 0.0, 0.0)), Vec3(-0.8, 0.0, 0.0)
+    now = dataclasses.replace(first_interaction(2, sensor=True), touching=1.0, share=1.0, doubt=0.999)
+    touching = []
+    for _ in range(90):
+        now, _ = interaction.interact(gains, now, wish, ARM, nothing, AT, 0.2, 0.0, dt, there)
+        touching.append(now.touching)
+    assert touching.index(0.0) == 0  # it went through
+    assert touching.index(1.0) * dt == pytest.approx(gains.rebound + gains.fall, abs=2.0 * dt)

@@ -20,7 +20,6 @@ from skyarm.dynamics.kinematics import frame_pose
 from skyarm.environment.component import Force, Wrench
 from skyarm.records.plain import plain
 from skyarm.records.restore import restore
-from skyarm.reference.pauses import paused
 from skyarm.reference.push_tables import push_from
 from skyarm.scalars import divide, sqrt, where
 from skyarm.scenario.numbers import with_numbers
@@ -161,7 +160,6 @@ def test_a_grip_is_kept_moved_and_read():
     assert restore(plain(trajectory)) == trajectory
     assert trajectory.at(1.0).push[5:] == pytest.approx((1.0, *trajectory.push.pivot, 0.0, 1.0, 0.0))
     assert trajectory.shifted(1.0).at(1.0).push[5] == 0.0
-    assert paused(trajectory, [(0.1, 1.0)]).at(1.0).push[5] == 0.0
     assert GRASP in trajectory.switch_times()
 
 

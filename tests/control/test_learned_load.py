@@ -12,7 +12,8 @@ import skyarm
 from skyarm import dynamics
 from skyarm.algebra import Mat3, Motion, Quaternion, Vec3
 from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.controller import ControllerError
+from skyarm.control.controller import ControllerError, learns_load
+from skyarm.control.found_by_law import found_by_law
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.learned_load import hang, learn_load, missing, with_learned
 from skyarm.control.laws.centroidal.load_records import LoadGains, LoadMemory, first_load
@@ -201,6 +202,27 @@ def test_it_is_left_out_by_default_and_does_nothing_where_nothing_is_held():
     assert first[1][0].load == on.memory.load
     told = dataclasses.replace(reference, load=(1.0,))
     assert off.law(off.memory, reading, told, DT, par=off.par)[1] == first[0][1]
+
+
+def test_without_gravity_no_weight_tells_of_a_mass():
+    pulled = Disturbance(force=Vec3(0.1, 0.0, -2.0), torque=Vec3(0.0, 0.1, 0.0), efforts=(0.2,) * ARM.n)
+    model = dataclasses.replace(MODEL, gravity=0.0)
+    for holds in (False, True):
+        memory, rests = learn_load(GAINS, NONE, model, TILTED, JOINTS, pulled, holds, 1.0, 27.0, STEP)
+        assert (memory.mass, rests.force.z) == (0.0, 0.0)
+        assert np.isfinite([*memory.place]).all()
+
+
+def test_a_law_of_ones_own_may_call_anything_load():
+    @dataclasses.dataclass(frozen=True)
+    class Own:
+        load: object
+
+    for load in (0.3, (0.1, 0.2), NONE.bias, ()):
+        assert found_by_law(Own(load=load)) == {}
+        assert not learns_load(Own(load=load))
+    assert found_by_law(Own(load=NONE)) == {"load_mass_found": (0.0,), "load_place_found": (0.0, 0.0, 0.0)}
+    assert learns_load(Own(load=GAINS))
 
 
 @pytest.mark.parametrize("limit", [-0.1, float("nan"), 1e4, "much", True, [0.5]])

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+pytest.importorskip("gymnasium", reason="needs the extra 'gym'")
 from skyarm.env.action_kinds import ACTIONS
 from skyarm.env.env_task import PRECISIONS
 from skyarm.env.named_tasks import NAMED, task_scenario

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 
-import gymnasium
 import numpy as np
 import pytest
+
+pytest.importorskip("gymnasium", reason="needs the extra 'gym'")
+import gymnasium
 
 import skyarm
 from skyarm.actuation.hover import hover_trim
@@ -157,6 +159,8 @@ def test_what_nobody_seeds_differs_and_goes_on_with_the_next_episode():
     first, _ = one.reset()
     assert not np.array_equal(first[0], first[1])
     assert one.lanes.episodes.tolist() == [0, 0]
+    # drawn one by one, of a hundred thousand two would be the same
+    assert (one.lanes.seeds[1] - one.lanes.seeds[0]) % np.uint64(2**32) == 1
     again, _ = one.reset(options={"reset_mask": np.array([True, False])})
     assert one.lanes.episodes.tolist() == [1, 0]
     assert not np.array_equal(again[0], first[0])

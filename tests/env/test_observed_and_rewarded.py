@@ -7,10 +7,11 @@ import dataclasses
 import numpy as np
 import pytest
 
+pytest.importorskip("gymnasium", reason="needs the extra 'gym'")
 import skyarm
 from skyarm.actuation.rotor import push
 from skyarm.env import OBSERVED, REWARDS, Result, Sight
-from skyarm.env.action_kinds import ACTIONS
+from skyarm.env.action_kinds import ACTIONS, middle_and_half
 from skyarm.env.env_program import LARGEST, observation_of
 from skyarm.env.env_task import make_task
 from skyarm.env.named_tasks import NAMED, task_scenario
@@ -218,13 +219,36 @@ def test_joints_keep_to_their_limits_and_a_law_is_told_what_was_sent(planned):
         asked = dataclasses.replace(par, model=model)
         return ACTIONS[kind]().command((0.0,) * 4 + action, Kept(own), SIGHTED, WANTED, law, asked, told)
 
-    # a full action is the limit of the effort, or of the range where a drive takes setpoints
-    assert flown("rotors_and_joints", (1.0, -0.5), (False, True))[1].efforts == pytest.approx((0.4, -0.35))
+    # a full action is the limit of the effort; where a drive takes setpoints, an end of the range
+    assert flown("rotors_and_joints", (1.0, -0.5), (False, True))[1].efforts == pytest.approx((0.4, 0.25 - 0.95 / 2))
+    for kind in ("rotors_and_joints", "rates_and_thrust"):
+        assert flown(kind, (1.0, -1.0), (True, True))[1].efforts == pytest.approx((1.2, -0.7))
     memory, sent = flown("residual", (1.0, -0.5), (False, False))
     assert sent.efforts == pytest.approx((0.4, -0.3))
     assert memory.sent == sent
     # setpoints of a drive are not efforts
-    assert flown("residual", (1.0, -0.5), (True, True))[1].efforts == pytest.approx((1.0, -0.45))
+    assert flown("residual", (1.0, -0.5), (True, True))[1].efforts == pytest.approx((0.3 + 0.95, -0.1 - 0.95 / 2))
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "ends"),
+    [
+        (0.0, 0.3, (0.0, 0.3)),
+        (0.0, 2.0, (0.0, 2.0)),
+        (0.2, np.inf, (0.2, 1.2)),
+        (-np.inf, 0.3, (-0.7, 0.3)),
+        (-np.inf, np.inf, (-0.5, 0.5)),
+    ],
+)
+def test_a_drives_setpoints_go_from_end_to_end_of_the_joints_range(lower, upper, ends):
+    middle, half = middle_and_half(lower, upper)
+    assert (middle - half, middle + half) == pytest.approx(ends)
+
+
+def test_a_thrown_vehicle_has_any_heading():
+    drawn = {path.removeprefix("initial."): each["uniform"] for path, each in NAMED["Recover"].randomise.items()}
+    assert (drawn["roll"], drawn["yaw"]) == ([-np.pi, np.pi],) * 2
+    assert drawn["pitch"] == [-np.pi / 2, np.pi / 2]
 
 
 def test_a_rotor_with_a_table_turns_at_the_speed_of_its_thrust(planned):

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+pytest.importorskip("gymnasium", reason="needs the extra 'gym'")
 import skyarm
 from exported_law import Loaded
 from skyarm.control.controller import ControllerError

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 
-import gymnasium
 import numpy as np
 import pytest
 
+pytest.importorskip("gymnasium", reason="needs the extra 'gym'")
+import gymnasium
+
 import skyarm
-from skyarm.env import REWARDS, RatesAndThrust
+from skyarm.env import REWARDS, RatesAndThrust, RewardTerm
 from skyarm.env.env_task import make_task
 from skyarm.env.single_environment import Environment
 from skyarm.env.vector_environment import VectorEnvironment
+from skyarm.environment.environment_tables import wind_from
 from skyarm.records.coerce import RecordError
 from skyarm.scalars import where
 from small_environments import MASS, bare, one_program_a_task
@@ -165,7 +169,8 @@ def test_a_law_whose_command_is_not_finite_ends_the_episode_where_it_is():
 
 
 def test_a_single_environment_refuses_what_comes_at_the_wrong_time_and_says_why_it_ended():
-    one = Environment(**bare(actions=skyarm.env.RotorsAndJoints(span=1.0)))
+    reward = [REWARDS["position_distance"](), "lost"]
+    one = Environment(**bare(actions=skyarm.env.RotorsAndJoints(span=1.0), reward=reward))
     with pytest.raises(skyarm.ScenarioError, match=r"must come after reset\(\)"):
         one.step(np.zeros(4))
     one.reset(seed=2**40 + 3)
@@ -183,18 +188,32 @@ def test_a_single_environment_refuses_what_comes_at_the_wrong_time_and_says_why_
     assert one.lanes.seeds[0] == (2**40 + 3) % 2**32
     ended = False
     while not ended:
-        *_, ended, truncated, info = one.step(-np.ones(4))
+        _, given, ended, truncated, info = one.step(-np.ones(4))
         assert not truncated
     assert info["status"] == "ground"
+    off = [float(c[0]) for c in one.lanes.state.position] - np.array([0.0, 0.0, 0.3])
+    assert given == pytest.approx(-np.linalg.norm(off) - 1.0, rel=1e-6)
     assert info["cause"].startswith("lowest point at z = -")
     with pytest.raises(skyarm.ScenarioError, match="before the end of the episode"):
         one.step(np.zeros(4))
     # an ending that comes in the very last period counts as one
-    last = Environment(**bare(actions=skyarm.env.RotorsAndJoints(span=1.0)), duration=one.lanes.loop.ticks[0] / 100.0)
+    last = Environment(
+        **bare(actions=skyarm.env.RotorsAndJoints(span=1.0), reward=reward), duration=one.lanes.loop.ticks[0] / 100.0
+    )
     last.reset(seed=2**40 + 3)
     for _ in range(int(one.lanes.loop.ticks[0])):
         *_, ended, truncated, info = last.step(-np.ones(4))
     assert (ended, truncated, info["status"]) == (True, False, "ground")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Untold(RewardTerm):
+    """No number at all."""
+
+    of_state = False
+
+    def value(self, result):
+        return (result.ended - result.ended) / (result.ended - result.ended)
 
 
 def test_what_diverges_ends_the_episode_with_a_finite_observation():
@@ -205,4 +224,38 @@ def test_what_diverges_ends_the_episode_with_a_finite_observation():
     assert (ended, truncated) == (True, False)
     assert info == {"status": "diverged", "cause": "velocity.x passed 10000"}
     assert observed in one.observation_space
-    assert reward == -1e6
+    assert reward == 0.0
+
+
+def test_what_has_diverged_is_rewarded_by_what_reads_no_state_and_a_term_without_a_number_leaves_the_others():
+    """A push that no vehicle survives; then a term that is no number; then one that is too large."""
+    push = {"environment.wind.force_W.x": {"uniform": [1.0e9, 1.1e9]}}
+    planned = dataclasses.replace(
+        bare()["scenario"], wind=wind_from({"mode": "force_wind", "force": [0.0, 0.0, 0.0]}, "wind")
+    )
+    reward = [REWARDS["position_distance"](), Untold(), REWARDS["lost"](weight=10.0)]
+    one = Environment(**bare(scenario=planned, randomise=push, reward=reward))
+    one.reset(seed=0)
+    _, given, ended, _, info = one.step(np.zeros(4))
+    assert (ended, info["status"]) == (True, "diverged")
+    assert given == -10.0
+    sound = Environment(**bare(reward=[Untold(), REWARDS["spin"](scale=1e-9), REWARDS["alive"](weight=2.0**10)]))
+    sound.reset(seed=0)
+    assert sound.step(np.array([1.0, 0.0, 0.0, 0.0]))[1] == -1e6 + 2.0**10
+
+
+def test_seeds_of_numpy_are_seeds_and_huge_actions_count_as_the_bound():
+    for precision in ("single", "double"):
+        one = Environment(**bare(precision=precision))
+        found = []
+        for action in (np.array([1e300, -1e300, 0.5, 0.0]), np.array([1.0, -1.0, 0.5, 0.0]), [1, -1, 0.5, 0]):
+            one.reset(seed=np.int64(5))
+            assert one.lanes.seeds[0] == 5
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                found.append(one.step(action)[0])
+            assert one.lanes.actions[:, 0].tolist() == [1.0, -1.0, 0.5, 0.0]
+        assert np.array_equal(found[0], found[1])
+        assert np.array_equal(found[0], found[2])
+    with pytest.raises(skyarm.ScenarioError, match="seed = True"):
+        one.reset(seed=True)

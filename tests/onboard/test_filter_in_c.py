@@ -12,9 +12,11 @@ from c_compiler import needs_cc
 from commanded import skyarm as typed
 from estimated_flight import TEXT, estimated
 from exported_law import Loaded
+from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.onboard.estimated_law import (
     EstimatedConstants,
     FilterReadings,
+    blank_readings,
     estimated_law,
     first_estimated_memory,
 )
@@ -56,6 +58,23 @@ def test_filter_and_law_in_c_have_the_bits_of_python(tmp_path, force):
         assert np.array_equal(found, [*command.rotor_speeds, *command.efforts])
     assert np.array_equal(in_c.memory.estimate_covariance_8, memory.estimate.covariance[8])
     assert in_c.memory.estimate_taken == 3.0
+
+
+def test_a_force_sensor_goes_past_the_filter_to_the_law():
+    scenario = estimated()
+    model, estimator = scenario.controller.par.model, scenario.estimator
+    law = make_centroidal(model, mode="tip", interaction=(0.3, 0.1), force_sensor=True)
+    assert "double tip_force[3];" in export_c(law, name="law", period=0.005, estimator=estimator).text
+    constants = EstimatedConstants(parameters=law.par, estimator=estimator, period=0.005)
+    still = dict.fromkeys(("joints", "joint_rates", "joint_accelerations"), (0.0, 0.0))
+    reference = Reference(**still, push=(1.0, 0.1, -1.0, 0.0, 0.0))
+    readings = blank_readings(estimator, 2, tip_force=3)
+    felt = []
+    for told in ((0.0, 0.0, 0.0), (0.6, 0.0, 0.8)):
+        first = first_estimated_memory(law, estimator)
+        following, _ = estimated_law(law)(constants, dataclasses.replace(readings, tip_force=told), reference, first)
+        felt.append(np.linalg.norm([*following.law.interaction.felt]))
+    assert felt == pytest.approx([0.0, 1.0 - np.exp(-60.0 * 0.005)])
 
 
 def recorded(scenario, periods):

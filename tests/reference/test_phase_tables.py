@@ -58,6 +58,22 @@ def test_a_force_holds_on_until_the_tip_is_in_free_flight_again():
         read(PRESS, {"kind": "hold", "duration": 1.0}, slide)
 
 
+def test_a_force_holds_on_while_the_tip_rests_between_two_phases():
+    slide = {"kind": "slide", "position": [0.2, 0.1, 0.8], "duration": 2.0, "start": 20.0, "force": 3.0}
+    trajectory, _ = read(PRESS, slide, {"kind": "hold", "duration": 1.0, "start": 30.0}, PRESS | {"start": 40.0})
+    press, first, _, again = (phase.end for phase in trajectory.phases)
+    times = (press, press + 0.01, 19.99, 20.01, first, first + 0.01, 29.0, 39.0, again)
+    assert [force_at(trajectory, t) for t in times] == [2.0, 2.0, 2.0, 3.0, 3.0, 0.0, 0.0, 0.0, 2.0]
+
+
+def test_joints_do_not_move_in_a_phase_that_may_be_skipped():
+    with pytest.raises(ValueError, match=r"phases\[1\]\.joints: must be left out of a phase that may end early"):
+        read(PRESS, SPIRAL | {"joints": {"finger": 0.01}})
+    # in the phase after it they may
+    with pytest.raises(ValueError, match=r"needs a vehicle"):
+        read(PRESS, SPIRAL, {"kind": "hold", "duration": 1.0, "joints": {"finger": 0.01}})
+
+
 def test_a_tip_that_approaches_stands_off_the_surface():
     trajectory, _ = read(
         {"kind": "approach", "position": [0.5, 0.0, 0.8], "normal": [-1, 0, 0], "clearance": 0.1}, PRESS
@@ -68,7 +84,7 @@ def test_a_tip_that_approaches_stands_off_the_surface():
 def test_a_spiral_stays_across_the_normal_with_its_pitch_and_pace():
     trajectory, _ = read(PRESS, SPIRAL)
     begin, end = (phase.end for phase in trajectory.phases)
-    times = np.linspace(begin, end, 601)
+    times = np.linspace(begin, end, 201)
     places = np.array([place_at(trajectory, t) for t in times]) - START
     assert np.abs(places[:, 0]).max() < 1e-15
     radius, angle = np.hypot(*places[:, 1:].T), np.unwrap(np.arctan2(places[:, 2], places[:, 1]))

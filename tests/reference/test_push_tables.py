@@ -1,13 +1,14 @@
-"""The wanted contact of a reference: its table, and what delays, pauses and sums make of it."""
+"""The wanted contact of a reference: its table, and what delays and sums make of it."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from skyarm.algebra import Vec3
 from skyarm.reference.path_time import by_flight_time
-from skyarm.reference.pauses import paused
 from skyarm.reference.setting import Setting
+from skyarm.reference.tip_push import counted_error
 from skyarm.reference.tip_tables import reference_from
 from skyarm.reference.trajectory import Trajectory
 
@@ -36,7 +37,6 @@ def test_a_tip_that_grips_may_pull():
 def test_the_force_waits_and_goes_with_the_motion():
     told, times = trajectory(), np.array([0.9, 1.1, 2.9, 3.1])
     assert [told.shifted(1.0).at(t + 1.0).push[0] for t in times] == [0.0, 2.0, 2.0, 0.0]
-    assert [paused(told, [(2.0, 1.0)]).at(t).push[0] for t in (1.5, 3.5, 4.1)] == [2.0, 2.0, 0.0]
     assert (Trajectory() + told).at(2.0).push == told.at(2.0).push
     assert by_flight_time(told.at(2.0), (2.0, 0.5, 0.0, 0.0, 0.0)).push == told.at(2.0).push
     with pytest.raises(ValueError, match="each have a push"):
@@ -66,3 +66,24 @@ def test_other_tables_are_refused_in_one_line(changed, message):
     with pytest.raises(ValueError, match=message) as error:
         trajectory({**PUSH, **changed})
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("push", "kept"),
+    [
+        ((), (0.3, 0.04, 0.2)),
+        ((0.0, 0.1, 0.0, 0.0, 1.0), (0.3, 0.04, 0.2)),
+        ((1.0, 0.1, 0.0, 0.0, 1.0), (0.3, 0.04, 0.0)),
+        ((0.0, 0.1, 0.0, 0.0, 1.0, 0.4), (0.3, 0.04, 0.2)),
+        ((0.0, 0.1, 0.0, 0.0, 1.0, 1.0), (0.3, 0.04, 0.0)),
+        # out of an upright axis through (0, 0.5, 0) the tip at (1, 0.5, 7) is along x, whatever the normal says
+        ((0.0, 0.1, 0.0, 1.0, 0.0, 1.0, 0.0, 0.5, 0.0, 0.0, 0.0, 1.0), (0.0, 0.04, 0.2)),
+        ((-2.0, 0.1, 0.0, 1.0, 0.0, 1.0, 0.0, 0.5, 0.0, 0.0, 0.0, 1.0), (0.0, 0.04, 0.2)),
+        ((1.0, 0.1, 0.0, 1.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 1.0), (0.3, 0.0, 0.2)),
+        # on the axis nothing points out of it
+        ((1.0, 0.1, 0.0, 1.0, 0.0, 1.0, 1.0, 0.5, 0.0, 0.0, 0.0, 1.0), (0.3, 0.0, 0.2)),
+    ],
+)
+def test_an_error_counts_where_a_place_is_held_and_not_a_force(push, kept):
+    found = counted_error(Vec3(0.3, 0.04, 0.2), push, Vec3(1.0, 0.5, 7.0))
+    np.testing.assert_allclose([float(c) for c in found], kept, atol=1e-9)

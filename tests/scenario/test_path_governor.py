@@ -4,6 +4,7 @@ import dataclasses
 import math
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,12 +14,13 @@ from skyarm.actuation.hover import highest_thrust
 from skyarm.actuation.motion_demand import Motion
 from skyarm.actuation.servo import PositionServo
 from skyarm.assess.along_reference import demand_of
+from skyarm.contact.gripper import Command
 from skyarm.reference import Constant, Sine, Sum, Trajectory
-from skyarm.reference.compose import Product, sequence
+from skyarm.reference.compose import Product, Windowed, sequence
 from skyarm.reference.path_time import governed
 from skyarm.reference.signals import Ramp, Signal
 from skyarm.scenario.governor_limits import GovernorOptions, Limits
-from skyarm.scenario.path_governor import GovernorWarning
+from skyarm.scenario.path_governor import GovernorWarning, _require_no_instants
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.whole_parts import with_part
 from skyarm.vehicle.vehicle_records import MountedDrive
@@ -287,6 +289,23 @@ def test_tasks_whose_instants_would_come_too_early_are_refused():
     box = {"name": "box", "mass": 0.05}
     with pytest.raises(skyarm.ScenarioError, match=r"reference\.governor: must be left out of .* picks or places"):
         scenario_from(DOCUMENT | {"reference": {"base": task, "governor": True}, "payloads": [box]})
+
+
+def test_a_flight_that_takes_something_at_an_instant_is_not_governed():
+    box = {"name": "box", "mass": 0.05, "pick": 1.0, "believed": True}
+    told = scenario_from(DOCUMENT | {"payloads": [box]})
+    with pytest.raises(skyarm.ScenarioError, match=r"reference\.governor: must be left out where the law is told of"):
+        skyarm.govern(told)
+    blind = scenario_from(DOCUMENT | {"payloads": [box | {"believed": False}]})
+    assert skyarm.govern(blind).payloads == blind.payloads
+    for closed, refused in ((Constant(1), False), (Windowed(Constant(1), 1.0, 2.0), True)):
+        hand = SimpleNamespace(name="hand", closed=Command(closed))
+        flight = SimpleNamespace(contact=SimpleNamespace(grippers=(hand,)), payloads=(), changes=())
+        if not refused:
+            _require_no_instants(flight)
+            continue
+        with pytest.raises(ValueError, match="where gripper 'hand' closes or opens at an instant"):
+            _require_no_instants(flight)
 
 
 def test_a_reference_that_takes_another_s_place_is_governed_by_its_own_table():

@@ -20,7 +20,7 @@ from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.sensors.channel import Channel
 from skyarm.sensors.force_sensors import ForceTorque, TactileSwitch
-from skyarm.sensors.sensor import Push
+from skyarm.sensors.sensor import NO_PUSH, Push
 from skyarm.simulate.felt_pushes import beyond, push_at
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.stages import Stages
@@ -150,6 +150,18 @@ def test_every_engine_tells_the_same_and_numbers_have_paths(scenario):
     session = skyarm.Session(switch, machine_code=False)
     session.step()
     assert session.measurement.tip_force == ()
+
+
+def test_where_nothing_can_push_the_sensors_feel_nothing():
+    kept = {key: DOCUMENT[key] for key in ("schema", "name", "plant", "reference")}
+    sensors = {"wrist": {"kind": "force_torque"}, "finger": {"kind": "tactile_switch", "bandwidth": 200.0}}
+    free = scenario_from(kept | {"duration": 0.01, "controller": {"preset": "paper_ct"}, "sensors": sensors})
+    memories = tuple(c.start(0.005, (0.5,) * 2 * c.uniforms) for c in free.components)
+    around = Stages(free).surroundings(memories, (), 0.0)
+    push = push_at(ARM.frame(), around, ARM, skyarm.Session(free, machine_code=False).state, 9.81)
+    assert push == NO_PUSH
+    assert {type(each) for each in (*push.force, *push.torque)} == {float}
+    assert skyarm.run(free).status == "completed"
 
 
 def test_the_sensor_on_the_page_is_one():

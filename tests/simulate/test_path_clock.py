@@ -21,6 +21,9 @@ from skyarm.reference.phase_guard import Guard, Phase
 from skyarm.reference.phase_words import PASSED, phase_numbers
 from skyarm.reference.signals import Constant
 from skyarm.reference.trajectory import Trajectory
+from skyarm.scenario.in_flight import Overrides
+from skyarm.simulate.clock_of_change import clock_of_change, is_other_reference
+from skyarm.simulate.due_period import due
 from skyarm.simulate.first_state import first_loop_state
 from skyarm.simulate.loop_state import carried
 from skyarm.simulate.path_clock import PathClock, Seen, Waits
@@ -38,6 +41,9 @@ GUARDS = (
 PHASES = (Phase(name="a", end=0.1), Phase(name="b", end=0.2), Phase(name="c", end=0.2125), Phase(name="d", end=0.4))
 
 RATE = 200
+
+NO_OFFSET = (0.0,) * 8
+"""Of the reference and of the sample that is held, and since when."""
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +116,7 @@ def drawn(count: int) -> list[list[float]]:
 def following(waits: Waits, row: Any) -> list[Any]:
     place, held, guard, waited, calm, *rest = row
     example = waits.first()
-    numbers = [place, held, guard, waited, calm, *rest[:4], 0.0, 0.0, 0.0, 0.0]
+    numbers = [place, held, guard, waited, calm, *rest[:4], *NO_OFFSET]
     clock = rebuild(example, iter(numbers))
     goal = Vec3(0.1, 0.0, 1.0)
     seen = Seen(tip=Vec3(*rest[5:8]), goal=goal, push=tuple(rest[11:16]), force=Vec3(*rest[8:11]))
@@ -125,7 +131,7 @@ ROWS = drawn(400)
 def wanted(scenario):
     rows = []
     for row in ROWS:
-        clock = rebuild(Waits(scenario).first(), iter([*row[:9], 0.0, 0.0, 0.0, 0.0]))
+        clock = rebuild(Waits(scenario).first(), iter([*row[:9], *NO_OFFSET]))
         clock = dataclasses.replace(clock, origin=tuple(row[5:8]))
         found = oracle(clock, row[9], row[10:13], (0.1, 0.0, 1.0), row[16:21], row[13:16])
         names = ("place", "held", "guard", "waited", "calm", "origin", "failed")
@@ -161,15 +167,19 @@ def test_a_reference_that_ends_early_goes_on_from_where_it_is(scenario):
     after = waits.following(clock, 41.0, seen)
     assert (after.place, after.guard) == (GUARDS[2].at * RATE + 1.0, 3.0)
 
-    def at(each):
-        _, held, *offset = waits.times(each, 0.0)
-        return waits.reference(held, offset)
-
-    now, then = at(clock), at(after)
+    now, then = waits.held_reference(clock, 40.0), waits.held_reference(after, 44.0)
     assert now.position.x < float(scenario.trajectory.at(after.place * shift).position.x) - 1e-5
     # the plan has moved on by a period only
     speed = float(scenario.trajectory.at(GUARDS[2].at).velocity.x)
     assert then.position.x - now.position.x == pytest.approx(speed * shift, rel=0.2)
+    # a sample is held with the offset that it was published with, until the next one
+    before = waits.held_reference(clock, 41.0)
+    for tick in (42.0, 43.0):
+        assert waits.held_reference(after, tick) == before
+        after = waits.following(after, tick, seen)
+    moved = waits.instants(waits.times(after, 44.0))
+    assert moved[0][1] == moved[1][1] == [*after.offset, after.since]
+    assert waits.held_reference(after, 44.0) == waits.reference(*moved[1]) != before
 
 
 def test_an_offset_is_taken_back_smoothly_in_the_phase_that_returns(scenario):
@@ -202,12 +212,63 @@ def test_an_offset_is_taken_back_smoothly_in_the_phase_that_returns(scenario):
 def test_a_task_that_takes_over_in_flight_begins_at_the_flight_s_time(scenario):
     first = first_loop_state(scenario)
     before = dataclasses.replace(first, ticks=37.0, clock=())
-    taken = carried(first, before).clock
-    assert (taken.place, taken.held, taken.guard) == (37.0, 37.0, 0.0)
-    # one of the same structure goes on where it stands
-    clock = dataclasses.replace(first.clock, place=11.0, guard=1.0)
-    assert carried(first, dataclasses.replace(before, clock=clock)).clock == clock
-    assert carried(before, dataclasses.replace(first, ticks=37.0)).clock == ()
+
+    def taken(now, anew):
+        return carried(first, now, (), clock_of_change(scenario, first, now, anew=anew)).clock
+
+    # at the first guard that is not passed
+    for ticks, guard in ((0.0, 0.0), (19.0, 0.0), (20.0, 0.0), (21.0, 1.0), (41.0, 2.0), (43.0, 3.0), (200.0, 4.0)):
+        found = taken(dataclasses.replace(before, ticks=ticks), False)
+        assert (found.place, found.held, found.guard) == (ticks, ticks, guard)
+    # the same reference goes on where it stands, another one of the same shape begins; of a lane that has ended neither
+    clock = dataclasses.replace(first.clock, place=11.0, guard=1.0, failed=1.0)
+    waiting = dataclasses.replace(before, clock=clock)
+    assert taken(waiting, False) == clock
+    assert (taken(waiting, True).place, taken(waiting, True).failed) == (37.0, 0.0)
+    assert taken(dataclasses.replace(waiting, alive=0.0), True) == clock
+    assert clock_of_change(scenario, before, dataclasses.replace(first, ticks=37.0), anew=True) == ()
+    # a distance counts from where the tip was then
+    tip = Vec3(0.3, 0.2, 0.1)
+    seen = Seen(tip=tip, goal=tip, push=(), force=None)
+    after = Waits(scenario).following(Waits(scenario).begun_at(41.0), 41.0, seen)
+    assert after.origin == tip
+    moved = dataclasses.replace(seen, tip=Vec3(0.0, 0.0, 0.0))
+    assert Waits(scenario).following(after, 42.0, moved).origin == tip
+
+
+def test_a_reference_is_another_one_where_it_is_replaced_as_a_whole(scenario):
+    task, law = ("reference", {"base": "case1"}), ("controller.law", "indi")
+    own, number = Overrides(), Overrides(numbers=(("reference.push.speed", 0.2),))
+    replaced = Overrides(parts=(task,))
+    for now, before, other in (
+        (number, own, False),
+        (Overrides(parts=(law,)), own, False),
+        (replaced, own, True),
+        (own, replaced, True),
+        (Overrides(parts=(law, task)), replaced, False),
+        (Overrides(parts=(("reference.base", {"kind": "hover"}),)), own, True),
+    ):
+        assert is_other_reference(scenario, now, scenario, before) is other
+    gentler = dataclasses.replace(scenario, seed=5)
+    assert not is_other_reference(gentler, own, scenario, own)
+    longer = dataclasses.replace(scenario.trajectory, z=Constant(1.2))
+    assert is_other_reference(dataclasses.replace(scenario, trajectory=longer), own, scenario, own)
+
+
+@pytest.mark.parametrize("asked", [{"force": 0.5}, {"force_below": 0.5}])
+def test_who_observes_no_force_knows_of_none_that_is_gone(scenario, asked):
+    guard = Guard(at=0.1, begin=0.05, direction=OUT, hold=0.0, **asked)
+    waits = Waits(dataclasses.replace(scenario, trajectory=dataclasses.replace(scenario.trajectory, guards=(guard,))))
+    clock, tip = dataclasses.replace(waits.first(), place=20.0), Vec3(0.1, 0.0, 1.0)
+    force = Vec3(*OUT) * (1.0 if "force" in asked else 0.0)
+    found = [waits.following(clock, 20.0, Seen(tip=tip, goal=tip, push=(), force=each)) for each in (force, None)]
+    assert [each.guard for each in found] == [1.0, 0.0]
+
+
+@pytest.mark.parametrize("every", [1, 3, 4, 7, 1000, 1500])
+def test_a_slower_clock_ticks_in_each_so_many_periods(every):
+    ticks = np.concatenate([np.arange(4000.0), 1e7 + np.arange(3000.0)])
+    assert (due(ticks, every) == (ticks % every == 0.0)).all()
 
 
 def test_a_phase_is_flown_until_its_end_is_passed(scenario):

@@ -10,7 +10,7 @@ import pytest
 
 import skyarm
 from skyarm.actuation import Command
-from skyarm.algebra import Vec3
+from skyarm.algebra import Quaternion, Vec3
 from skyarm.metrics.path_distance import path_distance
 from skyarm.metrics.score import score
 from skyarm.reference import hover
@@ -20,15 +20,20 @@ from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.path_governor import options_from
 from skyarm.sensors.measurement import blank_measurement
 from skyarm.simulate.batch import Batch
+from skyarm.simulate.clock_of_change import clock_of_change
 from skyarm.simulate.first_state import first_loop_state
+from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.loop_state import carried
 from skyarm.simulate.pace_clock import Paces
+from skyarm.simulate.tip_and_goal import tip_at
 
 POINTS = [[0, 0, 1], [2, 0, 1.5], [2, 2, 1]]
 BASE = {"kind": "waypoints", "points": POINTS, "start": 0.2, "speed": 3.0, "acceleration": 4.0, "tilt": 0.6,
         "rate": 4, "spin": 30}  # fmt: skip
 MASS = "plant.payload.mass"
+
+LEVEL = Quaternion(1.0, 0.0, 0.0, 0.0)
 
 
 def flight(governor, duration=4.0):
@@ -123,6 +128,19 @@ def test_a_rotor_s_thrust_is_the_square_of_its_speed(scenario):
         assert after.rate - 0.5 == pytest.approx(sign * 20.0 * min(0.5, 5.0 * 0.2) / 200**2, abs=1e-9)
 
 
+def test_along_the_normal_of_a_push_nothing_is_waited_for(scenario):
+    paces = Paces(dataclasses.replace(scenario, pause=PathPause(error=0.05)))
+    clock = paces.first()
+    told, idle = hover((0.0, 0.0, 0.0), joints=(0.0, 0.0)).at(0.0), Command(rotor_speeds=(0.0,) * 4, efforts=(0.0,) * 2)
+    tip = tip_at(scenario.controller.par.model.vehicle, Vec3(0.0, 0.0, 0.0), LEVEL, (0.0, 0.0))
+    measurement = dataclasses.replace(blank_measurement(2, 4), position=Vec3(0.3, 0.0, 0.0), quaternion=LEVEL)
+    told = dataclasses.replace(told, tip=tuple(tip))
+    for push, slower in (((), True), ((1.0, 0.1, -1.0, 0.0, 0.0), False), ((0.0, 0.1, -1.0, 0.0, 0.0), True),
+                         ((1.0, 0.1, 0.0, 1.0, 0.0), True)):  # fmt: skip
+        after = paces.following(clock, 0.0, measurement, dataclasses.replace(told, push=push), idle)
+        assert (after.now.jerk < 0.0) is slower
+
+
 def test_a_slow_loop_keeps_the_rate_between_none_and_one(scenario):
     # at 5 Hz the rate's own loop would swing
     paces = Paces(dataclasses.replace(scenario, pause=PathPause(error=0.05, acceleration=50.0)))
@@ -140,13 +158,18 @@ def test_a_slow_loop_keeps_the_rate_between_none_and_one(scenario):
 
 
 def test_python_sessions_and_batches_fly_the_same_bits(scenario, log):
-    short = dataclasses.replace(scenario, duration=1.5)
-    assert same(skyarm.run(short), run_in_python(short)) == []
+    short = run_in_python(dataclasses.replace(scenario, duration=0.9))
+    assert short.time[-1] - short.path_time[-1] > 0.0
+    arrays = log.arrays()
+    assert [name for name, a in short.arrays().items() if not np.array_equal(a, arrays[name][: len(a)])] == []
     session = skyarm.Session(scenario)
     for _ in range(250):
         session.step()
+    clock = session.now.clock
+    row = episode_inputs(scenario).row_at(250, session.now)
+    assert row.path_time == clock.now.place / 200.0 == log.path_time[250]
     held = session.snapshot()
-    assert same(session.run(), log) == []
+    session.step()
     session.restore(held)
     assert same(session.run(), log) == []
 
@@ -190,13 +213,21 @@ def test_the_rate_falls_from_one_at_a_bound_to_none(error, thrust, rate):
     assert PathPause(thrust=0.8).rate(9.0, thrust) == pytest.approx(min(max((1.0 - thrust) / 0.2, 0.0), 1.0))
 
 
+@pytest.mark.parametrize("bounds", [{"thrust": 1.2}, {"thrust": 1.0}, {"thrust": 0.0}, {"error": 0.0}])
+def test_bounds_that_would_stop_the_reference_for_good_are_refused(bounds):
+    (name,) = bounds
+    with pytest.raises(ValueError, match=rf"reference\.governor\.pause\.{name} = .*must be (above 0|below 1)"):
+        PathPause(**bounds)
+
+
 def test_without_bounds_there_is_no_clock(scenario):
     free = flight({"tilt": 0.6})
     assert free.pause is None
     assert first_loop_state(free).clock == ()
     # one that takes over in flight begins at the flight's time
     before = dataclasses.replace(first_loop_state(free), ticks=37.0)
-    clock = carried(first_loop_state(scenario), before).clock
+    first = first_loop_state(scenario)
+    clock = carried(first, before, (), clock_of_change(scenario, first, before, anew=False)).clock
     assert (clock.now.place, clock.now.rate, clock.held.place) == (37.0, 1.0, 37.0)
     with pytest.raises(skyarm.ScenarioError, match=r"pause_eror: is no option of a governor|pause_eror.*unknown"):
         flight({"pause_eror": 0.1})

@@ -20,6 +20,7 @@ from skyarm.simulate.batch import Batch
 from skyarm.simulate.batch_session import BatchSession
 from skyarm.simulate.check_endings import failed_phase
 from skyarm.simulate.inputs import episode_inputs
+from skyarm.simulate.joined_reference import joined_reference
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.path_clock import Waits
 from skyarm.sweep.study_file import load_study
@@ -75,8 +76,13 @@ def test_the_log_says_where_the_reference_s_clock_stands(scenario, log):
 
 
 def test_python_floats_and_a_log_fly_the_same_bits(scenario, log):
-    short = dataclasses.replace(scenario, duration=1.2)
-    assert same(skyarm.run(short), run_in_python(short)) == []
+    # one that waits no longer than four periods; until then it is the same flight
+    hasty = with_numbers(dataclasses.replace(scenario, duration=0.7), {TIMEOUT: 0.02})
+    short = run_in_python(hasty)
+    assert (short.status, short.info["end_time"]) == ("phase_failed", pytest.approx(0.575))
+    assert short.info["cause"] == "phase 1 'press': no contact of 0.5 N within 0.02 s"
+    arrays = log.arrays()
+    assert [name for name, a in short.arrays().items() if not np.array_equal(a[:114], arrays[name][:114])] == []
     assert same(skyarm.replay(log), log) == []
 
 
@@ -88,12 +94,15 @@ def test_a_session_goes_on_from_a_gate(scenario, log):
     # margins look at the reference where it stands
     row = episode_inputs(scenario).row_at(200, session.now)
     assert [float(c) for c in row.reference.tip] == [float(c) for c in session.reference.tip]
-    assert row.time == 1.0
-    held = session.snapshot()
+    assert (row.time, row.path_time) == (1.0, session.now.clock.place / 200.0)
+    held, held_place = session.snapshot(), session.now.clock.place
     np.testing.assert_array_equal([float(c) for c in session.reference.tip], log.tip_held[200])
     assert same(session.run(), log) == []
+    # another task of the same shape begins at the flight's time, at the first guard that is to come
     session.restore(held)
-    assert same(session.run(), log) == []
+    session.change({"reference": DOCUMENT["reference"]})
+    assert (session.now.clock.place, session.now.clock.guard) == (200.0, 1.0)
+    assert session.now.clock.place > held_place
 
 
 @pytest.fixture(scope="module")
@@ -134,6 +143,7 @@ def test_a_batch_is_a_loop_of_single_flights(scenario, batch, lane):
     require_same(found, lane, alone)
 
 
+@pytest.mark.thorough
 def test_a_phase_that_must_not_fail_ends_the_flight_and_says_why(scenario):
     away = with_numbers(scenario, {"world.surfaces.wall.position.0": 2.0})
     log = skyarm.run(away)
@@ -144,6 +154,16 @@ def test_a_phase_that_must_not_fail_ends_the_flight_and_says_why(scenario):
     assert "press - (timeout), slide -, retreat -" in said
     # 0.55 s of the plan, 3 s of waiting, and the period in which it is noticed
     assert log.info["end_time"] == pytest.approx(3.555)
+
+
+def test_who_joins_late_is_told_of_the_tip_at_rest_and_of_no_contact(scenario):
+    late, going = dataclasses.replace(scenario, joined=3.0), scenario.trajectory.at(2.0)
+    before, after = (joined_reference(late, going, time) for time in (2.0, 3.0))
+    start = scenario.trajectory.at(0.0)
+    assert after == going
+    assert before.tip == tuple(float(c) for c in start.tip)
+    assert going.push[0] == 1.0
+    assert before.push == (0.0, *going.push[1:])
 
 
 @pytest.mark.thorough

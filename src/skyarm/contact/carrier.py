@@ -71,6 +71,15 @@ class Carrier:
         return None
 
     @property
+    def largest_euler_step(self) -> Any:
+        """The same of the semi-implicit Euler method."""
+        return self.largest_step
+
+    def mobility_at(self, reach: Any) -> Any:
+        """1/kg, of a place in its axes that is at most so far (m) from its skin."""
+        return self.mobility
+
+    @property
     def gyration(self) -> Any:
         """m^2: square of the least radius of gyration, with which a gripper holds its attitude; 0 to leave it free."""
         return 0
@@ -102,6 +111,10 @@ class Carrier:
             gravity: m/s^2, along -z.
         """
         raise NotImplementedError
+
+    def before_euler_step(self, memory: Any, slope: Any, dt: Any) -> Any:
+        """Memory with which a semi-implicit Euler step takes forces: bristles of its own have moved."""
+        return memory
 
     def euler_step(self, memory: Any, slope: Any, dt: Any) -> Any:
         """Memory after a semi-implicit Euler step: velocities first, then places with the new velocities."""

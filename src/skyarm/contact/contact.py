@@ -7,7 +7,7 @@ have their motion there, too.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
@@ -123,11 +123,14 @@ class Contact(Force):
     @property
     def largest_step(self) -> Any:  # type: ignore[override]
         """Longest integration step (s) that everything bears; None of an empty world."""
-        steps = [step for _, step in self.steps]
-        least = steps[0] if steps else None
-        for each in steps[1:]:
-            least = minimum(least, each)
-        return least
+        return _least(step for _, step in self.steps)
+
+    @property
+    def largest_euler_step(self) -> Any:
+        """The same of the semi-implicit Euler method: damping of friction and grasps counts, too."""
+        grasped = [step for _, step in self.grasps.steps(euler=True)]
+        inner = [c.largest_euler_step for c in self.carriers if c.largest_euler_step is not None]
+        return _least((*(step for _, step in self.steps), *grasped, *inner))
 
     def on(self, vehicle: Vehicle) -> Contact:
         """The contact with the vehicle's tip as its point where none is named."""
@@ -230,12 +233,19 @@ class Contact(Force):
             grips=tuple(UNCHANGED for _ in memory.grips),
         )
 
+    def before_euler_step(self, memory: Any, slope: Any, dt: Any) -> ContactMemory:
+        """Bristles have moved by the velocities that the last step left: by those before it, friction would chatter."""
+        going = zip(self.carriers, memory.carried, slope.carried, strict=True)
+        bent = moved_by(memory.bristles, slope.bristles, dt)
+        carried = tuple(carrier.before_euler_step(held, rate, dt) for carrier, held, rate in going)
+        return ContactMemory(clock=memory.clock, bristles=bent, carried=carried, grips=memory.grips)
+
     def euler_step(self, memory: Any, slope: Any, dt: Any) -> ContactMemory:
         """Memory after a semi-implicit Euler step, in which bodies go on with their new velocities."""
         going = zip(self.carriers, memory.carried, slope.carried, strict=True)
         return ContactMemory(
             clock=moved_by(memory.clock, slope.clock, dt),
-            bristles=moved_by(memory.bristles, slope.bristles, dt),
+            bristles=memory.bristles,
             carried=tuple(carrier.euler_step(held, rate, dt) for carrier, held, rate in going),
             grips=memory.grips,
         )
@@ -293,3 +303,11 @@ class Contact(Force):
         for carrier, held in zip(self.carriers, memory.carried, strict=True):
             numbers += carrier.logged(held)
         return (*numbers, *self.grasps.logged(memory, motion))
+
+
+def _least(steps: Iterable[Any]) -> Any:
+    """The smallest of some steps (s); None of none."""
+    least = None
+    for each in steps:
+        least = each if least is None else minimum(least, each)
+    return least

@@ -123,6 +123,11 @@ class FreeObject(Carrier):
         """1/kg: of the face, rim or place that is the easiest to move."""
         return largest_mobility(self.shape, self.size, self.com, self.mass, self.moments)
 
+    def mobility_at(self, reach: Any) -> Any:
+        """Of a grasp that holds the attitude, too: its stiffness there has at most that of one more place."""
+        lever = self.surfaces[0].farthest + sqrt(self.com.dot(self.com) + 1e-24) + reach
+        return (2.0 + lever * lever / self.gyration) / self.mass
+
     @property
     def step_share(self) -> float:
         """As measured."""

@@ -34,11 +34,13 @@ class Grasps:
     grippers: tuple[Gripper, ...]
     carriers: tuple[Carrier, ...]
 
-    def steps(self) -> Iterator[tuple[str, Any]]:
+    def steps(self, *, euler: bool = False) -> Iterator[tuple[str, Any]]:
         """What asks for a step, in words, and the longest integration step (s), of each grasp."""
         for gripper in self.grippers:
             for carrier in self.carriers:
-                yield f"gripper {gripper.name!r}", gripper.step_of(both(LIGHTEST, 1.0 / carrier.mobility))
+                mobilities = carrier.mobility, carrier.mobility_at(gripper.reach)
+                masses = [both(LIGHTEST, 1.0 / each) for each in mobilities]
+                yield f"gripper {gripper.name!r}", gripper.step_of(*masses, euler=euler)
 
     def frames(self, motion: PointMotion) -> list[CarriedFrame]:
         """Place and motion of the grippers' frames."""

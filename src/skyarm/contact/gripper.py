@@ -11,6 +11,8 @@ hold and where they give way:
 * ``hook`` takes hold when it rises past a body within its reach, carries it from below, and lets go when it is lowered
   out of it. It has no command.
 
+A mechanism is held at a place by all of them: its attitude is its own, and no torque loads the grasp.
+
 Taking hold and giving way happen at control instants. What gave way takes hold again only after it was opened.
 """
 
@@ -21,14 +23,14 @@ from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.contact.carrier import CarriedFrame
-from skyarm.contact.material import NORMAL_STEP
+from skyarm.contact.material import BRISTLE_STEP, NORMAL_STEP, euler_step_of
 from skyarm.files import must_be_one_of, shown
 from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.reference.signal_tables import signal_from
 from skyarm.reference.signals import Constant, Signal
-from skyarm.scalars import Scalar, logical_and, logical_or, maximum, sqrt, where
+from skyarm.scalars import Scalar, logical_and, logical_or, maximum, minimum, sqrt, where
 
 KINDS = ("magnet", "suction", "jaw", "ball", "hook")
 
@@ -119,9 +121,25 @@ class Gripper:
         if self.kind == "hook" and self.closed != Command():
             raise RecordError("gripper.closed: must be left out of a hook, which has no command")
 
-    def step_of(self, mass: Any) -> Any:
-        """Longest integration step (s) of a grasp that moves a mass (kg)."""
-        return NORMAL_STEP * sqrt(mass / self.stiffness)
+    def step_of(self, mass: Any, moved: Any, *, euler: bool = False) -> Any:
+        """Longest integration step (s) of a grasp.
+
+        Args:
+            mass: kg that it moves at least where it holds at the skin; its damping follows from that.
+            moved: kg that it moves at least at the end of its reach.
+            euler: whether of the semi-implicit Euler method.
+        """
+        square, decay = self.stiffness / moved, self.damping(mass) / moved
+        bound = euler_step_of(square, decay)
+        if not euler:  # the faster of the two poles of an overdamped grasp, or the frequency
+            half = 0.5 * decay
+            fastest = maximum(half, sqrt(square)) + sqrt(maximum(half * half - square, 0.0))
+            bound = BRISTLE_STEP / fastest
+        return minimum(NORMAL_STEP * sqrt(mass / self.stiffness), bound)
+
+    def damping(self, mass: Any) -> Any:
+        """N s/m of a grasp that moves a mass (kg)."""
+        return 2.0 * self.damping_ratio * sqrt(self.stiffness * mass)
 
     def start(self) -> Grip:
         """Open, and ready."""
@@ -139,7 +157,7 @@ class Gripper:
             gyration: square of a radius of gyration of the body, m^2: of an attitude's stiffness by a place's.
         """
         place = body.position + body.rotation.apply(grip.place)
-        damping = 2.0 * self.damping_ratio * sqrt(self.stiffness * mass)
+        damping = self.damping(mass)
         stretch, speed = frame.position - place, frame.velocity_at(place) - body.velocity_at(place)
         force = stretch * self.stiffness + speed * damping
         if self.kind == "hook":  # it carries, and does not press down

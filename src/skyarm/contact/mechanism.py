@@ -6,7 +6,7 @@ What touches a mechanism moves it along or about its axis, against what :mod:`sk
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
 from skyarm.algebra import ZERO3, Vec3
@@ -20,7 +20,7 @@ from skyarm.files import must_be_one_of, shown
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, data, divide, maximum, mul, neg, sqrt
+from skyarm.scalars import Scalar, add, data, divide, maximum, mul, neg, sqrt
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -44,7 +44,7 @@ class Mechanism(Carrier):
     parts: tuple[Surface, ...] = ()
     material: Material = field(default_factory=Material)
     mass: Annotated[Scalar, Unit("kg", "its weight acts at com", low=0.0)] = 0
-    com: Annotated[Vec3, Unit("m", "centre of mass, its own axes", folds=True)] = ZERO3
+    com: Annotated[Vec3, Unit("m", "centre of mass; 0 with inertia left out: its body's", folds=True)] = ZERO3
     inertia: Annotated[Scalar, Unit("kg m^2", "about the axis of a hinge; 0 for a uniform body", low=0.0)] = 0
     initial: Annotated[Scalar, Unit("rad or m")] = 0.0
     lower: Annotated[Scalar, Unit("rad or m", "of the coordinate", infinite=True)] = -math.inf
@@ -138,15 +138,26 @@ class Mechanism(Carrier):
         return self.inertia
 
     @property
+    def centre(self) -> Vec3:
+        """Centre of mass, m, its own axes: that of the uniform body whose inertia it has, where nothing is said."""
+        said = type(self.inertia) is not int or any(type(c) is not int for c in self.com)
+        return self.com if said or self.solid is None else self.solid.middle
+
+    @property
     def mobility(self) -> Any:
         """1/kg, of the place of its surfaces that is farthest from the axis."""
+        return self.mobility_at(0)
+
+    def mobility_at(self, reach: Any) -> Any:
+        """Of a place that is so much farther from the axis."""
         if not self.turns:
             return 1.0 / self.mass
-        reach = maximum(0.0, 1e-3)
+        lever = maximum(0.0, 1e-3)
         for surface in self.surfaces:
             away = surface.position - self._along * self._along.dot(surface.position)
-            reach = maximum(reach, sqrt(away.dot(away) + 1e-24) + surface.farthest)
-        return reach * reach / self.moved
+            lever = maximum(lever, sqrt(away.dot(away) + 1e-24) + surface.farthest)
+        lever = add(lever, reach)
+        return lever * lever / self.moved
 
     @property
     def _along(self) -> Vec3:
@@ -163,6 +174,11 @@ class Mechanism(Carrier):
     def largest_step(self) -> Any:
         """Longest integration step (s) that stops, spring, friction and detent bear."""
         return longest_step(self)
+
+    @property
+    def largest_euler_step(self) -> Any:
+        """The same of the semi-implicit Euler method."""
+        return longest_step(self, euler=True)
 
     def start(self) -> MechanismMotion:
         """At rest where its fields put it."""
@@ -185,17 +201,21 @@ class Mechanism(Carrier):
         frame, rate = self.frame(memory), memory.rate
         axis, weight = rotation_of(self.angles).apply(self._along), Vec3(0, 0, neg(mul(self.mass, gravity)))
         if self.turns:
-            applied = axis.dot(torque_W + frame.rotation.apply(self.com).cross(weight))
+            applied = axis.dot(torque_W + frame.rotation.apply(self.centre).cross(weight))
         else:
             applied = axis.dot(force_W + weight)
         own, bristle = inner_effort(self, memory)
         return MechanismMotion(coordinate=rate, rate=(applied + own) / self.moved, bristle=bristle)
 
+    def before_euler_step(self, memory: MechanismMotion, slope: MechanismMotion, dt: Any) -> MechanismMotion:
+        """The bristle of dry friction has moved."""
+        bristle = tuple(z + change * dt for z, change in zip(memory.bristle, slope.bristle, strict=True))
+        return replace(memory, bristle=bristle)
+
     def euler_step(self, memory: MechanismMotion, slope: MechanismMotion, dt: Any) -> MechanismMotion:
         """The rate first."""
         rate = memory.rate + slope.rate * dt
-        bristle = tuple(z + change * dt for z, change in zip(memory.bristle, slope.bristle, strict=True))
-        return MechanismMotion(coordinate=memory.coordinate + rate * dt, rate=rate, bristle=bristle)
+        return MechanismMotion(coordinate=memory.coordinate + rate * dt, rate=rate, bristle=memory.bristle)
 
     def logged(self, memory: MechanismMotion) -> tuple[Any, ...]:
         """Coordinate and rate."""

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
 from skyarm.algebra import Vec3
-from skyarm.contact.material import BRISTLE_STEP, LONGEST, Material
+from skyarm.contact.material import BRISTLE_STEP, LONGEST, Material, euler_step_of
 from skyarm.records.coerce import concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
@@ -94,15 +94,21 @@ def inner_effort(of: Mechanism, memory: MechanismMotion) -> tuple[Any, tuple[Any
     return effort - clip(wanted, -of.friction, of.friction), (bending,)
 
 
-def longest_step(of: Mechanism) -> Any:
-    """Longest integration step (s) that a mechanism's springs, friction and stops bear."""
-    stiffness = of.stiffness
+def longest_step(of: Mechanism, *, euler: bool = False) -> Any:
+    """Longest integration step (s) that a mechanism's springs, friction and stops bear; of semi-implicit Euler's too.
+
+    That method of an oscillator of frequency w and decay d = c / m is stable while (w h)^2 + 2 d h < 4.
+    """
+    stiffness, damping = of.stiffness, of.damping
     if type(of.friction) is not int:
-        stiffness = stiffness + of.friction / bristle_of(of)
+        held = of.friction / bristle_of(of)
+        stiffness, damping = stiffness + held, damping + sqrt(held * of.moved)
     if of.detent is not None:
         stiffness = stiffness + STEEPEST * of.detent.force / of.detent.width
     fastest = maximum(sqrt(stiffness / of.moved), of.damping / of.moved)
     step = minimum(divide(BRISTLE_STEP, fastest), LONGEST)
+    if euler:
+        step = minimum(step, euler_step_of(stiffness / of.moved, damping / of.moved))
     return minimum(step, stop_of(of).step_of(of.moved)) if _at_stop(of.lower) or _at_stop(of.upper) else step
 
 

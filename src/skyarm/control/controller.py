@@ -124,7 +124,7 @@ def senses_force(par: Any) -> bool:
 
 def learns_load(par: Any) -> bool:
     """Whether a law, inside whatever layers, learns what a reference says that the tip holds."""
-    return getattr(innermost(par), "load", None) is not None
+    return hasattr(getattr(innermost(par), "load", None), "limit")
 
 
 def all_applied(joints: int) -> tuple[float, ...]:

@@ -5,18 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from skyarm.algebra import Vec3
 from skyarm.control.blocks.lag_estimate import lags_found
 from skyarm.control.controller import innermost
+from skyarm.records.leaves import is_record
 
 
 def found_by_law(memory: Any) -> Mapping[str, tuple[Any, ...]]:
     """Arrays of a log, and their numbers in the memory of a law, also of one under layers; none of most laws.
 
-    A law tells of a load by a field ``load`` of its memory with a ``mass`` (kg) and a ``place`` (m, axes of the tip).
+    A law tells of a load by a field ``load`` of its memory: a record with a ``mass`` (kg) and a ``place`` (m, axes of
+    the tip). Any other field of this name is the law's own affair.
     """
     load: Any = getattr(innermost(memory), "load", ())
     found = {"lag_found": lags_found(memory)}
-    if load != ():
+    if is_record(load) and hasattr(load, "mass") and isinstance(getattr(load, "place", None), Vec3):
         found |= {"load_mass_found": (load.mass,), "load_place_found": tuple(load.place)}
     return {name: numbers for name, numbers in found.items() if numbers}
 

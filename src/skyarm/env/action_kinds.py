@@ -35,7 +35,8 @@ class Actions:
 
     Attributes:
         joints: setpoint of every joint at full action, in its unit: N m or N of a joint that takes its effort, else
-            rad or m. None takes the effort limit, or the joint's range, and 0.5 where there is none.
+            rad or m. None takes the effort limit, or the joint's range from end to end, and 0.5 where there is none.
+            A joint without an effort, a passive one, has its number, too, which does nothing.
     """
 
     joints: Annotated[float | None, Unit("N m, N, rad or m", "setpoint of a joint at full action", low=0.0)] = None
@@ -69,16 +70,26 @@ class Actions:
 
     def efforts(self, action: tuple[Any, ...], model: Model, told: tuple[bool, ...]) -> tuple[Any, ...]:
         """Setpoints of the joints from the last numbers of an action."""
-        n = model.vehicle.n
-        full = [self._full(link.joint, each) for link, each in zip(model.vehicle.links, told, strict=True)]
-        return tuple(a * each for a, each in zip(action[len(action) - n :], full, strict=True))
+        spans = self._spans(model, told)
+        numbers = action[len(action) - model.vehicle.n :]
+        return tuple(middle + a * half for a, (middle, half) in zip(numbers, spans, strict=True))
 
-    def _full(self, joint: Any, told: bool) -> float:
-        """Setpoint of a joint at full action."""
+    def added(self, action: tuple[Any, ...], model: Model, told: tuple[bool, ...]) -> tuple[Any, ...]:
+        """What the last numbers of an action add to setpoints that another has chosen."""
+        spans = self._spans(model, told)
+        return tuple(a * half for a, (_, half) in zip(action[len(action) - model.vehicle.n :], spans, strict=True))
+
+    def _spans(self, model: Model, told: tuple[bool, ...]) -> list[tuple[Any, Any]]:
+        """Setpoint of each joint at no action, and what a full action adds."""
+        return [self._span(link.joint, each) for link, each in zip(model.vehicle.links, told, strict=True)]
+
+    def _span(self, joint: Any, told: bool) -> tuple[Any, Any]:
         if self.joints is not None:
-            return self.joints
-        limit = min(joint.upper, -joint.lower) if told else joint.effort_limit
-        return float(limit) if concrete(limit) and 0.0 < limit < math.inf else USUAL_EFFORT
+            return 0.0, self.joints
+        if told:
+            return middle_and_half(joint.lower, joint.upper)
+        limit = joint.effort_limit
+        return 0.0, float(limit) if concrete(limit) and 0.0 < limit < math.inf else USUAL_EFFORT
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,7 +196,7 @@ class Residual(Actions):
         following, own = law(memory, measurement, reference)
         pairs = zip(own.rotor_speeds, _hover(model), action, strict=False)
         speeds = tuple(w + self.span * hover * a for w, hover, a in pairs)
-        added = self.efforts(action, model, told)
+        added = self.added(action, model, told)
         efforts = tuple(u + more for u, more in zip(own.efforts, added, strict=True))
         sent = dataclasses.replace(within_limits(model.vehicle, speeds, efforts, told), tilts=own.tilts)
         return with_applied_command(following, _as_kept(following, sent)), sent
@@ -198,6 +209,15 @@ ACTIONS: dict[str, type[Actions]] = {
     "residual": Residual,
 }
 """Kinds of actions by the name that stands for one with its usual numbers."""
+
+
+def middle_and_half(lower: Any, upper: Any) -> tuple[Any, Any]:
+    """Middle and half of a joint's range; an end that is missing stands as far off as without a range."""
+    if _free(-lower) and _free(upper):
+        return 0.0, USUAL_EFFORT
+    low = upper - 2.0 * USUAL_EFFORT if _free(-lower) else lower
+    high = lower + 2.0 * USUAL_EFFORT if _free(upper) else upper
+    return (low + high) * 0.5, (high - low) * 0.5
 
 
 def within_limits(

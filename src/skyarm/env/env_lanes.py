@@ -104,7 +104,7 @@ class EnvLanes:
         if not np.isfinite(found).all():
             lane = int(np.flatnonzero(~np.isfinite(found).all(axis=1))[0])
             raise ScenarioError(f"actions[{lane}] = {shown(found[lane].tolist())}: must be finite")
-        held[:] = found.T
+        np.clip(found.T, -1.0, 1.0, out=held)  # a larger one than 32 bits hold counts as the bound, too
 
     def step(self) -> bool:
         """Fly one control period in every lane; returns whether an episode is over in any of them."""

@@ -24,6 +24,7 @@ from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.records.blend import blend
 from skyarm.reference import Reference
 from skyarm.scalars import absolute, clip, floor, logical_and, where
+from skyarm.scenario.endings import Divergence
 from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.check_endings import endings_of
@@ -87,6 +88,8 @@ class EnvProgram:
         stiff = task.randomised.stiffest
         around = first_surroundings(stiff, first_loop_state(stiff))
         self._plant = RigidBodyPlant(stiff.world, around, scenario.integrator, 1.0 / scenario.rates.physics)
+        # number of the ending whose state means nothing any more
+        self._diverged = next(1.0 + k for k, each in enumerate(endings_of(scenario)) if isinstance(each, Divergence))
         self._ratio = scenario.rates.control // scenario.rates.reference
         self.uniforms = draws_needed(scenario)
         draws = (0.5,) * sum(count for _, count in self.uniforms)
@@ -170,9 +173,12 @@ class EnvProgram:
             command=command,
             ended=ended,
         )
+        # term by term: what one of them makes of a number that is none takes nothing from the others
         reward: Any = 0.0
+        sound = absolute(ending - self._diverged) > 0.5
         for term in self.task.reward:
-            reward = reward + term.value(result) * term.weight
+            value = _finite(term.value(result) * term.weight)
+            reward = reward + (where(sound, value, 0.0) if term.of_state else value)
         over = flown.ticks > self.task.scenario.steps - 0.5
         outcome = Outcome(
             observation=self._observed(stages, measurement, stages.joined(coming), action),
@@ -190,9 +196,13 @@ class EnvProgram:
         return Row(time=ticks / float(scenario.rates.control), reference=self._reference(scenario, ticks))
 
     def _reference(self, scenario: Scenario, ticks: Any) -> Reference:
-        """As it is published and held."""
+        """As it is published and held; the gripper's command is that of each control period."""
+        rate = float(scenario.rates.control)
         held = floor((ticks + 0.5) / float(self._ratio)) * float(self._ratio)
-        return scenario.trajectory.at(held / float(scenario.rates.control)).dense()
+        reference = scenario.trajectory.at(held / rate)
+        if reference.load:
+            reference = dataclasses.replace(reference, load=scenario.trajectory.at(ticks / rate).load)
+        return reference.dense()
 
     def _goal(self, scenario: Scenario, ticks: Any) -> Vec3:
         """Where the held reference is after a period; after the last one, where it was, as in a single run."""
@@ -216,7 +226,8 @@ class EnvProgram:
         components, around = stages.surround(now.components, now.drives, now.state, row.time, draws)
         acting = stages.acting(now.queue)
         force = RigidBodySteps(stages, self._plant.substeps).specific_force(now.state, acting, around)
-        read = stages.sense(now.sensors, now.estimate, now.ticks, now.state, force, acting, row.time, draws)
+        pushes = stages.pushes(around, now.state)
+        read = stages.sense(now.sensors, now.estimate, now.ticks, now.state, force, acting, row.time, draws, pushes)
         following = dataclasses.replace(now, components=components, sensors=read.sensors, estimate=read.estimate)
         return following, read.measurement
 

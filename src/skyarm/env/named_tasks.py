@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
@@ -53,7 +54,10 @@ PLACES = {
     f"initial.position.{axis}": {"uniform": [at - 0.3, at + 0.3]} for axis, at in zip("xyz", (0, 0, 1.5), strict=True)
 }
 THROWN = {
-    **{f"initial.{angle}": _even(size) for angle, size in (("roll", 3.0), ("pitch", 1.4), ("yaw", 0.0001))},
+    **{
+        f"initial.{angle}": _even(size)
+        for angle, size in (("roll", math.pi), ("pitch", math.pi / 2.0), ("yaw", math.pi))
+    },
     **{f"initial.rate.{axis}": _even(5.0) for axis in "xyz"},
     **{f"initial.velocity.{axis}": _even(2.0) for axis in "xyz"},
 }

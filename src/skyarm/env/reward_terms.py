@@ -28,6 +28,9 @@ class RewardTerm:
 
     weight: Annotated[float, Unit("", "by which its value counts")] = 1.0
 
+    of_state = True
+    """Whether it reads the state; it then counts nothing in the period in which that has diverged."""
+
     def __post_init__(self) -> None:
         accept_fields(self, type(self).__name__)
 
@@ -116,6 +119,8 @@ class JointDistance(RewardTerm):
 class ActionSize(RewardTerm):
     """Minus the mean square of the action's numbers."""
 
+    of_state = False
+
     def value(self, result: Result) -> Any:
         """Between -1 and 0."""
         return -_mean_square(result.action)
@@ -124,6 +129,8 @@ class ActionSize(RewardTerm):
 @dataclass(frozen=True, kw_only=True)
 class ActionChange(RewardTerm):
     """Minus the mean square of how the action's numbers changed from the period before."""
+
+    of_state = False
 
     def value(self, result: Result) -> Any:
         """Between -4 and 0."""
@@ -134,6 +141,8 @@ class ActionChange(RewardTerm):
 class Alive(RewardTerm):
     """1 in every period that does not end the episode before its time."""
 
+    of_state = False
+
     def value(self, result: Result) -> Any:
         """1 or 0."""
         return 1.0 - result.ended
@@ -142,6 +151,8 @@ class Alive(RewardTerm):
 @dataclass(frozen=True, kw_only=True)
 class Lost(RewardTerm):
     """-1 in the period that ends the episode before its time."""
+
+    of_state = False
 
     def value(self, result: Result) -> Any:
         """-1 or 0."""

@@ -47,7 +47,7 @@ class Environment(gymnasium.Env[Array, Array]):
         """Begin episode 0 of a seed, or the next episode without one."""
         require_options(options, ())
         key = None if seed is None else seed_of(seed)
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else int(seed))
         if key is None and not self._begun:
             key = int(self.np_random.integers(2**32))
         if key is None:

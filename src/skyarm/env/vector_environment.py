@@ -12,16 +12,15 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from skyarm.env.env_lanes import EnvLanes
+from skyarm.env.env_program import LARGEST
 from skyarm.env.env_task import Task, make_task
 from skyarm.env.given_arguments import require_arguments, require_lanes, require_options
-from skyarm.env.seeds_of_lanes import seed_of, seeds_of
+from skyarm.env.seeds_of_lanes import KEYS, seed_of, seeds_of
 from skyarm.files import must_be_one_of, shown
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.lane_arguments import lane_mask, require_count
 
 Array = npt.NDArray[Any]
-
-LARGEST_OBSERVED = 1e6
 
 
 class VectorEnvironment(VectorEnv[Array, Array, Array]):
@@ -94,8 +93,8 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         if seed is None or isinstance(seed, (int, np.integer)):
             super().reset(seed=None if seed is None else int(seed))
         if not self._begun:
-            # what nobody gave a seed gets one of its own
-            fresh = self.np_random.integers(2**32, size=self.num_envs, dtype=np.uint64)
+            # what nobody gave a seed gets one of its own: one is drawn, the others follow it
+            fresh = (int(self.np_random.integers(KEYS)) + np.arange(self.num_envs, dtype=np.uint64)) % KEYS
             self.lanes.reseed(np.arange(self.num_envs), fresh)
             given = [int(own) if each is None else each for each, own in zip(given, fresh, strict=True)]
             self._begun = True
@@ -179,7 +178,7 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
 def spaces(lanes: EnvLanes) -> tuple[Box, Box]:
     """Observation and action space of one episode."""
     seen, size = len(lanes.observation), len(lanes.actions)
-    observed = Box(-LARGEST_OBSERVED, LARGEST_OBSERVED, (seen,), lanes.dtype)
+    observed = Box(-LARGEST, LARGEST, (seen,), lanes.dtype)
     return observed, Box(-1.0, 1.0, (size,), lanes.dtype)
 
 

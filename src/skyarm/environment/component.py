@@ -67,6 +67,11 @@ class Component:
     largest_step: float | None = None
     """Longest integration step that it bears, s; None for any. May be a field, or a property of the other numbers."""
 
+    @property
+    def largest_euler_step(self) -> float | None:
+        """The same of the semi-implicit Euler method, which bears less damping than others."""
+        return self.largest_step
+
     coupled: bool = False
     """Whether its memory goes on within a control period, with the plant. A property will do."""
 
@@ -109,6 +114,13 @@ class Component:
     def slope(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Any:
         """Rate of each number of a coupled component's memory, 1/s, as a record of its kind; arguments as above."""
         raise NotImplementedError(f"{type(self).__name__} is coupled and must say the slope of its memory")
+
+    def before_euler_step(self, memory: Any, slope: Any, dt: Any) -> Any:
+        """A coupled component's memory with which a step (s) of the semi-implicit Euler method takes forces.
+
+        What velocities bend and has no inertia goes on here, by the velocities that the last step left.
+        """
+        return memory
 
     def euler_step(self, memory: Any, slope: Any, dt: Any) -> Any:
         """A coupled component's memory after a step (s) of the semi-implicit Euler method.

@@ -193,7 +193,7 @@ def _error(log: Log, push: TipPush | None) -> Array:
     """Distance of the tip from its reference (N,), m; across the believed normal while it shall press."""
     away = log.tip - log.tip_reference
     if push is not None:
-        away = np.stack(list(push.across(Vec3(*away.T), log.time)), axis=1)
+        away = np.stack(list(push.across(Vec3(*away.T), log.time, Vec3(*log.tip.T))), axis=1)
     return np.asarray(np.linalg.norm(away, axis=1))
 
 

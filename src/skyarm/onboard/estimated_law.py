@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -16,6 +17,7 @@ from skyarm.onboard.setpoint_units import drives_of
 from skyarm.records.leaves import leaves, parts
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
+from skyarm.scalars import Scalar
 from skyarm.sensors.sensor_readings import (
     EncoderReading,
     HeadingReading,
@@ -29,7 +31,8 @@ from skyarm.sensors.sensor_readings import (
 class FilterReadings:
     """The last reading of each sensor that has arrived, with its instant; nothing where a sensor is not used.
 
-    The filter tells by the instant whether a reading is new: a reading that did not come is the one before.
+    The filter tells by the instant whether a reading is new: a reading that did not come is the one before. The force
+    at the tip goes past the filter to a law that hears it.
     """
 
     imu: ImuReading
@@ -37,6 +40,7 @@ class FilterReadings:
     position: PositionReading | tuple[()] = ()
     heading: HeadingReading | tuple[()] = ()
     encoders: EncoderReading | tuple[()] = ()
+    tip_force: Annotated[tuple[Scalar, ...], Unit("N", "that pushes the tip, axes of the tip; of a force sensor")] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -57,13 +61,13 @@ class EstimatedMemory:
     sent: Command
 
 
-def blank_readings(estimator: ErrorStateFilter, joints: int) -> FilterReadings:
-    """Readings whose numbers are not used, of the sensors that a filter takes."""
+def blank_readings(estimator: ErrorStateFilter, joints: int, tip_force: int = 0) -> FilterReadings:
+    """Readings whose numbers are not used, of the sensors that a filter takes, and of so many axes of a force."""
     named: dict[type, str] = {PoseReading: "pose", PositionReading: "position", HeadingReading: "heading"}
     aids: dict[str, Any] = {named[kind]: BLANK_READINGS[kind] for kind in AIDS[estimator.aiding]}
     still = (0.0,) * joints
     encoders = EncoderReading(time=0.0, joints=still, joint_rates=still) if joints else ()
-    return FilterReadings(imu=BLANK_INERTIAL, encoders=encoders, **aids)
+    return FilterReadings(imu=BLANK_INERTIAL, encoders=encoders, tip_force=(0.0,) * tip_force, **aids)
 
 
 def first_estimated_memory(controller: Controller, estimator: ErrorStateFilter) -> EstimatedMemory:
@@ -88,8 +92,10 @@ def estimated_law(controller: Controller) -> Callable[..., tuple[EstimatedMemory
     ) -> tuple[EstimatedMemory, Command]:
         model = constants.parameters.model
         estimator = constants.estimator.believing(model.vehicle, model.gravity)
-        arrived = {name: reading for name, reading in parts(readings).items() if leaves(reading)}
+        arrived = {name: each for name, each in parts(readings).items() if leaves(each) and name != "tip_force"}
         estimate, measurement = estimator.step(memory.estimate, arrived, memory.sent, constants.period)
+        if readings.tip_force:
+            measurement = dataclasses.replace(measurement, tip_force=readings.tip_force)
         following, command = law(memory.law, measurement, reference, constants.period, par=constants.parameters)
         held = as_data(command)
         return EstimatedMemory(estimate=estimate, law=following, sent=held), held

@@ -105,10 +105,7 @@ def export_c(
     if estimator is not None:
         estimator.require_torques(vehicle.name, {each.name: each.drive for each in vehicle.drives})
     records = _examples(controller, period, estimator)
-    seen = level(
-        blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts), 3 if senses_force(controller.par) else 0),
-        float(controller.par.model.gravity),
-    )
+    seen = level(_blank(controller), float(controller.par.model.gravity))
     try_law(controller, period, seen, (records["reference"],) * PERIODS)
     program = _traced(controller, records, estimator)
     structs = _structs(controller, records, program, behind_filter=estimator is not None)
@@ -137,17 +134,26 @@ def _examples(controller: Controller, period: float, estimator: ErrorStateFilter
     arm: dict[str, Any] = {f"joint{word}": joints for word in ("s", "_rates", "_accelerations", "_jerks", "_snaps")}
     found = {
         "parameters": Constants(parameters=controller.par, period=period),
-        "measurement": blank_measurement(
-            vehicle.n, len(vehicle.rotors), len(vehicle.tilts), 3 if senses_force(controller.par) else 0
-        ),
+        "measurement": _blank(controller),
         "reference": Reference(**arm, **_beside(controller.par)).dense(),
         "memory": controller.memory,
     }
     if estimator is not None:
         found["parameters"] = EstimatedConstants(parameters=controller.par, estimator=estimator, period=period)
-        found["measurement"] = blank_readings(estimator, vehicle.n)
+        found["measurement"] = blank_readings(estimator, vehicle.n, _axes_of_force(controller))
         found["memory"] = first_estimated_memory(controller, estimator)
     return found
+
+
+def _blank(controller: Controller) -> Measurement:
+    """What a law without an estimator is told, as an example."""
+    vehicle = controller.par.model.vehicle
+    return blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts), _axes_of_force(controller))
+
+
+def _axes_of_force(controller: Controller) -> int:
+    """Numbers of the force at the tip that the law hears."""
+    return 3 if senses_force(controller.par) else 0
 
 
 def _beside(par: Any) -> dict[str, Any]:

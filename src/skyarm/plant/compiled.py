@@ -86,8 +86,9 @@ class RigidBodyPlant:
         self._examples = (example_state(*sizes), example_command(*sizes), around)
         self._steps: dict[float, Program] = {}
         self._far_steps: dict[tuple[float, int], Program] = {}
-        self._largest, self._coupled = largest_step(around), places_in(around)
-        self._largest_far = largest_step(around, coupled=False)
+        euler = integrator == "euler"
+        self._largest, self._coupled = largest_step(around, euler=euler), places_in(around)
+        self._largest_far = largest_step(around, coupled=False, euler=euler)
         self._per_second = joint_rate(world.vehicle) / FRICTION_STEP
 
     @cached_property

@@ -44,6 +44,15 @@ def moved(memories: Memories, slopes: Memories, dt: Any) -> Memories:
     return found
 
 
+def before_euler_step(world: Truth, state: State, rotor_speeds: Sequence[Any], around: Around, dt: Any) -> Around:
+    """The surroundings with which a semi-implicit Euler step (s) takes its forces."""
+    if not isinstance(around, Surroundings) or not around.coupled:
+        return around
+    slopes = slopes_of(world, state, rotor_speeds, around)
+    going = zip(around.coupled, around.coupled_memories(), slopes, strict=True)
+    return around.with_coupled([around.components[i].before_euler_step(held, rate, dt) for i, held, rate in going])
+
+
 def after_euler_step(around: Around, slopes: Memories, dt: Any) -> Memories:
     """Memories of the surroundings after a semi-implicit Euler step (s)."""
     if not isinstance(around, Surroundings):

@@ -8,7 +8,6 @@ from typing import Any
 
 from skyarm.actuation.drive import Drive
 from skyarm.compile import leaves
-from skyarm.environment import Component
 from skyarm.files import shown
 from skyarm.plant.surroundings import Surroundings
 from skyarm.records import coerce
@@ -18,14 +17,18 @@ MOST_STEPS = 1000
 """Integration steps of a control period at most: a record that asks for more is a slip of units."""
 
 
-def largest_step(around: Any, *, coupled: bool = True) -> float | None:
+def largest_step(around: Any, *, coupled: bool = True, euler: bool = False) -> float | None:
     """The smallest ``largest_step`` (s) of the air, forces and drives of a period; None where none states one.
 
     ``coupled`` says whether components count whose memories go on with the plant: far from acting they bear any step.
+    ``euler`` asks for the steps of the semi-implicit Euler method.
     """
     if not isinstance(around, Surroundings):
         return None
-    return _least((*(each for each in around.components if coupled or not each.coupled), *around.drives))
+    parts = [each for each in around.components if coupled or not each.coupled]
+    own = [each.largest_euler_step if euler else each.largest_step for each in parts]
+    stated = [float(step) for step in (*own, _least(around.drives)) if step is not None]
+    return min(stated, default=None)
 
 
 def drives_step(around: Any) -> float | None:
@@ -33,7 +36,7 @@ def drives_step(around: Any) -> float | None:
     return _least(around.drives) if isinstance(around, Surroundings) else None
 
 
-def _least(records: Iterable[Component | Drive]) -> float | None:
+def _least(records: Iterable[Drive]) -> float | None:
     stated = [float(record.largest_step) for record in records if record.largest_step is not None]
     return min(stated, default=None)
 
@@ -44,7 +47,8 @@ STATED = ("plant.drives.", "plant.vehicle.drives.", "environment.air.", "environ
 
 def stated_step(scenario: Any) -> float | None:
     """The same of a scenario, before anything of it is built."""
-    return largest_step(Surroundings(components=scenario.components, drives=scenario.all_drives))
+    around = Surroundings(components=scenario.components, drives=scenario.all_drives)
+    return largest_step(around, euler=scenario.integrator == "euler")
 
 
 def divisions(seconds: float, largest: float | None) -> int:

@@ -18,7 +18,7 @@ import numpy as np
 from skyarm.actuation import Command
 from skyarm.compile import leaves
 from skyarm.compile.llvm.quick_function import Quick
-from skyarm.plant.coupled_memory import after_euler_step, memories_of, places_in, slopes_of
+from skyarm.plant.coupled_memory import after_euler_step, before_euler_step, memories_of, places_in, slopes_of
 from skyarm.plant.integrators import FRICTION_STEP, HELD_FRICTION_STEP, INTEGRATORS
 from skyarm.plant.interface import Flat, Truth, number, whole_steps
 from skyarm.plant.largest_step import divisions, drives_step, largest_step
@@ -109,7 +109,8 @@ class MujocoPlant:
         if integrator in LARGEST_FRICTION_STEP:
             rate = joint_rate(world.vehicle)
             physics_step /= max(1, math.ceil(rate * physics_step / LARGEST_FRICTION_STEP[integrator]))
-        physics_step /= divisions(physics_step, largest_step(around))
+        self._euler = integrator == "euler"
+        physics_step /= divisions(physics_step, largest_step(around, euler=self._euler))
         loads = [payload for payload, _ in payloads_of(around)]
         spec = build_spec(
             world.vehicle, float(world.gravity), timestep=physics_step, integrator=integrator, loads=loads
@@ -154,6 +155,8 @@ class MujocoPlant:
     def _forces_and_speeds(self, x: Any, commanded: Any, setpoints: Any, angles: Any, around: Around) -> Any:
         """Generalised forces in MuJoCo's order, then after one physics step rotor speeds, tilts, coupled memories."""
         state, command = self._layout.state(x), Command(rotor_speeds=commanded, efforts=setpoints, tilts=angles)
+        if self._euler:
+            around = before_euler_step(self._world, state, state.rotor_speeds, around, self._physics_step)
         forces = self._layout.generalized_forces(state, setpoints, around, commanded)
         turned = lagged(self.vehicle, state, command, self._physics_step, around)
         leaning = tilted(self.vehicle, state, command, self._physics_step)

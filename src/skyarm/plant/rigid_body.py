@@ -15,7 +15,15 @@ from skyarm.actuation import Command
 from skyarm.algebra import Motion, Quaternion, Vec3
 from skyarm.dynamics import State
 from skyarm.dynamics.state import coordinate_acceleration
-from skyarm.plant.coupled_memory import Memories, after_euler_step, memories_of, moved, slopes_of, with_memories
+from skyarm.plant.coupled_memory import (
+    Memories,
+    after_euler_step,
+    before_euler_step,
+    memories_of,
+    moved,
+    slopes_of,
+    with_memories,
+)
 from skyarm.plant.interface import Truth
 from skyarm.plant.loaded_vehicle import loaded_vehicle
 from skyarm.plant.loads import applied_force, lagged, tilted
@@ -125,8 +133,10 @@ def coupled_euler(world: Truth, state: State, command: Command, around: Around, 
 
     The attitude moves by the exponential of the new rate, as MuJoCo's manifold update does, so that both plants make
     the same step; its length is corrected before it turns, when nothing waits for it. Memories of coupled components
-    move by their rates before the step, bodies among them as the vehicle. First order.
+    move by their rates before the step, bodies among them as the vehicle; bristles move before forces are taken, so
+    that they follow the new velocities, too. First order.
     """
+    around = before_euler_step(world, state, state.rotor_speeds, around, dt)
     rate = derivative(world, state, state.rotor_speeds, command.efforts, around, command.rotor_speeds)
     velocity = state.velocity + rate.velocity * dt
     w = state.rate + rate.rate * dt

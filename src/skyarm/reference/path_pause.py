@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Any
 
+from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, clip, divide, minimum
@@ -27,6 +28,11 @@ class PathPause:
 
     def __post_init__(self) -> None:
         accept_fields(self, "reference.governor.pause")
+        for name in ("error", "thrust"):
+            if concrete(getattr(self, name)) and getattr(self, name) == 0.0:
+                raise RecordError(f"reference.governor.pause.{name} = 0: must be above 0")
+        if concrete(self.thrust) and 1.0 <= self.thrust < math.inf:
+            raise RecordError(f"reference.governor.pause.thrust = {self.thrust!r}: must be below 1, or infinite")
 
     @property
     def used(self) -> bool:

@@ -59,6 +59,7 @@ class Task:
         self._forces: list[tuple[float, float, float]] = []
         self._strays = self._back = False
         self._window = 0.0, 0.0
+        self._pressed = -2  # number of the last phase that pressed
 
     def begin(self, phase: Fields) -> None:
         """Rest until the instant at which a phase is to begin, if it says one."""
@@ -103,10 +104,17 @@ class Task:
         self.time, self.at = self.time + duration, to
 
     def press(self, begin: float, end: float) -> None:
-        """Ask for the task's force from one instant of the plan to another."""
+        """Ask for the task's force from one instant of the plan to another.
+
+        The force of the phase before holds until then.
+        """
         if self.force is None or self.normal is None:
             raise AssertionError("a force needs its size and direction")
+        number = len(self.setting.phases)
+        if self._forces and self._pressed == number - 1:  # it holds on while the tip rests between two phases
+            self._forces[-1] = (self._forces[-1][0], begin, self._forces[-1][2])
         self._forces.append((begin, end, self.force))
+        self._pressed = number
 
     def wait(self, until: Mapping[str, Any] | None) -> None:
         """Let the reference rest here until the flight shows what a guard asks."""

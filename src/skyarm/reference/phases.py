@@ -48,6 +48,8 @@ def phases_table(fields: Fields, setting: Setting) -> Trajectory:
             task.force = None
         KINDS[kind](task, phase)
         phase.done()
+        if joints and setting.guards and setting.guards[-1].phase == i and setting.guards[-1].early:
+            raise ValueError(f"{phase.at('joints')}: must be left out of a phase that may end early (until.early)")
         task.end(kind)
         start, end = task.handled if kind in HANDLES else (task.begun, task.time)
         setting.joint_moves.extend(

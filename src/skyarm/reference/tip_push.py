@@ -12,7 +12,7 @@ With a ``pivot`` the normal is the direction from an axis through it to the tip:
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
@@ -21,7 +21,7 @@ from skyarm.records.field_rules import accept_fields
 from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Signal
-from skyarm.scalars import Scalar, divide, sqrt, where
+from skyarm.scalars import Scalar, data, divide, logical_and, logical_or, sqrt, where
 
 SPEED = 0.1
 """m/s, with which the tip comes where nothing is said: an arm of 0.1 kg then meets 5000 N/m with 2 N."""
@@ -31,6 +31,9 @@ FASTEST = 10.0
 
 STRONGEST = 1e4
 """N, that a tip may be asked to press with at most: far beyond what multirotors have."""
+
+NEAREST = 1e-3
+"""m from an axis within which no direction out of it is known."""
 
 UPRIGHT = (0.0, 0.0, 1.0)
 """The axis of a door."""
@@ -78,17 +81,49 @@ class TipPush:
         grip = None if self.grip is None else change(self.grip)
         return dataclasses.replace(self, force=change(self.force), grip=grip)
 
-    def across(self, away: Vec3, t: Any) -> Vec3:
-        """What of an error of the tip counts: all of it, and only what is across the normal while it shall press.
+    def across(self, away: Vec3, t: Any, tip: Vec3) -> Vec3:
+        """What of an error of the tip (m, world axes) counts at time t (s): see :func:`counted_error`."""
+        return counted_error(away, self.at(t), tip)
 
-        Args:
-            away: m, world axes.
-            t: s.
-        """
-        force, _, *normal = self.at(t)[:5]
-        n = Vec3(*normal)
-        along = n * away.dot(n)
-        return Vec3(*(a - where(force > 0.0, b, 0.0) for a, b in zip(away, along, strict=True)))
+
+def counted_error(away: Vec3, push: Sequence[Any], tip: Vec3) -> Vec3:
+    """What of an error of the tip counts: all of it; only what is across the normal while it shall press or grips.
+
+    Along the normal a force is held there, not a place.
+
+    Args:
+        away: m, world axes, the tip from its reference.
+        push: field of the reference; () where no contact is ever asked for.
+        tip: m, world axes.
+    """
+    if not push:
+        return away
+    force, _, *normal = push[:5]
+    n, held = Vec3(*normal), force > 0.0
+    if len(push) > 5:
+        held = logical_or(held, push[5] > 0.5)
+    if len(push) > 6:
+        n = out_of_axis(tip, Vec3(*push[6:9]), Vec3(*push[9:]), push[5] > 0.5, n)
+    counted: Vec3 = away - n * where(held, n.dot(away), 0.0)
+    return counted
+
+
+def out_of_axis(tip: Vec3, pivot: Vec3, axis: Vec3, grips: Any, normal: Vec3) -> Vec3:
+    """Unit vector out of an axis to the tip while it grips, else the normal as told.
+
+    Args:
+        tip: m, world axes.
+        pivot: m, on the axis.
+        axis: its unit vector.
+        grips: condition.
+        normal: also where the tip is within ``NEAREST`` of the axis.
+    """
+    arm = tip - pivot
+    out = arm - axis * axis.dot(arm)
+    size = out.dot(out)
+    turns = logical_and(grips, size * axis.dot(axis) > NEAREST * NEAREST)
+    unit = out * divide(1.0, sqrt(size + 1e-12))
+    return Vec3(*(where(turns, data(a), data(b)) for a, b in zip(unit, normal, strict=True)))
 
 
 def _unit(v: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:

@@ -89,10 +89,22 @@ def governed_scenario(scenario: Scenario, options: GovernorOptions) -> Scenario:
     if bare.duration > LONGEST:
         allowed = f"must be left out of a flight of more than {LONGEST:g} s"
         raise ValueError(f"reference.governor: {allowed}")
+    _require_no_instants(bare)
     found = plan_of(bare, options)
     for line in (*_steps(bare), *_missed(found, bare, options)):
         warnings.warn(f"reference.governor: {line}", GovernorWarning, stacklevel=3)
     return bare if found.path_time is None else dataclasses.replace(bare, path_time=found.path_time)
+
+
+def _require_no_instants(scenario: Scenario) -> None:
+    """Refuse what a flight takes or leaves at instants: they would come before the vehicle."""
+    grippers = () if scenario.contact is None else scenario.contact.grippers
+    for each in grippers:
+        if each.closed.signal.switch_times():
+            allowed = f"must be left out where gripper {each.name!r} closes or opens at an instant"
+            raise ValueError(f"reference.governor: {allowed}")
+    if scenario.payloads and any(change.path.startswith("model.payload.") for change in scenario.changes):
+        raise ValueError("reference.governor: must be left out where the law is told of payloads (believed = true)")
 
 
 def _missed(found: Plan, scenario: Scenario, options: GovernorOptions) -> Iterator[str]:

@@ -9,7 +9,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from skyarm.actuation import Mixer, make_mixer
-from skyarm.control.controller import innermost
+from skyarm.control.controller import innermost, learns_load
 from skyarm.control.law_checks import check_controller
 from skyarm.control.model import JointGains
 from skyarm.dynamics import State
@@ -76,6 +76,10 @@ def check_additions(scenario: Scenario) -> None:
             raise ValueError(f"{where}.{error}") from None
     sensors = {each.name: each.sensor for each in scenario.instruments}
     require_tip_sensor(scenario.controller.par, tuple(sensors.items()), scenario.world.vehicle)
+    if learns_load(scenario.controller.par) and scenario.trajectory.load is None:
+        # the law that waits to be told adapts no tip mass meanwhile, so it would know less than without the option
+        most = shown(innermost(scenario.controller.par).load.limit)
+        raise ValueError(f"controller.load = {most}: must be 0 without reference.load, which says when a load is held")
     scenario.estimator.require_sensors(sensors, rates.control, scenario.controller.par.model.vehicle)
     if isinstance(scenario.estimator, ErrorStateFilter):
         # the scenario's own drives, too, of which the belief need not know

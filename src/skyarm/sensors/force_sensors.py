@@ -2,7 +2,8 @@
 
 What they feel is the truth of all that pushes beyond their frame from outside: surfaces, springs, what hangs on a cord,
 the weight of a payload that is held. The weight of the hand itself is taken off, and so is what accelerating hand and
-payload takes: a sensor on a light hand.
+payload takes: a sensor on a light hand. A free object that a gripper holds is felt whole,
+its acceleration too.
 """
 
 from __future__ import annotations

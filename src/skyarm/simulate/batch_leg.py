@@ -23,6 +23,7 @@ from skyarm.scenario.numbers import number_at, with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.batch_rows import Feed
 from skyarm.simulate.check_endings import statuses
+from skyarm.simulate.clock_of_change import clock_of_change, is_other_reference
 from skyarm.simulate.counting_period import make_counting_period
 from skyarm.simulate.draws import draw_plan, draws_needed, start_draws
 from skyarm.simulate.first_state import component_groups, first_loop_state, first_surroundings
@@ -100,6 +101,7 @@ class Leg:
         self, begun: Scenario, overrides: Overrides, periods: range, options: LegOptions, before: Sequence[Leg] = ()
     ) -> None:
         self.periods, self._options = periods, options
+        self._begun, self._overrides = begun, overrides
         self._shape, self.scenario = overrides.parts_of(begun), overrides.of(begun)
         self.scenario.controller.require_compiled("a batch")
         self._free = tuple(p for p in options.paths if not overrides.hides(p) and not p.startswith(OF_CHANGES))
@@ -119,7 +121,7 @@ class Leg:
             first = first_loop_state(stiff)
         around = first_surroundings(stiff, first)
         plant = RigidBodyPlant(stiff.world, around, stiff.integrator, 1.0 / stiff.rates.physics)
-        self.largest = largest_step(around)
+        self.largest = largest_step(around, euler=stiff.integrator == "euler")
         key = (overrides.parts, self._free, tuple(self._set), tuple(self._swept))
         numbers = (*self.base, *self._set.values())
         counts = [2 * count for _, count in draw_plan(self.scenario).components]
@@ -203,7 +205,9 @@ class Leg:
         leg, carry = last
         loop, totals_now = rebuild(leg.first, iter(list(carry)))
         begun: LoopState = rebuild(self.first[0], iter(list(fresh)))
-        now = carried(begun, loop, component_groups(self.scenario, leg.scenario))
+        anew = is_other_reference(self._begun, self._overrides, leg._begun, leg._overrides)
+        clock = clock_of_change(self.scenario, begun, loop, anew=anew)
+        now = carried(begun, loop, component_groups(self.scenario, leg.scenario), clock)
         rows = [*leaves(now), *leaves(totals_now)]
         return np.stack([np.broadcast_to(row, (len(episodes),)) for row in rows])
 

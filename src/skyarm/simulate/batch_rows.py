@@ -111,8 +111,7 @@ class Feed:
             motion = {path: column for path, column in values.items() if path.startswith("reference.")}
             with np.errstate(all="ignore"):
                 waits = Waits(with_numbers(self._scenario, motion))
-                _, held, *offset = waits.times(now.clock, now.ticks)
-                place = waits.reference(np.asarray(held), offset).dense().position
+                place = waits.held_reference(now.clock, now.ticks).dense().position
             return np.stack(_columns(place, len(ticks)), axis=1)
         if not self._own_motion:
             return np.stack(_columns(self._inputs.held_reference.dense().position, self._scenario.steps), axis=1)[ticks]

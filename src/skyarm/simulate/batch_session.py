@@ -109,7 +109,7 @@ class BatchSession:
         stiff = stiffest or scenario
         around = first_surroundings(stiff, first_loop_state(stiff) if stiffest else self._first)
         plant = RigidBodyPlant(stiff.world, around, scenario.integrator, 1.0 / scenario.rates.physics)
-        self._largest = largest_step(around)
+        self._largest = largest_step(around, euler=scenario.integrator == "euler")
         self._period = 1.0 / scenario.rates.control
         self._ratio = scenario.rates.control // scenario.rates.reference
 

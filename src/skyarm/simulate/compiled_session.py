@@ -19,6 +19,7 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.assemble_log import Piece
 from skyarm.simulate.check_endings import Ended
+from skyarm.simulate.clock_of_change import clock_of_change
 from skyarm.simulate.compiled_flight import Flown, ending, samples
 from skyarm.simulate.first_state import component_groups, first_loop_state
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
@@ -169,8 +170,10 @@ class CompiledSteps:
         found: LoopState = rebuild(self.first, iter(self._stepper.carry.tolist()))
         return found
 
-    def take_over(self, other: Any) -> None:
-        """Go on where another engine stands."""
+    def take_over(self, other: Any, *, anew: bool) -> None:
+        """Go on where another engine stands; ``anew``: with another reference."""
         self.begun = self.tick = other.tick
         self.ended = other.ended
-        self._stepper.carry[:] = leaves(carried(self.first, other.now, component_groups(self.scenario, other.scenario)))
+        now, groups = other.now, component_groups(self.scenario, other.scenario)
+        clock = clock_of_change(self.scenario, self.first, now, anew=anew)
+        self._stepper.carry[:] = leaves(carried(self.first, now, groups, clock))

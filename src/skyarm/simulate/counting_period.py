@@ -37,7 +37,7 @@ def make_counting_period(
         loop, totals = both
         row = stages.led(loop, row)
         if not goals:
-            free = stages.waits.reference(row.path_time, stages.path_times(loop)[2:])
+            free = stages.waits.reference(*stages.waits.instants(stages.path_times(loop))[1])
             goals = goal_of(vehicle, row.reference.dense()), goal_of(vehicle, free.dense())
         following, sample = period(loop, row, uniforms)
         state, command = sample.state, sample.command

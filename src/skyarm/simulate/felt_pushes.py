@@ -7,7 +7,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.plant.loaded_vehicle import payloads_of
 from skyarm.plant.surroundings import Surroundings
-from skyarm.scalars import Scalar, mul
+from skyarm.scalars import Scalar, data, mul
 from skyarm.sensors.sensor import Push
 from skyarm.vehicle.linkage import BASE
 from skyarm.vehicle.vehicle_records import Frame, Vehicle
@@ -16,7 +16,8 @@ from skyarm.vehicle.vehicle_records import Frame, Vehicle
 def push_at(frame: Frame, around: Surroundings, vehicle: Vehicle, state: State, gravity: Scalar) -> Push:
     """Force and torque at a frame of all that pushes on its link and on the links that it carries.
 
-    Of payloads it is the weight: what it takes to accelerate them is not there.
+    Of payloads it is the weight: what it takes to accelerate them is not there. All components are data, also where
+    nothing can push, because sensors keep them in their memories.
 
     Args:
         frame: of the vehicle.
@@ -40,8 +41,8 @@ def push_at(frame: Frame, around: Surroundings, vehicle: Vehicle, state: State, 
             torque = torque + (motion.position(load.com, link) - at).cross(weight)
     axes = [motion.turned(axis, frame.link) for axis in (frame.rotation.column(k) for k in range(3))]
     return Push(
-        force=Vec3(*(axis.dot(force) for axis in axes)),
-        torque=Vec3(*(axis.dot(torque) for axis in axes)),
+        force=Vec3(*(data(axis.dot(force)) for axis in axes)),
+        torque=Vec3(*(data(axis.dot(torque)) for axis in axes)),
     )
 
 

@@ -104,8 +104,8 @@ class EpisodeInputs:
         Args:
             columns: of what a sample has of it (``led``), (N,) each.
         """
-        path_time, held_time, *offset = (np.asarray(column, dtype=float) for column in columns)
-        return self._at(held_time, offset), self._at(path_time, offset), path_time
+        held, own = self.waits.instants([np.asarray(column, dtype=float) for column in columns])
+        return self._at(*held), self._at(*own), own[0]
 
     def _at(self, times: Array, offset: Sequence[Any]) -> Reference:
         program = self._moved if offset else self._program
@@ -134,8 +134,12 @@ class EpisodeInputs:
         """What a control period is fed that begins with a loop state, with what the reference's own clock leads to."""
         fed: Row = rebuild(self.row_example, iter(self.rows(tick, tick + 1)[0].tolist()))
         if isinstance(now.clock, PaceClock):
-            return dataclasses.replace(fed, told=Paces(self.scenario).told(now.clock, now.ticks).dense())
-        return dataclasses.replace(fed, reference=self.held_now(now)) if isinstance(now.clock, PathClock) else fed
+            paces = Paces(self.scenario)
+            time, told = float(paces.path_time(now.clock)), paces.told(now.clock, now.ticks).dense()
+            return dataclasses.replace(fed, told=told, path_time=time)
+        if not isinstance(now.clock, PathClock):
+            return fed
+        return dataclasses.replace(fed, reference=self.held_now(now), path_time=float(self.waits.path_time(now.clock)))
 
     @cached_property
     def goals(self) -> Array:

@@ -95,7 +95,7 @@ def ended(now: LoopState) -> LoopState:
     return dataclasses.replace(now, alive=0.0)
 
 
-def carried(first: LoopState, now: LoopState, groups: Sequence[tuple[int, int]] = ()) -> LoopState:
+def carried(first: LoopState, now: LoopState, groups: Sequence[tuple[int, int]] = (), clock: Any = ()) -> LoopState:
     """``now`` for a loop that begins with ``first``: parts of another structure begin anew.
 
     Args:
@@ -103,6 +103,7 @@ def carried(first: LoopState, now: LoopState, groups: Sequence[tuple[int, int]] 
         now: that of the loop before.
         groups: (new, old) number of components of each group that stand one behind the other; what is added to a group
             stands behind what was there. Left out where as many components are there as before.
+        clock: of a reference that is another one than before, as it begins in this period; () where it is the same.
     """
     fields: dict[str, Any] = {}
     for name, new in parts(first).items():
@@ -111,8 +112,8 @@ def carried(first: LoopState, now: LoopState, groups: Sequence[tuple[int, int]] 
             fields[name] = _grouped(new, old, groups or ((len(new), len(old)),))
         elif name == "drives" and len(new) == len(old):
             fields[name] = tuple(_kept(a, b) for a, b in zip(new, old, strict=True))
-        elif name == "clock" and new != () and mismatch(new, old, "clock"):
-            fields[name] = new.begun_at(now.ticks)  # another task: its time is the flight's
+        elif name == "clock" and clock != ():
+            fields[name] = clock
         else:
             fields[name] = _kept(new, old)
     return LoopState(**fields)

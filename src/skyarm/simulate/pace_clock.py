@@ -16,10 +16,12 @@ from skyarm.actuation import Command
 from skyarm.records.blend import blend
 from skyarm.reference.path_time import by_flight_time
 from skyarm.reference.polynomials import uniform_curve
+from skyarm.reference.tip_push import counted_error
 from skyarm.reference.trajectory import Reference
-from skyarm.scalars import Scalar, clip, divide, floor, maximum, sqrt
+from skyarm.scalars import Scalar, clip, divide, maximum, sqrt
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensors.measurement import Measurement
+from skyarm.simulate.due_period import due
 from skyarm.simulate.tip_and_goal import goal_of, tip_at
 
 QUICKNESS = 5.0
@@ -43,11 +45,6 @@ class PaceClock:
     now: Pace
     held: Pace | tuple[()]
 
-    def begun_at(self, ticks: Any) -> PaceClock:
-        """A clock that begins in a control period of the flight."""
-        now = dataclasses.replace(self.now, place=ticks)
-        return PaceClock(now=now, held=now if isinstance(self.held, Pace) else ())
-
 
 class Paces:
     """A scenario's governor that pauses, over any scalar.
@@ -69,12 +66,17 @@ class Paces:
         now = Pace(place=0.0, rate=1.0, acceleration=0.0, jerk=0.0)
         return PaceClock(now=now, held=() if self._ratio == 1 else now)
 
+    def begun_at(self, ticks: Any) -> PaceClock:
+        """The clock of a reference that takes over in a control period of the flight."""
+        first = self.first()
+        now = dataclasses.replace(first.now, place=ticks)
+        return PaceClock(now=now, held=now if isinstance(first.held, Pace) else ())
+
     def held(self, clock: PaceClock, ticks: Any) -> Pace:
         """The pace of the sample that holds in a period: taken in it where it publishes one."""
         if not isinstance(clock.held, Pace):
             return clock.now
-        due = ticks - floor(ticks / float(self._ratio) + 1e-3) * float(self._ratio) < 0.5
-        held: Pace = blend(due, clock.now, clock.held)
+        held: Pace = blend(due(ticks, self._ratio), clock.now, clock.held)
         return held
 
     def path_time(self, clock: PaceClock) -> Any:
@@ -97,7 +99,7 @@ class Paces:
         if self._pause is None:
             raise AssertionError("a clock needs its bounds")
         tip = tip_at(self._vehicle, measurement.position, measurement.quaternion, measurement.joints)
-        away = tip - goal_of(self._vehicle, told).tool
+        away = counted_error(tip - goal_of(self._vehicle, told).tool, told.push, tip)
         share: Any = 0.0
         for rotor, speed in zip(self._vehicle.rotors, command.rotor_speeds, strict=True):
             part = divide(speed, rotor.max_speed)

@@ -19,9 +19,11 @@ from skyarm.records.leaves import leaves
 from skyarm.reference.path_offset import offset_reference
 from skyarm.reference.phase_guard import Guard
 from skyarm.reference.phase_words import PASSED
+from skyarm.reference.tip_push import counted_error
 from skyarm.reference.trajectory import Reference
-from skyarm.scalars import Scalar, floor, logical_and, logical_not, logical_or, minimum, sqrt, where
+from skyarm.scalars import Scalar, logical_and, logical_not, logical_or, minimum, sqrt, where
 from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.due_period import due
 from skyarm.simulate.tip_and_goal import goal_of, tip_at
 
 WHOLE = 1e-9
@@ -29,6 +31,9 @@ WHOLE = 1e-9
 
 NEVER = 1e30
 """Control periods that no flight has."""
+
+BEGUN = -1.0
+"""``waited`` of a clock that has just taken over."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -40,6 +45,7 @@ class PathClock:
         guard: number of the guard that comes next. waited: at its end. calm: for which it has held.
         origin: m, world axes, the tip where the phase began. failed: 1 once a phase has failed that must not.
         offset: m, of the reference since a phase ended early while it moved. since: place from which on.
+        held_offset, held_since: those of the sample that is held.
     """
 
     place: Scalar
@@ -51,10 +57,8 @@ class PathClock:
     failed: Scalar
     offset: Vec3 | tuple[()]
     since: Scalar | tuple[()]
-
-    def begun_at(self, ticks: Any) -> PathClock:
-        """A clock that begins in a control period of the flight."""
-        return dataclasses.replace(self, place=ticks, held=() if isinstance(self.held, tuple) else ticks)
+    held_offset: Vec3 | tuple[()]
+    held_since: Scalar | tuple[()]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -100,7 +104,7 @@ class Waits:
         """The clock before the first period."""
         if not self.guards:
             return ()
-        zero = Vec3(0.0, 0.0, 0.0)
+        zero, apart = Vec3(0.0, 0.0, 0.0), self._moves and self._ratio > 1
         return PathClock(
             place=0.0,
             held=() if self._ratio == 1 else 0.0,
@@ -111,19 +115,54 @@ class Waits:
             failed=0.0,
             offset=zero if self._moves else (),
             since=0.0 if self._moves else (),
+            held_offset=zero if apart else (),
+            held_since=0.0 if apart else (),
         )
 
-    def held(self, clock: Any, ticks: Any) -> Any:
-        """Place of the sample that holds in a period: taken in it where it publishes one."""
-        if self._ratio == 1:
-            return clock.place
-        # a thousandth of a period: ticks are whole, their share of a sample's is not
-        due = ticks - floor(ticks / float(self._ratio) + 1e-3) * float(self._ratio) < 0.5
-        return where(due, clock.place, clock.held)
+    def begun_at(self, ticks: Any) -> PathClock | tuple[()]:
+        """The clock of a task that takes over in a control period of the flight: at the first guard to come.
+
+        The distance of a phase that is under way then counts from there on.
+        """
+        first = self.first()
+        if not isinstance(first, PathClock):
+            return ()
+        guard: Any = 0.0
+        for end in self._ends:
+            guard = guard + where(ticks > end + WHOLE, 1.0, 0.0)
+        held = () if self._ratio == 1 else ticks
+        return dataclasses.replace(first, place=ticks, held=held, guard=guard, waited=BEGUN)
+
+    def _held(self, clock: Any, ticks: Any) -> dict[str, Any]:
+        """The sample that holds in a period, taken in it where it publishes one; () where each publishes one."""
+        found: dict[str, Any] = {"held": (), "held_offset": (), "held_since": ()}
+        if self._ratio > 1:
+            fresh = due(ticks, self._ratio)
+            found["held"] = where(fresh, clock.place, clock.held)
+            if self._moves:
+                found["held_offset"] = _either(fresh, clock.offset, clock.held_offset)
+                found["held_since"] = where(fresh, clock.since, clock.held_since)
+        return found
 
     def times(self, clock: Any, ticks: Any) -> tuple[Any, ...]:
-        """Times of the reference and of its held sample, s, and its offset, m: what a log keeps of the clock."""
-        return self.path_time(clock), self.held(clock, ticks) / self._rate, *leaves((clock.offset, clock.since))
+        """What a log keeps of the clock.
+
+        Times of the reference and of its held sample, s, its offset, m, and since when; those of the sample.
+        """
+        sample = self._held(clock, ticks)
+        held = clock.place if self._ratio == 1 else sample["held"]
+        own, its = leaves((clock.offset, clock.since)), leaves((sample["held_offset"], sample["held_since"]))
+        return self.path_time(clock), held / self._rate, *own, *its
+
+    def instants(self, times: Sequence[Any]) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        """Time and offset of the held reference and of the reference now, each as :meth:`reference` takes them."""
+        path_time, held, *rest = times
+        own, its = rest[:4], rest[4:]
+        return (held, its or own), (path_time, own)
+
+    def held_reference(self, clock: Any, ticks: Any) -> Reference:
+        """The sample of the reference that holds in a period."""
+        return self.reference(*self.instants(self.times(clock, ticks))[0])
 
     def path_time(self, clock: Any) -> Any:
         """Time of the reference, s."""
@@ -137,7 +176,7 @@ class Waits:
         return found
 
     def reference(self, time: Any, offset: Sequence[Any] = ()) -> Reference:
-        """The reference at its own time, s; ``offset`` as :meth:`times` has it."""
+        """The reference at its own time, s; ``offset`` as :meth:`instants` has it."""
         found = self._trajectory.at(time)
         if not offset:
             return found
@@ -164,7 +203,7 @@ class Waits:
         n, end = clock.guard, self._chosen(clock.guard, self._ends, NEVER)
         begin = self._chosen(n, [guard.begin * self._rate for guard in self.guards])
         there = clock.place >= end - WHOLE
-        fresh = logical_and(clock.place <= begin + WHOLE, clock.waited < 0.5)
+        fresh = logical_and(logical_or(clock.place <= begin + WHOLE, clock.waited < 0.5 * BEGUN), clock.waited < 0.5)
         origin = clock.origin if not self._measures else _either(fresh, seen.tip, clock.origin)
         looks = there
         if self._moves:
@@ -182,7 +221,7 @@ class Waits:
         gone = where(passed, where(there, clock.place, end), clock.place) + 1.0
         return PathClock(
             place=minimum(gone, self._chosen(number, self._ends, NEVER)),
-            held=() if self._ratio == 1 else self.held(clock, ticks),
+            **self._held(clock, ticks),
             guard=number,
             waited=where(passed, 0.0, where(there, clock.waited + 1.0, 0.0)),
             calm=where(passed, 0.0, calm),
@@ -206,13 +245,17 @@ class Waits:
         """Whether the flight shows all that the guard asks."""
         found: Any = n > -1.0
         if any(guard.error is not None for guard in self.guards):
-            most = self._asked(n, "error", NEVER)
-            found = logical_and(found, _away(seen) <= most)
+            away = counted_error(seen.tip - seen.goal, seen.push, seen.tip)
+            found = logical_and(found, sqrt(away.dot(away)) <= self._asked(n, "error", NEVER))
         if any(guard.force is not None or guard.force_below is not None for guard in self.guards):
             out = self._direction(n)
-            along: Any = 0.0 if seen.force is None else out.dot(seen.force)
-            found = logical_and(found, along >= self._asked(n, "force", -NEVER))
-            found = logical_and(found, along <= self._asked(n, "force_below", NEVER))
+            # of a law that observes no force nobody knows that there is none
+            least, most = self._asked(n, "force", -NEVER), self._asked(n, "force_below", NEVER)
+            if seen.force is None:
+                found = logical_and(found, logical_and(least < 0.0, most > 0.5 * NEVER))
+            else:
+                along = out.dot(seen.force)
+                found = logical_and(found, logical_and(along >= least, along <= most))
         if self._measures:
             moved = self._direction(n).dot(origin - seen.tip)
             found = logical_and(found, moved >= self._asked(n, "distance", -NEVER))
@@ -237,13 +280,3 @@ class Waits:
 
 def _either(condition: Any, a: Vec3, b: Any) -> Vec3:
     return Vec3(*(where(condition, x, y) for x, y in zip(a, b, strict=True)))
-
-
-def _away(seen: Seen) -> Any:
-    """Distance of the tip from its reference, m; across the normal while a push is asked for."""
-    away = seen.tip - seen.goal
-    if seen.push:
-        force, _, *normal = seen.push[:5]
-        n = Vec3(*normal)
-        away = away - n * where(force > 0.0, n.dot(away), 0.0)
-    return sqrt(away.dot(away))

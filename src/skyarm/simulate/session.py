@@ -22,6 +22,7 @@ from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.assemble_log import joined
 from skyarm.simulate.check_endings import Ended, going_on
+from skyarm.simulate.clock_of_change import is_other_reference
 from skyarm.simulate.command_from_outside import numbers_of_command
 from skyarm.simulate.compiled_session import CompiledSteps
 from skyarm.simulate.course import Course, Flying, Snapshot
@@ -261,7 +262,9 @@ class Session:
             different = mismatch(self._engine.first.sensors, engine.first.sensors, "sensors")
             if different:
                 raise ScenarioError(f"{different}: must be as the session began, since readings are on their way")
-            engine.take_over(self._engine)
+            before = self._course
+            anew = is_other_reference(course.begun, course.overrides, before.begun, before.overrides)
+            engine.take_over(self._engine, anew=anew)
             self._engine = engine
         self._course, self._scenario, self._waits = course, course.now, bool(course.coming)
 

@@ -38,7 +38,8 @@ def require_short_steps(scenario: Scenario, values: Mapping[str, Any], largest: 
         shortest, stiffest = math.inf, dict[str, float]()
         for numbers in np.unique(np.array(columns, dtype=float), axis=1).T.tolist():
             told = dict(zip(fields, numbers, strict=True))
-            borne = _borne(record, {inner: told[path] for path in fields for inner in fields[path]}, told)
+            inside = {inner: told[path] for path in fields for inner in fields[path]}
+            borne = _borne(record, inside, told, scenario.integrator == "euler")
             if borne is not None and borne < shortest:
                 shortest, stiffest = borne, told
         if stiffest and (largest is None or shortest < largest * (1.0 - 1e-9)):
@@ -62,10 +63,11 @@ def _stated(scenario: Scenario, values: Mapping[str, Any]) -> dict[Place, dict[s
     return found
 
 
-def _borne(record: Any, numbers: Mapping[Place, float], told: Mapping[str, float]) -> float | None:
+def _borne(record: Any, numbers: Mapping[Place, float], told: Mapping[str, float], euler: bool) -> float | None:
     """Largest step (s) of a record with other numbers; None where it states none."""
     try:
-        stated = replaced(record, numbers).largest_step
+        other = replaced(record, numbers)
+        stated = getattr(other, "largest_euler_step", other.largest_step) if euler else other.largest_step
         if stated is None:
             return None
         if not stated > 0.0:

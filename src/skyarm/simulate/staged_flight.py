@@ -21,6 +21,7 @@ from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.assemble_log import Piece, Samples, joined
 from skyarm.simulate.check_endings import Ended, ended_by, failed_phase, going_on, refused
+from skyarm.simulate.clock_of_change import clock_of_change
 from skyarm.simulate.first_state import component_groups, first_loop_state, first_surroundings
 from skyarm.simulate.flat_stages import EpisodeEndedError, FlatStages, FlatSteps, flatten
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
@@ -192,11 +193,12 @@ class StagedFlight:
         """Its numbers are constants: another flight goes on from where it is."""
         return False
 
-    def take_over(self, other: Any) -> None:
-        """Go on where another engine stands."""
+    def take_over(self, other: Any, *, anew: bool) -> None:
+        """Go on where another engine stands; ``anew``: with another reference."""
         called = not self.scenario.controller.compiled
         now = other.now
-        kept = carried(self.first, now, component_groups(self.scenario, other.scenario))
+        clock = clock_of_change(self.scenario, self.first, now, anew=anew)
+        kept = carried(self.first, now, component_groups(self.scenario, other.scenario), clock)
         if called and self.scenario.controller.law is other.scenario.controller.law:
             # the memory of a law that is called is its own: it may hold anything
             kept = dataclasses.replace(kept, memory=now.memory)

@@ -30,7 +30,7 @@ from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, far_step
 from skyarm.plant.surroundings import Surroundings, felt
 from skyarm.records.blend import blend
 from skyarm.reference import Reference
-from skyarm.scalars import absolute, floor, logical_and, where
+from skyarm.scalars import absolute, logical_and, where
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.scenario.tip_sensor import tip_sensor
 from skyarm.sensors.measurement import Measurement
@@ -45,6 +45,7 @@ from skyarm.simulate.command_line import (
     switches,
 )
 from skyarm.simulate.draws import Draws, draw_plan
+from skyarm.simulate.due_period import due
 from skyarm.simulate.felt_pushes import push_at
 from skyarm.simulate.joined_reference import joined_reference
 from skyarm.simulate.loop_state import LoopState, Row, SensorState, ended
@@ -92,9 +93,8 @@ class Stages:
             return dataclasses.replace(row, told=told, path_time=self.paces.path_time(now.clock))
         if now.clock == () or row.reference != ():
             return row
-        _, held, *offset = self.waits.times(now.clock, now.ticks)
         path_time = self.waits.path_time(now.clock)
-        reference = self.waits.reference(held, offset)
+        reference = self.waits.held_reference(now.clock, now.ticks)
         if self.scenario.trajectory.load is not None:  # the gripper's command is of this period, not of a sample
             load = self.scenario.trajectory.load.derivatives(path_time)[0]
             reference = dataclasses.replace(reference, load=(load,))
@@ -194,16 +194,18 @@ class Stages:
 
         What a force sensor on the link of the tip reads goes to the law beside the estimate.
         """
-        going, arrived, first, felt = [], {}, None, iter(pushes)
+        going, arrived, first = [], {}, None
+        feeling = [i for i, (_, sensor) in enumerate(self.sensors) if sensor.feels is not None]
+        felt = dict(zip(feeling, pushes, strict=True))
         for i, ((name, sensor), now) in enumerate(zip(self.sensors, sensors, strict=True)):
             every = self._every[i]
             draws = self.draws.of_sensor(i, uniforms)
-            push = NO_PUSH if sensor.feels is None else next(felt)
+            push = felt.get(i, NO_PUSH)
             memory, reading = sensor.take(now.memory, time, state, force, push, draws, every * self.period)
             held: Any = ()
             if every > 1:
-                due = ticks - floor(ticks / every + 1e-9) * every < 0.5
-                memory, reading = blend(due, memory, now.memory), blend(due, reading, now.held)
+                now_due = due(ticks, every)
+                memory, reading = blend(now_due, memory, now.memory), blend(now_due, reading, now.held)
                 held = reading
             # until the first reading has arrived the estimator sees that one
             seen = (*(blend(ticks < 0.5, reading, old) for old in now.waiting), reading)

@@ -86,7 +86,7 @@ def sight(session: LiveSession | Session, program: PoseProgram) -> Sight:
         tick=session.tick,
         time=time,
         tip=placed.tip,
-        error=_error(getattr(scenario.trajectory, "push", None), placed.tip - goal.tip, time),
+        error=_error(getattr(scenario.trajectory, "push", None), placed.tip, goal.tip, time),
         tilt=math.acos(min(1.0, max(-1.0, upward))) if math.isfinite(upward) else math.pi,
         efforts=_efforts(vehicle, now.queue[-1].efforts),
         rotors=tuple(float(w) / float(r.max_speed) for w, r in zip(state.rotor_speeds, vehicle.rotors, strict=True)),
@@ -123,10 +123,12 @@ def touching(components: Sequence[Any], memories: Sequence[Any], motion: PointMo
     return tuple(found)
 
 
-def _error(push: TipPush | None, away: Array, time: float) -> float:
-    """Distance of the tip from where it should be, m: across the believed normal while it shall press."""
+def _error(push: TipPush | None, tip: Array, goal: Array, time: float) -> float:
+    """Distance of the tip from where it should be, m: what of it counts while it shall press."""
+    away = tip - goal
     if push is not None:
-        away = np.array([float(c) for c in push.across(Vec3(*map(float, away)), time)])
+        found = push.across(Vec3(*map(float, away)), time, Vec3(*map(float, tip)))
+        away = np.array([float(c) for c in found])
     return float(np.linalg.norm(away))
 
 

@@ -7,7 +7,8 @@ from typing import Any
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.control.blocks.saturation import all_follow
-from skyarm.control.laws.centroidal.interaction import Pressing
+from skyarm.control.laws.centroidal.interaction import Pressing, rested
+from skyarm.control.laws.centroidal.interaction_records import InteractionMemory
 from skyarm.control.laws.centroidal.learned_load import learn_load
 from skyarm.control.laws.centroidal.load_records import LoadMemory
 from skyarm.control.laws.centroidal.memory import CentroidalMemory
@@ -47,6 +48,9 @@ def carry(
         calm = mul(calm, each)
     if pressing is not None:
         calm = where(logical_or(pressing.engaged > 0.5, pressing.asked), 0.0, calm)
+        if par.interaction is not None and isinstance(memory.interaction, InteractionMemory):
+            # what is left of a contact in the observer is no bias; of a mass, learned much faster, it is gone as fast
+            calm = mul(calm, where(told > 0.5, 1.0, rested(par.interaction, memory.interaction)))
     bandwidth = minimum(par.observer.force, par.observer.joints)
     R = observed.quaternion.rotation()
     return learn_load(par.load, load, par.model, R, observed.joints, alone, told > 0.5, calm, bandwidth, dt)

@@ -9,16 +9,13 @@ from typing import Annotated, Any
 
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance import Disturbance
-from skyarm.control.blocks.select import choose
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.tip_force import Trust
 from skyarm.files import shown
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, divide, logical_and, logical_or, sqrt, where
+from skyarm.reference.tip_push import out_of_axis
+from skyarm.scalars import Scalar, logical_and, logical_or, where
 from skyarm.vehicle.vehicle_records import Vehicle
-
-NEAREST = 1e-3
-"""m of a tip from the axis that it goes about, times the axis's length of 1: nearer the direction out of it is none."""
 
 SENSING = 60.0
 """rad/s: a force sensor is heard above the bandwidth of the observers, and below that of the contact."""
@@ -34,7 +31,7 @@ class InteractionGains:
     patience: Annotated[Scalar, Unit("s", "below lost until contact is lost")] = 0.04
     escape: Annotated[Scalar, Unit("m/s", "into the surface, above which the tip goes through")] = 0.1
     haste: Annotated[Scalar, Unit("s", "that the tip goes through until contact is lost")] = 0.015
-    rebound: Annotated[Scalar, Unit("s", "after contact, in which a tip that goes in does not touch again")] = 0.05
+    rebound: Annotated[Scalar, Unit("s", "after the order is gone, in which a tip that goes in does not touch")] = 0.05
     rise: Annotated[Scalar, Unit("s", "ramp of the wanted force")] = 0.15
     fall: Annotated[Scalar, Unit("s", "ramp to none")] = 0.02
     integral: Annotated[Scalar, Unit("1/s", "of the force's error")] = 4.0
@@ -73,7 +70,7 @@ class InteractionMemory:
     found: Annotated[Scalar, Unit("", "1 once the push has met its surface")]
     shift: Annotated[Scalar, Unit("m", "of the reference along the normal")]
     shift_rate: Annotated[Scalar, Unit("m/s", "of the shift")]
-    free: Annotated[Scalar, Unit("s", "since the tip last touched")]
+    free: Annotated[Scalar, Unit("s", "since the order of the last contact is gone")]
     gap: Annotated[Scalar, Unit("m", "of the tip from its shifted reference, along the normal")]
     bias: Disturbance
     force: Annotated[Vec3, Unit("N", "at the tip, believed, world axes")]
@@ -118,12 +115,8 @@ class Wanted:
         """The same contact with the normal out of the axis to the tip (m, world axes) while it grips."""
         if self.pivot is None or self.axis is None:
             return self
-        arm = tip - self.pivot
-        out = arm - self.axis * self.axis.dot(arm)
-        size = out.dot(out)
-        turns = logical_and(self.grip > 0.5, size * self.axis.dot(self.axis) > NEAREST * NEAREST)
-        unit = out * divide(1.0, sqrt(size + 1e-12))
-        return dataclasses.replace(self, normal=choose(turns, unit, self.normal))
+        out = out_of_axis(tip, self.pivot, self.axis, self.grip > 0.5, self.normal)
+        return dataclasses.replace(self, normal=out)
 
 
 def interaction_gains(

@@ -89,8 +89,10 @@ def centroidal(
     state = _present(par, model, measurement, memory, observed, unknown, dt)
     held, pressing, force = memory.interaction, None, observed.force
     if par.interaction is not None and isinstance(held, InteractionMemory) and reference.push:
+        weight = mul(load.mass, model.gravity) if isinstance(load, LoadMemory) else 0
+        felt = measurement.tip_force
         held, pressing, unknown, force = press(
-            par, held, reference.push, signals, observed, memory.sent[-1], state, unknown, measurement.tip_force, dt
+            par, held, reference.push, signals, observed, memory.sent[-1], state, unknown, felt, dt, weight
         )
         signals = pressing.shifted(signals)
     if par.load is not None and isinstance(load, LoadMemory) and reference.load:

@@ -13,8 +13,8 @@ in what is observed beside its bias b, which is learned while nothing is held: w
 m from 0 to a limit, and c the place of its centre of mass in axes that turn with the tip: while the hand rests it is
 known in two directions, and in the third as soon as the hand turns. A vehicle that holds m at c, with a radius of
 gyration that is told, is the model: of inverse dynamics, thrust, prediction and observer alike, so that what is learned
-is not observed again, and the law's gains are accelerations of the loaded arm. When nothing is held the load is gone at
-once.
+is not observed again, and the law's gains are accelerations of the loaded arm. The period that is told that nothing is
+held any more forgets the load, and the next one flies without it.
 """
 
 from __future__ import annotations
@@ -36,6 +36,9 @@ from skyarm.vehicle.linkage import Body
 from skyarm.vehicle.vehicle_records import Vehicle
 
 UP = Vec3(0, 0, 1)
+
+VAGUE = 1e6
+"""kg, of a mass about which nothing is known beforehand: without gravity nothing tells of it, and none is found."""
 
 
 def with_learned(model: Model, gains: LoadGains, memory: LoadMemory) -> Model:
@@ -96,6 +99,7 @@ def missing(vehicle: Vehicle, gains: LoadGains, at: Hang, rest: Disturbance) -> 
         require(turned, torque, gains.trust.base)
     for link, row, effort in zip(vehicle.links, at.efforts, rest.efforts, strict=True):
         require(row, effort, gains.trust.turning if link.joint.kind == "revolute" else gains.trust.sliding)
+    A[0][0] = add(A[0][0], 1.0 / VAGUE**2)
     for k in (1, 2):
         A[k][k] = add(A[k][k], divide(1.0, gains.twist * gains.twist))
     return ldl_solve(A, b)

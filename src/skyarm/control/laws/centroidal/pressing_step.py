@@ -38,6 +38,7 @@ def press(
     unknown: Disturbance,
     tip_force: tuple[Any, ...],
     dt: Any,
+    weight: Any = 0,
 ) -> tuple[InteractionMemory, Pressing, Disturbance, Vec3]:
     """One period of pressing.
 
@@ -50,8 +51,9 @@ def press(
         sent: the last command.
         state: now.
         unknown: disturbance that the law would answer without a surface.
-        tip_force: N, measured by a sensor, axes of the tip; empty without one.
+        tip_force: N, as a sensor tells it, axes of the tip; empty without one.
         dt: control period, s.
+        weight: N, of the load that the tip is believed to hold: a sensor feels it, the surface does not.
 
     Returns:
         The memory, what the instant asks for, the disturbance that the law answers, and its force on the base as far as
@@ -76,9 +78,8 @@ def press(
     felt = None
     if isinstance(memory.felt, Vec3) and tip_force:
         turned = then.R @ frame_pose(vehicle, vehicle.frame(), observed.joints).R
-        felt = memory.felt + (turned.apply(Vec3(*tip_force)) - memory.felt) * low_pass_share(
-            par.interaction.sensing, dt
-        )
+        pushed = turned.apply(Vec3(*tip_force)) + Vec3(0, 0, weight)
+        felt = memory.felt + (pushed - memory.felt) * low_pass_share(par.interaction.sensing, dt)
     memory, pressing = interact(
         par.interaction, memory, wanted, vehicle, disturbance(observed), then, into, load, dt, felt
     )
