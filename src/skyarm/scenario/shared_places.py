@@ -6,10 +6,7 @@ pushes nothing. So a lattice of places in each body is looked at: none may be in
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
-import numpy.typing as npt
 
 from skyarm.algebra import Vec3
 from skyarm.contact.carrier import CarriedFrame
@@ -17,10 +14,8 @@ from skyarm.contact.contact import Contact
 from skyarm.contact.surface import Surface
 from skyarm.files import shown
 
-Array = npt.NDArray[np.float64]
-
 SHARES = (-0.97, -0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9, 0.97)
-"""Of half the length, at which places are looked at along each axis."""
+"""Of half the length that may be in the other body, at which places are looked at along each axis."""
 
 SHALLOW = 1e-3
 """m inside both bodies that is let pass, beside how deep weights press them."""
@@ -60,7 +55,7 @@ def _shared(a: tuple[Surface, CarriedFrame], b: tuple[Surface, CarriedFrame], de
     away = [float(c) for c in _middle(*a) - _middle(*b)]
     if np.linalg.norm(away) > float(one.farthest) + float(other.farthest):
         return None
-    for places in (_lattice(*a), _lattice(*b)):
+    for places in (_lattice(*a, b), _lattice(*b, a)):
         least = np.minimum(of_one.depth(one, places, 0)[0], of_other.depth(other, places, 0)[0])
         if least.max() > deep:
             return [round(float(np.broadcast_to(c, least.shape)[least.argmax()]), 4) for c in places]
@@ -72,21 +67,25 @@ def _middle(surface: Surface, frame: CarriedFrame) -> Vec3:
     return frame.position + frame.rotation.apply(surface.position)
 
 
-def _lattice(surface: Surface, frame: CarriedFrame) -> Vec3:
-    """Places in the box about a shape, m, world axes: arrays of one length."""
-    found = [np.ravel(each) for each in np.meshgrid(*_along(surface))]
-    return _middle(surface, frame) + frame.rotation.apply(surface.rotation.apply(Vec3(*found)))
+def _lattice(surface: Surface, frame: CarriedFrame, other: tuple[Surface, CarriedFrame]) -> Vec3:
+    """Places in the box about a shape, where another one may be, m, world axes: arrays of one length."""
+    middle, reach = _middle(surface, frame), float(other[0].farthest)
+    toward = surface.rotation.apply_T(frame.rotation.apply_T(_middle(*other) - middle))
+    along = []
+    for (low, high), at in zip(_ends(surface), toward, strict=True):
+        first, last = max(low, float(at) - reach), min(high, float(at) + reach)
+        along.append(0.5 * (first + last) + 0.5 * (last - first) * np.array(SHARES))
+    found = [np.ravel(each) for each in np.meshgrid(*along)]
+    return middle + frame.rotation.apply(surface.rotation.apply(Vec3(*found)))
 
 
-def _along(surface: Surface) -> Iterator[Array]:
-    """Coordinates along each of a shape's axes, m."""
-    shares = np.array(SHARES)
+def _ends(surface: Surface) -> list[tuple[float, float]]:
+    """First and last coordinate along each of a shape's axes, m."""
     if surface.shape == "hole":
         outer, length = (float(each) for each in surface.size[3:])
-        yield from (outer * shares, outer * shares, 0.5 * length * (shares - 1.0))
-    elif surface.shape == "box":
-        yield from (0.5 * float(each) * shares for each in surface.size)
-    else:
-        radius = float(surface.size[0])
-        half = 0.5 * float(surface.size[1]) if surface.shape == "cylinder" else radius
-        yield from (radius * shares, radius * shares, half * shares)
+        return [(-outer, outer), (-outer, outer), (-length, 0.0)]
+    if surface.shape == "box":
+        return [(-0.5 * float(each), 0.5 * float(each)) for each in surface.size]
+    radius = float(surface.size[0])
+    half = 0.5 * float(surface.size[1]) if surface.shape == "cylinder" else radius
+    return [(-radius, radius), (-radius, radius), (-half, half)]
