@@ -98,7 +98,8 @@ class Mechanism(Carrier):
             raise RecordError(f"mechanism.inertia: must be left out of a {self.kind}, which slides; mass says it")
         if type(self.moved) is int or (concrete(self.moved) and not self.moved > 0.0):
             what = "inertia" if turns and not self.size else "mass"
-            raise RecordError(f"mechanism.{what}: is missing; a {self.kind} must have one above 0")
+            instead = ", or an inertia" if turns and self.size else ""
+            raise RecordError(f"mechanism.{what}: is missing; a {self.kind} must have one above 0{instead}")
         if concrete(self.lower, self.upper) and not self.lower < self.upper:
             raise RecordError(f"mechanism.lower = {shown(self.lower)}: must be below upper = {shown(self.upper)}")
         if concrete(self.initial, self.lower, self.upper) and not self.lower <= self.initial <= self.upper:

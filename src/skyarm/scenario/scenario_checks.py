@@ -24,6 +24,7 @@ from skyarm.scalars import data
 from skyarm.scenario.check_frames import check_frames
 from skyarm.scenario.clock_checks import require_whole
 from skyarm.scenario.scenario_parts import ScenarioError
+from skyarm.scenario.steps_of_contact import require_steps_to_fly
 from skyarm.scenario.tip_sensor import require_tip_sensor
 from skyarm.vehicle.check import require_plant
 from skyarm.vehicle.vehicle_records import Vehicle
@@ -96,8 +97,9 @@ def check_additions(scenario: Scenario) -> None:
         if concrete(latency) and latency * rates.control > LONGEST_QUEUE_OF_SERVO:
             most = f"{LONGEST_QUEUE_OF_SERVO} control periods, {LONGEST_QUEUE_OF_SERVO / rates.control:g} s"
             raise ValueError(f"{where}.latency = {latency!r}: must be at most {most}")
-    added += [("world", contact) for contact in scenario.contacts]
     check_largest_step(added, 1.0 / rates.control)
+    for contact in scenario.contacts:
+        require_steps_to_fly(contact, 1.0 / rates.control)
     for joint in driven:
         if joint not in joints or driven.count(joint) > 1:
             raise ValueError(f"drives: joint = {shown(joint)}: must be one of {', '.join(joints) or 'none'}, once")

@@ -22,6 +22,9 @@ Array = npt.NDArray[np.float64]
 LOWEST, LIFT, FINEST = 3.0, 0.002, 1e-4
 """m: how far an object is lowered at most, out of how deep inside of something it is taken, smallest way down."""
 
+DEEPER = 0.1
+"""Share of its depth by which an object is pressed deeper at a time, once that is more than ``FINEST``."""
+
 ROUNDS, SMALL = 20, 1e-9
 """Newton steps at most, and the residual force by the weight at which they end."""
 
@@ -61,6 +64,9 @@ class _Rest:
         self._memory = contact.start(1.0, ())
         self._first: ObjectMotion = self._memory.carried[index]
         self._weight = float(self._object.mass) * gravity
+        size, shape = self._object.size, self._object.shape
+        self._half = min(float(each) * (1.0 if shape == "sphere" or (shape, i) == ("cylinder", 0) else 0.5)
+                         for i, each in enumerate(size))  # fmt: skip
 
     def set_down(self) -> Contact:
         """The contact with the object at rest.
@@ -77,8 +83,14 @@ class _Rest:
             raise ValueError(
                 f"{_where(self._index)} = true: object {object_.name!r} must begin outside of what carries it"
             )
+        carried = 0.0
         while self._residual(lowered)[0] < 0.0:
-            lowered[0] -= max(self._gap(lowered), FINEST)
+            gap = self._gap(lowered)
+            borne = self._borne(lowered) if gap < 0.0 else 0.0
+            if borne < carried or (borne > 0.0 and -gap > self._half):
+                self._refuse_mass(max(borne, carried))
+            carried = borne
+            lowered[0] -= max(gap, FINEST, DEEPER * -gap)
             if lowered[0] < -LOWEST:
                 place = shown([float(c) for c in object_.position])
                 below = f"nothing carries object {object_.name!r} within {LOWEST:g} m below {place} m"
@@ -92,6 +104,15 @@ class _Rest:
         objects = list(self._contact.objects)
         objects[self._index] = settled
         return replace(self._contact, objects=tuple(objects))
+
+    def _refuse_mass(self, force: float) -> None:
+        """Refuse a mass of which what is below carries that force (N) at most, until it is half inside or through."""
+        mass = float(self._object.mass)
+        borne = f"about {force * (mass / self._weight):.2g} kg or less"
+        raise ValueError(
+            f"world.objects[{self._index}].mass = {shown(mass)}: must be {borne}, or the stiffness larger; its weight "
+            f"presses object {self._object.name!r} through what it stands on"
+        )
 
     def _balanced(self, x: Array) -> FreeObject | None:
         """The object where forces and moments vanish, by Newton's method; None where it does not end nearby."""
@@ -136,6 +157,12 @@ class _Rest:
         length = float(max(self._object.size))
         values = (force - self._weight, float(moment.x) / length, float(moment.y) / length)
         return np.array(values) / self._weight
+
+    def _borne(self, x: Array) -> float:
+        """Vertical force of what touches the object, N."""
+        pushes = (each.touch.axis.z * (each.touch.normal if each.by == self._index else -each.touch.normal)
+                  for each in self._meetings(x))  # fmt: skip
+        return float(sum(pushes))
 
     def _placed(self, x: Array) -> FreeObject:
         """The object with position and angles of a motion."""

@@ -9,6 +9,7 @@ from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import concrete
 from skyarm.scenario.endings import BodyContact, RotorContact
 from skyarm.scenario.scenario_record import Scenario, first_state
+from skyarm.scenario.shared_places import require_places_apart
 
 MOST = 2.0
 """Weights with which a surface may push a point at the start: what stands on one point takes one."""
@@ -34,6 +35,7 @@ def require_start_outside(scenario: Scenario) -> None:
                     "initial.standing = true"
                 )
         _require_objects_outside(contact, motion, weight, float(scenario.world.gravity))
+        require_places_apart(contact, float(scenario.world.gravity), MOST)
         for ending in (RotorContact(), BodyContact()):
             if not ending.fine(scenario, state, state.position, 0):
                 cause = ending.cause(scenario, state, state.position)
@@ -52,7 +54,8 @@ def _require_objects_outside(contact: Contact, motion: PointMotion, weight: floa
                 if each.by == NOBODY
                 else repr(contact.carriers[each.by].name)
             )
+            way = ", or at rest by standing = true" if 0 <= each.by < len(contact.objects) else ""
             raise ValueError(
                 f"world: {what} starts {float(each.touch.depth):.3g} m inside {each.surface!r}, which would push "
-                f"it with {float(each.touch.normal):.3g} N: must start outside, or at rest by standing = true"
+                f"it with {float(each.touch.normal):.3g} N: must start outside{way}"
             )

@@ -1,0 +1,98 @@
+"""Worlds that no flight can begin in: numbers that leave no steps, bodies inside each other, weights that sink in."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from skyarm.algebra import Vec3
+from skyarm.contact import Contact, FreeObject, Material, Surface
+from skyarm.contact.carried_contact import Carried
+from skyarm.contact.mechanism import Mechanism
+from skyarm.contact.surface import rotation_of
+from skyarm.scenario.shared_places import require_places_apart
+from skyarm.scenario.standing_objects import with_standing_objects
+from skyarm.scenario.steps_of_contact import require_steps_to_fly
+
+PERIOD, GRAVITY = 0.005, 9.81
+BOX = FreeObject(name="box", size=(0.1, 0.08, 0.06), mass=0.2, position=Vec3(0.3, 0.2, 1.0), angles=Vec3(0.2, 0.1, 0.7))
+GROUND = Surface(name="ground")
+TURN = Vec3(0.5, -0.4, 0.3)
+OUTSIDE = Vec3(0.307, 0.205, 1.0) + rotation_of(TURN).column(2) * 0.3
+"""Angles and middle of a rod of 1 m that goes through the box, m."""
+
+
+@pytest.mark.parametrize("value", [1e-9, 1e-300])
+def test_a_mass_at_the_bound_that_is_said_is_let_pass(value):
+    def world(mass):
+        return Contact(surfaces=(GROUND,), objects=(replace(BOX, mass=mass),))
+
+    with pytest.raises(ValueError, match=r"^world.objects\[0\].mass = .*: asks for") as error:
+        require_steps_to_fly(world(value), PERIOD)
+    bound = float(re.search(r"about (\S+) or more$", str(error.value))[1])
+    require_steps_to_fly(world(bound * 1.05), PERIOD)
+    with pytest.raises(ValueError, match="mass"):
+        require_steps_to_fly(world(bound * 0.9), PERIOD)
+
+
+def test_of_two_bad_numbers_the_worse_is_named_without_a_bound():
+    stiff = Material(stiffness=1e25)
+    world = Contact(surfaces=(replace(GROUND, material=stiff),), objects=(BOX, replace(BOX, name="light", mass=1e-10)))
+    with pytest.raises(ValueError, match=r"^world.surfaces\[0\].material.stiffness = .*control period$"):
+        require_steps_to_fly(world, PERIOD)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "apart"),
+    [({}, False),
+     ({"size": (0.005, 0.005, 1.0), "position": OUTSIDE, "angles": TURN}, False),
+     ({"shape": "cylinder", "size": (0.02, 0.4)}, False),
+     ({"shape": "sphere", "size": (0.2,)}, False),
+     ({"angles": Vec3(0.0, 0.0, 0.0), "position": Vec3(0.3, 0.2, 1.055)}, False),
+     ({"position": Vec3(0.3, 0.2, 1.09)}, True),
+     ({"position": Vec3(0.3, 0.2, 5.0)}, True)],
+)  # fmt: skip
+def test_bodies_that_cross_are_refused_though_no_corner_is_inside(numbers, apart):
+    """In either order: a thin rod through a box is seen by its own places, the box by those of what is around it."""
+    other = replace(BOX, name="other", **numbers)
+    for pair in ((BOX, other), (other, BOX)):
+        world = Contact(objects=pair)
+        if apart:
+            require_places_apart(world, GRAVITY, 2.0)
+            continue
+        with pytest.raises(ValueError, match=r"^world: .* starts inside .*, both are at \[.*\] m: must start outside"):
+            require_places_apart(world, GRAVITY, 2.0)
+
+
+def test_a_body_in_a_mechanism_is_refused_and_one_as_deep_as_weights_press_is_not():
+    button = Mechanism(name="button", kind="button", size=(0.03, 0.02), mass=0.1, position=Vec3(0.3, 0.2, 1.0))
+    with pytest.raises(ValueError, match="'button' starts inside 'box'"):
+        require_places_apart(Contact(objects=(BOX,), mechanisms=(button,)), GRAVITY, 2.0)
+    handle = Surface(name="handle", shape="box", size=(0.005, 0.005, 1.0), angles=TURN)
+    slide = Mechanism(name="slide", kind="slide", mass=0.1, axis=Vec3(1.0, 0.0, 0.0), position=OUTSIDE, parts=(handle,))
+    with pytest.raises(ValueError, match="'handle' starts inside 'box'"):
+        require_places_apart(Contact(objects=(BOX,), mechanisms=(slide,)), GRAVITY, 2.0)
+    level = replace(BOX, angles=Vec3(0.0, 0.0, 0.0))
+    above = replace(level, name="above", position=Vec3(0.3, 0.2, 1.055))  # 5 mm, of which the lattice sees 1.8
+    for mass, gravity in ((20.0, GRAVITY), (0.2, 500.0)):
+        require_places_apart(Contact(objects=(replace(level, mass=mass), above)), gravity, 2.0)
+
+
+@pytest.mark.parametrize(("mass", "thick"), [(1e300, None), (60.0, 0.02)])
+def test_what_is_too_heavy_to_stand_is_told_its_mass_at_once(monkeypatch, mass, thick):
+    """On a ground it sinks in by half its height; through a thin plate it falls."""
+    under = GROUND if thick is None else replace(GROUND, shape="box", size=(2.0, 2.0, thick))
+    box = replace(BOX, mass=mass, standing=True, angles=Vec3(0.0, 0.0, 0.0))
+    looks, meetings = [], Carried.meetings
+    monkeypatch.setattr(Carried, "meetings", lambda *given: looks.append(1) or meetings(*given))
+    with pytest.raises(ValueError, match=r"^world.objects\[0\].mass = .*: must be about \S+ kg or less") as error:
+        with_standing_objects(Contact(surfaces=(under,), objects=(box,)), GRAVITY)
+    assert len(looks) < 250
+    monkeypatch.undo()
+    bound = float(re.search(r"about (\S+) kg", str(error.value))[1])
+    depth = 0.03 if thick is None else 0.5 * thick
+    assert 0.8 * 4.0 * 5000.0 * depth / GRAVITY < bound < 1.15 * 4.0 * 5000.0 * depth / GRAVITY
+    if thick is not None:
+        with_standing_objects(Contact(surfaces=(under,), objects=(replace(box, mass=0.8 * bound),)), GRAVITY)
