@@ -61,6 +61,7 @@ def test_a_flight_flies_its_lanes_through_the_whole_scenario():
     assert flight.runner(kernel, 5, 1)() == pytest.approx(0.5)
 
 
+@pytest.mark.thorough
 def test_rk4_strays_less_than_euler_and_double_less_than_single():
     found = accuracy(load_scenario("case2"), 0.5)
     assert 0.0 < found["rk4 f64 exact"] < 1e-6

@@ -84,6 +84,7 @@ def study(folder: Path, **changes: Any) -> Study:
     return study_from(tomllib.loads(written(folder, **changes).read_text("utf-8")), folder)
 
 
+@pytest.mark.thorough
 def test_a_thousand_lanes_of_it_are_the_flights_one_by_one(tmp_path: Path) -> None:
     """Metrics of a lane are those of the log of its flight; endings of one's own are rows too."""
     planned = study(tmp_path)

@@ -223,6 +223,7 @@ def test_a_forged_log_whose_law_is_replaced_is_refused_in_one_line(change: dict[
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.thorough
 def test_a_law_of_a_file_is_flown_again_on_the_command_line(tmp_path: Path) -> None:
     def run(*words: str) -> subprocess.CompletedProcess[str]:
         command = [sys.executable, "-m", "skyarm", "run", *words, "--out", "again"]

@@ -112,6 +112,7 @@ def refused_after(folder: Path, command: list[str], changed: Path, told: str) ->
     assert [file.name for file in (folder / "out" / "rows").iterdir()] == ["chunk_0000000.parquet"]
 
 
+@pytest.mark.thorough
 def test_a_study_refuses_a_module_that_its_plugin_imports_when_that_has_changed(tmp_path: Path) -> None:
     study(tmp_path)
     (tmp_path / "push_plugin.py").write_text(FORCE.format(top="from push_helper import GAIN"))
