@@ -36,9 +36,11 @@ $(VENV)/.core: pyproject.toml constraints.txt
 	$(BIN)/python $(PIP) -c constraints.txt -e .
 	@touch $@
 
-$(VENV)/.test: $(VENV)/.core
+# not after .core: one installation is ten seconds shorter than two
+$(VENV)/.test: pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python $(PIP) -c constraints.txt -e ".[test]"
-	@touch $@
+	@touch $(VENV)/.core $@
 
 reproduce: $(VENV)/.core
 	$(BIN)/python -m skyarm reproduce --out $(OUT)

@@ -298,6 +298,7 @@ SLOPES = (
 )
 
 
+@pytest.mark.thorough
 def test_slopes_are_right_at_ordinary_points_and_finite_beside_a_branch_not_taken():
     """Forwards and backwards, each of its own program, compiled together. Tolerance: a few roundings."""
     programs = [trace(lambda x, of=function: (of(x),), 0.5).lowered for function, _, _ in SLOPES]

@@ -61,6 +61,7 @@ def test_both_plants_fly_it_alike() -> None:
     np.testing.assert_allclose(theirs.joints, ours.joints, atol=1e-8)
 
 
+@pytest.mark.thorough
 def test_a_thousand_lanes_fly_it_and_each_is_a_flight_of_its_own() -> None:
     scenario = _scenario()
     generator = np.random.default_rng(0)

@@ -122,6 +122,7 @@ def test_a_study_refuses_a_module_that_its_plugin_imports_when_that_has_changed(
     refused_after(tmp_path, command, helper, "plugin 'push_helper.py' = 'sha256:")
 
 
+@pytest.mark.thorough
 def test_a_study_of_a_script_refuses_the_script_when_it_has_changed(tmp_path: Path) -> None:
     study(tmp_path)
     script = tmp_path / "push_script.py"
