@@ -32,7 +32,8 @@ from skyarm.simulate.draws import draws_needed
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
 from skyarm.simulate.period import Begun, issue
-from skyarm.simulate.stages import Readings, RigidBodySteps, Stages
+from skyarm.simulate.rigid_body_steps import RigidBodySteps
+from skyarm.simulate.stages import Readings, Stages
 
 LARGEST = 1e6
 """Largest number of an observation and a reward: what has diverged is told as this, what is no number as 0."""
