@@ -89,9 +89,9 @@ def missing(vehicle: Vehicle, gains: LoadGains, at: Hang, rest: Disturbance) -> 
     squares = NormalEquations(A, [0.0, 0.0, 0.0])
     squares.require((at.lift, 0, 0), rest.force.z, 1.0)
     for turned, torque in zip(zip(*at.turning, strict=True), rest.torque, strict=True):
-        squares.require(turned, torque, gains.trust.base)
+        squares.require(turned, torque, gains.errors.base)
     for link, row, effort in zip(vehicle.links, at.efforts, rest.efforts, strict=True):
-        squares.require(row, effort, gains.trust.turning if link.joint.kind == "revolute" else gains.trust.sliding)
+        squares.require(row, effort, gains.errors.turning if link.joint.kind == "revolute" else gains.errors.sliding)
     A[0][0] = add(A[0][0], 1.0 / VAGUE**2)
     for k in (1, 2):
         A[k][k] = add(A[k][k], divide(1.0, gains.twist * gains.twist))
@@ -131,9 +131,9 @@ def learn_load(
     at = hang(model.vehicle, R, joints, model.gravity)
     mass, about_x, about_y = missing(model.vehicle, gains, at, without(observed, memory.bias))
     least = gains.light * gains.limit
-    small = gains.doubt * (memory.mass + least)
+    small = gains.noise_share * (memory.mass + least)
     large = divide(mass * mass, mass * mass + small * small)  # 0 where the mass is settled
-    step = _step(gains.pace, bandwidth, holds, learns, dt) * (gains.calm + (1.0 - gains.calm) * large)
+    step = _step(gains.pace, bandwidth, holds, learns, dt) * (gains.settled_rate + (1.0 - gains.settled_rate) * large)
     m = clip(memory.mass + step * mass, 0.0, gains.limit)
     slow = _step(gains.place_pace, bandwidth, holds, learns, dt) * (1.0 - large)
     known = divide(m, (m * m + least * least) * maximum(model.gravity, 1e-3))

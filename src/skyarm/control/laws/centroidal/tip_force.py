@@ -28,7 +28,7 @@ AXES = (Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Trust:
+class ForceErrors:
     """How far parts of the disturbance tell the tip's force: the error of each that weighs as 1 N of the base's.
 
     Attributes:
@@ -66,15 +66,15 @@ def levers(vehicle: Vehicle, R: Mat3, joints: Sequence[Any]) -> TipLevers:
     return TipLevers(R, frame_pose(vehicle, frame, joints).p, columns)
 
 
-def tip_force(vehicle: Vehicle, trust: Trust, at: TipLevers, rest: Disturbance) -> Vec3:
+def tip_force(vehicle: Vehicle, errors: ForceErrors, at: TipLevers, rest: Disturbance) -> Vec3:
     """The tip's force (N, world axes) in ``rest``, the observed disturbance without its bias: least squares."""
     push = at.R.apply_T(rest.force)
     squares = NormalEquations([[1 if i == j else 0 for j in range(3)] for i in range(3)], list(push))
     for link, column, effort in zip(vehicle.links, at.columns, rest.efforts, strict=True):
-        squares.require(tuple(column), effort, trust.turning if link.joint.kind == "revolute" else trust.sliding)
+        squares.require(tuple(column), effort, errors.turning if link.joint.kind == "revolute" else errors.sliding)
     turned = [tuple(at.tip.cross(axis)) for axis in AXES]
     for k, torque in enumerate(rest.torque):
-        squares.require([each[k] for each in turned], torque, trust.base)
+        squares.require([each[k] for each in turned], torque, errors.base)
     return at.R.apply(Vec3(*squares.solve()))
 
 
