@@ -82,7 +82,7 @@ def pressed(*, memory=HELD, velocity=ZERO, led=ZERO, efforts=(0.0, 0.0), speed=4
 
 
 def test_the_tip_that_goes_into_the_surface_is_the_one_that_is_lost():
-    doubts = [pressed(velocity=Vec3(speed, 0.0, 0.0))[1][0].doubt for speed in (0.2, -0.2, 0.0)]
+    doubts = [pressed(velocity=Vec3(speed, 0.0, 0.0))[1][0].losing for speed in (0.2, -0.2, 0.0)]
     assert doubts == pytest.approx([DT / 0.015, 0.0, 0.0])
 
 
