@@ -257,6 +257,19 @@ def test_mobility_is_the_largest_eigenvalue_of_a_box_on_its_faces(com):
         assert float(body.mobility) == pytest.approx(largest, rel=1e-9)
 
 
+@pytest.mark.parametrize("size", [(0.3, 0.02, 0.03), (0.2, 0.15, 0.01)])
+def test_names_of_the_axes_change_no_mobility(size):
+    inertia, com = (2e-5, 4e-4, 3.9e-4), (0.02, 0.005, -0.003)
+    found = []
+    for order in itertools.permutations(range(3)):
+        sizes, moments, middle = ([each[i] for i in order] for each in (size, inertia, com))
+        body = FreeObject(name="it", size=tuple(sizes), mass=0.1, inertia=Vec3(*moments), com=Vec3(*middle))
+        found.append((float(body.mobility), float(body.gyration), float(body.mobility_at(0.02))))
+    assert found[0] == pytest.approx((found[0][0], 2e-4, found[0][2]))
+    for each in found[1:]:
+        assert each == pytest.approx(found[0], rel=1e-12)
+
+
 def test_moments_of_uniform_bodies():
     """Monte Carlo over the volume: 1 % of 40 000 points."""
     rng = np.random.default_rng(5)
