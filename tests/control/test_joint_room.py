@@ -111,6 +111,10 @@ def test_a_motion_within_the_room_keeps_its_bits_and_no_limit_is_no_bound():
     assert bounded(free, 5.0, 50.0, 0.0, 1e3) == 1e3
     assert bounded(above, -5.0, -50.0, 0.0, -1e3) == -1e3
     assert bounded(above, 0.9, 0.0, 0.0, 1e3) < 0.0
+    below = with_limits(-1.0, np.inf)
+    assert ends_of(below) == ((True, False),)
+    for q, rate, told, wanted in ((0.9, 0.0, 0.0, 1e3), (0.3, 7.0, 0.2, 10.0), (-5.0, -50.0, 0.0, -1e3)):
+        assert bounded(below, -q, -rate, -told, -wanted) == -bounded(above, q, rate, told, wanted)
     # at rest, where it may go, nothing is asked: further where a stop holds it
     for stops, share in ((False, SHARE), (True, WITH_STOP)):
         vehicle = with_limits(-1.5, 1.5, stops)
