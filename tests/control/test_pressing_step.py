@@ -14,6 +14,7 @@ from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import disturbance
+from skyarm.control.blocks.lag_estimate import CANDIDATES, Bank
 from skyarm.control.laws.centroidal import interaction as law
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.interaction_records import InteractionGains, first_interaction, wanted_of
@@ -192,6 +193,46 @@ def test_what_a_touch_does_to_the_trend_of_the_force_is_not_foretold():
     assert command(fast, HELD) == command(before, HELD)
     free = first_interaction(2)
     assert command(fast, free) != command(before, free)
+
+
+def test_no_lag_is_learned_until_a_contact_has_rested():
+    made = make_centroidal(MODEL, mode="tip", preset="adaptive", interaction=(0.3, 0.1))
+    reference = Reference(joints=JOINTS, joint_rates=(0.0,) * 2, joint_accelerations=(0.0,) * 2, push=PUSH)
+    bank = Bank(means=(0.5,) * CANDIDATES, scale=1.0)
+    lag = dataclasses.replace(made.memory.lag, count=100.0, past=((1.0,) * 5,) * 8, base=bank, arm=bank)
+
+    def banks(held):
+        memory = dataclasses.replace(made.memory, started=1.0, lag=lag, interaction=held)
+        after = made.law(memory, blank_measurement(2, 4, 0), reference, DT, par=made.par)[0].lag
+        return after.base.means != bank.means, after.arm.means != bank.means
+
+    assert banks(HELD) == (False, False)
+    assert banks(dataclasses.replace(first_interaction(2), free=0.4)) == (False, False)
+    assert banks(dataclasses.replace(first_interaction(2), free=0.6)) == (True, True)
+
+
+def test_friction_is_let_go_by_what_was_sent_last():
+    made, instant = make_centroidal(MODEL, mode="tip", delay=0.02, interaction=(0.3, 0.1)), 1e-9
+    reference = Reference(joints=JOINTS, joint_rates=(0.0,) * 2, joint_accelerations=(0.0,) * 2, push=PUSH)
+    d = AT.disturbance(Vec3(-1.5, 0.0, 0.6))
+    observed = dataclasses.replace(
+        made.memory.observed, joints=JOINTS, force=d.force, torque=d.torque, efforts=d.efforts
+    )
+    reading = dataclasses.replace(blank_measurement(2, 4, 0), joints=JOINTS)
+    idle, limit = made.memory.sent[0], float(ARM.links[0].joint.effort_limit)
+
+    def efforts(sent):
+        memory = dataclasses.replace(made.memory, started=1.0, observed=observed, interaction=HELD, sent=sent)
+        return np.array(made.law(memory, reading, reference, instant, par=made.par)[1].efforts)
+
+    queue = [idle] * len(made.memory.sent)
+    full = dataclasses.replace(idle, efforts=(limit, 0.0))
+    assert len(queue) == 5
+    for i in range(4):
+        assert efforts((*queue[:i], full, *queue[i + 1 :])) == pytest.approx(efforts(tuple(queue)), abs=1e-6)
+    less = efforts((*queue[:-1], full)) - efforts(tuple(queue))
+    # a fifth of the force across is not answered
+    assert less == pytest.approx(np.array(AT.disturbance(Vec3(0.0, 0.0, 0.2 * 0.6)).efforts), rel=1e-3)
 
 
 def numbers_of_a_step(*numbers):
