@@ -55,6 +55,9 @@ def test_a_tip_that_goes_in_fast_for_three_periods_has_lost_the_surface():
     for again in ({"memory": dataclasses.replace(FREE, free=0.051), "into": 0.11}, {"memory": FREE, "into": 0.09}):
         assert touched([1.0], **again) == [1.0]
     assert all(touched([1.0] * 4, into=0.09, memory=there))
+    # what was doubtful before the touch is no doubt of it
+    free = dataclasses.replace(FREE, free=1.0)
+    assert touched([0.0] * 9 + [1.0] * 4, into=0.11, memory=free) == [0.0] * 9 + [1.0, 1.0, 1.0, 0.0]
 
 
 def test_ramps_take_their_times_and_end_at_none_and_all():

@@ -157,9 +157,12 @@ def test_one_period_is_that_of_plain_python(scenario, wanted, engine):
 
 
 def test_a_reference_that_ends_early_goes_on_from_where_it_is(scenario):
-    # a phase before has taken another offset back: that counts no more
-    phases = (dataclasses.replace(PHASES[0], back=(0.05, 0.1)), *PHASES[1:])
-    trajectory = dataclasses.replace(scenario.trajectory, phases=phases)
+    # a phase before has taken another offset back, and what is skipped would take this one: neither counts
+    phases = [
+        dataclasses.replace(phase, back=back)
+        for phase, back in zip(PHASES, ((0.05, 0.1), None, (0.2075, 0.2125), None), strict=True)
+    ]
+    trajectory = dataclasses.replace(scenario.trajectory, phases=tuple(phases))
     waits, shift = Waits(dataclasses.replace(scenario, trajectory=trajectory)), 1.0 / RATE
     clock = dataclasses.replace(waits.first(), place=41.0, guard=2.0, calm=2.0, origin=Vec3(0.1, 0.0, 1.0), since=0.0)
     there = Vec3(0.1, 0.0, 1.0) - Vec3(*OUT) * 0.005
