@@ -268,6 +268,16 @@ def test_who_observes_no_force_knows_of_none_that_is_gone(scenario, asked):
     assert [each.guard for each in found] == [1.0, 0.0]
 
 
+def test_a_phase_that_has_just_begun_does_not_end_by_what_was_there_before(scenario):
+    guard = Guard(at=0.1, begin=0.05, direction=OUT, hold=0.0, early=True, force=0.5)
+    waits = Waits(dataclasses.replace(scenario, trajectory=dataclasses.replace(scenario.trajectory, guards=(guard,))))
+    tip = Vec3(0.1, 0.0, 1.0)
+    pressed = Seen(tip=tip, goal=tip, push=(), force=Vec3(*OUT))
+    first, second = (waits.following(dataclasses.replace(waits.first(), place=p), p, pressed) for p in (10.0, 11.0))
+    assert (first.place, first.guard, first.calm) == (11.0, 0.0, 0.0)
+    assert (second.place, second.guard) == (21.0, 1.0)
+
+
 @pytest.mark.parametrize("every", [1, 3, 4, 7, 1000, 1500])
 def test_a_slower_clock_ticks_in_each_so_many_periods(every):
     ticks = np.concatenate([np.arange(4000.0), 1e7 + np.arange(3000.0)])
