@@ -55,6 +55,12 @@ def test_the_order_is_the_ramped_sum_of_the_wanted_force_and_the_integral():
     lost, falling = asked(dataclasses.replace(HELD, touching=0.0), force=0.2)
     assert (lost.integral, falling.engaged, falling.share) == pytest.approx((0.0, 1.0, 0.75))
     assert falling.order == pytest.approx(0.75 * 2.0)
+    # free flight begins a period after the last one in which it touched or an order stood
+    briefly, gone = dataclasses.replace(HELD, share=0.1, doubt=1.0, touching=1.0), []
+    for _ in range(3):
+        briefly = asked(briefly, force=0.0)[0]
+        gone.append((briefly.touching, briefly.free))
+    assert gone == [(0.0, 0.0), (0.0, DT), (0.0, 2.0 * DT)]
     rising = asked(dataclasses.replace(HELD, share=0.5))[1]
     assert rising.order == pytest.approx((0.5 + DT / 0.15) * 2.1)
 
@@ -153,7 +159,8 @@ def test_the_lean_of_the_normal_follows_the_velocity_of_the_tip_itself():
     # what turns the normal across the velocity: n.v = -v_x of the normal that is told
     assert [*after.lean] == pytest.approx(velocity * (DT * velocity[0] / (velocity @ velocity + 0.0004)), rel=1e-6)
     gripping, pivot = (0.0, 0.1, -1.0, 0.0, 0.0, 1.0), (0.1, 0.2, 0.0)
-    _, (_, pressing, _, _) = pressed_in_motion(HELD, (*gripping, *pivot, 0.0, 0.0, 1.0))
+    _, (after, pressing, _, _) = pressed_in_motion(HELD, (*gripping, *pivot, 0.0, 0.0, 1.0))
+    assert after.lean == ZERO  # an arc is no surface
     out = (tip_of(MOVING, 0.0) - pivot) * (1.0, 1.0, 0.0)
     assert [*pressing.n] == pytest.approx(out / np.linalg.norm(out))
 

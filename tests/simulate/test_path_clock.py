@@ -185,6 +185,27 @@ def test_a_reference_that_ends_early_goes_on_from_where_it_is(scenario):
     assert waits.held_reference(after, 44.0) == waits.reference(*moved[1]) != before
 
 
+def test_a_held_sample_keeps_its_offset_while_a_phase_is_skipped(scenario):
+    """Of two offsets one after the other: what a phase between them takes back counts for the first one alone."""
+    phases = (PHASES[0], dataclasses.replace(PHASES[1], back=(0.15, 0.19)), *PHASES[2:])
+    trajectory = dataclasses.replace(scenario.trajectory, phases=phases)
+    waits = Waits(dataclasses.replace(scenario, trajectory=trajectory))
+    offset = {"offset": Vec3(0.003, 0.0, 0.0), "since": 20.0, "held_offset": Vec3(0.003, 0.0, 0.0), "held_since": 20.0}
+    begun = {"place": 41.0, "held": 40.0, "guard": 2.0, "calm": 2.0, "origin": Vec3(0.1, 0.0, 1.0)}
+    clock = dataclasses.replace(waits.first(), **begun, **offset)
+    there = Vec3(0.1, 0.0, 1.0) - Vec3(*OUT) * 0.005
+    seen = Seen(tip=there, goal=there, push=(), force=Vec3(0.0, 0.0, 0.0))
+    before = waits.held_reference(clock, 41.0)
+    # the phase has taken the first one back
+    assert before.position.x == pytest.approx(trajectory.at(40.0 / RATE).position.x, abs=1e-12)
+    for tick in (41.0, 42.0):
+        clock = waits.following(clock, tick, seen)
+        assert clock.since > 42.0
+        assert waits.held_reference(clock, tick + 1.0) == before
+    clock = waits.following(clock, 43.0, seen)
+    assert trajectory.at(clock.place / RATE).position.x - waits.held_reference(clock, 44.0).position.x > 1e-5
+
+
 def test_an_offset_is_taken_back_smoothly_in_the_phase_that_returns(scenario):
     phases = (*PHASES[:3], dataclasses.replace(PHASES[3], back=(0.25, 0.4)))
     trajectory = dataclasses.replace(scenario.trajectory, phases=phases)
