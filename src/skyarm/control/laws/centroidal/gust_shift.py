@@ -33,7 +33,7 @@ from typing import Annotated, Any
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.control.blocks.attitude import Attitude
 from skyarm.control.blocks.filters import low_pass_share
-from skyarm.control.blocks.force_trend import ForceTrend, trust
+from skyarm.control.blocks.force_trend import ForceTrend, believed_share
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.series_kinematics import Posture, derivative
 from skyarm.control.laws.centroidal.arm_length import SHORTEST, arm_length
@@ -130,7 +130,7 @@ def foretold(
             late + divide(1.0, maximum(par.tip.shift_rate, SLOWEST)) if par.mode == "tip" else late
         ), slow
     # a change that can be foretold is followed as it is, the rest through the filter
-    share = mul(trust(par.trend, trend), sub(1.0, engaged))
+    share = mul(believed_share(par.trend, trend), sub(1.0, engaged))
     left = 1.0 - share
     force = steady + (trend.level - slow.force) * share + rate * late
     return force, dataclasses.replace(slow, rate=slow.rate * left + rate, bend=slow.bend * left)

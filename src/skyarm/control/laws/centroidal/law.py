@@ -115,8 +115,8 @@ def centroidal(
     free = tuple(where(unchanged, each, 0.0) for each in memory.free)
     lag, trusted = memory.lag, memory.free
     if pressing is not None and par.interaction is not None and isinstance(held, InteractionMemory):
-        calm = rested(par.interaction, held)  # a surface is no load, no friction and no lag
-        free, trusted = (tuple(mul(each, calm) for each in row) for row in (free, trusted))
+        rest = rested(par.interaction, held)  # a surface is no load, no friction and no lag
+        free, trusted = (tuple(mul(each, rest) for each in row) for row in (free, trusted))
         held = dataclasses.replace(held, gap=demand.gap)
     if par.lag is not None and isinstance(lag, LagMemory):
         lag = learn(par.lag, lag, told, measurement, memory.started, trusted, dt)
