@@ -134,6 +134,9 @@ def test_one_step_finds_the_rate_of_a_known_pace():
     axis = dataclasses.replace(AT_REST, size=1e6, change=w2 * 1e6, rate=0.4)
     found = moved_axis(axis, (0.0, 0.0, 1.0, jerk, 0.0), (per * (jerk - w2 * axis.rate), 0.0), per, 2.0, 1e-9)
     assert found.rate == pytest.approx(per * jerk / (1.0 + per * w2), rel=1e-6)
+    # of an arm above the base a Newton step would be a longer one, up to twice: what is asked for is taken as it is
+    above = moved_axis(axis, (0.0, 0.0, 1.0, jerk, 0.0), (-0.1, 0.0), -per, 2.0, 1e-9)
+    assert above.rate == pytest.approx(-0.1, rel=1e-6)
 
 
 def test_the_tip_stays_on_a_fast_circle():

@@ -14,6 +14,7 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.control.controller import ControllerError
 from skyarm.dynamics.kinematics import Pose, frame_pose
+from skyarm.dynamics.point_motion import PointMotion
 from skyarm.onboard.export_c import export_c
 from skyarm.records.coerce import RecordError
 from skyarm.scenario.numbers import number_at
@@ -24,6 +25,7 @@ from skyarm.sensors.sensor import NO_PUSH, Push
 from skyarm.simulate.felt_pushes import beyond, push_at
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.stages import Stages
+from standing_vehicles import at_rest
 
 FORCE, TORQUE, WEIGHT = np.array([0.3, -0.2, 0.5]), np.array([0.01, 0.0, -0.02]), 0.05
 DOCUMENT = {
@@ -92,6 +94,15 @@ def test_a_sensor_feels_what_is_beyond_it():
     assert beyond(ARM, 1) == {1}
     assert beyond(ARM, 0) == {0, 1}
     assert beyond(ARM, -1) == {-1, 0, 1}
+    # what moves with a joint is beyond its link, whatever tree the links are
+    for vehicle in (skyarm.load_vehicle("hexarotor_arm6"), skyarm.load_vehicle("octo_coaxial_two_arms")):
+        still = at_rest(vehicle, (0.0, 0.0, 0.0), (0.1,) * vehicle.n)
+        off, links = Vec3(0.01, 0.02, 0.03), range(vehicle.n)
+        for i in links:
+            turned = dataclasses.replace(still, joints=tuple(0.1 + 0.5 * (j == i) for j in links))
+            before, after = ([PointMotion(vehicle, s).position(off, j) for j in links] for s in (still, turned))
+            moved = {j for j in links if np.linalg.norm([*(before[j] - after[j])]) > 1e-4}
+            assert beyond(vehicle, i) == moved
 
 
 def felt(sensor, forces, dt=0.005, draws=None):

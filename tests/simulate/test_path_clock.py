@@ -157,9 +157,12 @@ def test_one_period_is_that_of_plain_python(scenario, wanted, engine):
 
 
 def test_a_reference_that_ends_early_goes_on_from_where_it_is(scenario):
-    # a phase before has taken another offset back: that counts no more
-    phases = (dataclasses.replace(PHASES[0], back=(0.05, 0.1)), *PHASES[1:])
-    trajectory = dataclasses.replace(scenario.trajectory, phases=phases)
+    # a phase before has taken another offset back, and what is skipped would take this one: neither counts
+    phases = [
+        dataclasses.replace(phase, back=back)
+        for phase, back in zip(PHASES, ((0.05, 0.1), None, (0.2075, 0.2125), None), strict=True)
+    ]
+    trajectory = dataclasses.replace(scenario.trajectory, phases=tuple(phases))
     waits, shift = Waits(dataclasses.replace(scenario, trajectory=trajectory)), 1.0 / RATE
     clock = dataclasses.replace(
         waits.first(), place=41.0, guard=2.0, reached=2.0, origin=Vec3(0.1, 0.0, 1.0), since=0.0
@@ -182,6 +185,27 @@ def test_a_reference_that_ends_early_goes_on_from_where_it_is(scenario):
     moved = waits.instants(waits.times(after, 44.0))
     assert moved[0][1] == moved[1][1] == [*after.offset, after.since]
     assert waits.held_reference(after, 44.0) == waits.reference(*moved[1]) != before
+
+
+def test_a_held_sample_keeps_its_offset_while_a_phase_is_skipped(scenario):
+    """Of two offsets one after the other: what a phase between them takes back counts for the first one alone."""
+    phases = (PHASES[0], dataclasses.replace(PHASES[1], back=(0.15, 0.19)), *PHASES[2:])
+    trajectory = dataclasses.replace(scenario.trajectory, phases=phases)
+    waits = Waits(dataclasses.replace(scenario, trajectory=trajectory))
+    offset = {"offset": Vec3(0.003, 0.0, 0.0), "since": 20.0, "held_offset": Vec3(0.003, 0.0, 0.0), "held_since": 20.0}
+    begun = {"place": 41.0, "held": 40.0, "guard": 2.0, "calm": 2.0, "origin": Vec3(0.1, 0.0, 1.0)}
+    clock = dataclasses.replace(waits.first(), **begun, **offset)
+    there = Vec3(0.1, 0.0, 1.0) - Vec3(*OUT) * 0.005
+    seen = Seen(tip=there, goal=there, push=(), force=Vec3(0.0, 0.0, 0.0))
+    before = waits.held_reference(clock, 41.0)
+    # the phase has taken the first one back
+    assert before.position.x == pytest.approx(trajectory.at(40.0 / RATE).position.x, abs=1e-12)
+    for tick in (41.0, 42.0):
+        clock = waits.following(clock, tick, seen)
+        assert clock.since > 42.0
+        assert waits.held_reference(clock, tick + 1.0) == before
+    clock = waits.following(clock, 43.0, seen)
+    assert trajectory.at(clock.place / RATE).position.x - waits.held_reference(clock, 44.0).position.x > 1e-5
 
 
 def test_an_offset_is_taken_back_smoothly_in_the_phase_that_returns(scenario):
@@ -265,6 +289,16 @@ def test_who_observes_no_force_knows_of_none_that_is_gone(scenario, asked):
     force = Vec3(*OUT) * (1.0 if "force" in asked else 0.0)
     found = [waits.following(clock, 20.0, Seen(tip=tip, goal=tip, push=(), force=each)) for each in (force, None)]
     assert [each.guard for each in found] == [1.0, 0.0]
+
+
+def test_a_phase_that_has_just_begun_does_not_end_by_what_was_there_before(scenario):
+    guard = Guard(at=0.1, begin=0.05, direction=OUT, hold=0.0, early=True, force=0.5)
+    waits = Waits(dataclasses.replace(scenario, trajectory=dataclasses.replace(scenario.trajectory, guards=(guard,))))
+    tip = Vec3(0.1, 0.0, 1.0)
+    pressed = Seen(tip=tip, goal=tip, push=(), force=Vec3(*OUT))
+    first, second = (waits.following(dataclasses.replace(waits.first(), place=p), p, pressed) for p in (10.0, 11.0))
+    assert (first.place, first.guard, first.calm) == (11.0, 0.0, 0.0)
+    assert (second.place, second.guard) == (21.0, 1.0)
 
 
 @pytest.mark.parametrize("every", [1, 3, 4, 7, 1000, 1500])
