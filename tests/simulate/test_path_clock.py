@@ -193,7 +193,7 @@ def test_a_held_sample_keeps_its_offset_while_a_phase_is_skipped(scenario):
     trajectory = dataclasses.replace(scenario.trajectory, phases=phases)
     waits = Waits(dataclasses.replace(scenario, trajectory=trajectory))
     offset = {"offset": Vec3(0.003, 0.0, 0.0), "since": 20.0, "held_offset": Vec3(0.003, 0.0, 0.0), "held_since": 20.0}
-    begun = {"place": 41.0, "held": 40.0, "guard": 2.0, "calm": 2.0, "origin": Vec3(0.1, 0.0, 1.0)}
+    begun = {"place": 41.0, "held": 40.0, "guard": 2.0, "reached": 2.0, "origin": Vec3(0.1, 0.0, 1.0)}
     clock = dataclasses.replace(waits.first(), **begun, **offset)
     there = Vec3(0.1, 0.0, 1.0) - Vec3(*OUT) * 0.005
     seen = Seen(tip=there, goal=there, push=(), force=Vec3(0.0, 0.0, 0.0))
@@ -297,7 +297,7 @@ def test_a_phase_that_has_just_begun_does_not_end_by_what_was_there_before(scena
     tip = Vec3(0.1, 0.0, 1.0)
     pressed = Seen(tip=tip, goal=tip, push=(), force=Vec3(*OUT))
     first, second = (waits.following(dataclasses.replace(waits.first(), place=p), p, pressed) for p in (10.0, 11.0))
-    assert (first.place, first.guard, first.calm) == (11.0, 0.0, 0.0)
+    assert (first.place, first.guard, first.reached) == (11.0, 0.0, 0.0)
     assert (second.place, second.guard) == (21.0, 1.0)
 
 
