@@ -137,6 +137,12 @@ def test_a_switch_closes_above_one_force_and_opens_below_another():
     assert [r.closed for r in found] == [0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0]
     late = felt(TactileSwitch(on=0.5, off=0.25, bandwidth=20.0), [0.0, 0.6, 0.6, 0.6])
     assert [r.closed for r in late] == [0.0, 0.0, 0.0, 0.0]
+    # 1 - exp(-20 t) of 1 N is 0.5 N at 35 ms
+    slow = felt(TactileSwitch(on=0.5, off=0.25, bandwidth=20.0), [0.0, *[1.0] * 8])
+    assert [r.closed for r in slow] == [0.0] * 7 + [1.0] * 2
+    for on, off in ((0.5, 0.25), (0.5, 0.5)):  # at the thresholds it stays as it is
+        at = felt(TactileSwitch(on=on, off=off), [on, 0.6, on, off, 0.2, on])
+        assert [r.closed for r in at] == [0.0, 1.0, 1.0, 1.0, 0.0, 0.0]
     for wrong in ({"on": 0.1}, {"off": 0.6}, {"on": -1.0}, {"bandwidth": float("nan")}):
         with pytest.raises(RecordError, match=next(iter(wrong)) if "on" not in wrong else "o"):
             TactileSwitch(**wrong)

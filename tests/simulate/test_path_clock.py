@@ -101,7 +101,7 @@ def drawn(count: int) -> list[list[float]]:
     for _ in range(count):
         n = int(rng.integers(0, 5))
         guard = GUARDS[min(n, 3)]
-        ends = [guard.at * RATE, guard.at * RATE - 1, guard.begin * RATE, guard.begin * RATE + 1]
+        ends = [guard.at * RATE, guard.at * RATE - 1, guard.at * RATE - 0.5, guard.begin * RATE, guard.begin * RATE + 1]
         place = float(rng.choice(ends))
         waited = float(rng.choice([0, 1, 2, 3, 4, 9, 10, 11, 200])) if place == ends[0] else 0.0
         tip = np.array([0.1, 0.0, 1.0]) + rng.choice([0.0, 0.0035, 0.0099, 0.0101], 3) * rng.choice([-1.0, 1.0], 3)
