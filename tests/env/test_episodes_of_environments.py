@@ -14,6 +14,7 @@ import skyarm
 from skyarm.actuation.hover import hover_trim
 from skyarm.compile import leaves
 from skyarm.env import ActionChange, ActionSize, Result, Sight, Spin, TipError, TipNear
+from skyarm.env.env_program import EnvProgram
 from skyarm.env.env_task import make_task
 from skyarm.env.single_environment import Environment
 from skyarm.env.vector_environment import VectorEnvironment
@@ -168,6 +169,13 @@ def test_what_nobody_seeds_differs_and_goes_on_with_the_next_episode():
     one.reset(seed=[None, 7])
     assert one.lanes.episodes.tolist() == [2, 0]
     assert one.lanes.seeds[1] == 7
+
+
+def test_semi_implicit_steps_are_those_of_the_scenarios_rate():
+    given = bare()
+    planned = dataclasses.replace(given["scenario"], integrator="euler")
+    program = EnvProgram(make_task(planned, observation=given["observation"]))
+    assert program._plant.substeps(1.0 / planned.rates.control) == planned.rates.physics // planned.rates.control
 
 
 def test_an_episode_begins_the_same_wherever_its_beginning_was_made():
