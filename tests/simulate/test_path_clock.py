@@ -231,6 +231,8 @@ def test_an_offset_is_taken_back_smoothly_in_the_phase_that_returns(scenario):
     # of an offset that began after the phase nothing is taken back
     late = waits.reference(0.42, (*offset, 0.3 * RATE))
     assert float(late.position.y) == pytest.approx(-0.002)
+    # of one that began where the phase does, all
+    assert float(waits.reference(0.42, (*offset, 0.25 * RATE)).position.y) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_task_that_takes_over_in_flight_begins_at_the_flight_s_time(scenario):
