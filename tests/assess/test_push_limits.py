@@ -63,6 +63,7 @@ def test_friction_sideways_turns_the_vehicle(scenario):
     assert found(scenario, **upward)[question].value == pytest.approx(0.3 * ahead)
     beside = {"normal.0": 0.0, "normal.1": 1.0}
     assert found(scenario, **beside)[question].value == pytest.approx(ahead)
+    assert found(scenario, **beside | {"normal.1": -1.0})[question].value == pytest.approx(ahead)
     leaning = {"normal.0": 0.0, "normal.1": 0.6, "normal.2": 0.8}
     assert found(scenario, **leaning)[question].value == pytest.approx((0.6 + 0.3 * 0.8) * ahead)
     assert found(scenario, **{"force.value": 0.0}) == {}
