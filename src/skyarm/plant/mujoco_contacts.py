@@ -25,7 +25,7 @@ from skyarm.plant.mujoco import QUIET
 from skyarm.plant.mujoco_felt import FELT, FeltReader
 from skyarm.plant.mujoco_layout import Layout
 from skyarm.plant.mujoco_model import build_spec
-from skyarm.plant.mujoco_world import WorldBuilder
+from skyarm.plant.mujoco_world import UNMOVED, WorldBuilder
 from skyarm.plant.surroundings import Around, Surroundings
 from skyarm.vehicle.check import require_plant
 
@@ -72,11 +72,12 @@ class MujocoContactPlant:
         self._around = self._program.inputs[layout.end + layout.driven + n :]
         ends = (0, layout.nq, layout.nq + layout.nv, layout.end)
         self._qpos, self._qvel, self._driven = (self._program.inputs[a:b] for a, b in pairwise(ends))
-        moving = len(self._places.moving_positions)
-        counts = layout.nv, sum(map(len, self._places.velocities)), moving, moving, layout.driven
+        moving, bodies = len(self._places.moving_positions), sum(map(len, self._places.velocities))
+        counts = layout.nv, bodies, moving, moving, moving, layout.driven
         cuts = (*accumulate(counts, initial=0), len(self._program.outputs))
         parts = [self._program.outputs[a:b] for a, b in pairwise(cuts)]
-        self._pushed, self._on_bodies, self._set_to, self._going, self._turned, self._remembered = parts
+        self._pushed, self._on_bodies = parts[:2]
+        self._surfaces, self._driven_to, self._remembered = parts[2:5], *parts[5:]
 
     def _prepare_memory(self, around: Any) -> None:
         """Where the numbers of the world's bodies, and of what was felt, stand in the surroundings and in MuJoCo's."""
@@ -94,6 +95,8 @@ class MujocoContactPlant:
         self._of_qpos, self._of_qvel = self._coupled[qpos], self._coupled[qvel]
         self._at_qpos = np.array([i for at in places for i in at], dtype=int)
         self._at_qvel = np.array([i for at in velocities for i in at], dtype=int)
+        self._of_surfaces = np.array(self._places.moving_positions, dtype=int)
+        self._at_surfaces = np.array(self._places.moving_velocities, dtype=int)
         start = before + len(leaves(memory)) - FELT * len(memory.felt)
         self._of_felt = self._coupled[start : start + FELT * len(memory.felt)]
 
@@ -108,14 +111,14 @@ class MujocoContactPlant:
         motion = PointMotion(self.vehicle, state, around.air_velocity, gravity=self._world.gravity)
         memory = around.coupled_memories()[self._place]
         on_bodies = self._contact.efforts(memory, slopes[self._place], motion)
-        moving = [surface for surface in self._contact.surfaces if surface.moves]
-        now = [(surface, *surface.place(memory.clock[0])) for surface in moving]
-        set_to = [c for surface, place, _ in now for c in place - surface.position]
-        going = [c for _, _, velocity in now for c in velocity]
+        moving = [surface.motion for surface in self._contact.surfaces if surface.moves]
+        signals = [signal.derivatives(memory.clock[0]) for at in moving for signal in (at.x, at.y, at.z)]
+        places, velocities, accelerations = ([each[order] for each in signals] for order in range(3))
         turned = lagged(self.vehicle, state, command, self._step, around)
         leaning = tilted(self.vehicle, state, command, self._step)
         memories = leaves(after_euler_step(around, slopes, self._step))
-        return tuple(number(each) for each in (*forces, *on_bodies, *set_to, *going, *turned, *leaning, *memories))
+        surfaces = *places, *velocities, *accelerations
+        return tuple(number(each) for each in (*forces, *on_bodies, *surfaces, *turned, *leaning, *memories))
 
     def _untouched(self, around: Surroundings) -> Surroundings:
         """The surroundings without what the last period's contacts did."""
@@ -148,17 +151,20 @@ class MujocoContactPlant:
     def _forward(self) -> None:
         """MuJoCo's accelerations under the loads of the present numbers."""
         self._program.step()
-        data, places = self._data, self._places
+        data = self._data
         data.qfrc_applied[: self._layout.nv] = self._pushed
         data.qfrc_applied[self._at_qvel] = self._on_bodies
-        if places.moving_positions:
-            data.qpos[[*places.moving_positions]], data.qvel[[*places.moving_velocities]] = self._set_to, self._going
+        if len(self._of_surfaces):
+            at = self._at_surfaces
+            place, velocity, acceleration = self._surfaces
+            data.qpos[self._of_surfaces], data.qvel[at] = place, velocity
+            data.qfrc_applied[at] = UNMOVED * acceleration
         mujoco.mj_forward(self.model, data)
 
     def _read_back(self) -> None:
         """What a step left, to where the loads read it."""
         layout, qpos, qvel = self._layout, self._data.qpos, self._data.qvel
-        self._qpos[:], self._qvel[:], self._driven[:] = qpos[: layout.nq], qvel[: layout.nv], self._turned
+        self._qpos[:], self._qvel[:], self._driven[:] = qpos[: layout.nq], qvel[: layout.nv], self._driven_to
         self._around[self._coupled] = self._remembered
         self._around[self._of_qpos], self._around[self._of_qvel] = qpos[self._at_qpos], qvel[self._at_qvel]
 
