@@ -207,7 +207,9 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         ground=tables.truth_value(environment, "ground", True),
         windows=windows_from(Fields(top.take("windows", {}), "windows")),
         payloads=payloads,
-        contact=with_commands(tables.contact(top), [event for event in setting.events if event.gripper], rates.control),
+        contact=with_commands(
+            tables.contact(top, folder), [event for event in setting.events if event.gripper], rates.control
+        ),
         changes=(*_changes(top, replaced), *belief_changes(payloads, told, chosen["duration"], rates.control)),
         **chosen,
     )
