@@ -21,6 +21,7 @@ from skyarm.contact.mechanism import Mechanism
 from skyarm.contact.moving_points import wrenches_on
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.environment.component import Wrench
+from skyarm.records.leaves import field_names
 from skyarm.scalars import data, mul
 
 
@@ -133,7 +134,7 @@ class PlantContact(Contact):
 
 def plant_contact(contact: Contact) -> PlantContact:
     """The same world for a plant that finds contacts by itself."""
-    return PlantContact(**{each.name: getattr(contact, each.name) for each in dataclasses.fields(contact)})
+    return PlantContact(**{name: getattr(contact, name) for name in field_names(Contact) or ()})
 
 
 def as_mechanism(carrier: Carrier) -> Mechanism:
