@@ -12,9 +12,9 @@ from typing import Any
 
 from skyarm.compare.contact_tasks import DELAY, Task
 from skyarm.compare.suite import NOISE
-from skyarm.control.catalogue.tuned_gains import rescale, tuned_factors
-from skyarm.control.controller import Controller, presses
+from skyarm.control.controller import presses
 from skyarm.environment import ForceWind
+from skyarm.registry.shipped import TUNED as TUNED_GAINS
 from skyarm.scenario.law_by_name import controller_by_name
 from skyarm.scenario.scenario_file import LIBRARY, scenario_from
 from skyarm.scenario.scenario_record import Delays, Scenario
@@ -27,8 +27,8 @@ OWN = (FLAGSHIP, MOTION, LOAD)
 LARGEST = 0.3
 """kg, that a law learns that learns its load."""
 
-RIVALS = {"hybrid_ct": "hybrid_computed_torque", "admittance_pd": "decoupled_pd"}
-"""Laws of the paper that also press -> the law whose tuned gains they fly with, on every vehicle."""
+RIVALS = ("hybrid_ct", "admittance_pd")
+"""Laws of the paper that also press; they fly with tuned gains on every vehicle."""
 
 LAWS = (*OWN, *RIVALS, "paper_ct", "paper_pd")
 """What flies where nobody chooses: the scenario's own law without and with parts of it, the paper's two, and the same
@@ -79,7 +79,8 @@ def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body",
     found = scenario_from(document)
     if law not in OWN:
         name = law if document["plant"]["vehicle"] == PAPER else TUNED.get(law, law)
-        found = dataclasses.replace(found, controller=tuned(controller_by_name(found, name)))
+        name = f"{law}{TUNED_GAINS}" if law in RIVALS else name
+        found = dataclasses.replace(found, controller=controller_by_name(found, name))
     if task.push and not presses(found.controller.par):
         led = scenario_from(as_positions(task, document))
         found = dataclasses.replace(led, controller=found.controller)
@@ -92,12 +93,6 @@ def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body",
         delays=Delays(longest_command=DELAY),
         seed=seed,
     )
-
-
-def tuned(controller: Controller) -> Controller:
-    """A rival with the tuned gains of the law that it is made of; any other law as it is."""
-    basis = RIVALS.get(controller.name)
-    return controller if basis is None else rescale(controller, tuned_factors()[basis])
 
 
 def as_positions(task: Task, document: dict[str, Any]) -> dict[str, Any]:
