@@ -27,6 +27,7 @@ from skyarm.control.blocks.prediction import predict, with_side
 from skyarm.control.blocks.saturation import all_follow
 from skyarm.control.controller import all_applied
 from skyarm.control.laws.centroidal.adaptation import adapt
+from skyarm.control.laws.centroidal.admittance import give_way, known_rate, unmoved
 from skyarm.control.laws.centroidal.bandwidth import at_shares
 from skyarm.control.laws.centroidal.carrying_step import carry
 from skyarm.control.laws.centroidal.demands import Following, demands
@@ -84,14 +85,14 @@ def centroidal(
         par.air,
     )
     state = _present(par, model, measurement, memory, observed, unknown, dt)
-    held, pressing, force = memory.interaction, None, observed.force
+    held, pressing, force, felt = memory.interaction, None, observed.force, measurement.tip_force
     if par.interaction is not None and isinstance(held, InteractionMemory) and reference.push:
         weight = mul(load.mass, model.gravity) if isinstance(load, LoadMemory) else 0
-        felt = measurement.tip_force
         held, pressing, unknown, force = press(
             par, held, reference.push, signals, observed, memory.sent[-1], state, unknown, felt, dt, weight
         )
         signals = pressing.shifted(signals)
+    yields, signals = give_way(par.admittance, memory.admittance, model.vehicle, observed, signals, felt, dt)
     if par.load is not None and isinstance(load, LoadMemory) and reference.load:
         load, resting = carry(par, memory, load, reference.load[0], observed, alone, pressing, dt)
         unknown, force = unknown + resting, force + resting.force
@@ -104,6 +105,7 @@ def centroidal(
         rate = trusted_rate(par.trend, trend)
         if pressing is not None:
             rate = rate * (1.0 - pressing.engaged)  # an impact is no trend
+        rate = known_rate(yields, rate)
         before = dataclasses.replace(before, trend=trend)
         late = lateness(par)
         unknown = dataclasses.replace(unknown, force=unknown.force + rate * late)
@@ -118,6 +120,7 @@ def centroidal(
         rest = rested(par.interaction, held)  # a surface is no load, no friction and no lag
         free, trusted = (tuple(mul(each, rest) for each in row) for row in (free, trusted))
         held = dataclasses.replace(held, gap=demand.gap)
+    free, trusted = (unmoved(par.admittance, yields, row) for row in (free, trusted))
     if par.lag is not None and isinstance(lag, LagMemory):
         lag = learn(par.lag, lag, told, measurement, memory.started, trusted, dt)
     following = CentroidalMemory(
@@ -136,6 +139,7 @@ def centroidal(
         lag=lag,
         interaction=held,
         load=load,
+        admittance=yields,
     )
     return following, done.command
 

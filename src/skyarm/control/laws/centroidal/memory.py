@@ -11,6 +11,7 @@ from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.control.blocks.extrapolation import Channel
 from skyarm.control.blocks.lag_estimate import LagMemory
+from skyarm.control.laws.centroidal.admittance import AdmittanceMemory
 from skyarm.control.laws.centroidal.demands import Following
 from skyarm.control.laws.centroidal.gust_shift import GustMemory
 from skyarm.control.laws.centroidal.interaction_records import InteractionMemory
@@ -77,7 +78,7 @@ class CentroidalMemory:
         trim: added to the squared speeds that the mixer asks for, (rad/s)^2.
         learned: of a load at the tip and of friction.
         following: of the demands. lag: of the lag's estimate; empty without it. interaction: of pressing on surfaces;
-            empty without it. load: of the learned load; empty without it.
+            empty without it. load: of the learned load; empty without it. admittance: of giving way; empty without it.
     """
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement")]
@@ -95,3 +96,4 @@ class CentroidalMemory:
     lag: LagMemory | tuple[()] = ()
     interaction: InteractionMemory | tuple[()] = ()
     load: LoadMemory | tuple[()] = ()
+    admittance: AdmittanceMemory | tuple[()] = ()

@@ -12,6 +12,7 @@ from skyarm.control.blocks.disturbance_observer import ObserverGains
 from skyarm.control.blocks.felt_acceleration import AccelerometerGains
 from skyarm.control.blocks.force_trend import TrendGains
 from skyarm.control.blocks.lag_estimate import LagGains
+from skyarm.control.laws.centroidal.admittance import AdmittanceGains
 from skyarm.control.laws.centroidal.interaction_records import InteractionGains
 from skyarm.control.laws.centroidal.load_records import LoadGains
 from skyarm.control.model import JointGains, Model
@@ -104,6 +105,7 @@ class CentroidalParameters:
         air: wind and drag of the hull that are believed; None for still air and no hull.
         interaction: how the tip presses where the reference asks for it; None for a law of motions alone.
         load: how a load is learned while the reference says that one is held; None for a law that only observes it.
+        admittance: how the tip gives way to forces from outside; None for a law that stands against them.
     """
 
     model: Model
@@ -160,6 +162,7 @@ class CentroidalParameters:
     air: BelievedAir | None = None
     interaction: InteractionGains | None = None
     load: LoadGains | None = None
+    admittance: AdmittanceGains | None = None
 
     def choices(self) -> list[str]:
         """What is structure, in words."""
@@ -184,6 +187,7 @@ class CentroidalParameters:
             "drag of the hull": self.air is not None and self.air.hull,
             "pressing on surfaces": self.interaction is not None,
             "learned load": self.load is not None,
+            "giving way to forces": self.admittance is not None,
             "believed wind": self.air is not None and type(self.air.wind.x) is not int,
         }
         adapted += [name for name, there in added.items() if there]
