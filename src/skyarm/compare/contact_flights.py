@@ -64,7 +64,7 @@ class ContactFlights(Flights):
         """The hardest surface and the lightest object: both ask for short steps."""
         found = super().stiffest(values)
         for path, column in values.items():
-            if path.endswith(".material.stiffness"):
+            if re.fullmatch(r".*\.material\.stiffness|world\.grippers\.\w+\.stiffness", path):
                 found[path] = float(column.max())
             if re.fullmatch(r"world\.objects\.\w+\.mass", path):
                 found[path] = float(column.min())

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from skyarm.assess.joint_torques import effort_limits
 from skyarm.assess.push_limits import HALF, WARNS, pushing_efforts, yaw_room, yaw_torques
-from skyarm.compare.contact_tasks import DELAY, MASS, NORMAL, RADIUS, STIFFNESS, THRUST, Task
+from skyarm.compare.contact_tasks import DELAY, DRAG, MASS, NORMAL, RADIUS, STIFFNESS, THRUST, Task
 from skyarm.scalars.philox import uniforms
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
@@ -112,6 +112,14 @@ def _numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: 
     for name in task.materials:
         found[f"world.{name}.material.stiffness"] = drawn["stiffness"]
         found[f"world.{name}.material.friction"] = drawn["friction"]
+    if task.grip:
+        found[f"world.grippers.{task.grip}.stiffness"] = drawn["stiffness"]
+    if task.drags:
+        for name, column in (("friction", 1), ("damping", 3), ("stiffness", 9)):
+            path = f"world.mechanisms.{task.drags}.{name}"
+            value = number_at(scenario, path)
+            if value:
+                found[path] = value * _log(DRAG, share[:, column])
     if task.object:
         path = f"world.objects.{task.object}.mass"
         found[path] = number_at(scenario, path) * drawn["mass"]
@@ -130,6 +138,8 @@ def _numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: 
     if task.hinge:
         name, *way = task.hinge
         for i, length in enumerate(way):
+            if not length:
+                continue
             path = f"world.{name}.position.{i}"
             found[path] = number_at(scenario, path) + RADIUS * (2.0 * share[:, 8] - 1.0) * length
     return found
