@@ -8,15 +8,25 @@ from typing import Any
 
 from skyarm.compare.contact_flights import CONDITIONS
 from skyarm.compare.contact_laws import TITLES
-from skyarm.compare.contact_tables import MEANING, laws_of, number_head, number_rows, success_rows, worlds_line
+from skyarm.compare.contact_tables import (
+    MEANING,
+    handle_head,
+    handle_rows,
+    laws_of,
+    number_head,
+    number_rows,
+    success_rows,
+    worlds_line,
+)
 from skyarm.files import versions
 from skyarm.pages import page, section, table
 
 HOW = (
     "Every law meets the same worlds: stiffness 500 to 1e5 N/m, friction 0.1 to 0.8 (0.28 where the tip slides "
-    "sideways), the believed normal wrong by up to 10 degrees, a hinge that is up to 6 % nearer or further, half to "
-    "twice the mass, thrust up to 10 % less, wind of up to 2 N and never more than half the push, commands up to 10 ms "
-    "late. No law is told of any of it. A law that follows positions is led 1 cm behind the believed surface."
+    "sideways), the believed normal wrong by up to 10 degrees, a hinge that is up to 6 % nearer or further, half "
+    "to twice the friction, damping and closer behind a handle, half to twice the mass, thrust up to 10 % less, "
+    "wind of up to 2 N and never more than half the push, commands up to 10 ms late. No law is told of any of it. "
+    "A law that follows positions is led 1 cm behind the believed surface."
 )
 
 
@@ -33,9 +43,17 @@ def contact_page(found: Mapping[str, Any]) -> str:
             first, law, *numbers, last = number_head()
             heads = [first, law, *(f">{each}" for each in numbers), last]
             body.append(section(f"Numbers, {title}", _note(MEDIANS) + table(heads, number_rows(found, name))))
+    for name, title in CONDITIONS.items():
+        rows = handle_rows(found, name)
+        if rows:
+            first, law, *numbers = handle_head()
+            heads = [first, law, *(f">{each}" for each in numbers)]
+            body.append(section(f"Handles, {title}", _note(HANDLE_NOTE) + table(heads, rows)))
     facts = f"{found['worlds']} worlds a task, seed {found['seed']}, plant {found['plant']}"
     return page("Tasks in contact", f"{facts}; skyarm {versions()['skyarm']}", "\n".join(body))
 
+
+HANDLE_NOTE = "Force along the true radius of the handle, and by how much it was behind the angle that was asked for."
 
 MEDIANS = "Medians over the flights that came to their end; the force error by its size."
 

@@ -112,14 +112,6 @@ def _numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: 
     for name in task.materials:
         found[f"world.{name}.material.stiffness"] = drawn["stiffness"]
         found[f"world.{name}.material.friction"] = drawn["friction"]
-    if task.grip:
-        found[f"world.grippers.{task.grip}.stiffness"] = drawn["stiffness"]
-    if task.drags:
-        for name, column in (("friction", 1), ("damping", 3), ("stiffness", 9)):
-            path = f"world.mechanisms.{task.drags}.{name}"
-            value = number_at(scenario, path)
-            if value:
-                found[path] = value * _log(DRAG, share[:, column])
     if task.object:
         path = f"world.objects.{task.object}.mass"
         found[path] = number_at(scenario, path) * drawn["mass"]
@@ -135,13 +127,24 @@ def _numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: 
     if task.tilts:
         for i, part in enumerate(_tilted(task.normal, NORMAL * share[:, 8], 2.0 * math.pi * share[:, 9])):
             found[f"reference.push.normal.{i}"] = part
+    return found | _handle_numbers(task, scenario, drawn, share)
+
+
+def _handle_numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: Array) -> dict[str, Array]:
+    """Numbers of hinges, of what resists about them, and of the hand that holds a handle."""
+    found: dict[str, Array] = {}
     if task.hinge:
         name, *way = task.hinge
         for i, length in enumerate(way):
-            if not length:
-                continue
-            path = f"world.{name}.position.{i}"
-            found[path] = number_at(scenario, path) + RADIUS * (2.0 * share[:, 8] - 1.0) * length
+            if length:
+                path = f"world.{name}.position.{i}"
+                found[path] = number_at(scenario, path) + RADIUS * (2.0 * share[:, 8] - 1.0) * length
+    if task.grip:
+        found[f"world.grippers.{task.grip}.stiffness"] = drawn["stiffness"]
+    for each, column in (("friction", 1), ("damping", 3), ("stiffness", 9)) if task.drags else ():
+        path = f"world.mechanisms.{task.drags}.{each}"
+        if number_at(scenario, path):
+            found[path] = number_at(scenario, path) * _log(DRAG, share[:, column])
     return found
 
 
