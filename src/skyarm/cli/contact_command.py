@@ -33,6 +33,7 @@ def contact(
     plant: str,
     one_by_one: int,
     threads: int,
+    films: bool,
     console: Console,
 ) -> None:
     """Fly what is missing of the suite and write its files.
@@ -61,10 +62,10 @@ def contact(
             say(f"{folder}: replaces the report of a suite of {', '.join(other)}", 0)
         require_same_plugins(todo, folder / "cells")
         with bar(CONTACT, console, pause=0.0) as advance:
-            found = fly_contact(asked, folder, threads=threads, progress=advance)
+            found = fly_contact(asked, folder, threads=threads, films=films, progress=advance)
     give(found, folder=folder, title="Tasks in contact")
     console.print(contact_report(found), soft_wrap=True)
-    console.print(f"suite in {folder}: report.html, tables.md, contact.json, contact.csv", soft_wrap=True)
+    console.print(f"suite in {folder}: report.html, tables.md, contact.json, contact.csv, pictures", soft_wrap=True)
 
 
 def _laws(words: str | None) -> tuple[str, ...]:

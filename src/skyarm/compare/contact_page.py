@@ -8,6 +8,7 @@ from typing import Any
 
 from skyarm.compare.contact_flights import CONDITIONS
 from skyarm.compare.contact_laws import TITLES
+from skyarm.compare.contact_pictures import caption_of
 from skyarm.compare.contact_tables import (
     MEANING,
     handle_head,
@@ -19,7 +20,7 @@ from skyarm.compare.contact_tables import (
     worlds_line,
 )
 from skyarm.files import versions
-from skyarm.pages import page, section, table
+from skyarm.pages import image, page, section, table
 
 HOW = (
     "Every law meets the same worlds: stiffness 500 to 1e5 N/m, friction 0.1 to 0.8 (0.28 where the tip slides "
@@ -30,14 +31,16 @@ HOW = (
 )
 
 
-def contact_page(found: Mapping[str, Any]) -> str:
-    """HTML of successes, numbers and how they came about."""
+def contact_page(found: Mapping[str, Any], pictures: Mapping[str, bytes] | None = None) -> str:
+    """HTML of successes, pictures (PNG by task), numbers and how they came about."""
     body = [section("What flew", _note(HOW) + _note(MEANING) + _note(worlds_line(found)) + _laws(found))]
     for name, title in CONDITIONS.items():
         laws = laws_of(found, name)
         if laws:
             heads = ["task", *(f">{law}" for law in laws)]
             body.append(section(f"Successes, {title}", table(heads, success_rows(found, name))))
+    if pictures:
+        body.append(section("One flight of each", _note(SHOWN) + _pictures(found, pictures)))
     for name, title in CONDITIONS.items():
         if laws_of(found, name):
             first, law, *numbers, last = number_head()
@@ -51,6 +54,21 @@ def contact_page(found: Mapping[str, Any]) -> str:
             body.append(section(f"Handles, {title}", _note(HANDLE_NOTE) + table(heads, rows)))
     facts = f"{found['worlds']} worlds a task, seed {found['seed']}, plant {found['plant']}"
     return page("Tasks in contact", f"{facts}; skyarm {versions()['skyarm']}", "\n".join(body))
+
+
+SHOWN = (
+    "The first of the wrong worlds: forces over time, and the path of the tip with what is touched as it is at first, "
+    "dashed where that is at last. The flights are in the folder flights beside this page."
+)
+
+
+def _pictures(found: Mapping[str, Any], pictures: Mapping[str, bytes]) -> str:
+    drawn = []
+    for name, png in pictures.items():
+        told = found["shown"][name]
+        caption = caption_of(found["tasks"][name]["title"], told)
+        drawn.append(image(caption, caption, png, small=True, link=told.get("film", "")))
+    return "".join(drawn)
 
 
 HANDLE_NOTE = "Force along the true radius of the handle, and by how much it was behind the angle that was asked for."
