@@ -68,8 +68,15 @@ def flown_beside(arguments, steps, seed):
     return worst, ends
 
 
+def test_its_first_step_is_that_of_the_native_one():
+    """Operation by operation, which compiles nothing whole."""
+    with jax.disable_jit():
+        worst, _ = flown_beside(bare(actions="rotors_and_joints", precision="double"), 1, seed=3)
+    assert worst < 1e-12
+
+
 @pytest.mark.thorough
-def test_it_flies_what_the_native_one_flies():
+def test_it_flies_what_the_native_one_flies_through_ends():
     """A quadrotor with a noisy sensor that falls and begins again."""
     worst, ends = flown_beside(bare(actions="rotors_and_joints", precision="double"), 70, seed=3)
     assert worst < 1e-10
