@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from free_scenes import AWAY, BIRD, Scene, energy, with_ground, with_object
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import rebuild
-from skyarm.contact import Contact, ContactPoint, FreeObject, Material, Surface
+from skyarm.contact import Contact, ContactPoint, FreeObject, Material, Mechanism, Surface
 from skyarm.contact.shape_mass import uniform_moments
 from skyarm.dynamics.energy import kinetic_energy
 from skyarm.dynamics.point_motion import PointMotion
@@ -420,6 +420,14 @@ def test_steps_are_those_of_the_masses_that_meet():
         ("the mass of 'light'", step(b, 8000.0)),
     ]
     assert float(contact.largest_step) == step(both(a, b), 8000.0)
+
+
+def test_a_box_on_a_mechanism_bears_the_share_of_a_body_that_turns():
+    box = FreeObject(name="box", size=(0.1, 0.1, 0.1), mass=0.1, position=Vec3(0.0, 0.0, 1.0))
+    tray = Mechanism(name="tray", kind="drawer", size=(0.3, 0.3, 0.02), mass=0.5, material=Material(friction=0.0))
+    asked = [float(each) for what, each in Contact(objects=(box,), mechanisms=(tray,)).steps if "'tray'" in what]
+    mass = 1.0 / (float(box.mobility) + 1.0 / 0.5)
+    assert asked[0] == pytest.approx(0.7 * 0.85 * math.sqrt(mass / 5000.0))
 
 
 def test_a_semi_implicit_step_goes_on_with_the_new_velocities():

@@ -119,15 +119,19 @@ def test_the_shift_is_that_of_two_equal_poles_and_of_a_steady_acceleration_withi
 
 
 def test_what_no_contact_is_is_learned_in_free_flight_and_of_the_base_in_contact():
+    share, wind = 1.0 - np.exp(-0.5 * DT), 1.0 - np.exp(-1.0 * DT)
     none, d = FREE.bias, Disturbance(force=Vec3(1.0, 0.0, 0.0), torque=Vec3(0.1, 0.0, 0.0), efforts=(0.2, 0.0))
     push = Vec3(0.4, 0.0, 0.0)
     free, early, pressing = (
         law.learned(GAINS, none, d, push, asked, since, DT)
         for asked, since in ((False, 0.6), (False, 0.4), (True, 0.0))
     )
-    share, wind = 1.0 - np.exp(-0.5 * DT), 1.0 - np.exp(-1.0 * DT)
     assert (free.force.x, free.torque.x, free.efforts[0]) == pytest.approx((share, 0.1 * share, 0.2 * share))
     assert early == none
+    # what is learned already and still there stays, and what has changed is followed by a share of the difference
+    assert law.learned(GAINS, d, d, push, False, 0.6, DT) == d
+    assert law.learned(GAINS, d, none, push, False, 0.6, DT).torque.x == pytest.approx(0.1 * (1.0 - share))
+    assert law.learned(GAINS, d, none, push * 0.0, True, 0.0, DT).force.x == pytest.approx(1.0 - wind)
     assert (pressing.force.x, pressing.torque.x, pressing.efforts[0]) == pytest.approx((0.6 * wind, 0.0, 0.0))
 
 

@@ -208,6 +208,11 @@ def test_a_servo_is_told_to_go_ahead_of_its_angle_and_no_further_than_its_range(
 def test_next_to_no_thrust_turns_no_servo():
     _, command = stepped((0.0,) * 6, share=1e-4)
     assert np.abs(command.tilts).max() < 1e-3
+    # the servo goes on to where it was told to go, not to where it stands
+    first, _ = stepped((0.0,) * 6)
+    going = dataclasses.replace(first, inner=(1.0,) * 24, goals=(0.3, -0.2, 0.1, 0.3, -0.2, 0.1))
+    _, command = stepped((0.05,) * 6, going)
+    np.testing.assert_allclose(command.tilts, 0.05 + 1.25 * (np.array(going.goals) - 0.05), atol=1e-3)
 
 
 def test_thrusts_change_only_for_an_angle_that_is_not_as_the_motors_lag():

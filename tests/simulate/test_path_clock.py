@@ -17,10 +17,11 @@ from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks.observed_push import observed_push
 from skyarm.reference.compose import Sum
 from skyarm.reference.minimum_snap import minimum_snap
+from skyarm.reference.path_offset import offset_reference
 from skyarm.reference.phase_guard import Guard, Phase
 from skyarm.reference.phase_words import PASSED, phase_numbers
 from skyarm.reference.signals import Constant
-from skyarm.reference.trajectory import Trajectory
+from skyarm.reference.trajectory import Reference, Trajectory
 from skyarm.scenario.in_flight import Overrides
 from skyarm.simulate.clock_of_change import clock_of_change, is_other_reference
 from skyarm.simulate.due_period import due
@@ -101,7 +102,7 @@ def drawn(count: int) -> list[list[float]]:
     for _ in range(count):
         n = int(rng.integers(0, 5))
         guard = GUARDS[min(n, 3)]
-        ends = [guard.at * RATE, guard.at * RATE - 1, guard.begin * RATE, guard.begin * RATE + 1]
+        ends = [guard.at * RATE, guard.at * RATE - 1, guard.at * RATE - 0.5, guard.begin * RATE, guard.begin * RATE + 1]
         place = float(rng.choice(ends))
         waited = float(rng.choice([0, 1, 2, 3, 4, 9, 10, 11, 200])) if place == ends[0] else 0.0
         tip = np.array([0.1, 0.0, 1.0]) + rng.choice([0.0, 0.0035, 0.0099, 0.0101], 3) * rng.choice([-1.0, 1.0], 3)
@@ -233,6 +234,18 @@ def test_an_offset_is_taken_back_smoothly_in_the_phase_that_returns(scenario):
     # of an offset that began after the phase nothing is taken back
     late = waits.reference(0.42, (*offset, 0.3 * RATE))
     assert float(late.position.y) == pytest.approx(-0.002)
+    # of one that began where the phase does, all
+    assert float(waits.reference(0.42, (*offset, 0.25 * RATE)).position.y) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_tip_goes_beside_its_plan_as_the_base_does():
+    plan = Reference(position=Vec3(1.0, 2.0, 3.0), tip=(1.1, 2.1, 2.5), joints=(0.3,))
+    for time, left in ((0.1, 1.0), (0.3, 0.5), (0.5, 0.0)):
+        moved = offset_reference(plan, Vec3(0.2, -0.1, 0.4), ((0.2, 0.4),), 0.15, time)
+        assert [*(moved.position - plan.position)] == pytest.approx([0.2 * left, -0.1 * left, 0.4 * left])
+        assert np.subtract(moved.tip, plan.tip) == pytest.approx([*(moved.position - plan.position)])
+        assert moved.joints == plan.joints
+    assert offset_reference(dataclasses.replace(plan, tip=()), Vec3(0.2, 0.0, 0.0), (), 0.0, 0.1).tip == ()
 
 
 def test_a_task_that_takes_over_in_flight_begins_at_the_flight_s_time(scenario):

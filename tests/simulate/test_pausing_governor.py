@@ -98,6 +98,7 @@ def test_what_the_law_is_told_are_derivatives_by_the_flight_s_time(scenario, sta
     # published in each period, so that neighbours can be compared
     paces = Paces(dataclasses.replace(scenario, rates=dataclasses.replace(scenario.rates, reference=200)))
     first = paces.first()
+    assert first.held == paces.begun_at(7.0).held == ()  # nothing is held, and nothing of it kept
     told = [paces.told(dataclasses.replace(first, now=state), 0.0) for state in states]
     for low, high, scale in (
         ("position", "velocity", 0.01),

@@ -117,11 +117,16 @@ def _delayed(chain: tuple[Vec3, ...], value: Vec3, share: Any) -> tuple[Vec3, ..
     return tuple(found)
 
 
+def believed_share(gains: TrendGains, memory: ForceTrend) -> Any:
+    """The share of the rate that is believed, 0 to 1."""
+    slope = divide(memory.agreement, memory.size + gains.noise)
+    believed = minimum(maximum((slope - CHANCE) * (1.0 / (1.0 - CHANCE)), 0.0), 1.0)
+    return believed * _no_step(gains, memory.rate)
+
+
 def trusted_rate(gains: TrendGains, memory: ForceTrend) -> Vec3:
     """N/s, world axes: what is believed of the rate."""
-    slope = divide(memory.agreement, memory.size + gains.noise)
-    trust = minimum(maximum((slope - CHANCE) * (1.0 / (1.0 - CHANCE)), 0.0), 1.0)
-    rate: Vec3 = memory.rate * (trust * _no_step(gains, memory.rate))
+    rate: Vec3 = memory.rate * believed_share(gains, memory)
     return rate
 
 
