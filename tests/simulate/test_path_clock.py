@@ -243,6 +243,10 @@ def test_a_tip_goes_beside_its_plan_as_the_base_does():
         assert [*(moved.position - plan.position)] == pytest.approx([0.2 * left, -0.1 * left, 0.4 * left])
         assert np.subtract(moved.tip, plan.tip) == pytest.approx([*(moved.position - plan.position)])
         assert moved.joints == plan.joints
+    # what one phase has taken back stays so before, in and after the next that would
+    for time in (0.5, 0.7, 0.9):
+        back = offset_reference(plan, Vec3(0.2, -0.1, 0.4), ((0.2, 0.4), (0.6, 0.8)), 0.15, time)
+        assert back.tip == pytest.approx(plan.tip, abs=1e-12)
     assert offset_reference(dataclasses.replace(plan, tip=()), Vec3(0.2, 0.0, 0.0), (), 0.0, 0.1).tip == ()
 
 
