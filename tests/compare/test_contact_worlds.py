@@ -25,6 +25,7 @@ from skyarm.compare.contact_record import METRICS
 from skyarm.compare.contact_tasks import FRICTION, TASKS
 from skyarm.compare.contact_worlds import CHANNEL, MOST_DISCARDED, NUMBERS, draw_worlds, kept
 from skyarm.compare.one_by_one import fly_single, numbers_of
+from skyarm.contact.material import Material
 from skyarm.metrics.windows import Windows
 from skyarm.scalars.philox import uniforms
 
@@ -108,6 +109,27 @@ def test_the_first_worlds_do_not_depend_on_how_many_fly():
     assert 0.0 < np.linalg.norm(away, axis=0).max() <= 0.06 * math.hypot(0.26, 0.5)
 
 
+def test_a_handle_resists_otherwise_on_another_arc_in_another_hand():
+    worlds = draw_worlds(TASKS["turn_valve"], shipped("turn_valve"), 40, seed=2)
+    values = worlds.values
+    assert worlds.discarded == 0.0
+    away = np.stack([values[f"world.mechanisms.valve.position.{i}"] for i in (1, 2)]) - [[-0.106066], [1.163934]]
+    assert away[0] == pytest.approx(away[1]), "along the lever"
+    assert "world.mechanisms.valve.position.0" not in values
+    assert 0.055 < np.hypot(*away).max() / 0.15 <= 0.06
+    friction, damping = (values[f"world.mechanisms.valve.{name}"] for name in ("friction", "damping"))
+    for shares in (friction / 0.1, damping / 0.5):
+        assert 0.5 <= shares.min() < 0.6
+        assert 1.7 < shares.max() <= 2.0
+    assert abs(np.corrcoef(np.log(friction), np.log(damping))[0, 1]) < 0.4
+    assert "world.mechanisms.valve.stiffness" not in values, "it has no closer"
+    assert values["world.grippers.hand.stiffness"].max() > 5e4
+    first = contact_flights((FLAGSHIP, MOTION, LOAD), ("turn_valve",), 40, seed=2)
+    assert {each.entrant.law for each in first} == {FLAGSHIP, MOTION}
+    hardest = first[0].stiffest(first[0].values(first[0].scenario()))
+    assert hardest["world.grippers.hand.stiffness"] == values["world.grippers.hand.stiffness"].max()
+
+
 def test_every_law_meets_the_same_worlds():
     flights = contact_flights((FLAGSHIP, MOTION, "paper_ct"), ("press_and_hold", "perch_on_shelf"), 5)
     names = [(each.case.name, each.entrant.name, each.condition.name) for each in flights]
@@ -148,3 +170,15 @@ def test_a_cell_equals_single_flights(task, law):
         for name in ("contact_error_mean", "object_last_x", "phases_done"):
             # single flights take the steps of their own world, the batch those of the hardest
             assert float(cell.metrics[name][k]) == pytest.approx(found[name], abs=0.02, nan_ok=True), name
+
+
+def test_the_stiffest_world_takes_the_steps_of_the_one_that_needs_the_shortest():
+    """Of this seed the hardest wall is smooth and another, rougher one asks for shorter steps."""
+    case = next(each for each in contact_flights((FLAGSHIP,), ("press_and_hold",), 200, seed=7))
+    values = case.values(case.scenario())
+    at = "world.surfaces.wall.material"
+    material = {name: values[f"{at}.{name}"] for name in ("stiffness", "friction")}
+    steps = [Material(stiffness=k, friction=mu).largest_step for k, mu in zip(*material.values(), strict=True)]
+    taken = Material(**{name: case.stiffest(values)[f"{at}.{name}"] for name in material})
+    assert taken.largest_step == pytest.approx(min(steps), rel=1e-12)
+    assert np.argmin(steps) != np.argmax(material["stiffness"])

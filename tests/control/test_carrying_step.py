@@ -132,7 +132,7 @@ def test_a_tip_that_still_goes_in_touches_again_70_ms_after_the_loss():
     gains, dt = InteractionGains(touch=0.3, lost=0.1, sensing=60.0), 0.001
     nothing = Disturbance(force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0), efforts=(0.0, 0.0))
     wish, there = wanted_of((1.0, 0.1, -1.0, 0.0, 0.0)), Vec3(-0.8, 0.0, 0.0)
-    now = dataclasses.replace(first_interaction(2, sensor=True), touching=1.0, share=1.0, doubt=0.999)
+    now = dataclasses.replace(first_interaction(2, sensor=True), touching=1.0, share=1.0, losing=0.999)
     touching = []
     for _ in range(90):
         now, _ = interaction.interact(gains, now, wish, ARM, nothing, AT, 0.2, 0.0, dt, there)

@@ -18,7 +18,7 @@ from skyarm.control.blocks.felt_acceleration import AccelerometerGains, Felt, fe
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.bandwidth import at_shares
-from skyarm.control.laws.centroidal.law import lateness
+from skyarm.control.laws.centroidal.gust_shift import lateness
 from skyarm.control.model import Model
 from skyarm.environment import Disturbance
 from skyarm.environment.signal_vector import SignalVector

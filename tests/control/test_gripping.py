@@ -121,7 +121,7 @@ def test_a_tip_that_grips_touches_at_once_and_loses_nothing():
     memory = first_interaction(2)
     for _ in range(120):
         memory, pressing = stepped(wanted(0.0), memory, (0.3, 0.0, 0.0))
-    assert (memory.touching, memory.doubt, memory.share) == (1.0, 0.0, 1.0)
+    assert (memory.touching, memory.losing, memory.share) == (1.0, 0.0, 1.0)
     assert pressing.asked
     assert pressing.kept == 0.7
     assert memory.integral == pytest.approx(0.3, abs=0.01)  # the handle pulls against the normal; bounded

@@ -34,8 +34,8 @@ def touched(forces, *, into=0.0, asked=True, memory=FREE):
     """Touch after each of some forces along the normal."""
     found = []
     for force in forces:
-        touching, doubt = law.touches(GAINS, memory, asked, force, into, DT)
-        memory = dataclasses.replace(memory, touching=touching, doubt=doubt)
+        touching, losing = law.touches(GAINS, memory, asked, force, into, DT)
+        memory = dataclasses.replace(memory, touching=touching, losing=losing)
         found.append(touching)
     return found
 

@@ -26,6 +26,7 @@ from skyarm.control.laws.centroidal.bandwidth import at_shares
 from skyarm.control.laws.centroidal.make import make_centroidal
 from skyarm.control.model import Model
 from skyarm.sensors.measurement import Measurement
+from thorough import sampled
 
 DT = 0.005
 GAINS = LagGains(base=0.02, joints=0.012, stride=1)
@@ -94,7 +95,7 @@ def lags(memory: LagMemory, dt=DT, gains=GAINS):
     return estimate(memory.base, dt * gains.stride), estimate(memory.arm, dt * gains.stride)
 
 
-@pytest.mark.parametrize("late", range(CANDIDATES))
+@pytest.mark.parametrize("late", sampled(range(CANDIDATES), 4))
 def test_a_whole_number_of_periods_is_found(late):
     assert lags(flown(late, seconds=4.0)) == pytest.approx((late * DT, late * DT), abs=2e-4)
 

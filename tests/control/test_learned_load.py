@@ -67,7 +67,7 @@ def test_mass_and_torque_about_the_tip_are_those_of_the_load_that_hangs_there():
 def test_what_is_missing_is_the_least_squares_solution_of_numpy_and_a_sliding_joint_has_a_length_of_its_own():
     last = ARM.links[-1]
     slide = dataclasses.replace(last, joint=dataclasses.replace(last.joint, kind="prismatic"))
-    vehicle, trust = dataclasses.replace(ARM, links=(*ARM.links[:-1], slide)), GAINS.trust
+    vehicle, trust = dataclasses.replace(ARM, links=(*ARM.links[:-1], slide)), GAINS.errors
     at, rng = hang(vehicle, TILTED, JOINTS, G), np.random.default_rng(8)
     numbers = (0.1 * rng.normal(size=6 + ARM.n)).tolist()
     d = Disturbance(force=Vec3(*numbers[:3]), torque=Vec3(*numbers[3:6]), efforts=tuple(numbers[6:]))

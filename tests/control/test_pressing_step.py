@@ -56,7 +56,7 @@ def test_the_order_is_the_ramped_sum_of_the_wanted_force_and_the_integral():
     assert (lost.integral, falling.engaged, falling.share) == pytest.approx((0.0, 1.0, 0.75))
     assert falling.order == pytest.approx(0.75 * 2.0)
     # free flight begins a period after the last one in which it touched or an order stood
-    briefly, gone = dataclasses.replace(HELD, share=0.1, doubt=1.0, touching=1.0), []
+    briefly, gone = dataclasses.replace(HELD, share=0.1, losing=1.0, touching=1.0), []
     for _ in range(3):
         briefly = asked(briefly, force=0.0)[0]
         gone.append((briefly.touching, briefly.free))
@@ -94,7 +94,7 @@ def pressed(*, memory=HELD, velocity=ZERO, led=ZERO, efforts=(0.0, 0.0), speed=4
 
 
 def test_the_tip_that_goes_into_the_surface_is_the_one_that_is_lost():
-    doubts = [pressed(velocity=Vec3(speed, 0.0, 0.0))[1][0].doubt for speed in (0.2, -0.2, 0.0)]
+    doubts = [pressed(velocity=Vec3(speed, 0.0, 0.0))[1][0].losing for speed in (0.2, -0.2, 0.0)]
     assert doubts == pytest.approx([DT / 0.015, 0.0, 0.0])
 
 

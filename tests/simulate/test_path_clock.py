@@ -62,7 +62,7 @@ def oracle(clock: PathClock, ticks: float, tip: Any, goal: Any, push: Any, force
     guard = GUARDS[n] if n < len(GUARDS) else None
     if guard is None:
         fresh = place <= GUARDS[-1].begin * RATE + 1e-9 and clock.waited < 0.5
-        still = {"origin": tip if fresh else clock.origin, "failed": clock.failed, "calm": 0.0, "waited": 0.0}
+        still = {"origin": tip if fresh else clock.origin, "failed": clock.failed, "reached": 0.0, "waited": 0.0}
         return {"place": place + 1.0, "held": held, "guard": float(n), **still}
     end, begin = guard.at * RATE, guard.begin * RATE
     there = place >= end - 1e-9
@@ -83,21 +83,21 @@ def oracle(clock: PathClock, ticks: float, tip: Any, goal: Any, push: Any, force
     if guard.distance is not None:
         asked.append(sum((a - b) * c for a, b, c in zip(origin, tip, OUT, strict=True)) >= guard.distance)
     looks = there or (guard.early and not fresh)
-    calm = clock.calm + 1.0 if looks and all(asked) else 0.0
-    enough = calm > 0.0 and (calm - 1.0) / RATE >= guard.hold - 1e-9
+    reached = clock.reached + 1.0 if looks and all(asked) else 0.0
+    enough = reached > 0.0 and (reached - 1.0) / RATE >= guard.hold - 1e-9
     late = there and clock.waited / RATE >= guard.timeout - 1e-9
     following = {"held": held, "origin": origin, "failed": clock.failed}
     if not (enough or late):
         waited = clock.waited + 1.0 if there else 0.0
-        return following | {"place": min(place + 1.0, end), "guard": float(n), "calm": calm, "waited": waited}
+        return following | {"place": min(place + 1.0, end), "guard": float(n), "reached": reached, "waited": waited}
     stop = GUARDS[n + 1].at * RATE if n + 1 < len(GUARDS) else math.inf
     gone = min((place if there else end) + 1.0, stop)
     failed = 1.0 if late and not enough and guard.fails else clock.failed
-    return following | {"origin": tip, "place": gone, "guard": n + 1.0, "calm": 0.0, "waited": 0.0, "failed": failed}
+    return following | {"origin": tip, "place": gone, "guard": n + 1.0, "reached": 0.0, "waited": 0.0, "failed": failed}
 
 
 def drawn(count: int) -> list[list[float]]:
-    """Clocks at and beside every threshold: place, held, guard, waited, calm ... force, push."""
+    """Clocks at and beside every threshold: place, held, guard, waited, reached ... force, push."""
     rng, found = np.random.default_rng(5), []
     for _ in range(count):
         n = int(rng.integers(0, 5))
@@ -108,21 +108,21 @@ def drawn(count: int) -> list[list[float]]:
         tip = np.array([0.1, 0.0, 1.0]) + rng.choice([0.0, 0.0035, 0.0099, 0.0101], 3) * rng.choice([-1.0, 1.0], 3)
         force = np.array(OUT) * rng.choice([0.05, 0.11, 0.49, 0.51, 1.99, 2.01]) + 0.3 * np.array([-0.8, 0.0, 0.6])
         origin = tip + np.array(OUT) * rng.choice([0.0019, 0.0021, 0.0039, 0.0041])
-        calm, failed, tick = rng.integers(0, 5), rng.integers(0, 2), rng.integers(0, 9)
+        reached, failed, tick = rng.integers(0, 5), rng.integers(0, 2), rng.integers(0, 9)
         push = (float(rng.choice([0.0, 1.0])), 0.1, *OUT)
-        found.append([place, place - 2, n, waited, calm, *origin, failed, tick, *tip, *force, *push])
+        found.append([place, place - 2, n, waited, reached, *origin, failed, tick, *tip, *force, *push])
     return [[float(c) for c in row] for row in found]
 
 
 def following(waits: Waits, row: Any) -> list[Any]:
-    place, held, guard, waited, calm, *rest = row
+    place, held, guard, waited, reached, *rest = row
     example = waits.first()
-    numbers = [place, held, guard, waited, calm, *rest[:4], *NO_OFFSET]
+    numbers = [place, held, guard, waited, reached, *rest[:4], *NO_OFFSET]
     clock = rebuild(example, iter(numbers))
     goal = Vec3(0.1, 0.0, 1.0)
     seen = Seen(tip=Vec3(*rest[5:8]), goal=goal, push=tuple(rest[11:16]), force=Vec3(*rest[8:11]))
     after = waits.following(clock, rest[4], seen)
-    return [after.place, after.held, after.guard, after.waited, after.calm, *after.origin, after.failed]
+    return [after.place, after.held, after.guard, after.waited, after.reached, *after.origin, after.failed]
 
 
 ROWS = drawn(400)
@@ -135,7 +135,7 @@ def wanted(scenario):
         clock = rebuild(Waits(scenario).first(), iter([*row[:9], *NO_OFFSET]))
         clock = dataclasses.replace(clock, origin=tuple(row[5:8]))
         found = oracle(clock, row[9], row[10:13], (0.1, 0.0, 1.0), row[16:21], row[13:16])
-        names = ("place", "held", "guard", "waited", "calm", "origin", "failed")
+        names = ("place", "held", "guard", "waited", "reached", "origin", "failed")
         rows.append([c for name in names for c in (found[name] if name == "origin" else [found[name]])])
     return np.array(rows)
 
@@ -165,7 +165,9 @@ def test_a_reference_that_ends_early_goes_on_from_where_it_is(scenario):
     ]
     trajectory = dataclasses.replace(scenario.trajectory, phases=tuple(phases))
     waits, shift = Waits(dataclasses.replace(scenario, trajectory=trajectory)), 1.0 / RATE
-    clock = dataclasses.replace(waits.first(), place=41.0, guard=2.0, calm=2.0, origin=Vec3(0.1, 0.0, 1.0), since=0.0)
+    clock = dataclasses.replace(
+        waits.first(), place=41.0, guard=2.0, reached=2.0, origin=Vec3(0.1, 0.0, 1.0), since=0.0
+    )
     there = Vec3(0.1, 0.0, 1.0) - Vec3(*OUT) * 0.005
     seen = Seen(tip=there, goal=there, push=(), force=Vec3(0.0, 0.0, 0.0))
     after = waits.following(clock, 41.0, seen)
@@ -192,7 +194,7 @@ def test_a_held_sample_keeps_its_offset_while_a_phase_is_skipped(scenario):
     trajectory = dataclasses.replace(scenario.trajectory, phases=phases)
     waits = Waits(dataclasses.replace(scenario, trajectory=trajectory))
     offset = {"offset": Vec3(0.003, 0.0, 0.0), "since": 20.0, "held_offset": Vec3(0.003, 0.0, 0.0), "held_since": 20.0}
-    begun = {"place": 41.0, "held": 40.0, "guard": 2.0, "calm": 2.0, "origin": Vec3(0.1, 0.0, 1.0)}
+    begun = {"place": 41.0, "held": 40.0, "guard": 2.0, "reached": 2.0, "origin": Vec3(0.1, 0.0, 1.0)}
     clock = dataclasses.replace(waits.first(), **begun, **offset)
     there = Vec3(0.1, 0.0, 1.0) - Vec3(*OUT) * 0.005
     seen = Seen(tip=there, goal=there, push=(), force=Vec3(0.0, 0.0, 0.0))
@@ -312,7 +314,7 @@ def test_a_phase_that_has_just_begun_does_not_end_by_what_was_there_before(scena
     tip = Vec3(0.1, 0.0, 1.0)
     pressed = Seen(tip=tip, goal=tip, push=(), force=Vec3(*OUT))
     first, second = (waits.following(dataclasses.replace(waits.first(), place=p), p, pressed) for p in (10.0, 11.0))
-    assert (first.place, first.guard, first.calm) == (11.0, 0.0, 0.0)
+    assert (first.place, first.guard, first.reached) == (11.0, 0.0, 0.0)
     assert (second.place, second.guard) == (21.0, 1.0)
 
 
