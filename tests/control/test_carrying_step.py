@@ -12,8 +12,8 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.laws.centroidal import interaction, make_centroidal
 from skyarm.control.laws.centroidal.carrying_step import carry
-from skyarm.control.laws.centroidal.interaction import Pressing
 from skyarm.control.laws.centroidal.interaction_records import InteractionGains, first_interaction, wanted_of
+from skyarm.control.laws.centroidal.pressing import Pressing
 from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose

@@ -13,8 +13,8 @@ from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import interaction as law
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.interaction import Pressing
 from skyarm.control.laws.centroidal.interaction_records import InteractionGains, first_interaction
+from skyarm.control.laws.centroidal.pressing import Pressing
 from skyarm.control.laws.centroidal.surface_normal import leaning, slid
 from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.control.laws.centroidal.tip_reference import Goal
