@@ -1,4 +1,4 @@
-"""What pressing on a surface asks of the rest of the law in an instant, and what it puts in place of the observed force.
+"""What pressing on a surface asks of the rest of the law, and what it puts in place of the observed force.
 
 The joints give the order along the normal in place of what is observed there, by the levers of the present. The base
 carries the order and, while its ramp runs, what is felt beyond it: an impact pushes the base back with more than the
@@ -27,7 +27,8 @@ class Pressing:
     Attributes:
         n: out of the surface. share: 0 free, 1 pressing. damping: 1/s, of the tip along n where it presses.
         engaged: 1 while the order stands in place of the observed force. shift: m, m/s and m/s^2 along n.
-        order: N, along n, in place of the observed one. beyond: N, that the base carries along n beside it. force: N, the tip's as observed, world axes.
+        order: N, along n, in place of the observed one. beyond: N, that the base carries along n beside it.
+        force: N, the tip's as observed, world axes.
         kept: 0 to 1, of the observed force across n that is answered. asked: whether any contact is asked for.
     """
 
