@@ -171,7 +171,7 @@ def test_a_vehicle_without_a_tip_is_refused(name):
 @pytest.mark.parametrize("name", ["admittance_pd", pytest.param("hybrid_ct", marks=pytest.mark.thorough)])
 def test_they_hold_the_wanted_force_of_the_shipped_task(name):
     scenario = skyarm.load_scenario("press_and_hold")
-    rival = dataclasses.replace(scenario, controller=controller_by_name(scenario, f"{name}_tuned"), duration=6.0)
+    rival = dataclasses.replace(scenario, controller=controller_by_name(scenario, f"{name}_tuned"), duration=5.0)
     log = skyarm.run(rival)
     force = log.contact_force[:, 0]
     met = log.time[np.argmax(force > 0.0)]
