@@ -91,6 +91,7 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "plant": {
         "rigid_body": ("skyarm.plant.compiled:RigidBodyPlant", "our own multibody dynamics"),
         "mujoco": ("skyarm.plant.mujoco:MujocoPlant", "MuJoCo's rigid bodies under the same loads"),
+        "mujoco_contacts": ("skyarm.plant.mujoco_contacts:MujocoContactPlant", "the same with MuJoCo's own contacts"),
     },
     "ending": {
         "divergence": ("skyarm.scenario.endings:Divergence", "numbers that no flight has"),

@@ -21,7 +21,6 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance, observe
 from skyarm.control.blocks.extrapolation import extrapolate, samples
-from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.force_trend import ForceTrend, followed, trusted_rate
 from skyarm.control.blocks.lag_estimate import LagMemory, learn, shares
 from skyarm.control.blocks.prediction import predict, with_side
@@ -32,6 +31,7 @@ from skyarm.control.laws.centroidal.admittance import give_way, known_rate, unmo
 from skyarm.control.laws.centroidal.bandwidth import at_shares
 from skyarm.control.laws.centroidal.carrying_step import carry
 from skyarm.control.laws.centroidal.demands import Following, demands
+from skyarm.control.laws.centroidal.gust_shift import foretold, lateness, slow_force
 from skyarm.control.laws.centroidal.interaction import rested
 from skyarm.control.laws.centroidal.interaction_records import InteractionMemory
 from skyarm.control.laws.centroidal.learned_load import with_learned
@@ -43,11 +43,8 @@ from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.reference import Reference
-from skyarm.scalars import add, divide, maximum, mul, sub, where
+from skyarm.scalars import add, mul, sub, where
 from skyarm.sensors.measurement import Measurement
-
-SLOWEST = 1.0
-"""rad/s; no force is foretold further ahead than filters of this bandwidth are late."""
 
 
 def centroidal(
@@ -99,9 +96,8 @@ def centroidal(
     if par.load is not None and isinstance(load, LoadMemory) and reference.load:
         load, resting = carry(par, memory, load, reference.load[0], observed, alone, pressing, dt)
         unknown, force = unknown + resting, force + resting.force
-    share = low_pass_share(par.tip.shift_rate, dt)
-    slow = memory.slow_force + (force - memory.slow_force) * share
-    steady = (slow if par.mode == "tip" else force) + feedforward.force
+    slow = slow_force(par, memory.slow_force, memory.gust, force, dt)
+    steady = (slow.force if par.mode == "tip" else force) + feedforward.force
     before: Following = memory.following
     rate: Vec3 = ZERO3
     if par.trend is not None and isinstance(before.trend, ForceTrend):
@@ -113,18 +109,16 @@ def centroidal(
         before = dataclasses.replace(before, trend=trend)
         late = lateness(par)
         unknown = dataclasses.replace(unknown, force=unknown.force + rate * late)
-        steady = steady + rate * (
-            late + divide(1.0, maximum(par.tip.shift_rate, SLOWEST)) if par.mode == "tip" else late
-        )
-    demand = demands(par, model, state, signals, unknown, steady, rate, before, dt, pressing)
+        steady, slow = foretold(par, steady, slow, trend, rate, late, 0 if pressing is None else pressing.engaged)
+    demand = demands(par, model, state, signals, unknown, steady, rate, before, dt, pressing, slow)
     done = actuate(par, model, state, demand, unknown, memory.trim, memory.applied[0], dt)
     # a command that others changed moves the vehicle away from its plan: nothing of that is a load or friction
     unchanged = all_follow(memory.applied)
     free = tuple(where(unchanged, each, 0.0) for each in memory.free)
     lag, trusted = memory.lag, memory.free
     if pressing is not None and par.interaction is not None and isinstance(held, InteractionMemory):
-        calm = rested(par.interaction, held)  # a surface is no load, no friction and no lag
-        free, trusted = (tuple(mul(each, calm) for each in row) for row in (free, trusted))
+        rest = rested(par.interaction, held)  # a surface is no load, no friction and no lag
+        free, trusted = (tuple(mul(each, rest) for each in row) for row in (free, trusted))
         held = dataclasses.replace(held, gap=demand.gap)
     free, trusted = (unmoved(par.admittance, yields, row) for row in (free, trusted))
     if par.lag is not None and isinstance(lag, LagMemory):
@@ -137,7 +131,8 @@ def centroidal(
         sent=(*memory.sent[1:], done.command),
         applied=all_applied(model.vehicle.n),
         free=done.free,
-        slow_force=slow,
+        slow_force=slow.force,
+        gust=slow.memory,
         trim=done.trim,
         learned=adapt(par, memory.learned, demand.planned, observed.joint_rates, observed.efforts, free, dt),
         following=demand.following,
@@ -147,14 +142,6 @@ def centroidal(
         admittance=yields,
     )
     return following, done.command
-
-
-def lateness(par: CentroidalParameters) -> Any:
-    """By how long the observed force is late where it changes steadily, s."""
-    felt = par.accelerometer
-    if felt is None:
-        return divide(2.0, maximum(par.observer.force, SLOWEST))
-    return divide(1.0, maximum(felt.force, SLOWEST))
 
 
 def _present(

@@ -25,13 +25,14 @@ from skyarm.control.laws.centroidal.arm_motion import ArmMotion
 from skyarm.control.laws.centroidal.bandwidth import at_shares
 from skyarm.control.laws.centroidal.demands import Following
 from skyarm.control.laws.centroidal.gain_presets import ENTRIES, PERIODS, PRESETS, name_of
+from skyarm.control.laws.centroidal.gust_shift import GustMemory, gust_gains
 from skyarm.control.laws.centroidal.interaction_records import first_interaction, interaction_gains
 from skyarm.control.laws.centroidal.joint_room import Ends, ends_of
 from skyarm.control.laws.centroidal.law import centroidal
 from skyarm.control.laws.centroidal.load_records import first_load, load_gains
 from skyarm.control.laws.centroidal.memory import CentroidalMemory
 from skyarm.control.laws.centroidal.option_checks import bounded, checked, must_act, one_of, periods_of
-from skyarm.control.laws.centroidal.parameters import MODE_ALIASES, MODES, CentroidalParameters, TipGains
+from skyarm.control.laws.centroidal.parameters import MODE_ALIASES, MODES, CentroidalParameters, GustGains, TipGains
 from skyarm.control.laws.centroidal.path_shift import AT_REST
 from skyarm.control.laws.centroidal.reference_drag import pushes_across
 from skyarm.control.laws.centroidal.swing_shift import SwingPace
@@ -137,6 +138,7 @@ def make_centroidal(
         adapts_friction=gains["friction_adaptation"] > 0.0 and vehicle.n > 0,
         shift_bandwidth=gains["shift_bandwidth"],
         moves_shift=gains["shift_bandwidth"] > 0.0 and mode == "tip",
+        gust=_gust(gains, mode, vehicle, model.gravity),
         swing_rate=gains["swing_rate"],
         follows_swing=gains["swing_rate"] > 0.0 and gains["shift_bandwidth"] > 0.0 and mode == "tip" and vehicle.n > 0,
         path_rate=gains["path_rate"],
@@ -168,6 +170,12 @@ def make_centroidal(
         par = at_shares(par, gains["bandwidth"], gains["bandwidth"])
     memory = first_memory(par, periods)
     return Controller(name=name_of(mode, preset), law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
+
+
+def _gust(gains: Mapping[str, Any], mode: str, vehicle: Vehicle, gravity: Any) -> GustGains | None:
+    """How the shift follows a force that changes; None where it is left out."""
+    moving = gains["shift_bandwidth"] > 0.0 and mode == "tip"
+    return gust_gains(gains["gust_shift"], vehicle, gravity) if gains["gust_shift"] > 0.0 and moving else None
 
 
 def _ends(vehicle: Vehicle, kept: bool) -> Ends:
@@ -265,6 +273,7 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
         applied=all_applied(vehicle.n),
         free=(1.0,) * (1 + vehicle.n),
         slow_force=zero,
+        gust=() if par.gust is None else GustMemory(rate=zero),
         trim=(0.0,) * len(speeds),
         learned=first_learned(vehicle.n),
         following=Following(

@@ -47,6 +47,19 @@ class TipGains:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class GustGains:
+    """Of the base's shift for a force that changes.
+
+    Attributes:
+        pace: rad/s, of the shift where the force changes by much.
+        size: N; changes well below it are followed at ``TipGains.shift_rate``.
+    """
+
+    pace: Annotated[Scalar, Unit("rad/s", "pace of the base's shift where the force changes by much")]
+    size: Annotated[Scalar, Unit("N", "change of the force below which the base shifts slowly")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class CentroidalParameters:
     """All constants of the centroidal law.
 
@@ -67,6 +80,7 @@ class CentroidalParameters:
             and (m/s)^2. adapts_friction: False leaves it out.
         shift_bandwidth: rad/s, of the differentiators that give jerk and snap of the base's shift. moves_shift: False
             takes shift, drag and turned links as they stand, without their motion.
+        gust: how the shift follows a force that changes; None for a filter of first order.
         swing_rate: 1/s, of the means by which the pace of the arm's swing is found. follows_swing: False shifts the
             base as each instant asks for.
         path_rate: 1/s, of the means by which the pace of the base's path is found. follows_path: False turns the base
@@ -122,6 +136,7 @@ class CentroidalParameters:
     adapts_friction: bool
     shift_bandwidth: Annotated[Scalar, Unit("rad/s", "differentiators of the base's shift")] = 0.0
     moves_shift: bool = False
+    gust: GustGains | None = None
     swing_rate: Annotated[Scalar, Unit("1/s", "rate of the adapted pace of the arm's swing")] = 0.0
     follows_swing: bool = False
     path_rate: Annotated[Scalar, Unit("1/s", "rate of the adapted pace of the base's path")] = 0.0
@@ -155,6 +170,7 @@ class CentroidalParameters:
         adapted += ["adapted friction"] if self.adapts_friction else []
         added = {
             "motion of the shift": self.moves_shift,
+            "shift for gusts": self.gust is not None,
             "shift by the pace of the swing": self.follows_swing,
             "shift by the pace of the path": self.follows_path,
             "upright at low thrust": self.softens_attitude,
