@@ -234,6 +234,8 @@ def test_a_law_that_gives_way_is_kept_and_told_of(scenario):
     assert restore(plain(par)) == par
     assert "giving way to forces" in par.choices()
     assert par.admittance.tip.lead == pytest.approx(2.0 / 34.0)
+    late = make_centroidal(par.model, mode="tip", admittance=SOFT, delay=0.01)
+    assert late.par.admittance.tip.lead == pytest.approx(2.0 / 34.0 + 0.01)
     assert observed_push(scenario.controller.memory) == Vec3(0.0, 0.0, 0.0)
 
 
@@ -305,6 +307,22 @@ def test_nothing_is_learned_and_nothing_foretold_while_a_force_is_heard(scenario
     ]
     assert ([*known_rate(heard, rate)], [*known_rate(quiet, rate)]) == ([0.0, 0.0, 0.0], [1.0, 2.0, 3.0])
     assert (unmoved(None, (), (1.0,)), known_rate((), rate)) == ((1.0,), rate)
+
+
+@pytest.mark.parametrize("heard", [0.0, 1.0])
+def test_a_trend_of_a_force_that_is_heard_moves_nothing(scenario, heard):
+    law = make_centroidal(scenario.controller.par.model, mode="tip", preset="adaptive", admittance=SOFT)
+    first = law.memory.admittance
+    first = dataclasses.replace(first, hearing=dataclasses.replace(first.hearing, age=2.0, heard=heard))
+    seen = dataclasses.replace(blank_measurement(2, 4), joints=JOINTS)
+    still = dict.fromkeys(("joint_rates", "joint_accelerations"), (0.0, 0.0))
+    reference, commands = Reference(joints=JOINTS, **still).dense(), []
+    for slope in (0.0, 2.0):
+        trend = dataclasses.replace(law.memory.following.trend, rate=Vec3(slope, 0.0, 0.0), agreement=50.0, size=50.0)
+        following = dataclasses.replace(law.memory.following, trend=trend)
+        memory = dataclasses.replace(law.memory, started=1.0, following=following, admittance=first)
+        commands.append(law.law(memory, seen, reference, 0.005, par=law.par)[1])
+    assert (commands[0] == commands[1]) is (heard > 0.5)
 
 
 @needs_cc

@@ -16,7 +16,7 @@ from skyarm.control.controller import ControllerError, presses
 from skyarm.control.laws.centroidal.interaction import Pressing
 from skyarm.control.laws.pressing.admittance_pd import yielded
 from skyarm.control.laws.pressing.hybrid_ct import freed, level_tip, pressed
-from skyarm.control.laws.pressing.tip_observer import Touch, listen
+from skyarm.control.laws.pressing.tip_observer import Touch, listen, moved
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.scalars.fold import data
@@ -115,6 +115,21 @@ def test_the_tip_that_goes_into_the_surface_and_the_level_tip_are_those_of_kinem
     c, s = np.cos(reference.yaw), np.sin(reference.yaw)
     turned = np.array([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1], arm[2]])
     assert [*level_tip(vehicle, reference)] == pytest.approx(np.array([*reference.position]) + turned)
+
+
+def test_the_reference_moves_along_the_normal_and_the_gap_is_the_tips_way_from_it():
+    case, own = CASES[1], make_controller("hybrid_ct", FREE)
+    reference = dataclasses.replace(case.reference(), push=(1.0, 0.1, *N))
+    shifted = moved(reference, N, (0.2, -0.3, 0.5))
+    n = np.array([*N])
+    for word, way in (("position", 0.2), ("velocity", -0.3), ("acceleration", 0.5)):
+        assert np.subtract([*getattr(shifted, word)], [*getattr(reference, word)]) == pytest.approx(way * n)
+    seen = case.measurement()
+    touch = listen(own.memory, seen, reference, DT, own.par)[1]
+    following, _ = own.law(own.memory, seen, reference, DT, par=own.par)
+    goal = level_tip(FREE.vehicle, moved(reference, N, touch.pressing.shift))
+    tip = np.array([*(seen.position + touch.at.R.apply(touch.at.tip))])
+    assert following.interaction.gap == pytest.approx(n @ (tip - [*goal]))
 
 
 def driven(along, *, asked=True, seconds=2.0, shift=0.0, force=2.0):
