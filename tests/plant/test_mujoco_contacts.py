@@ -58,9 +58,10 @@ OBJECTS = (
 )  # fmt: skip
 
 
+PLATE_MATERIAL = Material(stiffness=1000.0)
 PLATE = Mechanism(
     name="scales", kind="slide", axis=(0.0, 0.0, 1.0), position=(-3.0, 0.0, 1.0), mass=0.05,
-    stiffness=200.0, damping=5.0, parts=(Surface(name="plate", shape="box", size=(0.2, 0.2, 0.02), material=Material(stiffness=1000.0)),),
+    stiffness=200.0, damping=5.0, parts=(Surface(name="plate", shape="box", size=(0.2, 0.2, 0.02), material=PLATE_MATERIAL),),
 )  # fmt: skip
 
 
@@ -101,7 +102,8 @@ def test_a_stack_stands_and_a_can_on_a_table(scene):
 def test_a_ball_leaves_as_fast_as_hunt_and_crossley_say(scene):
     """It touches with 0.1 m/s and leaves with 1 - 2/3 c v of that, c = 1 s/m."""
     _, speeds = scene["ball"]
-    assert speeds[:, 2].max() == pytest.approx(0.1 * (1.0 - 0.2 / 3.0), rel=0.01)
+    left = 0.1 * (1.0 - 0.2 / 3.0)
+    assert left < speeds[:, 2].max() < 1.02 * left, "a damper that does not pull takes a little less"
 
 
 def test_what_lies_on_a_mechanism_weighs_on_its_spring(scene):
