@@ -31,8 +31,9 @@ from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import draws_needed
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
-from skyarm.simulate.period import Begun, issue
-from skyarm.simulate.stages import Readings, RigidBodySteps, Stages
+from skyarm.simulate.period import Begun, after_period, issue
+from skyarm.simulate.rigid_body_steps import RigidBodySteps
+from skyarm.simulate.stages import Readings, Stages
 
 LARGEST = 1e6
 """Largest number of an observation and a reward: what has diverged is told as this, what is no number as 0."""
@@ -148,18 +149,9 @@ class EnvProgram:
         moved, coupled = plant.advance(loop.state, begun.acting, found.acting, found.around)
         # a command that is not finite ends the episode where it is, as in a single run
         state: State = blend(found.alive > 0.5, moved, loop.state)
-        flown = LoopState(
-            alive=1.0,
-            ticks=loop.ticks + 1.0,
-            state=state,
-            memory=found.memory,
-            queue=found.queue,
-            sensors=found.sensors,
-            estimate=found.estimate,
-            components=stages.gone_on(begun.components, coupled),
-            drives=found.drives,
-            clock=found.clock,
-        )
+        # its endings are told beside it, and a period that ends an episode counts
+        flown = after_period(stages, begun, found, state, coupled)
+        flown = dataclasses.replace(flown, alive=1.0, ticks=loop.ticks + 1.0)
         coming = self._row(stages.scenario, flown.ticks)
         ending = self._ending(stages.scenario, state, self._goal(stages.scenario, flown.ticks), found.alive)
         following, measurement = self._measured(stages, flown, coming, draws)

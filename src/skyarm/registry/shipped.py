@@ -69,6 +69,8 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "l1_adaptive": (f"{_LAWS}:l1_adaptive", ""),
         "l1_adaptive_lateral": (f"{_LAWS}:l1_adaptive_lateral", ""),
         "indi": (f"{_LAWS}:indi", ""),
+        "admittance_pd": (f"{_LAWS}:admittance_pd", ""),
+        "hybrid_ct": (f"{_LAWS}:hybrid_ct", ""),
         "centroidal": (f"{_LAWS}:centroidal", ""),
     },
     "motion": {
