@@ -58,10 +58,10 @@ OBJECTS = (
 )  # fmt: skip
 
 
-PLATE_MATERIAL = Material(stiffness=1000.0)
+SOFT = Surface(name="plate", shape="box", size=(0.2, 0.2, 0.02), material=Material(stiffness=1000.0))
 PLATE = Mechanism(
     name="scales", kind="slide", axis=(0.0, 0.0, 1.0), position=(-3.0, 0.0, 1.0), mass=0.05,
-    stiffness=200.0, damping=5.0, parts=(Surface(name="plate", shape="box", size=(0.2, 0.2, 0.02), material=PLATE_MATERIAL),),
+    stiffness=200.0, damping=5.0, parts=(SOFT,),
 )  # fmt: skip
 
 
