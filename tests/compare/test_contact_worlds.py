@@ -109,6 +109,27 @@ def test_the_first_worlds_do_not_depend_on_how_many_fly():
     assert 0.0 < np.linalg.norm(away, axis=0).max() <= 0.06 * math.hypot(0.26, 0.5)
 
 
+def test_a_handle_resists_otherwise_on_another_arc_in_another_hand():
+    worlds = draw_worlds(TASKS["turn_valve"], shipped("turn_valve"), 40, seed=2)
+    values = worlds.values
+    assert worlds.discarded == 0.0
+    away = np.stack([values[f"world.mechanisms.valve.position.{i}"] for i in (1, 2)]) - [[-0.106066], [1.163934]]
+    assert away[0] == pytest.approx(away[1]), "along the lever"
+    assert "world.mechanisms.valve.position.0" not in values
+    assert 0.055 < np.hypot(*away).max() / 0.15 <= 0.06
+    friction, damping = (values[f"world.mechanisms.valve.{name}"] for name in ("friction", "damping"))
+    for shares in (friction / 0.1, damping / 0.5):
+        assert 0.5 <= shares.min() < 0.6
+        assert 1.7 < shares.max() <= 2.0
+    assert abs(np.corrcoef(np.log(friction), np.log(damping))[0, 1]) < 0.4
+    assert "world.mechanisms.valve.stiffness" not in values, "it has no closer"
+    assert values["world.grippers.hand.stiffness"].max() > 5e4
+    first = contact_flights((FLAGSHIP, MOTION, LOAD), ("turn_valve",), 40, seed=2)
+    assert {each.entrant.law for each in first} == {FLAGSHIP, MOTION}
+    hardest = first[0].stiffest(first[0].values(first[0].scenario()))
+    assert hardest["world.grippers.hand.stiffness"] == values["world.grippers.hand.stiffness"].max()
+
+
 def test_every_law_meets_the_same_worlds():
     flights = contact_flights((FLAGSHIP, MOTION, "paper_ct"), ("press_and_hold", "perch_on_shelf"), 5)
     names = [(each.case.name, each.entrant.name, each.condition.name) for each in flights]

@@ -206,7 +206,7 @@ def test_a_push_of_its_own_stands_nowhere_beside_phases_that_press():
     with pytest.raises(ValueError, match=r"^reference\.push: must be left out beside phases that press"):
         reference_from(table | {"push": push}, 0, "reference", Setting())
     two = {"base": [table["base"], table["base"]]}
-    with pytest.raises(ValueError, match="two tasks whose phases press do not add"):
+    with pytest.raises(ValueError, match="two tasks whose phases press or grip do not add"):
         reference_from(two, 0, "reference", Setting())
 
 

@@ -30,6 +30,7 @@ def contact(
     plant: str,
     one_by_one: int,
     threads: int,
+    films: bool,
     console: Console,
 ) -> None:
     """Fly what is missing of the suite and write its files.
@@ -52,13 +53,14 @@ def contact(
     folder = Path(out)
     other = replaced_suite(folder / "contact.json", SAID, asked)
     replaces = f"a suite of {', '.join(other)}" if other else ""
-    found = flown_into(
-        out, CONTACT, todo, lambda told: fly_contact(asked, folder, threads=threads, progress=told), console,
-        replaces=replaces,
-    )  # fmt: skip
+
+    def fly(told: Any) -> dict[str, Any]:
+        return fly_contact(asked, folder, threads=threads, films=films, progress=told)
+
+    found = flown_into(out, CONTACT, todo, fly, console, replaces=replaces)
     give(found, folder=folder, title="Tasks in contact")
     console.print(contact_report(found), soft_wrap=True)
-    console.print(f"suite in {folder}: report.html, tables.md, contact.json, contact.csv", soft_wrap=True)
+    console.print(f"suite in {folder}: report.html, tables.md, contact.json, contact.csv, pictures", soft_wrap=True)
 
 
 def _laws(words: str | None) -> tuple[str, ...]:

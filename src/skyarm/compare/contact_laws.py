@@ -61,7 +61,7 @@ def flies_its_own(task: Task, law: str) -> bool:
 
     Without a push the flagship has no interaction to leave out, without an object no load to learn.
     """
-    return task.push > 0.0 if law == MOTION else bool(task.object) or law != LOAD
+    return task.push > 0.0 or bool(task.grip) if law == MOTION else bool(task.object) or law != LOAD
 
 
 def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body", seed: int = 0) -> Scenario:

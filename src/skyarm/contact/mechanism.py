@@ -145,6 +145,11 @@ class Mechanism(Carrier):
         return self.com if said or self.solid is None else self.solid.middle
 
     @property
+    def hinge(self) -> tuple[Any, ...]:
+        """A place on the axis of what turns (m) and its unit vector, world axes; () of what slides."""
+        return (*self.position, *rotation_of(self.angles).apply(self.along)) if self.turns else ()
+
+    @property
     def mobility(self) -> Any:
         """1/kg, of the place of its surfaces that is farthest from the axis."""
         return self.mobility_at(0)

@@ -74,15 +74,15 @@ class EnvProgram:
     """The step of a task and the state that its episodes begin with.
 
     Args:
-        task: what is flown.
+        task: what is flown. loops: keep repetitions as loops, for machine code; JAX wants them written out.
 
     Attributes:
         base: numbers of the randomised paths in the scenario as it is. size: numbers of an action.
         first: state of an episode, as an example. loop: the step, traced; it logs an :class:`Outcome`.
     """
 
-    def __init__(self, task: Task) -> None:
-        self.task, scenario = task, task.scenario
+    def __init__(self, task: Task, *, loops: bool = True) -> None:
+        self.task, scenario, self._loops = task, task.scenario, loops
         self.paths = task.randomised.paths
         self.base = tuple(number_at(scenario, path) for path in self.paths)
         self.size = task.actions.size(scenario.controller.par.model.vehicle)
@@ -107,7 +107,7 @@ class EnvProgram:
         first, _ = self.start(self.base, draws)
         self.first: EnvState = structure_of(first)
         values = (self.base, (0.0,) * self.size)
-        return trace_loop(self.step, self.first, values, (), self.uniforms, loops=True, own_seeds=True)
+        return trace_loop(self.step, self.first, values, (), self.uniforms, loops=self._loops, own_seeds=True)
 
     def start(
         self, numbers: Sequence[Any], draws: Sequence[Any], started: Sequence[Sequence[Any]] | None = None

@@ -49,6 +49,7 @@ IF_ANY = (
     "gripper_taken",
     "gripper_force",
     "gripper_lost",
+    "gripper_pull",
 )
 """Arrays of what not every flight has: left out of files, with no column, where there is none."""
 
@@ -88,7 +89,8 @@ class Log:
             object's shape: m, wxyz, m/s (world axes), angular velocity in rad/s (its own axes).
         mechanism_position, mechanism_rate: (N, mechanisms) rad and rad/s of what turns, m and m/s of what slides.
         gripper_taken, gripper_force, gripper_lost: (N, grippers) the number of the object that a gripper holds, from 1,
-            and 0 for none; the force of the grasp, N; how often it has given way.
+            and 0 for none; the force of the grasp, N; how often it has given way. gripper_pull: (N, 3 grippers) N, the
+            force of each on what it holds, world axes.
         tilts, tilt_commands: (N, tilting rotors) rad; without columns where no rotor tilts.
         measured_position, measured_joints: what the sensors said at this instant; a delayed controller saw it later.
         info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground",
@@ -162,6 +164,7 @@ class Log:
     )
     gripper_force: Annotated[Array, Unit("N", "of a gripper's grasp")] = field(default_factory=_nothing)
     gripper_lost: Annotated[Array, Unit("", "how often a grasp has given way")] = field(default_factory=_nothing)
+    gripper_pull: Annotated[Array, Unit("N", "of a gripper on what it holds")] = field(default_factory=_nothing)
     tilts: Annotated[Array, units(State)["tilts"]] = field(default_factory=_nothing)
     tilt_commands: Annotated[Array, Unit("rad", "commanded")] = field(default_factory=_nothing)
     info: dict[str, Any]

@@ -64,9 +64,18 @@ def grouped(head: Iterable[str], groups: Iterable[tuple[str, Rows]], caption: st
     return f'<div class="table" tabindex="0">{inside}</div>'
 
 
-def image(alternative: str, caption: str, png: bytes, *, wide: bool = False, whole: bool = False) -> str:
-    """A picture inside the page; a wide one takes all of its width, on a narrow screen only if it is ``whole``."""
+def image(
+    alternative: str, caption: str, png: bytes, *, wide: bool = False, whole: bool = False, small: bool = False,
+    link: str = "",
+) -> str:  # fmt: skip
+    """A picture inside the page.
+
+    A wide one takes all of its width, on a narrow screen only if it is ``whole``; of small ones three stand side by
+    side. ``link`` is a file beside the page that the caption leads to.
+    """
     data = base64.b64encode(png).decode("ascii")
     picture = f'<img alt="{escape(alternative)}" src="data:image/png;base64,{data}">'
-    kind = f' class="wide{" whole" if whole else ""}"' if wide else ""
-    return f"<figure{kind}>{picture}<figcaption>{escape(caption)}</figcaption></figure>"
+    told = f'<a href="{escape(link)}">{escape(caption)}</a>' if link else escape(caption)
+    kind = ' class="small"' if small else ""
+    kind = f' class="wide{" whole" if whole else ""}"' if wide else kind
+    return f"<figure{kind}>{picture}<figcaption>{told}</figcaption></figure>"

@@ -210,6 +210,9 @@ class Stages:
             name, turned = self.tip_sensor
             measurement = dataclasses.replace(measurement, tip_force=tuple(turned.apply(arrived[name].force)))
         full: Any = first
+        if self.waits.switches:
+            told = tuple(arrived[name].closed for name in self.waits.switches)
+            measurement = dataclasses.replace(measurement, switches=told)
         return Readings(sensors=tuple(going), estimate=memory, reading=full, measurement=measurement)
 
     def decide(

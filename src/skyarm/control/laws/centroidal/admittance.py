@@ -23,7 +23,7 @@ from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.virtual_tip import AT_REST, Compliance, VirtualTip, moved_tip
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.interaction_records import SENSING
-from skyarm.control.laws.centroidal.tip_force import Trust, levers, tip_force, without
+from skyarm.control.laws.centroidal.tip_force import ForceErrors, levers, tip_force, without
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.files import shown
 from skyarm.records.units import Unit
@@ -38,7 +38,7 @@ class AdmittanceGains:
 
     tip: Compliance
     hearing: Hearing = Hearing()
-    trust: Trust = Trust()
+    errors: ForceErrors = ForceErrors()
     rest: Annotated[Scalar, Unit("s", "after a force, from which on a law learns loads, friction and lag")] = 0.5
     sensing: Annotated[Scalar, Unit("rad/s", "filter of a force sensor; 0 of a law that does without one")] = 0
 
@@ -82,7 +82,7 @@ def give_way(
         return memory, signals
     at = levers(vehicle, observed.quaternion.rotation(), observed.joints)
     d = disturbance(observed)
-    force = counted = tip_force(vehicle, gains.trust, at, without(d, memory.hearing.bias))
+    force = counted = tip_force(vehicle, gains.errors, at, without(d, memory.hearing.bias))
     felt = None
     if isinstance(memory.felt, Vec3) and isinstance(memory.hearing.felt, Vec3) and told:
         felt = memory.felt + (Vec3(*told) - memory.felt) * low_pass_share(gains.sensing, dt)
