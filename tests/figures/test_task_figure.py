@@ -20,12 +20,13 @@ from world_flights import touching
 
 def test_forces_are_those_of_the_log_beside_the_wanted_one() -> None:
     log = touching()
-    above, _ = task_figure(log).axes
+    figure = task_figure(log)
+    above, _ = figure.axes
     force, wanted = above.get_lines()
     np.testing.assert_array_equal(force.get_ydata(), log.contact_force.sum(axis=1))
     np.testing.assert_array_equal(wanted.get_ydata(), np.where(log.time >= 0.1, 1.0, 0.0))
     assert above.get_ylim()[0] == 0.0
-    words = {text.get_text() for text in task_figure(log).legends[0].get_texts()}
+    words = {text.get_text() for text in figure.legends[0].get_texts()}
     assert words == {"normal force", "wanted force", "tip"}
 
 
@@ -33,9 +34,10 @@ def test_what_is_gripped_without_a_touch_is_drawn_alone() -> None:
     log = touching()
     grip = np.stack([np.arange(log.time.size), np.ones(log.time.size)], axis=1)
     held = dataclasses.replace(log, contact_force=np.zeros_like(log.contact_force), gripper_force=grip)
-    first = task_figure(held).axes[0].get_lines()[0]
+    figure = task_figure(held)
+    first = figure.axes[0].get_lines()[0]
     np.testing.assert_array_equal(first.get_ydata(), grip.sum(axis=1))
-    words = {text.get_text() for text in task_figure(held).legends[0].get_texts()}
+    words = {text.get_text() for text in figure.legends[0].get_texts()}
     assert {"grip"} <= words
     assert "normal force" not in words
 
