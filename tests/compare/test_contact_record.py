@@ -12,9 +12,10 @@ from skyarm.compare.cells import Cell
 from skyarm.compare.comparison_tables import number
 from skyarm.compare.contact_page import contact_page
 from skyarm.compare.contact_record import HANDLE, SHOWN, cell_record, lacks
-from skyarm.compare.contact_suite import ContactSuite, replaced_contact, write_contact
+from skyarm.compare.contact_suite import SAID, ContactSuite, write_contact
 from skyarm.compare.contact_tables import contact_csv, contact_report, handle_rows
 from skyarm.compare.contact_tasks import TASKS
+from skyarm.compare.overwrites import replaced_suite
 
 GOOD = {
     "tilt_max": 0.2, "phases_done": 3.0, "contact_held": 0.95, "mechanism_furthest": 1.0, "tip_lowest": 0.7725,
@@ -115,7 +116,7 @@ def test_tables_page_and_files_tell_the_same(tmp_path):
     assert dict(zip(header.split(","), row.split(","), strict=True))["successes"] == "1"
     write_contact(found, tmp_path)
     assert json.loads((tmp_path / "contact.json").read_text()) == found
-    assert replaced_contact(tmp_path, ContactSuite(worlds=2)) == []
-    assert replaced_contact(tmp_path, ContactSuite(worlds=3, seed=1)) == ["worlds 2", "seed 0"]
+    assert replaced_suite(tmp_path / "contact.json", SAID, ContactSuite(worlds=2)) == []
+    assert replaced_suite(tmp_path / "contact.json", SAID, ContactSuite(worlds=3, seed=1)) == ["worlds 2", "seed 0"]
     (tmp_path / "contact.json").write_text("[")
-    assert replaced_contact(tmp_path, ContactSuite()) == []
+    assert replaced_suite(tmp_path / "contact.json", SAID, ContactSuite()) == []

@@ -25,6 +25,7 @@ from skyarm.compare.contact_record import METRICS
 from skyarm.compare.contact_tasks import FRICTION, TASKS
 from skyarm.compare.contact_worlds import CHANNEL, MOST_DISCARDED, NUMBERS, draw_worlds, kept
 from skyarm.compare.one_by_one import fly_single, numbers_of
+from skyarm.contact.material import Material
 from skyarm.metrics.windows import Windows
 from skyarm.scalars.philox import uniforms
 
@@ -169,3 +170,15 @@ def test_a_cell_equals_single_flights(task, law):
         for name in ("contact_error_mean", "object_last_x", "phases_done"):
             # single flights take the steps of their own world, the batch those of the hardest
             assert float(cell.metrics[name][k]) == pytest.approx(found[name], abs=0.02, nan_ok=True), name
+
+
+def test_the_stiffest_world_takes_the_steps_of_the_one_that_needs_the_shortest():
+    """Of this seed the hardest wall is smooth and another, rougher one asks for shorter steps."""
+    case = next(each for each in contact_flights((FLAGSHIP,), ("press_and_hold",), 200, seed=7))
+    values = case.values(case.scenario())
+    at = "world.surfaces.wall.material"
+    material = {name: values[f"{at}.{name}"] for name in ("stiffness", "friction")}
+    steps = [Material(stiffness=k, friction=mu).largest_step for k, mu in zip(*material.values(), strict=True)]
+    taken = Material(**{name: case.stiffest(values)[f"{at}.{name}"] for name in material})
+    assert taken.largest_step == pytest.approx(min(steps), rel=1e-12)
+    assert np.argmin(steps) != np.argmax(material["stiffness"])

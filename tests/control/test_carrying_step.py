@@ -63,6 +63,29 @@ def test_what_is_left_of_a_contact_is_no_bias_and_hinders_no_mass():
     assert after(0.55, 0.0).bias.force.z == pytest.approx(-0.981 * (1.0 - np.exp(-0.5 * DT)))
 
 
+def test_what_a_support_bears_of_a_load_is_answered_as_if_nobody_had_observed_it():
+    """The load is believed to be 100 g; 400 g of upward force less than nothing is what it lies on."""
+    still, instant, joints = (0.0, 0.0), 1e-9, (0.4, -1.1)
+    reading = dataclasses.replace(blank_measurement(2, 4), joints=joints)
+    reference = Reference(joints=joints, joint_rates=still, joint_accelerations=still, load=(1.0,))
+    held, at = dataclasses.replace(LAW.memory.load, mass=0.1), levers(ARM, Mat3.identity(), joints)
+
+    def period(newton):
+        """Efforts, and the rate of the force that the posture follows; rotors' lags have no time in an instant."""
+        d = at.disturbance(Vec3(0.0, 0.0, newton))
+        observed = dataclasses.replace(
+            LAW.memory.observed, joints=joints, force=d.force, torque=d.torque, efforts=d.efforts
+        )
+        memory = dataclasses.replace(LAW.memory, started=1.0, load=held, observed=observed)
+        after, command = LAW.law(memory, reading, reference, instant, par=LAW.par)
+        return np.array([*command.efforts, after.slow_force.z / instant])
+
+    pushed, rests, free = (period(9.81 * kilogram) for kilogram in (0.5, 0.1, 0.0))
+    assert pushed == pytest.approx(rests, rel=1e-5)
+    assert np.abs(rests - free)[:2].max() > 0.05  # a load that is lighter than the model has it is answered
+    assert rests[2] == pytest.approx(LAW.par.tip.shift_rate * 0.981, rel=1e-3)
+
+
 def test_the_weight_of_a_known_load_is_no_push_on_a_surface():
     model, still = Model(vehicle=ARM, gravity=9.81), (0.0, 0.0)
     law = make_centroidal(model, mode="tip", interaction=(0.3, 0.1), force_sensor=True, load=0.3)
@@ -109,7 +132,7 @@ def test_a_tip_that_still_goes_in_touches_again_70_ms_after_the_loss():
     gains, dt = InteractionGains(touch=0.3, lost=0.1, sensing=60.0), 0.001
     nothing = Disturbance(force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0), efforts=(0.0, 0.0))
     wish, there = wanted_of((1.0, 0.1, -1.0, 0.0, 0.0)), Vec3(-0.8, 0.0, 0.0)
-    now = dataclasses.replace(first_interaction(2, sensor=True), touching=1.0, share=1.0, doubt=0.999)
+    now = dataclasses.replace(first_interaction(2, sensor=True), touching=1.0, share=1.0, losing=0.999)
     touching = []
     for _ in range(90):
         now, _ = interaction.interact(gains, now, wish, ARM, nothing, AT, 0.2, 0.0, dt, there)

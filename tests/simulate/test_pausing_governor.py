@@ -98,6 +98,7 @@ def test_what_the_law_is_told_are_derivatives_by_the_flight_s_time(scenario, sta
     # published in each period, so that neighbours can be compared
     paces = Paces(dataclasses.replace(scenario, rates=dataclasses.replace(scenario.rates, reference=200)))
     first = paces.first()
+    assert first.held == paces.begun_at(7.0).held == ()  # nothing is held, and nothing of it kept
     told = [paces.told(dataclasses.replace(first, now=state), 0.0) for state in states]
     for low, high, scale in (
         ("position", "velocity", 0.01),
@@ -139,6 +140,18 @@ def test_along_the_normal_of_a_push_nothing_is_waited_for(scenario):
                          ((1.0, 0.1, 0.0, 1.0, 0.0), True)):  # fmt: skip
         after = paces.following(clock, 0.0, measurement, dataclasses.replace(told, push=push), idle)
         assert (after.now.jerk < 0.0) is slower
+
+
+def test_the_law_is_told_the_pace_of_the_last_period_in_which_the_reference_was_published(scenario):
+    paces = Paces(dataclasses.replace(scenario, pause=PathPause(error=0.05)))
+    far = dataclasses.replace(blank_measurement(2, 4), position=Vec3(0.4, 0.0, 0.0))
+    told, idle = hover((0.0, 0.0, 0.0), joints=(0.0, 0.0)).at(0.0), Command(rotor_speeds=(0.0,) * 4, efforts=(0.0,) * 2)
+    clock, paced = paces.first(), []
+    for k in range(10):
+        paced.append(clock.now)
+        assert paces.held(clock, float(k)) == paced[k - k % 4]
+        clock = paces.following(clock, float(k), far, told, idle)
+    assert paced[9].rate < paced[8].rate < paced[4].rate
 
 
 def test_a_slow_loop_keeps_the_rate_between_none_and_one(scenario):

@@ -61,10 +61,19 @@ class ContactFlights(Flights):
         return min(self.one_by_one, every) if self.alone(scenario) else every
 
     def stiffest(self, values: Mapping[str, Array]) -> dict[str, float]:
-        """The hardest surface and the lightest object: both ask for short steps."""
+        """The hardest surface, the stiffest friction and the lightest object: all ask for short steps.
+
+        Stiffness k and friction mu ask by k and by k mu. With the largest k, the mu that makes the largest k mu of any
+        world asks for the shortest step of all worlds, and for none that is shorter.
+        """
         found = super().stiffest(values)
         for path, column in values.items():
-            if re.fullmatch(r".*\.material\.stiffness|world\.grippers\.\w+\.stiffness", path):
+            if path.endswith(".material.stiffness"):
+                hardest = found[path] = float(column.max())
+                rough = path.removesuffix("stiffness") + "friction"
+                if rough in values:
+                    found[rough] = float((column * values[rough]).max()) / hardest
+            if re.fullmatch(r"world\.grippers\.\w+\.stiffness", path):
                 found[path] = float(column.max())
             if re.fullmatch(r"world\.objects\.\w+\.mass", path):
                 found[path] = float(column.min())

@@ -124,12 +124,3 @@ def _pictures(found: Mapping[str, Any], folder: Path) -> dict[str, bytes]:
 
 SAID = ("worlds", "seed", "plant")
 """What a suite and its record have in common."""
-
-
-def replaced_contact(folder: Path, suite: ContactSuite) -> list[str]:
-    """What the suite that a folder holds was flown with and this one is not, one piece of words each."""
-    try:
-        stored = json.loads((folder / "contact.json").read_bytes())
-        return [f"{name} {stored[name]}" for name in SAID if stored[name] != getattr(suite, name)]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
-        return []

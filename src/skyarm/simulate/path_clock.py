@@ -43,7 +43,7 @@ class PathClock:
 
     Attributes:
         place: of the reference, now. held: of the sample that is held; () where each period publishes one.
-        guard: number of the guard that comes next. waited: at its end. calm: for which it has held.
+        guard: number of the guard that comes next. waited: at its end. reached: for which it has held.
         origin: m, world axes, the tip where the phase began. failed: 1 once a phase has failed that must not.
         offset: m, of the reference since a phase ended early while it moved. since: place from which on.
         held_offset, held_since: those of the sample that is held.
@@ -53,7 +53,7 @@ class PathClock:
     held: Scalar | tuple[()]
     guard: Scalar
     waited: Scalar
-    calm: Scalar
+    reached: Scalar
     origin: Vec3 | tuple[()]
     failed: Scalar
     offset: Vec3 | tuple[()]
@@ -119,7 +119,7 @@ class Waits:
             held=() if self._ratio == 1 else 0.0,
             guard=0.0,
             waited=0.0,
-            calm=0.0,
+            reached=0.0,
             origin=zero if self._measures else (),
             failed=0.0,
             offset=zero if self._moves else (),
@@ -223,8 +223,8 @@ class Waits:
         if self._moves:
             early = self._chosen(n, [1.0 if guard.early else 0.0 for guard in self.guards], 0.0) > 0.5
             looks = logical_or(there, logical_and(early, logical_not(fresh)))
-        calm = where(logical_and(looks, self._holds(n, seen, origin)), clock.calm + 1.0, 0.0)
-        enough = calm > self._chosen(n, [guard.hold * self._rate for guard in self.guards]) + (1.0 - 1e-6)
+        reached = where(logical_and(looks, self._holds(n, seen, origin)), clock.reached + 1.0, 0.0)
+        enough = reached > self._chosen(n, [guard.hold * self._rate for guard in self.guards]) + (1.0 - 1e-6)
         late = logical_and(
             there, clock.waited >= self._chosen(n, [guard.timeout * self._rate for guard in self.guards]) - 1e-6
         )
@@ -238,7 +238,7 @@ class Waits:
             **self._held(clock, ticks),
             guard=number,
             waited=where(passed, 0.0, where(there, clock.waited + 1.0, 0.0)),
-            calm=where(passed, 0.0, calm),
+            reached=where(passed, 0.0, reached),
             origin=_either(passed, seen.tip, origin) if self._measures else origin,
             failed=where(failed, 1.0, clock.failed),
             **self._skipped(clock, enough, end),
