@@ -160,6 +160,12 @@ def test_lift_carry_grasp_and_release():
     np.testing.assert_allclose(place_at(trajectory, 100.0), [0.5, 0.0, 1.1], atol=1e-12)
 
 
+def test_a_payload_is_left_along_the_way_of_the_approach():
+    there, approach = [1.0, 0.2, 0.6], [0.05, -0.03, 0.2]
+    trajectory, _ = read({"kind": "pick", "payload": "box", "position": there, "approach": approach, "dwell": 0.4})
+    np.testing.assert_allclose(place_at(trajectory, 100.0), np.add(there, approach), atol=1e-12)
+
+
 GUARD = {"kind": "hold", "duration": 1.0}
 
 
