@@ -32,7 +32,6 @@ try:
 except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
     raise missing_extra("jax") from error
 
-# ruff: noqa: E402  these need the library
 from skyarm.compile.jax.jax_operations import evaluate
 from skyarm.compile.jax.jax_random import uniforms
 from skyarm.env.jax_params import drawn, params_of, require_params
@@ -103,7 +102,8 @@ class JaxEnvironment:
         """Begin episode 0 of a key.
 
         Args:
-            key: of ``jax.random``. params: as :attr:`default_params`.
+            key: of ``jax.random``.
+            params: as :attr:`default_params`.
 
         Returns:
             observation (observation_size,), state.
@@ -116,7 +116,10 @@ class JaxEnvironment:
         """Fly one control period; where the episode is over, begin its lane's next one.
 
         Args:
-            key: not used. state: as the last call gave it. action: (action_size,) in [-1, 1]. params: as of the reset.
+            key: not used.
+            state: as the last call gave it.
+            action: (action_size,) in [-1, 1].
+            params: as of the reset.
 
         Returns:
             observation (that of the next episode where this one is over), state, reward, done, info: ``terminated``,
@@ -128,7 +131,7 @@ class JaxEnvironment:
         return lax.select(done, fresh, observed), following, reward, done, {**info, "final_obs": observed}
 
     def step_env(self, key: Any, state: JaxState, action: Any, params: Any) -> tuple[Any, JaxState, Any, Any, Info]:
-        """Fly one control period, as :meth:`step` does, and begin nothing: what flies on after its end means nothing."""
+        """Fly one control period, as :meth:`step` does, and begin nothing; flying on after an end means nothing."""
         del key
         require_params(params, self.paths)
         given = jnp.asarray(action, self.dtype)
