@@ -22,7 +22,7 @@ def box(name, side, mass, x, z, **numbers):
 
 
 LOWER = box("lower", 0.2, 0.3, 0.0, 0.03)
-UPPER = box("upper", 0.06, 0.15, 0.02, 0.085, com=Vec3(0.004, 0.002, 0.0))
+UPPER = box("upper", 0.06, 0.15, 0.02, 0.085, com=Vec3(0.004, 0.002, 0.0), angles=Vec3(0.0, 0.0, 0.4))
 ALONE = box("alone", 0.1, 0.2, 3.0, 0.03)
 
 
