@@ -12,8 +12,8 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.laws.centroidal import interaction, make_centroidal
 from skyarm.control.laws.centroidal.carrying_step import carry
-from skyarm.control.laws.centroidal.interaction import Pressing
 from skyarm.control.laws.centroidal.interaction_records import InteractionGains, first_interaction, wanted_of
+from skyarm.control.laws.centroidal.pressing import Pressing
 from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose
@@ -29,7 +29,7 @@ PULLED = AT.disturbance(Vec3(0.0, 0.0, -0.981))
 
 def pressing(**changes):
     held = {"n": Vec3(-1.0, 0.0, 0.0), "share": 0.0, "damping": 20.0, "engaged": 0.0, "shift": (0.0, 0.0, 0.0)}
-    return Pressing(**held | {"order": 0.0, "force": Vec3(0.0, 0.0, 0.0), "kept": 1.0} | changes)
+    return Pressing(**held | {"order": 0.0, "beyond": 0.0, "force": Vec3(0.0, 0.0, 0.0), "kept": 1.0} | changes)
 
 
 def mass(told=1.0, on=None, **memory):
@@ -45,6 +45,14 @@ def test_a_load_is_learned_while_it_is_told_to_be_held_and_no_surface_is_touched
     assert mass(told=0.4) == 0.0
     for on in (pressing(engaged=1.0), pressing(asked=True)):
         assert mass(on=on) == 0.0
+
+
+def test_a_load_is_learned_as_fast_as_the_slower_observer_lets_it():
+    for force, joints in ((27.0, 60.0), (60.0, 27.0), (27.0, 27.0)):
+        observer = dataclasses.replace(LAW.par.observer, force=force, joints=joints)
+        par = dataclasses.replace(LAW.par, observer=observer)
+        found, _ = carry(par, LAW.memory, LAW.memory.load, 1.0, LAW.memory.observed, PULLED, None, DT)
+        assert found.mass == pytest.approx(0.1 * (1.0 - np.exp(-1.5 * 27.0 * DT)), rel=0.05)
 
 
 def test_nothing_is_learned_at_a_limit_and_of_a_command_that_others_changed():
@@ -132,7 +140,7 @@ def test_a_tip_that_still_goes_in_touches_again_70_ms_after_the_loss():
     gains, dt = InteractionGains(touch=0.3, lost=0.1, sensing=60.0), 0.001
     nothing = Disturbance(force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0), efforts=(0.0, 0.0))
     wish, there = wanted_of((1.0, 0.1, -1.0, 0.0, 0.0)), Vec3(-0.8, 0.0, 0.0)
-    now = dataclasses.replace(first_interaction(2, sensor=True), touching=1.0, share=1.0, losing=0.999)
+    now = dataclasses.replace(first_interaction(2, sensor=True), touching=1.0, share=1.0, found=1.0, losing=0.999)
     touching = []
     for _ in range(90):
         now, _ = interaction.interact(gains, now, wish, ARM, nothing, AT, 0.2, 0.0, dt, there)

@@ -109,6 +109,8 @@ def cell_record(task: Task, cell: Cell, weight: float, phases: int, delays: Arra
         values = cell.metrics[metric][cell.completed]
         inside = np.abs(values[np.isfinite(values)])
         found[name] = float(np.median(inside)) if inside.size else None
+    if not phases:  # the plan says when it is over
+        found["time"] = None
     return found | _handle(cell)
 
 

@@ -25,6 +25,9 @@ def details(summary: str, content: str) -> str:
     return f"<details><summary>{escape(summary)}</summary>{content}</details>"
 
 
+FEW = 3
+"""Columns up to which a table takes no more room than it needs."""
+
 Rows = Iterable[Iterable[str]]
 
 MANY = 9
@@ -58,7 +61,7 @@ def grouped(head: Iterable[str], groups: Iterable[tuple[str, Rows]], caption: st
             lines.append(f'<tr><th scope="row">{escape(first)}</th>{cells}</tr>')
         bodies.append(f"<tbody>{''.join(lines)}</tbody>")
     above = f"<caption>{escape(caption)}</caption>" if caption else ""
-    size = ' class="many"' if len(names) > MANY else ""
+    size = ' class="many"' if len(names) > MANY else ' class="few"' if len(names) <= FEW else ""
     inside = f"<table{size}>{above}<thead><tr>{top}</tr></thead>{''.join(bodies)}</table>"
     # the box scrolls sideways, the page does not: who has no pointer scrolls it with the keys
     return f'<div class="table" tabindex="0">{inside}</div>'
