@@ -1,4 +1,4 @@
-"""PPO in one file: a residual on the paper's law, learned in wind and on wrong plants, flown beside it and the flagship.
+"""PPO in one file: a residual on the paper's law, learned in wind and flown on wrong plants beside it and the flagship.
 
     python examples/ppo_residual.py                    # learns (seed 0), and flies the policy on 200 wrong plants
     python examples/ppo_residual.py --plot curve.png   # the same for five seeds, with a figure

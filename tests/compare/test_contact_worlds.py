@@ -16,6 +16,7 @@ from skyarm.compare.contact_laws import (
     FLAGSHIP,
     LOAD,
     MOTION,
+    RIVALS,
     as_positions,
     document_of,
     flies_its_own,
@@ -26,8 +27,10 @@ from skyarm.compare.contact_tasks import FRICTION, TASKS
 from skyarm.compare.contact_worlds import CHANNEL, MOST_DISCARDED, NUMBERS, draw_worlds, kept
 from skyarm.compare.one_by_one import fly_single, numbers_of
 from skyarm.contact.material import Material
+from skyarm.control.catalogue import make_controller
 from skyarm.metrics.windows import Windows
 from skyarm.scalars.philox import uniforms
+from skyarm.scenario.law_by_name import controller_by_name
 
 COUNT = 60
 
@@ -141,6 +144,16 @@ def test_every_law_meets_the_same_worlds():
     other = worlds_of("press_and_hold", 5, 1).values
     assert other.keys() == first.values.keys()
     assert not np.array_equal(other["delays.command"], first.values["delays.command"])
+
+
+def test_rivals_that_press_fly_the_task_as_it_is_shipped_with_tuned_gains():
+    own = shipped("press_and_hold")
+    for law in RIVALS:
+        found = scenario_of(TASKS["press_and_hold"], law, noisy=False)
+        assert found.controller.name == law
+        assert found.controller == controller_by_name(found, f"{law}_tuned")
+        assert found.controller.par.gains != make_controller(law, found.controller.par.model).par.gains
+        assert found.trajectory == own.trajectory
 
 
 def test_a_law_of_positions_is_led_behind_the_surface_and_waits_for_no_force():

@@ -12,8 +12,8 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.laws.centroidal import interaction, make_centroidal
 from skyarm.control.laws.centroidal.carrying_step import carry
-from skyarm.control.laws.centroidal.interaction import Pressing
 from skyarm.control.laws.centroidal.interaction_records import InteractionGains, first_interaction, wanted_of
+from skyarm.control.laws.centroidal.pressing import Pressing
 from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose
@@ -29,7 +29,7 @@ PULLED = AT.disturbance(Vec3(0.0, 0.0, -0.981))
 
 def pressing(**changes):
     held = {"n": Vec3(-1.0, 0.0, 0.0), "share": 0.0, "damping": 20.0, "engaged": 0.0, "shift": (0.0, 0.0, 0.0)}
-    return Pressing(**held | {"order": 0.0, "force": Vec3(0.0, 0.0, 0.0), "kept": 1.0} | changes)
+    return Pressing(**held | {"order": 0.0, "beyond": 0.0, "force": Vec3(0.0, 0.0, 0.0), "kept": 1.0} | changes)
 
 
 def mass(told=1.0, on=None, **memory):
@@ -132,7 +132,7 @@ def test_a_tip_that_still_goes_in_touches_again_70_ms_after_the_loss():
     gains, dt = InteractionGains(touch=0.3, lost=0.1, sensing=60.0), 0.001
     nothing = Disturbance(force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0), efforts=(0.0, 0.0))
     wish, there = wanted_of((1.0, 0.1, -1.0, 0.0, 0.0)), Vec3(-0.8, 0.0, 0.0)
-    now = dataclasses.replace(first_interaction(2, sensor=True), touching=1.0, share=1.0, losing=0.999)
+    now = dataclasses.replace(first_interaction(2, sensor=True), touching=1.0, share=1.0, found=1.0, losing=0.999)
     touching = []
     for _ in range(90):
         now, _ = interaction.interact(gains, now, wish, ARM, nothing, AT, 0.2, 0.0, dt, there)

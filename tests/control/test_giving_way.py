@@ -14,14 +14,19 @@ from scipy.linalg import expm
 import skyarm
 from c_compiler import needs_cc
 from exported_law import Loaded
-from skyarm.algebra import Vec3
+from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.blocks.observed_push import observed_push
+from skyarm.control.blocks.virtual_tip import AT_REST, moved_tip
 from skyarm.control.laws.centroidal import make_centroidal
+from skyarm.control.laws.centroidal.admittance import give_way, known_rate, unmoved
+from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.control.model import Model
+from skyarm.dynamics.kinematics import frame_pose
 from skyarm.onboard.export_c import export_c
 from skyarm.records.plain import plain
 from skyarm.records.restore import restore
 from skyarm.reference import Reference
+from skyarm.scalars.taylor import Taylor
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.sensors.measurement import blank_measurement
@@ -47,6 +52,7 @@ DOCUMENT: dict[str, Any] = {
         ]
     },
 }
+JOINTS = (-0.45, -0.9)
 STIFFNESS = "controller.admittance.tip.stiffness.0"
 
 
@@ -228,6 +234,8 @@ def test_a_law_that_gives_way_is_kept_and_told_of(scenario):
     assert restore(plain(par)) == par
     assert "giving way to forces" in par.choices()
     assert par.admittance.tip.lead == pytest.approx(2.0 / 34.0)
+    late = make_centroidal(par.model, mode="tip", admittance=SOFT, delay=0.01)
+    assert late.par.admittance.tip.lead == pytest.approx(2.0 / 34.0 + 0.01)
     assert observed_push(scenario.controller.memory) == Vec3(0.0, 0.0, 0.0)
 
 
@@ -236,8 +244,90 @@ def test_what_does_not_give_way_has_nothing_of_it(scenario):
     assert (plain_law.par.admittance, plain_law.memory.admittance) == (None, ())
 
 
+def observed_at(law, force):
+    """What the observer holds of a force at the tip, N, world axes, at the posture of the flights."""
+    quaternion = Quaternion(math.cos(0.2), 0.0, 0.0, math.sin(0.2))
+    at = levers(law.par.model.vehicle, quaternion.rotation(), JOINTS)
+    d = at.disturbance(Vec3(*force))
+    return at, dataclasses.replace(
+        law.memory.observed,
+        quaternion=quaternion,
+        joints=JOINTS,
+        force=d.force,
+        torque=d.torque,
+        efforts=tuple(float(each) for each in d.efforts),
+    )
+
+
+def gave_way(law, force, told=(), **hearing):
+    """One period of giving way after the first seconds: memory, and the reference's three signals."""
+    first = law.memory.admittance
+    first = dataclasses.replace(first, hearing=dataclasses.replace(first.hearing, age=2.0, **hearing))
+    at, observed = observed_at(law, force)
+    rest = [Taylor((1.0, 2.0, 3.0, 0.0, 0.0))] * 6
+    memory, signals = give_way(law.par.admittance, first, law.par.model.vehicle, observed, rest, told, 0.005)
+    assert signals[3:] == rest[3:]
+    return at, memory, signals[:3]
+
+
+def test_the_force_is_that_of_the_tip_and_moves_the_reference_with_two_derivatives(scenario):
+    law = make_centroidal(scenario.controller.par.model, mode="tip", admittance=SOFT)
+    _, memory, signals = gave_way(law, (0.5, -0.3, 0.2))
+    assert [*memory.force] == pytest.approx([0.5, -0.3, 0.2])
+    tip, (place, velocity, acceleration) = moved_tip(law.par.admittance.tip, AT_REST, Vec3(0.5, -0.3, 0.2), 0.005)
+    assert [*memory.tip.rate] == pytest.approx([*tip.rate])
+    for signal, p, v, a in zip(signals, place, velocity, acceleration, strict=True):
+        assert [signal.derivative(k) for k in range(3)] == pytest.approx([1.0 + p, 2.0 + v, 6.0 + a])
+    # what is bias pushes nothing
+    at, _ = observed_at(law, (0.0, 0.0, 0.0))
+    bias = at.disturbance(Vec3(0.4, -0.3, 0.2))
+    assert [*gave_way(law, (0.5, -0.3, 0.2), bias=bias)[1].force] == pytest.approx([0.1, 0.0, 0.0], abs=1e-9)
+
+
+def test_a_sensor_is_heard_in_the_axes_of_the_tip_without_its_bias(scenario):
+    law = make_centroidal(scenario.controller.par.model, mode="tip", admittance=SOFT, force_sensor=True)
+    vehicle, told, bias = law.par.model.vehicle, np.array([-2.0, 0.5, 4.0]), np.array([0.1, -0.2, 0.0])
+    at, memory, _ = gave_way(law, (0.0, 0.0, 0.0), tuple(told), felt=Vec3(*bias))
+    turned = np.array([[*row] for row in (at.R @ frame_pose(vehicle, vehicle.frame(), JOINTS).R).rows])
+    share = 1.0 - math.exp(-60.0 * 0.005)
+    assert [*memory.force] == pytest.approx(turned @ (share * told - bias))
+    assert law.par.admittance.tip.lead == pytest.approx(1.0 / 60.0)
+    assert memory.hearing.heard == 1.0
+
+
+def test_nothing_is_learned_and_nothing_foretold_while_a_force_is_heard(scenario):
+    law = make_centroidal(scenario.controller.par.model, mode="tip", admittance=SOFT)
+    heard, quiet = gave_way(law, (0.5, 0.0, 0.0))[1], gave_way(law, (0.0, 0.0, 0.0), quiet=0.6)[1]
+    late = gave_way(law, (0.0, 0.0, 0.0), quiet=0.4)[1]
+    rate = Vec3(1.0, 2.0, 3.0)
+    assert [unmoved(law.par.admittance, m, (1.0, 0.0, 1.0)) for m in (heard, late, quiet)] == [
+        (0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0),
+        (1.0, 0.0, 1.0),
+    ]
+    assert ([*known_rate(heard, rate)], [*known_rate(quiet, rate)]) == ([0.0, 0.0, 0.0], [1.0, 2.0, 3.0])
+    assert (unmoved(None, (), (1.0,)), known_rate((), rate)) == ((1.0,), rate)
+
+
+@pytest.mark.parametrize("heard", [0.0, 1.0])
+def test_a_trend_of_a_force_that_is_heard_moves_nothing(scenario, heard):
+    law = make_centroidal(scenario.controller.par.model, mode="tip", preset="adaptive", admittance=SOFT)
+    first = law.memory.admittance
+    first = dataclasses.replace(first, hearing=dataclasses.replace(first.hearing, age=2.0, heard=heard))
+    seen = dataclasses.replace(blank_measurement(2, 4), joints=JOINTS)
+    still = dict.fromkeys(("joint_rates", "joint_accelerations"), (0.0, 0.0))
+    reference, commands = Reference(joints=JOINTS, **still).dense(), []
+    for slope in (0.0, 2.0):
+        trend = dataclasses.replace(law.memory.following.trend, rate=Vec3(slope, 0.0, 0.0), agreement=50.0, size=50.0)
+        following = dataclasses.replace(law.memory.following, trend=trend)
+        memory = dataclasses.replace(law.memory, started=1.0, following=following, admittance=first)
+        commands.append(law.law(memory, seen, reference, 0.005, par=law.par)[1])
+    assert (commands[0] == commands[1]) is (heard > 0.5)
+
+
 @needs_cc
-@pytest.mark.parametrize("sensor", [True, pytest.param(False, marks=pytest.mark.thorough)])
+@pytest.mark.thorough
+@pytest.mark.parametrize("sensor", [True, False])
 def test_exported_c_gives_way_by_the_same_numbers(scenario, sensor, tmp_path):
     model = scenario.controller.par.model
     law = make_centroidal(model, mode="tip", admittance={**SOFT, "normal": [-1.0, 0.0, 1.0]}, force_sensor=sensor)

@@ -119,7 +119,7 @@ def stepped(wish, memory, pull):
 
 def test_a_tip_that_grips_touches_at_once_and_loses_nothing():
     memory = first_interaction(2)
-    for _ in range(120):
+    for _ in range(620):  # near a limit of the joints the integral is slow
         memory, pressing = stepped(wanted(0.0), memory, (0.3, 0.0, 0.0))
     assert (memory.touching, memory.losing, memory.share) == (1.0, 0.0, 1.0)
     assert pressing.asked
@@ -134,7 +134,7 @@ def test_a_tip_that_grips_touches_at_once_and_loses_nothing():
 
 
 def test_the_integral_of_a_grip_is_bounded_by_the_size_of_the_force():
-    found = [law.integrated(GAINS, 0.0, -2.0, a, 1.0, 1.0, 10.0, signed=True) for a in (10.0, -10.0)]
+    found = [law.integrated(GAINS, 0.0, -2.0, a, 1.0, 1.0, 0.0, 10.0, signed=True) for a in (10.0, -10.0)]
     assert found == pytest.approx([-1.3, 1.3])
 
 

@@ -13,8 +13,8 @@ from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import interaction as law
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.interaction import Pressing
 from skyarm.control.laws.centroidal.interaction_records import InteractionGains, first_interaction
+from skyarm.control.laws.centroidal.pressing import Pressing
 from skyarm.control.laws.centroidal.surface_normal import leaning, slid
 from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.control.laws.centroidal.tip_reference import Goal
@@ -50,7 +50,9 @@ def test_touch_has_a_hysteresis_and_is_lost_after_its_patience():
 
 
 def test_a_tip_that_goes_in_fast_for_three_periods_has_lost_the_surface():
-    there = dataclasses.replace(FREE, touching=1.0)
+    there = dataclasses.replace(FREE, touching=1.0, found=1.0)
+    bouncing = dataclasses.replace(there, found=0.5)  # the order was never there as a whole: it drives the tip back
+    assert all(touched([1.0] * 4, into=0.11, memory=bouncing))
     assert touched([1.0] * 4, into=0.11, memory=there) == [1.0, 1.0, 0.0, 0.0]  # what is left is no new touch
     for again in ({"memory": dataclasses.replace(FREE, free=0.051), "into": 0.11}, {"memory": FREE, "into": 0.09}):
         assert touched([1.0], **again) == [1.0]
@@ -72,11 +74,14 @@ def test_ramps_take_their_times_and_end_at_none_and_all():
 
 
 def test_the_integral_is_bounded_and_stands_still_but_at_the_full_force():
-    def step(integral, along, touching=1.0, share=1.0):
-        return law.integrated(GAINS, integral, 2.0, along, touching, share, DT)
+    def step(integral, along, touching=1.0, share=1.0, worn=0.0):
+        return law.integrated(GAINS, integral, 2.0, along, touching, share, worn, DT)
 
     assert step(0.1, 1.5) == pytest.approx(0.1 + 4.0 * 0.5 * DT)
     assert step(0.1, 1.5, share=0.99) == 0.1
+    assert step(0.1, 1.5, worn=1.0) == 0.1  # nothing is left that could give more
+    assert step(0.1, 1.5, worn=0.25) == pytest.approx(0.1 + 0.75 * 4.0 * 0.5 * DT)
+    assert step(0.1, 2.5, worn=1.0) == pytest.approx(0.1 - 4.0 * 0.5 * DT)
     assert step(0.1, 1.5, touching=0.0) == 0.0
     assert step(1.3, -10.0) == pytest.approx(1.3)  # half of the wanted force and 0.3 N
     assert step(-1.3, 10.0) == pytest.approx(-1.3)
@@ -137,7 +142,7 @@ def test_what_no_contact_is_is_learned_in_free_flight_and_of_the_base_in_contact
 
 def pressing(**changes):
     held = {"n": Vec3(-1.0, 0.0, 0.0), "share": 1.0, "damping": 20.0, "engaged": 1.0, "shift": (0.1, 0.2, 0.3)}
-    return Pressing(**{**held, "order": 2.0, "force": Vec3(-1.5, 0.0, 0.4), "kept": 1.0, **changes})
+    return Pressing(**{**held, "order": 2.0, "beyond": 0.0, "force": Vec3(-1.5, 0.0, 0.4), "kept": 1.0, **changes})
 
 
 def test_the_wanted_force_stands_in_place_of_the_observed_one_along_the_normal():
@@ -151,6 +156,11 @@ def test_the_wanted_force_stands_in_place_of_the_observed_one_along_the_normal()
             [*given.force, *given.torque, *given.efforts], [*expected.force, *expected.torque, *expected.efforts]
         )
     assert pressing(engaged=0.0).exchanged(held, at, at) == held
+    given, ordered = (pressing(beyond=b).exchanged(held, at, at) for b in (0.3, 0.0))
+    more = at.disturbance(Vec3(-0.3, 0.0, 0.0))
+    assert given.efforts == ordered.efforts  # joints yield to an impact, the base carries it
+    assert np.allclose(given.force - ordered.force, more.force)
+    assert np.allclose(given.torque - ordered.torque, more.torque)
 
 
 def test_the_tip_keeps_its_goal_across_and_is_only_damped_along_the_normal():

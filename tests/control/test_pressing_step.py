@@ -32,7 +32,7 @@ DT, JOINTS, ZERO = 0.005, (-0.45, -0.9), Vec3(0.0, 0.0, 0.0)
 ARM = skyarm.load_vehicle("hummingbird_arm2_rotors")
 MODEL = Model(vehicle=ARM, gravity=9.8)
 GAINS = InteractionGains(touch=0.3, lost=0.1)
-HELD = dataclasses.replace(first_interaction(2), touching=1.0, share=1.0, integral=0.1)
+HELD = dataclasses.replace(first_interaction(2), touching=1.0, found=1.0, share=1.0, integral=0.1)
 PUSH = (2.0, 0.1, -1.0, 0.0, 0.0)
 AT = levers(ARM, Mat3.identity(), JOINTS)
 

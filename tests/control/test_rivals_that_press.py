@@ -13,10 +13,10 @@ from skyarm.algebra import Vec3
 from skyarm.control.catalogue import make_controller
 from skyarm.control.catalogue.tuned_gains import rescale
 from skyarm.control.controller import ControllerError, presses
-from skyarm.control.laws.centroidal.interaction import Pressing
+from skyarm.control.laws.centroidal.pressing import Pressing
 from skyarm.control.laws.pressing.admittance_pd import yielded
 from skyarm.control.laws.pressing.hybrid_ct import freed, level_tip, pressed
-from skyarm.control.laws.pressing.tip_observer import Touch, listen
+from skyarm.control.laws.pressing.tip_observer import Touch, listen, moved
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.scalars.fold import data
@@ -117,6 +117,21 @@ def test_the_tip_that_goes_into_the_surface_and_the_level_tip_are_those_of_kinem
     assert [*level_tip(vehicle, reference)] == pytest.approx(np.array([*reference.position]) + turned)
 
 
+def test_the_reference_moves_along_the_normal_and_the_gap_is_the_tips_way_from_it():
+    case, own = CASES[1], make_controller("hybrid_ct", FREE)
+    reference = dataclasses.replace(case.reference(), push=(1.0, 0.1, *N))
+    shifted = moved(reference, N, (0.2, -0.3, 0.5))
+    n = np.array([*N])
+    for word, way in (("position", 0.2), ("velocity", -0.3), ("acceleration", 0.5)):
+        assert np.subtract([*getattr(shifted, word)], [*getattr(reference, word)]) == pytest.approx(way * n)
+    seen = case.measurement()
+    touch = listen(own.memory, seen, reference, DT, own.par)[1]
+    following, _ = own.law(own.memory, seen, reference, DT, par=own.par)
+    goal = level_tip(FREE.vehicle, moved(reference, N, touch.pressing.shift))
+    tip = np.array([*(seen.position + touch.at.R.apply(touch.at.tip))])
+    assert following.interaction.gap == pytest.approx(n @ (tip - [*goal]))
+
+
 def driven(along, *, asked=True, seconds=2.0, shift=0.0, force=2.0):
     """The virtual mass under a constant observed force: place, velocity, acceleration at the end."""
     own = make_controller("admittance_pd", MODEL)
@@ -171,7 +186,7 @@ def test_a_vehicle_without_a_tip_is_refused(name):
 @pytest.mark.parametrize("name", ["admittance_pd", pytest.param("hybrid_ct", marks=pytest.mark.thorough)])
 def test_they_hold_the_wanted_force_of_the_shipped_task(name):
     scenario = skyarm.load_scenario("press_and_hold")
-    rival = dataclasses.replace(scenario, controller=controller_by_name(scenario, f"{name}_tuned"), duration=6.0)
+    rival = dataclasses.replace(scenario, controller=controller_by_name(scenario, f"{name}_tuned"), duration=5.0)
     log = skyarm.run(rival)
     force = log.contact_force[:, 0]
     met = log.time[np.argmax(force > 0.0)]

@@ -49,7 +49,10 @@ def test_the_lead_makes_up_for_a_force_that_is_heard_late(K):
     late = 0.06
     ahead = Compliance(mass=(1.0,) * 3, damping=(6.0,) * 3, stiffness=(K,) * 3, lead=late)
     heard = [(2.0 * (1.0 - np.exp(-(i + 0.5) * DT / late)), 0.0, 0.0) for i in range(200)]
-    found = pushed(ahead, heard)[:, 0, 0]
+    rows = pushed(ahead, heard)
+    found = rows[:, 0, 0]
+    force = np.array(heard)[:, 0]
+    assert rows[:, 2, 0] == pytest.approx(force - 6.0 * rows[:, 1, 0] - K * found, rel=1e-9), "the equation itself"
     wanted = [exact(1.0, 6.0, K, 2.0, (i + 1) * DT)[0] for i in range(200)]
     assert found == pytest.approx(wanted, abs=1e-3 * wanted[-1] + 1e-4)
 

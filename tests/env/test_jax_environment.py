@@ -82,7 +82,9 @@ def test_it_flies_what_the_native_one_flies_with_all_that_draws(arguments):
 
 @pytest.mark.thorough
 def test_many_are_lanes_of_the_vector_environment_and_a_scan_is_a_loop():
-    arguments = bare(actions="rates_and_thrust", precision="double", randomise={"initial.roll": {"uniform": [-1.0, 1.0]}})
+    arguments = bare(
+        actions="rates_and_thrust", precision="double", randomise={"initial.roll": {"uniform": [-1.0, 1.0]}}
+    )
     env, params = make_jax(**arguments)
     native = VectorEnvironment(3, autoreset_mode="SameStep", **arguments)
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (40, 3, env.action_size))

@@ -113,6 +113,10 @@ def test_reward_terms_are_what_they_say(planned):
     for name, wanted in expected.items():
         scaled = {"scale": 2.0} if "scale" in REWARDS[name].__dataclass_fields__ else {}
         assert float(REWARDS[name](**scaled).value(result)) == pytest.approx(wanted, abs=1e-12), name
+    for axis, wanted in (((1, 0, 0), np.cos(ROLL)), ((0, 1, 0), np.cos(ROLL)), ((0, 0, 1), 1.0)):
+        turned = (np.cos(ROLL / 2), *(np.sin(ROLL / 2) * each for each in axis))
+        posed = dataclasses.replace(result, state=dataclasses.replace(state, quaternion=skyarm.Quaternion(*turned)))
+        assert float(REWARDS["upright"]().value(posed)) == pytest.approx(wanted)
     going = dataclasses.replace(result, ended=0.0)
     assert (REWARDS["alive"]().value(going), REWARDS["lost"]().value(going)) == (1.0, 0.0)
 

@@ -95,12 +95,12 @@ def test_across_is_across_any_normal():
 def test_what_was_moved_is_told_where_the_flight_leaves_it():
     found = metrics_of(
         [
-            instant(k, 0.0, wanted=0.0, tool=Vec3(0.0, 0.0, z), objects=(float(k), 2.0, 3.0, 9.0, 9.0, 9.0),
+            instant(k, 0.0, wanted=0.0, tool=Vec3(0.0, 0.0, z), objects=(float(k), 5.0, 3.0, 9.0, 9.0, 9.0),
                     mechanisms=(turned, 7.0), phase=phase)
             for k, (z, turned, phase) in enumerate([(0.3, 0.1, 0.0), (0.2, 0.5, 1.0), (0.4, 0.2, 1.0)])
         ]
     )  # fmt: skip
-    assert [found[f"object_last_{axis}"] for axis in "xyz"] == [2.0, 2.0, 3.0]
+    assert [found[f"object_last_{axis}"] for axis in "xyz"] == [2.0, 5.0, 3.0]
     assert (found["mechanism_last"], found["mechanism_furthest"], found["tip_lowest"]) == (0.2, 0.5, 0.2)
     assert found["phases_time"] == pytest.approx(PERIOD), "the last phase began with the second instant"
 

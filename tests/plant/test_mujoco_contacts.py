@@ -15,7 +15,7 @@ from free_scenes import Scene
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves
 from skyarm.contact import Contact, ContactPoint, FreeObject, Gripper, Material, Mechanism, Surface
-from skyarm.contact.plant_contact import plant_contact
+from skyarm.contact.plant_contact import Felt, plant_contact
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.environment import Fault, SignalVector, TimedPayload
 from skyarm.plant.compiled import RigidBodyPlant
@@ -51,16 +51,17 @@ OBJECTS = (
     FreeObject(name="ball", shape="sphere", size=(0.03,), mass=0.05, position=Vec3(2.0, 0.0, 0.03),
                velocity=Vec3(0.0, 0.0, -0.1)),
     box("lower", 5.0, 0.0, 0.0399, side=0.08),
-    box("upper", 5.0, 0.0, 0.1098, com=Vec3(0.005, 0.0, 0.0)),
+    box("upper", 5.0, 0.0, 0.1098, com=Vec3(0.005, 0.0, 0.004)),
     FreeObject(name="can", shape="cylinder", size=(0.03, 0.1), mass=0.1, position=Vec3(0.0, 3.0, 0.55)),
     box("rider", 0.0, 5.0, 1.02995),
     box("load", -3.0, 0.0, 1.04),
 )  # fmt: skip
 
 
+SOFT = Surface(name="plate", shape="box", size=(0.2, 0.2, 0.02), material=Material(stiffness=1000.0))
 PLATE = Mechanism(
     name="scales", kind="slide", axis=(0.0, 0.0, 1.0), position=(-3.0, 0.0, 1.0), mass=0.05,
-    stiffness=200.0, damping=5.0, parts=(Surface(name="plate", shape="box", size=(0.2, 0.2, 0.02)),),
+    stiffness=200.0, damping=5.0, parts=(SOFT,),
 )  # fmt: skip
 
 
@@ -92,7 +93,7 @@ def test_what_stands_is_as_deep_as_its_weight_presses_it(scene):
 
 def test_a_stack_stands_and_a_can_on_a_table(scene):
     """The upper box rocks on the side where its centre of mass is, by less than 1 mm/s; the can stands on its rim."""
-    for name, height in (("lower", 0.04), ("upper", 0.11), ("can", 0.55)):
+    for name, height in (("lower", 0.04), ("upper", 0.114), ("can", 0.55)):
         places, speeds = scene[name]
         assert np.abs(speeds[-20:]).max() < 1e-3, name
         assert 0.0 < height - places[-1, 2] < 5e-4, name
@@ -101,13 +102,14 @@ def test_a_stack_stands_and_a_can_on_a_table(scene):
 def test_a_ball_leaves_as_fast_as_hunt_and_crossley_say(scene):
     """It touches with 0.1 m/s and leaves with 1 - 2/3 c v of that, c = 1 s/m."""
     _, speeds = scene["ball"]
-    assert speeds[:, 2].max() == pytest.approx(0.1 * (1.0 - 0.2 / 3.0), rel=0.02)
+    left = 0.1 * (1.0 - 0.2 / 3.0)
+    assert left < speeds[:, 2].max() < 1.02 * left, "a damper that does not pull takes a little less"
 
 
 def test_what_lies_on_a_mechanism_weighs_on_its_spring(scene):
-    """Box and plate, 150 g, on 200 N/m: by their weight below where the spring is slack."""
+    """Box and plate, 150 g, on 200 N/m: by their weight below where the spring is slack; 1000 N/m of the plate."""
     places, _ = scene["load"]
-    assert 1.04 - places[-1, 2] == pytest.approx(0.15 * GRAVITY / 200.0 + 0.1 * GRAVITY / (4.0 * K), rel=5e-3)
+    assert 1.04 - places[-1, 2] == pytest.approx(0.15 * GRAVITY / 200.0 + 0.1 * GRAVITY / 4000.0, rel=5e-3)
 
 
 def test_what_stands_on_a_surface_that_moves_goes_with_it(scene):
@@ -220,10 +222,31 @@ def test_a_mechanism_turns_by_its_own_inertia_and_inner_efforts():
     )
     contact = plant_contact(Contact(mechanisms=(lever,), points=POINTS))
     state = at_rest(BIRD, (0.0, 0.0, 9.0), (-0.45, -0.9))
-    _, found, _ = step(contact, state, seconds=0.157)
+    plant, found, _ = step(contact, state, seconds=0.157)
     angle, rate = found[len(flat(state)) :][:2]
     assert angle == pytest.approx(0.1 * math.cos(1.57), abs=1e-3)
     assert rate == pytest.approx(-1.0 * math.sin(1.57), rel=1e-2)
+    # of its farthest place, which moves in one of three directions
+    assert plant.model.body_invweight0[-1][0] == pytest.approx(float(lever.mobility) / 3.0, rel=1e-6)
+
+
+def test_what_was_felt_acts_on_sensors_and_stands_in_logs():
+    contact = plant_contact(Contact(surfaces=(WALL, PAD), points=POINTS))
+    felt = [
+        Felt(force=Vec3(1.0, i, 0.0), torque=Vec3(0.0, 0.1 * i, 2.0), normal=3.0 + i, friction=0.5 * i, depth=1e-3 * i)
+        for i in range(4)
+    ]
+    memory = dataclasses.replace(contact.start(0.005, ()), felt=tuple(felt))
+    motion = PointMotion(BIRD, at_rest(BIRD, (0.0, 0.0, 0.0), (-0.45, -0.9)))
+    assert list(contact.logged(memory, motion)) == [c for f in felt for c in (f.normal, f.friction, f.depth)]
+    on = {wrench.body: wrench for wrench in contact.wrenches(memory, 0.0, motion, ())}
+    skid, tip = on[-1], on[1]
+    assert [*tip.force_W] == [2.0, 2.0, 0.0]
+    assert [*tip.torque_W] == pytest.approx([0.0, 0.2, 4.0])
+    assert [*skid.force_W] == [2.0, 4.0, 0.0]
+    lever = np.cross([0.1, 0.05, -0.08], [2.0, 4.0, 0.0])
+    assert [*skid.torque_W] == pytest.approx(list(lever + np.array([0.0, 0.4, 4.0])))
+    assert not any(leaves(contact.without_touches(memory).felt))
 
 
 def test_a_grasp_is_ours_and_pulls_both_with_one_force():

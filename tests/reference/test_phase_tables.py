@@ -99,6 +99,15 @@ def test_a_spiral_stays_across_the_normal_with_its_pitch_and_pace():
     assert (guard.early, guard.fails, guard.at) == (True, True, end)
 
 
+@pytest.mark.parametrize("radius", [0.0065, 0.0071])
+def test_a_slide_begins_where_a_spiral_of_any_part_of_a_turn_ends(radius):
+    slide = {"kind": "slide", "position": [0.2, 0.05, 0.8], "duration": 2.0}
+    trajectory, _ = read(PRESS, SPIRAL | {"radius": radius}, slide)
+    end = trajectory.phases[1].end
+    np.testing.assert_allclose(place_at(trajectory, end + 1e-6), place_at(trajectory, end - 1e-6), atol=1e-9)
+    assert np.linalg.norm(place_at(trajectory, end) - START) == pytest.approx(radius)
+
+
 def test_a_turn_goes_about_its_axis_the_right_way():
     turn = {"kind": "turn", "center": [0.2, 0.3, 0.5], "axis": [0, 0, 2], "angle": math.pi / 2, "duration": 2.0}
     trajectory, _ = read(turn)

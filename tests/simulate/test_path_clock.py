@@ -245,6 +245,10 @@ def test_a_tip_goes_beside_its_plan_as_the_base_does():
         assert [*(moved.position - plan.position)] == pytest.approx([0.2 * left, -0.1 * left, 0.4 * left])
         assert np.subtract(moved.tip, plan.tip) == pytest.approx([*(moved.position - plan.position)])
         assert moved.joints == plan.joints
+    # what one phase has taken back stays so before, in and after the next that would
+    for time in (0.5, 0.7, 0.9):
+        back = offset_reference(plan, Vec3(0.2, -0.1, 0.4), ((0.2, 0.4), (0.6, 0.8)), 0.15, time)
+        assert back.tip == pytest.approx(plan.tip, abs=1e-12)
     assert offset_reference(dataclasses.replace(plan, tip=()), Vec3(0.2, 0.0, 0.0), (), 0.0, 0.1).tip == ()
 
 
@@ -312,6 +316,21 @@ def test_a_phase_that_has_just_begun_does_not_end_by_what_was_there_before(scena
     first, second = (waits.following(dataclasses.replace(waits.first(), place=p), p, pressed) for p in (10.0, 11.0))
     assert (first.place, first.guard, first.reached) == (11.0, 0.0, 0.0)
     assert (second.place, second.guard) == (21.0, 1.0)
+
+
+@pytest.mark.parametrize("periods", [1, 7, 14, 55])
+def test_a_timeout_or_a_hold_of_whole_periods_lasts_so_many(scenario, periods):
+    """Of 0.035 s, 7 periods of 5 ms, rounding would make a little more."""
+    seconds, tip = periods / RATE, Vec3(0.1, 0.0, 1.0)
+    for hold, timeout, force in ((10.0, seconds, 0.0), (seconds, 10.0, 1.0)):
+        guard = Guard(at=0.1, begin=0.05, direction=OUT, hold=hold, timeout=timeout, force=0.5)
+        trajectory = dataclasses.replace(scenario.trajectory, guards=(guard,))
+        waits = Waits(dataclasses.replace(scenario, trajectory=trajectory))
+        clock, count = dataclasses.replace(waits.first(), place=20.0), 0
+        while clock.guard < 0.5:
+            seen = Seen(tip=tip, goal=tip, push=(), force=Vec3(*OUT) * force)
+            clock, count = waits.following(clock, 20.0 + count, seen), count + 1
+        assert count == periods + 1
 
 
 @pytest.mark.parametrize("every", [1, 3, 4, 7, 1000, 1500])

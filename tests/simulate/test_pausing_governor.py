@@ -15,6 +15,7 @@ from skyarm.metrics.path_distance import path_distance
 from skyarm.metrics.score import score
 from skyarm.reference import hover
 from skyarm.reference.path_pause import PathPause
+from skyarm.reference.path_time import PathTime
 from skyarm.scenario.governor_limits import GovernorOptions
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.path_governor import options_from
@@ -111,6 +112,18 @@ def test_what_the_law_is_told_are_derivatives_by_the_flight_s_time(scenario, sta
         assert np.quantile(np.abs(slope - own)[2:-2], 0.95) < scale
     moved = [float(c) for c in told[400].position]
     np.testing.assert_array_equal(moved, [float(c) for c in scenario.trajectory.at(states[400].place / 200.0).position])
+
+
+def test_a_pause_stretches_the_time_of_a_plan(scenario):
+    """By points on a straight line the plan's time is the line; what the law is told stands there."""
+    plan = PathTime(points=tuple(0.05 * (k - 2) + 0.1 for k in range(12)), step=0.1)
+    rates = dataclasses.replace(scenario.rates, reference=200)
+    paces = Paces(dataclasses.replace(scenario, path_time=plan, rates=rates, duration=0.7))
+    clock = dataclasses.replace(paces.first(), now=dataclasses.replace(paces.first().now, place=60.0, rate=0.5))
+    assert paces.path_time(clock) == pytest.approx(0.1 + 0.5 * 0.3)
+    told, planned = paces.told(clock, 60.0), scenario.trajectory.at(0.25)
+    assert [*told.position] == pytest.approx([*planned.position])
+    assert [*told.velocity] == pytest.approx([*(planned.velocity * 0.25)])
 
 
 def test_a_rotor_s_thrust_is_the_square_of_its_speed(scenario):

@@ -32,7 +32,6 @@ try:
 except ImportError as error:  # pragma: no cover  (the library is there when this is tested)
     raise missing_extra("jax") from error
 
-# ruff: noqa: E402  these need the library
 from skyarm.compile.jax.jax_operations import evaluate
 from skyarm.compile.jax.jax_random import uniforms
 from skyarm.env.jax_params import drawn, params_of, require_params
@@ -74,11 +73,13 @@ class JaxEnvironment:
 
     def __init__(self, task: Task, *, numbers: Iterable[str] = ()) -> None:
         if task.precision == "bit_exact":
-            raise ScenarioError("precision = 'bit_exact': must be 'single' or 'double' in JAX, which contracts a * b + c")
+            raise ScenarioError(
+                "precision = 'bit_exact': must be 'single' or 'double' in JAX, which contracts a * b + c"
+            )
         self.dtype: Any = np.float32 if task.precision == "single" else np.float64
         config: Any = jax.config
         if self.dtype == np.float64 and not config.read("jax_enable_x64"):
-            raise ScenarioError('precision = \'double\': must come after jax.config.update("jax_enable_x64", True)')
+            raise ScenarioError("precision = 'double': must come after jax.config.update(\"jax_enable_x64\", True)")
         self.task = task
         whole = with_fixed(task.randomised, task.scenario, numbers)
         self._program = EnvProgram(dataclasses.replace(task, randomised=whole), loops=False)
@@ -101,7 +102,8 @@ class JaxEnvironment:
         """Begin episode 0 of a key.
 
         Args:
-            key: of ``jax.random``. params: as :attr:`default_params`.
+            key: of ``jax.random``.
+            params: as :attr:`default_params`.
 
         Returns:
             observation (observation_size,), state.
@@ -110,13 +112,14 @@ class JaxEnvironment:
         words = _words(key)
         return self._begin(words, jnp.uint32(0), params)  # type: ignore[no-any-return]
 
-    def step(
-        self, key: Any, state: JaxState, action: Any, params: Any
-    ) -> tuple[Any, JaxState, Any, Any, Info]:
+    def step(self, key: Any, state: JaxState, action: Any, params: Any) -> tuple[Any, JaxState, Any, Any, Info]:
         """Fly one control period; where the episode is over, begin its lane's next one.
 
         Args:
-            key: not used. state: as the last call gave it. action: (action_size,) in [-1, 1]. params: as of the reset.
+            key: not used.
+            state: as the last call gave it.
+            action: (action_size,) in [-1, 1].
+            params: as of the reset.
 
         Returns:
             observation (that of the next episode where this one is over), state, reward, done, info: ``terminated``,
@@ -127,15 +130,15 @@ class JaxEnvironment:
         following = jax.tree.map(lambda new, old: lax.select(done, new, old), begun, after)
         return lax.select(done, fresh, observed), following, reward, done, {**info, "final_obs": observed}
 
-    def step_env(
-        self, key: Any, state: JaxState, action: Any, params: Any
-    ) -> tuple[Any, JaxState, Any, Any, Info]:
-        """Fly one control period, as :meth:`step` does, and begin nothing: what flies on after its end means nothing."""
+    def step_env(self, key: Any, state: JaxState, action: Any, params: Any) -> tuple[Any, JaxState, Any, Any, Info]:
+        """Fly one control period, as :meth:`step` does, and begin nothing; flying on after an end means nothing."""
         del key
         require_params(params, self.paths)
         given = jnp.asarray(action, self.dtype)
         if given.shape != (self.action_size,):
-            raise ScenarioError(f"action: shape {shown(given.shape)}, must be ({self.action_size},); jax.vmap makes many")
+            raise ScenarioError(
+                f"action: shape {shown(given.shape)}, must be ({self.action_size},); jax.vmap makes many"
+            )
         # plain numbers are read at every step, so that what a number does is known to its gradient from there on
         numbers = tuple(
             held if isinstance(params[path], dict) else jnp.asarray(params[path], self.dtype)

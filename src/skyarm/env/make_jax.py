@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def make_jax(
     name: str = ANY_SCENARIO, *, numbers: Iterable[str] = (), **task: Any
 ) -> tuple[JaxEnvironment, dict[str, Any]]:
-    """Make an environment in JAX, and the numbers that its functions take: ``env, params = make_jax(...)``.
+    """Make an environment in JAX, and the numbers that its functions take.
 
     Args:
         name: as :func:`gymnasium.make` takes it: ``"skyarm/TrackTip-v0"``, or ``"skyarm/Scenario-v0"`` with a scenario.

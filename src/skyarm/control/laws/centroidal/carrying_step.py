@@ -7,12 +7,13 @@ from typing import Any
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.control.blocks.saturation import all_follow
-from skyarm.control.laws.centroidal.interaction import Pressing, rested
+from skyarm.control.laws.centroidal.interaction import rested
 from skyarm.control.laws.centroidal.interaction_records import InteractionMemory
 from skyarm.control.laws.centroidal.learned_load import learn_load
 from skyarm.control.laws.centroidal.load_records import LoadMemory
 from skyarm.control.laws.centroidal.memory import CentroidalMemory
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.control.laws.centroidal.pressing import Pressing
 from skyarm.scalars import logical_or, minimum, mul, where
 
 

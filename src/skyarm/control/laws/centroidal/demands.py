@@ -16,10 +16,10 @@ from skyarm.control.laws.centroidal import com_tracking as center_of_mass
 from skyarm.control.laws.centroidal import tip_reference, tip_tasks
 from skyarm.control.laws.centroidal.arm_motion import ArmMotion, followed, made_good
 from skyarm.control.laws.centroidal.gust_shift import SlowForce, shift_acceleration
-from skyarm.control.laws.centroidal.interaction import Pressing
 from skyarm.control.laws.centroidal.joint_room import within_limits
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.path_shift import PathShift, moved_path, with_shift
+from skyarm.control.laws.centroidal.pressing import Pressing
 from skyarm.control.laws.centroidal.reference_drag import reference_drag
 from skyarm.control.laws.centroidal.swing_shift import SwingPace, moved_shift
 from skyarm.control.laws.centroidal.tip_reference import ShiftMotion

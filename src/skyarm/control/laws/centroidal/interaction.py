@@ -5,10 +5,12 @@ its own push. So along n the *wanted* force stands in place of the observed one:
 it, and the tip has no position there, only damping. Across n everything is as without a surface.
 
 Per period: the tip's force f out of the observed disturbance (:mod:`skyarm.control.laws.centroidal.tip_force`);
-whether it touches (above ``touch`` it does, until f.n stayed below ``lost`` for ``loss_time`` s or the tip went in
-faster than ``escape`` for ``escape_time`` s); a share g that rises in ``rise`` and falls in ``fall`` seconds; the order
-o = g (f_d + i) with the bounded integral i' = k (f_d - f.n), which stands still unless g = 1; and the shift s of the
-whole reference along n, by which the base comes to the surface, follows it while pressing, and returns.
+whether it touches (above ``touch`` it does, until f.n stayed below ``lost`` for ``loss_time`` seconds or, once g was
+1, the tip went in faster than ``escape`` for ``escape_time``: before, it bounces, and the order drives it back as
+fast); a share g that rises in ``rise`` and falls in ``fall`` seconds; the order o = g (f_d + i) with the bounded integral
+i' = k (f_d - f.n), which stands still unless g = 1, and does not grow where a joint or rotor is at its limit; and the
+shift s of the whole reference along n, by which the base comes to the surface, follows it while pressing, and returns.
+The base carries o + (1 - g) f.n: an impact pushes it back with more than the order of that instant.
 
 The normal itself is corrected by sliding (:mod:`skyarm.control.laws.centroidal.surface_normal`).
 
@@ -23,8 +25,6 @@ difference over, at rest, until there is room.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import Vec3
@@ -32,11 +32,10 @@ from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import vector_data
 from skyarm.control.laws.centroidal.interaction_records import InteractionGains, InteractionMemory, Wanted
+from skyarm.control.laws.centroidal.pressing import Pressing
 from skyarm.control.laws.centroidal.tip_force import TipLevers, tip_force, without
-from skyarm.control.laws.centroidal.tip_reference import Goal
 from skyarm.scalars import (
     absolute,
-    add,
     clip,
     data,
     logical_and,
@@ -44,66 +43,12 @@ from skyarm.scalars import (
     logical_or,
     maximum,
     minimum,
-    mul,
-    sub,
     where,
 )
-from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
 
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Pressing:
-    """What an instant asks of the rest of the law.
-
-    Attributes:
-        n: out of the surface. share: 0 free, 1 pressing. damping: 1/s, of the tip along n where it presses.
-        engaged: 1 while the order stands in place of the observed force. shift: m, m/s and m/s^2 along n.
-        order: N, along n, in place of the observed one. force: N, the tip's as observed, world axes.
-        kept: 0 to 1, of the observed force across n that is answered. asked: whether any contact is asked for.
-    """
-
-    n: Vec3
-    share: Any
-    damping: Any
-    engaged: Any
-    shift: tuple[Any, Any, Any]
-    order: Any
-    force: Vec3
-    kept: Any
-    asked: Any = False
-
-    def shifted(self, signals: Sequence[Taylor]) -> list[Taylor]:
-        """The reference's signals with x, y and z moved along the normal."""
-        s = Taylor((self.shift[0], self.shift[1], mul(0.5, self.shift[2]), 0.0, 0.0))
-        return [*(each + s * c for each, c in zip(signals[:3], self.n, strict=True)), *signals[3:]]
-
-    def exchanged(self, d: Disturbance, then: TipLevers, now: TipLevers) -> Disturbance:
-        """The disturbance with the order in place of what the observer holds along n, by the levers of the present."""
-        across = self.force - self.n * self.n.dot(self.force)
-        wanted = across * self.kept + self.n * self.order
-        held, given = then.disturbance(self.force), now.disturbance(wanted)
-        return Disturbance(
-            force=d.force + (given.force - held.force) * self.engaged,
-            torque=d.torque + (given.torque - held.torque) * self.engaged,
-            efforts=tuple(
-                add(e, mul(sub(g, h), self.engaged))
-                for e, g, h in zip(d.efforts, given.efforts, held.efforts, strict=True)
-            ),
-        )
-
-    def freed(self, goal: Goal, tip: Vec3, tip_velocity: Vec3, velocity_gain: Any) -> Goal:
-        """The tip's goal without a position along n: by the gains on it a_n = -damping v_n is left there."""
-        p, v, a = goal.tip
-        n, slower = self.n, 1.0 - self.damping / velocity_gain
-        return dataclasses.replace(
-            goal,
-            tip=(
-                p + n * (n.dot(tip - p) * self.share),
-                v + n * (n.dot(tip_velocity * slower - v) * self.share),
-                a - n * (n.dot(a) * self.share),
-            ),
-        )
+PRESSED = 0.75
+"""Above it a surface was not only met: the order has been there as a whole."""
 
 
 def interact(
@@ -137,22 +82,24 @@ def interact(
     force = tip_force(vehicle, gains.errors, at, without(observed, memory.bias))
     along = n.dot(force if felt is None else felt)
     touching, losing = touches(gains, memory, asked, along, into, dt)
-    kept = 1.0 - gains.relief * clip((load - gains.relief_start) / (gains.relief_end - gains.relief_start), 0.0, 1.0)
+    relieved = clip((load - gains.relief_start) / (gains.relief_end - gains.relief_start), 0.0, 1.0)
+    kept = 1.0 - gains.relief * relieved
     if wanted.grips:
         kept = where(wanted.grip > 0.5, gains.yielding, kept)
         touching, losing = maximum(touching, wanted.grip), losing * (1.0 - wanted.grip)
     share = ramped(gains, memory.share, touching, dt)
-    integral = integrated(gains, memory.integral, wanted.force, along, touching, share, dt, wanted.grips)
-    engaged = where(logical_or(touching > 0.5, share > 0.0), 1.0, 0.0)
+    integral = integrated(gains, memory.integral, wanted.force, along, touching, share, relieved, dt, wanted.grips)
+    presses = logical_or(touching > 0.5, share > 0.0)
+    free = where(logical_or(presses, memory.touching > 0.5), 0.0, memory.free + dt)
+    engaged = where(presses, 1.0, 0.0)
     shift = followed(gains, memory, asked, touching, wanted.speed, dt)
-    free = where(logical_or(engaged > 0.5, memory.touching > 0.5), 0.0, memory.free + dt)
     after = dataclasses.replace(
         memory,
         touching=touching,
         losing=losing,
         share=share,
         integral=integral,
-        found=where(asked, maximum(memory.found, touching), 0.0),
+        found=where(asked, maximum(memory.found, where(share < 1.0, 0.5, 1.0) * touching), 0.0),
         shift=shift[0],
         shift_rate=shift[1],
         free=free,
@@ -163,11 +110,12 @@ def interact(
     pressing = Pressing(
         n=n,
         share=share,
-        damping=gains.damping,
+        damping=where(logical_and(into > gains.escape, memory.found > PRESSED), gains.catching, gains.damping),
         engaged=engaged,
         shift=shift,
         asked=asked,
         order=share * (wanted.force + integral),
+        beyond=touching * (1.0 - share) * n.dot(force),
         force=force,
         kept=kept,
     )
@@ -181,7 +129,7 @@ def touches(
     was = memory.touching > 0.5
     weak, through = (
         where(along < gains.lost, dt / gains.loss_time, 0.0),
-        where(into > gains.escape, dt / gains.escape_time, 0.0),
+        where(logical_and(into > gains.escape, memory.found > PRESSED), dt / gains.escape_time, 0.0),
     )
     step = maximum(weak, through)
     losing = where(logical_and(was, step > 0.0), memory.losing + step, 0.0)
@@ -204,12 +152,17 @@ def integrated(
     along: Any,
     touching: Any,
     share: Any,
+    relieved: Any,
     dt: Any,
     signed: bool = False,
 ) -> Any:
-    """The bounded integral of the force's error, N: still while the ramp runs, none where contact is lost."""
+    """The bounded integral of the force's error, N: still while the ramp runs, none where contact is lost.
+
+    ``relieved`` (0 to 1) says how near to its limit the nearest joint or rotor is: there the order does not grow.
+    """
     most = gains.integral_share * (absolute(wanted) if signed else wanted) + gains.integral_least
     step = where(share < 1.0, 0.0, gains.integral * dt) * (wanted - along)
+    step = where(step * (wanted + integral) > 0.0, step * (1.0 - relieved), step)
     return where(touching > 0.5, clip(integral + step, -most, most), 0.0)
 
 
@@ -218,7 +171,7 @@ def followed(
 ) -> tuple[Any, Any, Any]:
     """Shift of the reference along the normal with two derivatives: it comes, follows the surface, or returns."""
     s, rate, w = memory.shift, memory.shift_rate, gains.follow
-    speed = where(memory.found > 0.5, minimum(speed, gains.again), speed)
+    speed = where(memory.found > 0.0, minimum(speed, gains.again), speed)
     coming = where(s > -gains.furthest, -speed, 0.0)
     back = -(w * w) * s - 2.0 * w * rate
     follow = (w * w) * memory.gap - 2.0 * w * rate

@@ -37,11 +37,12 @@ class InteractionGains:
     integral: Annotated[Scalar, Unit("1/s", "of the force's error")] = 4.0
     integral_share: Annotated[Scalar, Unit("", "of the wanted force that the integral may add")] = 0.5
     integral_least: Annotated[Scalar, Unit("N", "that the integral may add anyway")] = 0.3
-    damping: Annotated[Scalar, Unit("1/s", "of the tip along the normal while it presses")] = 53.0
+    damping: Annotated[Scalar, Unit("1/s", "of the tip along the normal while it presses")] = 20.0
+    catching: Annotated[Scalar, Unit("1/s", "of a tip that goes through the surface")] = 100.0
     bias_rate: Annotated[Scalar, Unit("rad/s", "filter of what is observed in free flight")] = 0.5
     wind_rate: Annotated[Scalar, Unit("rad/s", "filter of what the base feels beside the tip's force")] = 1.0
     rest: Annotated[Scalar, Unit("s", "after contact, from which on anything is learned")] = 0.5
-    follow: Annotated[Scalar, Unit("rad/s", "of the base that follows the surface")] = 4.0
+    follow: Annotated[Scalar, Unit("rad/s", "of the base that follows the surface")] = 3.5
     coming: Annotated[Scalar, Unit("1/s", "at which the base takes the speed of coming")] = 8.0
     follow_limit: Annotated[Scalar, Unit("m/s^2", "of the base along the normal")] = 4.0
     relief_start: Annotated[Scalar, Unit("", "share of a limit from which on friction is let go")] = 0.9
@@ -67,7 +68,7 @@ class InteractionMemory:
     losing: Annotated[Scalar, Unit("", "0 to 1, how far contact is on its way to count as lost")]
     share: Annotated[Scalar, Unit("", "0 to 1, of the wanted force")]
     integral: Annotated[Scalar, Unit("N", "beside the wanted force")]
-    found: Annotated[Scalar, Unit("", "1 once the push has met its surface")]
+    found: Annotated[Scalar, Unit("", "half once the push has met its surface, 1 once it was there as a whole")]
     shift: Annotated[Scalar, Unit("m", "of the reference along the normal")]
     shift_rate: Annotated[Scalar, Unit("m/s", "of the shift")]
     free: Annotated[Scalar, Unit("s", "since the order of the last contact is gone")]

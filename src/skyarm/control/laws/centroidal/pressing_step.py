@@ -12,9 +12,10 @@ from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.select import vector_data
-from skyarm.control.laws.centroidal.interaction import Pressing, interact
+from skyarm.control.laws.centroidal.interaction import interact
 from skyarm.control.laws.centroidal.interaction_records import InteractionMemory, wanted_of
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
+from skyarm.control.laws.centroidal.pressing import Pressing
 from skyarm.control.laws.centroidal.surface_normal import leaning, slid
 from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.dynamics import State

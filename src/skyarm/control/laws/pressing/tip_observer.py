@@ -16,7 +16,7 @@ from skyarm.algebra import Vec3
 from skyarm.control.blocks.common import no_command
 from skyarm.control.blocks.disturbance_observer import Observed, ObserverGains, disturbance, first_observed, observe
 from skyarm.control.controller import ControllerError
-from skyarm.control.laws.centroidal.interaction import Pressing, interact
+from skyarm.control.laws.centroidal.interaction import interact
 from skyarm.control.laws.centroidal.interaction_records import (
     InteractionGains,
     InteractionMemory,
@@ -24,6 +24,7 @@ from skyarm.control.laws.centroidal.interaction_records import (
     interaction_gains,
     wanted_of,
 )
+from skyarm.control.laws.centroidal.pressing import Pressing
 from skyarm.control.laws.centroidal.tip_force import TipLevers, levers
 from skyarm.control.model import Model, Parameters
 from skyarm.control.options import three
