@@ -47,6 +47,14 @@ def test_a_load_is_learned_while_it_is_told_to_be_held_and_no_surface_is_touched
         assert mass(on=on) == 0.0
 
 
+def test_a_load_is_learned_as_fast_as_the_slower_observer_lets_it():
+    for force, joints in ((27.0, 60.0), (60.0, 27.0), (27.0, 27.0)):
+        observer = dataclasses.replace(LAW.par.observer, force=force, joints=joints)
+        par = dataclasses.replace(LAW.par, observer=observer)
+        found, _ = carry(par, LAW.memory, LAW.memory.load, 1.0, LAW.memory.observed, PULLED, None, DT)
+        assert found.mass == pytest.approx(0.1 * (1.0 - np.exp(-1.5 * 27.0 * DT)), rel=0.05)
+
+
 def test_nothing_is_learned_at_a_limit_and_of_a_command_that_others_changed():
     assert mass(free=(1.0, 0.0, 1.0)) == 0.0
     assert mass(free=(0.0, 1.0, 1.0)) == 0.0

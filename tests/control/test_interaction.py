@@ -58,7 +58,7 @@ def test_a_tip_that_goes_in_fast_for_three_periods_has_lost_the_surface():
         assert touched([1.0], **again) == [1.0]
     assert all(touched([1.0] * 4, into=0.09, memory=there))
     # what was doubtful before the touch is no doubt of it
-    free = dataclasses.replace(FREE, free=1.0)
+    free = dataclasses.replace(FREE, free=1.0, found=1.0)
     assert touched([0.0] * 9 + [1.0] * 4, into=0.11, memory=free) == [0.0] * 9 + [1.0, 1.0, 1.0, 0.0]
 
 
@@ -111,7 +111,7 @@ def test_the_reference_comes_follows_and_returns():
 @pytest.mark.parametrize("touching", [0.0, 1.0])
 def test_the_shift_is_that_of_two_equal_poles_and_of_a_steady_acceleration_within_a_period(touching):
     """Free, without a push, it comes back; with contact it goes to where the tip is: (s - e) = (a + b t) exp(-w t)."""
-    gap, dt, w, s0, v0 = 0.05 * touching, 1e-3, 4.0, 0.1, -0.05
+    gap, dt, w, s0, v0 = 0.05 * touching, 5e-4, GAINS.follow, 0.1, -0.05
     memory = dataclasses.replace(FREE, shift=s0, shift_rate=v0)
     for k in range(600):
         held = dataclasses.replace(memory, gap=gap - memory.shift)

@@ -90,10 +90,10 @@ def test_the_tip_is_left_damping_alone_along_the_normal():
         n = R.T @ np.array([*touch.pressing.n])
         row = np.array([np.dot([*column], n) for column in touch.at.columns])
         found = np.array(freed(touch, wanted))
-        length = row @ row
+        length, damping = row @ row, float(touch.pressing.damping)
         # as far as joints move the tip there at all
-        left = (row @ wanted - 53.0 * touch.into) * 1e-4 / (length + 1e-4)
-        assert row @ found == pytest.approx(53.0 * touch.into + left, rel=1e-9, abs=1e-9)
+        left = (row @ wanted - damping * touch.into) * 1e-4 / (length + 1e-4)
+        assert row @ found == pytest.approx(damping * touch.into + left, rel=1e-9, abs=1e-9)
         aside = np.array([-row[1], row[0]])
         assert aside @ found == pytest.approx(aside @ wanted)
         assert (
@@ -138,7 +138,7 @@ def driven(along, *, asked=True, seconds=2.0, shift=0.0, force=2.0):
     memory = own.memory
     memory = dataclasses.replace(memory, interaction=dataclasses.replace(memory.interaction, shift=shift))
     pressing = Pressing(
-        n=Vec3(-1.0, 0.0, 0.0), share=1.0, damping=53.0, engaged=1.0, shift=(0.0, 0.0, 0.0), order=0.0,
+        n=Vec3(-1.0, 0.0, 0.0), share=1.0, damping=53.0, engaged=1.0, shift=(0.0, 0.0, 0.0), order=0.0, beyond=0.0,
         force=Vec3(0.0, 0.0, 0.0), kept=1.0, asked=asked,
     )  # fmt: skip
     touch = Touch(at=None, pressing=pressing, force=force, along=along, speed=0.1, into=0.0)
