@@ -32,7 +32,7 @@ class InteractionGains:
     escape: Annotated[Scalar, Unit("m/s", "into the surface, above which the tip goes through")] = 0.1
     haste: Annotated[Scalar, Unit("s", "that the tip goes through until contact is lost")] = 0.015
     rebound: Annotated[Scalar, Unit("s", "after the order is gone, in which a tip that goes in does not touch")] = 0.05
-    rise: Annotated[Scalar, Unit("s", "ramp of the wanted force")] = 0.15
+    rise: Annotated[Scalar, Unit("s", "ramp of the wanted force")] = 0.2
     fall: Annotated[Scalar, Unit("s", "ramp to none")] = 0.02
     integral: Annotated[Scalar, Unit("1/s", "of the force's error")] = 4.0
     integral_share: Annotated[Scalar, Unit("", "of the wanted force that the integral may add")] = 0.5
