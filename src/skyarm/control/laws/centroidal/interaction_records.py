@@ -32,13 +32,13 @@ class InteractionGains:
     escape: Annotated[Scalar, Unit("m/s", "into the surface, above which the tip goes through")] = 0.1
     haste: Annotated[Scalar, Unit("s", "that the tip goes through until contact is lost")] = 0.015
     rebound: Annotated[Scalar, Unit("s", "after the order is gone, in which a tip that goes in does not touch")] = 0.05
-    rise: Annotated[Scalar, Unit("s", "ramp of the wanted force")] = 0.2
+    rise: Annotated[Scalar, Unit("s", "ramp of the wanted force")] = 0.15
     fall: Annotated[Scalar, Unit("s", "ramp to none")] = 0.02
     integral: Annotated[Scalar, Unit("1/s", "of the force's error")] = 4.0
     integral_share: Annotated[Scalar, Unit("", "of the wanted force that the integral may add")] = 0.5
     integral_least: Annotated[Scalar, Unit("N", "that the integral may add anyway")] = 0.3
     damping: Annotated[Scalar, Unit("1/s", "of the tip along the normal while it presses")] = 20.0
-    catching: Annotated[Scalar, Unit("1/s", "of a tip that goes through the surface")] = 100.0
+    catching: Annotated[Scalar, Unit("1/s", "of a tip that goes through the surface")] = 53.0
     bias_rate: Annotated[Scalar, Unit("rad/s", "filter of what is observed in free flight")] = 0.5
     wind_rate: Annotated[Scalar, Unit("rad/s", "filter of what the base feels beside the tip's force")] = 1.0
     rest: Annotated[Scalar, Unit("s", "after contact, from which on anything is learned")] = 0.5
