@@ -21,8 +21,11 @@ gc.set_threshold(50_000, 20, 100)
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Compile the library's bytecode once, where each of some hundred processes would (PYTHONDONTWRITEBYTECODE)."""
-    if sys.dont_write_bytecode and not hasattr(config, "workerinput"):
+    """Write byte code where it is told not to: some hundred processes would each compile what they import."""
+    if sys.dont_write_bytecode:
+        sys.dont_write_bytecode = False
+        os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+        # the library's before any test copies its folder; the others' when they are first imported
         compileall.compile_dir(Path(__file__).parents[1] / "src" / "skyarm", quiet=2)
 
 

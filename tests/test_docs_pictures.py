@@ -34,6 +34,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
+@pytest.mark.site
 def test_the_commands_shown_draw_in_their_order(folder: Path) -> None:
     made = []
     with contextlib.chdir(folder), registry_kept():

@@ -61,7 +61,7 @@ def test_units_of_a_law_s_options_are_those_of_its_constants(law: str) -> None:
     joints = [unit.unit.split(" or ")[0] for unit in TORQUE_GAINS.values()]
     records = {
         "gains": ", ".join(words_of(GeometricGains)),
-        "joint_gains": f"{', '.join(words_of(JointGains))}; {', '.join(joints)} for `decoupled_pd`",
+        "joint_gains": f"{', '.join(words_of(JointGains))}; {', '.join(joints)} for `decoupled_pd` and `admittance_pd`",
         "observer": ", ".join(dict.fromkeys(words_of(ObserverGains))),
         "bandwidths": ", ".join(dict.fromkeys(words_of(Bandwidths))),
     }

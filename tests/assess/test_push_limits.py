@@ -50,6 +50,12 @@ def test_friction_sideways_turns_the_vehicle(scenario):
     said = found(scenario)[question]
     assert said.value == pytest.approx(0.3 * 1.0 * ahead)
     assert said.level == WARNING
+    # of several surfaces the roughest counts
+    contact = scenario.contact
+    smooth = [dataclasses.replace(contact.surfaces[0].material, friction=mu) for mu in (0.1, 0.2)]
+    beside = [dataclasses.replace(contact.surfaces[0], name=f"{m.friction}", material=m) for m in smooth]
+    several = dataclasses.replace(contact, surfaces=(beside[0], *contact.surfaces, beside[1]))
+    assert found(dataclasses.replace(scenario, contact=several))[question].value == said.value
     assert found(scenario, **{"force.value": 0.5})[question].level == OK
     # on a ceiling or floor it is sideways, too; a wall beside the tip turns the vehicle by the push itself; of one that
     # leans, friction has the largest part that is across the normal
@@ -57,6 +63,7 @@ def test_friction_sideways_turns_the_vehicle(scenario):
     assert found(scenario, **upward)[question].value == pytest.approx(0.3 * ahead)
     beside = {"normal.0": 0.0, "normal.1": 1.0}
     assert found(scenario, **beside)[question].value == pytest.approx(ahead)
+    assert found(scenario, **beside | {"normal.1": -1.0})[question].value == pytest.approx(ahead)
     leaning = {"normal.0": 0.0, "normal.1": 0.6, "normal.2": 0.8}
     assert found(scenario, **leaning)[question].value == pytest.approx((0.6 + 0.3 * 0.8) * ahead)
     assert found(scenario, **{"force.value": 0.0}) == {}

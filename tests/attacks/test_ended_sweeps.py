@@ -16,6 +16,7 @@ import pytest
 from skyarm.sweep import run_sweep
 from skyarm.sweep.manifest import MANIFEST
 from sweeps import document, files_of, small_study
+from thorough import sampled
 
 pytest.importorskip("pyarrow")
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals and limits")
@@ -107,7 +108,7 @@ def test_files_that_vanish_at_random_times_are_flown_again_or_said(tmp_path: Pat
         assert files_of(folder) == right
 
 
-@pytest.mark.parametrize("size", [100, 4096])
+@pytest.mark.parametrize("size", sampled([100, 4096], 2))
 def test_a_disk_without_room_is_one_line_and_leaves_nothing_half_written(tmp_path: Path, size: int) -> None:
     small = {"episodes": 32, "chunk": 8, "duration": 0.4, "windows": {"steady": [0.1, 0.4]}}
     run_sweep(small_study(**small), tmp_path / "whole")

@@ -118,7 +118,7 @@ def require_nothing(found, broken):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 def test_interrupts_at_random_times_leave_nothing_behind(tmp_path):
-    require_nothing(*attack(tmp_path, np.random.default_rng(1), 1, 20))
+    require_nothing(*attack(tmp_path, np.random.default_rng(1), 1, 12))
 
 
 @pytest.mark.attack

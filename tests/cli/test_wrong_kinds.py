@@ -108,7 +108,6 @@ def test_a_name_of_any_letters_works_wherever_it_becomes_a_file_name(folder: Pat
     for words in (
         ("run", "f.toml", "--duration", "0.1"),
         ("run", "f.toml", "--duration", "0.1"),
-        ("margins", "f.toml", "--instants", "0", "--out", f"{NAME}.json"),
         ("basin", "f.toml", "--flights", "16", "--workers", "1"),
         ("export-c", "f.toml", "-o", f"{NAME}.c"),
         ("sweep", "y.toml", "--workers", "1"),
@@ -119,6 +118,14 @@ def test_a_name_of_any_letters_works_wherever_it_becomes_a_file_name(folder: Pat
     assert Log.load_npz(folder / "out" / "run" / f"{NAME}.npz").info["scenario"] == NAME
     assert (folder / "out" / "run" / f"{NAME}_1.csv").exists()
     assert (folder / "out" / "basin" / f"basin_hybrid_computed_torque_{NAME}.png").exists()
+
+
+@pytest.mark.thorough
+def test_margins_are_told_of_a_name_of_any_letters(folder: Path) -> None:
+    (folder / "f.toml").write_text(CASE1.replace('name = "case1"', f'name = "{NAME}"'), "utf-8")
+    ended = skyarm("margins", "f.toml", "--instants", "0", "--out", f"{NAME}.json")
+    assert ended.code == 0, ended.err
+    assert (folder / f"{NAME}.json").exists()
 
 
 def test_a_terminal_that_lacks_a_letter_gets_it_written_out(folder: Path) -> None:

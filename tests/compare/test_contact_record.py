@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import json
+import math
 
 import numpy as np
 import pytest
 
 from skyarm.compare.cells import Cell
+from skyarm.compare.comparison_tables import number
 from skyarm.compare.contact_page import contact_page
-from skyarm.compare.contact_record import SHOWN, cell_record, lacks
-from skyarm.compare.contact_suite import ContactSuite, replaced_contact, write_contact
-from skyarm.compare.contact_tables import contact_csv, contact_report
+from skyarm.compare.contact_record import HANDLE, SHOWN, cell_record, lacks
+from skyarm.compare.contact_suite import SAID, ContactSuite, write_contact
+from skyarm.compare.contact_tables import contact_csv, contact_report, handle_rows
 from skyarm.compare.contact_tasks import TASKS
+from skyarm.compare.overwrites import replaced_suite
 
 GOOD = {
     "tilt_max": 0.2, "phases_done": 3.0, "contact_held": 0.95, "mechanism_furthest": 1.0, "tip_lowest": 0.7725,
     "object_last_x": 0.604, "object_last_y": -0.004, "contact_last": 2.0, "ee_error_last_mean_continuous": 0.02,
-    **dict.fromkeys(SHOWN.values(), 0.5),
+    **dict.fromkeys(SHOWN.values(), 0.5), **dict.fromkeys(HANDLE.values(), np.nan),
 }  # fmt: skip
 WEIGHT = 10.0
 
@@ -45,6 +48,8 @@ def test_a_flight_that_does_all_of_it_succeeds(task):
         ("press_and_hold", "phases", {"phases_done": 2.0}),
         ("press_and_hold", "lost", {"tilt_max": 1.4}),
         ("open_door", "opening", {"mechanism_furthest": 0.95}),
+        ("pull_door", "opening", {"mechanism_furthest": 0.95}),
+        ("turn_valve", "opening", {"mechanism_furthest": 1.39}),
         ("push_button", "opening", {"mechanism_furthest": 0.0029}),
         ("peg_in_hole", "depth", {"tip_lowest": 0.7731}),
         ("pick_and_carry", "place", {"object_last_x": 0.61}),
@@ -76,6 +81,21 @@ def test_numbers_are_medians_over_whole_flights_and_none_where_there_are_none():
     assert cell_record(TASKS["press_and_hold"], cell("lost"), WEIGHT, 3, np.zeros(1))["peak"] is None
 
 
+def test_handles_have_a_median_and_what_nearly_all_stay_below():
+    count = 21
+    found = cell(*["completed"] * count, "lost")
+    for name in HANDLE.values():
+        found.metrics[name][:] = [*np.arange(count), 1e3]
+    told = cell_record(TASKS["pull_door"], found, WEIGHT, 3, np.zeros(count + 1))
+    assert (told["radial"], told["radial_most"], told["lag_most"]) == (10.0, 19.0, 19.0)
+    conditions = {"perfect": {"centroidal": told}, "noisy": {}}
+    record = {"tasks": {"pull_door": {"title": "pull", "conditions": conditions}}, "laws": ["centroidal"]}
+    assert handle_rows(record, "perfect") == [["pull", "centroidal", "10.0", "19.0", number(math.degrees(19.0))]]
+    assert handle_rows(record, "noisy") == []
+    told["radial"] = None
+    assert handle_rows(record, "perfect") == []
+
+
 def test_tables_page_and_files_tell_the_same(tmp_path):
     task = TASKS["press_and_hold"]
     flown = cell_record(task, cell("completed", "rotor_contact"), WEIGHT, 3, np.zeros(2))
@@ -96,7 +116,7 @@ def test_tables_page_and_files_tell_the_same(tmp_path):
     assert dict(zip(header.split(","), row.split(","), strict=True))["successes"] == "1"
     write_contact(found, tmp_path)
     assert json.loads((tmp_path / "contact.json").read_text()) == found
-    assert replaced_contact(tmp_path, ContactSuite(worlds=2)) == []
-    assert replaced_contact(tmp_path, ContactSuite(worlds=3, seed=1)) == ["worlds 2", "seed 0"]
+    assert replaced_suite(tmp_path / "contact.json", SAID, ContactSuite(worlds=2)) == []
+    assert replaced_suite(tmp_path / "contact.json", SAID, ContactSuite(worlds=3, seed=1)) == ["worlds 2", "seed 0"]
     (tmp_path / "contact.json").write_text("[")
-    assert replaced_contact(tmp_path, ContactSuite()) == []
+    assert replaced_suite(tmp_path / "contact.json", SAID, ContactSuite()) == []

@@ -16,6 +16,7 @@ from skyarm.compare.contact_laws import (
     FLAGSHIP,
     LOAD,
     MOTION,
+    RIVALS,
     as_positions,
     document_of,
     flies_its_own,
@@ -26,8 +27,10 @@ from skyarm.compare.contact_tasks import FRICTION, TASKS
 from skyarm.compare.contact_worlds import CHANNEL, MOST_DISCARDED, NUMBERS, draw_worlds, kept
 from skyarm.compare.one_by_one import fly_single, numbers_of
 from skyarm.contact.material import Material
+from skyarm.control.catalogue import make_controller
 from skyarm.metrics.windows import Windows
 from skyarm.scalars.philox import uniforms
+from skyarm.scenario.law_by_name import controller_by_name
 
 COUNT = 60
 
@@ -109,6 +112,27 @@ def test_the_first_worlds_do_not_depend_on_how_many_fly():
     assert 0.0 < np.linalg.norm(away, axis=0).max() <= 0.06 * math.hypot(0.26, 0.5)
 
 
+def test_a_handle_resists_otherwise_on_another_arc_in_another_hand():
+    worlds = draw_worlds(TASKS["turn_valve"], shipped("turn_valve"), 40, seed=2)
+    values = worlds.values
+    assert worlds.discarded == 0.0
+    away = np.stack([values[f"world.mechanisms.valve.position.{i}"] for i in (1, 2)]) - [[-0.106066], [1.163934]]
+    assert away[0] == pytest.approx(away[1]), "along the lever"
+    assert "world.mechanisms.valve.position.0" not in values
+    assert 0.055 < np.hypot(*away).max() / 0.15 <= 0.06
+    friction, damping = (values[f"world.mechanisms.valve.{name}"] for name in ("friction", "damping"))
+    for shares in (friction / 0.1, damping / 0.5):
+        assert 0.5 <= shares.min() < 0.6
+        assert 1.7 < shares.max() <= 2.0
+    assert abs(np.corrcoef(np.log(friction), np.log(damping))[0, 1]) < 0.4
+    assert "world.mechanisms.valve.stiffness" not in values, "it has no closer"
+    assert values["world.grippers.hand.stiffness"].max() > 5e4
+    first = contact_flights((FLAGSHIP, MOTION, LOAD), ("turn_valve",), 40, seed=2)
+    assert {each.entrant.law for each in first} == {FLAGSHIP, MOTION}
+    hardest = first[0].stiffest(first[0].values(first[0].scenario()))
+    assert hardest["world.grippers.hand.stiffness"] == values["world.grippers.hand.stiffness"].max()
+
+
 def test_every_law_meets_the_same_worlds():
     flights = contact_flights((FLAGSHIP, MOTION, "paper_ct"), ("press_and_hold", "perch_on_shelf"), 5)
     names = [(each.case.name, each.entrant.name, each.condition.name) for each in flights]
@@ -120,6 +144,16 @@ def test_every_law_meets_the_same_worlds():
     other = worlds_of("press_and_hold", 5, 1).values
     assert other.keys() == first.values.keys()
     assert not np.array_equal(other["delays.command"], first.values["delays.command"])
+
+
+def test_rivals_that_press_fly_the_task_as_it_is_shipped_with_tuned_gains():
+    own = shipped("press_and_hold")
+    for law in RIVALS:
+        found = scenario_of(TASKS["press_and_hold"], law, noisy=False)
+        assert found.controller.name == law
+        assert found.controller == controller_by_name(found, f"{law}_tuned")
+        assert found.controller.par.gains != make_controller(law, found.controller.par.model).par.gains
+        assert found.trajectory == own.trajectory
 
 
 def test_a_law_of_positions_is_led_behind_the_surface_and_waits_for_no_force():

@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 from free_scenes import AWAY, BIRD, Scene, energy, with_ground, with_object
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.compile import rebuild
-from skyarm.contact import Contact, ContactPoint, FreeObject, Material, Surface
+from skyarm.contact import Contact, ContactPoint, FreeObject, Material, Mechanism, Surface
+from skyarm.contact.shape_mass import uniform_moments
 from skyarm.dynamics.energy import kinetic_energy
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.records.coerce import RecordError
@@ -257,6 +258,22 @@ def test_mobility_is_the_largest_eigenvalue_of_a_box_on_its_faces(com):
         assert float(body.mobility) == pytest.approx(largest, rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("size", "inertia"),
+    [((0.3, 0.02, 0.03), (2e-5, 4e-4, 3.9e-4)), ((0.2, 0.15, 0.01), (2e-5, 4e-4, 3.9e-4)), ((0.1, 0.08, 0.06), ())],
+)
+def test_names_of_the_axes_change_no_mobility(size, inertia):
+    com, inertia = (0.02, 0.005, -0.003), inertia or [*uniform_moments("box", size, 0.1)]
+    found = []
+    for order in itertools.permutations(range(3)):
+        sizes, moments, middle = ([each[i] for i in order] for each in (size, inertia, com))
+        body = FreeObject(name="it", size=tuple(sizes), mass=0.1, inertia=Vec3(*moments), com=Vec3(*middle))
+        found.append((float(body.mobility), float(body.gyration), float(body.mobility_at(0.02))))
+    assert found[0] == pytest.approx((found[0][0], min(inertia) / 0.1, found[0][2]))
+    for each in found[1:]:
+        assert each == pytest.approx(found[0], rel=1e-12)
+
+
 def test_moments_of_uniform_bodies():
     """Monte Carlo over the volume: 1 % of 40 000 points."""
     rng = np.random.default_rng(5)
@@ -405,6 +422,14 @@ def test_steps_are_those_of_the_masses_that_meet():
     assert float(contact.largest_step) == step(both(a, b), 8000.0)
 
 
+def test_a_box_on_a_mechanism_bears_the_share_of_a_body_that_turns():
+    box = FreeObject(name="box", size=(0.1, 0.1, 0.1), mass=0.1, position=Vec3(0.0, 0.0, 1.0))
+    tray = Mechanism(name="tray", kind="drawer", size=(0.3, 0.3, 0.02), mass=0.5, material=Material(friction=0.0))
+    asked = [float(each) for what, each in Contact(objects=(box,), mechanisms=(tray,)).steps if "'tray'" in what]
+    mass = 1.0 / (float(box.mobility) + 1.0 / 0.5)
+    assert asked[0] == pytest.approx(0.7 * 0.85 * math.sqrt(mass / 5000.0))
+
+
 def test_a_semi_implicit_step_goes_on_with_the_new_velocities():
     body, contact = BOX.objects[0], BOX
     memory = contact.start(0.005, ())
@@ -417,6 +442,36 @@ def test_a_semi_implicit_step_goes_on_with_the_new_velocities():
     assert float(after.position.x - first.position.x) == pytest.approx(1e-4)
     assert float(after.rate.x) == pytest.approx(alpha * 0.01)
     assert 2.0 * float(after.attitude.x) == pytest.approx(alpha * 1e-4, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("shape", "size"), [("box", (0.1, 0.08, 0.06)), ("cylinder", (0.04, 0.1)), ("sphere", (0.05,))]
+)
+def test_spots_lie_on_the_skin_and_one_of_them_is_its_deepest_place(shape, size):
+    body = FreeObject(name="it", shape=shape, size=size, mass=0.1, com=Vec3(0.01, -0.02, 0.005))
+    rng = np.random.default_rng(12)
+    for _ in range(5):
+        turn, n = rng.normal(size=3), rng.normal(size=3)
+        n /= np.linalg.norm(n)
+        lying = dataclasses.replace(body, position=Vec3(0.3, -0.2, 1.0), angles=Vec3(*turn.tolist()))
+        frame = lying.frame(lying.start())
+        places, radii = zip(*lying.spots(frame, lambda place, n=n: Vec3(*n.tolist())), strict=True)
+        assert len(places) == lying.spot_count
+        own = np.array([[*each] for each in places], dtype=float) - (0.3, -0.2, 1.0)
+        own = own @ Rotation.from_euler("xyz", turn).as_matrix()
+        assert [*frame.position] == pytest.approx([0.3, -0.2, 1.0])
+        down = Rotation.from_euler("xyz", turn).inv().apply(-n)
+        if shape == "box":
+            assert np.abs(own) == pytest.approx(np.tile(0.5 * np.array(size), (8, 1)))
+            deepest = 0.5 * np.abs(down) @ size
+        elif shape == "cylinder":
+            assert np.hypot(own[:, 0], own[:, 1]) == pytest.approx([0.04] * 6)
+            assert np.abs(own[:, 2]) == pytest.approx([0.05] * 6)
+            deepest = 0.04 * np.hypot(down[0], down[1]) + 0.05 * abs(down[2])
+        else:
+            deepest = 0.05
+        assert (own @ down + np.array(radii, dtype=float)).max() == pytest.approx(deepest, rel=1e-6)
+        assert len(np.unique(own.round(9), axis=0)) == len(own)
 
 
 def test_mobility_of_cylinders_and_balls():

@@ -209,6 +209,10 @@ def test_a_command_lets_go_and_that_is_no_loss():
     memory = contact.act(contact.start(0.005, ()), 0.6, PointMotion(ARM, START))
     grip = after(contact, memory, t=0.3)
     assert (float(grip.taken), float(grip.lost), float(grip.ready)) == (0.0, 0.0, 1.0)
+    # also of what would have given way at that instant
+    overloaded = moved(memory, (0.0, 0.0, -0.0021))
+    assert float(after(contact, overloaded, t=0.7).lost) == 1.0
+    assert float(after(contact, overloaded, t=0.3).lost) == 0.0
 
 
 def test_a_hook_takes_what_it_rises_past_carries_it_from_below_and_loses_it_when_it_is_lowered():

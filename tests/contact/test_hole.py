@@ -98,6 +98,8 @@ def test_a_disc_is_held_off_the_plate_as_if_its_hole_were_filled():
     assert float(above) == pytest.approx(0.02, abs=1e-9)
     assert float(plate.clearance(Vec3(0.0, 0.0, -0.01), Vec3(0.0, 0.0, 1.0), 0.01, 0.0)) < 0.0
     assert float(plate.clearance(Vec3(0.0, 0.0, -0.06), Vec3(0.0, 0.0, 1.0), 0.01, 0.0)) == pytest.approx(0.01)
+    for x, y in ((0.06, -0.08), (0.08, 0.06)):
+        assert float(plate.clearance(Vec3(x, y, -0.02), Vec3(0.0, 0.0, 1.0), 0, 0.0)) == pytest.approx(0.04)
     assert plate.farthest == pytest.approx(math.hypot(0.06, 0.05))
 
 

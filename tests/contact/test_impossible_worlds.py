@@ -49,6 +49,7 @@ def test_of_two_bad_numbers_the_worse_is_named_without_a_bound():
     [({}, False),
      ({"size": (0.005, 0.005, 1.0), "position": OUTSIDE, "angles": TURN}, False),
      ({"shape": "cylinder", "size": (0.02, 0.4)}, False),
+     ({"shape": "cylinder", "size": (0.003, 1.0), "position": OUTSIDE, "angles": TURN}, False),
      ({"shape": "sphere", "size": (0.2,)}, False),
      ({"angles": Vec3(0.0, 0.0, 0.0), "position": Vec3(0.3, 0.2, 1.055)}, False),
      ({"position": Vec3(0.3, 0.2, 1.09)}, True),

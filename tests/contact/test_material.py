@@ -7,8 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from skyarm.algebra import Vec3
+from skyarm.algebra import ZERO3, Vec3
 from skyarm.contact import Material
+from skyarm.contact.material import LIGHTEST
+from skyarm.contact.touch import touch_of
 
 STEEL = Material(stiffness=5000.0, dissipation=1.0, friction=0.3, bristle_length=2e-4)
 FAST = 10.0
@@ -34,6 +36,16 @@ def test_near_the_surface_it_is_the_mean_over_the_way_of_a_step():
         mean = 5000.0 * np.maximum(along, 0.0).mean()
         assert material.normal_force(depth, rate) == pytest.approx(mean, abs=1e-4 * 5000.0 * way)
         assert material.normal_force(depth, -rate) == material.normal_force(depth, rate)
+
+
+def test_a_touch_of_the_vehicle_is_smoothed_over_the_step_of_its_material_whatever_others_ask_for():
+    """k h^2 / (2 way) with h = way / 2 + d in the bend; of a body of the world the way is that of the common step."""
+    soft, up, nothing = Material(stiffness=500.0, dissipation=0.0, friction=0.0), Vec3(0.0, 0.0, 1.0), ZERO3
+    depth, slip = 1e-5, Vec3(0.0, 0.0, -0.1)
+    for mass, step, used in ((LIGHTEST, 1e-4, soft.largest_step), (0.5, 1e-3, 1e-3)):
+        found = touch_of(soft, depth, up, nothing, slip, nothing, step, mass)
+        way = 0.1 * used
+        assert found.normal == pytest.approx(500.0 * (0.5 * way + depth) ** 2 / (2.0 * way), rel=1e-9)
 
 
 def test_a_bristle_bends_with_the_slip_and_then_slides_at_its_length():

@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from skyarm.algebra import Vec3
 from skyarm.compile import leaves, rebuild, trace
 from skyarm.contact import Contact, ContactPoint, Detent, Mechanism, Surface
+from skyarm.contact.mechanism_effort import MechanismMotion
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.interface import Truth
 from skyarm.plant.surroundings import Surroundings
@@ -125,6 +126,21 @@ def test_a_stop_of_a_given_stiffness_is_entered_as_far_as_a_load_presses():
     assert light[0] - 0.1 == pytest.approx(1.0 / 5000.0, rel=1e-4)
     usual = moved(hinge(upper=0.1, initial=0.1, damping=100.0), 0.3, twist=(0.0, 0.0, 4.0))[-1]
     assert usual[0] - 0.1 == pytest.approx(4.0 / (0.5 * 200.0**2), rel=1e-4)
+
+
+@pytest.mark.parametrize("make", [hinge, slide])
+def test_both_ends_are_alike(make):
+    """A mirrored mechanism pushes the other way in mirrored motion: into its stops, out of them, and between."""
+    inner = {"stiffness": 4.0, "damping": 0.7, "friction": 0.3}
+    way = make(lower=-0.3, upper=0.5, rest=0.1, **inner)
+    mirror = make(lower=-0.5, upper=0.3, rest=-0.1, **inner)
+    nothing = Vec3(0.0, 0.0, 0.0)
+    for q in (-0.303, -0.3, 0.1, 0.5, 0.502):
+        for rate in (-0.4, 0.0, 0.4):
+            for z in (-1e-4, 2e-4):
+                there, other = (MechanismMotion(coordinate=s * q, rate=s * rate, bristle=(s * z,)) for s in (1.0, -1.0))
+                a, b = way.slope(there, nothing, nothing, 0.0), mirror.slope(other, nothing, nothing, 0.0)
+                assert (a.rate, a.bristle[0]) == pytest.approx((-b.rate, -b.bristle[0]), abs=1e-12)
 
 
 @pytest.mark.parametrize(("share", "opens"), [(0.96, False), (1.04, True)])

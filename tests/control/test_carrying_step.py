@@ -47,6 +47,14 @@ def test_a_load_is_learned_while_it_is_told_to_be_held_and_no_surface_is_touched
         assert mass(on=on) == 0.0
 
 
+def test_a_load_is_learned_as_fast_as_the_slower_observer_lets_it():
+    for force, joints in ((27.0, 60.0), (60.0, 27.0), (27.0, 27.0)):
+        observer = dataclasses.replace(LAW.par.observer, force=force, joints=joints)
+        par = dataclasses.replace(LAW.par, observer=observer)
+        found, _ = carry(par, LAW.memory, LAW.memory.load, 1.0, LAW.memory.observed, PULLED, None, DT)
+        assert found.mass == pytest.approx(0.1 * (1.0 - np.exp(-1.5 * 27.0 * DT)), rel=0.05)
+
+
 def test_nothing_is_learned_at_a_limit_and_of_a_command_that_others_changed():
     assert mass(free=(1.0, 0.0, 1.0)) == 0.0
     assert mass(free=(0.0, 1.0, 1.0)) == 0.0
@@ -61,6 +69,29 @@ def test_what_is_left_of_a_contact_is_no_bias_and_hinders_no_mass():
 
     assert (after(0.45, 0.0).bias.force.z, after(0.45, 1.0).mass) == (0.0, mass())
     assert after(0.55, 0.0).bias.force.z == pytest.approx(-0.981 * (1.0 - np.exp(-0.5 * DT)))
+
+
+def test_what_a_support_bears_of_a_load_is_answered_as_if_nobody_had_observed_it():
+    """The load is believed to be 100 g; 400 g of upward force less than nothing is what it lies on."""
+    still, instant, joints = (0.0, 0.0), 1e-9, (0.4, -1.1)
+    reading = dataclasses.replace(blank_measurement(2, 4), joints=joints)
+    reference = Reference(joints=joints, joint_rates=still, joint_accelerations=still, load=(1.0,))
+    held, at = dataclasses.replace(LAW.memory.load, mass=0.1), levers(ARM, Mat3.identity(), joints)
+
+    def period(newton):
+        """Efforts, and the rate of the force that the posture follows; rotors' lags have no time in an instant."""
+        d = at.disturbance(Vec3(0.0, 0.0, newton))
+        observed = dataclasses.replace(
+            LAW.memory.observed, joints=joints, force=d.force, torque=d.torque, efforts=d.efforts
+        )
+        memory = dataclasses.replace(LAW.memory, started=1.0, load=held, observed=observed)
+        after, command = LAW.law(memory, reading, reference, instant, par=LAW.par)
+        return np.array([*command.efforts, after.slow_force.z / instant])
+
+    pushed, rests, free = (period(9.81 * kilogram) for kilogram in (0.5, 0.1, 0.0))
+    assert pushed == pytest.approx(rests, rel=1e-5)
+    assert np.abs(rests - free)[:2].max() > 0.05  # a load that is lighter than the model has it is answered
+    assert rests[2] == pytest.approx(LAW.par.tip.shift_rate * 0.981, rel=1e-3)
 
 
 def test_the_weight_of_a_known_load_is_no_push_on_a_surface():
@@ -109,7 +140,7 @@ def test_a_tip_that_still_goes_in_touches_again_70_ms_after_the_loss():
     gains, dt = InteractionGains(touch=0.3, lost=0.1, sensing=60.0), 0.001
     nothing = Disturbance(force=Vec3(0.0, 0.0, 0.0), torque=Vec3(0.0, 0.0, 0.0), efforts=(0.0, 0.0))
     wish, there = wanted_of((1.0, 0.1, -1.0, 0.0, 0.0)), Vec3(-0.8, 0.0, 0.0)
-    now = dataclasses.replace(first_interaction(2, sensor=True), touching=1.0, share=1.0, found=1.0, doubt=0.999)
+    now = dataclasses.replace(first_interaction(2, sensor=True), touching=1.0, share=1.0, found=1.0, losing=0.999)
     touching = []
     for _ in range(90):
         now, _ = interaction.interact(gains, now, wish, ARM, nothing, AT, 0.2, 0.0, dt, there)

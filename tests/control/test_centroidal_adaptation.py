@@ -19,6 +19,7 @@ from skyarm.reference import Sine
 from skyarm.scalars.taylor import Taylor
 from skyarm.scenario.scenario_record import trimmed_state
 from skyarm.sensors.measurement import blank_measurement
+from thorough import sampled
 from vehicles_random import TWINS, RandomState, random_state, random_vehicle, rotation_matrix
 
 TRUTH = skyarm.load_vehicle("hummingbird_arm2_rotors")
@@ -201,7 +202,7 @@ def test_the_plan_is_the_references_motion_at_the_attitude_its_force_asks_for():
     assert np.abs(acceleration).max() > 0.05
 
 
-@pytest.mark.parametrize("mode", ["joint", "tip"])
+@pytest.mark.parametrize("mode", sampled(["tip", "joint"], 2))
 def test_what_is_learned_acts_as_what_is_observed(mode):
     """A disturbance moved from the observer's memory to what is fed forward changes nothing of a command."""
     scenario = planned("case3_wind", mode=mode, preset="robust")
@@ -276,7 +277,7 @@ def sticky(scenario, damping):
     return dataclasses.replace(scenario, world=dataclasses.replace(scenario.world, vehicle=vehicle))
 
 
-@pytest.mark.parametrize("noisy", [False, True])
+@pytest.mark.parametrize("noisy", sampled([True, False], 2))
 def test_a_payload_is_found(noisy):
     flown = fly(loaded(planned("case3_wind", mode="tip", noisy=noisy), 0.05))
     assert flown.memory.learned.tip_mass == pytest.approx(0.05, abs=0.01)

@@ -13,12 +13,12 @@ import skyarm
 from skyarm.actuation import Command
 from skyarm.algebra import ZERO3, Mat3, Vec3
 from skyarm.control.blocks.disturbance import Disturbance as Unknown
-from skyarm.control.blocks.disturbance_observer import ObserverGains, first_observed, observe
+from skyarm.control.blocks.disturbance_observer import ObserverGains, beyond, first_observed, observe
 from skyarm.control.blocks.felt_acceleration import AccelerometerGains, Felt, feel
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.bandwidth import at_shares
-from skyarm.control.laws.centroidal.law import lateness
+from skyarm.control.laws.centroidal.gust_shift import lateness
 from skyarm.control.model import Model
 from skyarm.environment import Disturbance
 from skyarm.environment.signal_vector import SignalVector
@@ -133,6 +133,17 @@ def test_thrust_across_that_changes_within_a_period_is_no_unknown_force():
         GAINS,
     )
     assert list(observed.force) == pytest.approx([0.0] * 3, abs=1e-3)
+
+
+def test_thrust_along_the_axis_is_counted_by_its_mean_and_across_by_the_speed_amid_the_period():
+    """Each as the model itself reckons with it, so that the difference to the end of the period is the rotors' own."""
+    vehicle, rng = skyarm.load_vehicle("tilted_hexarotor"), np.random.default_rng(3)
+    squares, half, speeds = rng.uniform(2e5, 3e5, 6), rng.uniform(400.0, 500.0, 6), rng.uniform(300.0, 600.0, 6)
+    axes = np.array([[*r.axis] for r in vehicle.rotors], dtype=float)
+    thrust = np.array([float(r.thrust_coefficient) for r in vehicle.rotors])
+    found = beyond(Model(vehicle=vehicle), squares.tolist(), half.tolist(), speeds.tolist())
+    assert found.z == pytest.approx(axes[:, 2] @ (thrust * (speeds**2 - squares)))
+    assert [found.x, found.y] == pytest.approx((thrust * (speeds**2 - half**2)) @ axes[:, :2])
 
 
 @pytest.mark.parametrize("pair", [None, GAINS])

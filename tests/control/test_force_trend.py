@@ -91,7 +91,7 @@ def test_what_was_found_is_forgotten_at_its_rate():
 
 def test_trust_stays_within_nothing_and_all():
     rate = np.array([1.0, 2.0, -1.0])
-    for agreement, slope in ((-3.0, CHANCE), (1.0, CHANCE), (1.5, 1.5 / (2.0 + GAINS.doubt)), (30.0, 1.0)):
+    for agreement, slope in ((-3.0, CHANCE), (1.0, CHANCE), (1.5, 1.5 / (2.0 + GAINS.noise)), (30.0, 1.0)):
         memory = dataclasses.replace(first_trend(GAINS), rate=Vec3(*rate), agreement=agreement, size=2.0)
         trust = (slope - CHANCE) / (1.0 - CHANCE) / (1.0 + (rate @ rate / GAINS.steep**2) ** 2)
         assert list(trusted_rate(GAINS, memory)) == pytest.approx(rate * trust)

@@ -121,7 +121,7 @@ def test_a_tip_that_grips_touches_at_once_and_loses_nothing():
     memory = first_interaction(2)
     for _ in range(620):  # near a limit of the joints the integral is slow
         memory, pressing = stepped(wanted(0.0), memory, (0.3, 0.0, 0.0))
-    assert (memory.touching, memory.doubt, memory.share) == (1.0, 0.0, 1.0)
+    assert (memory.touching, memory.losing, memory.share) == (1.0, 0.0, 1.0)
     assert pressing.asked
     assert pressing.kept == 0.7
     assert memory.integral == pytest.approx(0.3, abs=0.01)  # the handle pulls against the normal; bounded
@@ -146,6 +146,8 @@ def test_the_normal_points_out_of_the_axis_while_the_tip_grips():
         assert [*told.about_the_pivot(tip).normal] == [-1.0, 0.0, 0.0]
     on_the_axis = wanted(0.0, **arc).about_the_pivot(Vec3(1.0, 0.0, 3.0))
     assert [*on_the_axis.normal] == [-1.0, 0.0, 0.0]
+    near, beside = (wanted(0.0, **arc).about_the_pivot(Vec3(1.0, y, 3.0)).normal for y in (0.9e-3, 1.1e-3))
+    assert ([*near], [*beside]) == ([-1.0, 0.0, 0.0], pytest.approx([0.0, 1.0, 0.0], abs=1e-6))
     none = wanted(0.0, pivot=(0.0,) * 3, axis=(0.0,) * 3)  # as exported code has it where there is no axis
     assert [*none.about_the_pivot(tip).normal] == [-1.0, 0.0, 0.0]
 

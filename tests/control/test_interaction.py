@@ -34,8 +34,8 @@ def touched(forces, *, into=0.0, asked=True, memory=FREE):
     """Touch after each of some forces along the normal."""
     found = []
     for force in forces:
-        touching, doubt = law.touches(GAINS, memory, asked, force, into, DT)
-        memory = dataclasses.replace(memory, touching=touching, doubt=doubt)
+        touching, losing = law.touches(GAINS, memory, asked, force, into, DT)
+        memory = dataclasses.replace(memory, touching=touching, losing=losing)
         found.append(touching)
     return found
 
@@ -57,6 +57,9 @@ def test_a_tip_that_goes_in_fast_for_three_periods_has_lost_the_surface():
     for again in ({"memory": dataclasses.replace(FREE, free=0.051), "into": 0.11}, {"memory": FREE, "into": 0.09}):
         assert touched([1.0], **again) == [1.0]
     assert all(touched([1.0] * 4, into=0.09, memory=there))
+    # what was doubtful before the touch is no doubt of it
+    free = dataclasses.replace(FREE, free=1.0, found=1.0)
+    assert touched([0.0] * 9 + [1.0] * 4, into=0.11, memory=free) == [0.0] * 9 + [1.0, 1.0, 1.0, 0.0]
 
 
 def test_ramps_take_their_times_and_end_at_none_and_all():
@@ -105,16 +108,35 @@ def test_the_reference_comes_follows_and_returns():
     assert run(came, 4.0, False, 0.0).shift == pytest.approx(0.0, abs=1e-4)
 
 
+@pytest.mark.parametrize("touching", [0.0, 1.0])
+def test_the_shift_is_that_of_two_equal_poles_and_of_a_steady_acceleration_within_a_period(touching):
+    """Free, without a push, it comes back; with contact it goes to where the tip is: (s - e) = (a + b t) exp(-w t)."""
+    gap, dt, w, s0, v0 = 0.05 * touching, 5e-4, GAINS.follow, 0.1, -0.05
+    memory = dataclasses.replace(FREE, shift=s0, shift_rate=v0)
+    for k in range(600):
+        held = dataclasses.replace(memory, gap=gap - memory.shift)
+        s, rate, a = law.followed(GAINS, held, False, touching, 0.1, dt)
+        assert s == pytest.approx(memory.shift + memory.shift_rate * dt + 0.5 * a * dt * dt, abs=1e-15)
+        memory = dataclasses.replace(memory, shift=s, shift_rate=rate)
+        t, off = (k + 1) * dt, s0 - gap
+        exact = gap + (off + (v0 + w * off) * t) * np.exp(-w * t)
+        assert memory.shift == pytest.approx(exact, abs=3e-4)
+
+
 def test_what_no_contact_is_is_learned_in_free_flight_and_of_the_base_in_contact():
+    share, wind = 1.0 - np.exp(-0.5 * DT), 1.0 - np.exp(-1.0 * DT)
     none, d = FREE.bias, Disturbance(force=Vec3(1.0, 0.0, 0.0), torque=Vec3(0.1, 0.0, 0.0), efforts=(0.2, 0.0))
     push = Vec3(0.4, 0.0, 0.0)
     free, early, pressing = (
         law.learned(GAINS, none, d, push, asked, since, DT)
         for asked, since in ((False, 0.6), (False, 0.4), (True, 0.0))
     )
-    share, wind = 1.0 - np.exp(-0.5 * DT), 1.0 - np.exp(-1.0 * DT)
     assert (free.force.x, free.torque.x, free.efforts[0]) == pytest.approx((share, 0.1 * share, 0.2 * share))
     assert early == none
+    # what is learned already and still there stays, and what has changed is followed by a share of the difference
+    assert law.learned(GAINS, d, d, push, False, 0.6, DT) == d
+    assert law.learned(GAINS, d, none, push, False, 0.6, DT).torque.x == pytest.approx(0.1 * (1.0 - share))
+    assert law.learned(GAINS, d, none, push * 0.0, True, 0.0, DT).force.x == pytest.approx(1.0 - wind)
     assert (pressing.force.x, pressing.torque.x, pressing.efforts[0]) == pytest.approx((0.6 * wind, 0.0, 0.0))
 
 

@@ -82,17 +82,19 @@ def test_a_reference_that_moves_within_the_limits_is_followed_as_it_is():
     assert np.abs(off).max() < 0.01
 
 
-@pytest.mark.parametrize("size", [0.6, 1.3])
-def test_a_joint_that_is_pushed_along_a_moving_reference_comes_to_where_it_may_go(size):
-    """Half of the way from the reference to the limit; never beyond that, where the reference is beyond it too."""
-    vehicle, dt, q, rate = with_limits(-1.0, 1.0), 1e-3, 0.0, 0.0
+@pytest.mark.parametrize(("size", "stops"), [(0.6, False), (0.6, True), (1.3, False)])
+def test_a_joint_that_is_pushed_along_a_moving_reference_comes_to_where_it_may_go(size, stops):
+    """Its share of the way from the reference to the limit; never beyond that, where the reference is beyond it too."""
+    vehicle, dt, q, rate = with_limits(-1.0, 1.0, stops), 1e-3, 0.0, 0.0
+    share = WITH_STOP if stops else SHARE
     for k in range(2000):
         told = swinging(k * dt, size)
         rate += bounded(vehicle, q, rate, told, 1e3) * dt
         q += rate * dt
         assert q < 1.0 + 1e-3
         if k > 500 and told[0] < 0.5:
-            assert q == pytest.approx(0.5 * (swinging((k + 1) * dt, size)[0] + 1.0), abs=0.02)
+            told = swinging((k + 1) * dt, size)[0]
+            assert q == pytest.approx(told + share * (1.0 - told), abs=0.02)
 
 
 @pytest.mark.parametrize("arm", [(900.0, 0.0), (900.0, 20.0)])
@@ -111,6 +113,10 @@ def test_a_motion_within_the_room_keeps_its_bits_and_no_limit_is_no_bound():
     assert bounded(free, 5.0, 50.0, 0.0, 1e3) == 1e3
     assert bounded(above, -5.0, -50.0, 0.0, -1e3) == -1e3
     assert bounded(above, 0.9, 0.0, 0.0, 1e3) < 0.0
+    below = with_limits(-1.0, np.inf)
+    assert ends_of(below) == ((True, False),)
+    for q, rate, told, wanted in ((0.9, 0.0, 0.0, 1e3), (0.3, 7.0, 0.2, 10.0), (-5.0, -50.0, 0.0, -1e3)):
+        assert bounded(below, -q, -rate, -told, -wanted) == -bounded(above, q, rate, told, wanted)
     # at rest, where it may go, nothing is asked: further where a stop holds it
     for stops, share in ((False, SHARE), (True, WITH_STOP)):
         vehicle = with_limits(-1.5, 1.5, stops)

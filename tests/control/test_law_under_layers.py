@@ -8,8 +8,10 @@ import pytest
 
 import skyarm
 from skyarm.actuation.servo import PositionServo
+from skyarm.algebra import Vec3
 from skyarm.control.actuator_layer import with_actuators
 from skyarm.control.blocks.lag_estimate import lags_found
+from skyarm.control.blocks.observed_push import observed_push
 from skyarm.control.controller import innermost, with_innermost
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
@@ -52,6 +54,11 @@ def test_the_law_itself_is_found_under_two_layers_and_three(kind):
     assert isinstance(own, CentroidalParameters)
     assert with_innermost(law.par, own) == law.par
     assert lags_found(law.memory) == (0.0, 0.0)
+    assert observed_push(law.memory) is None
+    presses = layered(kind, interaction=(0.3, 0.1)).memory
+    pushed = dataclasses.replace(innermost(presses).interaction, force=Vec3(1.0, 2.0, 3.0))
+    told = with_innermost(presses, dataclasses.replace(innermost(presses), interaction=pushed))
+    assert observed_push(told) == Vec3(1.0, 2.0, 3.0)
     assert finds_lag(law)
     flown = planned(law)
     assert believed_delay(flown) == pytest.approx(0.01)

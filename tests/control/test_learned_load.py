@@ -24,7 +24,10 @@ from skyarm.vehicle.linkage import Body
 
 DT, STEP, G = 0.005, 0.04, 9.81
 GAINS = LoadGains(limit=0.6)
-ARM = skyarm.load_vehicle("hexarotor_arm6")
+STRAIGHT = skyarm.load_vehicle("hexarotor_arm6")
+GRASP = Quaternion(0.8, 0.3, -0.4, 0.2).normalized().rotation()
+"""Axes of a tip that are none of its link's."""
+ARM = dataclasses.replace(STRAIGHT, frames=(dataclasses.replace(STRAIGHT.frame(), rotation=GRASP),))
 JOINTS = (0.2, -0.6, -0.97, 0.3, -0.8, 0.4)
 TILTED = Quaternion(0.98, 0.1, -0.15, 0.05).normalized().rotation()
 TURNED = Quaternion(0.7, 0.7, 0.1, 0.0).normalized().rotation()
@@ -59,6 +62,21 @@ def test_mass_and_torque_about_the_tip_are_those_of_the_load_that_hangs_there():
     assert torque == pytest.approx(expected[:2], abs=0.1 * np.linalg.norm(expected))
     alone = missing(ARM, GAINS, at, weight_of(at_tip(0.3, (0.0, 0.0, 0.0)), TILTED, JOINTS))
     assert alone == pytest.approx([0.3, 0.0, 0.0], abs=1e-12)
+
+
+def test_what_is_missing_is_the_least_squares_solution_of_numpy_and_a_sliding_joint_has_a_length_of_its_own():
+    last = ARM.links[-1]
+    slide = dataclasses.replace(last, joint=dataclasses.replace(last.joint, kind="prismatic"))
+    vehicle, trust = dataclasses.replace(ARM, links=(*ARM.links[:-1], slide)), GAINS.errors
+    at, rng = hang(vehicle, TILTED, JOINTS, G), np.random.default_rng(8)
+    numbers = (0.1 * rng.normal(size=6 + ARM.n)).tolist()
+    d = Disturbance(force=Vec3(*numbers[:3]), torque=Vec3(*numbers[3:6]), efforts=tuple(numbers[6:]))
+    rows = np.array([[at.lift, 0.0, 0.0], *np.transpose([[*each] for each in at.turning]), *at.efforts], dtype=float)
+    errors = np.array([1.0, *[trust.base] * 3, *[trust.turning] * (ARM.n - 1), trust.sliding])
+    held = np.diag([1e-6, 1.0 / GAINS.twist, 1.0 / GAINS.twist])
+    told = np.array([*numbers[2:]]) / errors
+    expected = np.linalg.lstsq(np.vstack([rows / errors[:, None], held]), [*told, 0.0, 0.0, 0.0], rcond=None)[0]
+    assert missing(vehicle, GAINS, at, d) == pytest.approx(expected, rel=1e-8)
 
 
 def test_of_wind_across_and_of_a_wrong_thrust_little_is_taken_for_a_load():

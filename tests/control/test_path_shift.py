@@ -6,15 +6,17 @@ import numpy as np
 import pytest
 
 import skyarm
-from skyarm.algebra import Mat3, Vec3
+from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.control.blocks.attitude import Attitude
 from skyarm.control.blocks.series_kinematics import Posture
 from skyarm.control.catalogue import preset
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
+from skyarm.control.laws.centroidal.demands import _course
 from skyarm.control.laws.centroidal.path_shift import ABOVE, AT_REST, BELOW, moved_axis, moved_path, with_shift
 from skyarm.control.laws.centroidal.swing_shift import SwingPace, followed_pace
 from skyarm.control.model import Model
+from skyarm.dynamics import State
 from skyarm.metrics.windows import Window, Windows
 from skyarm.reference import Constant, Sine, hover
 from skyarm.scalars.taylor import Taylor
@@ -134,6 +136,28 @@ def test_one_step_finds_the_rate_of_a_known_pace():
     axis = dataclasses.replace(AT_REST, size=1e6, change=w2 * 1e6, rate=0.4)
     found = moved_axis(axis, (0.0, 0.0, 1.0, jerk, 0.0), (per * (jerk - w2 * axis.rate), 0.0), per, 2.0, 1e-9)
     assert found.rate == pytest.approx(per * jerk / (1.0 + per * w2), rel=1e-6)
+    # of an arm above the base a Newton step would be a longer one, up to twice: what is asked for is taken as it is
+    above = moved_axis(axis, (0.0, 0.0, 1.0, jerk, 0.0), (-0.1, 0.0), -per, 2.0, 1e-9)
+    assert above.rate == pytest.approx(-0.1, rel=1e-6)
+
+
+def test_the_drag_that_is_answered_is_that_of_the_base_as_it_shifts():
+    """A base that shifts with 2 m/s beside a reference at rest leans as one whose reference goes with 2 m/s."""
+    model = Model(vehicle=skyarm.load_vehicle("hummingbird_arm2_rotors"), gravity=G)
+    made = make_centroidal(model, mode="tip", path_rate=2.0, shift_bandwidth=60.0)
+    zero, joints = Vec3(0.0, 0.0, 0.0), (0.3, -0.4)
+    state = State(position=zero, quaternion=Quaternion(1.0, 0.0, 0.0, 0.0), velocity=zero, rate=zero, joints=joints,
+                  joint_rates=(0.0, 0.0), rotor_speeds=(500.0,) * 4)  # fmt: skip
+
+    def leans(shifting, going):
+        path = (dataclasses.replace(AT_REST, rate=shifting), AT_REST)
+        x = Taylor((0.0, going, 0.0, 0.0, 0.0))
+        signals = [x, *(Taylor((c, 0.0, 0.0, 0.0, 0.0)) for c in (0.0, 1.0, 0.0, *joints))]
+        before = dataclasses.replace(made.memory.following, path=path)
+        return np.array(_course(made.par, model, state, signals, zero, zero, before, DT).still.R.rows)
+
+    assert leans(2.0, 0.0) == pytest.approx(leans(0.0, 2.0), abs=1e-12)
+    assert np.abs(leans(2.0, 0.0) - leans(0.0, 0.0)).max() > 1e-3
 
 
 def test_the_tip_stays_on_a_fast_circle():

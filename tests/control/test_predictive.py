@@ -41,6 +41,7 @@ from skyarm.simulate.compiled_flight import fly
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop import run
 from skyarm.vehicle.vehicle_files import load_vehicle
+from thorough import sampled
 
 DT = 0.005
 SCALES = np.array([1000.0] * 4 + [0.1] * 2)
@@ -534,7 +535,7 @@ def test_machine_code_is_made_once_for_a_belief_and_its_options():
     assert engine_for(one, DT) is not engine_for(make_controller("nmpc", MODEL, stages=13).par, DT)
 
 
-@pytest.mark.parametrize("episode", [0, 3])
+@pytest.mark.parametrize("episode", sampled([0, 3], 2))
 def test_noise_delay_and_wind_do_not_lose_the_step_with_which_the_circle_ends(episode):
     flights = Flights(entrant=ENTRANTS["nmpc"], case=CASES["case3_wind_45"], condition=conditions()["noisy"], seed=0)
     scenario = flights.scenario()
@@ -557,7 +558,7 @@ def tool_error(log):
     return Errors.continuous(log).tool[log.time >= 1.0].mean()
 
 
-@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
+@pytest.mark.parametrize("plant", sampled(["rigid_body", "mujoco"], 2))
 def test_it_flies_case_3_nearer_to_the_tip_s_reference_than_the_paper_s_law(plant):
     model = load_scenario("case3").controller.par.model
     paper = tool_error(run(early_case3(plant=plant)))

@@ -14,6 +14,7 @@ from skyarm.algebra import Mat3, Quaternion, Vec3
 from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import disturbance
+from skyarm.control.blocks.lag_estimate import CANDIDATES, Bank
 from skyarm.control.laws.centroidal import interaction as law
 from skyarm.control.laws.centroidal import make_centroidal
 from skyarm.control.laws.centroidal.interaction_records import InteractionGains, first_interaction, wanted_of
@@ -22,6 +23,7 @@ from skyarm.control.laws.centroidal.surface_normal import slid
 from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.control.model import Model
 from skyarm.dynamics import State
+from skyarm.dynamics.kinematics import frame_pose
 from skyarm.reference import Reference
 from skyarm.scalars.taylor import Taylor
 from skyarm.sensors.measurement import blank_measurement
@@ -44,11 +46,21 @@ def test_the_order_is_the_ramped_sum_of_the_wanted_force_and_the_integral():
     assert after.integral == pytest.approx(0.1 + 4.0 * 0.5 * DT)
     assert pressing.order == pytest.approx(2.0 + after.integral)
     assert after.found == 1.0
+    # the next push comes to its surface with the speed that is told again
+    met, nothing = dataclasses.replace(HELD, found=1.0, touching=0.0), wanted_of((0.0, *PUSH[1:]))
+    assert law.interact(GAINS, met, nothing, ARM, AT.disturbance(ZERO), AT, 0.0, 0.0, DT)[0].found == 0.0
+    assert asked(met, force=0.0)[0].found == 1.0
     assert np.allclose([*after.force], [-1.5, 0.0, 0.3])
     # as the ramp falls, what is left of the order still stands in place of the observed force
     lost, falling = asked(dataclasses.replace(HELD, touching=0.0), force=0.2)
     assert (lost.integral, falling.engaged, falling.share) == pytest.approx((0.0, 1.0, 0.75))
     assert falling.order == pytest.approx(0.75 * 2.0)
+    # free flight begins a period after the last one in which it touched or an order stood
+    briefly, gone = dataclasses.replace(HELD, share=0.1, losing=1.0, touching=1.0), []
+    for _ in range(3):
+        briefly = asked(briefly, force=0.0)[0]
+        gone.append((briefly.touching, briefly.free))
+    assert gone == [(0.0, 0.0), (0.0, DT), (0.0, 2.0 * DT)]
     rising = asked(dataclasses.replace(HELD, share=0.5))[1]
     assert rising.order == pytest.approx((0.5 + DT / 0.15) * 2.1)
 
@@ -82,7 +94,7 @@ def pressed(*, memory=HELD, velocity=ZERO, led=ZERO, efforts=(0.0, 0.0), speed=4
 
 
 def test_the_tip_that_goes_into_the_surface_is_the_one_that_is_lost():
-    doubts = [pressed(velocity=Vec3(speed, 0.0, 0.0))[1][0].doubt for speed in (0.2, -0.2, 0.0)]
+    doubts = [pressed(velocity=Vec3(speed, 0.0, 0.0))[1][0].losing for speed in (0.2, -0.2, 0.0)]
     assert doubts == pytest.approx([DT / 0.015, 0.0, 0.0])
 
 
@@ -107,6 +119,72 @@ def test_the_base_carries_the_order_and_sliding_corrects_the_normal():
     assert [*pressed(memory=half, velocity=slope, led=Vec3(0.0, 0.0, 0.1))[1][0].lean] == [0.0, 0.0, 0.0]
 
 
+PLACE, TILTED = Vec3(0.4, -0.3, 1.2), Quaternion(0.9, 0.2, -0.3, 0.15).normalized()
+MOVING = State(
+    position=PLACE,
+    quaternion=TILTED,
+    velocity=Vec3(0.3, -0.1, 0.2),
+    rate=Vec3(0.4, 0.7, -0.5),
+    joints=JOINTS,
+    joint_rates=(0.8, -0.6),
+    rotor_speeds=(400.0,) * 4,
+)
+EARLIER, BEFORE = Quaternion(0.95, -0.1, 0.2, 0.1).normalized(), (-0.2, -1.3)
+
+
+def pressed_in_motion(memory, push, unknown=None, tip_force=()):
+    """A period of a vehicle that is tilted, turns and moves; what is observed is of another attitude and posture."""
+    par = make_centroidal(MODEL, mode="tip", interaction=(0.3, 0.1), force_sensor=bool(tip_force)).par
+    d = unknown or levers(ARM, EARLIER.rotation(), BEFORE).disturbance(Vec3(-1.5, 0.2, 0.3))
+    first = make_centroidal(MODEL, mode="tip").memory.observed
+    observed = dataclasses.replace(
+        first, quaternion=EARLIER, joints=BEFORE, force=d.force, torque=d.torque, efforts=d.efforts
+    )
+    signals = [Taylor((0.0, rate, 0.0, 0.0, 0.0)) for rate in (0.0, 0.2, 0.1, 0.0, 0.0, 0.0)]
+    sent = Command(rotor_speeds=(400.0,) * 4, efforts=(0.0, 0.0))
+    return d, press(par, memory, push, signals, observed, sent, MOVING, d, tip_force, DT, 0.5)
+
+
+def tip_of(state, seconds):
+    """Place of the tip (m, world axes) after a while of steady motion."""
+    turned = TILTED * Quaternion.of_rotation_vector(state.rate * seconds)
+    joints = [q + rate * seconds for q, rate in zip(state.joints, state.joint_rates, strict=True)]
+    p = frame_pose(ARM, ARM.frame(), joints).p
+    return np.array([*(state.position + state.velocity * seconds + turned.rotation().apply(p))], dtype=float)
+
+
+def test_the_lean_of_the_normal_follows_the_velocity_of_the_tip_itself():
+    velocity = (tip_of(MOVING, 1e-5) - tip_of(MOVING, -1e-5)) / 2e-5
+    _, (after, *_) = pressed_in_motion(HELD, PUSH)
+    # what turns the normal across the velocity: n.v = -v_x of the normal that is told
+    assert [*after.lean] == pytest.approx(velocity * (DT * velocity[0] / (velocity @ velocity + 0.0004)), rel=1e-6)
+    gripping, pivot = (0.0, 0.1, -1.0, 0.0, 0.0, 1.0), (0.1, 0.2, 0.0)
+    _, (after, pressing, _, _) = pressed_in_motion(HELD, (*gripping, *pivot, 0.0, 0.0, 1.0))
+    assert after.lean == ZERO  # an arc is no surface
+    out = (tip_of(MOVING, 0.0) - pivot) * (1.0, 1.0, 0.0)
+    assert [*pressing.n] == pytest.approx(out / np.linalg.norm(out))
+
+
+def test_what_was_observed_in_one_posture_is_given_in_another():
+    d, (after, pressing, given, force) = pressed_in_motion(HELD, PUSH)
+    assert [*after.force] == pytest.approx([-1.5, 0.2, 0.3])
+    wanted = levers(ARM, TILTED.rotation(), JOINTS).disturbance(Vec3(-pressing.order, 0.2, 0.3))
+    assert [*given.torque, *given.efforts] == pytest.approx([*wanted.torque, *wanted.efforts], abs=1e-9)
+    # the bias of the base's force stays in it, and the base follows what is observed and ordered
+    assert [*force] == pytest.approx([-pressing.order, 0.2, 0.3])
+    unknown = d + Disturbance(force=Vec3(0.3, 0.0, 0.1), torque=ZERO, efforts=(0.0, 0.0))
+    _, (_, _, given, force) = pressed_in_motion(HELD, PUSH, unknown=unknown)
+    assert [*force] == pytest.approx([*given.force])
+
+
+def test_a_sensor_is_turned_by_the_attitude_and_posture_in_which_it_read():
+    read, heard = Vec3(0.5, 0.2, -0.3), dataclasses.replace(HELD, felt=Vec3(-1.0, 0.4, 0.0))
+    _, (after, *_) = pressed_in_motion(heard, PUSH, tip_force=(*read,))
+    pushed = EARLIER.rotation().apply(frame_pose(ARM, ARM.frame(), BEFORE).R.apply(read)) + Vec3(0.0, 0.0, 0.5)
+    share = 1.0 - np.exp(-60.0 * DT)
+    assert [*after.felt] == pytest.approx([*(heard.felt * (1.0 - share) + pushed * share)])
+
+
 def test_what_a_touch_does_to_the_trend_of_the_force_is_not_foretold():
     made = make_centroidal(MODEL, mode="tip", preset="adaptive", interaction=(0.3, 0.1))
     reference = Reference(joints=JOINTS, joint_rates=(0.0,) * 2, joint_accelerations=(0.0,) * 2, push=PUSH)
@@ -122,6 +200,46 @@ def test_what_a_touch_does_to_the_trend_of_the_force_is_not_foretold():
     assert command(fast, HELD) == command(before, HELD)
     free = first_interaction(2)
     assert command(fast, free) != command(before, free)
+
+
+def test_no_lag_is_learned_until_a_contact_has_rested():
+    made = make_centroidal(MODEL, mode="tip", preset="adaptive", interaction=(0.3, 0.1))
+    reference = Reference(joints=JOINTS, joint_rates=(0.0,) * 2, joint_accelerations=(0.0,) * 2, push=PUSH)
+    bank = Bank(means=(0.5,) * CANDIDATES, scale=1.0)
+    lag = dataclasses.replace(made.memory.lag, count=100.0, past=((1.0,) * 5,) * 8, base=bank, arm=bank)
+
+    def banks(held):
+        memory = dataclasses.replace(made.memory, started=1.0, lag=lag, interaction=held)
+        after = made.law(memory, blank_measurement(2, 4, 0), reference, DT, par=made.par)[0].lag
+        return after.base.means != bank.means, after.arm.means != bank.means
+
+    assert banks(HELD) == (False, False)
+    assert banks(dataclasses.replace(first_interaction(2), free=0.4)) == (False, False)
+    assert banks(dataclasses.replace(first_interaction(2), free=0.6)) == (True, True)
+
+
+def test_friction_is_let_go_by_what_was_sent_last():
+    made, instant = make_centroidal(MODEL, mode="tip", delay=0.02, interaction=(0.3, 0.1)), 1e-9
+    reference = Reference(joints=JOINTS, joint_rates=(0.0,) * 2, joint_accelerations=(0.0,) * 2, push=PUSH)
+    d = AT.disturbance(Vec3(-1.5, 0.0, 0.6))
+    observed = dataclasses.replace(
+        made.memory.observed, joints=JOINTS, force=d.force, torque=d.torque, efforts=d.efforts
+    )
+    reading = dataclasses.replace(blank_measurement(2, 4, 0), joints=JOINTS)
+    idle, limit = made.memory.sent[0], float(ARM.links[0].joint.effort_limit)
+
+    def efforts(sent):
+        memory = dataclasses.replace(made.memory, started=1.0, observed=observed, interaction=HELD, sent=sent)
+        return np.array(made.law(memory, reading, reference, instant, par=made.par)[1].efforts)
+
+    queue = [idle] * len(made.memory.sent)
+    full = dataclasses.replace(idle, efforts=(limit, 0.0))
+    assert len(queue) == 5
+    calm = efforts(tuple(queue))
+    assert efforts((*[full] * 4, idle)) == pytest.approx(calm, abs=1e-6)
+    less = efforts((*queue[:-1], full)) - calm
+    # a fifth of the force across is not answered
+    assert less == pytest.approx(np.array(AT.disturbance(Vec3(0.0, 0.0, 0.2 * 0.6)).efforts), rel=1e-3)
 
 
 def numbers_of_a_step(*numbers):

@@ -208,6 +208,7 @@ def test_a_measurement_that_is_not_finite_is_not_shown_to_a_called_law():
         assert command == before.sent
 
 
+@pytest.mark.thorough
 def test_a_predictive_law_that_turns_the_vehicle_over_is_replaced_by_the_recovery():
     calm = dataclasses.replace(skyarm.load_scenario("case1"), duration=3.0, initial=None, trajectory=HOVER)
     law = failing(leaning, 0.1)

@@ -314,6 +314,7 @@ def test_a_rotor_and_both_drives_lost_at_once_are_survived_by_a_guard_that_trust
     assert status == ["ended", "completed"]
 
 
+@pytest.mark.thorough
 def test_a_law_that_keeps_the_tip_may_take_the_joints_far_from_their_references():
     """6 N of wind lean the base by 0.65 rad, and the first joint against it; trusted as a tracker it is given up."""
     base = skyarm.load_scenario("case3_wind", duration=10.0)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 import skyarm
 from skyarm.actuation import Command
@@ -70,6 +71,20 @@ def test_torque_and_thrust_are_right_while_the_servos_are_on_their_way():
         assert np.abs(left[[0, 1, 5]] - goal[[0, 1, 5]]).max() > 0.05
 
 
+def test_the_change_of_thrust_is_the_least_that_gives_three_rows_and_a_damped_fourth():
+    """Of |c|^2 + (z(c) - z)^2 / d with the other rows exact, d the squared reach about z at rest: by NumPy."""
+    angles = [f.angle + late for f, late in zip(WANTED, (0.1, -0.2, 0.15, 0.05, -0.1, 0.2), strict=True)]
+    columns, still = (np.array([wrench(at, one)[[0, 1, 2, 5]] for one in np.eye(6)]).T for at in (angles, np.zeros(6)))
+    kept = np.array([f.push * np.cos(f.angle - at) for f, at in zip(WANTED, angles, strict=True)])
+    short = wrench([f.angle for f in WANTED], [f.push for f in WANTED])[[0, 1, 2, 5]] - columns @ kept
+    exact, yaw, reach = columns[[0, 1, 3]], columns[2], np.sqrt(still[2] @ still[2])
+    first, free = np.linalg.pinv(exact) @ short[[0, 1, 3]], scipy.linalg.null_space(exact)
+    rows = np.vstack([free, (yaw @ free) / reach])
+    wanted = [*-first, (short[2] - yaw @ first) / reach]
+    change = first + free @ np.linalg.lstsq(rows, np.array(wanted), rcond=None)[0]
+    np.testing.assert_allclose(squares_at(BARE, WANTED, angles) - kept, change, rtol=1e-6)
+
+
 def test_servos_that_stand_where_they_should_leave_the_thrusts_alone():
     squares = squares_at(BARE, WANTED, [f.angle for f in WANTED])
     np.testing.assert_allclose(squares, [f.push for f in WANTED], rtol=1e-9)
@@ -114,6 +129,9 @@ def test_an_angle_of_little_thrust_moves_as_fast_at_every_rate_of_control():
 
 def test_rotors_without_a_largest_speed_turn_as_others_do():
     free = dataclasses.replace(BARE, rotors=tuple(dataclasses.replace(r, max_speed=np.inf) for r in BARE.rotors))
+    # nobody hovers without gravity: a largest speed says then how strong a rotor is
+    floats = Model(vehicle=BARE, gravity=0.0)
+    assert goal_angles(floats, (Force(0.002 * 900.0**2, 1.0),) * 6, (0.0,) * 6, 0.005) == pytest.approx([0.1] * 6)
     for gravity in (9.81, 1.62):
         turned = goal_angles(Model(vehicle=free, gravity=gravity), WANTED, (0.0,) * 6, 0.005)
         assert turned == pytest.approx([f.angle for f in WANTED])
@@ -190,6 +208,11 @@ def test_a_servo_is_told_to_go_ahead_of_its_angle_and_no_further_than_its_range(
 def test_next_to_no_thrust_turns_no_servo():
     _, command = stepped((0.0,) * 6, share=1e-4)
     assert np.abs(command.tilts).max() < 1e-3
+    # the servo goes on to where it was told to go, not to where it stands
+    first, _ = stepped((0.0,) * 6)
+    going = dataclasses.replace(first, inner=(1.0,) * 24, goals=(0.3, -0.2, 0.1, 0.3, -0.2, 0.1))
+    _, command = stepped((0.05,) * 6, going)
+    np.testing.assert_allclose(command.tilts, 0.05 + 1.25 * (np.array(going.goals) - 0.05), atol=1e-3)
 
 
 def test_thrusts_change_only_for_an_angle_that_is_not_as_the_motors_lag():

@@ -14,6 +14,7 @@ import skyarm
 from skyarm.actuation.hover import hover_trim
 from skyarm.compile import leaves
 from skyarm.env import ActionChange, ActionSize, Result, Sight, Spin, TipError, TipNear
+from skyarm.env.env_program import EnvProgram
 from skyarm.env.env_task import make_task
 from skyarm.env.single_environment import Environment
 from skyarm.env.vector_environment import VectorEnvironment
@@ -168,6 +169,29 @@ def test_what_nobody_seeds_differs_and_goes_on_with_the_next_episode():
     one.reset(seed=[None, 7])
     assert one.lanes.episodes.tolist() == [2, 0]
     assert one.lanes.seeds[1] == 7
+
+
+def test_semi_implicit_steps_are_those_of_the_scenarios_rate():
+    given = bare()
+    planned = dataclasses.replace(given["scenario"], integrator="euler")
+    program = EnvProgram(make_task(planned, observation=given["observation"]))
+    assert program._plant.substeps(1.0 / planned.rates.control) == planned.rates.physics // planned.rates.control
+
+
+def test_an_episode_begins_the_same_wherever_its_beginning_was_made():
+    """Beginnings are made many at a time: the first and the last of those, the next ones, and ones before."""
+    starts = VectorEnvironment(2, **bare()).lanes._starts
+    seeds, depth = np.array([5, 2**40], dtype=np.uint64), starts._depth
+    assert depth > 3
+    starts.seed(np.array([0, 1]), seeds)
+    for lanes, numbers in (
+        ([0, 1], [0, 3]), ([0, 1], [depth - 1, 3 + depth]), ([1], [4]), ([0, 1], [depth, depth + 4]), ([0], [1]),
+        ([1, 0], [depth + 3, depth + 1]), ([0, 1], [0, 2 * depth]),
+    ):  # fmt: skip
+        found = starts.take(np.array(lanes), np.array(numbers))
+        made = starts._made(seeds[lanes], np.array(numbers))
+        assert np.array_equal(found, made.astype(found.dtype))
+    assert not np.array_equal(found[:, 0], found[:, 1])
 
 
 def test_observations_are_one_buffer_or_copies():

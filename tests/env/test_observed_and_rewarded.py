@@ -15,6 +15,7 @@ from skyarm.env.action_kinds import ACTIONS, middle_and_half
 from skyarm.env.env_program import LARGEST, observation_of
 from skyarm.env.env_task import make_task
 from skyarm.env.named_tasks import NAMED, task_scenario
+from skyarm.env.randomised_numbers import _corners
 from skyarm.env.registered_environments import TASK_NAMES
 from skyarm.records.units import units
 from skyarm.vehicle.thrust_table import ThrustTable
@@ -112,6 +113,10 @@ def test_reward_terms_are_what_they_say(planned):
     for name, wanted in expected.items():
         scaled = {"scale": 2.0} if "scale" in REWARDS[name].__dataclass_fields__ else {}
         assert float(REWARDS[name](**scaled).value(result)) == pytest.approx(wanted, abs=1e-12), name
+    for axis, wanted in (((1, 0, 0), np.cos(ROLL)), ((0, 1, 0), np.cos(ROLL)), ((0, 0, 1), 1.0)):
+        turned = (np.cos(ROLL / 2), *(np.sin(ROLL / 2) * each for each in axis))
+        posed = dataclasses.replace(result, state=dataclasses.replace(state, quaternion=skyarm.Quaternion(*turned)))
+        assert float(REWARDS["upright"]().value(posed)) == pytest.approx(wanted)
     going = dataclasses.replace(result, ended=0.0)
     assert (REWARDS["alive"]().value(going), REWARDS["lost"]().value(going)) == (1.0, 0.0)
 
@@ -243,6 +248,15 @@ def test_joints_keep_to_their_limits_and_a_law_is_told_what_was_sent(planned):
 def test_a_drives_setpoints_go_from_end_to_end_of_the_joints_range(lower, upper, ends):
     middle, half = middle_and_half(lower, upper)
     assert (middle - half, middle + half) == pytest.approx(ends)
+
+
+@pytest.mark.parametrize(("paths", "lanes"), [(1, 2), (6, 64), (7, 16)])
+def test_ends_of_what_is_drawn_are_looked_at_together(paths, lanes):
+    """All of them with each other, of many paths each end alone beside all others' other ends."""
+    found = np.array([*_corners({f"p{k}": (float(k), k + 0.5) for k in range(paths)}).values()]).T
+    high = found - np.arange(paths) == 0.5
+    assert len(found) == len(np.unique(found, axis=0)) == lanes
+    assert set(high.sum(axis=1)) == (set(range(7)) if paths == 6 else {0, 1, paths - 1, paths})
 
 
 def test_a_thrown_vehicle_has_any_heading():

@@ -123,7 +123,7 @@ def test_the_start_is_stationary(dt):
 
 
 def test_a_drawn_ensemble_has_the_intensity_from_first_step_to_last():
-    lanes, dt = 20_000, 0.02
+    lanes, dt = 5000, 0.02
     noise = philox.normal(11, np.arange(lanes)[:, None], 0, np.arange(102), 3)
     memory = start(Vec3(*noise[:, 100].T), Vec3(*noise[:, 101].T), dt, par=PAR)
     for k in range(100):

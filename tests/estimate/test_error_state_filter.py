@@ -277,7 +277,7 @@ def test_the_push_that_the_model_lacks_is_found():
         ),
         ({"estimator__aiding": "compass"}, r"aiding = 'compass': must be one of pose, position, position_heading"),
         ({"estimator__force": "both"}, r"force = 'both': must be one of measured, modelled"),
-        ({"estimator__doubt": 0.5}, r"doubt = 0.5: must be at least 1"),
+        ({"estimator__inflation": 0.5}, r"inflation = 0.5: must be at least 1"),
         ({"estimator__gyro": -1.0}, r"gyro = -1.0: must be at least 0"),
         ({"estimator__vehicle": "x"}, r"estimator.vehicle"),
     ],

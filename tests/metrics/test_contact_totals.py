@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -82,15 +83,24 @@ def test_the_tip_s_error_is_that_across_the_normal_once_it_touches(pushed):
     assert pushed["contact_tip_mean"] == pytest.approx((25 * 0.005 + 15 * 0.003) / 40)
 
 
+def test_across_is_across_any_normal():
+    normal, across = np.array([0.48, -0.6, 0.64]), np.array([0.6, 0.0, -0.45])  # perpendicular, 0.75 long
+    tool = Vec3(*(0.5 * normal + 0.004 * across).tolist())
+    push = (1.0, 0.1, *normal.tolist())
+    flown = [dataclasses.replace(instant(k, 0.0 if k < 5 else 1.0, tool=tool), push=push) for k in range(40)]
+    found = metrics_of(flown)
+    assert (found["contact_tip_mean"], found["contact_tip_max"]) == pytest.approx((0.003, 0.003))
+
+
 def test_what_was_moved_is_told_where_the_flight_leaves_it():
     found = metrics_of(
         [
-            instant(k, 0.0, wanted=0.0, tool=Vec3(0.0, 0.0, z), objects=(float(k), 2.0, 3.0, 9.0, 9.0, 9.0),
+            instant(k, 0.0, wanted=0.0, tool=Vec3(0.0, 0.0, z), objects=(float(k), 5.0, 3.0, 9.0, 9.0, 9.0),
                     mechanisms=(turned, 7.0), phase=phase)
             for k, (z, turned, phase) in enumerate([(0.3, 0.1, 0.0), (0.2, 0.5, 1.0), (0.4, 0.2, 1.0)])
         ]
     )  # fmt: skip
-    assert [found[f"object_last_{axis}"] for axis in "xyz"] == [2.0, 2.0, 3.0]
+    assert [found[f"object_last_{axis}"] for axis in "xyz"] == [2.0, 5.0, 3.0]
     assert (found["mechanism_last"], found["mechanism_furthest"], found["tip_lowest"]) == (0.2, 0.5, 0.2)
     assert found["phases_time"] == pytest.approx(PERIOD), "the last phase began with the second instant"
 

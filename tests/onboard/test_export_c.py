@@ -82,7 +82,7 @@ def inputs(vehicle: str, count: int = 20, seed: int = 5):
 
 
 @needs_cc
-@pytest.mark.parametrize(("vehicle", "name"), sampled(PAIRS, 3))
+@pytest.mark.parametrize(("vehicle", "name"), sampled(PAIRS, 6))
 def test_every_law_and_preset_has_the_bits_of_the_law_in_python(tmp_path, vehicle, name):
     """1e-12 is asked for; without contraction the same operations in the same order leave no difference at all."""
     controller = built(vehicle, name)

@@ -35,7 +35,7 @@ def compare(folder: Path, *words: str, plugins: bool = True) -> Outcome:
         return typed(*loaded, "compare", *words)
 
 
-@pytest.mark.parametrize("plant", sampled(["rigid_body", "mujoco", "instant_rotors"], 3, keep=("mujoco",)))
+@pytest.mark.parametrize("plant", sampled(["rigid_body", "mujoco", "instant_rotors"], 3))
 def test_it_is_compared_on_every_plant_and_each_flight_is_one_of_its_own(tmp_path: Path, plant: str) -> None:
     """Law, air, force, sensor, estimator, drive, ending, motion and metric by name; flights one by one in processes."""
     laws = ["--laws", "paper_pd", "--seeds", "2", "--workers", "2", "--plant", plant]

@@ -82,6 +82,8 @@ def test_results_json_is_what_the_call_returns_and_strict(written: tuple[Path, d
     cell = read["experiments"]["case2"]["CT"]["position_error_mean"]
     assert cell["mujoco"] is None, "a plant that was not flown is null"
     assert math.isfinite(cell["rigid_body"])
+    assert math.isfinite(cell["inferred"]["rigid_body"])
+    assert cell["inferred"]["rigid_body"] != cell["rigid_body"], "flown with settings of their own"
 
 
 def test_every_cell_that_differs_has_a_reason(written: tuple[Path, dict[str, Any], list[str]]) -> None:

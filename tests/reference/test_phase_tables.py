@@ -99,6 +99,16 @@ def test_a_spiral_stays_across_the_normal_with_its_pitch_and_pace():
     assert (guard.early, guard.fails, guard.at) == (True, True, end)
 
 
+@pytest.mark.parametrize("radius", [0.0065, 0.0071])
+def test_a_slide_leads_from_where_a_spiral_of_any_part_of_a_turn_ends_to_its_place(radius):
+    slide = {"kind": "slide", "position": [0.2, 0.05, 0.8], "duration": 2.0}
+    trajectory, _ = read(PRESS, SPIRAL | {"radius": radius}, slide)
+    end = trajectory.phases[1].end
+    np.testing.assert_allclose(place_at(trajectory, end + 1e-6), place_at(trajectory, end - 1e-6), atol=1e-9)
+    assert np.linalg.norm(place_at(trajectory, end) - START) == pytest.approx(radius)
+    np.testing.assert_allclose(place_at(trajectory, 50.0), slide["position"], atol=1e-12)
+
+
 def test_a_turn_goes_about_its_axis_the_right_way():
     turn = {"kind": "turn", "center": [0.2, 0.3, 0.5], "axis": [0, 0, 2], "angle": math.pi / 2, "duration": 2.0}
     trajectory, _ = read(turn)
@@ -148,6 +158,12 @@ def test_lift_carry_grasp_and_release():
     assert [(event.kind, event.payload) for event in setting.events] == [("pick", "box"), ("place", "box")]
     assert setting.events[0].time == pytest.approx(0.2)
     np.testing.assert_allclose(place_at(trajectory, 100.0), [0.5, 0.0, 1.1], atol=1e-12)
+
+
+def test_a_payload_is_left_along_the_way_of_the_approach():
+    there, approach = [1.0, 0.2, 0.6], [0.05, -0.03, 0.2]
+    trajectory, _ = read({"kind": "pick", "payload": "box", "position": there, "approach": approach, "dwell": 0.4})
+    np.testing.assert_allclose(place_at(trajectory, 100.0), np.add(there, approach), atol=1e-12)
 
 
 GUARD = {"kind": "hold", "duration": 1.0}
@@ -206,7 +222,7 @@ def test_a_push_of_its_own_stands_nowhere_beside_phases_that_press():
     with pytest.raises(ValueError, match=r"^reference\.push: must be left out beside phases that press"):
         reference_from(table | {"push": push}, 0, "reference", Setting())
     two = {"base": [table["base"], table["base"]]}
-    with pytest.raises(ValueError, match="two tasks whose phases press do not add"):
+    with pytest.raises(ValueError, match="two tasks whose phases press or grip do not add"):
         reference_from(two, 0, "reference", Setting())
 
 

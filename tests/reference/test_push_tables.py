@@ -24,6 +24,7 @@ def test_force_speed_and_unit_normal_are_told():
     assert told.at(2.0).push == pytest.approx((2.0, 0.1, -0.6, 0.0, 0.8))
     assert told.at(0.5).push[0] == told.at(3.0).push[0] == 0.0
     assert trajectory({**PUSH, "speed": 0.3}).at(0.0).push[1] == 0.3
+    assert trajectory({**PUSH, "normal": [-3e-5, 0.0, 4e-5]}).at(2.0).push == pytest.approx(told.at(2.0).push)
     assert Trajectory().at(0.0).push == ()
     assert {1.0, 3.0} <= set(told.switch_times())
 

@@ -1,6 +1,7 @@
 """What a governor plans, judged by other lines than its own: second differences of what is told, and those of check."""
 
 import dataclasses
+import functools
 import math
 import re
 from pathlib import Path
@@ -56,10 +57,14 @@ CORNERS = flight(
     y=sequence(0.5, [(0.4, 0.0), (0.4, 1.0), (0.4, 1.0)]),
 )
 OPTIONS = GovernorOptions()
-GOVERNED = {
-    name: skyarm.govern(scenario)
-    for name, scenario in (("circle", CIRCLE), ("drop", DROP), ("swing", SWING), ("corners", CORNERS))
-}
+PLANNED = {"circle": CIRCLE, "drop": DROP, "swing": SWING, "corners": CORNERS}
+
+
+@functools.cache
+def led(name):
+    return skyarm.govern(PLANNED[name])
+
+
 TIME = np.arange(0.05, 4.95, 0.005)
 
 
@@ -73,9 +78,9 @@ def accelerations(scenario):
     return (position(TIME + h) - 2.0 * position(TIME) + position(TIME - h)) / h**2
 
 
-@pytest.mark.parametrize("name", GOVERNED)
+@pytest.mark.parametrize("name", PLANNED)
 def test_the_path_s_time_runs_forward_and_never_ahead(name):
-    s, rate = GOVERNED[name].path_time.derivatives(np.linspace(0.0, 5.0, 4000))[:2]
+    s, rate = led(name).path_time.derivatives(np.linspace(0.0, 5.0, 4000))[:2]
     assert abs(s[0]) < 1e-15
     assert np.diff(s).min() >= 0.0
     assert rate.min() > -1e-15
@@ -88,7 +93,7 @@ def test_the_path_s_time_runs_forward_and_never_ahead(name):
 def test_what_is_told_keeps_thrust_and_tilt_that_the_command_does_not(name):
     vehicle = HOVER.world.vehicle
     most = float(highest_thrust(vehicle)) / float(vehicle.mass)
-    force = accelerations(GOVERNED[name]) + np.array([[0.0], [0.0], [9.81]])
+    force = accelerations(led(name)) + np.array([[0.0], [0.0], [9.81]])
     size = np.linalg.norm(force, axis=0)
     assert size.max() < most * (1.0 - OPTIONS.reserve)
     assert np.arctan2(np.hypot(force[0], force[1]), force[2]).max() < OPTIONS.tilt
@@ -104,9 +109,9 @@ def test_rotors_and_joints_saturate_as_commanded_and_not_as_governed(name):
         limits = np.array([float(link.joint.effort_limit) for link in vehicle.links])[:, None]
         return demand.squared / top, np.abs(demand.efforts) / limits
 
-    asked, _ = shares(dataclasses.replace(GOVERNED[name], path_time=None))
+    asked, _ = shares(dataclasses.replace(led(name), path_time=None))
     assert asked.max() > 1.0 or asked.min() < 0.0
-    rotors, joints = shares(GOVERNED[name])
+    rotors, joints = shares(led(name))
     assert rotors.max() < 1.0
     assert rotors.min() > 0.0
     assert joints.max() < 1.0
@@ -190,7 +195,7 @@ def test_a_jump_of_the_acceleration_is_told_as_a_small_one():
 
 
 def test_the_path_stands_still_at_a_corner_and_only_there():
-    path = GOVERNED["corners"].path_time
+    path = led("corners").path_time
     for corner in (0.5, 0.9, 1.3):
         when = path.when(corner)
         s, *rates = path.derivatives(when + 0.1)
@@ -229,7 +234,7 @@ def test_less_tilt_is_kept_and_more_reserve_is_slower():
     tilt = np.arctan2(np.hypot(force[0], force[1]), force[2]).max()
     assert 0.12 < tilt < 0.151
     spared = skyarm.govern(DROP, reserve=0.5).path_time.derivatives(5.0)[0]
-    assert spared < GOVERNED["drop"].path_time.derivatives(5.0)[0] - 0.3
+    assert spared < led("drop").path_time.derivatives(5.0)[0] - 0.3
 
 
 def test_joints_keep_their_speed():
@@ -269,8 +274,8 @@ def test_what_cannot_be_planned_is_refused_in_one_line():
     for make, words in (
         (lambda: skyarm.govern(HOVER, speed=1.0), "speed: is no option of a governor; there are reserve, tilt"),
         (lambda: skyarm.govern("case3"), "scenario = 'case3': must be a Scenario"),
-        (lambda: dataclasses.replace(GOVERNED["drop"], duration=9.0), "was planned for 5.4 s, the flight lasts 9 s"),
-        (lambda: skyarm.with_numbers(GOVERNED["drop"], {"reference.x.value": 1.0}), "must stay as it is where"),
+        (lambda: dataclasses.replace(led("drop"), duration=9.0), "was planned for 5.4 s, the flight lasts 9 s"),
+        (lambda: skyarm.with_numbers(led("drop"), {"reference.x.value": 1.0}), "must stay as it is where"),
         (lambda: skyarm.govern(flight(x=Ramp(start=0.0, duration=1.0, height=1e308))), "not finite"),
     ):
         with pytest.raises(skyarm.ScenarioError) as caught:

@@ -14,6 +14,8 @@ import skyarm
 from skyarm.algebra import Vec3
 from skyarm.control.controller import ControllerError
 from skyarm.dynamics.kinematics import Pose, frame_pose
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.environment.timed_payload import TimedPayload
 from skyarm.onboard.export_c import export_c
 from skyarm.records.coerce import RecordError
 from skyarm.scenario.numbers import number_at
@@ -24,6 +26,7 @@ from skyarm.sensors.sensor import NO_PUSH, Push
 from skyarm.simulate.felt_pushes import beyond, push_at
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.stages import Stages
+from standing_vehicles import at_rest
 
 FORCE, TORQUE, WEIGHT = np.array([0.3, -0.2, 0.5]), np.array([0.01, 0.0, -0.02]), 0.05
 DOCUMENT = {
@@ -86,12 +89,28 @@ def test_forces_and_torques_are_those_about_the_frame(scenario):
     about = np.cross(lever, FORCE) + TORQUE + np.cross(load, weight)
     turned = np.array([[float(c) for c in row] for row in first.R.rows])
     assert [*push_at(elbow, around, ARM, state, 9.81).torque] == pytest.approx(turned.T @ about)
+    # a payload that the elbow holds is none of the tip's
+    held = [dataclasses.replace(c, frame="elbow") if isinstance(c, TimedPayload) else c for c in around.components]
+    arm = dataclasses.replace(ARM, frames=(ARM.frame(), dataclasses.replace(elbow, name="elbow")))
+    there = dataclasses.replace(around, components=tuple(held))
+    tip, upper = (push_at(at, there, arm, state, 9.81).force for at in (arm.frame(), elbow))
+    assert [*tip] == pytest.approx(R.T @ FORCE)
+    assert [*upper] == pytest.approx(turned.T @ (FORCE + weight))
 
 
 def test_a_sensor_feels_what_is_beyond_it():
     assert beyond(ARM, 1) == {1}
     assert beyond(ARM, 0) == {0, 1}
     assert beyond(ARM, -1) == {-1, 0, 1}
+    # what moves with a joint is beyond its link, whatever tree the links are
+    for vehicle in (skyarm.load_vehicle("hexarotor_arm6"), skyarm.load_vehicle("octo_coaxial_two_arms")):
+        still = at_rest(vehicle, (0.0, 0.0, 0.0), (0.1,) * vehicle.n)
+        off, links = Vec3(0.01, 0.02, 0.03), range(vehicle.n)
+        for i in links:
+            turned = dataclasses.replace(still, joints=tuple(0.1 + 0.5 * (j == i) for j in links))
+            before, after = ([PointMotion(vehicle, s).position(off, j) for j in links] for s in (still, turned))
+            moved = {j for j in links if np.linalg.norm([*(before[j] - after[j])]) > 1e-4}
+            assert beyond(vehicle, i) == moved
 
 
 def felt(sensor, forces, dt=0.005, draws=None):
@@ -126,6 +145,12 @@ def test_a_switch_closes_above_one_force_and_opens_below_another():
     assert [r.closed for r in found] == [0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.0]
     late = felt(TactileSwitch(on=0.5, off=0.25, bandwidth=20.0), [0.0, 0.6, 0.6, 0.6])
     assert [r.closed for r in late] == [0.0, 0.0, 0.0, 0.0]
+    # 1 - exp(-20 t) of 1 N is 0.5 N at 35 ms
+    slow = felt(TactileSwitch(on=0.5, off=0.25, bandwidth=20.0), [0.0, *[1.0] * 8])
+    assert [r.closed for r in slow] == [0.0] * 7 + [1.0] * 2
+    for on, off in ((0.5, 0.25), (0.5, 0.5)):  # at the thresholds it stays as it is
+        at = felt(TactileSwitch(on=on, off=off), [on, 0.6, on, off, 0.2, on])
+        assert [r.closed for r in at] == [0.0, 1.0, 1.0, 1.0, 0.0, 0.0]
     for wrong in ({"on": 0.1}, {"off": 0.6}, {"on": -1.0}, {"bandwidth": float("nan")}):
         with pytest.raises(RecordError, match=next(iter(wrong)) if "on" not in wrong else "o"):
             TactileSwitch(**wrong)

@@ -32,9 +32,10 @@ from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop import run_in_python
 from skyarm.simulate.loop_state import Row, structure_of
 from skyarm.simulate.period import make_period
+from skyarm.simulate.rigid_body_steps import RigidBodySteps
 from skyarm.simulate.session import Session
 from skyarm.simulate.short_steps import require_short_steps
-from skyarm.simulate.stages import RigidBodySteps, Stages
+from skyarm.simulate.stages import Stages
 from skyarm.sweep.design import extremes
 from skyarm.sweep.plan import prepare
 from skyarm.sweep.study_file import study_from

@@ -29,7 +29,8 @@ from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.joined_reference import joined_reference
 from skyarm.simulate.loop_state import Row, structure_of
 from skyarm.simulate.period import make_period
-from skyarm.simulate.stages import RigidBodySteps, Stages
+from skyarm.simulate.rigid_body_steps import RigidBodySteps
+from skyarm.simulate.stages import Stages
 
 VALUES = {
     "reference.joined": (0.0, 0.06, 0.121, 0.2),

@@ -17,10 +17,11 @@ from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks.observed_push import observed_push
 from skyarm.reference.compose import Sum
 from skyarm.reference.minimum_snap import minimum_snap
+from skyarm.reference.path_offset import offset_reference
 from skyarm.reference.phase_guard import Guard, Phase
 from skyarm.reference.phase_words import PASSED, phase_numbers
 from skyarm.reference.signals import Constant
-from skyarm.reference.trajectory import Trajectory
+from skyarm.reference.trajectory import Reference, Trajectory
 from skyarm.scenario.in_flight import Overrides
 from skyarm.simulate.clock_of_change import clock_of_change, is_other_reference
 from skyarm.simulate.due_period import due
@@ -61,7 +62,7 @@ def oracle(clock: PathClock, ticks: float, tip: Any, goal: Any, push: Any, force
     guard = GUARDS[n] if n < len(GUARDS) else None
     if guard is None:
         fresh = place <= GUARDS[-1].begin * RATE + 1e-9 and clock.waited < 0.5
-        still = {"origin": tip if fresh else clock.origin, "failed": clock.failed, "calm": 0.0, "waited": 0.0}
+        still = {"origin": tip if fresh else clock.origin, "failed": clock.failed, "reached": 0.0, "waited": 0.0}
         return {"place": place + 1.0, "held": held, "guard": float(n), **still}
     end, begin = guard.at * RATE, guard.begin * RATE
     there = place >= end - 1e-9
@@ -82,46 +83,46 @@ def oracle(clock: PathClock, ticks: float, tip: Any, goal: Any, push: Any, force
     if guard.distance is not None:
         asked.append(sum((a - b) * c for a, b, c in zip(origin, tip, OUT, strict=True)) >= guard.distance)
     looks = there or (guard.early and not fresh)
-    calm = clock.calm + 1.0 if looks and all(asked) else 0.0
-    enough = calm > 0.0 and (calm - 1.0) / RATE >= guard.hold - 1e-9
+    reached = clock.reached + 1.0 if looks and all(asked) else 0.0
+    enough = reached > 0.0 and (reached - 1.0) / RATE >= guard.hold - 1e-9
     late = there and clock.waited / RATE >= guard.timeout - 1e-9
     following = {"held": held, "origin": origin, "failed": clock.failed}
     if not (enough or late):
         waited = clock.waited + 1.0 if there else 0.0
-        return following | {"place": min(place + 1.0, end), "guard": float(n), "calm": calm, "waited": waited}
+        return following | {"place": min(place + 1.0, end), "guard": float(n), "reached": reached, "waited": waited}
     stop = GUARDS[n + 1].at * RATE if n + 1 < len(GUARDS) else math.inf
     gone = min((place if there else end) + 1.0, stop)
     failed = 1.0 if late and not enough and guard.fails else clock.failed
-    return following | {"origin": tip, "place": gone, "guard": n + 1.0, "calm": 0.0, "waited": 0.0, "failed": failed}
+    return following | {"origin": tip, "place": gone, "guard": n + 1.0, "reached": 0.0, "waited": 0.0, "failed": failed}
 
 
 def drawn(count: int) -> list[list[float]]:
-    """Clocks at and beside every threshold: place, held, guard, waited, calm ... force, push."""
+    """Clocks at and beside every threshold: place, held, guard, waited, reached ... force, push."""
     rng, found = np.random.default_rng(5), []
     for _ in range(count):
         n = int(rng.integers(0, 5))
         guard = GUARDS[min(n, 3)]
-        ends = [guard.at * RATE, guard.at * RATE - 1, guard.begin * RATE, guard.begin * RATE + 1]
+        ends = [guard.at * RATE, guard.at * RATE - 1, guard.at * RATE - 0.5, guard.begin * RATE, guard.begin * RATE + 1]
         place = float(rng.choice(ends))
         waited = float(rng.choice([0, 1, 2, 3, 4, 9, 10, 11, 200])) if place == ends[0] else 0.0
         tip = np.array([0.1, 0.0, 1.0]) + rng.choice([0.0, 0.0035, 0.0099, 0.0101], 3) * rng.choice([-1.0, 1.0], 3)
         force = np.array(OUT) * rng.choice([0.05, 0.11, 0.49, 0.51, 1.99, 2.01]) + 0.3 * np.array([-0.8, 0.0, 0.6])
         origin = tip + np.array(OUT) * rng.choice([0.0019, 0.0021, 0.0039, 0.0041])
-        calm, failed, tick = rng.integers(0, 5), rng.integers(0, 2), rng.integers(0, 9)
+        reached, failed, tick = rng.integers(0, 5), rng.integers(0, 2), rng.integers(0, 9)
         push = (float(rng.choice([0.0, 1.0])), 0.1, *OUT)
-        found.append([place, place - 2, n, waited, calm, *origin, failed, tick, *tip, *force, *push])
+        found.append([place, place - 2, n, waited, reached, *origin, failed, tick, *tip, *force, *push])
     return [[float(c) for c in row] for row in found]
 
 
 def following(waits: Waits, row: Any) -> list[Any]:
-    place, held, guard, waited, calm, *rest = row
+    place, held, guard, waited, reached, *rest = row
     example = waits.first()
-    numbers = [place, held, guard, waited, calm, *rest[:4], *NO_OFFSET]
+    numbers = [place, held, guard, waited, reached, *rest[:4], *NO_OFFSET]
     clock = rebuild(example, iter(numbers))
     goal = Vec3(0.1, 0.0, 1.0)
     seen = Seen(tip=Vec3(*rest[5:8]), goal=goal, push=tuple(rest[11:16]), force=Vec3(*rest[8:11]))
     after = waits.following(clock, rest[4], seen)
-    return [after.place, after.held, after.guard, after.waited, after.calm, *after.origin, after.failed]
+    return [after.place, after.held, after.guard, after.waited, after.reached, *after.origin, after.failed]
 
 
 ROWS = drawn(400)
@@ -134,7 +135,7 @@ def wanted(scenario):
         clock = rebuild(Waits(scenario).first(), iter([*row[:9], *NO_OFFSET]))
         clock = dataclasses.replace(clock, origin=tuple(row[5:8]))
         found = oracle(clock, row[9], row[10:13], (0.1, 0.0, 1.0), row[16:21], row[13:16])
-        names = ("place", "held", "guard", "waited", "calm", "origin", "failed")
+        names = ("place", "held", "guard", "waited", "reached", "origin", "failed")
         rows.append([c for name in names for c in (found[name] if name == "origin" else [found[name]])])
     return np.array(rows)
 
@@ -157,11 +158,16 @@ def test_one_period_is_that_of_plain_python(scenario, wanted, engine):
 
 
 def test_a_reference_that_ends_early_goes_on_from_where_it_is(scenario):
-    # a phase before has taken another offset back: that counts no more
-    phases = (dataclasses.replace(PHASES[0], back=(0.05, 0.1)), *PHASES[1:])
-    trajectory = dataclasses.replace(scenario.trajectory, phases=phases)
+    # a phase before has taken another offset back, and what is skipped would take this one: neither counts
+    phases = [
+        dataclasses.replace(phase, back=back)
+        for phase, back in zip(PHASES, ((0.05, 0.1), None, (0.2075, 0.2125), None), strict=True)
+    ]
+    trajectory = dataclasses.replace(scenario.trajectory, phases=tuple(phases))
     waits, shift = Waits(dataclasses.replace(scenario, trajectory=trajectory)), 1.0 / RATE
-    clock = dataclasses.replace(waits.first(), place=41.0, guard=2.0, calm=2.0, origin=Vec3(0.1, 0.0, 1.0), since=0.0)
+    clock = dataclasses.replace(
+        waits.first(), place=41.0, guard=2.0, reached=2.0, origin=Vec3(0.1, 0.0, 1.0), since=0.0
+    )
     there = Vec3(0.1, 0.0, 1.0) - Vec3(*OUT) * 0.005
     seen = Seen(tip=there, goal=there, push=(), force=Vec3(0.0, 0.0, 0.0))
     after = waits.following(clock, 41.0, seen)
@@ -180,6 +186,27 @@ def test_a_reference_that_ends_early_goes_on_from_where_it_is(scenario):
     moved = waits.instants(waits.times(after, 44.0))
     assert moved[0][1] == moved[1][1] == [*after.offset, after.since]
     assert waits.held_reference(after, 44.0) == waits.reference(*moved[1]) != before
+
+
+def test_a_held_sample_keeps_its_offset_while_a_phase_is_skipped(scenario):
+    """Of two offsets one after the other: what a phase between them takes back counts for the first one alone."""
+    phases = (PHASES[0], dataclasses.replace(PHASES[1], back=(0.15, 0.19)), *PHASES[2:])
+    trajectory = dataclasses.replace(scenario.trajectory, phases=phases)
+    waits = Waits(dataclasses.replace(scenario, trajectory=trajectory))
+    offset = {"offset": Vec3(0.003, 0.0, 0.0), "since": 20.0, "held_offset": Vec3(0.003, 0.0, 0.0), "held_since": 20.0}
+    begun = {"place": 41.0, "held": 40.0, "guard": 2.0, "reached": 2.0, "origin": Vec3(0.1, 0.0, 1.0)}
+    clock = dataclasses.replace(waits.first(), **begun, **offset)
+    there = Vec3(0.1, 0.0, 1.0) - Vec3(*OUT) * 0.005
+    seen = Seen(tip=there, goal=there, push=(), force=Vec3(0.0, 0.0, 0.0))
+    before = waits.held_reference(clock, 41.0)
+    # the phase has taken the first one back
+    assert before.position.x == pytest.approx(trajectory.at(40.0 / RATE).position.x, abs=1e-12)
+    for tick in (41.0, 42.0):
+        clock = waits.following(clock, tick, seen)
+        assert clock.since > 42.0
+        assert waits.held_reference(clock, tick + 1.0) == before
+    clock = waits.following(clock, 43.0, seen)
+    assert trajectory.at(clock.place / RATE).position.x - waits.held_reference(clock, 44.0).position.x > 1e-5
 
 
 def test_an_offset_is_taken_back_smoothly_in_the_phase_that_returns(scenario):
@@ -207,6 +234,22 @@ def test_an_offset_is_taken_back_smoothly_in_the_phase_that_returns(scenario):
     # of an offset that began after the phase nothing is taken back
     late = waits.reference(0.42, (*offset, 0.3 * RATE))
     assert float(late.position.y) == pytest.approx(-0.002)
+    # of one that began where the phase does, all
+    assert float(waits.reference(0.42, (*offset, 0.25 * RATE)).position.y) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_tip_goes_beside_its_plan_as_the_base_does():
+    plan = Reference(position=Vec3(1.0, 2.0, 3.0), tip=(1.1, 2.1, 2.5), joints=(0.3,))
+    for time, left in ((0.1, 1.0), (0.3, 0.5), (0.5, 0.0)):
+        moved = offset_reference(plan, Vec3(0.2, -0.1, 0.4), ((0.2, 0.4),), 0.15, time)
+        assert [*(moved.position - plan.position)] == pytest.approx([0.2 * left, -0.1 * left, 0.4 * left])
+        assert np.subtract(moved.tip, plan.tip) == pytest.approx([*(moved.position - plan.position)])
+        assert moved.joints == plan.joints
+    # what one phase has taken back stays so before, in and after the next that would
+    for time in (0.5, 0.7, 0.9):
+        back = offset_reference(plan, Vec3(0.2, -0.1, 0.4), ((0.2, 0.4), (0.6, 0.8)), 0.15, time)
+        assert back.tip == pytest.approx(plan.tip, abs=1e-12)
+    assert offset_reference(dataclasses.replace(plan, tip=()), Vec3(0.2, 0.0, 0.0), (), 0.0, 0.1).tip == ()
 
 
 def test_a_task_that_takes_over_in_flight_begins_at_the_flight_s_time(scenario):
@@ -263,6 +306,31 @@ def test_who_observes_no_force_knows_of_none_that_is_gone(scenario, asked):
     force = Vec3(*OUT) * (1.0 if "force" in asked else 0.0)
     found = [waits.following(clock, 20.0, Seen(tip=tip, goal=tip, push=(), force=each)) for each in (force, None)]
     assert [each.guard for each in found] == [1.0, 0.0]
+
+
+def test_a_phase_that_has_just_begun_does_not_end_by_what_was_there_before(scenario):
+    guard = Guard(at=0.1, begin=0.05, direction=OUT, hold=0.0, early=True, force=0.5)
+    waits = Waits(dataclasses.replace(scenario, trajectory=dataclasses.replace(scenario.trajectory, guards=(guard,))))
+    tip = Vec3(0.1, 0.0, 1.0)
+    pressed = Seen(tip=tip, goal=tip, push=(), force=Vec3(*OUT))
+    first, second = (waits.following(dataclasses.replace(waits.first(), place=p), p, pressed) for p in (10.0, 11.0))
+    assert (first.place, first.guard, first.reached) == (11.0, 0.0, 0.0)
+    assert (second.place, second.guard) == (21.0, 1.0)
+
+
+@pytest.mark.parametrize("periods", [1, 7, 14, 55])
+def test_a_timeout_or_a_hold_of_whole_periods_lasts_so_many(scenario, periods):
+    """Of 0.035 s, 7 periods of 5 ms, rounding would make a little more."""
+    seconds, tip = periods / RATE, Vec3(0.1, 0.0, 1.0)
+    for hold, timeout, force in ((10.0, seconds, 0.0), (seconds, 10.0, 1.0)):
+        guard = Guard(at=0.1, begin=0.05, direction=OUT, hold=hold, timeout=timeout, force=0.5)
+        trajectory = dataclasses.replace(scenario.trajectory, guards=(guard,))
+        waits = Waits(dataclasses.replace(scenario, trajectory=trajectory))
+        clock, count = dataclasses.replace(waits.first(), place=20.0), 0
+        while clock.guard < 0.5:
+            seen = Seen(tip=tip, goal=tip, push=(), force=Vec3(*OUT) * force)
+            clock, count = waits.following(clock, 20.0 + count, seen), count + 1
+        assert count == periods + 1
 
 
 @pytest.mark.parametrize("every", [1, 3, 4, 7, 1000, 1500])

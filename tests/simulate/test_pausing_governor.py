@@ -15,6 +15,7 @@ from skyarm.metrics.path_distance import path_distance
 from skyarm.metrics.score import score
 from skyarm.reference import hover
 from skyarm.reference.path_pause import PathPause
+from skyarm.reference.path_time import PathTime
 from skyarm.scenario.governor_limits import GovernorOptions
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.path_governor import options_from
@@ -98,6 +99,7 @@ def test_what_the_law_is_told_are_derivatives_by_the_flight_s_time(scenario, sta
     # published in each period, so that neighbours can be compared
     paces = Paces(dataclasses.replace(scenario, rates=dataclasses.replace(scenario.rates, reference=200)))
     first = paces.first()
+    assert first.held == paces.begun_at(7.0).held == ()  # nothing is held, and nothing of it kept
     told = [paces.told(dataclasses.replace(first, now=state), 0.0) for state in states]
     for low, high, scale in (
         ("position", "velocity", 0.01),
@@ -110,6 +112,18 @@ def test_what_the_law_is_told_are_derivatives_by_the_flight_s_time(scenario, sta
         assert np.quantile(np.abs(slope - own)[2:-2], 0.95) < scale
     moved = [float(c) for c in told[400].position]
     np.testing.assert_array_equal(moved, [float(c) for c in scenario.trajectory.at(states[400].place / 200.0).position])
+
+
+def test_a_pause_stretches_the_time_of_a_plan(scenario):
+    """By points on a straight line the plan's time is the line; what the law is told stands there."""
+    plan = PathTime(points=tuple(0.05 * (k - 2) + 0.1 for k in range(12)), step=0.1)
+    rates = dataclasses.replace(scenario.rates, reference=200)
+    paces = Paces(dataclasses.replace(scenario, path_time=plan, rates=rates, duration=0.7))
+    clock = dataclasses.replace(paces.first(), now=dataclasses.replace(paces.first().now, place=60.0, rate=0.5))
+    assert paces.path_time(clock) == pytest.approx(0.1 + 0.5 * 0.3)
+    told, planned = paces.told(clock, 60.0), scenario.trajectory.at(0.25)
+    assert [*told.position] == pytest.approx([*planned.position])
+    assert [*told.velocity] == pytest.approx([*(planned.velocity * 0.25)])
 
 
 def test_a_rotor_s_thrust_is_the_square_of_its_speed(scenario):
@@ -139,6 +153,18 @@ def test_along_the_normal_of_a_push_nothing_is_waited_for(scenario):
                          ((1.0, 0.1, 0.0, 1.0, 0.0), True)):  # fmt: skip
         after = paces.following(clock, 0.0, measurement, dataclasses.replace(told, push=push), idle)
         assert (after.now.jerk < 0.0) is slower
+
+
+def test_the_law_is_told_the_pace_of_the_last_period_in_which_the_reference_was_published(scenario):
+    paces = Paces(dataclasses.replace(scenario, pause=PathPause(error=0.05)))
+    far = dataclasses.replace(blank_measurement(2, 4), position=Vec3(0.4, 0.0, 0.0))
+    told, idle = hover((0.0, 0.0, 0.0), joints=(0.0, 0.0)).at(0.0), Command(rotor_speeds=(0.0,) * 4, efforts=(0.0,) * 2)
+    clock, paced = paces.first(), []
+    for k in range(10):
+        paced.append(clock.now)
+        assert paces.held(clock, float(k)) == paced[k - k % 4]
+        clock = paces.following(clock, float(k), far, told, idle)
+    assert paced[9].rate < paced[8].rate < paced[4].rate
 
 
 def test_a_slow_loop_keeps_the_rate_between_none_and_one(scenario):

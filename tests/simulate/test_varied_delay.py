@@ -14,7 +14,7 @@ from skyarm.scenario.places import LATE
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.simulate import Delays, ScenarioError, run
 from skyarm.simulate.batch import Batch
-from skyarm.simulate.stages import commands_waiting
+from skyarm.simulate.first_state import commands_waiting
 
 DELAYS = (0.0, 0.001, 0.004, 0.005, 0.007, 0.010, 0.012, 0.015)
 

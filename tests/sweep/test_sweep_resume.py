@@ -41,6 +41,7 @@ def started(folder: Path) -> subprocess.Popen[str]:
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGKILL")
 def test_a_sweep_killed_again_and_again_ends_with_the_files_of_an_uninterrupted_one(tmp_path: Path) -> None:
     run_sweep(small_study(**LONG), tmp_path / "whole")

@@ -150,6 +150,24 @@ DIAGRAMS: dict[str, Diagram] = {
         Box(4, 0, ("mixer",)),
         joints=servo("joint servos", "own inertia, weight"),
     ),
+    "hybrid_ct": coupled(
+        "The paper's law across the normal; along it an observer tells the force, and a wanted one is fed forward to "
+        "joints, torque and thrust",
+        dynamics=Box(3, 0, ("inverse dynamics", "less J^T n o"), measured=True),
+        more={"observer": Box(3, 1, ("observer, touch", "order o along n"), measured=True)},
+        arrows=FEEDS,
+    ),
+    "admittance_pd": chain(
+        "A virtual mass between the wanted and the observed force moves the reference of the paper's baseline",
+        Box(1, 0, ("virtual mass", "f.n - f_d moves s"), measured=True),
+        Box(2, 0, ("position PD", "a_d (82)"), measured=True),
+        Box(3, 0, ("attitude on SO(3)", "thrust, torque"), measured=True),
+        Box(4, 0, ("mixer (97)-(103)",)),
+        joints=(
+            Box(2, 1, ("joint PD", "+ level gravity"), measured=True),
+            Box(4, 1, ("less J^T n f_d", "torque limit")),
+        ),
+    ),
     "kim2013": Diagram(
         "Adaptive sliding mode: sliding variables give accelerations for the coupled inverse dynamics",
         {

@@ -11,6 +11,7 @@ from pathlib import Path
 from skyarm.compare.cells import Flights, fly
 from skyarm.compare.entrants import ENTRANTS, Entrant
 from skyarm.compare.suite import CASES, conditions
+from skyarm.control.catalogue import tuned_factors
 
 LAWS = Path(__file__).resolve().parents[2] / "docs" / "laws"
 BLOCK = re.compile(r"<!-- envelope: (.+?) -->\n(.*?)<!-- /envelope -->", re.S)
@@ -22,8 +23,8 @@ KINDS = ("position", "joint", "ee")
 
 
 def entrant(name: str) -> Entrant:
-    """Who flies under a name: an entrant of the comparison, or a preset that is none."""
-    return ENTRANTS.get(name) or Entrant(name=name, group="paper", law=name)
+    """Who flies under a name: an entrant of the comparison, or a preset or a law with tuned gains that is none."""
+    return ENTRANTS.get(name) or Entrant(name=name, group="paper", law=name, tuned=name in tuned_factors())
 
 
 def flown(name: str) -> list[float]:

@@ -43,6 +43,8 @@ OF_LAWS = {
 
 RECORDINGS |= {law: Planned("case3_wind", (controller,), 5.0, 13.0) for law, controller in OF_LAWS.items()}
 
+RECORDINGS |= {law: Planned("press_and_hold", (f"{law}_tuned",), 0.0, 11.0) for law in ("hybrid_ct", "admittance_pd")}
+
 FRAMES = 20
 """A second."""
 

@@ -8,19 +8,17 @@ from typing import Any
 
 from rich.console import Console
 
-from skyarm.cli.lines import say
+from skyarm.cli.compared_folder import flown_into, split_names, try_every_law
 from skyarm.cli.machine_output import give
-from skyarm.cli.progress import bar
-from skyarm.compare.comparison import SUITE, Comparison, fly_comparison, prepare
+from skyarm.compare.comparison import SUITE, Comparison, fly_comparison
 from skyarm.compare.comparison_tables import report, title_of
 from skyarm.compare.entrants import ENTRANTS, Entrant, entrant_name, own_entrant
-from skyarm.compare.overwrites import replaced, require_same_plugins
+from skyarm.compare.overwrites import replaced
 from skyarm.compare.own_scenario import fly_own, own_flights, own_report
 from skyarm.compare.suite import conditions
 from skyarm.control.catalogue import require_different
-from skyarm.files import must_be_one_of, require_writable, shown, taken_back
+from skyarm.files import must_be_one_of, shown
 from skyarm.scenario.scenario_file import list_scenarios
-from skyarm.simulate.own_code_trials import try_own_code
 
 SUITES = (SUITE,)
 """Flown here; the envelope has a command of its own (:mod:`skyarm.cli.envelope_command`)."""
@@ -54,17 +52,14 @@ def compare(
     flown = _chosen("--conditions", columns, conditions(plants, seeds))
     folder = Path(out)
     comparison = Comparison(entrants=entrants, conditions=flown, seed=seed, plant=plant, one_by_one=one_by_one)
-    for flights in {each.entrant.name: each for each in comparison.flights() if each.entrant.group == "own"}.values():
-        try_own_code(flights.scenario())
-    with taken_back(folder, folder / "cells"):
-        prepare(require_writable(out))
-        other = replaced(comparison, folder / "results.json")
-        if other:
-            kept = "(cells of what flies no more stay)"
-            say(f"{folder}: replaces the report of a comparison of {'; '.join(other)} {kept}", 0)
-        require_same_plugins(comparison.flights(), folder / "cells")
-        with bar(suite, console, pause=0.0) as advance:
-            found = fly_comparison(comparison, folder, threads=threads, progress=advance)
+    try_every_law([each for each in comparison.flights() if each.entrant.group == "own"])
+    other = replaced(comparison, folder / "results.json")
+    kept = "(cells of what flies no more stay)"
+    found = flown_into(
+        out, suite, comparison.flights(),
+        lambda told: fly_comparison(comparison, folder, threads=threads, progress=told), console,
+        replaces=f"a comparison of {'; '.join(other)} {kept}" if other else "",
+    )  # fmt: skip
     give(found, folder=folder, title=title_of(list(entrants)))
     console.print(report(found, entrants, flown), soft_wrap=True)
     console.print(f"comparison in {folder}: report.html, tables.md, results.json, laws.png", soft_wrap=True)
@@ -81,16 +76,13 @@ def _on_scenario(name: str, out: str, laws: str | None, *, console: Console, thr
         raise ValueError(
             f"suite = {shown(name)}: must be one of {suites}, or a scenario (a .toml file or a shipped one)"
         )
-    chosen = None if laws is None else [law.strip() for law in laws.split(",") if law.strip()]
-    if chosen == []:
-        raise ValueError("--laws: must name at least one")
+    chosen = None if laws is None else split_names("--laws", laws)
     flights = own_flights(name, chosen, **flown)
     folder = Path(out)
-    with taken_back(folder, folder / "cells"):
-        prepare(require_writable(out))
-        require_same_plugins(flights, folder / "cells")
-        with bar(flights[0].case.name, console, pause=0.0) as advance:
-            found = fly_own(flights, folder, threads=threads, progress=advance)
+    found = flown_into(
+        out, flights[0].case.name, flights, lambda told: fly_own(flights, folder, threads=threads, progress=told),
+        console, replaces="",
+    )  # fmt: skip
     give(found, folder=folder, title=title_of([each.entrant.name for each in flights]))
     console.print(own_report(found), soft_wrap=True)
     console.print(f"comparison in {folder}: tables.md, results.json", soft_wrap=True)
@@ -102,15 +94,13 @@ def _chosen(
     """Those of a comma-separated list, and ``more`` by name; all that are there if there is no list."""
     if words is None:
         return dict(there)
-    given = [name.strip() for name in words.split(",") if name.strip()]
+    given = split_names(option, words, of=f" of {', '.join(there)}")
     require_different(given, option)
     names = [entrant_name(name) for name in given]
     added = {name: found for name in names if name not in there and (found := more(name)) is not None}
     for name in names:
         if name not in there and name not in added:
             raise ValueError(f"{option} = {shown(name)}: {must_be_one_of(there, name)}")
-    if not names:
-        raise ValueError(f"{option}: must name at least one of {', '.join(there)}")
     if len({each.name for each in added.values()}) < len(added):
         raise ValueError(f"{option} = {shown(words)}: must not name two files and makers of the same names")
     chosen = {name: each for name, each in there.items() if name in names}

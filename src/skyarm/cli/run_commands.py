@@ -85,7 +85,7 @@ def _evidence(out: str, threads: int) -> dict[str, Any]:
 def run(
     scenario: Annotated[str, typer.Argument(help="a scenario file (.toml), a log, or the name of a shipped one")],
     out: Out = "out/run",
-    plant: Annotated[str | None, typer.Option(help="rigid_body or mujoco, in place of the file's")] = None,
+    plant: Annotated[str | None, typer.Option(help="rigid_body, mujoco or mujoco_contacts for the file's")] = None,
     controller: Annotated[
         str | None, typer.Option(help="a preset, a law, LAW_tuned or FILE.py:make, in place of the file's")
     ] = None,

@@ -192,6 +192,7 @@ def compare(
     quick: Annotated[
         bool, typer.Option("--quick", help="of the envelope: two values an axis, short flights; in contact: 16 worlds")
     ] = False,
+    films: Annotated[bool, typer.Option("--films", help="film a flight of each task in contact")] = False,
     plants: Annotated[int, typer.Option(help="how many perturbed plants")] = 1000,
     seeds: Annotated[int, typer.Option(help="noisy flights of the truth")] = 8,
     one_by_one: Annotated[int, typer.Option(help="perturbed plants for what flies one by one: nmpc, MuJoCo")] = 8,
@@ -221,7 +222,7 @@ def compare(
         raise ValueError(f"--plant = {plant!r}: {must_be_one_of(registered('plant'), plant)}")
     if worlds is not None and not 1 <= worlds <= MOST:
         raise ValueError(f"--worlds = {worlds}: must be from 1 to {MOST}")
-    in_contact = {"--tasks": tasks is not None, "--worlds": worlds is not None}
+    in_contact = {"--tasks": tasks is not None, "--worlds": worlds is not None, "--films": films}
     if suite == "contact-suite":
         from skyarm.cli.contact_command import contact
 
@@ -237,6 +238,7 @@ def compare(
             plant=plant,
             one_by_one=one_by_one,
             threads=threads,
+            films=films,
             console=console,
         )
         return

@@ -73,6 +73,8 @@ class ContactFlights(Flights):
                 rough = path.removesuffix("stiffness") + "friction"
                 if rough in values:
                     found[rough] = float((column * values[rough]).max()) / hardest
+            if re.fullmatch(r"world\.grippers\.\w+\.stiffness", path):
+                found[path] = float(column.max())
             if re.fullmatch(r"world\.objects\.\w+\.mass", path):
                 found[path] = float(column.min())
         return found

@@ -14,6 +14,7 @@ from skyarm.compare.contact_tasks import DELAY, Task
 from skyarm.compare.suite import NOISE
 from skyarm.control.controller import presses
 from skyarm.environment import ForceWind
+from skyarm.registry.shipped import TUNED as TUNED_GAINS
 from skyarm.scenario.law_by_name import controller_by_name
 from skyarm.scenario.scenario_file import LIBRARY, scenario_from
 from skyarm.scenario.scenario_record import Delays, Scenario
@@ -26,13 +27,19 @@ OWN = (FLAGSHIP, MOTION, LOAD)
 LARGEST = 0.3
 """kg, that a law learns that learns its load."""
 
-LAWS = (*OWN, "paper_ct", "paper_pd")
-"""What flies where nobody chooses: the scenario's own law without and with parts of it, and the paper's two."""
+RIVALS = ("hybrid_ct", "admittance_pd")
+"""Laws of the paper that also press; they fly with tuned gains on every vehicle."""
+
+LAWS = (*OWN, *RIVALS, "paper_ct", "paper_pd")
+"""What flies where nobody chooses: the scenario's own law without and with parts of it, the paper's two, and the same
+two as others make them press."""
 
 TITLES = {
     FLAGSHIP: "the centroidal law, with interaction where the task has a push",
     MOTION: "the same without interaction",
     LOAD: "the same with a load that is learned while something is held",
+    "hybrid_ct": "the paper's law across the normal, force along it, with that law's tuned gains",
+    "admittance_pd": "the paper's baseline behind an admittance along the normal, with that law's tuned gains",
 }
 
 TUNED = {"paper_ct": "hybrid_computed_torque_tuned", "paper_pd": "decoupled_pd_tuned"}
@@ -54,7 +61,7 @@ def flies_its_own(task: Task, law: str) -> bool:
 
     Without a push the flagship has no interaction to leave out, without an object no load to learn.
     """
-    return task.push > 0.0 if law == MOTION else bool(task.object) or law != LOAD
+    return task.push > 0.0 or bool(task.grip) if law == MOTION else bool(task.object) or law != LOAD
 
 
 def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body", seed: int = 0) -> Scenario:
@@ -72,6 +79,7 @@ def scenario_of(task: Task, law: str, *, noisy: bool, plant: str = "rigid_body",
     found = scenario_from(document)
     if law not in OWN:
         name = law if document["plant"]["vehicle"] == PAPER else TUNED.get(law, law)
+        name = f"{law}{TUNED_GAINS}" if law in RIVALS else name
         found = dataclasses.replace(found, controller=controller_by_name(found, name))
     if task.push and not presses(found.controller.par):
         led = scenario_from(as_positions(task, document))

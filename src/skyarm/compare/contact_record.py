@@ -45,6 +45,16 @@ SHOWN: Mapping[str, str] = {
 }
 """Number of a cell -> its metric."""
 
+HANDLE: Mapping[str, str] = {
+    "radial": "grip_force_mean",
+    "radial_most": "grip_force_max",
+    "lag_most": "grip_lag_max",
+}
+"""Number of a cell in which a handle is held -> its metric; the first a median, the others in 95 % of the flights."""
+
+MOST = 95.0
+"""Percent of the flights that stay below a largest value."""
+
 
 def lacks(task: Task, cell: Cell, weight: float, phases: int) -> dict[str, Flags]:
     """What each flight lacked, by a word, in the order in which it is asked for.
@@ -99,4 +109,17 @@ def cell_record(task: Task, cell: Cell, weight: float, phases: int, delays: Arra
         values = cell.metrics[metric][cell.completed]
         inside = np.abs(values[np.isfinite(values)])
         found[name] = float(np.median(inside)) if inside.size else None
+    if not phases:  # the plan says when it is over
+        found["time"] = None
+    return found | _handle(cell)
+
+
+def _handle(cell: Cell) -> dict[str, float | None]:
+    """Numbers of a handle that is held; None where there is none."""
+    found: dict[str, float | None] = {}
+    for name, metric in HANDLE.items():
+        values = cell.metrics[metric][cell.completed]
+        inside = values[np.isfinite(values)]
+        share = MOST if name.endswith("_most") else 50.0
+        found[name] = float(np.percentile(inside, share)) if inside.size else None
     return found

@@ -1,4 +1,4 @@
-"""Tasks in contact by many laws into a folder: cells, contact.json, contact.csv, tables.md, report.html."""
+"""Tasks in contact by many laws into a folder: cells, contact.json, contact.csv, tables.md, report.html, pictures."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from skyarm.compare.cells import Cell
 from skyarm.compare.contact_flights import CONDITIONS, ContactFlights, contact_flights
 from skyarm.compare.contact_laws import LAWS
 from skyarm.compare.contact_page import contact_page
+from skyarm.compare.contact_pictures import require_films, write_pictures
 from skyarm.compare.contact_record import cell_record
 from skyarm.compare.contact_tables import contact_csv, contact_report
 from skyarm.compare.contact_tasks import TASKS
@@ -58,20 +59,25 @@ class ContactSuite:
 
 
 def fly_contact(
-    suite: ContactSuite, folder: Path, *, threads: int = 1, progress: Progress | None = None
+    suite: ContactSuite, folder: Path, *, threads: int = 1, films: bool = False, progress: Progress | None = None
 ) -> dict[str, Any]:
     """Fly what is missing of a suite, write the folder's files, and return the content of ``contact.json``.
+
+    Of each task one world is flown once more for its picture, and with ``films`` for a film.
 
     Raises:
         ValueError: no law flies any task.
         OSError: a file cannot be written.
     """
     require_machine_code()
+    if films:
+        require_films()
     todo, refused = suite.flights()
     if not todo:
         raise ValueError("; ".join(f"--laws: {law}: {why}" for law, why in refused.items()))
     cells = fly_all(todo, folder / "cells", threads=threads, progress=progress)
     found = contact_record(suite, todo, cells, refused)
+    found["shown"] = write_pictures(todo, folder, films=films, progress=progress)
     write_contact(found, folder)
     return found
 
@@ -108,17 +114,13 @@ def write_contact(found: Mapping[str, Any], folder: Path) -> None:
     write_atomically(folder / "contact.json", (json.dumps(found, indent=1, allow_nan=False) + "\n").encode())
     write_atomically(folder / "contact.csv", contact_csv(found).encode())
     write_atomically(folder / "tables.md", contact_report(found).encode())
-    write_atomically(folder / "report.html", contact_page(found).encode())
+    write_atomically(folder / "report.html", contact_page(found, _pictures(found, folder)).encode())
+
+
+def _pictures(found: Mapping[str, Any], folder: Path) -> dict[str, bytes]:
+    """PNG of each task that has one."""
+    return {name: (folder / told["picture"]).read_bytes() for name, told in found.get("shown", {}).items()}
 
 
 SAID = ("worlds", "seed", "plant")
 """What a suite and its record have in common."""
-
-
-def replaced_contact(folder: Path, suite: ContactSuite) -> list[str]:
-    """What the suite that a folder holds was flown with and this one is not, one piece of words each."""
-    try:
-        stored = json.loads((folder / "contact.json").read_bytes())
-        return [f"{name} {stored[name]}" for name in SAID if stored[name] != getattr(suite, name)]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
-        return []

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from skyarm.compare.comparison_tables import DASH, markdown, number
 from skyarm.compare.contact_flights import CONDITIONS
-from skyarm.compare.contact_record import HELD, NEAR, SHOWN, SOON
+from skyarm.compare.contact_record import HANDLE, HELD, MOST, NEAR, SHOWN, SOON
 from skyarm.metrics.contact_totals import BAND
 
 MEANING = (
     "A success is a flight that is not lost, with all phases done in time; where a force is held it is within "
     f"{100.0 * BAND:g} % for {100.0 * HELD:g} % of the time from 2 s after the first touch on; a box lies within "
-    f"{1e3 * NEAR:g} mm of its place, a door is open by 55 degrees, a button has clicked, a peg is 90 % deep, a "
-    "vehicle that landed carries a tenth of its weight on its skids, within 5 cm. A flight that lacks several counts "
-    "under the first of them; names of endings are those of lost flights."
+    f"{1e3 * NEAR:g} mm of its place, a door is open by 55 degrees, a valve by 80, a button has clicked, a peg is "
+    "90 % deep, a vehicle that landed carries a tenth of its weight on its skids, within 5 cm. A flight that lacks "
+    "several counts under the first of them; names of endings are those of lost flights."
 )
 
 NUMBERS: Mapping[str, tuple[str, float]] = {
@@ -60,6 +61,29 @@ def number_head() -> list[str]:
     return ["task", "law", "success", f"delay to {1e3 * SOON:g} ms", *(head for head, _ in NUMBERS.values()), "lacked"]
 
 
+HANDLES: Mapping[str, tuple[str, float]] = {
+    "radial": ("radial force, mean, N", 1.0),
+    "radial_most": (f"largest, in {MOST:g} %, N", 1.0),
+    "lag_most": (f"largest lag, in {MOST:g} %, deg", 180.0 / math.pi),
+}
+"""Number of a cell -> head, factor: of a handle that is held."""
+
+
+def handle_rows(found: Mapping[str, Any], condition: str) -> list[list[str]]:
+    """One row per task with a handle and law; the first number is a median."""
+    return [
+        [task["title"], law, *(_scaled(cell[name], factor) for name, (_, factor) in HANDLES.items())]
+        for task in found["tasks"].values()
+        for law, cell in task["conditions"][condition].items()
+        if cell["radial"] is not None
+    ]
+
+
+def handle_head() -> list[str]:
+    """Heads of :func:`handle_rows`."""
+    return ["task", "law", *(head for head, _ in HANDLES.values())]
+
+
 def worlds_line(found: Mapping[str, Any]) -> str:
     """How many worlds were drawn for each task and discarded."""
     told = [f"{name} {task['discarded']} of {task['drawn']}" for name, task in found["tasks"].items()]
@@ -77,6 +101,8 @@ def contact_report(found: Mapping[str, Any]) -> str:
     for name, title in CONDITIONS.items():
         if laws_of(found, name):
             parts += [f"## Numbers, {title}", markdown(number_head(), number_rows(found, name))]
+        if handle_rows(found, name):
+            parts += [f"## Handles, {title}", markdown(handle_head(), handle_rows(found, name))]
     parts += [f"{law} does not fly: {why}" for law, why in found["not_flown"].items()]
     return "\n\n".join(parts) + "\n"
 
@@ -85,7 +111,7 @@ def contact_csv(found: Mapping[str, Any]) -> str:
     """Every cell in a row, SI units."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    numbers: Sequence[str] = ("flights", "successes", *SHOWN)
+    numbers: Sequence[str] = ("flights", "successes", *SHOWN, *HANDLE)
     writer.writerow(["task", "condition", "law", *numbers, "soon_flights", "soon_successes", "lacked"])
     for name, task in found["tasks"].items():
         for condition, laws in task["conditions"].items():

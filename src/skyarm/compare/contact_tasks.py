@@ -29,6 +29,9 @@ RADIUS = 0.06
 MASS: Range = (0.5, 2.0)
 """Share of an object's mass, drawn by its logarithm."""
 
+DRAG: Range = (0.5, 2.0)
+"""Share of a mechanism's closer, damping and friction, drawn by its logarithm, each by itself."""
+
 THRUST: Range = (0.9, 1.0)
 """Share of the rotors' thrust."""
 
@@ -51,6 +54,8 @@ class Task:
         friction: bounds. sideways: whether the tip slides so that friction turns the vehicle.
         wind: N, largest. tilts: whether the believed normal is wrong.
         hinge: name of a mechanism whose hinge is not where it is believed, and the way from the tip to it, m.
+        drags: name of a mechanism of which closer, damping and friction are unknown.
+        grip: name of a gripper that holds it with the drawn stiffness, and goes along an arc.
         object: name of an object of unknown mass.
         held: whether the force must be held.
         place: where the object must lie in the end, x and y, m. angle: that the mechanism must reach, rad or m.
@@ -67,7 +72,9 @@ class Task:
     sideways: bool = False
     wind: float = WIND
     tilts: bool = False
-    hinge: tuple[str, float, float] | None = None
+    hinge: tuple[str, float, float, float] | None = None
+    drags: str = ""
+    grip: str = ""
     object: str = ""
     held: bool = False
     place: tuple[float, float] | None = None
@@ -105,7 +112,15 @@ TASKS: Mapping[str, Task] = {
         Task(
             name="open_door", title="push a door open, 55 deg", push=1.0, face=0.092, wind=LIGHT,
             materials=("mechanisms.door",), friction=SIDEWAYS_FRICTION, sideways=True,
-            hinge=("mechanisms.door", 0.2600, 0.5), angle=0.9599,
+            hinge=("mechanisms.door", 0.2600, 0.5, 0.0), angle=0.9599,
+        ),
+        Task(
+            name="pull_door", title="pull a door open by its handle, 55 deg", grip="hand", drags="door",
+            hinge=("mechanisms.door", 0.0, -0.8, 0.0), angle=0.9599,
+        ),
+        Task(
+            name="turn_valve", title="turn a valve by its lever, 80 deg", grip="hand", drags="valve",
+            hinge=("mechanisms.valve", 0.0, -0.106066, -0.106066), angle=1.3963,
         ),
         Task(
             name="peg_in_hole", title="peg in a hole, 90 % deep", push=1.0, normal=(0.0, 0.0, 1.0), face=0.03,

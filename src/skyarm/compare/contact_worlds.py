@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from skyarm.assess.joint_torques import effort_limits
 from skyarm.assess.push_limits import HALF, WARNS, pushing_efforts, yaw_room, yaw_torques
-from skyarm.compare.contact_tasks import DELAY, MASS, NORMAL, RADIUS, STIFFNESS, THRUST, Task
+from skyarm.compare.contact_tasks import DELAY, DRAG, MASS, NORMAL, RADIUS, STIFFNESS, THRUST, Task
 from skyarm.scalars.philox import uniforms
 from skyarm.scenario.numbers import number_at
 from skyarm.scenario.scenario_record import Scenario
@@ -127,11 +127,24 @@ def _numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: 
     if task.tilts:
         for i, part in enumerate(_tilted(task.normal, NORMAL * share[:, 8], 2.0 * math.pi * share[:, 9])):
             found[f"reference.push.normal.{i}"] = part
+    return found | _handle_numbers(task, scenario, drawn, share)
+
+
+def _handle_numbers(task: Task, scenario: Scenario, drawn: Mapping[str, Array], share: Array) -> dict[str, Array]:
+    """Numbers of hinges, of what resists about them, and of the hand that holds a handle."""
+    found: dict[str, Array] = {}
     if task.hinge:
         name, *way = task.hinge
         for i, length in enumerate(way):
-            path = f"world.{name}.position.{i}"
-            found[path] = number_at(scenario, path) + RADIUS * (2.0 * share[:, 8] - 1.0) * length
+            if length:
+                path = f"world.{name}.position.{i}"
+                found[path] = number_at(scenario, path) + RADIUS * (2.0 * share[:, 8] - 1.0) * length
+    if task.grip:
+        found[f"world.grippers.{task.grip}.stiffness"] = drawn["stiffness"]
+    for each, column in (("friction", 1), ("damping", 3), ("stiffness", 9)) if task.drags else ():
+        path = f"world.mechanisms.{task.drags}.{each}"
+        if number_at(scenario, path):
+            found[path] = number_at(scenario, path) * _log(DRAG, share[:, column])
     return found
 
 

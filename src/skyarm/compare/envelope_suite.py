@@ -128,15 +128,6 @@ SAID = ("vehicle", "seed", "plant", "quick")
 """What an envelope and its record have in common."""
 
 
-def replaced_envelope(folder: Path, envelope: Envelope) -> list[str]:
-    """What the envelope that a folder holds was flown with and this one is not, one piece of words each."""
-    try:
-        stored = json.loads((folder / "envelope.json").read_bytes())
-        return [f"{name} {stored[name]}" for name in SAID if stored[name] != getattr(envelope, name)]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
-        return []
-
-
 def envelope_record(
     envelope: Envelope, todo: Sequence[AxisFlights], cells: Sequence[Any], refused: Mapping[str, str]
 ) -> dict[str, Any]:

@@ -47,7 +47,7 @@ def of_log(log: Log, windows: Windows, more: Sequence[str] = ()) -> dict[str, fl
     return score(log, (*counted_metrics(told), *more), windows)
 
 
-def _single(scenario: Scenario, numbers: dict[str, float]) -> Scenario:
+def one_episode(scenario: Scenario, numbers: dict[str, float]) -> Scenario:
     """One episode of a batch: a delay of its own becomes whole physics steps."""
     late, rate = numbers.pop(LATE, None), scenario.rates.physics
     changed = with_numbers(scenario, numbers)
@@ -66,7 +66,7 @@ def fly_single(
     scenario: Scenario, numbers: dict[str, float], episode: int, windows: Windows, more: Sequence[str] = ()
 ) -> tuple[dict[str, float], str]:
     """Metrics and ending of one flight."""
-    log = run(dataclasses.replace(_single(scenario, numbers), episode=episode))
+    log = run(dataclasses.replace(one_episode(scenario, numbers), episode=episode))
     return of_log(log, windows, more), str(log.status)
 
 

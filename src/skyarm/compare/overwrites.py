@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,15 @@ def replaced(comparison: Comparison, file: Path) -> list[str]:
         stored = json.loads(file.read_bytes())
         return _differences(stored, comparison)
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return []
+
+
+def replaced_suite(file: Path, said: Sequence[str], asked: Any) -> list[str]:
+    """The same of a suite: each of the attributes ``said`` of what is asked for that its record says otherwise."""
+    try:
+        stored = json.loads(file.read_bytes())
+        return [f"{name} {stored[name]}" for name in said if stored[name] != getattr(asked, name)]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return []
 
 

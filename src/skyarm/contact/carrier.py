@@ -55,7 +55,7 @@ class Carrier:
     @property
     def surfaces(self) -> tuple[Surface, ...]:
         """What it carries: places and angles in its own axes, without motions."""
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__} must say its surfaces")
 
     @property
     def mobility(self) -> Any:
@@ -63,7 +63,7 @@ class Carrier:
 
         Integration steps follow from it. A body that is pushed at one point has 1/m there, and more beside its centre.
         """
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__} must say its mobility")
 
     @property
     def largest_step(self) -> Any:
@@ -91,7 +91,7 @@ class Carrier:
 
     def start(self) -> Any:
         """First memory, a record or tuple of floats."""
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__} must say where it starts")
 
     def advance(self, memory: Any) -> Any:
         """The memory at a control instant, rounding taken out: an attitude in unit length."""
@@ -99,7 +99,7 @@ class Carrier:
 
     def frame(self, memory: Any) -> CarriedFrame:
         """Where its axes are, and how they move."""
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__} must say where its axes are")
 
     def slope(self, memory: Any, force_W: Vec3, torque_W: Vec3, gravity: Any) -> Any:
         """Rate of each number of the memory, 1/s, as a record of its kind.
@@ -110,7 +110,7 @@ class Carrier:
             torque_W: of that about the origin of its axes, N m, world axes.
             gravity: m/s^2, along -z.
         """
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__} must say the slope of its memory")
 
     def before_euler_step(self, memory: Any, slope: Any, dt: Any) -> Any:
         """Memory with which a semi-implicit Euler step takes forces: bristles of its own have moved."""
@@ -118,7 +118,7 @@ class Carrier:
 
     def euler_step(self, memory: Any, slope: Any, dt: Any) -> Any:
         """Memory after a semi-implicit Euler step: velocities first, then places with the new velocities."""
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__} must say its memory after an Euler step")
 
     @property
     def spot_count(self) -> int:

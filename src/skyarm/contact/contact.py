@@ -14,6 +14,7 @@ from typing import Annotated, Any
 from skyarm.algebra import ZERO3, Vec3
 from skyarm.contact.carried_contact import NOBODY, Carried, Meeting
 from skyarm.contact.carrier import Carrier, untouched_after
+from skyarm.contact.contact_checks import require_names_apart, require_on_vehicle
 from skyarm.contact.contact_point import ContactPoint
 from skyarm.contact.free_object import FreeObject
 from skyarm.contact.grasps import UNCHANGED, Grasps
@@ -26,12 +27,9 @@ from skyarm.contact.touch import Touch, touch_of
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import State
 from skyarm.environment.component import Force, Wrench, moved_by
-from skyarm.files import shown
-from skyarm.records.coerce import RecordError
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, data, exp, logical_and, maximum, minimum, neg, sqrt
-from skyarm.vehicle.check import VehicleError
 from skyarm.vehicle.vehicle_records import Vehicle
 
 NEAR = 0.005
@@ -80,17 +78,7 @@ class Contact(Force):
         if type(self.rotor_radius) is float and self.rotor_radius == 0.0:
             object.__setattr__(self, "rotor_radius", 0)
         object.__setattr__(self, "points", tuple(each for point in self.points for each in point.each()))
-        taken: list[str] = []
-        named = {
-            what: [each.name for each in getattr(self, what)] for what in ("surfaces", "points", "objects", "grippers")
-        }
-        named["mechanisms"] = [each.name for each in self.mechanisms]
-        named["mechanisms"] += [part.name for each in self.mechanisms for part in each.parts]
-        for what, names in named.items():
-            for name in names:
-                if names.count(name) > 1 or (what in ("objects", "grippers", "mechanisms") and name in taken):
-                    raise RecordError(f"world.{what}: name = {shown(name)}: must be of one only")
-            taken += names
+        require_names_apart(self)
 
     @property
     def coupled(self) -> bool:  # type: ignore[override]
@@ -156,29 +144,7 @@ class Contact(Force):
 
     def check(self, vehicle: Vehicle) -> None:
         """Raise ValueError with one line unless the vehicle has the points."""
-        if not self.surfaces and not self.carriers:
-            raise RecordError("world.surfaces: is missing; a world has at least one surface")
-        if not self.points and not self.carriers:
-            raise RecordError(f"world.points: is missing; vehicle {vehicle.name!r} has no tip")
-        for i, point in enumerate(self.points):
-            try:
-                point.place(vehicle)
-            except VehicleError as error:
-                raise RecordError(f"world.points[{i}].frame = {shown(point.frame)}: {error}") from None
-            except ValueError as error:
-                raise RecordError(f"world.points[{i}].{error}") from None
-        for i, mechanism in enumerate(self.mechanisms):
-            if not mechanism.surfaces:
-                raise RecordError(
-                    f"world.mechanisms[{i}].parts: is missing; nothing of {mechanism.name!r} can be touched"
-                )
-        for i, gripper in enumerate(self.grippers):
-            try:
-                vehicle.frame(gripper.frame or None)
-            except VehicleError as error:
-                raise RecordError(f"world.grippers[{i}].frame = {shown(gripper.frame)}: {error}") from None
-            if not self.carriers:
-                raise RecordError("world.grippers: must be left out of a world without objects")
+        require_on_vehicle(self, vehicle)
 
     def start(self, period: float, draws: Sequence[Any]) -> ContactMemory:
         """Upright bristles at t = 0, and every carrier where it starts."""

@@ -19,6 +19,7 @@ from skyarm.contact.surface import SHAPES, Surface
 from skyarm.files import must_be_one_of, shown
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar, data, divide, minimum, sqrt
 
@@ -63,6 +64,7 @@ class FreeObject(Carrier):
         name: for messages, logs and paths. shape: one of ``SOLIDS``. size: as that of a surface.
         inertia: left out for that of a body of uniform density.
         standing: whether it is set down on what is below it, at rest, when a file is read.
+        mesh: as that of a surface.
     """
 
     name: str
@@ -77,6 +79,7 @@ class FreeObject(Carrier):
     angular_velocity: Annotated[Vec3, Unit("rad/s", "at the start, world axes")] = REST
     standing: bool = False
     material: Material = field(default_factory=Material)
+    mesh: str = field(default="", metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         accept_fields(self, "object")
@@ -116,7 +119,7 @@ class FreeObject(Carrier):
     @property
     def surfaces(self) -> tuple[Surface, ...]:
         """Its skin."""
-        return (Surface(name=self.name, shape=self.shape, size=self.size, material=self.material),)
+        return (Surface(name=self.name, shape=self.shape, size=self.size, material=self.material, mesh=self.mesh),)
 
     @property
     def mobility(self) -> Any:

@@ -118,13 +118,16 @@ class Grasps:
         return tuple(found)
 
     def logged(self, memory: Any, motion: PointMotion) -> list[Any]:
-        """Of each gripper the number of what it holds, the force (N) of the grasp, and how often it gave way."""
+        """Of each gripper the number of what it holds, the force of the grasp (N), how often it gave way, its pull.
+
+        The pull is the force on what it holds, N, world axes.
+        """
         numbers: list[Any] = []
         for grip, row in zip(memory.grips, self.holds(memory, self.frames(motion)), strict=True):
             total = ZERO3
             for hold in row:
                 total = total + hold.force
-            numbers += [grip.taken, sqrt(total.dot(total)), grip.lost]
+            numbers += [grip.taken, sqrt(total.dot(total)), grip.lost, *total]
         return numbers
 
 

@@ -145,6 +145,11 @@ class Mechanism(Carrier):
         return self.com if said or self.solid is None else self.solid.middle
 
     @property
+    def hinge(self) -> tuple[Any, ...]:
+        """A place on the axis of what turns (m) and its unit vector, world axes; () of what slides."""
+        return (*self.position, *rotation_of(self.angles).apply(self.along)) if self.turns else ()
+
+    @property
     def mobility(self) -> Any:
         """1/kg, of the place of its surfaces that is farthest from the axis."""
         return self.mobility_at(0)
@@ -155,13 +160,13 @@ class Mechanism(Carrier):
             return 1.0 / self.mass
         lever = maximum(0.0, 1e-3)
         for surface in self.surfaces:
-            away = surface.position - self._along * self._along.dot(surface.position)
+            away = surface.position - self.along * self.along.dot(surface.position)
             lever = maximum(lever, sqrt(away.dot(away) + 1e-24) + surface.farthest)
         lever = add(lever, reach)
         return lever * lever / self.moved
 
     @property
-    def _along(self) -> Vec3:
+    def along(self) -> Vec3:
         """Unit vector of the axis, its own axes."""
         axis = KINDS[self.kind].axis
         if axis is not None:
@@ -189,9 +194,9 @@ class Mechanism(Carrier):
     def frame(self, memory: MechanismMotion) -> CarriedFrame:
         """Its axes: a hinge's turn about their origin, a slide's move."""
         R = rotation_of(self.angles)
-        axis = R.apply(self._along)
+        axis = R.apply(self.along)
         if self.turns:
-            turned = R @ axis_rotation(self._along, memory.coordinate)
+            turned = R @ axis_rotation(self.along, memory.coordinate)
             return CarriedFrame(position=self.position, rotation=turned, velocity=ZERO3, turning=axis * memory.rate)
         return CarriedFrame(
             position=self.position + axis * memory.coordinate, rotation=R, velocity=axis * memory.rate, turning=ZERO3
@@ -200,7 +205,7 @@ class Mechanism(Carrier):
     def slope(self, memory: MechanismMotion, force_W: Vec3, torque_W: Vec3, gravity: Any) -> MechanismMotion:
         """Newton's or Euler's equation about the axis."""
         frame, rate = self.frame(memory), memory.rate
-        axis, weight = rotation_of(self.angles).apply(self._along), Vec3(0, 0, neg(mul(self.mass, gravity)))
+        axis, weight = rotation_of(self.angles).apply(self.along), Vec3(0, 0, neg(mul(self.mass, gravity)))
         if self.turns:
             applied = axis.dot(torque_W + frame.rotation.apply(self.centre).cross(weight))
         else:

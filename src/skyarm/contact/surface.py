@@ -13,6 +13,7 @@ from skyarm.environment.signal_vector import NO_SIGNALS, SignalVector
 from skyarm.files import must_be_one_of, shown
 from skyarm.records.coerce import RecordError, concrete
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.reference.signals import Constant
 from skyarm.scalars import Scalar, absolute, divide, maximum, sign, sqrt, where
@@ -37,6 +38,7 @@ class Surface:
             a plate with a hole those of :mod:`skyarm.contact.hole`.
         motion: what is added to the position as time goes on, m, world axes. It must have a velocity: a step is
             passed without one.
+        mesh: path of an STL file (m, axes of the surface) that it is drawn as; nothing touches that.
     """
 
     name: str
@@ -48,6 +50,7 @@ class Surface:
     angles: Annotated[Vec3, Unit("rad", "roll, pitch, yaw: about x, then y, then z of the world", folds=True)] = ZERO3
     motion: SignalVector = NO_SIGNALS
     material: Material = field(default_factory=Material)
+    mesh: str = field(default="", metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         accept_fields(self, "surface")
@@ -62,6 +65,8 @@ class Surface:
         if len(self.size) != len(sizes):
             allowed = f"must be {len(sizes)} numbers, {', '.join(sizes)}" if sizes else "must be left out of a plane"
             raise RecordError(f"surface.size = {shown(list(self.size))}: {allowed}")
+        if self.mesh and self.shape in ("plane", "hole"):
+            raise RecordError(f"surface.mesh = {shown(self.mesh)}: must be left out of a {self.shape}")
         if self.shape == "hole":
             require_hole(self.size)
 

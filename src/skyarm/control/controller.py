@@ -119,7 +119,8 @@ def presses(par: Any) -> bool:
 
 def senses_force(par: Any) -> bool:
     """Whether a law, inside whatever layers, is to be told by a force sensor at the tip."""
-    return bool(getattr(getattr(innermost(par), "interaction", None), "senses", False))
+    own = innermost(par)
+    return any(getattr(getattr(own, part, None), "senses", False) for part in ("interaction", "admittance"))
 
 
 def learns_load(par: Any) -> bool:

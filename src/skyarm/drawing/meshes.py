@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skyarm.drawing.shapes import Shape
+from skyarm.drawing.stl_mesh import mesh_or_none
 
 Array = npt.NDArray[np.float64]
 Faces = npt.NDArray[np.int64]
@@ -23,12 +24,15 @@ def mesh_of(shape: Shape) -> tuple[Array, Faces]:
     """Vertices (V, 3) in axes of the body, m, and triangles (F, 3), seen counter-clockwise from outside.
 
     Args:
-        shape: any of :data:`skyarm.drawing.shapes`.
+        shape: any of :data:`skyarm.drawing.shapes`; one with a mesh whose file is there is that.
 
     Raises:
         ValueError: a kind of shape that there is not.
     """
-    if shape.kind in ("sphere", "ellipsoid"):
+    own = mesh_or_none(shape.mesh) if shape.mesh else None
+    if own is not None:
+        vertices, faces = own
+    elif shape.kind in ("sphere", "ellipsoid"):
         axes = shape.size * 3 if shape.kind == "sphere" else shape.size
         vertices, faces = _revolved([(math.sin(a), -math.cos(a)) for a in np.linspace(0.0, math.pi, AROUND // 2 + 1)])
         vertices = vertices * np.array(axes)

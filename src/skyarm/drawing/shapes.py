@@ -30,6 +30,7 @@ class Shape:
         size: m, by kind.
         position: centre, m, axes of the body.
         rotation: rows of R_BS, axes of the shape to those of the body.
+        mesh: path of an STL file in its place, axes of the shape, for who draws meshes; empty for none.
     """
 
     name: str
@@ -39,6 +40,7 @@ class Shape:
     size: tuple[float, ...]
     position: Vector = (0.0, 0.0, 0.0)
     rotation: Matrix = UPRIGHT
+    mesh: str = ""
 
 
 def between(name: str, role: str, kind: str, body: int, radius: float, start: Vector, end: Vector) -> Shape:

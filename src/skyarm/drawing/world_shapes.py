@@ -126,7 +126,7 @@ def surface_shape(surface: Surface, patch: float = PATCH) -> Shape:
     if surface.shape == "plane":
         return Shape(f"world/{surface.name}", "surface", "patch", BASE, (patch, patch))
     halves = tuple(0.5 * each for each in size) if surface.shape == "box" else size
-    return Shape(f"world/{surface.name}", "surface", surface.shape, BASE, halves)
+    return Shape(f"world/{surface.name}", "surface", surface.shape, BASE, halves, mesh=surface.mesh)
 
 
 def _placed(surface: Surface, times: Array, around: Array, patch: float) -> WorldShape:

@@ -2,6 +2,7 @@
 
 from skyarm.env.action_kinds import ACTIONS, Actions, RatesAndThrust, References, Residual, RotorsAndJoints
 from skyarm.env.env_views import Result, Sight
+from skyarm.env.make_jax import make_jax
 from skyarm.env.observed_quantities import (
     OBSERVED,
     Attitude,
@@ -69,6 +70,7 @@ __all__ = [
     "Upright",
     "VelocityError",
     "as_law",
+    "make_jax",
     "network",
     "register",
 ]

@@ -31,8 +31,9 @@ from skyarm.simulate.check_endings import endings_of
 from skyarm.simulate.draws import draws_needed
 from skyarm.simulate.first_state import first_loop_state, first_surroundings
 from skyarm.simulate.loop_state import LoopState, Row, structure_of
-from skyarm.simulate.period import Begun, issue
-from skyarm.simulate.stages import Readings, RigidBodySteps, Stages
+from skyarm.simulate.period import Begun, after_period, issue
+from skyarm.simulate.rigid_body_steps import RigidBodySteps
+from skyarm.simulate.stages import Readings, Stages
 
 LARGEST = 1e6
 """Largest number of an observation and a reward: what has diverged is told as this, what is no number as 0."""
@@ -73,15 +74,15 @@ class EnvProgram:
     """The step of a task and the state that its episodes begin with.
 
     Args:
-        task: what is flown.
+        task: what is flown. loops: keep repetitions as loops, for machine code; JAX wants them written out.
 
     Attributes:
         base: numbers of the randomised paths in the scenario as it is. size: numbers of an action.
         first: state of an episode, as an example. loop: the step, traced; it logs an :class:`Outcome`.
     """
 
-    def __init__(self, task: Task) -> None:
-        self.task, scenario = task, task.scenario
+    def __init__(self, task: Task, *, loops: bool = True) -> None:
+        self.task, scenario, self._loops = task, task.scenario, loops
         self.paths = task.randomised.paths
         self.base = tuple(number_at(scenario, path) for path in self.paths)
         self.size = task.actions.size(scenario.controller.par.model.vehicle)
@@ -106,7 +107,7 @@ class EnvProgram:
         first, _ = self.start(self.base, draws)
         self.first: EnvState = structure_of(first)
         values = (self.base, (0.0,) * self.size)
-        return trace_loop(self.step, self.first, values, (), self.uniforms, loops=True, own_seeds=True)
+        return trace_loop(self.step, self.first, values, (), self.uniforms, loops=self._loops, own_seeds=True)
 
     def start(
         self, numbers: Sequence[Any], draws: Sequence[Any], started: Sequence[Sequence[Any]] | None = None
@@ -148,18 +149,9 @@ class EnvProgram:
         moved, coupled = plant.advance(loop.state, begun.acting, found.acting, found.around)
         # a command that is not finite ends the episode where it is, as in a single run
         state: State = blend(found.alive > 0.5, moved, loop.state)
-        flown = LoopState(
-            alive=1.0,
-            ticks=loop.ticks + 1.0,
-            state=state,
-            memory=found.memory,
-            queue=found.queue,
-            sensors=found.sensors,
-            estimate=found.estimate,
-            components=stages.gone_on(begun.components, coupled),
-            drives=found.drives,
-            clock=found.clock,
-        )
+        # its endings are told beside it, and a period that ends an episode counts
+        flown = after_period(stages, begun, found, state, coupled)
+        flown = dataclasses.replace(flown, alive=1.0, ticks=loop.ticks + 1.0)
         coming = self._row(stages.scenario, flown.ticks)
         ending = self._ending(stages.scenario, state, self._goal(stages.scenario, flown.ticks), found.alive)
         following, measurement = self._measured(stages, flown, coming, draws)

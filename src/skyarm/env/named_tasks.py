@@ -127,7 +127,7 @@ def named(name: str) -> NamedTask:
     return NAMED[name]
 
 
-def _arguments(task: str, given: Mapping[str, Any]) -> dict[str, Any]:
+def task_arguments(task: str, given: Mapping[str, Any]) -> dict[str, Any]:
     """Arguments of an environment: those given, and the task's where nothing is."""
     mine = named(task)
     own = {name: getattr(mine, name) for name in ("actions", "observation", "reward", "randomise")}
@@ -139,11 +139,11 @@ def make_single(*, task: str, **given: Any) -> Environment:
     """One episode at a time of a shipped environment; arguments as of :class:`Environment`."""
     from skyarm.env.single_environment import Environment
 
-    return Environment(**_arguments(task, given))
+    return Environment(**task_arguments(task, given))
 
 
 def make_vector(num_envs: int = 1, *, task: str, **given: Any) -> VectorEnvironment:
     """Many episodes of a shipped environment together; arguments as of :class:`VectorEnvironment`."""
     from skyarm.env.vector_environment import VectorEnvironment
 
-    return VectorEnvironment(num_envs, **_arguments(task, given))
+    return VectorEnvironment(num_envs, **task_arguments(task, given))

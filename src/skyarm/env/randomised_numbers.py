@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,12 +12,12 @@ import numpy.typing as npt
 
 from skyarm.files import shown
 from skyarm.scalars.philox import uniforms
-from skyarm.scenario.numbers import require_apart
+from skyarm.scenario.numbers import number_at, require_apart
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.lane_arguments import require_within_queue
 from skyarm.simulate.lane_rules import LaneRules, require_draws, require_latencies
 from skyarm.sweep.design import FIRST_CHANNEL
-from skyarm.sweep.distributions import Distribution, distribution_from
+from skyarm.sweep.distributions import Distribution, Values, distribution_from
 from skyarm.sweep.plan import fastest_plant
 
 Array = npt.NDArray[Any]
@@ -74,6 +74,30 @@ def randomised(scenario: Scenario, table: Mapping[str, Any] | None) -> Randomise
             vary[path] = distribution_from(given, f'randomise."{path}"')
         except ValueError as error:
             raise ScenarioError(str(error)) from None
+    return _checked(scenario, vary)
+
+
+def with_fixed(found: Randomised, scenario: Scenario, paths: Iterable[str]) -> Randomised:
+    """Numbers of further paths, each as it is in the scenario: a list of one value, which may be set to another.
+
+    Raises:
+        ScenarioError: no such path, or one that is drawn already.
+    """
+    vary = dict(found.vary)
+    if isinstance(paths, (str, Mapping)) or not isinstance(paths, Iterable):
+        raise ScenarioError(f"numbers = {shown(paths)}: must be a list of paths")
+    for path in paths:
+        if not isinstance(path, str) or path in vary:
+            raise ScenarioError(f"numbers: path = {shown(path)}: must be text, and none that is named already")
+        try:
+            vary[path] = Values((float(number_at(scenario, path)),))
+        except ValueError as error:
+            raise ScenarioError(f"numbers: {error}") from None
+    return _checked(scenario, vary)
+
+
+def _checked(scenario: Scenario, vary: Mapping[str, Distribution]) -> Randomised:
+    """Refuse what the scenario cannot have."""
     try:
         require_apart(scenario, tuple(vary))
         require_latencies(scenario, tuple(vary))

@@ -147,7 +147,7 @@ class ErrorStateFilter(FilterNumbers):
             allowed = where(self.gate > 0.0, gate_of(self.gate, len(rows)), float("inf"))
             belief, updated, found = _corrected(belief, P, rows, due, allowed)
             passed, failed = logical_and(due, found < allowed), logical_and(due, logical_not(found < allowed))
-            P = scaled_covariance(updated, where(failed, self.doubt, 1.0))
+            P = scaled_covariance(updated, where(failed, self.inflation, 1.0))
             taken, refused = taken + where(passed, 1.0, 0.0), refused + where(failed, 1.0, 0.0)
             surprise = where(due, found, surprise)
         return replace(memory, belief=belief, covariance=P, taken=taken, refused=refused, surprise=surprise)

@@ -35,8 +35,8 @@ class FilterNumbers(Estimator):
         push_walk: density of the random walk of what the model lacks. push_turn: s; what it lacks may be fixed to the
             base and turn with it, which adds (rate x push)^2 push_turn to the walk's variance a second.
         position, attitude, heading: deviations of the aiding readings.
-        gate: normal deviations beyond which a reading is refused; 0 refuses none. doubt: factor of the covariance at
-            each reading that is refused, so that a filter that is wrong itself does not refuse all that would mend it.
+        gate: normal deviations beyond which a reading is refused; 0 refuses none. inflation: factor of the covariance
+            at a refused reading, so that a filter that is wrong itself does not refuse all that would mend it.
         first_velocity, first_tilt, first_heading, first_gyro_bias, first_accelerometer_bias, first_push: deviations of
             what the first readings do not tell. start_heading: rad, without a reading that tells of it.
         joint_bandwidth: rad/s, of the filter of the encoders; 0 takes positions and rates as they are read.
@@ -56,7 +56,7 @@ class FilterNumbers(Estimator):
     attitude: Annotated[Scalar, Unit("rad", "deviation of a reading", low=0.0, strict=True)] = 0.005
     heading: Annotated[Scalar, Unit("rad", "deviation of a reading", low=0.0, strict=True)] = 0.02
     gate: Annotated[Scalar, Unit("", "normal deviations, 0: none", low=0.0)] = 4.5
-    doubt: Annotated[Scalar, Unit("", "factor of the covariance at a refused reading", low=1.0)] = 1.5
+    inflation: Annotated[Scalar, Unit("", "factor of the covariance at a refused reading", low=1.0)] = 1.5
     first_velocity: Annotated[Scalar, Unit("m/s", "deviation at the start", low=0.0)] = 0.1
     first_tilt: Annotated[Scalar, Unit("rad", "deviation at the start, without pose", low=0.0)] = 0.05
     first_heading: Annotated[Scalar, Unit("rad", "deviation at the start, without reading", low=0.0)] = 0.5

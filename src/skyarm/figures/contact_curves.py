@@ -78,13 +78,20 @@ def wanted_force(point: str) -> Callable[[Log], Array | None]:
     """Log -> force (N,) that the reference asks of the tip, N; None where ``point`` is another one or none is asked."""
 
     def read(log: Log) -> Array | None:
-        try:
-            scenario = log.scenario
-        except ValueError:  # of a version that kept none, or of a plugin that is not loaded
-            return None
-        push = getattr(scenario.trajectory, "push", None)
-        if push is None or point not in _at_tip(log):
-            return None
-        return np.array(np.broadcast_to(push.force.derivatives(log.time)[0], log.time.shape), float)
+        return wanted_push(log) if point in _at_tip(log) else None
 
     return read
+
+
+def wanted_push(log: Log) -> Array | None:
+    """Force (N,) that the reference asks of the tip, N; None where none ever is."""
+    try:
+        scenario = log.scenario
+    except ValueError:  # of a version that kept none, or of a plugin that is not loaded
+        return None
+    push = getattr(scenario.trajectory, "push", None)
+    if push is None:
+        return None
+    # of a task that waits, at the reference's own time
+    times = log.path_time if log.path_time.size and scenario.trajectory.guards else log.time
+    return np.array(np.broadcast_to(push.force.derivatives(times)[0], log.time.shape), float)

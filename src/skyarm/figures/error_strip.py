@@ -90,7 +90,7 @@ def error_strip(
     ax.set_xlim(*span)
     text: dict[str, Any] = {"fontsize": size, "family": style.PAGE_FONT}
     ax.set_xlabel("time, s", labelpad=1.0, **text)
-    ax.set_ylabel("contact, N" if forces else "tip error, mm", **text)
+    ax.set_ylabel("force, N" if forces else "tip error, mm", **text)
     canvas.draw()
     box = ax.get_window_extent()
     pixels = np.asarray(canvas.buffer_rgba())[:, :, :3].copy()

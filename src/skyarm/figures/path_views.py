@@ -16,7 +16,7 @@ from skyarm.figures import picture_styles
 from skyarm.figures.flight_facts import FlightFacts
 from skyarm.figures.flight_labels import ending_of
 from skyarm.figures.picture_styles import Picture, PictureStyle
-from skyarm.figures.projection import SIDE, TOP, View, hull, surface
+from skyarm.figures.projection import BEHIND, SIDE, TOP, View, hull, surface
 from skyarm.figures.touch_marks import TOUCH_WORDS, touch_places
 from skyarm.log.flight_log import Log
 
@@ -53,24 +53,49 @@ def path_figure(
     figure = picture_styles.blank(style, style.wide, HEIGHTS[style.name])
     axes = figure.subplots(1, 2)
     handles: dict[str, Any] = {}
-    world = _world(named, span)
+    world = world_of(named, span)
     for ax, view in zip(axes, (TOP, SIDE), strict=True):
-        picture_styles.dress(ax, style)
-        handles |= _paths(ax, view, named, style, span)
-        handles |= touch_places(ax, view, named, facts, style, span)
-        _frame(ax)
-        for solid in world[0]:
-            _draw_solid(ax, view, solid, style)
-        if world[1] is not None and view is SIDE:
-            ax.axhspan(-1e3, world[1], facecolor=_fill(style, "surface"), edgecolor="none", zorder=0.5)
-        words = {"fontsize": style.text, "family": list(style.font), "color": style.ink}
-        ax.set_xlabel("x [m]", **words)
-        ax.set_ylabel("y [m]" if view is TOP else "z [m]", **words)
-        ax.set_title("from above" if view is TOP else "from the right", **style.small_words)
+        handles |= draw_view(ax, view, named, facts, style, span, world)
     order = [each for each in (*handles,) if each not in ("desired", *TOUCH_WORDS)]
     order += [each for each in ("desired", *TOUCH_WORDS) if each in handles]
     picture_styles.legend(figure, style, [handles[each] for each in order], order)
     return figure
+
+
+SEEN = {TOP: ("from above", "x [m]", "y [m]"), SIDE: ("from the right", "x [m]", "z [m]"),
+        BEHIND: ("from behind", "-y [m]", "z [m]")}  # fmt: skip
+"""View -> where it is seen from, and words of its axes."""
+
+
+def draw_view(
+    ax: Axes, view: View, named: Mapping[str, Log], facts: Mapping[str, FlightFacts], style: PictureStyle,
+    span: tuple[float, float], world: tuple[tuple[WorldShape, ...], float | None],
+) -> dict[str, Any]:  # fmt: skip
+    """Draw the tips' paths and the world in one view; returns what a legend has of it.
+
+    Args:
+        ax: empty.
+        view: one of TOP, SIDE and BEHIND.
+        named: words of the legend -> log.
+        facts: the same flights.
+        style: of the picture.
+        span: first and last instant, s.
+        world: as :func:`world_of` has it.
+    """
+    picture_styles.dress(ax, style)
+    handles = _paths(ax, view, named, style, span)
+    handles |= touch_places(ax, view, named, facts, style, span)
+    _frame(ax)
+    for solid in world[0]:
+        _draw_solid(ax, view, solid, style)
+    if world[1] is not None and view is not TOP:
+        ax.axhspan(-1e3, world[1], facecolor=_fill(style, "surface"), edgecolor="none", zorder=0.5)
+    words: dict[str, Any] = {"fontsize": style.text, "family": list(style.font), "color": style.ink}
+    title, right, up = SEEN[view]
+    ax.set_xlabel(right, **words)
+    ax.set_ylabel(up, **words)
+    ax.set_title(title, **style.small_words)
+    return handles
 
 
 def _paths(
@@ -100,7 +125,7 @@ def _frame(ax: Axes) -> None:
     ax.set_autoscale_on(False)
 
 
-def _world(named: Mapping[str, Log], span: tuple[float, float]) -> tuple[tuple[WorldShape, ...], float | None]:
+def world_of(named: Mapping[str, Log], span: tuple[float, float]) -> tuple[tuple[WorldShape, ...], float | None]:
     """Surfaces and objects of the first flight that has any, at its first and last instant; height of its ground."""
     for log in named.values():
         try:

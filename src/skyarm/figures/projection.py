@@ -57,9 +57,15 @@ TOP = View("top", (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 """From above: x to the right, y up, z to the observer."""
 
 
+BEHIND = View("behind", (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))
+"""Along x: y to the left, z up, x into the paper."""
+
+
 def surface(shape: Shape) -> Array:
     """Points of a solid's surface (N, 3) in the frame of its body, dense enough that their hull is its outline."""
-    if shape.kind == "cylinder":
+    if shape.mesh or shape.kind in ("box", "patch", "hole"):
+        local = mesh_of(replace(shape, rotation=UPRIGHT, position=(0.0, 0.0, 0.0)))[0]
+    elif shape.kind == "cylinder":
         radius, length = shape.size
         ring = circle(radius)
         local = _both_ends(ring, length)
@@ -67,8 +73,6 @@ def surface(shape: Shape) -> Array:
         radius, length = shape.size
         ball = radius * _directions()
         local = _both_ends(ball, length)
-    elif shape.kind in ("box", "patch", "hole"):
-        local = mesh_of(replace(shape, rotation=UPRIGHT, position=(0.0, 0.0, 0.0)))[0]
     else:
         half = shape.size if shape.kind == "ellipsoid" else shape.size * 3
         local = _directions() * np.array(half)

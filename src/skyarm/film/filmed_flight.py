@@ -14,6 +14,7 @@ from skyarm.drawing.shapes import Shape
 from skyarm.drawing.touch_arrows import TouchArrow
 from skyarm.drawing.world_shapes import WorldShape, ground_height, point_shapes, world_shapes
 from skyarm.environment import HangingPayload
+from skyarm.figures.contact_curves import wanted_push
 from skyarm.files import shown
 from skyarm.film.film_settings import FilmSettings
 from skyarm.film.filmed_world import carried_at, patch_about, touches_at
@@ -65,7 +66,7 @@ class FilmedFlight:
         tip, desired_tip: (F, 3) m. force: (F, 3) N of the wind. air: (F, 3) m/s, velocity of the air.
         error: (F,) m, distance of the tip from its reference; across the believed normal while it shall press.
         error_time, error_curve: (N,) s and m, the same at every control instant.
-        contact: (F,) N, sum of all normal forces on the vehicle; None without a world.
+        contact: (F,) N, sum of all normal forces on the vehicle, or of its grips; None without a world.
         contact_curve, wanted_curve: (N,) N, the same, and the force that the reference asks for; the second one None
             where it asks for none.
         tilts: (F, rotors that tilt) rad; without columns where none does.
@@ -145,6 +146,14 @@ def flight_labels(logs: Sequence[Log]) -> list[str]:
     return [f"flight {i + 1}" for i in range(len(logs))]
 
 
+def _contact(log: Log) -> Array | None:
+    """Sum of the normal forces on the vehicle, or where nothing touches, of its grips, N; None without a world."""
+    if not log.contact_force.size:
+        return None
+    found: Array = np.asarray(log.contact_force.sum(axis=1))
+    return np.asarray(log.gripper_force.sum(axis=1)) if log.gripper_force.size and not found.any() else found
+
+
 def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFlight:
     """Read a log at the instants of the frames, linearly between its own; after its end it stays as it was.
 
@@ -157,7 +166,7 @@ def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFligh
     now = {name: read(log.time, getattr(log, name), times) for name in READ}
     yaw = read(log.time, np.unwrap(log.yaw_reference)[:, None], times)[:, 0]
     push, whole = getattr(scenario.trajectory, "push", None), log.status == "completed"
-    error, contact = _error(log, push), log.contact_force.sum(axis=1) if log.contact_force.size else None
+    error, contact = _error(log, push), _contact(log)
     return FilmedFlight(
         label=label,
         color=color,
@@ -178,7 +187,7 @@ def film_flight(log: Log, label: str, color: Color, times: Array) -> FilmedFligh
         error_curve=error,
         contact=None if contact is None else read(log.time, contact[:, None], times)[:, 0],
         contact_curve=contact,
-        wanted_curve=None if push is None else np.broadcast_to(push.force.derivatives(log.time)[0], log.time.shape),
+        wanted_curve=wanted_push(log),
         end=end_of(log) if whole else float(log.time[-1]),
         lost="" if whole else log.status.replace("_", " "),
         loads=tuple(_loads(log, scenario.payloads, times)),

@@ -95,15 +95,15 @@ def add_shape(scene: Any, name: str, shape: Shape, color: RGBA) -> Any:
         "position": np.array(shape.position),
         "wxyz": _quaternions(np.array([shape.rotation]))[0],
     }
+    if shape.mesh or shape.kind == "hole":
+        vertices, faces = mesh_of(replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT))
+        return scene.add_mesh_simple(name, vertices, faces, side="double", flat_shading=True, **look)
     if shape.kind in ("sphere", "ellipsoid"):
         axes = (shape.size[0],) * 3 if shape.kind == "sphere" else shape.size
         return scene.add_icosphere(name, radius=1.0, scale=axes, subdivisions=SUBDIVISIONS, **look)
     if shape.kind in ("box", "patch"):
         lengths = tuple(2.0 * half for half in (*shape.size, THIN)[:3])
         return scene.add_box(name, dimensions=lengths, **look)
-    if shape.kind == "hole":
-        vertices, faces = mesh_of(replace(shape, position=(0.0, 0.0, 0.0), rotation=UPRIGHT))
-        return scene.add_mesh_simple(name, vertices, faces, side="double", flat_shading=True, **look)
     radius, length = shape.size
     node = scene.add_cylinder(name, radius=radius, height=length, radial_segments=SEGMENTS, **look)
     if shape.kind == "capsule":

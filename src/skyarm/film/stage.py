@@ -6,7 +6,7 @@ that MuJoCo does not know, are drawn alike.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from skyarm.drawing.stl_mesh import mesh_or_none
 from skyarm.film.camera_paths import FIELD_OF_VIEW, CameraPath
 from skyarm.film.marks import Mark
 from skyarm.film.offscreen import offscreen
@@ -79,7 +80,7 @@ class Stage:
 
     def __init__(self, panels: Sequence[Panel], width: int, height: int, *, fine: bool) -> None:
         self._panels, self._size = panels, (width, height)
-        self._model = _model(width, height, fine=fine)
+        self._model, self._meshes = _model(width, height, _meshes_of(panels), fine=fine)
         self._data = mujoco.MjData(self._model)
         mujoco.mj_forward(self._model, self._data)
         self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
@@ -121,14 +122,25 @@ class Stage:
         for solid in panel.solids:
             half_length = solid.shape.kind in ("capsule", "cylinder")
             size = (solid.shape.size[0], 0.5 * solid.shape.size[1]) if half_length else solid.shape.size
-            self._add(scene, solid.shape.kind, size, solid.rgba)
+            geom = self._add(scene, solid.shape.kind, size, solid.rgba)
+            if solid.shape.mesh in self._meshes:
+                geom.type, geom.dataid = mujoco.mjtGeom.mjGEOM_MESH.value, 2 * self._meshes[solid.shape.mesh]
         return scene, ground
+
+    def _place_mesh(self, geom: Any, mesh: int) -> None:
+        """MuJoCo moves the vertices of a mesh to its principal axes; the geom goes the other way."""
+        turn = np.zeros(9)
+        mujoco.mju_quat2Mat(turn, self._model.mesh_quat[mesh])
+        R = np.array(geom.mat).reshape(3, 3)
+        geom.pos, geom.mat = geom.pos + R @ self._model.mesh_pos[mesh], R @ turn.reshape(3, 3)
 
     def _place(self, panel: Panel, scene: Any, ground: int, k: int) -> None:
         """Put solids, marks and camera where they are at frame k."""
         for i, solid in enumerate(panel.solids):
             geom = scene.geoms[ground + i]
             geom.pos, geom.mat = solid.position[k], solid.rotation[k]
+            if solid.shape.mesh in self._meshes:
+                self._place_mesh(geom, self._meshes[solid.shape.mesh])
         scene.ngeom = ground + len(panel.solids)
         for mark in panel.marks(k):
             geom = self._add(scene, mark.kind, (mark.width, mark.width, 0.0), mark.rgba)
@@ -173,8 +185,15 @@ def _camera(path: CameraPath, k: int) -> Any:
     return camera
 
 
-def _model(width: int, height: int, *, fine: bool) -> Any:
-    """Ground, sky and light; no vehicle."""
+def _meshes_of(panels: Sequence[Panel]) -> dict[str, Any]:
+    """Path -> (vertices, triangles) of the meshes that are there."""
+    paths = dict.fromkeys(solid.shape.mesh for panel in panels for solid in panel.solids if solid.shape.mesh)
+    found = {path: mesh_or_none(path) for path in paths}
+    return {path: mesh for path, mesh in found.items() if mesh is not None}
+
+
+def _model(width: int, height: int, meshes: Mapping[str, Any], *, fine: bool) -> tuple[Any, dict[str, int]]:
+    """Ground, sky and light, and the meshes by their numbers; no vehicle."""
     spec = mujoco.MjSpec()
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
     spec.visual.global_.fovy = FIELD_OF_VIEW
@@ -216,4 +235,7 @@ def _model(width: int, height: int, *, fine: bool) -> Any:
     )  # fmt: skip
     size = [GROUND_HALF_WIDTH, GROUND_HALF_WIDTH, 1.0]
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=size, material="ground")
-    return spec.compile()
+    for i, (vertices, faces) in enumerate(meshes.values()):
+        mesh = spec.add_mesh(name=str(i), inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+        mesh.uservert, mesh.userface = vertices.ravel(), faces.ravel()
+    return spec.compile(), {path: i for i, path in enumerate(meshes)}

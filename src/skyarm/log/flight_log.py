@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Annotated, Any
 
 import numpy as np
@@ -17,20 +15,10 @@ import numpy.typing as npt
 from skyarm.algebra import Quaternion
 from skyarm.algebra.euler import euler_angles
 from skyarm.dynamics.state import State
-from skyarm.files import shown
-from skyarm.records.identity import log_digest
 from skyarm.records.leaves import parts
-from skyarm.records.own_files import own_files
-from skyarm.records.restore import restore, restore_fields
 from skyarm.records.units import Unit, units
-from skyarm.registry import RegistryError
-from skyarm.registry.plugins import identities
 
 Array = npt.NDArray[np.float64]
-
-SCENARIO = "skyarm.scenario.scenario_record:Scenario"
-"""Class of what a log keeps as ``scenario_record``."""
-
 
 PICTURES = "skyarm.figures.flight_plot"
 """Where a log's pictures are drawn: a room above this one, imported when a picture is asked for and by name only."""
@@ -61,6 +49,7 @@ IF_ANY = (
     "gripper_taken",
     "gripper_force",
     "gripper_lost",
+    "gripper_pull",
 )
 """Arrays of what not every flight has: left out of files, with no column, where there is none."""
 
@@ -100,7 +89,8 @@ class Log:
             object's shape: m, wxyz, m/s (world axes), angular velocity in rad/s (its own axes).
         mechanism_position, mechanism_rate: (N, mechanisms) rad and rad/s of what turns, m and m/s of what slides.
         gripper_taken, gripper_force, gripper_lost: (N, grippers) the number of the object that a gripper holds, from 1,
-            and 0 for none; the force of the grasp, N; how often it has given way.
+            and 0 for none; the force of the grasp, N; how often it has given way. gripper_pull: (N, 3 grippers) N, the
+            force of each on what it holds, world axes.
         tilts, tilt_commands: (N, tilting rotors) rad; without columns where no rotor tilts.
         measured_position, measured_joints: what the sensors said at this instant; a delayed controller saw it later.
         info: scenario, seeds, versions, status ("completed", "diverged", "joint_limit", "ground",
@@ -174,6 +164,7 @@ class Log:
     )
     gripper_force: Annotated[Array, Unit("N", "of a gripper's grasp")] = field(default_factory=_nothing)
     gripper_lost: Annotated[Array, Unit("", "how often a grasp has given way")] = field(default_factory=_nothing)
+    gripper_pull: Annotated[Array, Unit("N", "of a gripper on what it holds")] = field(default_factory=_nothing)
     tilts: Annotated[Array, units(State)["tilts"]] = field(default_factory=_nothing)
     tilt_commands: Annotated[Array, Unit("rad", "commanded")] = field(default_factory=_nothing)
     info: dict[str, Any]
@@ -243,33 +234,9 @@ class Log:
         Raises:
             ValueError: as :attr:`scenario`, or of ``controller``.
         """
-        written, plugins, code = (self.info.get(name) or {} for name in ("scenario_record", "plugins", "code"))
-        of = (self.info.get("versions") or {}).get("skyarm", "unknown")
-        if not isinstance(written, dict) or written.get("type") != SCENARIO:
-            raise ValueError(f"scenario_record: must hold the scenario as this version writes it; skyarm {of} wrote it")
-        if not self._fits(written, code):
-            raise ValueError(f"scenario_record: must be of the log's digest; it was changed after skyarm {of} wrote it")
-        known, without = {**code, **plugins}, {*replaced, *(() if controller is None else ("controller",))}
-        with _in_words_of_the_log(plugins):
-            kind, fields = restore_fields(written, known, without)
-            model = None if controller is None else _believed(written, known)
-        changed = dict(replaced)
-        if controller is not None:
-            changed |= controller(model, fields)
-        with _in_words_of_the_log(plugins):
-            found = kind(**{**fields, **changed})
-        now = own_files(SimpleNamespace(**fields))
-        for name in sorted(code):
-            if now.get(name, code[name]) != code[name]:
-                raise ValueError(f"code {name!r} = {shown(now[name])}: must be {shown(code[name])} as it was flown")
-        return found
+        from skyarm.log.flown_scenario import flown_scenario
 
-    def _fits(self, written: Mapping[str, Any], code: Any) -> bool:
-        """Whether the digest is of this scenario and of these files of code."""
-        try:
-            return isinstance(code, dict) and log_digest(written, code) == self.info.get("digest")
-        except RecursionError:  # lists in lists, without end
-            return False
+        return flown_scenario(self.info, replaced, controller)
 
     @property
     def euler(self) -> Array:
@@ -331,27 +298,3 @@ class Log:
 def rows_of(log: Log, chosen: slice) -> Log:
     """Some control instants of a log, as a log that says the same of itself."""
     return Log(**{name: array[chosen] for name, array in log.arrays().items()}, info=log.info)
-
-
-def _believed(written: Mapping[str, Any], known: Mapping[str, str]) -> Any:
-    """The model of a written scenario's controller; the law's own code is not needed if it stands beside it."""
-    held = written["controller"]
-    par = held.get("par") if isinstance(held, dict) else None
-    if isinstance(par, dict) and "model" in par:
-        return restore(par["model"], known)
-    return getattr(getattr(restore(held, known), "par", None), "model", None)
-
-
-@contextmanager
-def _in_words_of_the_log(plugins: Mapping[str, str]) -> Iterator[None]:
-    """Errors of reading a record say that it is the log's, and which plugins it may lack."""
-    try:
-        yield
-    except RegistryError as error:
-        raise ValueError(f"scenario_record: {error}") from None
-    except (KeyError, TypeError, AttributeError, OverflowError) as error:
-        raise ValueError(f"scenario_record: must be a record that was written ({error})") from None
-    except ValueError as error:
-        absent = [name for name in plugins if name not in identities()]
-        needs = f"; it was flown with the plugins {', '.join(absent)}" if absent else ""
-        raise ValueError(f"scenario_record: {error}{needs}") from None

@@ -57,8 +57,8 @@ OBJECT_ARRAYS = {"object_position": 3, "object_quaternion": 4, "object_velocity"
 MECHANISM_ARRAYS = ("mechanism_position", "mechanism_rate")
 """Arrays of a number for each mechanism, in the order in which a contact logs them, behind the objects."""
 
-GRIPPER_ARRAYS = ("gripper_taken", "gripper_force", "gripper_lost")
-"""Arrays of a number for each gripper, in the order in which a contact logs them."""
+GRIPPER_ARRAYS = {"gripper_taken": 1, "gripper_force": 1, "gripper_lost": 1, "gripper_pull": 3}
+"""Arrays of grippers, in the order in which a contact logs them, and how many numbers each gripper has in them."""
 
 RENAMED = {"tool": "tip", "tool_held": "tip_held", "tool_reference": "tip_reference"}
 """Array that a log's file of arrays keeps under its first name -> the word for it."""
@@ -211,8 +211,9 @@ def _endings(array: str, width: int | None, names: Names) -> list[str]:
         return [f"{begin}_{each}_{axis}" for each in names.objects for axis in AXES[OBJECT_ARRAYS[array]]]
     if array in MECHANISM_ARRAYS and len(names.mechanisms) == width:
         return [f"{begin}_{each}" for each in names.mechanisms]
-    if array in GRIPPER_ARRAYS and len(names.grippers) == width:
-        return [f"{begin}_{each}" for each in names.grippers]
+    if array in GRIPPER_ARRAYS and len(names.grippers) * GRIPPER_ARRAYS[array] == width:
+        axes = [f"_{axis}" for axis in AXES[3]] if GRIPPER_ARRAYS[array] == 3 else [""]
+        return [f"{begin}_{each}{axis}" for each in names.grippers for axis in axes]
     if array in IF_ANY and array not in PLACES:
         return [f"{begin}_{i}" for i in range(width)]
     return [f"{begin}_{axis}" for axis in AXES.get(width, map(str, range(width)))]

@@ -48,6 +48,8 @@ class Instant:
         push: wanted contact of the reference, as :class:`skyarm.reference.trajectory.Reference` has it.
         contact: normal force at each pair of a surface and a point of the vehicle, N. objects: places of the free
             objects' middles, m, one behind the other. mechanisms: their coordinates, rad or m.
+        pull: number of what the first gripper holds, 0 for nothing, and its force on it, N, world axes. hinge: a place
+            (m) on the axis of the first mechanism, and its unit vector, world axes; () of one that slides.
     """
 
     state: State
@@ -63,6 +65,8 @@ class Instant:
     contact: tuple[Scalar, ...] = ()
     objects: tuple[Scalar, ...] = ()
     mechanisms: tuple[Scalar, ...] = ()
+    pull: tuple[Scalar, ...] = ()
+    hinge: tuple[Scalar, ...] = ()
 
 
 def joint_norm(joints: tuple[Any, ...], wanted: tuple[Any, ...]) -> Any:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from skyarm.metrics import grip_totals
 from skyarm.metrics.metric import Metric
 from skyarm.scalars import Scalar, absolute, logical_and, maximum, where
 
@@ -163,7 +164,9 @@ def _across(now: Instant, normal: tuple[Any, ...]) -> Any:
     return type(away)(*(a - along * n for a, n in zip(away, normal, strict=True))).norm()
 
 
-SHIPPED: Mapping[str, Metric] = {"push": PushTotals(), "left": LeftTotals()}
+SHIPPED: Mapping[str, Metric] = {
+    "push": PushTotals(), "left": LeftTotals(), "grip": grip_totals.GripTotals(),
+}  # fmt: skip
 """Totals by name, as those of registered metrics."""
 
 
@@ -204,5 +207,6 @@ VALUES: Mapping[str, tuple[str, Callable[[Any], Any]]] = {
     "mechanism_furthest": ("left", lambda held: _seen(held.furthest)),
     "tip_lowest": ("left", lambda held: _seen(held.lowest)),
     "phases_time": ("left", lambda held: held.when),
+    **grip_totals.VALUES,
 }
 """Metric -> the totals that it is made of, and its value from them."""

@@ -140,7 +140,18 @@ def _instants(log: Log, *, pushes: bool = False) -> Instant:
         contact=rows(log.contact_force) if log.contact_force.size else (),
         objects=rows(log.object_position) if log.object_position.size else (),
         mechanisms=rows(log.mechanism_position) if log.mechanism_position.size else (),
+        pull=(log.gripper_taken[:, 0], *log.gripper_pull[:, :3].T) if log.gripper_pull.size else (),
+        hinge=_hinge(log) if pushes else (),
     )
+
+
+def _hinge(log: Log) -> tuple[Array, ...]:
+    """The axis about which the world's first mechanism turns, at every instant; () where there is none."""
+    if not log.mechanism_position.size or not log.info.get("scenario_record"):
+        return ()
+    contact = log.scenario.contact
+    mechanisms = () if contact is None else contact.mechanisms
+    return tuple(np.full(log.time.size, float(c)) for c in mechanisms[0].hinge) if mechanisms else ()
 
 
 def _wanted(log: Log) -> tuple[Array, ...]:

@@ -205,10 +205,10 @@ MOST_LAYERS = 3
 
 
 def _on_torque(controller: Controller) -> Units:
-    """Units of the joints' gains where they act on torque: in the safety layer's recovery, and in one law."""
+    """Units of the joints' gains where they act on torque: in the safety layer's recovery, and in two laws."""
     deep: list[Place] = [("inner",) * layers for layers in range(MOST_LAYERS + 1)]
     places: list[Place] = [(*place, "recovery", "joint_gains") for place in deep]
-    if controller.name.removeprefix("guarded_") == "decoupled_pd":
+    if controller.name.removeprefix("guarded_") in ("decoupled_pd", "admittance_pd"):
         places += [(*place, "joint_gains") for place in deep]
     return {("parameters", *place): TORQUE_GAINS for place in places}
 

@@ -25,6 +25,9 @@ def details(summary: str, content: str) -> str:
     return f"<details><summary>{escape(summary)}</summary>{content}</details>"
 
 
+FEW = 3
+"""Columns up to which a table takes no more room than it needs."""
+
 Rows = Iterable[Iterable[str]]
 
 MANY = 9
@@ -58,15 +61,24 @@ def grouped(head: Iterable[str], groups: Iterable[tuple[str, Rows]], caption: st
             lines.append(f'<tr><th scope="row">{escape(first)}</th>{cells}</tr>')
         bodies.append(f"<tbody>{''.join(lines)}</tbody>")
     above = f"<caption>{escape(caption)}</caption>" if caption else ""
-    size = ' class="many"' if len(names) > MANY else ""
+    size = ' class="many"' if len(names) > MANY else ' class="few"' if len(names) <= FEW else ""
     inside = f"<table{size}>{above}<thead><tr>{top}</tr></thead>{''.join(bodies)}</table>"
     # the box scrolls sideways, the page does not: who has no pointer scrolls it with the keys
     return f'<div class="table" tabindex="0">{inside}</div>'
 
 
-def image(alternative: str, caption: str, png: bytes, *, wide: bool = False, whole: bool = False) -> str:
-    """A picture inside the page; a wide one takes all of its width, on a narrow screen only if it is ``whole``."""
+def image(
+    alternative: str, caption: str, png: bytes, *, wide: bool = False, whole: bool = False, small: bool = False,
+    link: str = "",
+) -> str:  # fmt: skip
+    """A picture inside the page.
+
+    A wide one takes all of its width, on a narrow screen only if it is ``whole``; of small ones three stand side by
+    side. ``link`` is a file beside the page that the caption leads to.
+    """
     data = base64.b64encode(png).decode("ascii")
     picture = f'<img alt="{escape(alternative)}" src="data:image/png;base64,{data}">'
-    kind = f' class="wide{" whole" if whole else ""}"' if wide else ""
-    return f"<figure{kind}>{picture}<figcaption>{escape(caption)}</figcaption></figure>"
+    told = f'<a href="{escape(link)}">{escape(caption)}</a>' if link else escape(caption)
+    kind = ' class="small"' if small else ""
+    kind = f' class="wide{" whole" if whole else ""}"' if wide else kind
+    return f"<figure{kind}>{picture}<figcaption>{told}</figcaption></figure>"

@@ -75,13 +75,13 @@ def build_spec(
     spec.option.disableflags = int(
         off.mjDSBL_CONTACT | off.mjDSBL_CONSTRAINT | off.mjDSBL_EULERDAMP | off.mjDSBL_AUTORESET
     )
-    bodies = {BASE: spec.worldbody.add_body(name=_body_name(vehicle, BASE))}
+    bodies = {BASE: spec.worldbody.add_body(name=body_name(vehicle, BASE))}
     bodies[BASE].add_freejoint(name=_free_joint_name(vehicle), align=mujoco.mjtAlignFree.mjALIGNFREE_FALSE)
     _give_inertia(bodies[BASE], vehicle.base)
     for i, link in enumerate(vehicle.moving):
         at = link.joint
         bodies[i] = bodies[link.parent].add_body(
-            name=_body_name(vehicle, i), pos=_array(at.position), quat=_quaternion(at.rotation)
+            name=body_name(vehicle, i), pos=_array(at.position), quat=_quaternion(at.rotation)
         )
         _add_joint(bodies[i], at)
         _give_inertia(bodies[i], link.body)
@@ -123,7 +123,8 @@ def _unused(name: str, taken: list[str]) -> str:
     return name
 
 
-def _body_name(vehicle: Vehicle, link: int) -> str:
+def body_name(vehicle: Vehicle, link: int) -> str:
+    """Name of the body of a link, or of the base."""
     names = [each.name for each in vehicle.moving]
     return _unused(BASE_NAME, names) if link == BASE else names[link]
 

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 
 from skyarm.algebra import Vec3, axis_rotation
 from skyarm.files import Fields, shown
+from skyarm.reference.grip_phases import arc_about
 from skyarm.reference.guard_tables import guard_from, unit_vector
 from skyarm.reference.minimum_snap import minimum_snap
 from skyarm.reference.phase_builder import Place, Task, require_field, seconds
@@ -129,10 +130,10 @@ def insert(task: Task, phase: Fields) -> None:
 
 
 def turn(task: Task, phase: Fields) -> None:
-    """Go about an axis by an angle; with the force of the phases before, if there is one."""
+    """Go about an axis by an angle, that of a handle which is held; with the force of the phases before, if any."""
     if task.force is not None or "force" in phase.table:
         _tell_push(task, phase)
-    center, axis = place_of(phase, "center", phase.at("center")), unit_vector(phase, "axis")
+    center, axis = arc_about(task, phase)
     angle = within(phase.number("angle"), phase.at("angle"), -2.0 * math.pi * MOST_TURNS, 2.0 * math.pi * MOST_TURNS)
     if not angle:
         raise ValueError(f"{phase.at('angle')} = 0: must be an angle in rad, counter-clockwise about the axis")
@@ -157,6 +158,9 @@ TOUCHING: Mapping[str, Callable[[Task, Fields], None]] = {
     "press": press, "slide": slide, "write": write, "search": search, "insert": insert, "turn": turn, "open": turn,
 }  # fmt: skip
 """Phases in which the tip may press, by kind."""
+
+ABOUT_AN_AXIS = ("turn", "open")
+"""Those that go about an axis."""
 
 
 def _go(task: Task, phase: Fields, goal: Place, *, touches: bool) -> None:

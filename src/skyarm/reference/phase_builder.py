@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from skyarm.files import Fields, shown
@@ -33,6 +34,22 @@ def seconds(fields: Fields, name: str, *default: Any) -> float:
     return within(fields.number(name, *default), fields.at(name), CLOSEST)
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Arc:
+    """What is believed of the way of a handle.
+
+    Attributes:
+        center: m, on its axis. axis: unit vector. force: N, that the tip presses out of the axis while it holds it.
+        normal: unit vector out of the axis to where the tip takes hold. gripper: by which it is held.
+    """
+
+    center: Place
+    axis: Place
+    force: float
+    normal: Place
+    gripper: str
+
+
 class Task:
     """Phases as they are read.
 
@@ -43,6 +60,7 @@ class Task:
         at: place, m. time: s. begun: s, when the present phase began.
         handled: beginning of the last dwell and the instant at which its payload is taken or left, s.
         normal: out of the surface that the task touches. speed: m/s, with which the tip comes. force: N, the last one.
+        arc: of the handle that is held. known_arc: of the last handle that was.
     """
 
     def __init__(self, start: Place, limits: FlightLimits, setting: Setting) -> None:
@@ -53,6 +71,9 @@ class Task:
         self.normal: Place | None = None
         self.speed: float | None = None
         self.force: float | None = None
+        self.arc: Arc | None = None
+        self.known_arc: Arc | None = None
+        self._grips: list[tuple[float, float | None, float]] = []
         self._limits = limits
         self._pieces: list[tuple[Points, tuple[float, ...]]] = []
         self._turns: list[tuple[Turning, ...]] = []
@@ -116,6 +137,17 @@ class Task:
         self._forces.append((begin, end, self.force))
         self._pressed = number
 
+    def grip(self, arc: Arc) -> None:
+        """Hold a handle from the instant on at which the phase closes its gripper."""
+        self.arc = self.known_arc = arc
+        self._grips.append((self.handled[1], None, arc.force))
+
+    def let_go(self, gripper: str) -> None:
+        """Hold the handle no longer, if it is this gripper that opens."""
+        if self.arc is not None and self.arc.gripper == gripper:
+            self._grips[-1] = (self._grips[-1][0], self.handled[1], self.arc.force)
+            self.arc = None
+
     def wait(self, until: Mapping[str, Any] | None) -> None:
         """Let the reference rest here until the flight shows what a guard asks."""
         if until is None:
@@ -141,15 +173,33 @@ class Task:
 
     def _tell_push(self) -> None:
         """The push of the whole reference stands beside its motion."""
-        if not self._forces:
+        if not self._forces and not self._grips:
             return
         if self.setting.pushes:
-            raise ValueError("reference: two tasks whose phases press do not add")
-        pieces = tuple(Windowed(Constant(f), a + EDGE, b + EDGE) for a, b, f in self._forces)
-        speed = SPEED if self.speed is None else self.speed
-        if self.normal is None:
-            raise AssertionError("a force needs a direction")
-        self.setting.pushes.append(TipPush(force=Sum(pieces), normal=self.normal, speed=speed))
+            raise ValueError("reference: two tasks whose phases press or grip do not add")
+        pieces = [_during(f, a + EDGE, b + EDGE) for a, b, f in self._forces]
+        speed, arc = SPEED if self.speed is None else self.speed, self.known_arc
+        if arc is None:
+            if self.normal is None:
+                raise AssertionError("a force needs a direction")
+            self.setting.pushes.append(TipPush(force=Sum(tuple(pieces)), normal=self.normal, speed=speed))
+            return
+        pieces += [_during(f, a, b) for a, b, f in self._grips if f]
+        self.setting.pushes.append(
+            TipPush(
+                force=Sum(tuple(pieces)) if pieces else Constant(0.0),
+                normal=arc.normal if self.normal is None else self.normal,
+                speed=speed,
+                grip=Sum(tuple(_during(1.0, a, b) for a, b, _ in self._grips)),
+                pivot=arc.center,
+                axis=arc.axis,
+            )
+        )
+
+
+def _during(value: float, begin: float, end: float | None) -> Windowed:
+    """A value from one instant to another, or on."""
+    return Windowed(Constant(value), begin) if end is None else Windowed(Constant(value), begin, end)
 
 
 def _apart(a: Place, b: Place) -> float:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 from skyarm.records.field_rules import accept_fields
+from skyarm.records.plain import WRITTEN_IF_ANY
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
 
@@ -37,7 +38,7 @@ class Guard:
     """What a flight must show before the reference goes on: until then the whole reference rests.
 
     All that is asked must hold together for ``hold`` seconds; what is None is not asked. Force, distance and error are
-    those that the law knows of: the measured tip, the force that the law observes.
+    those that the law knows of: the measured tip, the force that the law observes, or that a sensor at the tip reads.
 
     Attributes:
         at: s, planned end of what it guards; there the reference rests.
@@ -45,6 +46,7 @@ class Guard:
         phase: number of its phase.
         error: m, of the tip across the normal while a push is asked for; of the base where the vehicle has no tip.
         force, force_below: N along ``direction``, above and below which it holds.
+        sensed: the force is that of the force sensor at the tip. closed, open: names of tactile switches.
         distance: m, that the tip has moved against ``direction``, at least.
         direction: unit vector, world axes: out of the surface.
         hold: s, for which all of it must hold. timeout: s of rest, after which the reference goes on all the same.
@@ -66,6 +68,9 @@ class Guard:
     fails: bool = False
     early: bool = False
     loads: tuple[str, ...] = ()
+    sensed: bool = field(default=False, metadata=WRITTEN_IF_ANY)
+    closed: str = field(default="", metadata=WRITTEN_IF_ANY)
+    open: str = field(default="", metadata=WRITTEN_IF_ANY)
 
     def __post_init__(self) -> None:
         accept_fields(self, "guard")

@@ -29,6 +29,10 @@ def failure_words(trajectory: Trajectory, guard: Guard) -> str:
         asked.append(f"no contact of {float(guard.force):g} N")
     if guard.force_below is not None:
         asked.append(f"force not below {float(guard.force_below):g} N")
+    if guard.closed:
+        asked.append(f"switch '{guard.closed}' not closed")
+    if guard.open:
+        asked.append(f"switch '{guard.open}' not open")
     if guard.distance is not None:
         asked.append(f"not moved by {float(guard.distance):g} m")
     if guard.error is not None:

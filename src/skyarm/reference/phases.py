@@ -4,7 +4,8 @@ In free flight: ``hold``: duration. ``go_to``, ``carry``: position, via = [[x, y
 as the limits let). ``lift``: height (m), duration. ``pick`` and ``place``: payload (its name), position, approach = [0,
 0, 0.1] (m, from where it comes and to where it leaves, against the position), dwell (s, 1: how long it stays there; the
 payload is taken or left half-way through). ``grasp`` and ``release``: payload, dwell; the same where the tip is. A
-gripper (its name) in place of payload closes or opens at that instant.
+gripper (its name) in place of payload closes or opens at that instant; of a handle that goes about an axis ``grasp``
+says center, axis ([0, 0, 1]) and the force out of it (N, 0) that is held until the gripper opens.
 
 In contact (:mod:`skyarm.reference.contact_phases`): ``approach``, ``press``, ``slide``, ``write``, ``search``,
 ``insert``, ``turn`` or ``open``, ``retreat``.
@@ -24,10 +25,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from skyarm.files import Fields, number, shown
-from skyarm.reference.contact_phases import TOUCHING, approach, retreat
+from skyarm.reference.contact_phases import ABOUT_AN_AXIS, TOUCHING, approach, retreat
+from skyarm.reference.grip_phases import grasp, handle, release
 from skyarm.reference.guard_tables import guard_from
 from skyarm.reference.phase_builder import Place, Task, seconds
-from skyarm.reference.setting import JointMove, Setting, TaskEvent
+from skyarm.reference.setting import JointMove, Setting
 from skyarm.reference.task_tables import limits_of, place_of, points_of, require_way, within
 from skyarm.reference.trajectory import Trajectory
 from skyarm.reference.waypoints import SHORTEST
@@ -46,6 +48,7 @@ def phases_table(fields: Fields, setting: Setting) -> Trajectory:
         task.begin(phase)
         if kind not in TOUCHING:
             task.force = None
+        _require_hands(task, phase, kind)
         KINDS[kind](task, phase)
         phase.done()
         if joints and setting.guards and setting.guards[-1].phase == i and setting.guards[-1].early:
@@ -58,6 +61,16 @@ def phases_table(fields: Fields, setting: Setting) -> Trajectory:
         )
         within(task.time, f"{phase.where}: its end (s)", 0.0)
     return task.motion()
+
+
+def _require_hands(task: Task, phase: Fields, kind: str) -> None:
+    """Refuse to press while the tip holds a handle: along the arc's radius one force is held."""
+    if task.arc is None or kind not in TOUCHING:
+        return
+    if kind not in ABOUT_AN_AXIS or phase.take("force", None) is not None:
+        name = "force" if kind in ABOUT_AN_AXIS else "kind"
+        words = "must not press while a handle is held; the force along its radius is said where it is taken"
+        raise ValueError(f"{phase.at(name)} = {shown(phase.table[name])}: {words}")
 
 
 def _joints(phase: Fields) -> dict[str, float]:
@@ -109,16 +122,6 @@ def place(task: Task, phase: Fields) -> None:
     _there_and_back(task, phase, "place")
 
 
-def grasp(task: Task, phase: Fields) -> None:
-    """Take the payload where the tip is."""
-    _handle(task, phase, "pick")
-
-
-def release(task: Task, phase: Fields) -> None:
-    """Leave the payload where the tip is."""
-    _handle(task, phase, "place")
-
-
 def _there_and_back(task: Task, phase: Fields, kind: str) -> None:
     x, y, z = place_of(phase, "position", phase.at("position"))
     a, b, c = place_of(phase, "approach", phase.at("approach"), (0.0, 0.0, 0.1))
@@ -126,23 +129,8 @@ def _there_and_back(task: Task, phase: Fields, kind: str) -> None:
     there: Place = (x, y, z)
     task.go([task.at, near], back=True)
     task.go([task.at, there])
-    _handle(task, phase, kind)
+    handle(task, phase, kind)
     task.go([there, near])
-
-
-def _handle(task: Task, phase: Fields, kind: str) -> None:
-    """Wait, then take or leave the payload half-way through a dwell."""
-    what = "gripper" if "gripper" in phase.table else "payload"
-    name = phase.take(what)
-    if not isinstance(name, str) or not name:
-        raise ValueError(f"{phase.at(what)} = {shown(name)}: must be the name of a {what}")
-    dwell = seconds(phase, "dwell", 1.0)
-    task.wait(guard_from(phase, task.normal))
-    task.handled = task.time, task.time + 0.5 * dwell
-    named = {"payload": "", what: name}
-    event = TaskEvent(kind=kind, time=task.handled[1], where=phase.where, **named)
-    task.setting.events.append(event)
-    task.rest(dwell)
 
 
 KINDS: Mapping[str, Callable[[Task, Fields], None]] = {

@@ -69,6 +69,8 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "l1_adaptive": (f"{_LAWS}:l1_adaptive", ""),
         "l1_adaptive_lateral": (f"{_LAWS}:l1_adaptive_lateral", ""),
         "indi": (f"{_LAWS}:indi", ""),
+        "admittance_pd": (f"{_LAWS}:admittance_pd", ""),
+        "hybrid_ct": (f"{_LAWS}:hybrid_ct", ""),
         "centroidal": (f"{_LAWS}:centroidal", ""),
     },
     "motion": {
@@ -89,6 +91,7 @@ SHIPPED: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "plant": {
         "rigid_body": ("skyarm.plant.compiled:RigidBodyPlant", "our own multibody dynamics"),
         "mujoco": ("skyarm.plant.mujoco:MujocoPlant", "MuJoCo's rigid bodies under the same loads"),
+        "mujoco_contacts": ("skyarm.plant.mujoco_contacts:MujocoContactPlant", "the same with MuJoCo's own contacts"),
     },
     "ending": {
         "divergence": ("skyarm.scenario.endings:Divergence", "numbers that no flight has"),

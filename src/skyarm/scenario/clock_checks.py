@@ -14,6 +14,9 @@ from skyarm.records.coerce import concrete
 if TYPE_CHECKING:
     from skyarm.scenario.scenario_record import Scenario
 
+STEPPING = ("mujoco", "mujoco_contacts")
+"""Plants that move by whole physics steps only."""
+
 LONGEST_QUEUE = 100
 """Control periods that a varied delay of the commands may take: the loop remembers as many commands."""
 
@@ -33,7 +36,7 @@ def check_delays(scenario: Scenario) -> None:
         if delay > scenario.duration:
             raise ValueError(f"delays.{name} = {delay!r}: must not exceed the duration of {scenario.duration:g} s")
         # the closed loop in machine code takes any delay if it is told the longest; MuJoCo's plant steps
-        if name == "measurement" or scenario.delays.longest_command is None or scenario.plant == "mujoco":
+        if name == "measurement" or scenario.delays.longest_command is None or scenario.plant in STEPPING:
             require_whole(f"delays.{name}", delay, rate, unit)
     _check_longest(scenario)
 

@@ -25,7 +25,7 @@ from skyarm.scenario.check_frames import check_frames
 from skyarm.scenario.clock_checks import require_whole
 from skyarm.scenario.scenario_parts import ScenarioError
 from skyarm.scenario.steps_of_contact import require_steps_to_fly
-from skyarm.scenario.tip_sensor import require_tip_sensor
+from skyarm.scenario.tip_sensor import require_guard_sensors, require_tip_sensor
 from skyarm.vehicle.check import require_plant
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -77,6 +77,7 @@ def check_additions(scenario: Scenario) -> None:
             raise ValueError(f"{where}.{error}") from None
     sensors = {each.name: each.sensor for each in scenario.instruments}
     require_tip_sensor(scenario.controller.par, tuple(sensors.items()), scenario.world.vehicle)
+    require_guard_sensors(scenario.trajectory, tuple(sensors.items()), scenario.world.vehicle)
     if learns_load(scenario.controller.par) and scenario.trajectory.load is None:
         # the law that waits to be told adapts no tip mass meanwhile, so it would know less than without the option
         most = shown(innermost(scenario.controller.par).load.limit)

@@ -3,7 +3,8 @@
 A file has ``schema = 1``, ``name``, ``duration`` (s) and these tables::
 
     [rates]       physics, control, reference (Hz; 1000, 200, 50)
-    [plant]       vehicle, gravity (9.81), kind ("rigid_body" or "mujoco"), integrator ("rk4", "euler", "rk4_staged"),
+    [plant]       vehicle, gravity (9.81), kind ("rigid_body", "mujoco", "mujoco_contacts"),
+                  integrator ("rk4", "euler", "rk4_staged"),
                   payload = { mass, frame }, joints = { damping, coulomb, coulomb_rate, effort_limit,
                   armature, stop_stiffness, stop_damping }, each a number
                   for every joint or a list of one for each
@@ -60,6 +61,7 @@ from skyarm.scenario import scenario_tables as tables
 from skyarm.scenario.change_checks import require_changes
 from skyarm.scenario.changes import Change, changes_from, require_within, without_law
 from skyarm.scenario.law_by_name import loop_facts
+from skyarm.scenario.mujoco_contact_checks import usual_integrator
 from skyarm.scenario.path_governor import with_governor
 from skyarm.scenario.payload_tables import belief_changes, payloads_from, waiting_beliefs
 from skyarm.scenario.reference_setting import in_folder, setting_of
@@ -90,7 +92,7 @@ def load_scenario(
 
     Args:
         name_or_path: a name of :func:`list_scenarios`, or the path of a .toml file or of a log of a flight.
-        plant: "rigid_body" or "mujoco".
+        plant: "rigid_body", "mujoco" or "mujoco_contacts".
         controller: name of a preset or a law, or ``LAW_tuned`` (:mod:`skyarm.control.catalogue`).
         seed: of the noise.
         duration: s.
@@ -187,7 +189,7 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         title=tables.text(top, "title", ""),
         rates=rates,
         world=world,
-        integrator=plant.take("integrator", "rk4"),
+        integrator=plant.take("integrator", usual_integrator(chosen["plant"])),
         controller=tables.controller(controller, model, replaced.get("controller"), loop_facts(rates, delays), folder),
         trajectory=trajectory,
         joined=joined,
@@ -205,7 +207,9 @@ def _scenario(top: Fields, folder: Path, replaced: Mapping[str, Any]) -> Scenari
         ground=tables.truth_value(environment, "ground", True),
         windows=windows_from(Fields(top.take("windows", {}), "windows")),
         payloads=payloads,
-        contact=with_commands(tables.contact(top), [event for event in setting.events if event.gripper], rates.control),
+        contact=with_commands(
+            tables.contact(top, folder), [event for event in setting.events if event.gripper], rates.control
+        ),
         changes=(*_changes(top, replaced), *belief_changes(payloads, told, chosen["duration"], rates.control)),
         **chosen,
     )

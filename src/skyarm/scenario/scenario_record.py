@@ -10,6 +10,7 @@ from skyarm.actuation.drive import TORQUE_DRIVE, Drive, TorqueDrive
 from skyarm.actuation.hover import hover_trim
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.contact.contact import Contact
+from skyarm.contact.plant_contact import plant_contact
 from skyarm.control.controller import Controller
 from skyarm.control.model import Model
 from skyarm.dynamics import State
@@ -32,6 +33,7 @@ from skyarm.scalars import Scalar, cos, data, minimum, sin
 from skyarm.scenario.changes import Change
 from skyarm.scenario.clock_checks import check_clocks, check_delays, require_whole
 from skyarm.scenario.endings import Ending
+from skyarm.scenario.mujoco_contact_checks import check_mujoco_contacts, finds_contacts
 from skyarm.scenario.scenario_checks import (
     as_data,
     check_additions,
@@ -58,6 +60,7 @@ __all__ = [
 ]
 
 PLANTS = ("rigid_body", "mujoco")
+"""That the paper's cases fly on; all are those of the registry."""
 
 LONGEST_FLIGHT = 10_000_000
 """Control periods of one episode, 14 h at 200 Hz: its log takes about 10 GB."""
@@ -73,7 +76,8 @@ class Scenario:
         name: short name. title: one line for people.
         duration: s.
         world: the truth: vehicle and gravity of the plant.
-        plant: "rigid_body" or "mujoco". integrator: "rk4", "euler" or "rk4_staged".
+        plant: "rigid_body", "mujoco" or "mujoco_contacts". integrator: "rk4", "euler" or "rk4_staged"; of the
+            last plant "euler".
         controller: law with its belief.
         trajectory: reference.
         joined: s; until then the law is told the reference of t = 0, at rest, while the reference goes on and errors
@@ -151,7 +155,8 @@ class Scenario:
     @property
     def components(self) -> tuple[Component, ...]:
         """The wind, the air and the forces that are added to it, timed payloads, contact, the load on the battery."""
-        return (self.wind, *self.air, *self.forces, *self.payloads, *self.contacts, *self.power)
+        contacts = tuple(plant_contact(each) if finds_contacts(self) else each for each in self.contacts)
+        return (self.wind, *self.air, *self.forces, *self.payloads, *contacts, *self.power)
 
     @property
     def contacts(self) -> tuple[Contact, ...]:
@@ -231,6 +236,7 @@ def _check(scenario: Scenario) -> None:
     check_path_time(scenario)
     check_additions(scenario)
     check_vehicles(scenario)
+    check_mujoco_contacts(scenario)
     check_clocks(scenario)
     if scenario.initial is not None:
         check_initial(scenario.initial, scenario.world.vehicle)

@@ -27,6 +27,7 @@ from skyarm.scenario.path_governor import options_from
 from skyarm.scenario.scenario_checks import check_quaternion
 from skyarm.scenario.scenario_record import Delays, Rates, Scenario, trimmed_state
 from skyarm.scenario.standing_start import standing
+from skyarm.scenario.world_meshes import with_meshes
 from skyarm.sensors.noise import SensorNoise
 from skyarm.vehicle.linkage import JOINT_NUMBERS
 from skyarm.vehicle.mounted_drives import mounted_drives
@@ -98,10 +99,10 @@ def with_payload(carrier: Vehicle, fields: Fields) -> Vehicle:
         raise ValueError(f"{fields.at('payload')}: {error}") from None
 
 
-def contact(top: Fields) -> Contact | None:
-    """[world]: surfaces, and points of the vehicle that touch them."""
+def contact(top: Fields, folder: Path) -> Contact | None:
+    """[world]: surfaces, and points of the vehicle that touch them; files of meshes stand below a folder."""
     table = top.take("world", None)
-    return None if table is None else record_from(Contact, Fields(table, "world"))
+    return None if table is None else record_from(Contact, Fields(with_meshes(table, "world", folder), "world"))
 
 
 def gravity(fields: Fields) -> float:

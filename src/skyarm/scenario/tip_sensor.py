@@ -7,7 +7,9 @@ from typing import Any
 
 from skyarm.algebra import Mat3
 from skyarm.control.controller import senses_force
-from skyarm.sensors.force_sensors import ForceTorque
+from skyarm.files import did_you_mean, shown
+from skyarm.reference.trajectory import Trajectory
+from skyarm.sensors.force_sensors import ForceTorque, TactileSwitch
 from skyarm.sensors.sensor import Sensor
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -34,3 +36,24 @@ def require_tip_sensor(par: Any, sensors: Sequence[tuple[str, Sensor]], vehicle:
     if senses_force(par) and tip_sensor(sensors, vehicle) is None:
         needed = "a sensor of kind 'force_torque' on the link of the tip"
         raise ValueError(f"controller.force_sensor = true: must be false without {needed} ([sensors.NAME])")
+
+
+def require_guard_sensors(trajectory: Trajectory, sensors: Sequence[tuple[str, Sensor]], vehicle: Vehicle) -> None:
+    """Refuse phases that wait for what no sensor of the vehicle says.
+
+    Raises:
+        ValueError: one line with phase, field, value and what is allowed.
+    """
+    switches = [name for name, sensor in sensors if isinstance(sensor, TactileSwitch)]
+    for guard in trajectory.guards:
+        named = trajectory.phases[guard.phase].name if guard.phase < len(trajectory.phases) else "guard"
+        at = f"reference: phase {guard.phase} '{named}': until"
+        if guard.sensed and tip_sensor(sensors, vehicle) is None:
+            needed = "a sensor of kind 'force_torque' on the link of the tip"
+            raise ValueError(f"{at}.force_sensor = true: must be false without {needed} ([sensors.NAME])")
+        for word in ("closed", "open"):
+            name = getattr(guard, word)
+            if name and name not in switches:
+                near, there = did_you_mean(name, switches), ", ".join(switches) or "none"
+                allowed = f"{near}must be the name of a sensor of kind 'tactile_switch'; there are {there}"
+                raise ValueError(f"{at}.{word} = {shown(name)}: {allowed}")

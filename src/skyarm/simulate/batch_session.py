@@ -2,29 +2,23 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.compile import leaves, rebuild, trace
+from skyarm.compile import leaves, rebuild
 from skyarm.compile.llvm.kernel import Kernel, host_width
 from skyarm.compile.llvm.lane_stepper import LaneStepper
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.tracing.array_evaluation import evaluate
-from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.dynamics import State
 from skyarm.files import shown
-from skyarm.plant.compiled import RigidBodyPlant
-from skyarm.plant.largest_step import largest_step
-from skyarm.scalars import floor
-from skyarm.scenario.numbers import number_at, require_apart, with_numbers
+from skyarm.scenario.numbers import require_apart
 from skyarm.scenario.scenario_checks import require_flight
 from skyarm.scenario.scenario_record import Scenario, ScenarioError, noise_key
-from skyarm.simulate.draws import draw_plan, draws_needed, start_draws
-from skyarm.simulate.first_state import first_loop_state, first_surroundings
+from skyarm.simulate.draws import start_draws
 from skyarm.simulate.lane_arguments import (
     lane_actions,
     lane_mask,
@@ -35,12 +29,11 @@ from skyarm.simulate.lane_arguments import (
     require_values,
     require_within_queue,
 )
+from skyarm.simulate.lane_programs import LanePrograms
 from skyarm.simulate.lane_rules import LaneRules, require_latencies
-from skyarm.simulate.loop_state import LoopState, Row, structure_of
+from skyarm.simulate.loop_state import LoopState
 from skyarm.simulate.own_code_trials import try_own_code
-from skyarm.simulate.period import make_period
 from skyarm.simulate.short_steps import require_short_steps
-from skyarm.simulate.stages import RigidBodySteps, Stages, StagesByActions
 
 Array = npt.NDArray[Any]
 
@@ -101,32 +94,12 @@ class BatchSession:
         try_own_code(scenario, law=law)
         require_apart(scenario, paths)
         require_latencies(scenario, paths)
-        self.scenario, self.paths, self._autoreset, self._seed, self._law = scenario, paths, autoreset, seed, law
-        self._base = tuple(number_at(scenario, path) for path in paths)
-        self._rules = LaneRules(scenario, self.paths)
-        self._first: LoopState = first_loop_state(scenario)
-        self._command = structure_of(self._first.queue[0])
-        stiff = stiffest or scenario
-        around = first_surroundings(stiff, first_loop_state(stiff) if stiffest else self._first)
-        plant = RigidBodyPlant(stiff.world, around, scenario.integrator, 1.0 / scenario.rates.physics)
-        self._largest = largest_step(around, euler=scenario.integrator == "euler")
-        self._period = 1.0 / scenario.rates.control
-        self._ratio = scenario.rates.control // scenario.rates.reference
-
-        def step(now: LoopState, values: Any, _fed: Any, drawn: Any) -> tuple[LoopState, tuple[()]]:
-            numbers, command = values
-            varied = self._varied(numbers)
-            stages = Stages(varied) if law else StagesByActions(varied, command)
-            row = self._row(stages.scenario, now.ticks)
-            following, _ = make_period(stages, RigidBodySteps(stages, plant.substeps))(now, row, drawn)
-            return following, ()
-
-        values = (self._base, self._command)
-        loop = trace_loop(step, structure_of(self._first), values, (), draws_needed(scenario), loops=True)
-        kernel = Kernel(loop, Lanes(host_width(single=single), single=single, contract=not bit_exact))
+        self.scenario, self.paths, self._autoreset, self._seed = scenario, paths, autoreset, seed
+        self._rules = LaneRules(scenario, paths)
+        self._programs = programs = LanePrograms(scenario, paths, stiffest or scenario, law=law)
+        self._first, self._base = programs.first, programs.base
+        kernel = Kernel(programs.period(), Lanes(host_width(single=single), single=single, contract=not bit_exact))
         self._stepper = LaneStepper(kernel, lanes, seed=seed, threads=threads)
-        counts = [2 * count for _, count in draw_plan(scenario).components]
-        self._start = trace(self._starting, self._base, *((0.5,) * count for count in counts))
         self._parameters = self._stepper.parameters
         self._actions = self._parameters[len(self._base) :]
         with _beyond():
@@ -134,9 +107,6 @@ class BatchSession:
         self._carry = self._stepper.carry
         now: LoopState = rebuild(self._first, iter(list(self._carry)))
         self.state: State = now.state
-        self._check = trace(
-            self._sound, self._base, 0.0, structure_of(self._first.state), structure_of(self._first.clock)
-        )
         self._alive, self._ticks = self._carry[0], self._carry[1]
         self.episodes: Array = np.zeros(lanes, dtype=np.int64)
         self._next, self._over = 0, False
@@ -153,27 +123,6 @@ class BatchSession:
         """What the next period begins with: every number of it a (lanes,) view that the next step writes anew."""
         now: LoopState = rebuild(self._first, iter(list(self._carry)))
         return now
-
-    def _varied(self, numbers: Sequence[Any]) -> Scenario:
-        return with_numbers(self.scenario, dict(zip(self.paths, numbers, strict=True)))
-
-    def _row(self, scenario: Scenario, ticks: Any) -> Row:
-        """A lane's own time and held reference; the loop has that of a task whose phases wait."""
-        if scenario.trajectory.guards:
-            return Row(time=ticks / float(self.scenario.rates.control), reference=())
-        held = floor((ticks + 0.5) / float(self._ratio)) * float(self._ratio)
-        rate = float(self.scenario.rates.control)
-        return Row(time=ticks / rate, reference=scenario.trajectory.at(held / rate).dense())
-
-    def _starting(self, numbers: tuple[Any, ...], *draws: tuple[Any, ...]) -> LoopState:
-        return first_loop_state(self._varied(numbers), draws)
-
-    def _sound(self, numbers: tuple[Any, ...], ticks: Any, state: State, clock: Any) -> Any:
-        """1 where no ending has come, else 0."""
-        stages = Stages(self._varied(numbers))
-        now = dataclasses.replace(self._first, ticks=ticks, clock=clock)
-        row = stages.led(now, self._row(stages.scenario, ticks))
-        return stages.check(1.0, state, row.reference, clock)
 
     def set(self, values: Mapping[str, Any], mask: Array | None = None) -> None:
         """Give lanes other numbers by path; they hold from the next step on, a start from the next episode on.
@@ -195,7 +144,7 @@ class BatchSession:
         numbers = now | {path: column[among] for path, column in columns.items()}
         require_within_queue(self.scenario, numbers)
         self._rules.require(numbers)
-        require_short_steps(self.scenario, numbers, self._largest)
+        require_short_steps(self.scenario, numbers, self._programs.largest_step)
         for path, column in columns.items():
             with _beyond():
                 self._parameters[self.paths.index(path)][among] = column[among]
@@ -224,7 +173,7 @@ class BatchSession:
         for draws in start_draws(self.scenario, self._seed, self.episodes[lanes]):
             columns += [*draws.T]
         with _beyond():
-            self._carry[:, lanes] = evaluate(self._start, columns, len(lanes))
+            self._carry[:, lanes] = evaluate(self._programs.start, columns, len(lanes))
         self.ended[lanes] = self.truncated[lanes] = False
         self._over = bool((self.ended | self.truncated).any())
         self._stepper.fill()
@@ -290,7 +239,7 @@ class BatchSession:
             left = leaves((self.state, self.now.clock))
             columns = [*self._parameters[: len(self._base), last], ticks, *(leaf[last] for leaf in left)]
             with np.errstate(all="ignore"):
-                sound = evaluate(self._check, [column.astype(float) for column in columns], last.size)[0]
+                sound = evaluate(self._programs.check, [column.astype(float) for column in columns], last.size)[0]
             self.ended[last] = sound < 0.5
         self.truncated &= ~self.ended
 

@@ -79,7 +79,7 @@ def failed_phase(scenario: Scenario, time: float, clock: Any) -> Ended | None:
     # the clock has gone on to the next guard
     guard = scenario.trajectory.guards[max(round(float(clock.guard)) - 1, 0)]
     words = failure_words(scenario.trajectory, guard)
-    if guard.force is not None and observed_push(scenario.controller.memory) is None:
+    if guard.force is not None and not guard.sensed and observed_push(scenario.controller.memory) is None:
         words += f"; law {scenario.controller.name} observes no force"
     return Ended(PHASE_FAILED, words, time)
 

@@ -26,7 +26,8 @@ from skyarm.simulate.inputs import EpisodeInputs
 from skyarm.simulate.loop_state import LoopState, Row, Sample, structure_of
 from skyarm.simulate.own_code_trials import try_own_code
 from skyarm.simulate.period import make_period
-from skyarm.simulate.stages import RigidBodySteps, Stages
+from skyarm.simulate.rigid_body_steps import RigidBodySteps
+from skyarm.simulate.stages import Stages
 
 Array = npt.NDArray[np.float64]
 Progress = Callable[[int, int], None]

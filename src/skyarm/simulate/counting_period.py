@@ -10,7 +10,8 @@ from skyarm.scalars import logical_and, where
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.loop_state import LoopState, Row, Sample
 from skyarm.simulate.period import make_period
-from skyarm.simulate.stages import RigidBodySteps, Stages
+from skyarm.simulate.rigid_body_steps import RigidBodySteps
+from skyarm.simulate.stages import Stages
 from skyarm.simulate.tip_and_goal import goal_of, tool_of
 from skyarm.simulate.world_columns import logged_in_contact
 
@@ -67,6 +68,7 @@ def _touching(scenario: Scenario, row: Row, sample: Sample) -> dict[str, tuple[A
     if not scenario.contacts:
         return {}
     arrays = logged_in_contact(scenario, sample.wind.contacts)
+    contact, taken = scenario.contacts[0], arrays.get("gripper_taken", [])
     push, places = scenario.trajectory.push, arrays.get("object_position", [])
     time = row.time if isinstance(row.path_time, tuple) else row.path_time
     return {
@@ -74,4 +76,6 @@ def _touching(scenario: Scenario, row: Row, sample: Sample) -> dict[str, tuple[A
         "contact": tuple(arrays.get("contact_force", ())),
         "objects": tuple(places),
         "mechanisms": tuple(arrays.get("mechanism_position", ())),
+        "pull": (taken[0], *arrays["gripper_pull"][:3]) if taken else (),
+        "hinge": contact.mechanisms[0].hinge if contact.mechanisms else (),
     }

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.actuation.hover import hover_trim
 from skyarm.compile import leaves, rebuild
+from skyarm.estimate.estimator import FULL_STATE
 from skyarm.plant.compiled import example_state
 from skyarm.scalars import data
 from skyarm.scenario.scenario_record import Scenario, first_state
@@ -17,7 +19,7 @@ from skyarm.simulate.draws import start_draws
 from skyarm.simulate.loop_state import LoopState, SensorState
 from skyarm.simulate.pace_clock import Paces
 from skyarm.simulate.path_clock import Waits
-from skyarm.simulate.stages import Stages, commands_waiting, readings_waiting
+from skyarm.simulate.stages import Stages
 
 
 def first_loop_state(scenario: Scenario, draws: Sequence[Sequence[Any]] | None = None) -> LoopState:
@@ -67,6 +69,21 @@ def _first_reading(scenario: Scenario, index: int) -> SensorState:
     reading = rebuild(example, iter([0.0] * len(leaves(example))))
     slow = sensor.frequency and sensor.frequency < scenario.rates.control
     return SensorState(memory=memory, held=reading if slow else (), waiting=(reading,) * waiting)
+
+
+def commands_waiting(scenario: Scenario) -> int:
+    """How many commands the loop remembers from before the one that it issues."""
+    rates, delays = scenario.rates, scenario.delays
+    if delays.longest_command is not None:
+        return math.ceil(delays.longest_command * rates.control - 1e-9) + 1
+    return round(delays.longest * rates.physics) // (rates.physics // rates.control) + 1
+
+
+def readings_waiting(scenario: Scenario, index: int) -> int:
+    """How many readings of a sensor are on their way."""
+    name, sensor = scenario.all_sensors[index]
+    delay = scenario.delays.measurement if name == FULL_STATE else sensor.latency
+    return round(delay * scenario.rates.control)
 
 
 def first_surroundings(scenario: Scenario, first: LoopState) -> Any:

@@ -27,8 +27,9 @@ from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
 from skyarm.simulate.loop_state import LoopState, Row, Sample, structure_of
 from skyarm.simulate.own_code_trials import try_own_code
 from skyarm.simulate.period import make_period
+from skyarm.simulate.rigid_body_steps import RigidBodySteps
 from skyarm.simulate.session_code import plant_of
-from skyarm.simulate.stages import RigidBodySteps, Stages
+from skyarm.simulate.stages import Stages
 
 
 class LiveSteps(CompiledSteps):

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from skyarm.algebra import Vec3
+from skyarm.dynamics.kinematics import frame_pose
 from skyarm.records.leaves import leaves
 from skyarm.reference.path_offset import offset_reference
 from skyarm.reference.phase_guard import Guard
@@ -42,7 +43,7 @@ class PathClock:
 
     Attributes:
         place: of the reference, now. held: of the sample that is held; () where each period publishes one.
-        guard: number of the guard that comes next. waited: at its end. calm: for which it has held.
+        guard: number of the guard that comes next. waited: at its end. reached: for which it has held.
         origin: m, world axes, the tip where the phase began. failed: 1 once a phase has failed that must not.
         offset: m, of the reference since a phase ended early while it moved. since: place from which on.
         held_offset, held_since: those of the sample that is held.
@@ -52,7 +53,7 @@ class PathClock:
     held: Scalar | tuple[()]
     guard: Scalar
     waited: Scalar
-    calm: Scalar
+    reached: Scalar
     origin: Vec3 | tuple[()]
     failed: Scalar
     offset: Vec3 | tuple[()]
@@ -68,12 +69,16 @@ class Seen:
     Attributes:
         tip: as measured, m, world axes. goal: where the held reference wants it. push: of that reference.
         force: on the tip as the law observes it, N, world axes; None of a law that observes none.
+        felt: the same as a force sensor reads it, where a guard asks for that. switches: 1 closed, in the order of
+            those that ``Waits`` looks at.
     """
 
     tip: Vec3
     goal: Vec3
     push: tuple[Any, ...]
     force: Vec3 | None
+    felt: Vec3 | None = None
+    switches: tuple[Any, ...] = ()
 
 
 class Waits:
@@ -93,6 +98,10 @@ class Waits:
         self._vehicle = scenario.controller.par.model.vehicle
         self._ends = tuple(guard.at * self._rate for guard in self.guards)
         self._moves = any(guard.early for guard in self.guards)
+        self.switches = tuple(
+            dict.fromkeys(name for guard in self.guards for name in (guard.closed, guard.open) if name)
+        )
+        self._sensed = any(guard.sensed for guard in self.guards)
         self._measures = any(guard.distance is not None for guard in self.guards)
         self._stops = self._stops_of_early_phases() if self._moves else ()
 
@@ -110,7 +119,7 @@ class Waits:
             held=() if self._ratio == 1 else 0.0,
             guard=0.0,
             waited=0.0,
-            calm=0.0,
+            reached=0.0,
             origin=zero if self._measures else (),
             failed=0.0,
             offset=zero if self._moves else (),
@@ -196,7 +205,12 @@ class Waits:
     def seen(self, measurement: Any, reference: Reference, force: Vec3 | None) -> Seen:
         """What guards look at."""
         tip = tip_at(self._vehicle, measurement.position, measurement.quaternion, measurement.joints)
-        return Seen(tip=tip, goal=goal_of(self._vehicle, reference).tool, push=reference.push, force=force)
+        goal, felt = goal_of(self._vehicle, reference).tool, None
+        if self._sensed:
+            turned = frame_pose(self._vehicle, self._vehicle.frame(), measurement.joints).R
+            felt = measurement.quaternion.rotation().apply(turned.apply(Vec3(*measurement.tip_force)))
+        switches = measurement.switches if self.switches else ()
+        return Seen(tip=tip, goal=goal, push=reference.push, force=force, felt=felt, switches=switches)
 
     def following(self, clock: Any, ticks: Any, seen: Seen) -> Any:
         """The clock one control period later."""
@@ -209,8 +223,8 @@ class Waits:
         if self._moves:
             early = self._chosen(n, [1.0 if guard.early else 0.0 for guard in self.guards], 0.0) > 0.5
             looks = logical_or(there, logical_and(early, logical_not(fresh)))
-        calm = where(logical_and(looks, self._holds(n, seen, origin)), clock.calm + 1.0, 0.0)
-        enough = calm > self._chosen(n, [guard.hold * self._rate for guard in self.guards]) + (1.0 - 1e-6)
+        reached = where(logical_and(looks, self._holds(n, seen, origin)), clock.reached + 1.0, 0.0)
+        enough = reached > self._chosen(n, [guard.hold * self._rate for guard in self.guards]) + (1.0 - 1e-6)
         late = logical_and(
             there, clock.waited >= self._chosen(n, [guard.timeout * self._rate for guard in self.guards]) - 1e-6
         )
@@ -224,7 +238,7 @@ class Waits:
             **self._held(clock, ticks),
             guard=number,
             waited=where(passed, 0.0, where(there, clock.waited + 1.0, 0.0)),
-            calm=where(passed, 0.0, calm),
+            reached=where(passed, 0.0, reached),
             origin=_either(passed, seen.tip, origin) if self._measures else origin,
             failed=where(failed, 1.0, clock.failed),
             **self._skipped(clock, enough, end),
@@ -248,18 +262,39 @@ class Waits:
             away = counted_error(seen.tip - seen.goal, seen.push, seen.tip)
             found = logical_and(found, sqrt(away.dot(away)) <= self._asked(n, "error", NEVER))
         if any(guard.force is not None or guard.force_below is not None for guard in self.guards):
-            out = self._direction(n)
-            # of a law that observes no force nobody knows that there is none
-            least, most = self._asked(n, "force", -NEVER), self._asked(n, "force_below", NEVER)
-            if seen.force is None:
-                found = logical_and(found, logical_and(least < 0.0, most > 0.5 * NEVER))
-            else:
-                along = out.dot(seen.force)
-                found = logical_and(found, logical_and(along >= least, along <= most))
+            found = logical_and(found, self._force_holds(n, seen))
+        for name, wanted in (("closed", 1.0), ("open", 0.0)):
+            if any(getattr(guard, name) for guard in self.guards):
+                found = logical_and(found, self._switched(n, seen, name, wanted) > 0.5)
         if self._measures:
             moved = self._direction(n).dot(origin - seen.tip)
             found = logical_and(found, moved >= self._asked(n, "distance", -NEVER))
         return found
+
+    def _force_holds(self, n: Any, seen: Seen) -> Any:
+        """Whether the force is what the guard asks, as it is observed or as a sensor reads it."""
+        out = self._direction(n)
+        least, most = self._asked(n, "force", -NEVER), self._asked(n, "force_below", NEVER)
+
+        def holds(force: Vec3 | None) -> Any:
+            if force is None:  # of a law that observes no force nobody knows that there is none
+                return logical_and(least < 0.0, most > 0.5 * NEVER)
+            along = out.dot(force)
+            return logical_and(along >= least, along <= most)
+
+        if not self._sensed:
+            return holds(seen.force)
+        hears = self._chosen(n, [1.0 if guard.sensed else 0.0 for guard in self.guards]) > 0.5
+        return logical_or(logical_and(hears, holds(seen.felt)), logical_and(logical_not(hears), holds(seen.force)))
+
+    def _switched(self, n: Any, seen: Seen, name: str, wanted: float) -> Any:
+        """1 where the guard's switch is closed, or open, or where it asks for none."""
+        found = []
+        for guard in self.guards:
+            asked = getattr(guard, name)
+            told = seen.switches[self.switches.index(asked)] if asked else 1.0
+            found.append(told if wanted or not asked else 1.0 - told)
+        return self._chosen(n, found)
 
     def _direction(self, n: Any) -> Vec3:
         return Vec3(

@@ -101,6 +101,22 @@ def issue(stages: Any, now: LoopState, begun: Begun, read: Any, memory: Any, com
     )
 
 
+def after_period(stages: Any, begun: Begun, found: Response, state: Any, coupled: Any) -> LoopState:
+    """The loop state after a period that ends in a state of the plant, with the coupled memories that it left."""
+    return LoopState(
+        alive=found.alive,
+        ticks=found.ticks,
+        state=state,
+        memory=found.memory,
+        queue=found.queue,
+        sensors=found.sensors,
+        estimate=found.estimate,
+        components=stages.gone_on(begun.components, coupled),
+        drives=found.drives,
+        clock=found.clock,
+    )
+
+
 def make_period(
     stages: Any, plant: PlantSteps, begin: Callable[..., Begun] = begin, respond: Callable[..., Response] = respond
 ) -> Period:
@@ -121,18 +137,7 @@ def make_period(
         force = plant.specific_force(now.state, begun.acting, begun.around)
         found = respond(stages, now, row, begun, force, uniforms)
         state, coupled = plant.advance(now.state, begun.acting, found.acting, found.around)
-        following = LoopState(
-            alive=found.alive,
-            ticks=found.ticks,
-            state=state,
-            memory=found.memory,
-            queue=found.queue,
-            sensors=found.sensors,
-            estimate=found.estimate,
-            components=stages.gone_on(begun.components, coupled),
-            drives=found.drives,
-            clock=found.clock,
-        )
+        following = after_period(stages, begun, found, state, coupled)
         sample = Sample(
             alive=found.alive,
             state=now.state,

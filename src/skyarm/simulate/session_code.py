@@ -6,42 +6,22 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
-from skyarm.actuation import Command
 from skyarm.compile.llvm.kernel import Kernel
 from skyarm.compile.llvm.llvm_text import Lanes
 from skyarm.compile.llvm.quick_function import Quick
 from skyarm.compile.tracing.stepped_loop import trace_loop
 from skyarm.plant.compiled import RigidBodyPlant
 from skyarm.plant.largest_step import STATED
-from skyarm.records.blend import blend
-from skyarm.reference import Reference
 from skyarm.scenario.in_flight import Overrides
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario
 from skyarm.sensors.measurement import Measurement
+from skyarm.simulate.commanded_stages import CommandedStages
 from skyarm.simulate.first_state import first_surroundings
 from skyarm.simulate.loop_state import LoopState, Row, Sample, structure_of
 from skyarm.simulate.period import make_period
-from skyarm.simulate.stages import RigidBodySteps, Stages
-
-
-class CommandedStages(Stages):
-    """Stages whose law is passed over where a command is given.
-
-    Attributes:
-        given: 1 where there is one. command: it.
-    """
-
-    given: Any = 0.0
-    command: Any = None
-
-    def decide(
-        self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any = ()
-    ) -> tuple[Any, Command]:
-        """The law, or the command that is given; the law's memory stays then."""
-        following, wanted = super().decide(memory, measurement, reference, path_time)
-        own = self.given < 0.5
-        return blend(own, following, memory), blend(own, wanted, self.command)
+from skyarm.simulate.rigid_body_steps import RigidBodySteps
+from skyarm.simulate.stages import Stages
 
 
 class SessionCode:

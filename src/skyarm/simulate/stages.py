@@ -7,26 +7,20 @@ traced program (:func:`skyarm.simulate.period.make_period`).
 from __future__ import annotations
 
 import dataclasses
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from skyarm.actuation import Command
 from skyarm.actuation.tilting import with_rest
 from skyarm.algebra import Vec3
-from skyarm.compile.tracing.repeat import repeat, repeat_while
 from skyarm.control.blocks.observed_push import observed_push
 from skyarm.control.found_by_law import numbers_found
 from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
 from skyarm.dynamics.point_motion import PointMotion
 from skyarm.environment import Grasp, TimedPayload, WindSample, effectiveness_at
-from skyarm.estimate.estimator import FULL_STATE
-from skyarm.plant.compiled import Steps
-from skyarm.plant.coupled_memory import Memories, memories_of, with_memories
-from skyarm.plant.impact import after_impact
-from skyarm.plant.rigid_body import COUPLED_STEP, Moved, accelerate, far_step
+from skyarm.plant.coupled_memory import Memories
 from skyarm.plant.surroundings import Surroundings, felt
 from skyarm.records.blend import blend
 from skyarm.reference import Reference
@@ -42,7 +36,6 @@ from skyarm.simulate.command_line import (
     joined_parts,
     mean_efforts,
     rotor_and_joint_delays,
-    switches,
 )
 from skyarm.simulate.draws import Draws, draw_plan
 from skyarm.simulate.due_period import due
@@ -217,6 +210,9 @@ class Stages:
             name, turned = self.tip_sensor
             measurement = dataclasses.replace(measurement, tip_force=tuple(turned.apply(arrived[name].force)))
         full: Any = first
+        if self.waits.switches:
+            told = tuple(arrived[name].closed for name in self.waits.switches)
+            measurement = dataclasses.replace(measurement, switches=told)
         return Readings(sensors=tuple(going), estimate=memory, reading=full, measurement=measurement)
 
     def decide(
@@ -275,94 +271,3 @@ class Stages:
         """The next period's state; of an episode that has ended, the one it ended in."""
         kept: LoopState = blend(alive > 0.5, following, ended(now))
         return kept
-
-
-class StagesByActions(Stages):
-    """Stages that never ask the law."""
-
-    def __init__(self, scenario: Scenario, command: Command) -> None:
-        super().__init__(scenario)
-        self._command = command
-
-    def decide(
-        self, memory: Any, measurement: Measurement, reference: Reference, path_time: Any = ()
-    ) -> tuple[Any, Command]:
-        """The command from outside."""
-        return memory, with_rest(self.scenario.world.vehicle, self._command)
-
-
-class RigidBodySteps:
-    """The rigid-body plant within a period.
-
-    Args:
-        stages: of the episode. substeps: integration steps that an interval is cut into.
-    """
-
-    def __init__(self, stages: Stages, substeps: Callable[[float], int]) -> None:
-        self._scenario, self._period, self._late = stages.scenario, stages.period, stages.late
-        self._substeps, self._apart = substeps, stages.apart
-
-    def specific_force(self, state: State, command: Command, around: Surroundings) -> Vec3:
-        """Proper acceleration of the base origin, base axes, m/s^2."""
-        force, _ = accelerate(
-            self._scenario.world, state, state.rotor_speeds, command.efforts, around, command.rotor_speeds
-        )
-        return force.linear
-
-    def advance(self, state: State, before: Command, after: Command, around: Surroundings) -> Moved:
-        """State and coupled memories after the period: under the command before for the late part, then the other."""
-        now = after_impact(self._scenario.world.vehicle, state, around), memories_of(around)
-        if self._apart is not None:
-            return self._one_after_the_other(now, before, after, around)
-        late = self._late
-        if type(late) is not float:
-            now = blend(late > 0.0, self._held(now, before, around, late), now)
-        elif late:
-            now = self._held(now, before, around, late)
-        return self._held(now, after, around, self._period - late)
-
-    def _one_after_the_other(self, now: Moved, before: Command, after: Command, around: Surroundings) -> Moved:
-        """The same of a period in which rotors and joints hear of the command at different times."""
-        left: Any = self._period
-        for seconds, command in switches(before, after, *(late for _, late in self._apart or ())):
-            if type(seconds) is not float:
-                now = blend(seconds > 0.0, self._held(now, command, around, seconds), now)
-            elif seconds > 0.0:
-                now = self._held(now, command, around, seconds)
-            left = left - seconds
-        return self._held(now, after, around, left)
-
-    def _held(self, now: Moved, command: Command, around: Surroundings, seconds: Any) -> Moved:
-        count = self._substeps(seconds if type(seconds) is float else self._period)
-        name, world = self._scenario.integrator, self._scenario.world
-
-        def stepped(both: Moved) -> Moved:
-            return COUPLED_STEP[name](world, both[0], command, with_memories(around, both[1]), seconds / count)
-
-        far: Any = False
-        if isinstance(count, Steps):
-            motion = PointMotion(world.vehicle, now[0])
-            far = around.with_coupled(now[1]).far(motion, seconds)
-        if not isinstance(count, Steps) or far is False:
-            return repeat(count, stepped, now)
-
-        def apart(both: Moved) -> Moved:
-            return far_step(name, world, both, command, around, seconds / count.far, count.rounds)
-
-        now = repeat_while(count, where(far, 0.0, float(count)), stepped, now)
-        return repeat_while(count.far, where(far, float(count.far), 0.0), apart, now)
-
-
-def commands_waiting(scenario: Scenario) -> int:
-    """How many commands the loop remembers from before the one that it issues."""
-    rates, delays = scenario.rates, scenario.delays
-    if delays.longest_command is not None:
-        return math.ceil(delays.longest_command * rates.control - 1e-9) + 1
-    return round(delays.longest * rates.physics) // (rates.physics // rates.control) + 1
-
-
-def readings_waiting(scenario: Scenario, index: int) -> int:
-    """How many readings of a sensor are on their way."""
-    name, sensor = scenario.all_sensors[index]
-    delay = scenario.delays.measurement if name == FULL_STATE else sensor.latency
-    return round(delay * scenario.rates.control)

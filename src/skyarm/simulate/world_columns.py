@@ -25,6 +25,8 @@ def logged_in_contact(scenario: Scenario, numbers: Sequence[Any]) -> dict[str, l
             for name, number in zip(MECHANISM_ARRAYS, behind, strict=False):
                 found.setdefault(name, []).append(number)
             behind = behind[len(MECHANISM_ARRAYS) :]
-        if contact.grippers:
-            found |= {name: behind[i :: len(GRIPPER_ARRAYS)] for i, name in enumerate(GRIPPER_ARRAYS)}
+        for _ in contact.grippers:
+            for name, width in GRIPPER_ARRAYS.items():
+                found.setdefault(name, []).extend(behind[:width])
+                behind = behind[width:]
     return found

@@ -54,7 +54,7 @@ class WorldNodes:
                 faces,
                 color=OBJECT if solid.shape.role == "object" else SURFACE,
                 side="double",
-                flat_shading=solid.shape.kind in ("box", "patch", "hole"),
+                flat_shading=bool(solid.shape.mesh) or solid.shape.kind in ("box", "patch", "hole"),
                 cast_shadow=not plain,
                 receive_shadow=not plain,
             )

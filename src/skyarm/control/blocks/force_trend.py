@@ -39,14 +39,14 @@ class TrendGains:
 
     Attributes:
         bandwidth: rad/s, of the tracker. horizon: s, over which the force is foretold to find the trust.
-        forget: 1/s, rate at which what was found is forgotten. doubt: (N/s)^2, mean square of rates too small to tell.
+        forget: 1/s, rate at which what was found is forgotten. noise: (N/s)^2, mean square of rates too small to tell.
         steep: N/s; a rate well beyond it is a step, which goes on no further.
     """
 
     bandwidth: Annotated[Scalar, Unit("rad/s", "tracker of the observed force")]
     horizon: Annotated[Scalar, Unit("s", "over which the force is foretold to find the trust")]
     forget: Annotated[Scalar, Unit("1/s", "rate at which the trust's evidence is forgotten")]
-    doubt: Annotated[Scalar, Unit("(N/s)^2", "mean square of rates that are too small to tell")]
+    noise: Annotated[Scalar, Unit("(N/s)^2", "mean square of rates that are too small to tell")]
     steep: Annotated[Scalar, Unit("N/s", "rate beyond which a change is a step")]
 
 
@@ -73,7 +73,7 @@ def trend_gains(bandwidth: float, mass: float) -> TrendGains:
         bandwidth=bandwidth,
         horizon=HORIZON,
         forget=FORGET,
-        doubt=(SLOWEST * mass) * (SLOWEST * mass),
+        noise=(SLOWEST * mass) * (SLOWEST * mass),
         steep=STEEPEST * mass,
     )
 
@@ -117,11 +117,16 @@ def _delayed(chain: tuple[Vec3, ...], value: Vec3, share: Any) -> tuple[Vec3, ..
     return tuple(found)
 
 
+def believed_share(gains: TrendGains, memory: ForceTrend) -> Any:
+    """The share of the rate that is believed, 0 to 1."""
+    slope = divide(memory.agreement, memory.size + gains.noise)
+    believed = minimum(maximum((slope - CHANCE) * (1.0 / (1.0 - CHANCE)), 0.0), 1.0)
+    return believed * _no_step(gains, memory.rate)
+
+
 def trusted_rate(gains: TrendGains, memory: ForceTrend) -> Vec3:
     """N/s, world axes: what is believed of the rate."""
-    slope = divide(memory.agreement, memory.size + gains.doubt)
-    trust = minimum(maximum((slope - CHANCE) * (1.0 / (1.0 - CHANCE)), 0.0), 1.0)
-    rate: Vec3 = memory.rate * (trust * _no_step(gains, memory.rate))
+    rate: Vec3 = memory.rate * believed_share(gains, memory)
     return rate
 
 

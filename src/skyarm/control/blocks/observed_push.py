@@ -12,11 +12,12 @@ from skyarm.records.leaves import is_record
 def observed_push(memory: Any) -> Vec3 | None:
     """Force on the tip (N, world axes) that a law's memory holds; None of a law that observes none.
 
-    A law says it in a field ``tip_force`` of its memory, or presses on surfaces (``interaction``).
+    A law says it in a field ``tip_force`` of its memory, or presses on surfaces (``interaction``), or gives way
+    (``admittance``).
     """
     own = innermost(memory)
     found = getattr(own, "tip_force", None)
     if isinstance(found, Vec3):
         return found
-    pressing: Any = getattr(own, "interaction", ())
-    return pressing.force if is_record(pressing) else None
+    parts: list[Any] = [getattr(own, part, ()) for part in ("interaction", "admittance")]
+    return next((part.force for part in parts if is_record(part)), None)

@@ -125,6 +125,16 @@ SHIPPED_LAWS: Mapping[str, Entry] = {
         "laws.published.indi",
         "make_indi",
     ),
+    "admittance_pd": Entry(
+        "the paper's baseline on a reference that a virtual mass moves until the wanted force acts",
+        "laws.pressing.admittance_pd",
+        "make_admittance_pd",
+    ),
+    "hybrid_ct": Entry(
+        "the paper's law across a surface's normal, a force along it",
+        "laws.pressing.hybrid_ct",
+        "make_hybrid_ct",
+    ),
     "centroidal": Entry(
         "centroidal computed torque with disturbance observer: joints or tip on their references",
         "laws.centroidal.make",

@@ -49,6 +49,8 @@ KNOBS: Mapping[str, tuple[str, ...]] = {
     "l1_adaptive": (*COMMON, "predictor", "thrust_filter", "torque_filter", "joint_filter"),
     "l1_adaptive_lateral": (*COMMON, "predictor", "thrust_filter", "torque_filter", "joint_filter", "lateral_filter"),
     "indi": (*COMMON, "cutoff"),
+    "hybrid_ct": COMMON,
+    "admittance_pd": COMMON,
     "learned_compensator": (*COMMON, "answer"),
     "nmpc": (
         *("weights.velocity", "weights.heading", "weights.rate", "weights.joints", "weights.joint_rates"),

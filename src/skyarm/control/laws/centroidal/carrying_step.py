@@ -44,14 +44,14 @@ def carry(
     """
     if par.load is None:
         raise AssertionError("a load needs its constants")
-    calm: Any = where(all_follow(memory.applied), 1.0, 0.0)
+    learns: Any = where(all_follow(memory.applied), 1.0, 0.0)
     for each in memory.free:
-        calm = mul(calm, each)
+        learns = mul(learns, each)
     if pressing is not None:
-        calm = where(logical_or(pressing.engaged > 0.5, pressing.asked), 0.0, calm)
+        learns = where(logical_or(pressing.engaged > 0.5, pressing.asked), 0.0, learns)
         if par.interaction is not None and isinstance(memory.interaction, InteractionMemory):
             # what is left of a contact in the observer is no bias; of a mass, learned much faster, it is gone as fast
-            calm = mul(calm, where(told > 0.5, 1.0, rested(par.interaction, memory.interaction)))
+            learns = mul(learns, where(told > 0.5, 1.0, rested(par.interaction, memory.interaction)))
     bandwidth = minimum(par.observer.force, par.observer.joints)
     R = observed.quaternion.rotation()
-    return learn_load(par.load, load, par.model, R, observed.joints, alone, told > 0.5, calm, bandwidth, dt)
+    return learn_load(par.load, load, par.model, R, observed.joints, alone, told > 0.5, learns, bandwidth, dt)

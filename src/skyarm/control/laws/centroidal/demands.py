@@ -15,6 +15,7 @@ from skyarm.control.blocks.sideways_force import Reach, planned_rate, reach_of
 from skyarm.control.laws.centroidal import com_tracking as center_of_mass
 from skyarm.control.laws.centroidal import tip_reference, tip_tasks
 from skyarm.control.laws.centroidal.arm_motion import ArmMotion, followed, made_good
+from skyarm.control.laws.centroidal.gust_shift import SlowForce, shift_acceleration
 from skyarm.control.laws.centroidal.joint_room import within_limits
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.path_shift import PathShift, moved_path, with_shift
@@ -119,6 +120,7 @@ def demands(
     before: Following,
     dt: Any,
     pressing: Pressing | None = None,
+    slow: SlowForce | None = None,
 ) -> Demand:
     """Return the demand at this state.
 
@@ -133,11 +135,12 @@ def demands(
         before: of the period before.
         dt: control period, s.
         pressing: on a surface; None where no reference asks for it.
+        slow: derivatives of ``steady`` as the shift's filter knows them; None where it does not.
     """
     vehicle, mass = model.vehicle, model.vehicle.mass
     yaw, joints = signals[3], tuple(signals[4:])
     R, w = state.quaternion.rotation(), state.rate
-    course = _course(par, model, state, signals, steady, force_rate, before, dt)
+    course = _course(par, model, state, signals, steady, force_rate, before, dt, slow)
     now = posture(vehicle, moving(state.joints, state.joint_rates, (0,) * vehicle.n), 2)
     arm, h = before.arm, [derivative(course.level.com, k) for k in range(5)]
     if isinstance(arm, ArmMotion):
@@ -213,6 +216,7 @@ def _course(
     force_rate: Vec3,
     before: Following,
     dt: Any,
+    slow: SlowForce | None = None,
 ) -> Course:
     """The references, and in tip mode what they become under the quasi-static attitude.
 
@@ -233,7 +237,9 @@ def _course(
         air=par.air,
     )
     changes = (drag[1] + force_rate, drag[2])
-    force = center_of_mass.quasi_static(par, mass, answered, steady + drag[0], changes)
+    gust = slow if par.gust is not None else None
+    known = changes if gust is None else (drag[1] + gust.rate, drag[2] + gust.bend)
+    force = center_of_mass.quasi_static(par, mass, answered, steady + drag[0], known)
     changes = changes if par.follows_path else (force_rate, ZERO3)
     reach = reach_of(par.mixer, derivative(level.com, 0), mass * model.gravity) if par.uses_sideways else None
     still = wanted_attitude(par, force, yaw, reach)
@@ -244,7 +250,8 @@ def _course(
     upright_posture, level = level, posture(vehicle, turned, 4)
     offset = tip_reference.shift(upright_posture, yaw, level, still, par.tip.shift_limit)
     path = moved_path(before.path, base, offset, yaw, upright_posture, level, still, par, dt)
-    shift, pace, offset = moved_shift(par, before.shift, before.pace, offset, upright_posture, dt)
+    own = ZERO3 if gust is None else shift_acceleration(par, still, force, turned, level, gust.bend)
+    shift, pace, offset = moved_shift(par, before.shift, before.pace, offset, upright_posture, dt, own)
     base = [*(p + s for p, s in zip(base, offset, strict=False)), *base[len(offset) :]]
     return Course(
         base=base,

@@ -5,12 +5,12 @@ its own push. So along n the *wanted* force stands in place of the observed one:
 it, and the tip has no position there, only damping. Across n everything is as without a surface.
 
 Per period: the tip's force f out of the observed disturbance (:mod:`skyarm.control.laws.centroidal.tip_force`);
-whether it touches (above ``touch`` it does, until f.n stayed below ``lost`` for ``patience`` seconds or, once g was
-1, the tip went in faster than ``escape`` for ``haste``: before, it bounces, and the order drives it back as fast); a
-share g that rises in ``rise`` and falls in ``fall`` seconds; the order o = g (f_d + i) with the bounded integral
-i' = k (f_d - f.n), which stands still unless g = 1, and does not grow where a joint or rotor is at its limit; and the
-shift s of the whole reference along n, by which the base comes to the surface, follows it while pressing, and returns.
-The base carries o + (1 - g) f.n: an impact pushes it back with more than the order of that instant.
+whether it touches (above ``touch`` it does, until f.n stayed below ``lost`` for ``loss_time`` seconds or, once g was
+1, the tip went in faster than ``escape`` for ``escape_time``: before, it bounces, and the order drives it back as
+fast); a share g that rises in ``rise`` and falls in ``fall`` seconds; the order o = g (f_d + i) with the bounded
+integral i' = k (f_d - f.n), which stands still unless g = 1, and does not grow where a joint or rotor is at its limit;
+and the shift s of the whole reference along n, by which the base comes to the surface, follows it while pressing, and
+returns. The base carries o + (1 - g) f.n: an impact pushes it back with more than the order of that instant.
 
 The normal itself is corrected by sliding (:mod:`skyarm.control.laws.centroidal.surface_normal`).
 
@@ -79,16 +79,16 @@ def interact(
             the integral follows it; what stands in the observer's place is the observer's own all the same.
     """
     n, asked = wanted.normal, wanted.asked
-    force = tip_force(vehicle, gains.trust, at, without(observed, memory.bias))
+    force = tip_force(vehicle, gains.errors, at, without(observed, memory.bias))
     along = n.dot(force if felt is None else felt)
-    touching, doubt = touches(gains, memory, asked, along, into, dt)
-    worn = clip((load - gains.tired) / (gains.worn - gains.tired), 0.0, 1.0)
-    kept = 1.0 - gains.relief * worn
+    touching, losing = touches(gains, memory, asked, along, into, dt)
+    relieved = clip((load - gains.relief_start) / (gains.relief_end - gains.relief_start), 0.0, 1.0)
+    kept = 1.0 - gains.relief * relieved
     if wanted.grips:
         kept = where(wanted.grip > 0.5, gains.yielding, kept)
-        touching, doubt = maximum(touching, wanted.grip), doubt * (1.0 - wanted.grip)
+        touching, losing = maximum(touching, wanted.grip), losing * (1.0 - wanted.grip)
     share = ramped(gains, memory.share, touching, dt)
-    integral = integrated(gains, memory.integral, wanted.force, along, touching, share, worn, dt, wanted.grips)
+    integral = integrated(gains, memory.integral, wanted.force, along, touching, share, relieved, dt, wanted.grips)
     presses = logical_or(touching > 0.5, share > 0.0)
     free = where(logical_or(presses, memory.touching > 0.5), 0.0, memory.free + dt)
     engaged = where(presses, 1.0, 0.0)
@@ -96,7 +96,7 @@ def interact(
     after = dataclasses.replace(
         memory,
         touching=touching,
-        doubt=doubt,
+        losing=losing,
         share=share,
         integral=integral,
         found=where(asked, maximum(memory.found, where(share < 1.0, 0.5, 1.0) * touching), 0.0),
@@ -125,19 +125,19 @@ def interact(
 def touches(
     gains: InteractionGains, memory: InteractionMemory, asked: Any, along: Any, into: Any, dt: Any
 ) -> tuple[Any, Any]:
-    """Whether the tip touches (1 or 0), with hysteresis; and the doubt of it, which a bounce leaves below 1."""
+    """Whether the tip touches (1 or 0), with hysteresis; and how far it is on its way to a loss, 1 at it."""
     was = memory.touching > 0.5
     weak, through = (
-        where(along < gains.lost, dt / gains.patience, 0.0),
-        where(logical_and(into > gains.escape, memory.found > PRESSED), dt / gains.haste, 0.0),
+        where(along < gains.lost, dt / gains.loss_time, 0.0),
+        where(logical_and(into > gains.escape, memory.found > PRESSED), dt / gains.escape_time, 0.0),
     )
     step = maximum(weak, through)
-    doubt = where(logical_and(was, step > 0.0), memory.doubt + step, 0.0)
+    losing = where(logical_and(was, step > 0.0), memory.losing + step, 0.0)
     # a sum of periods is not exactly their number times one
     # what a tip feels that still goes in, soon after a loss, is what is left in the observer or a sensor's filter
     begins = logical_and(along > gains.touch, logical_or(into < gains.escape, memory.free > gains.rebound))
-    found: Any = where(was, where(doubt > 1.0 - 1e-9, 0.0, 1.0), where(begins, 1.0, 0.0))
-    return where(asked, found, 0.0), doubt
+    found: Any = where(was, where(losing > 1.0 - 1e-9, 0.0, 1.0), where(begins, 1.0, 0.0))
+    return where(asked, found, 0.0), losing
 
 
 def ramped(gains: InteractionGains, share: Any, touching: Any, dt: Any) -> Any:
@@ -152,17 +152,17 @@ def integrated(
     along: Any,
     touching: Any,
     share: Any,
-    worn: Any,
+    relieved: Any,
     dt: Any,
     signed: bool = False,
 ) -> Any:
     """The bounded integral of the force's error, N: still while the ramp runs, none where contact is lost.
 
-    ``worn`` (0 to 1) says how near to its limit the nearest joint or rotor is: there the order does not grow.
+    ``relieved`` (0 to 1) says how near to its limit the nearest joint or rotor is: there the order does not grow.
     """
     most = gains.integral_share * (absolute(wanted) if signed else wanted) + gains.integral_least
     step = where(share < 1.0, 0.0, gains.integral * dt) * (wanted - along)
-    step = where(step * (wanted + integral) > 0.0, step * (1.0 - worn), step)
+    step = where(step * (wanted + integral) > 0.0, step * (1.0 - relieved), step)
     return where(touching > 0.5, clip(integral + step, -most, most), 0.0)
 
 
@@ -186,10 +186,10 @@ def learned(
     gains: InteractionGains, bias: Disturbance, d: Disturbance, force: Vec3, asked: Any, free: Any, dt: Any
 ) -> Disturbance:
     """The bias one period later: all of it in free flight, the base's force by what the tip's does not explain."""
-    calm = logical_and(logical_not(asked), free > gains.rest)
-    share = where(calm, low_pass_share(gains.bias_rate, dt), 0.0)
-    wind = where(calm, share, where(asked, low_pass_share(gains.wind_rate, dt), 0.0))
-    unexplained = d.force - force * where(calm, 0.0, 1.0)
+    learns = logical_and(logical_not(asked), free > gains.rest)
+    share = where(learns, low_pass_share(gains.bias_rate, dt), 0.0)
+    wind = where(learns, share, where(asked, low_pass_share(gains.wind_rate, dt), 0.0))
+    unexplained = d.force - force * where(learns, 0.0, 1.0)
     return Disturbance(
         force=vector_data(bias.force + (unexplained - bias.force) * wind),
         torque=vector_data(bias.torque + (d.torque - bias.torque) * share),

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.controller import ControllerError
-from skyarm.control.laws.centroidal.tip_force import Trust
+from skyarm.control.laws.centroidal.tip_force import ForceErrors
 from skyarm.files import shown
 from skyarm.records.units import Unit
 from skyarm.reference.tip_push import out_of_axis
@@ -27,10 +27,10 @@ class InteractionGains:
 
     touch: Annotated[Scalar, Unit("N", "along the normal, above which the tip touches")]
     lost: Annotated[Scalar, Unit("N", "along the normal, below which it is lost after a while")]
-    trust: Trust = Trust()
-    patience: Annotated[Scalar, Unit("s", "below lost until contact is lost")] = 0.04
+    errors: ForceErrors = ForceErrors()
+    loss_time: Annotated[Scalar, Unit("s", "below lost until contact is lost")] = 0.04
     escape: Annotated[Scalar, Unit("m/s", "into the surface, above which the tip goes through")] = 0.1
-    haste: Annotated[Scalar, Unit("s", "that the tip goes through until contact is lost")] = 0.015
+    escape_time: Annotated[Scalar, Unit("s", "that the tip goes through until contact is lost")] = 0.015
     rebound: Annotated[Scalar, Unit("s", "after the order is gone, in which a tip that goes in does not touch")] = 0.05
     rise: Annotated[Scalar, Unit("s", "ramp of the wanted force")] = 0.15
     fall: Annotated[Scalar, Unit("s", "ramp to none")] = 0.02
@@ -45,8 +45,8 @@ class InteractionGains:
     follow: Annotated[Scalar, Unit("rad/s", "of the base that follows the surface")] = 3.5
     coming: Annotated[Scalar, Unit("1/s", "at which the base takes the speed of coming")] = 8.0
     follow_limit: Annotated[Scalar, Unit("m/s^2", "of the base along the normal")] = 4.0
-    tired: Annotated[Scalar, Unit("", "share of a limit from which on friction is let go")] = 0.9
-    worn: Annotated[Scalar, Unit("", "share of a limit at which most is let go")] = 1.0
+    relief_start: Annotated[Scalar, Unit("", "share of a limit from which on friction is let go")] = 0.9
+    relief_end: Annotated[Scalar, Unit("", "share of a limit at which most is let go")] = 1.0
     relief: Annotated[Scalar, Unit("", "0 to 1, of the observed friction that is let go at most")] = 0.2
     yielding: Annotated[Scalar, Unit("", "0 to 1, of the observed force across that is answered while it grips")] = 0.7
     tilting: Annotated[Scalar, Unit("1/s", "at which sliding corrects the normal")] = 1.0
@@ -65,7 +65,7 @@ class InteractionMemory:
     """Memory of pressing."""
 
     touching: Annotated[Scalar, Unit("", "1 while the tip touches as it is wanted to")]
-    doubt: Annotated[Scalar, Unit("", "0 to 1, at which contact counts as lost")]
+    losing: Annotated[Scalar, Unit("", "0 to 1, how far contact is on its way to count as lost")]
     share: Annotated[Scalar, Unit("", "0 to 1, of the wanted force")]
     integral: Annotated[Scalar, Unit("N", "beside the wanted force")]
     found: Annotated[Scalar, Unit("", "half once the push has met its surface, 1 once it was there as a whole")]
@@ -148,7 +148,7 @@ def first_interaction(joints: int, sensor: bool = False) -> InteractionMemory:
     none = Disturbance(force=zero, torque=zero, efforts=(0.0,) * joints)
     return InteractionMemory(
         touching=0.0,
-        doubt=0.0,
+        losing=0.0,
         share=0.0,
         integral=0.0,
         found=0.0,

@@ -21,16 +21,17 @@ from skyarm.algebra import ZERO3, Vec3
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import Observed, disturbance, observe
 from skyarm.control.blocks.extrapolation import extrapolate, samples
-from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.force_trend import ForceTrend, followed, trusted_rate
 from skyarm.control.blocks.lag_estimate import LagMemory, learn, shares
 from skyarm.control.blocks.prediction import predict, with_side
 from skyarm.control.blocks.saturation import all_follow
 from skyarm.control.controller import all_applied
 from skyarm.control.laws.centroidal.adaptation import adapt
+from skyarm.control.laws.centroidal.admittance import give_way, known_rate, unmoved
 from skyarm.control.laws.centroidal.bandwidth import at_shares
 from skyarm.control.laws.centroidal.carrying_step import carry
 from skyarm.control.laws.centroidal.demands import Following, demands
+from skyarm.control.laws.centroidal.gust_shift import foretold, lateness, slow_force
 from skyarm.control.laws.centroidal.interaction import rested
 from skyarm.control.laws.centroidal.interaction_records import InteractionMemory
 from skyarm.control.laws.centroidal.learned_load import with_learned
@@ -42,11 +43,8 @@ from skyarm.control.laws.centroidal.torques import actuate
 from skyarm.control.model import Model
 from skyarm.dynamics import State
 from skyarm.reference import Reference
-from skyarm.scalars import add, divide, maximum, mul, sub, where
+from skyarm.scalars import add, mul, sub, where
 from skyarm.sensors.measurement import Measurement
-
-SLOWEST = 1.0
-"""rad/s; no force is foretold further ahead than filters of this bandwidth are late."""
 
 
 def centroidal(
@@ -87,20 +85,19 @@ def centroidal(
         par.air,
     )
     state = _present(par, model, measurement, memory, observed, unknown, dt)
-    held, pressing, force = memory.interaction, None, observed.force
+    held, pressing, force, felt = memory.interaction, None, observed.force, measurement.tip_force
     if par.interaction is not None and isinstance(held, InteractionMemory) and reference.push:
         weight = mul(load.mass, model.gravity) if isinstance(load, LoadMemory) else 0
-        felt = measurement.tip_force
         held, pressing, unknown, force = press(
             par, held, reference.push, signals, observed, memory.sent[-1], state, unknown, felt, dt, weight
         )
         signals = pressing.shifted(signals)
+    yields, signals = give_way(par.admittance, memory.admittance, model.vehicle, observed, signals, felt, dt)
     if par.load is not None and isinstance(load, LoadMemory) and reference.load:
         load, resting = carry(par, memory, load, reference.load[0], observed, alone, pressing, dt)
         unknown, force = unknown + resting, force + resting.force
-    share = low_pass_share(par.tip.shift_rate, dt)
-    slow = memory.slow_force + (force - memory.slow_force) * share
-    steady = (slow if par.mode == "tip" else force) + feedforward.force
+    slow = slow_force(par, memory.slow_force, memory.gust, force, dt)
+    steady = (slow.force if par.mode == "tip" else force) + feedforward.force
     before: Following = memory.following
     rate: Vec3 = ZERO3
     if par.trend is not None and isinstance(before.trend, ForceTrend):
@@ -108,22 +105,22 @@ def centroidal(
         rate = trusted_rate(par.trend, trend)
         if pressing is not None:
             rate = rate * (1.0 - pressing.engaged)  # an impact is no trend
+        rate = known_rate(yields, rate)
         before = dataclasses.replace(before, trend=trend)
         late = lateness(par)
         unknown = dataclasses.replace(unknown, force=unknown.force + rate * late)
-        steady = steady + rate * (
-            late + divide(1.0, maximum(par.tip.shift_rate, SLOWEST)) if par.mode == "tip" else late
-        )
-    demand = demands(par, model, state, signals, unknown, steady, rate, before, dt, pressing)
+        steady, slow = foretold(par, steady, slow, trend, rate, late, 0 if pressing is None else pressing.engaged)
+    demand = demands(par, model, state, signals, unknown, steady, rate, before, dt, pressing, slow)
     done = actuate(par, model, state, demand, unknown, memory.trim, memory.applied[0], dt)
     # a command that others changed moves the vehicle away from its plan: nothing of that is a load or friction
     unchanged = all_follow(memory.applied)
     free = tuple(where(unchanged, each, 0.0) for each in memory.free)
     lag, trusted = memory.lag, memory.free
     if pressing is not None and par.interaction is not None and isinstance(held, InteractionMemory):
-        calm = rested(par.interaction, held)  # a surface is no load, no friction and no lag
-        free, trusted = (tuple(mul(each, calm) for each in row) for row in (free, trusted))
+        rest = rested(par.interaction, held)  # a surface is no load, no friction and no lag
+        free, trusted = (tuple(mul(each, rest) for each in row) for row in (free, trusted))
         held = dataclasses.replace(held, gap=demand.gap)
+    free, trusted = (unmoved(par.admittance, yields, row) for row in (free, trusted))
     if par.lag is not None and isinstance(lag, LagMemory):
         lag = learn(par.lag, lag, told, measurement, memory.started, trusted, dt)
     following = CentroidalMemory(
@@ -134,23 +131,17 @@ def centroidal(
         sent=(*memory.sent[1:], done.command),
         applied=all_applied(model.vehicle.n),
         free=done.free,
-        slow_force=slow,
+        slow_force=slow.force,
+        gust=slow.memory,
         trim=done.trim,
         learned=adapt(par, memory.learned, demand.planned, observed.joint_rates, observed.efforts, free, dt),
         following=demand.following,
         lag=lag,
         interaction=held,
         load=load,
+        admittance=yields,
     )
     return following, done.command
-
-
-def lateness(par: CentroidalParameters) -> Any:
-    """By how long the observed force is late where it changes steadily, s."""
-    felt = par.accelerometer
-    if felt is None:
-        return divide(2.0, maximum(par.observer.force, SLOWEST))
-    return divide(1.0, maximum(felt.force, SLOWEST))
 
 
 def _present(

@@ -23,9 +23,10 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.algebra import Mat3, Sym3, Vec3, ldl_solve
+from skyarm.algebra import Mat3, Sym3, Vec3
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.filters import low_pass_share
+from skyarm.control.blocks.normal_equations import NormalEquations
 from skyarm.control.blocks.select import data, vector_data
 from skyarm.control.laws.centroidal.load_records import LoadGains, LoadMemory
 from skyarm.control.laws.centroidal.tip_force import without
@@ -85,24 +86,16 @@ def hang(vehicle: Vehicle, R: Mat3, joints: Sequence[Any], gravity: Any) -> Hang
 def missing(vehicle: Vehicle, gains: LoadGains, at: Hang, rest: Disturbance) -> list[Any]:
     """Mass (kg) and horizontal torque about the tip (N m, world x and y) in ``rest``: weighted least squares."""
     A: list[list[Any]] = [[0.0 for _ in range(3)] for _ in range(3)]
-    b: list[Any] = [0.0, 0.0, 0.0]
-
-    def require(row: Sequence[Any], wanted: Any, error: Any) -> None:
-        weight = divide(1.0, error * error)
-        for i in range(3):
-            b[i] = add(b[i], mul(weight, mul(row[i], wanted)))
-            for j in range(i + 1):
-                A[i][j] = add(A[i][j], mul(weight, mul(row[i], row[j])))
-
-    require((at.lift, 0, 0), rest.force.z, 1.0)
+    squares = NormalEquations(A, [0.0, 0.0, 0.0])
+    squares.require((at.lift, 0, 0), rest.force.z, 1.0)
     for turned, torque in zip(zip(*at.turning, strict=True), rest.torque, strict=True):
-        require(turned, torque, gains.trust.base)
+        squares.require(turned, torque, gains.errors.base)
     for link, row, effort in zip(vehicle.links, at.efforts, rest.efforts, strict=True):
-        require(row, effort, gains.trust.turning if link.joint.kind == "revolute" else gains.trust.sliding)
+        squares.require(row, effort, gains.errors.turning if link.joint.kind == "revolute" else gains.errors.sliding)
     A[0][0] = add(A[0][0], 1.0 / VAGUE**2)
     for k in (1, 2):
         A[k][k] = add(A[k][k], divide(1.0, gains.twist * gains.twist))
-    return ldl_solve(A, b)
+    return squares.solve()
 
 
 def learn_load(
@@ -138,9 +131,9 @@ def learn_load(
     at = hang(model.vehicle, R, joints, model.gravity)
     mass, about_x, about_y = missing(model.vehicle, gains, at, without(observed, memory.bias))
     least = gains.light * gains.limit
-    small = gains.doubt * (memory.mass + least)
+    small = gains.noise_share * (memory.mass + least)
     large = divide(mass * mass, mass * mass + small * small)  # 0 where the mass is settled
-    step = _step(gains.pace, bandwidth, holds, learns, dt) * (gains.calm + (1.0 - gains.calm) * large)
+    step = _step(gains.pace, bandwidth, holds, learns, dt) * (gains.settled_rate + (1.0 - gains.settled_rate) * large)
     m = clip(memory.mass + step * mass, 0.0, gains.limit)
     slow = _step(gains.place_pace, bandwidth, holds, learns, dt) * (1.0 - large)
     known = divide(m, (m * m + least * least) * maximum(model.gravity, 1e-3))

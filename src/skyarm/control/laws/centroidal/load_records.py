@@ -8,7 +8,7 @@ from typing import Annotated
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.controller import ControllerError
-from skyarm.control.laws.centroidal.tip_force import Trust
+from skyarm.control.laws.centroidal.tip_force import ForceErrors
 from skyarm.files import shown
 from skyarm.records.units import Unit
 from skyarm.scalars import Scalar
@@ -29,11 +29,11 @@ class LoadGains:
     """
 
     limit: Annotated[Scalar, Unit("kg", "largest mass that is learned")]
-    trust: Trust = Trust()
+    errors: ForceErrors = ForceErrors()
     twist: Annotated[Scalar, Unit("N m", "at the tip, as much as 1 N of the base's force")] = 0.03
     pace: Annotated[Scalar, Unit("", "rate of the mass over the observer's bandwidth")] = 1.5
-    doubt: Annotated[Scalar, Unit("", "share of the mass, an error below which counts as noise")] = 0.05
-    calm: Annotated[Scalar, Unit("", "0 to 1, of the rate that is left of it there")] = 0.1
+    noise_share: Annotated[Scalar, Unit("", "share of the mass, an error below which counts as noise")] = 0.05
+    settled_rate: Annotated[Scalar, Unit("", "0 to 1, of the rate that is left of it there")] = 0.1
     place_pace: Annotated[Scalar, Unit("", "rate of the centre of mass over the observer's bandwidth")] = 0.1
     light: Annotated[Scalar, Unit("", "share of the limit, a mass below which tells little of its centre")] = 0.2
     furthest: Annotated[Scalar, Unit("m", "of the centre of mass from the tip, along each of its axes")] = 0.05

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from skyarm import dynamics
@@ -18,18 +19,20 @@ from skyarm.control.blocks.lag_estimate import LagGains, first_lag, stride_of
 from skyarm.control.blocks.select import data
 from skyarm.control.controller import Controller, ControllerError, all_applied
 from skyarm.control.laws.centroidal.adaptation import SLOW, STICKIEST, first_learned
+from skyarm.control.laws.centroidal.admittance import AdmittanceGains, admittance_gains, first_admittance
 from skyarm.control.laws.centroidal.arm_length import damping_share
 from skyarm.control.laws.centroidal.arm_motion import ArmMotion
 from skyarm.control.laws.centroidal.bandwidth import at_shares
 from skyarm.control.laws.centroidal.demands import Following
 from skyarm.control.laws.centroidal.gain_presets import ENTRIES, PERIODS, PRESETS, name_of
+from skyarm.control.laws.centroidal.gust_shift import GustMemory, gust_gains
 from skyarm.control.laws.centroidal.interaction_records import first_interaction, interaction_gains
 from skyarm.control.laws.centroidal.joint_room import Ends, ends_of
 from skyarm.control.laws.centroidal.law import centroidal
 from skyarm.control.laws.centroidal.load_records import first_load, load_gains
 from skyarm.control.laws.centroidal.memory import CentroidalMemory
 from skyarm.control.laws.centroidal.option_checks import bounded, checked, must_act, one_of, periods_of
-from skyarm.control.laws.centroidal.parameters import MODE_ALIASES, MODES, CentroidalParameters, TipGains
+from skyarm.control.laws.centroidal.parameters import MODE_ALIASES, MODES, CentroidalParameters, GustGains, TipGains
 from skyarm.control.laws.centroidal.path_shift import AT_REST
 from skyarm.control.laws.centroidal.reference_drag import pushes_across
 from skyarm.control.laws.centroidal.swing_shift import SwingPace
@@ -52,6 +55,7 @@ def make_centroidal(
     control_period: float = 0.005,
     reference_period: float = 0.02,
     tip_mass_limit: float = 0.2,
+    admittance: Mapping[str, Any] | None = None,
     **changes: Any,
 ) -> Controller:
     """The centroidal law for any vehicle.
@@ -67,6 +71,8 @@ def make_centroidal(
         control_period: s.
         reference_period: between published samples, s.
         tip_mass_limit: kg.
+        admittance: ``mass``, ``damping``, ``stiffness`` along three axes, with which the tip gives way to forces;
+            ``normal`` for axes of a surface, ``threshold`` (N) from which on a force is heard.
         changes: entries of the preset to replace.
 
     Raises:
@@ -83,6 +89,7 @@ def make_centroidal(
     if gains["sideways"] > 0.0 and model.vehicle.tilts:
         known: dict[str, Any] = {"mode": mode, "preset": preset, "delay": delay, "control_period": control_period}
         known |= {"reference_period": reference_period, "tip_mass_limit": tip_mass_limit}
+        known |= {"admittance": admittance}
         return with_tilting(make_centroidal(pairs_model(model), **known, **changes), model)
     vehicle = model.vehicle
     if preset == "adaptive" and mode == "tip" and vehicle.end_effector and "damping" not in changes:
@@ -92,7 +99,7 @@ def make_centroidal(
     adaptation = gains["adaptation"] if vehicle.n and vehicle.end_effector else 0.0
     kp, kv, kr, kw = gains["base"]
     yaw_kr, yaw_kw = gains["yaw"]
-    stiffness, damping = gains["arm"]
+    (stiffness, damping), sensor = gains["arm"], gains["force_sensor"]
     par = CentroidalParameters(
         model=model,
         mixer=_mixer(vehicle, gains["sideways"] > 0.0, gains["yaw_slack"], "yaw_slack" in changes),
@@ -131,6 +138,7 @@ def make_centroidal(
         adapts_friction=gains["friction_adaptation"] > 0.0 and vehicle.n > 0,
         shift_bandwidth=gains["shift_bandwidth"],
         moves_shift=gains["shift_bandwidth"] > 0.0 and mode == "tip",
+        gust=_gust(gains, mode, vehicle, model.gravity),
         swing_rate=gains["swing_rate"],
         follows_swing=gains["swing_rate"] > 0.0 and gains["shift_bandwidth"] > 0.0 and mode == "tip" and vehicle.n > 0,
         path_rate=gains["path_rate"],
@@ -154,13 +162,20 @@ def make_centroidal(
         lag=_lag(gains["lag"], control_period),
         accelerometer=_accelerometer(gains["accelerometer"]),
         air=_air(vehicle, gains["hull_drag"], gains["wind"]),
-        interaction=interaction_gains(gains["interaction"], mode, vehicle, gains["force_sensor"]),
+        interaction=interaction_gains(gains["interaction"], mode, vehicle, sensor and admittance is None),
         load=load_gains(gains["load"], vehicle),
+        admittance=_admittance(admittance, mode, vehicle, gains, periods * control_period),
     )
     if gains["bandwidth"] != 1.0:
         par = at_shares(par, gains["bandwidth"], gains["bandwidth"])
     memory = first_memory(par, periods)
     return Controller(name=name_of(mode, preset), law=centroidal, par=par, memory=memory, keeps_tip=mode == "tip")
+
+
+def _gust(gains: Mapping[str, Any], mode: str, vehicle: Vehicle, gravity: Any) -> GustGains | None:
+    """How the shift follows a force that changes; None where it is left out."""
+    moving = gains["shift_bandwidth"] > 0.0 and mode == "tip"
+    return gust_gains(gains["gust_shift"], vehicle, gravity) if gains["gust_shift"] > 0.0 and moving else None
 
 
 def _ends(vehicle: Vehicle, kept: bool) -> Ends:
@@ -233,6 +248,15 @@ def _air(vehicle: Vehicle, hull: bool, wind: tuple[float, float, float]) -> Beli
     return BelievedAir(wind=Vec3(*wind) if any(wind) else ZERO3, hull=hull)
 
 
+def _admittance(
+    table: Any, mode: str, vehicle: Vehicle, gains: Mapping[str, Any], delay: float
+) -> AdmittanceGains | None:
+    """How the tip gives way; the observer tells a force late by its two poles and the known delay."""
+    lead = delay + 2.0 / max(gains["observer"][2] * gains["bandwidth"], 1.0)
+    others = {"interaction": any(gains["interaction"]), "load": gains["load"] > 0.0}
+    return admittance_gains(table, mode, vehicle, gains["force_sensor"], lead, others)
+
+
 def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMemory:
     """Memory before the first step: a level hover with the joints at zero, as the model sees it."""
     model, vehicle = par.model, par.model.vehicle
@@ -249,6 +273,7 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
         applied=all_applied(vehicle.n),
         free=(1.0,) * (1 + vehicle.n),
         slow_force=zero,
+        gust=() if par.gust is None else GustMemory(rate=zero),
         trim=(0.0,) * len(speeds),
         learned=first_learned(vehicle.n),
         following=Following(
@@ -261,4 +286,5 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
         lag=() if par.lag is None else first_lag(vehicle.n, par.lag.stride),
         interaction=() if par.interaction is None else first_interaction(vehicle.n, par.interaction.senses),
         load=() if par.load is None else first_load(vehicle.n),
+        admittance=() if par.admittance is None else first_admittance(vehicle.n, par.admittance.senses),
     )

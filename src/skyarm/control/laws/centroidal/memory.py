@@ -11,7 +11,9 @@ from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.control.blocks.extrapolation import Channel
 from skyarm.control.blocks.lag_estimate import LagMemory
+from skyarm.control.laws.centroidal.admittance import AdmittanceMemory
 from skyarm.control.laws.centroidal.demands import Following
+from skyarm.control.laws.centroidal.gust_shift import GustMemory
 from skyarm.control.laws.centroidal.interaction_records import InteractionMemory
 from skyarm.control.laws.centroidal.load_records import LoadMemory
 from skyarm.records.units import Unit
@@ -72,11 +74,11 @@ class CentroidalMemory:
         sent: the last commands, oldest first, one more than the delay has periods.
         applied: 1 for the rotors and each joint whose last command was applied unchanged.
         free: 1 while no actuator was at its limit.
-        slow_force: the observer's force, slowly filtered, N.
+        slow_force: the observer's force, slowly filtered, N. gust: its rate; empty without the shift for gusts.
         trim: added to the squared speeds that the mixer asks for, (rad/s)^2.
         learned: of a load at the tip and of friction.
         following: of the demands. lag: of the lag's estimate; empty without it. interaction: of pressing on surfaces;
-            empty without it. load: of the learned load; empty without it.
+            empty without it. load: of the learned load; empty without it. admittance: of giving way; empty without it.
     """
 
     started: Annotated[Scalar, Unit("", "0 before the first measurement")]
@@ -89,7 +91,9 @@ class CentroidalMemory:
     slow_force: Annotated[Vec3, Unit("N", "the observer's force, slowly filtered")]
     trim: Annotated[tuple[Scalar, ...], Unit("(rad/s)^2", "added to the squared speeds that the mixer asks for")]
     learned: Learned
+    gust: GustMemory | tuple[()] = ()
     following: Following = Following()
     lag: LagMemory | tuple[()] = ()
     interaction: InteractionMemory | tuple[()] = ()
     load: LoadMemory | tuple[()] = ()
+    admittance: AdmittanceMemory | tuple[()] = ()

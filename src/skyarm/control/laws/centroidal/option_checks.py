@@ -54,7 +54,7 @@ def checked(name: str, value: Any) -> Any:
 
 def must_act(changes: Mapping[str, Any], gains: Mapping[str, Any]) -> None:
     """Refuse what is asked for beside options without which it does nothing."""
-    for name in ("swing_rate", "path_rate"):
+    for name in ("gust_shift", "swing_rate", "path_rate"):
         if changes.get(name) and not gains["shift_bandwidth"] > 0.0:
             raise ControllerError(f"controller.{name} = {shown(changes[name])}: must be 0 without shift_bandwidth")
 

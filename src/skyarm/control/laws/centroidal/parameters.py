@@ -12,6 +12,7 @@ from skyarm.control.blocks.disturbance_observer import ObserverGains
 from skyarm.control.blocks.felt_acceleration import AccelerometerGains
 from skyarm.control.blocks.force_trend import TrendGains
 from skyarm.control.blocks.lag_estimate import LagGains
+from skyarm.control.laws.centroidal.admittance import AdmittanceGains
 from skyarm.control.laws.centroidal.interaction_records import InteractionGains
 from skyarm.control.laws.centroidal.load_records import LoadGains
 from skyarm.control.model import JointGains, Model
@@ -46,6 +47,19 @@ class TipGains:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class GustGains:
+    """Of the base's shift for a force that changes.
+
+    Attributes:
+        pace: rad/s, of the shift where the force changes by much.
+        size: N; changes well below it are followed at ``TipGains.shift_rate``.
+    """
+
+    pace: Annotated[Scalar, Unit("rad/s", "pace of the base's shift where the force changes by much")]
+    size: Annotated[Scalar, Unit("N", "change of the force below which the base shifts slowly")]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class CentroidalParameters:
     """All constants of the centroidal law.
 
@@ -66,6 +80,7 @@ class CentroidalParameters:
             and (m/s)^2. adapts_friction: False leaves it out.
         shift_bandwidth: rad/s, of the differentiators that give jerk and snap of the base's shift. moves_shift: False
             takes shift, drag and turned links as they stand, without their motion.
+        gust: how the shift follows a force that changes; None for a filter of first order.
         swing_rate: 1/s, of the means by which the pace of the arm's swing is found. follows_swing: False shifts the
             base as each instant asks for.
         path_rate: 1/s, of the means by which the pace of the base's path is found. follows_path: False turns the base
@@ -90,6 +105,7 @@ class CentroidalParameters:
         air: wind and drag of the hull that are believed; None for still air and no hull.
         interaction: how the tip presses where the reference asks for it; None for a law of motions alone.
         load: how a load is learned while the reference says that one is held; None for a law that only observes it.
+        admittance: how the tip gives way to forces from outside; None for a law that stands against them.
     """
 
     model: Model
@@ -120,6 +136,7 @@ class CentroidalParameters:
     adapts_friction: bool
     shift_bandwidth: Annotated[Scalar, Unit("rad/s", "differentiators of the base's shift")] = 0.0
     moves_shift: bool = False
+    gust: GustGains | None = None
     swing_rate: Annotated[Scalar, Unit("1/s", "rate of the adapted pace of the arm's swing")] = 0.0
     follows_swing: bool = False
     path_rate: Annotated[Scalar, Unit("1/s", "rate of the adapted pace of the base's path")] = 0.0
@@ -145,6 +162,7 @@ class CentroidalParameters:
     air: BelievedAir | None = None
     interaction: InteractionGains | None = None
     load: LoadGains | None = None
+    admittance: AdmittanceGains | None = None
 
     def choices(self) -> list[str]:
         """What is structure, in words."""
@@ -152,6 +170,7 @@ class CentroidalParameters:
         adapted += ["adapted friction"] if self.adapts_friction else []
         added = {
             "motion of the shift": self.moves_shift,
+            "shift for gusts": self.gust is not None,
             "shift by the pace of the swing": self.follows_swing,
             "shift by the pace of the path": self.follows_path,
             "upright at low thrust": self.softens_attitude,
@@ -168,6 +187,7 @@ class CentroidalParameters:
             "drag of the hull": self.air is not None and self.air.hull,
             "pressing on surfaces": self.interaction is not None,
             "learned load": self.load is not None,
+            "giving way to forces": self.admittance is not None,
             "believed wind": self.air is not None and type(self.air.wind.x) is not int,
         }
         adapted += [name for name, there in added.items() if there]

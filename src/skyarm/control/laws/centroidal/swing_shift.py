@@ -25,7 +25,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from skyarm.algebra import Vec3
+from skyarm.algebra import ZERO3, Vec3
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.series_kinematics import Posture, derivative
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
@@ -119,6 +119,7 @@ def moved_shift(
     needed: list[Vec3],
     level: Posture,
     dt: Any,
+    own: Vec3 = ZERO3,
 ) -> tuple[ShiftMotion | tuple[()], SwingPace | tuple[()], list[Vec3]]:
     """Memories of the shift's motion one period later, and the shift with as many derivatives as the law has of it.
 
@@ -129,13 +130,14 @@ def moved_shift(
         needed: shift that each instant asks for, with two derivatives.
         level: posture of the references of a level base.
         dt: control period, s.
+        own: of its acceleration what jumps with a force and is not differentiated, m/s^2, world axes.
     """
     if not isinstance(shift, ShiftMotion):
         return shift, pace, needed
     if not isinstance(pace, SwingPace):
-        shift, jerk, snap = differentiated(shift, needed[2], par.shift_bandwidth, dt)
+        shift, jerk, snap = differentiated(shift, needed[2] - own, par.shift_bandwidth, dt)
         return shift, pace, [*needed, jerk, snap]
     pace = followed_pace(pace, levers(level), par.swing_rate, dt)
     swung = shift_for_swing(pace, needed, level, par.model.gravity)
-    shift, jerk, snap = differentiated(shift, swung.steady, par.shift_bandwidth, dt)
+    shift, jerk, snap = differentiated(shift, swung.steady - own, par.shift_bandwidth, dt)
     return shift, pace, [*swung.offset, jerk + swung.jerk, snap + swung.snap]

@@ -16,18 +16,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from skyarm.algebra import Mat3, Vec3, ldl_solve
+from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.disturbance import Disturbance
+from skyarm.control.blocks.normal_equations import NormalEquations
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, add, divide, mul, sub
+from skyarm.scalars import Scalar, sub
 from skyarm.vehicle.vehicle_records import Vehicle
 
 AXES = (Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Trust:
+class ForceErrors:
     """How far parts of the disturbance tell the tip's force: the error of each that weighs as 1 N of the base's.
 
     Attributes:
@@ -65,25 +66,16 @@ def levers(vehicle: Vehicle, R: Mat3, joints: Sequence[Any]) -> TipLevers:
     return TipLevers(R, frame_pose(vehicle, frame, joints).p, columns)
 
 
-def tip_force(vehicle: Vehicle, trust: Trust, at: TipLevers, rest: Disturbance) -> Vec3:
+def tip_force(vehicle: Vehicle, errors: ForceErrors, at: TipLevers, rest: Disturbance) -> Vec3:
     """The tip's force (N, world axes) in ``rest``, the observed disturbance without its bias: least squares."""
     push = at.R.apply_T(rest.force)
-    A: list[list[Any]] = [[1 if i == j else 0 for j in range(3)] for i in range(3)]
-    b: list[Any] = list(push)
-
-    def require(row: Sequence[Any], wanted: Any, error: Any) -> None:
-        weight = divide(1.0, error * error)
-        for i in range(3):
-            b[i] = add(b[i], mul(weight, mul(row[i], wanted)))
-            for j in range(i + 1):
-                A[i][j] = add(A[i][j], mul(weight, mul(row[i], row[j])))
-
+    squares = NormalEquations([[1 if i == j else 0 for j in range(3)] for i in range(3)], list(push))
     for link, column, effort in zip(vehicle.links, at.columns, rest.efforts, strict=True):
-        require(tuple(column), effort, trust.turning if link.joint.kind == "revolute" else trust.sliding)
+        squares.require(tuple(column), effort, errors.turning if link.joint.kind == "revolute" else errors.sliding)
     turned = [tuple(at.tip.cross(axis)) for axis in AXES]
     for k, torque in enumerate(rest.torque):
-        require([each[k] for each in turned], torque, trust.base)
-    return at.R.apply(Vec3(*ldl_solve(A, b)))
+        squares.require([each[k] for each in turned], torque, errors.base)
+    return at.R.apply(Vec3(*squares.solve()))
 
 
 def without(d: Disturbance, bias: Disturbance) -> Disturbance:

@@ -119,6 +119,19 @@ def level_joints(vehicle: Vehicle, gains: TipGains, wanted: Goal, R: Mat3, poses
     return problem.solve()
 
 
+def level_turn(vehicle: Vehicle, gains: TipGains, turn: Vec3, poses: Sequence[Pose]) -> tuple[Any, ...]:
+    """Change of the joints that keeps the links as they are while the base turns by a small ``turn``, base axes.
+
+    To first order, so that it holds of rates, or of accelerations, too; weights as in :func:`level_joints`.
+    """
+    problem = Squares(vehicle.n)
+    directions = axes(vehicle, poses)
+    for i in range(vehicle.n):
+        problem.require(orientation_rows(vehicle, directions, i), turn * -1.0, gains.damping * gains.damping)
+    problem.prefer((0.0,) * vehicle.n, gains.posture * gains.posture)
+    return problem.solve()
+
+
 def level_motion(
     vehicle: Vehicle,
     gains: TipGains,

@@ -1,0 +1,160 @@
+"""The base's shift for a force that changes, at the pace that leaves the least error of the tip.
+
+A base that tilts for a force from the side carries the tip of a hanging arm the wrong way, and the arm of one plane
+cannot give way there. With c sideways of the common centre of mass, theta its tilt, lambda the height of the centre of
+mass above the tip and d the force per mass
+
+    c'' = g theta + d,   tip = c - lambda theta,   thus   c'' = p^2 (c - tip) + d,   p^2 = g / lambda.
+
+No law can hold the tip while d changes: sigma = c' + p c grows as sigma' = p sigma + d - p^2 tip unless the tip gives
+way. For a force that stays, the least integral of tip^2 is tip = (2 / p) (sigma + d / p), which moves the base as
+
+    c'' = -p^2 (c + d / p^2) - 2 p c',
+
+both poles at the pace p of a pendulum upside down: the shift that the force asks for, -d / p^2, through a filter of
+second order. So the shift follows the observed force filtered like that, and the filter gives velocity and acceleration
+of the shift besides. Small changes, as noise makes them, are filtered more slowly: the pace goes from ``slowest`` to p
+as the force leaves the filtered one by more than ``size``.
+
+Jerk and snap of such a shift jump with the force; commanded ahead they would ask the rotors for more torque than they
+have. :func:`shift_acceleration` says what of the shift's acceleration is the filter's, so that its differentiators can
+leave it out.
+Sources: Kwakernaak, Sivan 1972 (least error of a plant with a zero in the right half plane); the mirrored pole at p.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from skyarm.algebra import ZERO3, Vec3
+from skyarm.control.blocks.attitude import Attitude
+from skyarm.control.blocks.filters import low_pass_share
+from skyarm.control.blocks.force_trend import ForceTrend, believed_share
+from skyarm.control.blocks.select import vector_data
+from skyarm.control.blocks.series_kinematics import Posture, derivative
+from skyarm.control.laws.centroidal.arm_length import SHORTEST, arm_length
+from skyarm.control.laws.centroidal.parameters import CentroidalParameters, GustGains
+from skyarm.control.laws.centroidal.tip_tasks import level_turn
+from skyarm.dynamics.kinematics import jacobian_columns, link_poses
+from skyarm.records.units import Unit
+from skyarm.scalars import divide, exp, maximum, mul, sub
+from skyarm.scalars.taylor import Taylor
+from skyarm.vehicle.vehicle_records import Vehicle
+
+SLOWEST = 1.0
+"""rad/s; no force is foretold further ahead than filters of this bandwidth are late."""
+
+QUICKEST = 10.0
+"""rad/s, pace of the shift of a short arm at most; a shorter arm shifts less."""
+
+NOISE = 0.3
+"""m/s^2: changes of the force per mass below which the shift follows slowly."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class GustMemory:
+    """Memory beside the filtered force itself: its rate."""
+
+    rate: Annotated[Vec3, Unit("N/s", "of the filtered force, world axes")]
+
+
+@dataclass(frozen=True, slots=True)
+class SlowForce:
+    """The observer's force through the filter, N, its first two derivatives, N/s and N/s^2, and the filter's memory."""
+
+    force: Vec3
+    rate: Vec3 = ZERO3
+    bend: Vec3 = ZERO3
+    memory: GustMemory | tuple[()] = ()
+
+
+def gust_gains(share: float, vehicle: Vehicle, gravity: Any) -> GustGains:
+    """Constants for a share of the pendulum's pace; the arm's length stands for the height above the tip."""
+    pace = math.sqrt(float(gravity) / max(arm_length(vehicle), SHORTEST))
+    return GustGains(pace=share * min(pace, QUICKEST), size=NOISE * float(vehicle.mass))
+
+
+def slow_force(
+    par: CentroidalParameters, before: Vec3, memory: GustMemory | tuple[()], force: Vec3, dt: Any
+) -> SlowForce:
+    """The force that the shift follows, one period later.
+
+    Args:
+        par: constants; without ``gust`` the filter is of first order, and its derivatives are not known.
+        before: the filtered force, N, world axes.
+        memory: its rate; empty without ``gust``.
+        force: of the observer, N, world axes.
+        dt: s. The filter's step is exact for a force that stays, so that it is stable at any period.
+    """
+    slowest = par.tip.shift_rate
+    if par.gust is None or not isinstance(memory, GustMemory):
+        return SlowForce(before + (force - before) * low_pass_share(slowest, dt))
+    off = before - force
+    square = off.dot(off) * divide(1.0, par.gust.size * par.gust.size)
+    w = slowest + (par.gust.pace - slowest) * divide(square, square + 1.0)
+    turn = w * dt
+    left = exp(-turn)
+    away = (off * (1.0 + turn) + memory.rate * dt) * left
+    rate = vector_data((memory.rate * (1.0 - turn) - off * (w * turn)) * left)
+    return SlowForce(vector_data(force + away), rate, away * -(w * w) - rate * (2.0 * w), GustMemory(rate=rate))
+
+
+def lateness(par: CentroidalParameters) -> Any:
+    """By how long the observed force is late where it changes steadily, s."""
+    felt = par.accelerometer
+    if felt is None:
+        return divide(2.0, maximum(par.observer.force, SLOWEST))
+    return divide(1.0, maximum(felt.force, SLOWEST))
+
+
+def foretold(
+    par: CentroidalParameters, steady: Vec3, slow: SlowForce, trend: ForceTrend, rate: Vec3, late: Any, engaged: Any
+) -> tuple[Vec3, SlowForce]:
+    """The force that the shift follows and its derivatives, with what is foretold of the force.
+
+    Args:
+        par: constants.
+        steady: the filtered force, or in mode ``"joint"`` the force, with what is learned, N.
+        slow: of the filter.
+        trend: of the observed force.
+        rate: what is believed of it, N/s.
+        late: by how long the observer is late, s.
+        engaged: 0 to 1, whether the tip is on a surface: an impact is no trend.
+    """
+    if par.gust is None or par.trend is None:
+        return steady + rate * (
+            late + divide(1.0, maximum(par.tip.shift_rate, SLOWEST)) if par.mode == "tip" else late
+        ), slow
+    # a change that can be foretold is followed as it is, the rest through the filter
+    share = mul(believed_share(par.trend, trend), sub(1.0, engaged))
+    left = 1.0 - share
+    force = steady + (trend.level - slow.force) * share + rate * late
+    return force, dataclasses.replace(slow, rate=slow.rate * left + rate, bend=slow.bend * left)
+
+
+def shift_acceleration(
+    par: CentroidalParameters, still: Attitude, force: Vec3, turned: Sequence[Taylor], level: Posture, bend: Vec3
+) -> Vec3:
+    """Acceleration of the base's shift that comes from the filtered force's second derivative, m/s^2, world axes.
+
+    Args:
+        par: constants.
+        still: attitude that the force asks for.
+        force: of the rotors, series, N, world axes.
+        turned: joints of the arm whose links are turned as those of a level base.
+        level: its posture.
+        bend: second derivative of the disturbance, N/s^2, world axes, so that of ``force`` is its opposite.
+    """
+    vehicle, R, f = par.model.vehicle, still.R, derivative(force, 0)
+    alpha = R.apply_T(bend.cross(f) * divide(1.0, f.dot(f)))
+    moved = alpha.cross(derivative(level.tip, 0))
+    if vehicle.n:
+        values = tuple(q.derivative(0) for q in turned)
+        bends = level_turn(vehicle, par.tip, alpha, link_poses(vehicle, values))
+        for column, each in zip(jacobian_columns(vehicle, vehicle.frame(), values), bends, strict=True):
+            moved = moved + column.linear * each
+    return R.apply(moved) * -1.0

@@ -1,0 +1,83 @@
+"""Triangles of an STL file, binary or text: what a body of the world is drawn as."""
+
+from __future__ import annotations
+
+import functools
+import os
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from skyarm.files import unreadable
+
+Array = npt.NDArray[np.float64]
+Faces = npt.NDArray[np.int64]
+
+MOST = 200_000
+"""Triangles: what films and browsers draw at their rate."""
+
+FARTHEST = 1e3
+"""m from the middle of the body: what is farther was written in other units."""
+
+HEADER, RECORD = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+"""Of a binary file: bytes before the triangles, and one of these."""
+
+
+def read_stl(path: str | os.PathLike[str]) -> tuple[Array, Faces]:
+    """Vertices (V, 3), m, each once, and triangles (F, 3) of a file.
+
+    Raises:
+        ValueError: without the file's name: it is not there, no STL, or beyond measure.
+    """
+    where = Path(path)
+    if reason := unreadable(where):
+        raise ValueError(reason)
+    try:
+        content = where.read_bytes()
+    except OSError as error:
+        raise ValueError(error.strerror or str(error)) from None
+    corners = _binary(content) if _is_binary(content) else _text(content)
+    if not 1 <= len(corners) <= MOST:
+        raise ValueError(f"has {len(corners)} triangles, must have from 1 to {MOST}")
+    largest = float(np.abs(corners).max())
+    if not largest <= FARTHEST:  # NaN, too
+        raise ValueError(f"has a vertex at {largest:g}: must be in metres, within {FARTHEST:g} m of the origin")
+    vertices, places = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    return vertices, places.reshape(-1, 3)
+
+
+@functools.lru_cache(maxsize=16)
+def mesh_or_none(path: str) -> tuple[Array, Faces] | None:
+    """The same for a drawing; None where the file has gone, of a log that was carried to another machine."""
+    try:
+        return read_stl(path)
+    except ValueError:
+        return None
+
+
+def _is_binary(content: bytes) -> bool:
+    """By its length: the header of a binary file, too, may begin with "solid"."""
+    if len(content) < HEADER:
+        return False
+    count = int.from_bytes(content[HEADER - 4 : HEADER], "little")
+    return len(content) == HEADER + count * RECORD.itemsize
+
+
+def _binary(content: bytes) -> Array:
+    """Corners (F, 3, 3)."""
+    return np.frombuffer(content, RECORD, offset=HEADER)["corners"].astype(float)
+
+
+def _text(content: bytes) -> Array:
+    """Corners (F, 3, 3) of ``vertex x y z`` lines."""
+    allowed = "must be an STL file, binary or text"
+    if not content.lstrip().startswith(b"solid") or b"endsolid" not in content:
+        raise ValueError(allowed)
+    words = content.split()
+    rows = [words[i + 1 : i + 4] for i, word in enumerate(words) if word == b"vertex"]
+    try:
+        found = np.array([[float(each) for each in row] for row in rows])
+        return found.reshape(-1, 3, 3)
+    except ValueError:
+        raise ValueError(allowed) from None

@@ -1,0 +1,42 @@
+"""The way into environments in JAX, which loads neither JAX nor the engine before one is made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from skyarm.env.registered_environments import ANY_SCENARIO, TASK_NAMES
+from skyarm.files import must_be_one_of, shown
+
+if TYPE_CHECKING:
+    from skyarm.env.jax_environment import JaxEnvironment
+
+
+def make_jax(
+    name: str = ANY_SCENARIO, *, numbers: Iterable[str] = (), **task: Any
+) -> tuple[JaxEnvironment, dict[str, Any]]:
+    """Make an environment in JAX, and the numbers that its functions take.
+
+    Args:
+        name: as :func:`gymnasium.make` takes it: ``"skyarm/TrackTip-v0"``, or ``"skyarm/Scenario-v0"`` with a scenario.
+        numbers: further paths that stand in ``params``, to be set or differentiated by.
+        task: as of the environment of that name: ``scenario``, ``actions``, ``observation``, ``reward``,
+            ``randomise``, ``controller``, ``duration``, ``precision``.
+
+    Raises:
+        ScenarioError: one line with field, value and what is allowed.
+        ImportError: JAX is not installed.
+    """
+    from skyarm.env.env_task import make_task
+    from skyarm.env.given_arguments import require_arguments
+    from skyarm.env.jax_environment import JaxEnvironment
+    from skyarm.env.named_tasks import task_arguments
+    from skyarm.scenario.scenario_record import ScenarioError
+
+    known = {ANY_SCENARIO: None, **{f"skyarm/{each}-v0": each for each in TASK_NAMES}}
+    if name not in known:
+        raise ScenarioError(f"name = {shown(name)}: {must_be_one_of(known, name)}")
+    require_arguments({k: v for k, v in task.items() if k != "scenario"}, make_task)
+    given = {"scenario": "case3", **task} if known[name] is None else task_arguments(str(known[name]), task)
+    env = JaxEnvironment(make_task(**given), numbers=numbers)
+    return env, env.default_params

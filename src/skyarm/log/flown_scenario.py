@@ -1,0 +1,78 @@
+"""The scenario that a log was flown with, read back from what the log keeps of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from types import SimpleNamespace
+from typing import Any
+
+from skyarm.files import shown
+from skyarm.records.identity import log_digest
+from skyarm.records.own_files import own_files
+from skyarm.records.restore import restore, restore_fields
+from skyarm.registry import RegistryError
+from skyarm.registry.plugins import identities
+
+SCENARIO = "skyarm.scenario.scenario_record:Scenario"
+"""Class of what a log keeps as ``scenario_record``."""
+
+
+def flown_scenario(
+    info: Mapping[str, Any],
+    replaced: Mapping[str, Any],
+    controller: Callable[[Any, Mapping[str, Any]], dict[str, Any]] | None = None,
+) -> Any:
+    """The scenario of a log's ``info`` with some of it replaced: :meth:`skyarm.Log.scenario_with`."""
+    written, plugins, code = (info.get(name) or {} for name in ("scenario_record", "plugins", "code"))
+    of = (info.get("versions") or {}).get("skyarm", "unknown")
+    if not isinstance(written, dict) or written.get("type") != SCENARIO:
+        raise ValueError(f"scenario_record: must hold the scenario as this version writes it; skyarm {of} wrote it")
+    if not _fits(info, written, code):
+        raise ValueError(f"scenario_record: must be of the log's digest; it was changed after skyarm {of} wrote it")
+    known, without = {**code, **plugins}, {*replaced, *(() if controller is None else ("controller",))}
+    with _in_words_of_the_log(plugins):
+        kind, fields = restore_fields(written, known, without)
+        model = None if controller is None else _believed(written, known)
+    changed = dict(replaced)
+    if controller is not None:
+        changed |= controller(model, fields)
+    with _in_words_of_the_log(plugins):
+        found = kind(**{**fields, **changed})
+    now = own_files(SimpleNamespace(**fields))
+    for name in sorted(code):
+        if now.get(name, code[name]) != code[name]:
+            raise ValueError(f"code {name!r} = {shown(now[name])}: must be {shown(code[name])} as it was flown")
+    return found
+
+
+def _fits(info: Mapping[str, Any], written: Mapping[str, Any], code: Any) -> bool:
+    """Whether the digest is of this scenario and of these files of code."""
+    try:
+        return isinstance(code, dict) and log_digest(written, code) == info.get("digest")
+    except RecursionError:  # lists in lists, without end
+        return False
+
+
+def _believed(written: Mapping[str, Any], known: Mapping[str, str]) -> Any:
+    """The model of a written scenario's controller; the law's own code is not needed if it stands beside it."""
+    held = written["controller"]
+    par = held.get("par") if isinstance(held, dict) else None
+    if isinstance(par, dict) and "model" in par:
+        return restore(par["model"], known)
+    return getattr(getattr(restore(held, known), "par", None), "model", None)
+
+
+@contextmanager
+def _in_words_of_the_log(plugins: Mapping[str, str]) -> Iterator[None]:
+    """Errors of reading a record say that it is the log's, and which plugins it may lack."""
+    try:
+        yield
+    except RegistryError as error:
+        raise ValueError(f"scenario_record: {error}") from None
+    except (KeyError, TypeError, AttributeError, OverflowError) as error:
+        raise ValueError(f"scenario_record: must be a record that was written ({error})") from None
+    except ValueError as error:
+        absent = [name for name in plugins if name not in identities()]
+        needs = f"; it was flown with the plugins {', '.join(absent)}" if absent else ""
+        raise ValueError(f"scenario_record: {error}{needs}") from None

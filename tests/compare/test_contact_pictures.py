@@ -1,0 +1,58 @@
+"""One flight of each task as log, picture and film, and the page that shows them."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import skyarm
+from film_flights import needs_display
+from skyarm.compare.contact_flights import contact_flights
+from skyarm.compare.contact_laws import FLAGSHIP, MOTION
+from skyarm.compare.contact_page import contact_page
+from skyarm.compare.contact_pictures import caption_of, first_flight, shown_flights
+from skyarm.compare.contact_suite import ContactSuite, fly_contact
+from skyarm.compare.one_by_one import numbers_of, one_episode
+
+
+def test_a_task_is_shown_by_its_first_law_under_noise():
+    todo = contact_flights((MOTION, FLAGSHIP), ("press_and_hold", "perch_on_shelf"), 3)
+    shown = {name: (each.entrant.name, each.condition.name) for name, each in shown_flights(todo).items()}
+    assert shown == {"press_and_hold": (MOTION, "noisy"), "perch_on_shelf": (FLAGSHIP, "noisy")}
+    perfect = [each for each in todo if each.condition.name == "perfect"]
+    assert {each.condition.name for each in shown_flights(perfect).values()} == {"perfect"}
+
+
+def test_a_page_shows_pictures_with_links_to_their_films():
+    told = {"law": "centroidal", "condition": "noisy", "status": "completed", "picture": "pictures/turn_valve.png"}
+    found = {
+        "worlds": 2, "seed": 0, "plant": "rigid_body", "laws": [], "not_flown": {},
+        "shown": {"turn_valve": told | {"film": "films/turn_valve.webp"}, "pull_door": told | {"status": "lost"}},
+        "tasks": {
+            name: {"title": name, "drawn": 2, "discarded": 0, "conditions": {"perfect": {}, "noisy": {}}}
+            for name in ("turn_valve", "pull_door")
+        },
+    }  # fmt: skip
+    page = contact_page(found, {"turn_valve": b"a", "pull_door": b"b"})
+    assert page.count("<figure") == 2
+    assert '<a href="films/turn_valve.webp">turn_valve: centroidal, first world, noisy</a>' in page
+    assert ">pull_door: centroidal, first world, noisy, lost</figcaption>" in page
+    assert "One flight of each" not in contact_page(found)
+    assert caption_of("x", told) == "x: centroidal, first world, noisy"
+
+
+@pytest.mark.thorough
+@needs_display
+def test_a_suite_leaves_flights_pictures_and_films(tmp_path):
+    found = fly_contact(ContactSuite(laws=(FLAGSHIP,), tasks=("push_button",), worlds=1), tmp_path, films=True)
+    told = found["shown"]["push_button"]
+    assert (tmp_path / told["picture"]).read_bytes()[:4] == b"\x89PNG"
+    assert (tmp_path / told["film"]).read_bytes()[8:12] == b"WEBP"
+    assert f'href="{told["film"]}"' in (tmp_path / "report.html").read_text("utf-8")
+    assert json.loads((tmp_path / "contact.json").read_text("utf-8"))["shown"] == found["shown"]
+    (flights,) = [each for each in contact_flights((FLAGSHIP,), ("push_button",), 1) if each.condition.noisy]
+    log, scenario = skyarm.load_log(tmp_path / told["flight"]), flights.scenario()
+    assert log.scenario == one_episode(scenario, numbers_of(flights.values(scenario), 0))
+    np.testing.assert_array_equal(log.tip, first_flight(flights).tip)

@@ -1,0 +1,135 @@
+"""Phases that wait for what sensors say: the force at the wrist, a switch in the fingertip."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import math
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skyarm
+from flying_engines import ENGINES, evaluate
+from skyarm.algebra import Quaternion, Vec3
+from skyarm.reference.phase_guard import Guard, Phase
+from skyarm.reference.signals import Constant
+from skyarm.reference.trajectory import Trajectory
+from skyarm.scenario.scenario_parts import ScenarioError
+from skyarm.sensors.measurement import blank_measurement
+from skyarm.simulate.path_clock import Seen, Waits
+from thorough import sampled
+
+OUT = (-0.6, 0.0, 0.8)
+GUARDS = (
+    Guard(at=0.1, force=0.5, direction=OUT, hold=0.0, sensed=True),
+    Guard(at=0.2, phase=1, force=0.5, direction=OUT, hold=0.0),
+    Guard(at=0.3, phase=2, force_below=0.2, direction=OUT, hold=0.0, sensed=True, closed="b"),
+    Guard(at=0.4, phase=3, open="b", hold=0.0),
+    Guard(at=0.5, phase=4, closed="a", open="b", hold=0.0),
+)
+WRIST, SWITCH = {"kind": "force_torque"}, {"kind": "tactile_switch"}
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "phases.md"
+
+
+def document(until, **sensors):
+    (text,) = re.findall(r'```toml title="touch.toml"\n(.*?)```', PAGE.read_text("utf-8"), re.DOTALL)
+    found = copy.deepcopy(tomllib.loads(text))
+    found["reference"]["tip"]["path"]["phases"][0]["until"] = until
+    return found | ({"sensors": sensors} if sensors else {})
+
+
+def waits_of(guards):
+    base = skyarm.scenario_from(document({"error": 1.0}, wrist=WRIST, a=SWITCH, b=SWITCH))
+    phases = tuple(Phase(name="p", end=guard.at) for guard in guards)
+    way = Trajectory(z=Constant(1.0), joints=base.trajectory.joints, guards=guards, phases=phases)
+    return Waits(dataclasses.replace(base, trajectory=way))
+
+
+WAITS = waits_of(GUARDS)
+CASES = [
+    (n, felt, observed, a, b)
+    for n in range(len(GUARDS))
+    for felt, observed in ((0.4, 0.6), (0.6, 0.4), (0.1, 0.1))
+    for a in (0.0, 1.0)
+    for b in (0.0, 1.0)
+]
+
+
+def passed(row):
+    """Number of the guard one period later; it stands at the end of what it guards."""
+    n, felt, observed, a, b = row
+    clock = dataclasses.replace(WAITS.first(), place=WAITS._chosen(n, WAITS._ends), guard=n, waited=1.0)
+    tip = Vec3(0.0, 0.0, 1.0)
+    switches = tuple({"a": a, "b": b}[name] for name in WAITS.switches)
+    seen = Seen(tip=tip, goal=tip, push=(), force=Vec3(*OUT) * observed, felt=Vec3(*OUT) * felt, switches=switches)
+    return [WAITS.following(clock, 0.0, seen).guard]
+
+
+@pytest.mark.parametrize("engine", sampled(ENGINES, 3))
+def test_each_guard_hears_its_own_sensors(engine):
+    wanted = [
+        {0: felt >= 0.5, 1: observed >= 0.5, 2: felt <= 0.2 and b > 0.5, 3: b < 0.5, 4: a > 0.5 and b < 0.5}[n]
+        for n, felt, observed, a, b in CASES
+    ]
+    found = evaluate(engine, lambda *row: passed(row), [[float(c) for c in row] for row in CASES])
+    assert [row[0] - case[0] for row, case in zip(found, CASES, strict=True)] == [float(each) for each in wanted]
+
+
+def test_what_the_wrist_reads_is_turned_into_the_world():
+    waits = waits_of(GUARDS[:1])
+    turned = Quaternion(math.cos(0.4), 0.0, math.sin(0.4), 0.0)
+    told = dataclasses.replace(
+        blank_measurement(2, 4), quaternion=turned, joints=(0.3, -0.5), tip_force=(1.0, 2.0, 3.0)
+    )
+    reference = waits._trajectory.at(0.0)
+    # base and both joints turn about the same axis, y
+    angle = 0.8 + 0.3 - 0.5
+    c, s = math.cos(angle), math.sin(angle)
+    found = waits.seen(told, reference, None).felt
+    assert np.linalg.norm([*found]) == pytest.approx(math.sqrt(14.0))
+    assert found.y == pytest.approx(2.0)
+    frame = skyarm.load_vehicle("hummingbird_arm2").frame().rotation.apply(Vec3(1.0, 2.0, 3.0))
+    assert [found.x, found.z] == pytest.approx([c * frame.x + s * frame.z, c * frame.z - s * frame.x])
+
+
+@pytest.mark.parametrize(
+    ("until", "sensors", "words"),
+    [
+        ({"closed": "fingertop"}, {"fingertip": SWITCH}, "phase 0 'press': until.closed = 'fingertop': did you mean"),
+        ({"open": "wrist"}, {"wrist": WRIST}, "until.open = 'wrist': must be the name of a sensor of kind 'tactile_s"),
+        ({"force": 1.0, "force_sensor": True}, {}, "until.force_sensor = true: must be false without a sensor of kind"),
+        ({"error": 1.0, "force_sensor": True}, {"wrist": WRIST}, "until.force_sensor = true: must be left out without"),
+        ({"force": 1.0, "force_sensor": 1}, {}, "until.force_sensor = 1: must be true or false"),
+        ({"closed": ""}, {}, "until.closed = '': must be the name of a tactile switch"),
+        ({"closed": ["fingertip"]}, {}, "must be the name of a tactile switch"),
+        ({"hold": 1.0}, {}, "must have one of error, force, force_below, distance, closed, open"),
+    ],
+)
+def test_sensors_that_are_not_there_get_one_line(until, sensors, words):
+    with pytest.raises(ScenarioError, match=r"phase") as caught:
+        skyarm.scenario_from(document(until, **sensors))
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("plant", ["rigid_body", "mujoco"])
+@pytest.mark.parametrize("until", [{"force": 0.5, "force_sensor": True}, {"closed": "fingertip"}])
+def test_a_press_waits_for_its_sensor(plant, until):
+    told = document(until | {"hold": 0.1, "timeout": 2.0, "on_timeout": "fail"}, wrist=WRIST, fingertip=SWITCH)
+    told["plant"]["kind"] = plant
+    scenario = skyarm.scenario_from(told)
+    log = skyarm.run(scenario)
+    touch = log.time[log.contact_force.sum(axis=1) > 0.0][0]
+    (_, pressed), _ = log.phase_ends
+    assert log.status == "completed"
+    assert 0.6 <= pressed - touch < 0.9, "0.1 s of it, 0.5 s of pressing, and what bounced"
+    far = copy.deepcopy(told)
+    far["world"]["surfaces"][0]["position"][0] = 1.0
+    away = skyarm.run(skyarm.scenario_from(far))
+    words = "switch 'fingertip' not closed" if "closed" in until else "no contact of 0.5 N"
+    assert (away.status, away.info["cause"]) == ("phase_failed", f"phase 0 'press': {words} within 2 s")

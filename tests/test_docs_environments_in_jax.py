@@ -1,0 +1,35 @@
+"""What the page on environments in JAX shows runs, in a process of its own: JAX reads its flags once."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("gymnasium", reason="needs the extra 'gym'")
+pytest.importorskip("jax", reason="needs the extra 'jax'")
+
+PAGE = (Path(__file__).resolve().parents[1] / "docs" / "environments_in_jax.md").read_text("utf-8")
+
+
+def shown(language):
+    """Blocks of a language."""
+    return [block.partition("```")[0] for block in PAGE.split(f"```{language}\n")[1:]]
+
+
+@pytest.mark.thorough
+def test_what_is_shown_prints_what_is_shown(tmp_path):
+    code = "\n".join(shown("python"))
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path)
+    assert done.stdout.split() == "".join(shown("text")).split()
+
+
+def test_the_page_names_the_functions_and_kinds_that_there_are():
+    from skyarm.env.jax_environment import JaxEnvironment
+    from skyarm.env.jax_params import KINDS
+
+    assert all(f"`{name}(" in PAGE for name in ("reset", "step"))
+    assert all(hasattr(JaxEnvironment, name) for name in ("reset", "step", "step_env", "plant_state"))
+    assert all(kind in PAGE for kind in KINDS)
