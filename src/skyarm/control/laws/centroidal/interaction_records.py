@@ -38,7 +38,7 @@ class InteractionGains:
     integral_share: Annotated[Scalar, Unit("", "of the wanted force that the integral may add")] = 0.5
     integral_least: Annotated[Scalar, Unit("N", "that the integral may add anyway")] = 0.3
     damping: Annotated[Scalar, Unit("1/s", "of the tip along the normal while it presses")] = 20.0
-    catching: Annotated[Scalar, Unit("1/s", "of a tip that goes through the surface")] = 100.0
+    catching: Annotated[Scalar, Unit("1/s", "of a tip that goes through the surface")] = 53.0
     bias_rate: Annotated[Scalar, Unit("rad/s", "filter of what is observed in free flight")] = 0.5
     wind_rate: Annotated[Scalar, Unit("rad/s", "filter of what the base feels beside the tip's force")] = 1.0
     rest: Annotated[Scalar, Unit("s", "after contact, from which on anything is learned")] = 0.5
