@@ -9,7 +9,6 @@ one, so that a wind that stays can be learned away. It needs JAX (the extra ``ja
 
 import argparse
 import dataclasses
-import json
 import time
 from pathlib import Path
 
@@ -275,7 +274,6 @@ def plot(path, curves):
     axes.plot(*np.mean(curves, axis=0).T / [[1e6], [1.0]], linewidth=2.0)
     axes.set(xlabel="steps, million", ylabel="mean reward of a step")
     figure.savefig(path)
-    path.with_suffix(".json").write_text(json.dumps(curves))
 
 
 if __name__ == "__main__":

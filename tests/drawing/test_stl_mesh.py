@@ -21,6 +21,7 @@ from skyarm.records.plain import plain
 from skyarm.records.restore import restore
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import ScenarioError
+from skyarm.scenario.world_meshes import with_meshes
 from world_flights import DOCUMENT
 
 BOX = Shape("box", "object", "box", -1, (0.1, 0.2, 0.3))
@@ -79,10 +80,9 @@ def test_both_kinds_of_files_give_the_triangles_and_each_vertex_once(tmp_path: P
 )
 def test_what_is_no_mesh_is_refused_with_the_field(tmp_path: Path, content: bytes, words: str) -> None:
     (tmp_path / "a.stl").write_bytes(content)
-    document = copy.deepcopy(DOCUMENT)
-    document["world"]["objects"][0]["mesh"] = "a.stl"
-    with pytest.raises(ScenarioError, match=r"world.objects\[0\].mesh = 'a.stl': " + words) as error:
-        scenario_from(document, tmp_path)
+    table = {"objects": [{"name": "a", "mesh": "a.stl"}]}
+    with pytest.raises(ValueError, match=r"world.objects\[0\].mesh = 'a.stl': " + words) as error:
+        with_meshes(table, "world", tmp_path)
     assert "\n" not in str(error.value)
 
 
@@ -129,6 +129,7 @@ def test_a_record_without_a_mesh_is_written_as_it_was_and_one_whose_file_has_gon
 
 
 @needs_display
+@pytest.mark.thorough
 def test_a_film_draws_a_mesh_where_the_same_box_would_be(file: Path) -> None:
     """A mesh beside the origin of its body, that is turned, against a box there: MuJoCo moves a mesh's vertices."""
     from skyarm.film.camera_paths import CameraPath

@@ -24,6 +24,7 @@ from skyarm.plant.interface import Truth, flat
 from skyarm.plant.mujoco_material import IMPEDANCE, SLIP_STIFFER, contact_numbers, damping_of, mean_material
 from skyarm.plant.surroundings import Surroundings
 from skyarm.reference import Sine
+from skyarm.scenario.mujoco_contact_checks import usual_integrator
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import ScenarioError
 from skyarm.vehicle.linkage import Follower
@@ -350,6 +351,4 @@ def test_what_it_cannot_do_is_refused_in_one_line():
             dataclasses.replace(ours, **(theirs | changes))
     with pytest.raises(ScenarioError, match=re.escape("delays.command = 0.0013: must be a whole number of physics")):
         dataclasses.replace(ours, delays=skyarm.Delays(command=0.0013, longest_command=0.01), **theirs)
-    document = copy.deepcopy(DOCUMENT)
-    document["plant"]["kind"] = "mujoco_contacts"
-    assert scenario_from(document).integrator == "euler"
+    assert [usual_integrator(kind) for kind in ("mujoco", "mujoco_contacts")] == ["rk4", "euler"]

@@ -16,7 +16,9 @@ import skyarm
 from flying_engines import ENGINES, evaluate
 from skyarm.algebra import Quaternion, Vec3
 from skyarm.reference.phase_guard import Guard, Phase
+from skyarm.reference.setting import Setting
 from skyarm.reference.signals import Constant
+from skyarm.reference.tip_tables import reference_from
 from skyarm.reference.trajectory import Trajectory
 from skyarm.scenario.scenario_parts import ScenarioError
 from skyarm.sensors.measurement import blank_measurement
@@ -114,6 +116,19 @@ def test_sensors_that_are_not_there_get_one_line(until, sensors, words):
         skyarm.scenario_from(document(until, **sensors))
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_the_tables_of_phases_md_are_those_of_a_switch_and_of_a_handle():
+    switch, handle = (
+        tomllib.loads(text) for text in re.findall(r"```toml\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
+    )
+    (press,) = switch["reference"]["tip"]["path"]["phases"]
+    found = skyarm.scenario_from(document(press["until"], **switch["sensors"]))
+    assert [(guard.closed, guard.fails) for guard in found.trajectory.guards] == [("fingertip", True)]
+    path = {"kind": "phases", "position": [0.6, 0.0, 1.27], **handle["reference"]["tip"]["path"]}
+    push = reference_from({"base": path}, 0, "reference", Setting(duration=20.0)).push
+    assert [push.at(t)[5] for t in (0.49, 0.51, 9.49, 9.51)] == [0.0, 1.0, 1.0, 0.0]
+    assert push.at(1.0)[6:] == (0.665, -0.8, 1.27, 0.0, 0.0, 1.0)
 
 
 @pytest.mark.thorough

@@ -27,7 +27,7 @@ IMPEDANCE = 1e-4
 
 SLIP_STIFFER = 1e6
 """``impratio``: how much softer than along the surface a contact is along its normal. A load at half of the cone creeps
-by 0.01 mm/s (a test)."""
+by 0.01 mm/s, measured."""
 
 STOPPED = 0.5
 """Share of a slip that sticking friction stops in a step: one would overshoot."""

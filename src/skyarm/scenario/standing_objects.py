@@ -1,7 +1,8 @@
 """Objects of a world that lie at rest on what is below them: how deep, and how tilted, their weight presses them.
 
 Each object that is said to be standing is set down in turn, the others staying where they are: from its position, or
-from just above it where that is inside of something. A flight that begins so does not jump.
+from just above it where that is inside of something. Those that then stand on each other settle as a whole. A flight
+that begins so does not jump.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from skyarm.contact.carried_contact import Meeting
 from skyarm.contact.contact import Contact
 from skyarm.contact.free_object import FreeObject, ObjectMotion
 from skyarm.files import shown
+from skyarm.scenario.standing_stacks import Stack, meetings_of, stacks_of
 
 Array = npt.NDArray[np.float64]
 
@@ -49,6 +51,16 @@ def with_standing_objects(contact: Contact, gravity: float) -> Contact:
                     f"{_where(i)} = true: must be false where plant.gravity leaves no weight to stand with"
                 )
             contact = _Rest(contact, i, gravity).set_down()
+    return _with_stacks(contact, gravity)
+
+
+def _with_stacks(contact: Contact, gravity: float) -> Contact:
+    """The contact whose objects that stand on each other are at rest as a whole."""
+    for stack in stacks_of(contact):
+        motions = Stack(contact, stack, gravity).balanced()
+        if motions is not None:
+            settled = [_placed(each, motions[i]) if i in stack else each for i, each in enumerate(contact.objects)]
+            contact = replace(contact, objects=tuple(settled))
     return contact
 
 
@@ -61,7 +73,7 @@ class _Rest:
 
     def __init__(self, contact: Contact, index: int, gravity: float) -> None:
         self._contact, self._index, self._object = contact, index, contact.objects[index]
-        self._memory = contact.start(1.0, ())
+        self._memory, self._all = contact.start(1.0, ()), meetings_of(contact)
         self._first: ObjectMotion = self._memory.carried[index]
         self._weight = float(self._object.mass) * gravity
         size, shape = self._object.size, self._object.shape
@@ -121,7 +133,7 @@ class _Rest:
             for _ in range(ROUNDS):
                 found = self._residual(x)
                 if np.abs(found).max() < SMALL:
-                    return self._placed(x) if np.abs(x - first).max() < 0.1 else None
+                    return _placed(self._object, self._motion(x)) if np.abs(x - first).max() < 0.1 else None
                 columns = [(self._residual(x + step) - found) / NEAR for step in NEAR * np.eye(3)]
                 # a ball may roll: of what nothing holds, nothing changes
                 x = x - np.linalg.lstsq(np.stack(columns, axis=1), found, rcond=1e-6)[0]
@@ -138,10 +150,7 @@ class _Rest:
         """What touches the object, but for the vehicle."""
         carried = list(self._memory.carried)
         carried[self._index] = self._motion(x)
-        contact = self._contact
-        clock, bristles = (*self._memory.clock, 0.0)[0], self._memory.bristles[len(contact.pairs) :]
-        far = tuple((Vec3(0.0, 0.0, 1e6), ZERO3, ZERO3) for _ in contact.points)
-        found = contact.carried.meetings(carried, far, clock, bristles, contact.largest_step)
+        found = self._all(carried)
         return tuple(each for each in found if self._index in (each.of, each.by))
 
     def _gap(self, x: Array) -> float:
@@ -164,15 +173,15 @@ class _Rest:
                   for each in self._meetings(x))  # fmt: skip
         return float(sum(pushes))
 
-    def _placed(self, x: Array) -> FreeObject:
-        """The object with position and angles of a motion."""
-        memory = self._motion(x)
-        frame = self._object.frame(memory)
-        (_, _, _), (r10, _, _), (r20, r21, r22) = ((float(c) for c in row) for row in frame.rotation.rows)
-        r00 = float(frame.rotation.rows[0].x)
-        angles = (np.arctan2(r21, r22), -np.arcsin(np.clip(r20, -1.0, 1.0)), np.arctan2(r10, r00))
-        return replace(
-            self._object,
-            position=Vec3(*(float(c) for c in frame.position)),
-            angles=Vec3(*(float(c) for c in angles)),
-        )
+
+def _placed(of: FreeObject, memory: ObjectMotion) -> FreeObject:
+    """The object with position and angles of a motion."""
+    frame = of.frame(memory)
+    (_, _, _), (r10, _, _), (r20, r21, r22) = ((float(c) for c in row) for row in frame.rotation.rows)
+    r00 = float(frame.rotation.rows[0].x)
+    angles = (np.arctan2(r21, r22), -np.arcsin(np.clip(r20, -1.0, 1.0)), np.arctan2(r10, r00))
+    return replace(
+        of,
+        position=Vec3(*(float(c) for c in frame.position)),
+        angles=Vec3(*(float(c) for c in angles)),
+    )

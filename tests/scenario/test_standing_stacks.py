@@ -1,0 +1,68 @@
+"""Objects that stand on each other begin at rest: no force is left over on any, and each is as deep as it must."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from skyarm.algebra import Vec3
+from skyarm.contact import Contact, FreeObject, Material, Surface
+from skyarm.dynamics.point_motion import PointMotion
+from skyarm.scenario.standing_objects import with_standing_objects
+from skyarm.scenario.standing_stacks import stacks_of
+from standing_vehicles import at_rest, limp
+
+G = 9.8
+GROUND = Surface(name="ground", material=Material(stiffness=4000.0))
+
+
+def box(name, side, mass, x, z, **numbers):
+    return FreeObject(name=name, size=(side, side, 0.05), mass=mass, position=Vec3(x, 0.0, z), standing=True, **numbers)
+
+
+LOWER = box("lower", 0.2, 0.3, 0.0, 0.03)
+UPPER = box("upper", 0.06, 0.15, 0.02, 0.085, com=Vec3(0.004, 0.002, 0.0), angles=Vec3(0.0, 0.0, 0.4))
+ALONE = box("alone", 0.1, 0.2, 3.0, 0.03)
+
+
+def settled(*objects):
+    return with_standing_objects(Contact(surfaces=(GROUND,), objects=objects), G)
+
+
+def accelerations(contact):
+    """Of the objects at the start, m/s^2 and rad/s^2."""
+    motion = PointMotion(limp(), at_rest(limp(), (9.0, 9.0, 90.0)), gravity=G)
+    slope = contact.slope(contact.start(0.005, ()), 0.0, motion, ())
+    return [[float(c) for c in (*each.velocity, *each.rate)] for each in slope.carried]
+
+
+@pytest.fixture(scope="module")
+def contact():
+    return settled(LOWER, UPPER)
+
+
+def test_a_stack_is_at_rest(contact):
+    """Forces upwards and moments vanish; what is tilted by 0.1 mrad is held sideways by friction."""
+    for found in accelerations(contact):
+        assert found[2:] == pytest.approx([0.0] * 4, abs=1e-5)
+        assert found[:2] == pytest.approx([0.0] * 2, abs=5e-3)
+    depth = 0.025 - float(contact.objects[0].position.z)
+    assert depth == pytest.approx(0.45 * G / (4.0 * 4000.0), rel=1e-4), "both weigh on the four lower corners"
+    assert stacks_of(contact) == [[0, 1]]
+
+
+@pytest.mark.thorough
+def test_what_stands_alone_is_as_before_to_the_bit(contact):
+    assert settled(ALONE, LOWER, UPPER).objects[0] == settled(ALONE).objects[0]
+    assert stacks_of(dataclasses.replace(contact, objects=(ALONE, contact.objects[0]))) == []
+
+
+@pytest.mark.thorough
+def test_a_stack_that_falls_stays_as_its_objects_were_set_down():
+    """Each stands for itself; the lower one does not with the upper one at its edge."""
+    narrow = FreeObject(name="narrow", size=(0.02, 0.02, 0.1), mass=0.01, position=Vec3(0.0, 0.0, 0.051), standing=True)
+    heavy = box("heavy", 0.2, 3.0, 0.009, 0.13, com=Vec3(-0.0, 0.0, 0.0))
+    contact = settled(narrow, heavy)
+    assert [each.name for each in contact.objects] == ["narrow", "heavy"]
+    assert all(abs(float(each.angles.x)) < 0.1 for each in contact.objects)
