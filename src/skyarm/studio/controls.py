@@ -11,6 +11,7 @@ from skyarm.studio.fleet import BLOW, GUST, MOST, SPEEDS, Fleet
 from skyarm.studio.picture import View
 
 NO_LAW = "none"
+NO_CASE = "choose"
 DIRECTIONS = {"+x": (1, 0, 0), "-x": (-1, 0, 0), "+y": (0, 1, 0), "-y": (0, -1, 0), "+z": (0, 0, 1), "-z": (0, 0, -1)}
 
 
@@ -96,12 +97,16 @@ class Controls:
         _clicked(menu, lambda value: self._orders.choose_law(place, None if value == NO_LAW else value))
 
     def _cases(self) -> None:
-        """The shipped scenarios, which are the paper's cases, and saving."""
+        """The shipped scenarios, and saving."""
         with self._gui.add_folder("cases"):
-            buttons = self._gui.add_button_group("case", list_scenarios())
-            _clicked(buttons, self._orders.choose_case)
+            menu = self._gui.add_dropdown("case", (NO_CASE, *list_scenarios()), initial_value=NO_CASE)
+            _clicked(menu, self._case)
             save = self._gui.add_button("Save as scenario", hint="with every change by hand, at its control period")
             _clicked(save, lambda _: self._orders.save())
+
+    def _case(self, name: str) -> None:
+        if name != NO_CASE:
+            self._orders.choose_case(name)
 
     def _view(self) -> None:
         """What of the picture is shown."""
