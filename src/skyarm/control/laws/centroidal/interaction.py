@@ -7,9 +7,10 @@ it, and the tip has no position there, only damping. Across n everything is as w
 Per period: the tip's force f out of the observed disturbance (:mod:`skyarm.control.laws.centroidal.tip_force`);
 whether it touches (above ``touch`` it does, until f.n stayed below ``lost`` for ``loss_time`` seconds or, once g was
 1, the tip went in faster than ``escape`` for ``escape_time``: before, it bounces, and the order drives it back as
-fast); a share g that rises in ``rise`` and falls in ``fall`` seconds; the order o = g (f_d + i) with the bounded integral
-i' = k (f_d - f.n), which stands still unless g = 1, and does not grow where a joint or rotor is at its limit; and the
-shift s of the whole reference along n, by which the base comes to the surface, follows it while pressing, and returns.
+fast); a share g that rises in ``rise`` and falls in ``fall`` seconds; the order o = g (f_d + i) with the bounded
+integral i' = k (f_d - f.n), which stands still unless g = 1, and does not grow where a joint or rotor is at its limit;
+and the shift s of the whole reference along n, by which the base comes to the surface, follows it while pressing, and
+returns.
 The base carries o + (1 - g) f.n: an impact pushes it back with more than the order of that instant.
 
 The normal itself is corrected by sliding (:mod:`skyarm.control.laws.centroidal.surface_normal`).
