@@ -116,6 +116,7 @@ def require_nothing(found, broken):
     assert {name for name, count in counts.items() if count} == {"interrupts", "inside"}, line
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 def test_interrupts_at_random_times_leave_nothing_behind(tmp_path):
     require_nothing(*attack(tmp_path, np.random.default_rng(1), 1, 12))

@@ -119,6 +119,7 @@ def test_term_and_hup_of_the_parent_are_one_line_and_end_its_workers(tmp_path: P
     wait_until(lambda: not members(process.pid))
 
 
+@pytest.mark.thorough
 def test_workers_of_a_parent_that_is_killed_end_with_it(tmp_path: Path) -> None:
     with started(tmp_path, *REPRODUCE) as process:
         try:

@@ -175,6 +175,7 @@ def test_wrong_words_are_one_line(folder: Path) -> None:
     refused(skyarm("basin", "short.toml", "--workers", "-1"), "--workers = -1: must be from 0 to 10000")
 
 
+@pytest.mark.thorough
 def test_the_margins_of_the_centroidal_law_hold_its_slow_adaptation(folder: Path) -> None:
     ended = skyarm("margins", "case3", "--controller", "centroidal_tip", "--instants", "1", "--out", "m.json")
     assert ended.code == 0, ended.err
@@ -184,6 +185,7 @@ def test_the_margins_of_the_centroidal_law_hold_its_slow_adaptation(folder: Path
     assert max(radii) < 1.0
 
 
+@pytest.mark.thorough
 def test_a_scenario_s_own_guard_stays_and_is_not_put_on_twice(folder: Path) -> None:
     (folder / "guarded.toml").write_text(SHORT.replace('"paper_pd"', '"paper_pd"\nsafety = true'))
     for words in ([], ["--safety"]):

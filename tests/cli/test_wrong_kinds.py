@@ -97,6 +97,7 @@ def test_words_that_are_like_nothing_are_not_guessed_at() -> None:
 NAME = "Flug ü 試験"
 
 
+@pytest.mark.thorough
 def test_a_name_of_any_letters_works_wherever_it_becomes_a_file_name(folder: Path) -> None:
     (folder / "f.toml").write_text(CASE1.replace('name = "case1"', f'name = "{NAME}"'), "utf-8")
     study = STUDY.replace('"robustness"', f'"{NAME}"').replace('"case3_wind"', '"f.toml"')

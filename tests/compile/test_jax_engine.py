@@ -80,6 +80,7 @@ def test_noisy_pendulums_equal_the_python_floats_lane_by_lane(lanes, block, thre
         np.testing.assert_allclose(log[:, :, k], entries, rtol=0, atol=1e-13)
 
 
+@pytest.mark.thorough
 def test_a_lane_has_the_same_bits_in_any_company():
     """Blocks of one width are one program: other lanes, their number and the threads change nothing."""
     kernel = pendulum(lanes_per_block=4)
@@ -230,6 +231,7 @@ def test_the_controlled_vehicle_equals_the_python_floats_and_a_lost_one_harms_no
         assert abs(expected[:3] - carry[:3, k]).max() > 0.05  # it flew
 
 
+@pytest.mark.thorough
 def test_slopes_of_a_flown_metric_by_every_gain_mass_and_length_equal_central_differences(flown):
     """Oracle: the Python floats, at parameters moved by 1e-5 of their size.
 

@@ -70,6 +70,7 @@ def test_the_tip_hardly_jumps_when_the_load_goes(scenario, log):
     assert not without.load_mass_found.size
 
 
+@pytest.mark.thorough
 def test_every_engine_learns_the_same_and_layers_hide_nothing(scenario, log):
     short = dataclasses.replace(scenario, duration=0.6)
     assert np.array_equal(run_in_python(short).load_mass_found, log.load_mass_found[:120])

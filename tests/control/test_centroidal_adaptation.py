@@ -288,7 +288,7 @@ def test_without_a_payload_the_mass_stays_near_zero():
     assert abs(fly(planned("case3_wind", mode="tip")).memory.learned.tip_mass) < 0.002
 
 
-@pytest.mark.parametrize("noisy", [False, True])
+@pytest.mark.parametrize("noisy", sampled([True, False], 2))
 def test_damping_is_found_and_no_longer_carries_the_joints_away(noisy):
     """0.02 N m s/rad cost 11 mrad without, and 40 for the slower observer under noise."""
     scenario = sticky(planned("case2", noisy=noisy), 0.02)
@@ -327,6 +327,7 @@ def test_slow_motion_under_a_load_is_no_friction(noisy):
     assert max(dampings(fly(loaded(slow, 0.05)))) < 0.005
 
 
+@pytest.mark.thorough
 def test_fast_motion_under_a_load_stays_what_it_is_without_learning():
     """At 3 Hz the arm does not follow its plan, and what it does says nothing about it."""
     fast = loaded(swinging(planned("case2", mode="tip", noisy=True), 0.06, 3.0, 20.0, phase=1.0), 0.05)
@@ -335,6 +336,7 @@ def test_fast_motion_under_a_load_stays_what_it_is_without_learning():
         assert learning.mean(what) < 1.4 * plain.mean(what)
 
 
+@pytest.mark.thorough
 def test_a_load_that_is_believed_and_not_there_is_taken_off():
     scenario = planned("case2", noisy=True)
     believed = Model(vehicle=scenario.controller.par.model.vehicle.with_payload(0.05), gravity=9.81)

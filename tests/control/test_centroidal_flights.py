@@ -77,6 +77,7 @@ def test_the_links_keep_their_absolute_angles_while_the_base_leans():
     np.testing.assert_allclose(flown.joints[0, at, 1], flown.joints_d[at, 1], atol=0.02)
 
 
+@pytest.mark.thorough
 def test_noise_leaves_a_gust_below_seventy_millimetres_of_base():
     flown = fly(planned("case2_gust", mode="tip", noisy=True), 8)
     peaks = np.abs(flown.base_vector[:, flown.time >= 7.0, 0]).max(axis=1)
@@ -91,6 +92,7 @@ def test_a_gust_is_felt_by_the_base_and_hardly_by_the_tip():
     assert np.abs(flown.tip_vector[0, at, 0]).max() < 10.0
 
 
+@pytest.mark.thorough
 def test_what_the_arm_cannot_reach_the_base_shifts():
     perfect = fly(blown(planned("case3_wind", mode="tip"), 2.0**0.5, 2.0**0.5, 0.0))
     noisy = fly(blown(planned("case3_wind", mode="tip", noisy=True), 0.0, 2.0, 0.0), seeds=4)
@@ -99,6 +101,7 @@ def test_what_the_arm_cannot_reach_the_base_shifts():
     assert min(perfect.mean("base"), noisy.mean("base")) > 50.0
 
 
+@pytest.mark.thorough
 def test_noise_and_a_known_delay_cost_about_a_millimetre():
     tip, base = fly(planned("case3_wind", mode="tip", noisy=True), 4), fly(planned("case2", noisy=True), 4)
     assert tip.mean("tip") < 1.6
@@ -107,6 +110,7 @@ def test_noise_and_a_known_delay_cost_about_a_millimetre():
     assert max(tip.jitter, base.jitter) < 15.0
 
 
+@pytest.mark.thorough
 def test_everything_wrong_at_once_costs_two_millimetres():
     flown = fly(spoiled(planned("case3_wind", mode="tip", noisy=True)), 4)
     assert flown.mean("tip") < 2.5

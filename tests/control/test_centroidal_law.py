@@ -318,6 +318,7 @@ def test_the_trim_stays_within_its_bound_whatever_is_sent():
     assert worst == pytest.approx(1.0)
 
 
+@pytest.mark.thorough
 def test_mujocos_plant_sees_the_same_tip():
     pytest.importorskip("mujoco")
     scenario = dataclasses.replace(planned("case3_wind", mode="tip"), duration=12.0)

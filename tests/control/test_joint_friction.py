@@ -128,6 +128,7 @@ def test_friction_for_another_number_of_joints_is_refused_in_one_line(table: str
         scenario_from(wrong)
 
 
+@pytest.mark.thorough
 def test_shares_vary_by_path_with_the_bits_of_single_flights() -> None:
     paths = ("controller.friction_compensation.0", "controller.rate_weights.1", "model.vehicle.links.0.joint.damping")
     base = scenario_from(document(friction_compensation=[1.0, 1.0], rate_weights=[1.0, 1.0]))

@@ -133,6 +133,7 @@ def test_nothing_is_learned_while_an_actuator_is_at_its_limit():
     assert lags(held) == pytest.approx((0.0, 0.0), abs=1e-6)
 
 
+@pytest.mark.thorough
 def test_a_faster_loop_has_its_lags_as_far_apart():
     assert [stride_of(period) for period in (0.02, 0.005, 0.0025, 0.001)] == [1, 1, 2, 5]
     gains = dataclasses.replace(GAINS, stride=5)

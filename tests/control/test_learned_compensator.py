@@ -219,6 +219,7 @@ def test_what_the_model_leaves_out_of_a_flight_is_the_push_that_was_given():
     assert np.abs(found[40:, 3:]).max() < 5e-3
 
 
+@pytest.mark.thorough
 def test_a_noisy_flight_is_seen_through_every_channel_of_the_bench_s_noise():
     log = run(random_scenario(np.random.default_rng(2), load_scenario("case3").controller, 8.0, 0))
     clean, noisy = samples(MODEL, [log, log], [False, True], np.random.default_rng(3))[0]

@@ -398,6 +398,7 @@ def cost(plan, problem, stages, steps, final):
     return total
 
 
+@pytest.mark.thorough
 def test_with_torques_at_their_limits_it_is_as_good_as_fatrop():
     pytest.importorskip("casadi")
     from skyarm.control.laws.predictive.interior_point import InteriorPoint

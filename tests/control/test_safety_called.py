@@ -47,6 +47,7 @@ def failing(how, start):
     return dataclasses.replace(inner, law=law)
 
 
+@pytest.mark.thorough
 def test_the_predictive_law_flies_under_guard_as_it_does_without():
     logs = [flown(controller, 1.0) for controller in (predictive(), with_safety_layer(predictive()))]
     assert logs[1].status == "completed"

@@ -159,6 +159,7 @@ def test_a_wanted_force_near_nothing_does_not_ask_for_endless_turning(force):
     assert np.abs(found).max() < 1e3
 
 
+@pytest.mark.thorough
 def test_each_step_buys_something_with_the_papers_gains():
     """Case 3 in wind for the observer, without for the rest: every rung against the one below, perfect sensors."""
     model = load_scenario("case3").controller.par.model

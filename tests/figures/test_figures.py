@@ -137,6 +137,7 @@ def test_drawn_lines_keep_their_looks(drawn: dict[int, Figure]) -> None:
     assert [lines[name].is_dashed() for name in ("CT", "PD", "desired")] == [False, True, True]
 
 
+@pytest.mark.thorough
 def test_nothing_of_a_figure_lies_outside_its_canvas(drawn: dict[int, Figure]) -> None:
     for figure in drawn.values():
         figure.canvas.draw()

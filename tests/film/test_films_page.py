@@ -24,6 +24,7 @@ LINES = re.findall(r"^    (skyarm .+|python .+)$", PAGE, re.M)
 SHORT = {"run": ["--duration", "0.3"], "film": ["--stop", "0.2", "--size", "64x64", "--fps", "10"]}
 
 
+@pytest.mark.thorough
 @needs_display
 def test_the_commands_run_one_after_the_other(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     pytest.importorskip("viser", reason="no extra 'studio'")

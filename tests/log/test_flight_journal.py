@@ -20,6 +20,7 @@ from skyarm.log.mcap import journal
 from skyarm.log.mcap.flight_file import CutLogWarning
 from skyarm.log.mcap.journal import Journal, journal_beside, partial_file
 from skyarm.simulate.loop import run_in_python
+from thorough import sampled
 
 
 @pytest.fixture
@@ -152,7 +153,7 @@ def test_the_pause_grows_with_what_a_write_costs(tmp_path, monkeypatch):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="sends signals")
-@pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGINT], ids=["killed", "interrupted"])
+@pytest.mark.parametrize("sent", sampled([signal.SIGKILL, signal.SIGINT], 2), ids=["killed", "interrupted"])
 def test_a_run_that_is_killed_leaves_a_log_that_can_be_read(sent, tmp_path):
     words = ["run", "case3", "--plant", "mujoco", "--duration", "300", "--log", "flight.csv"]
     file = tmp_path / "flight.partial.mcap"

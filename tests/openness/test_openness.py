@@ -76,6 +76,7 @@ def test_a_thousand_lanes_fly_it_and_each_is_a_flight_of_its_own() -> None:
         assert np.array_equal(np.asarray(outcome.log.state.joints[0])[lane], log.joints[:, 0])
 
 
+@pytest.mark.thorough
 def test_an_ending_of_ones_own_ends_and_says_why() -> None:
     low = copy.deepcopy(DOCUMENT)
     low["endings"] = [{"kind": "ceiling", "height": 0.9}]

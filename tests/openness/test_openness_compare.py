@@ -58,6 +58,7 @@ def test_it_is_compared_on_every_plant_and_each_flight_is_one_of_its_own(tmp_pat
     assert set(found["plugins"]) == {plugin.name for plugin in EVERY}
 
 
+@pytest.mark.thorough
 def test_what_was_flown_is_not_flown_again_and_another_plugin_is_one_line(tmp_path: Path) -> None:
     words = ["added.toml", "--out", "out", "--laws", f"angles,{LAW}", "--seeds", "2"]
     first = compare(tmp_path, *words)

@@ -132,6 +132,7 @@ def copies(folder: Path) -> list[str]:
     return words
 
 
+@pytest.mark.thorough
 def test_a_plugin_that_has_changed_is_one_line_and_never_mixed_rows(tmp_path: Path) -> None:
     written(tmp_path, episodes=8, chunk=4)
     words = [*copies(tmp_path), "sweep", "study.toml", "--out", "out", "--workers", "2"]

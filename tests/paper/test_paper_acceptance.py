@@ -111,6 +111,7 @@ def test_both_plants_agree_to_one_percent(table: dict[str, Any], case: str, cont
             assert ours == pytest.approx(theirs, rel=0.01, abs=2e-4 if "pitch" in metric else 1e-6), metric
 
 
+@pytest.mark.thorough
 def test_the_plants_differ_by_the_hold_of_forces_alone() -> None:
     def pitch(plant: str, integrator: str, physics: int) -> float:
         planned = scenario(Flight("case2", "CT", plant))

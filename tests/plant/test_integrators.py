@@ -196,6 +196,7 @@ def test_joint_damping_takes_energy():
         assert np.all(np.diff(energies) < 0.0)
 
 
+@pytest.mark.thorough
 def test_both_steps_have_gradients_where_nothing_moves():
     jax = pytest.importorskip("jax")
     vehicle, dt = hummingbird_arm(), 0.001

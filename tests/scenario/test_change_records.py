@@ -374,6 +374,7 @@ plain_values = st.recursive(
 )
 
 
+@pytest.mark.thorough
 @given(st.dictionaries(st.text(st.characters(exclude_categories=["Cs"])), plain_values))
 def test_any_tables_are_written_as_toml_and_read_back(document: dict[str, Any]) -> None:
     assert tomllib.loads(toml_text(document)) == document

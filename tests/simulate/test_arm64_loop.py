@@ -93,6 +93,7 @@ def test_two_lanes_of_a_neon_register_are_the_flights_of_python_floats(integrato
         assert np.array_equal(flown.rows, log[:, :, lane])
 
 
+@pytest.mark.thorough
 def test_single_precision_has_the_bits_of_this_processor():
     scenario = short()
     log, listing, traced, rows = on_arm(scenario, Lanes(4, single=True))

@@ -89,10 +89,12 @@ def test_a_run_is_a_session_led_by_hand_and_the_session_says_how_to_fly_it_again
     assert same_logs(run(again), flown)
 
 
+@pytest.mark.thorough
 def test_a_run_in_python_floats_has_the_same_bits(flown: Log) -> None:
     assert same_logs(run_in_python(changing(*CHANGES)), flown)
 
 
+@pytest.mark.thorough
 def test_mujocos_plant_flies_changes_as_a_session_of_it_does() -> None:
     pytest.importorskip("mujoco")
     scenario = dataclasses.replace(changing(*CHANGES), plant="mujoco")

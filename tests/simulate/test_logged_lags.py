@@ -35,6 +35,7 @@ def test_what_is_found_is_how_late_the_commands_are(log):
     assert log.lag_found[-1] == pytest.approx([LATE, LATE], abs=0.0025)
 
 
+@pytest.mark.thorough
 def test_it_is_found_under_guard_as_well(scenario):
     assert lags_found(with_safety_layer(scenario.controller).memory) == (0.0, 0.0)
     assert lags_found(skyarm.load_scenario("case3").controller.memory) == ()

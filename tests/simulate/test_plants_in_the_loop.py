@@ -48,7 +48,7 @@ def farthest(a, b):
     return np.array([np.abs(a[:, part] - b[:, part]).max() for part in (slice(0, 3), slice(3, 7), slice(7, None))])
 
 
-@pytest.mark.parametrize("case", sampled(CASES, 5, keep=("case2_gust", "case3_wind")))
+@pytest.mark.parametrize("case", sampled(CASES, 5, keep=("case3_wind",)))
 def test_loads_at_each_stage_bring_the_plants_together(case):
     """Each plant's error is what half its step changes, by Richardson; the flights differ by their sum at most."""
     pytest.importorskip("mujoco")

@@ -96,6 +96,7 @@ def test_numbers_of_a_carried_servo_vary_by_path_and_a_batch_is_a_loop():
     assert abs(singles[0] - singles[1]) > 1e-6
 
 
+@pytest.mark.thorough
 def test_a_torque_law_loses_little_on_well_damped_servos():
     """Tip error of the centroidal law on Case 3, which the plain torque joints fly at 1.5 mm."""
     centroidal = under_law(CASE, "centroidal_tip")

@@ -441,6 +441,7 @@ def test_another_vehicles_structure_is_refused(name: str, words: str) -> None:
     assert session.step(), "it flies on"
 
 
+@pytest.mark.thorough
 def test_other_sensors_are_refused_since_readings_are_on_their_way() -> None:
     session = Session(ADDED)
     for _ in range(7):

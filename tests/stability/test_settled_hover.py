@@ -53,6 +53,7 @@ def test_a_hover_that_diverges_has_no_margins(hovers):
     assert hovers.delays(values).tolist() == [0.0, 0.0]
 
 
+@pytest.mark.thorough
 def test_what_a_law_learns_is_held_also_under_guard():
     from skyarm.control.safety import with_safety_layer
     from skyarm.stability.frozen_scenario import without_adaptation

@@ -214,6 +214,7 @@ def test_a_slider_moves_the_vehicle_that_it_belongs_to(shown: Open, tab: Tab) ->
     assert shown.page.fleet.flights[0].values == {}
 
 
+@pytest.mark.thorough
 def test_a_gust_passes(tab: Tab) -> None:
     fast(tab)
     tab.listen(lambda t: seconds(t) > 2.5)  # the law has found its own offset

@@ -85,6 +85,7 @@ def test_a_sound_loop_is_short_of_nothing():
     assert "nothing is short of margin" in words(found)
 
 
+@pytest.mark.thorough
 def test_a_delay_is_named_with_what_it_costs_and_what_would_help():
     found = explain(late(0.020), find_knobs(CASE.controller, CASE.controller.name, ["joint_gains"]))
     assert found.parts[0] == "delay"

@@ -108,6 +108,7 @@ def test_a_scenario_keeps_its_loop_and_gets_noise_only_where_it_has_none():
     assert gust.start == BLOWN
 
 
+@pytest.mark.thorough
 def test_joints_with_servos_are_charged_no_effort():
     flight = excited(of_vehicle(load_vehicle("quadrotor_roll_arm2"), "decoupled_pd"))
     flight = dataclasses.replace(flight, duration=1.0)

@@ -66,6 +66,7 @@ def test_every_fourth_plant_flies_the_own_motion_and_the_other_kinds_stay_balanc
     assert drawn.kinds.max() < OWN
 
 
+@pytest.mark.thorough
 def test_plants_fly_the_motion_of_their_kind_in_as_many_flights(short, monkeypatch):
     """Each column is that of the same plant where one batch flies one motion, and the table is in the plants' order."""
     flight, own = short

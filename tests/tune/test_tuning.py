@@ -49,6 +49,7 @@ def test_a_small_budget_repeats_and_is_no_worse_than_the_untouched_law(tmp_path)
     assert f"cost {first.before:.3f} -> {first.after:.3f}, 12 candidates" in text
 
 
+@pytest.mark.thorough
 def test_the_shipped_factors_have_the_cost_that_is_noted():
     """Factors are kept to four decimals and multiplications may be fused: 0.02 of a logarithm."""
     text = resources.files("skyarm.control.catalogue").joinpath("tuned.toml").read_text(encoding="utf-8")
@@ -115,6 +116,7 @@ def test_a_law_judged_one_by_one_costs_what_it_costs_in_a_batch():
                 np.testing.assert_allclose(getattr(ours, field), getattr(theirs, field), rtol=1e-6)
 
 
+@pytest.mark.thorough
 def test_a_law_that_does_not_compile_is_tuned_on_a_small_budget_and_says_so():
     budget = Budget(first=2, later=1, rounds=1, elite=1, reach=3.0, trials=TINY[:1])
     found = tune("nmpc", budget)

@@ -77,6 +77,7 @@ def test_numpy_batch_equals_the_floats():
     np.testing.assert_allclose(batch, EXPECTED, atol=TOLERANCE)
 
 
+@pytest.mark.thorough
 def test_jax_batch_equals_the_floats():
     jax = pytest.importorskip("jax")
     jax.config.update("jax_enable_x64", True)

@@ -6,6 +6,7 @@ from lagrangian_twin import MASSES, L, rotation, states
 from lagrangian_twin import mass_matrix as twin_mass_matrix
 
 from skyarm.dynamics import euler_lagrange as el
+from thorough import sampled
 
 Q, QD = states(200, seed=2)
 LINKS = tuple(zip(MASSES[1:], (L / 2, L, L), (0.0, L / 2, L), strict=True))
@@ -83,7 +84,8 @@ def test_with_the_corrected_blocks_the_residual_is_that_of_the_difference():
 
 
 @pytest.mark.parametrize(
-    ("equations", "median"), [(("A9",), 0.223), (("A18",), 0.0296), (("A14",), 0.0092), (("A9", "A18", "A14"), 0.225)]
+    ("equations", "median"),
+    sampled([(("A9",), 0.223), (("A18",), 0.0296), (("A14",), 0.0092), (("A9", "A18", "A14"), 0.225)], 4),
 )
 def test_each_printed_mistake_is_worth_what_the_decision_says(equations, median):
     # docs/decisions/005: medians over these 200 states, two digits
