@@ -135,7 +135,7 @@ def manifest_is_whole(folder: Path) -> bool:
         return False
 
 
-@pytest.mark.parametrize("name", sampled(list(KINDS), 2))
+@pytest.mark.parametrize("name", sampled(list(KINDS), 6))
 def test_statistics_of_a_forged_folder_are_true_or_refused(whole: Path, tmp_path: Path, name: str) -> None:
     folder = victim(whole, tmp_path)
     KINDS[name](folder)
@@ -154,7 +154,7 @@ def test_a_sweep_into_a_forged_folder_completes_it_or_refuses_it(whole: Path, tm
 DAMAGED_ONLY = ("manifest missing", "manifest empty", "manifest cut off", "chunk empty", "chunk cut off")
 
 
-@pytest.mark.parametrize("name", DAMAGED_ONLY)
+@pytest.mark.parametrize("name", sampled(DAMAGED_ONLY, 3))
 def test_what_is_only_damaged_is_mended(whole: Path, tmp_path: Path, name: str) -> None:
     folder = victim(whole, tmp_path)
     KINDS[name](folder)

@@ -20,6 +20,7 @@ from skyarm.figures.picture_styles import TALK_DARK
 from skyarm.figures.projection import SIDE, TOP, arc, axonometric, hull, surface
 from skyarm.figures.vehicle_drawing import AZIMUTH, ELEVATION, vehicle_drawing
 from skyarm.vehicle.vehicle_files import list_vehicles
+from thorough import sampled
 
 PAPER_VEHICLE = "hummingbird_arm2_rotors"
 
@@ -28,7 +29,7 @@ def words(ax: Any) -> list[str]:
     return [text.get_text() for text in ax.texts]
 
 
-@pytest.mark.parametrize("name", list_vehicles())
+@pytest.mark.parametrize("name", sampled(list_vehicles(), 4))
 def test_everything_of_a_vehicle_is_named_and_no_word_covers_another(name: str) -> None:
     vehicle = skyarm.load_vehicle(name)
     figure = vehicle_drawing(vehicle, style="talk", dark=True)

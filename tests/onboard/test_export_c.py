@@ -238,7 +238,7 @@ def test_single_precision_is_near(tmp_path):
 
 
 @needs_cc
-@pytest.mark.parametrize(("vehicle", "name"), [p for p in PAIRS if p[1] in PAPER_LAWS])
+@pytest.mark.parametrize(("vehicle", "name"), sampled([p for p in PAIRS if p[1] in PAPER_LAWS], 2))
 def test_only_libm_is_needed_and_the_stack_is_bounded(tmp_path, vehicle, name, record_property):
     """The bound is a quarter of a microcontroller's usual 16 KiB; the number itself is reported."""
     target = object_file(text_of(built(vehicle, name)), tmp_path, ("-O2",))

@@ -148,6 +148,7 @@ def test_a_law_that_did_not_fly_is_a_dash() -> None:
     assert ["-"] * 7 in [row[1:] for row in rows]
 
 
+@pytest.mark.thorough
 def test_the_report_shows_the_flights_and_the_picture(flown: tuple[Path, Campaign]) -> None:
     folder, campaign = flown
     source = (folder / "report.html").read_text(encoding="utf-8")
@@ -164,6 +165,7 @@ def test_the_report_shows_the_flights_and_the_picture(flown: tuple[Path, Campaig
     assert read["summaries"]["noisy"]["case3_wind"]["centroidal_tip"]["episodes"] == 8
 
 
+@pytest.mark.thorough
 def test_the_log_in_the_picture_is_the_flight_in_the_table(flown: tuple[Path, Campaign]) -> None:
     _, campaign = flown
     log = campaign.beyond.logs["rigid_body"]["centroidal_tip_stiff"]
@@ -171,6 +173,7 @@ def test_the_log_in_the_picture_is_the_flight_in_the_table(flown: tuple[Path, Ca
     assert errors(log)[TOOL] == pytest.approx(cell.metrics[TOOL][0], rel=1e-6)
 
 
+@pytest.mark.thorough
 def test_the_comparison_joins_the_report_and_has_its_own_page(flown: tuple[Path, Campaign]) -> None:
     folder, _ = flown
     source = (folder / "report.html").read_text(encoding="utf-8")
@@ -188,6 +191,7 @@ def test_the_comparison_joins_the_report_and_has_its_own_page(flown: tuple[Path,
     assert without_scripts.count("<table") == without_scripts.count("<caption")
 
 
+@pytest.mark.thorough
 def test_a_comparison_that_is_there_is_not_flown_again(
     flown: tuple[Path, Campaign], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -139,7 +139,7 @@ def stepped(plant, x, command, dt, seconds=0.25):
 
 
 @pytest.mark.parametrize("start", sorted(STARTS))
-@pytest.mark.parametrize("name", sampled(sorted(FLYERS), 3))
+@pytest.mark.parametrize("name", sampled(sorted(FLYERS), 6))
 def test_with_loads_at_each_stage_the_plants_differ_by_their_own_errors(name, start):
     """Half a step changes 15 sixteenths of an error of fourth order; the flights differ by both errors at most."""
     vehicle = FLYERS[name]
