@@ -81,6 +81,22 @@ def test_a_body_in_a_mechanism_is_refused_and_one_as_deep_as_weights_press_is_no
         require_places_apart(Contact(objects=(replace(level, mass=mass), above)), gravity, 2.0)
 
 
+def test_a_part_beside_the_axis_of_a_turned_mechanism_is_looked_for_where_it_is():
+    """A plate 0.3 m out along x of axes that are turned by 90 degrees: out along y of the world, thin across x."""
+    plate = Surface(name="plate", shape="box", size=(0.2, 0.004, 0.2), position=Vec3(0.3, 0.0, 0.0))
+    turned = Mechanism(
+        name="slide", kind="slide", mass=0.1, axis=Vec3(1.0, 0.0, 0.0), position=Vec3(0.3, -0.1, 1.0),
+        angles=Vec3(0.0, 0.0, 1.5707963267948966), parts=(plate,),
+    )  # fmt: skip
+    require_places_apart(
+        Contact(objects=(replace(BOX, position=Vec3(0.3, -0.4, 1.0)),), mechanisms=(turned,)), GRAVITY, 2.0
+    )
+    with pytest.raises(
+        ValueError, match=r"'plate' starts inside 'box', both are at \[0\.(29|3)\d*, 0\.\d+, (0\.9|1\.0)\d*\]"
+    ):
+        require_places_apart(Contact(objects=(BOX,), mechanisms=(turned,)), GRAVITY, 2.0)
+
+
 @pytest.mark.parametrize(("mass", "thick"), [(1e300, None), (60.0, 0.02)])
 def test_what_is_too_heavy_to_stand_is_told_its_mass_at_once(monkeypatch, mass, thick):
     """On a ground it sinks in by half its height; through a thin plate it falls."""
