@@ -69,6 +69,7 @@ def test_a_picture_is_of_the_present_state():
 
 
 @needs_display
+@pytest.mark.thorough
 def test_environments_draw_beside_one_another_and_after_a_reset():
     one, other = drawn(), drawn(camera="orbit", ghost=False)
     first, second = one.render(), other.render()
@@ -85,6 +86,7 @@ def test_environments_draw_beside_one_another_and_after_a_reset():
 
 
 @needs_display
+@pytest.mark.thorough
 def test_gymnasiums_checks_and_wrappers_take_pictures():
     env = gymnasium.make("skyarm/Scenario-v0", **bare(render_mode="rgb_array", render_options=SMALL))
     check_env(env.unwrapped)
