@@ -142,6 +142,10 @@ def make_single(*, task: str, **given: Any) -> Environment:
     return Environment(**task_arguments(task, given))
 
 
+# what Gymnasium looks at before it makes an environment, for modes that it derives, as rgb_array_list
+make_single.__dict__["metadata"] = {"render_modes": ["rgb_array"]}
+
+
 def make_vector(num_envs: int = 1, *, task: str, **given: Any) -> VectorEnvironment:
     """Many episodes of a shipped environment together; arguments as of :class:`VectorEnvironment`."""
     from skyarm.env.vector_environment import VectorEnvironment

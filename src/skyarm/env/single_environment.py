@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from importlib import import_module
 from typing import Any
 
 import gymnasium
 import numpy as np
 import numpy.typing as npt
 
-from skyarm.compile import leaves
+from skyarm.compile import leaves, rebuild
 from skyarm.env.env_lanes import EnvLanes
 from skyarm.env.env_task import make_task
 from skyarm.env.given_arguments import require_actions, require_arguments, require_options
 from skyarm.env.seeds_of_lanes import seed_of
 from skyarm.env.vector_environment import spaces
-from skyarm.files import shown
+from skyarm.files import must_be_one_of, shown
 from skyarm.scenario.numbers import with_numbers
 from skyarm.scenario.scenario_record import Scenario, ScenarioError
 from skyarm.simulate.check_endings import ended_by
 
 Array = npt.NDArray[Any]
+
+RENDER_MODES = ("rgb_array",)
+
+PICTURES = "skyarm.film.episode_pictures"
+"""Where pictures are drawn: a room above this one, imported when pictures are asked for and by name only."""
 
 
 class Environment(gymnasium.Env[Array, Array]):
@@ -27,19 +34,30 @@ class Environment(gymnasium.Env[Array, Array]):
 
     Args:
         scenario: record, name or path of a file.
+        render_mode: None, or "rgb_array": :meth:`render` gives a picture.
+        render_options: of a picture: width, height, camera, ghost, fine, as a film has them.
         task: further arguments of :func:`skyarm.env.env_task.make_task`.
 
     Attributes:
         lanes: the one lane that flies: state, numbers drawn.
     """
 
-    def __init__(self, *, scenario: Scenario | str = "case3", render_mode: str | None = None, **task: Any) -> None:
-        if render_mode is not None:
-            raise ScenarioError(f"render_mode = {shown(render_mode)}: must be None; films are made of logs")
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES)}  # noqa: RUF012 - Gymnasium has it so
+
+    def __init__(
+        self,
+        *,
+        scenario: Scenario | str = "case3",
+        render_mode: str | None = None,
+        render_options: Mapping[str, Any] | None = None,
+        **task: Any,
+    ) -> None:
+        self.render_mode, self._pictures = render_mode, _pictures(render_mode, render_options)
+        self._drawn: tuple[int, int] | None = None
         require_arguments(task, make_task)
         self.lanes = EnvLanes(make_task(scenario, **task), 1)
         self.observation_space, self.action_space = spaces(self.lanes)
-        self.metadata = {"render_modes": [], "render_fps": self.lanes.task.scenario.rates.control}
+        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": self.lanes.task.scenario.rates.control}
         self._only = np.zeros(1, dtype=np.intp)
         self._begun = False
 
@@ -91,8 +109,7 @@ class Environment(gymnasium.Env[Array, Array]):
         status = str(lanes.statuses[ending])
         if ending == len(lanes.statuses) - 1:
             return {"status": status, "cause": "the command was not finite"}
-        numbers = {path: float(column[0]) for path, column in lanes.numbers().items()}
-        scenario = with_numbers(lanes.task.scenario, numbers)
+        scenario = self._flown()
         ticks, ratio = int(lanes.loop.ticks[0]), scenario.rates.control // scenario.rates.reference
         held = min(ticks, scenario.steps - 1) // ratio * ratio / scenario.rates.control
         goal = [float(c) for c in scenario.trajectory.at(held).position]
@@ -100,6 +117,51 @@ class Environment(gymnasium.Env[Array, Array]):
         ended = ended_by(scenario, ticks / scenario.rates.control, x, goal)
         return {"status": status, "cause": ended.cause if ended else status}
 
+    def _flown(self) -> Scenario:
+        """The scenario with the numbers that were drawn for this episode."""
+        numbers = {path: float(column[0]) for path, column in self.lanes.numbers().items()}
+        return with_numbers(self.lanes.task.scenario, numbers)
+
+    def render(self) -> Any:
+        """Draw the present state, as a frame of a film without its texts.
+
+        Returns:
+            (height, width, 3) bytes; None, with a warning, of an environment that was made without ``render_mode``.
+
+        Raises:
+            ScenarioError: before the first ``reset()``.
+            NoDisplayError: one line, a ValueError: nothing can be drawn on this machine, and what is missing.
+        """
+        if self._pictures is None:
+            gymnasium.logger.warn('render: gives nothing; make the environment with render_mode="rgb_array"')
+            return None
+        if not self._begun:
+            raise ScenarioError("render: must come after reset()")
+        lanes = self.lanes
+        episode = int(lanes.seeds[0]), int(lanes.episodes[0])
+        if episode != self._drawn:
+            self._pictures.begin(self._flown())
+            self._drawn = episode
+        return self._pictures.draw(rebuild(lanes.loop, iter([float(leaf[0]) for leaf in leaves(lanes.loop)])))
+
     def close(self) -> None:
-        """End the threads."""
+        """End the threads, and give back what drawing holds."""
         self.lanes.close()
+        if self._pictures is not None:
+            self._pictures.close()
+            self._drawn = None
+
+
+def _pictures(mode: Any, options: Any) -> Any:
+    """What draws; None where nothing is to be drawn."""
+    if mode is None:
+        return None
+    if mode not in RENDER_MODES:
+        raise ScenarioError(f"render_mode = {shown(mode)}: {must_be_one_of(RENDER_MODES, mode)}, or None")
+    if options is not None and not isinstance(options, Mapping):
+        raise ScenarioError(f"render_options = {shown(options)}: must be a table, as {{'width': 320}}")
+    drawing = import_module(PICTURES)
+    try:
+        return drawing.EpisodePictures(drawing.picture_settings(options or {}))
+    except ValueError as error:
+        raise ScenarioError(f"render_options: {error}") from None

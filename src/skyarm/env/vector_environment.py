@@ -52,7 +52,9 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
         **task: Any,
     ) -> None:
         if render_mode is not None:
-            raise ScenarioError(f"render_mode = {shown(render_mode)}: must be None for many episodes together")
+            raise ScenarioError(
+                f"render_mode = {shown(render_mode)}: must be None; pictures are of a single environment"
+            )
         self._mode = _mode(autoreset_mode)
         count = require_lanes(num_envs)
         if not isinstance(copy, (bool, np.bool_)):

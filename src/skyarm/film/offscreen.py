@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -28,30 +28,36 @@ class NoDisplayError(ValueError):
 
 
 @contextmanager
-def offscreen() -> Iterator[None]:
+def offscreen() -> Iterator[Callable[[], None]]:
     """Make an OpenGL context current in this thread, and give it back at the end.
+
+    Yields a function that makes it current again, after another one was.
 
     Raises:
         NoDisplayError: one line: no EGL, or no driver that draws with it.
     """
     if not sys.platform.startswith("linux"):
-        with _of_mujoco():
-            yield
+        with _of_mujoco() as current:
+            yield current
         return
     egl = _library()
     display, config = _display(egl)
     context = egl.eglCreateContext(display, config, None, None)
-    if not context or not egl.eglMakeCurrent(display, None, None, context):
-        raise NoDisplayError(f"EGL: has no OpenGL context (error {egl.eglGetError():#x}); {NEEDS}")
+
+    def current() -> None:
+        if not context or not egl.eglMakeCurrent(display, None, None, context):
+            raise NoDisplayError(f"EGL: has no OpenGL context (error {egl.eglGetError():#x}); {NEEDS}")
+
+    current()
     try:
-        yield
+        yield current
     finally:
         egl.eglMakeCurrent(display, None, None, None)
         egl.eglDestroyContext(display, context)
 
 
 @contextmanager
-def _of_mujoco() -> Iterator[None]:
+def _of_mujoco() -> Iterator[Callable[[], None]]:
     """MuJoCo's own context, of CGL on macOS and of glfw on Windows."""
     import mujoco
 
@@ -61,7 +67,7 @@ def _of_mujoco() -> Iterator[None]:
     except Exception as error:  # each system has errors of its own
         raise NoDisplayError(f"OpenGL: {error}; python -m pip install glfw pyopengl") from None
     try:
-        yield
+        yield context.make_current
     finally:
         context.free()
 

@@ -78,8 +78,10 @@ class Panel:
 class Stage:
     """Draws the panels of one film, frame by frame; :func:`open_stage` makes it."""
 
-    def __init__(self, panels: Sequence[Panel], width: int, height: int, *, fine: bool) -> None:
-        self._panels, self._size = panels, (width, height)
+    def __init__(
+        self, panels: Sequence[Panel], width: int, height: int, *, fine: bool, current: Callable[[], None]
+    ) -> None:
+        self._panels, self._size, self._current = panels, (width, height), current
         self._model, self._meshes = _model(width, height, _meshes_of(panels), fine=fine)
         self._data = mujoco.MjData(self._model)
         mujoco.mj_forward(self._model, self._data)
@@ -90,6 +92,7 @@ class Stage:
 
     def draw(self, k: int) -> Pixels:
         """Frame k as (height, width, 3); what lies outside the panels is undefined, and the next call overwrites it."""
+        self._current()  # two stages may be open at once
         for panel, (scene, ground) in zip(self._panels, self._scenes, strict=True):
             self._place(panel, scene, ground, k)
             below = self._size[1] - panel.top - panel.height
@@ -97,8 +100,13 @@ class Stage:
         mujoco.mjr_readPixels(self._pixels, None, mujoco.MjrRect(0, 0, *self._size), self._context)
         return self._pixels[::-1]
 
+    def move(self, panels: Sequence[Panel]) -> None:
+        """Draw these panels from now on: the same shapes in the same order, at other places."""
+        self._panels = panels
+
     def close(self) -> None:
         """Give back what the context holds."""
+        self._current()
         self._context.free()
 
     def _scene(self, panel: Panel, *, fine: bool) -> tuple[Any, int]:
@@ -169,8 +177,8 @@ def open_stage(panels: Sequence[Panel], width: int, height: int, *, fine: bool =
     Raises:
         NoDisplayError: one line: nothing can be drawn on this machine.
     """
-    with offscreen():
-        stage = Stage(panels, width, height, fine=fine)
+    with offscreen() as current:
+        stage = Stage(panels, width, height, fine=fine, current=current)
         try:
             yield stage
         finally:
