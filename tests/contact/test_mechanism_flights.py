@@ -132,7 +132,9 @@ def test_the_examples_fly_as_their_first_lines_say():
     assert angle[-1] < 0.65, "its closer draws it back"
     button = skyarm.run(skyarm.load_scenario(EXAMPLES / "push_a_button.toml"))
     way = button.mechanism_position[:, 0]
-    assert (button.status, way.max()) == ("completed", pytest.approx(0.005, abs=5e-4))
+    held = (button.time > 2.0) & (button.time < 4.0)
+    assert (button.status, np.median(way[held])) == ("completed", pytest.approx(0.005, abs=2.5e-4))
+    assert way.max() < 0.0056, "the click lets it go, and the stop gives way by half a millimetre"
     assert way[-100:] == pytest.approx(np.zeros(100), abs=2e-4)
     assert button.contact_force[:, 0].max() == 0.0, "the wall was not touched"
 

@@ -122,7 +122,8 @@ def require_same(found, lane, alone):
     pressing = np.isin(alone.phase, (1.0, 2.0))[np.arange(flown) // 4 * 4]
     np.testing.assert_array_equal(found.log.reference.push[0][lane][:flown] > 0.0, pressing)
     for name, value in score(alone, METRICS).items():
-        assert found.metrics[name][lane] == pytest.approx(value, rel=1e-12), name
+        # a lane that ended before a metric's window has none, as alone
+        assert found.metrics[name][lane] == pytest.approx(value, rel=1e-12, nan_ok=True), name
 
 
 def test_a_lane_of_a_batch_waits_for_itself(batch, log):
