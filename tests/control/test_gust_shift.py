@@ -145,3 +145,15 @@ def test_wind_steps_move_the_tip_less(model):
 def test_it_is_refused_where_the_shift_has_no_motion(model):
     with pytest.raises(ControllerError, match=r"controller\.gust_shift = 1\.0: must be 0 without shift_bandwidth"):
         make_centroidal(model, mode="tip", preset="robust", gust_shift=1.0)
+
+
+def test_it_is_refused_where_the_tip_is_not_held_and_no_pace_is_below_nothing(model):
+    with pytest.raises(ControllerError, match=r"controller\.gust_shift = 1\.0: must be 0 in mode 'joint'"):
+        make_centroidal(model, mode="joint", preset="adaptive", gust_shift=1.0)
+    scenario = skyarm.load_scenario("case3_wind", controller="centroidal_tip")
+    law = make_centroidal(scenario.controller.par.model, mode="tip", preset="adaptive", gust_shift=1.0)
+    for name, value in (("pace", -1.0), ("size", 0.0)):
+        with pytest.raises(ValueError, match=rf"gust\.{name}"):
+            skyarm.Batch(dataclasses.replace(scenario, controller=law), [f"controller.gust.{name}"]).fly(
+                {f"controller.gust.{name}": [value]}
+            )

@@ -14,7 +14,7 @@ from film_flights import needs_display
 from skyarm.contact import FreeObject, Mechanism, Surface
 from skyarm.drawing.meshes import mesh_of
 from skyarm.drawing.shapes import Shape
-from skyarm.drawing.stl_mesh import MOST, RECORD, mesh_or_none, read_stl
+from skyarm.drawing.stl_mesh import LARGEST, MOST, mesh_or_none, read_stl
 from skyarm.drawing.world_shapes import surface_shape, world_shapes
 from skyarm.figures.projection import surface as outline_points
 from skyarm.records.plain import plain
@@ -75,6 +75,7 @@ def test_both_kinds_of_files_give_the_triangles_and_each_vertex_once(tmp_path: P
         (binary(np.zeros((1, 3, 3)))[:-1], "must be an STL file"),
         (binary(np.full((1, 3, 3), np.nan)), "has a vertex at nan"),
         (binary(np.full((1, 3, 3), 1500.0)), "has a vertex at 1500: must be in metres"),
+        (binary(np.arange(18.0).reshape(2, 3, 3) * [1.0, 0.5, 0.0]), "has all of its vertices in one plane"),
         (binary(np.zeros((MOST + 1, 3, 3))), f"has {MOST + 1} triangles, must have from 1 to {MOST}"),
     ],
 )
@@ -84,6 +85,13 @@ def test_what_is_no_mesh_is_refused_with_the_field(tmp_path: Path, content: byte
     with pytest.raises(ValueError, match=r"world.objects\[0\].mesh = 'a.stl': " + words) as error:
         with_meshes(table, "world", tmp_path)
     assert "\n" not in str(error.value)
+
+
+def test_a_file_beyond_measure_is_refused_unread(tmp_path: Path) -> None:
+    with (tmp_path / "a.stl").open("wb") as file:
+        file.truncate(int(LARGEST) + 1)
+    with pytest.raises(ValueError, match=r"has 100 MB, must have at most 100 MB"):
+        read_stl(tmp_path / "a.stl")
 
 
 def test_a_file_that_is_not_there_and_a_mesh_of_what_has_no_end_are_refused(tmp_path: Path, file: Path) -> None:

@@ -70,6 +70,12 @@ def test_a_handle_that_turns_against_its_coordinate_is_behind_by_sizes():
     assert found["grip_lag_max"] == pytest.approx(0.3)
 
 
+def test_a_handle_that_follows_through_more_than_half_a_turn_is_not_behind_and_one_that_goes_back_is():
+    followed = [instant(angle, angle, 0.0) for angle in (0.0, 1.5, 3.0, 4.5)]
+    assert numbers_of(*followed)["grip_lag_max"] == pytest.approx(0.0, abs=1e-9)
+    assert numbers_of(instant(0.0, 0.0, 0.0), instant(0.5, -0.5, 0.0))["grip_lag_max"] == pytest.approx(1.0)
+
+
 def test_where_nothing_turns_or_is_held_there_are_no_numbers():
     bare = dataclasses.replace(instant(0.5, 0.2, 1.0), hinge=())
     straight = dataclasses.replace(bare, push=(1.0, 0.1, 1.0, 0.0, 0.0), hinge=(*TRUE, 0.0, 0.0, 1.0))

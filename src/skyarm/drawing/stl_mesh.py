@@ -17,6 +17,9 @@ Faces = npt.NDArray[np.int64]
 MOST = 200_000
 """Triangles: what films and browsers draw at their rate."""
 
+LARGEST = 100e6
+"""Bytes of a file: as text, so many triangles take less."""
+
 FARTHEST = 1e3
 """m from the middle of the body: what is farther was written in other units."""
 
@@ -34,6 +37,8 @@ def read_stl(path: str | os.PathLike[str]) -> tuple[Array, Faces]:
     if reason := unreadable(where):
         raise ValueError(reason)
     try:
+        if (size := where.stat().st_size) > LARGEST:
+            raise ValueError(f"has {size / 1e6:.0f} MB, must have at most {LARGEST / 1e6:.0f} MB")
         content = where.read_bytes()
     except OSError as error:
         raise ValueError(error.strerror or str(error)) from None
@@ -44,6 +49,8 @@ def read_stl(path: str | os.PathLike[str]) -> tuple[Array, Faces]:
     if not largest <= FARTHEST:  # NaN, too
         raise ValueError(f"has a vertex at {largest:g}: must be in metres, within {FARTHEST:g} m of the origin")
     vertices, places = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    if np.linalg.matrix_rank(vertices - vertices.mean(axis=0), tol=1e-6 * max(largest, 1e-6)) < 3:
+        raise ValueError("has all of its vertices in one plane: must have a volume")
     return vertices, places.reshape(-1, 3)
 
 

@@ -47,7 +47,9 @@ def drawn(given: Any, unit: Any) -> Any:
         return first + (second - first) * unit
     if kind == "log_uniform":
         return first * jnp.exp(jnp.log(second / first) * unit)
-    return first + second * ndtri(unit)
+    # the largest number below 1: a unit of single precision may be rounded up
+    below = jnp.nextafter(jnp.ones_like(unit), jnp.zeros_like(unit))
+    return first + second * ndtri(jnp.minimum(unit, below))
 
 
 def require_params(params: Any, paths: tuple[str, ...]) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from skyarm.algebra import Vec3
 from skyarm.metrics.metric import Metric
 from skyarm.reference.tip_push import out_of_axis
-from skyarm.scalars import Scalar, absolute, atan2, logical_and, maximum, where
+from skyarm.scalars import Scalar, absolute, atan2, cos, logical_and, maximum, sin, where
 
 if TYPE_CHECKING:
     from skyarm.metrics.accumulate import Instant
@@ -66,7 +66,9 @@ class GripTotals(Metric):
         first = Vec3(*(where(begins, a, b) for a, b in zip(arm, (memory.x, memory.y, memory.z), strict=True)))
         turned = where(begins, now.mechanisms[0], memory.turned)
         wanted = atan2(about.dot(first.cross(arm)), first.dot(arm))
-        behind = absolute(absolute(wanted) - absolute(now.mechanisms[0] - turned))
+        # about the handle's own axis, and a whole turn more or less is none
+        behind = where(about.dot(axis) < 0.0, -1.0, 1.0) * wanted - (now.mechanisms[0] - turned)
+        behind = absolute(atan2(sin(behind), cos(behind)))
         return GripMemory(
             held=memory.held + where(holds, 1.0, 0.0),
             force=memory.force + where(holds, radial, 0.0),

@@ -23,7 +23,7 @@ from skyarm.scalars import Scalar, logical_and, logical_or, where
 class Hearing:
     """Constants; the threshold is an option of laws, the others are in no unit of the vehicle's size."""
 
-    threshold: Annotated[Scalar, Unit("N", "at the tip, above which a force is heard")] = 0.3
+    threshold: Annotated[Scalar, Unit("N", "at the tip, above which a force is heard", low=0.0)] = 0.3
     patience: Annotated[Scalar, Unit("s", "below the threshold until it is heard no more")] = 0.3
     settle: Annotated[Scalar, Unit("s", "at the start of a flight, in which nothing is heard")] = 2.0
     settling: Annotated[Scalar, Unit("rad/s", "filter of what is observed then")] = 3.0

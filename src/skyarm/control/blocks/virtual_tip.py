@@ -33,10 +33,10 @@ class Compliance:
         lead: by how long the force is known late. axes: unit vectors, world axes; empty for those of the world.
     """
 
-    mass: Annotated[tuple[Scalar, ...], Unit("kg", "of the virtual tip along each axis; 0 holds it")]
-    damping: Annotated[tuple[Scalar, ...], Unit("N s/m", "along each axis")]
-    stiffness: Annotated[tuple[Scalar, ...], Unit("N/m", "along each axis, towards the reference")]
-    lead: Annotated[Scalar, Unit("s", "by how long the force is known late")]
+    mass: Annotated[tuple[Scalar, ...], Unit("kg", "of the virtual tip along each axis; 0 holds it", low=0.0)]
+    damping: Annotated[tuple[Scalar, ...], Unit("N s/m", "along each axis", low=0.0)]
+    stiffness: Annotated[tuple[Scalar, ...], Unit("N/m", "along each axis, towards the reference", low=0.0)]
+    lead: Annotated[Scalar, Unit("s", "by how long the force is known late", low=0.0)]
     axes: Annotated[tuple[Vec3, ...], Unit("", "unit vectors, world axes; none for those of the world")] = ()
 
 

@@ -85,6 +85,8 @@ def make_centroidal(
     one_of("preset", preset, sorted(PRESETS))
     gains = {**PRESETS[preset], **{name: checked(name, value) for name, value in changes.items()}}
     must_act(changes, gains)
+    if changes.get("gust_shift") and mode != "tip":
+        raise ControllerError(f"controller.gust_shift = {shown(changes['gust_shift'])}: must be 0 in mode {mode!r}")
     periods = periods_of(delay, control_period)
     if gains["sideways"] > 0.0 and model.vehicle.tilts:
         known: dict[str, Any] = {"mode": mode, "preset": preset, "delay": delay, "control_period": control_period}

@@ -55,8 +55,8 @@ class GustGains:
         size: N; changes well below it are followed at ``TipGains.shift_rate``.
     """
 
-    pace: Annotated[Scalar, Unit("rad/s", "pace of the base's shift where the force changes by much")]
-    size: Annotated[Scalar, Unit("N", "change of the force below which the base shifts slowly")]
+    pace: Annotated[Scalar, Unit("rad/s", "pace of the base's shift where the force changes by much", low=0.0)]
+    size: Annotated[Scalar, Unit("N", "change of the force below which the base shifts slowly", low=0.0, strict=True)]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

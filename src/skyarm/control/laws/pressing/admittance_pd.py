@@ -76,7 +76,9 @@ def yielded(par: PressingParameters, memory: PressingMemory, touch: Touch, dt: A
     back = (rate - BACK * BACK * dt * s) / (1.0 + 2.0 * BACK * dt + BACK * BACK * dt * dt)
     velocity = where(touch.pressing.asked, after, back)
     far = par.interaction.furthest
-    return clip(s + dt * velocity, -far, far), velocity, divide(velocity - rate, dt)
+    place = clip(s + dt * velocity, -far, far)
+    velocity = divide(place - s, dt)  # none at the end of its way
+    return place, velocity, divide(velocity - rate, dt)
 
 
 def make_admittance_pd(
