@@ -18,7 +18,7 @@ from skyarm.algebra import Quaternion, Vec3
 from skyarm.control.blocks.observed_push import observed_push
 from skyarm.control.blocks.virtual_tip import AT_REST, moved_tip
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.admittance import give_way, known_rate, unmoved
+from skyarm.control.laws.centroidal.admittance import give_way, known_rate, outside, unmoved
 from skyarm.control.laws.centroidal.tip_force import levers
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose
@@ -306,6 +306,7 @@ def test_nothing_is_learned_and_nothing_foretold_while_a_force_is_heard(scenario
         (1.0, 0.0, 1.0),
     ]
     assert ([*known_rate(heard, rate)], [*known_rate(quiet, rate)]) == ([0.0, 0.0, 0.0], [1.0, 2.0, 3.0])
+    assert (outside(heard, None), outside(quiet, None), outside((), None)) == (1.0, 0.0, 0)
     assert (unmoved(None, (), (1.0,)), known_rate((), rate)) == ((1.0,), rate)
 
 

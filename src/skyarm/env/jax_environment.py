@@ -7,7 +7,7 @@ Both fly the program of :class:`skyarm.env.env_program.EnvProgram`, and draw the
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -141,7 +141,7 @@ class JaxEnvironment:
             )
         # plain numbers are read at every step, so that what a number does is known to its gradient from there on
         numbers = tuple(
-            held if isinstance(params[path], dict) else jnp.asarray(params[path], self.dtype)
+            held if isinstance(params[path], Mapping) else jnp.asarray(params[path], self.dtype)
             for path, held in zip(self.paths, state.numbers, strict=True)
         )
         carry, observed, reward, truncated, ending = self._stepped(state, numbers, given)

@@ -34,7 +34,7 @@ def make_jax(
     from skyarm.scenario.scenario_record import ScenarioError
 
     known = {ANY_SCENARIO: None, **{f"skyarm/{each}-v0": each for each in TASK_NAMES}}
-    if name not in known:
+    if not isinstance(name, str) or name not in known:
         raise ScenarioError(f"name = {shown(name)}: {must_be_one_of(known, name)}")
     require_arguments({k: v for k, v in task.items() if k != "scenario"}, make_task)
     given = {"scenario": "case3", **task} if known[name] is None else task_arguments(str(known[name]), task)

@@ -23,11 +23,12 @@ from skyarm.control.blocks.select import vector_data
 from skyarm.control.blocks.virtual_tip import AT_REST, Compliance, VirtualTip, moved_tip
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.interaction_records import SENSING
+from skyarm.control.laws.centroidal.pressing import Pressing
 from skyarm.control.laws.centroidal.tip_force import ForceErrors, levers, tip_force, without
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.files import shown
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, mul, where
+from skyarm.scalars import Scalar, maximum, mul, where
 from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
 
@@ -108,14 +109,20 @@ def known_rate(memory: AdmittanceMemory | tuple[()], rate: Vec3) -> Vec3:
     return rate * (1.0 - memory.hearing.heard) if isinstance(memory, AdmittanceMemory) else rate
 
 
+def outside(memory: AdmittanceMemory | tuple[()], pressing: Pressing | None) -> Any:
+    """1 while what the tip touches, or what pushes it, is in what is observed: no trend of the wind."""
+    engaged = 0 if pressing is None else pressing.engaged
+    return maximum(engaged, memory.hearing.heard) if isinstance(memory, AdmittanceMemory) else engaged
+
+
 def unmoved(
     gains: AdmittanceGains | None, memory: AdmittanceMemory | tuple[()], free: Sequence[Any]
 ) -> tuple[Any, ...]:
     """Shares with which loads, friction and lag are learned: 0 while anything from outside is in what is observed."""
     if gains is None or not isinstance(memory, AdmittanceMemory):
         return tuple(free)
-    calm = where(memory.hearing.quiet > gains.rest, 1.0, 0.0)
-    return tuple(mul(each, calm) for each in free)
+    rest = where(memory.hearing.quiet > gains.rest, 1.0, 0.0)
+    return tuple(mul(each, rest) for each in free)
 
 
 def admittance_gains(

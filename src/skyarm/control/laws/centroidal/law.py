@@ -27,7 +27,7 @@ from skyarm.control.blocks.prediction import predict, with_side
 from skyarm.control.blocks.saturation import all_follow
 from skyarm.control.controller import all_applied
 from skyarm.control.laws.centroidal.adaptation import adapt
-from skyarm.control.laws.centroidal.admittance import give_way, known_rate, unmoved
+from skyarm.control.laws.centroidal.admittance import give_way, known_rate, outside, unmoved
 from skyarm.control.laws.centroidal.bandwidth import at_shares
 from skyarm.control.laws.centroidal.carrying_step import carry
 from skyarm.control.laws.centroidal.demands import Following, demands
@@ -109,7 +109,7 @@ def centroidal(
         before = dataclasses.replace(before, trend=trend)
         late = lateness(par)
         unknown = dataclasses.replace(unknown, force=unknown.force + rate * late)
-        steady, slow = foretold(par, steady, slow, trend, rate, late, 0 if pressing is None else pressing.engaged)
+        steady, slow = foretold(par, steady, slow, trend, rate, late, outside(yields, pressing))
     demand = demands(par, model, state, signals, unknown, steady, rate, before, dt, pressing, slow)
     done = actuate(par, model, state, demand, unknown, memory.trim, memory.applied[0], dt)
     # a command that others changed moves the vehicle away from its plan: nothing of that is a load or friction
