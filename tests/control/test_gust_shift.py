@@ -12,10 +12,18 @@ from skyarm.algebra import Mat3, Vec3
 from skyarm.compare.envelope_axes import AXES
 from skyarm.compare.envelope_setting import setting_of
 from skyarm.control.blocks.attitude import Attitude
+from skyarm.control.blocks.force_trend import believed_share, first_trend
 from skyarm.control.blocks.series_kinematics import posture
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal import make_centroidal
-from skyarm.control.laws.centroidal.gust_shift import GustMemory, gust_gains, shift_acceleration, slow_force
+from skyarm.control.laws.centroidal.gust_shift import (
+    GustMemory,
+    SlowForce,
+    foretold,
+    gust_gains,
+    shift_acceleration,
+    slow_force,
+)
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose
 from skyarm.scalars.taylor import Taylor
@@ -157,3 +165,21 @@ def test_it_is_refused_where_the_tip_is_not_held_and_no_pace_is_below_nothing(mo
             skyarm.Batch(dataclasses.replace(scenario, controller=law), [f"controller.gust.{name}"]).fly(
                 {f"controller.gust.{name}": [value]}
             )
+
+
+def test_what_is_foretold_passes_the_filter_by(model):
+    """As far as the trend is believed: force, rate and bend against the mixture written out."""
+    par = make_centroidal(model, mode="tip", preset="adaptive", gust_shift=1.0).par
+    trend = dataclasses.replace(
+        first_trend(par.trend), level=Vec3(2.0, 1.0, 0.0), rate=Vec3(0.3, -0.2, 0.0), agreement=0.75, size=1.0
+    )
+    slow = SlowForce(Vec3(1.5, 0.2, 0.1), Vec3(0.1, 0.5, 0.0), Vec3(-1.0, 2.0, 0.5))
+    steady, rate, late = np.array([4.0, 5.0, 6.0]), np.array([0.2, -0.1, 0.05]), 0.07
+    for engaged in (0.0, 0.5, 1.0):
+        share = float(believed_share(par.trend, trend)) * (1.0 - engaged)
+        assert (share > 0.1) == (engaged < 1.0)
+        force, found = foretold(par, Vec3(*steady), slow, trend, Vec3(*rate), late, engaged)
+        level, held = np.array([*trend.level]), np.array([*slow.force])
+        np.testing.assert_allclose([*force], steady + (level - held) * share + rate * late, rtol=1e-12)
+        np.testing.assert_allclose([*found.rate], np.array([*slow.rate]) * (1.0 - share) + rate, rtol=1e-12)
+        np.testing.assert_allclose([*found.bend], np.array([*slow.bend]) * (1.0 - share), rtol=1e-12, atol=1e-15)

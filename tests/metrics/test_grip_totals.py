@@ -74,6 +74,9 @@ def test_a_handle_that_follows_through_more_than_half_a_turn_is_not_behind_and_o
     followed = [instant(angle, angle, 0.0) for angle in (0.0, 1.5, 3.0, 4.5)]
     assert numbers_of(*followed)["grip_lag_max"] == pytest.approx(0.0, abs=1e-9)
     assert numbers_of(instant(0.0, 0.0, 0.0), instant(0.5, -0.5, 0.0))["grip_lag_max"] == pytest.approx(1.0)
+    # a reference whose own axis points the other way goes the same way round
+    turned = [dataclasses.replace(each, push=(*each.push[:-1], -1.0)) for each in followed]
+    assert numbers_of(*turned)["grip_lag_max"] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_where_nothing_turns_or_is_held_there_are_no_numbers():
