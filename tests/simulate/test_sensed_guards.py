@@ -22,7 +22,8 @@ from skyarm.reference.tip_tables import reference_from
 from skyarm.reference.trajectory import Trajectory
 from skyarm.scenario.scenario_parts import ScenarioError
 from skyarm.sensors.measurement import blank_measurement
-from skyarm.simulate.path_clock import Seen, Waits
+from skyarm.simulate.clock_records import Seen
+from skyarm.simulate.path_clock import Waits
 from thorough import sampled
 
 OUT = (-0.6, 0.0, 0.8)

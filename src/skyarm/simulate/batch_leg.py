@@ -24,12 +24,12 @@ from skyarm.scenario.scenario_record import Scenario
 from skyarm.simulate.batch_rows import Feed
 from skyarm.simulate.check_endings import statuses
 from skyarm.simulate.clock_of_change import clock_of_change, is_other_reference
+from skyarm.simulate.clock_records import PathClock
 from skyarm.simulate.counting_period import make_counting_period
 from skyarm.simulate.draws import draw_plan, draws_needed, start_draws
 from skyarm.simulate.first_state import component_groups, first_loop_state, first_surroundings
 from skyarm.simulate.inputs import episode_inputs
 from skyarm.simulate.loop_state import LoopState, carried, structure_of
-from skyarm.simulate.path_clock import PathClock
 from skyarm.simulate.short_steps import require_short_steps
 from skyarm.simulate.stages import Stages
 

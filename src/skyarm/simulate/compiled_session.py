@@ -20,12 +20,12 @@ from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.assemble_log import Piece
 from skyarm.simulate.check_endings import Ended
 from skyarm.simulate.clock_of_change import clock_of_change
+from skyarm.simulate.clock_records import PathClock
 from skyarm.simulate.compiled_flight import Flown, ending, samples
 from skyarm.simulate.first_state import component_groups, first_loop_state
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
 from skyarm.simulate.loop_state import LoopState, carried
 from skyarm.simulate.own_code_trials import try_own_code
-from skyarm.simulate.path_clock import PathClock
 from skyarm.simulate.session_code import SessionCode
 
 Array = npt.NDArray[np.float64]

@@ -22,13 +22,13 @@ from skyarm.sensors.measurement import Measurement
 from skyarm.simulate.assemble_log import Piece, Samples, joined
 from skyarm.simulate.check_endings import Ended, ended_by, failed_phase, going_on, refused
 from skyarm.simulate.clock_of_change import clock_of_change
+from skyarm.simulate.clock_records import PathClock
 from skyarm.simulate.first_state import component_groups, first_loop_state, first_surroundings
 from skyarm.simulate.flat_stages import EpisodeEndedError, FlatStages, flatten
 from skyarm.simulate.flat_steps import FlatSteps
 from skyarm.simulate.inputs import EpisodeInputs, episode_inputs
 from skyarm.simulate.loop_state import LoopState, Row, carried
 from skyarm.simulate.own_code_trials import try_own_code
-from skyarm.simulate.path_clock import PathClock
 from skyarm.simulate.period import make_period
 from skyarm.simulate.stages import Stages
 

@@ -30,6 +30,7 @@ from skyarm.scenario.tip_sensor import tip_sensor
 from skyarm.sensors.measurement import Measurement
 from skyarm.sensors.sensor import NO_PUSH, Push
 from skyarm.simulate.check_endings import healthy
+from skyarm.simulate.clock_records import PathClock
 from skyarm.simulate.command_line import (
     command_delay,
     issued,
@@ -43,7 +44,7 @@ from skyarm.simulate.felt_pushes import push_at
 from skyarm.simulate.joined_reference import joined_reference
 from skyarm.simulate.loop_state import LoopState, Row, SensorState, ended
 from skyarm.simulate.pace_clock import PaceClock, Paces
-from skyarm.simulate.path_clock import PathClock, Waits
+from skyarm.simulate.path_clock import Waits
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
