@@ -9,7 +9,7 @@ ours begins anew.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,9 +18,6 @@ from skyarm.bench.optional_simulators import installed
 from skyarm.bench.timing import Contender
 from skyarm.scenario.scenario_file import scenario_from
 from skyarm.scenario.scenario_record import Scenario
-
-if TYPE_CHECKING:
-    import gymnasium
 
 SINGLE_STEPS = 500
 """Steps a round of single environments."""
@@ -140,9 +137,7 @@ def _singles(control: int, physics: int, actions: str) -> list[Contender]:
     return found
 
 
-def _single(
-    env: gymnasium.Env[Any, Any], action: Any, name: str, words: str, *, begins_anew: bool = False
-) -> Contender:
+def _single(env: Any, action: Any, name: str, words: str, *, begins_anew: bool = False) -> Contender:
     """Some steps of one world from Python."""
     env.reset(seed=0)
 
