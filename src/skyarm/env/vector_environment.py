@@ -161,17 +161,18 @@ class VectorEnvironment(VectorEnv[Array, Array, Array]):
 
     def _infos(self, ended: Array) -> dict[str, Any]:
         """Why episodes ended before their time."""
-        if not ended.any():
+        which = np.flatnonzero(ended)
+        if not which.size:
             return {}
-        status = np.full(self.num_envs, None, dtype=object)
-        status[ended] = self.lanes.statuses[self.lanes.ending[ended].astype(int)]
+        status = np.empty(self.num_envs, dtype=object)  # of objects: filled with None
+        status[which] = self.lanes.statuses[self.lanes.ending[which].astype(np.intp)]
         return {"status": status, "_status": ended.copy()}
 
     def _final(self, infos: dict[str, Any]) -> dict[str, Any]:
         """Last observations and infos of the episodes that are over."""
         mask = np.zeros(self.num_envs, dtype=bool)
         mask[self._over] = True
-        final = np.full(self.num_envs, None, dtype=object)
+        final = np.empty(self.num_envs, dtype=object)
         for lane in self._over.tolist():
             final[lane] = self._view[lane].copy()
         return {"final_obs": final, "_final_obs": mask, "final_info": infos, "_final_info": mask.copy()}
