@@ -18,7 +18,6 @@ from skyarm.studio.controls import law_names
 from skyarm.studio.documents import prepare, read_document, under_law
 from skyarm.studio.knobs import GROUPS, Knob, knobs_of
 
-
 LIBRARY = Path(skyarm.__file__).parent / "scenario" / "library"
 
 
