@@ -206,7 +206,7 @@ def test_what_cannot_be_made_is_refused_in_one_line(change, words):
 def test_what_functions_cannot_take_is_refused_in_one_line():
     env, params = make_jax(**bare(precision="double"), numbers=["plant.gravity"])
     key = jax.random.key(0)
-    state = jax.eval_shape(env.reset, key, params)[1]
+    seen, state = jax.eval_shape(env.reset, key, params)
     for given, words in (
         ({}, "'plant.gravity' is missing"),
         ({**params, "gravity": 1.0}, "path = 'gravity'"),
@@ -225,6 +225,8 @@ def test_what_functions_cannot_take_is_refused_in_one_line():
     ):
         with pytest.raises(ScenarioError, match=words):
             env.reset(key, given)
+    for number in (10, np.float32(9.8), np.int64(9), jnp.asarray(9.8), np.array(9.8)):
+        assert jax.eval_shape(lambda given=number: env.reset(key, {"plant.gravity": given}))[0].shape == seen.shape
     with pytest.raises(ScenarioError, match=r"action: shape .*must be \(4,\)"):
         jax.eval_shape(env.step, key, state, jnp.zeros((2, 4)), params)
     with pytest.raises(ScenarioError, match="key: must be one key"):
