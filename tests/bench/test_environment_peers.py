@@ -55,7 +55,10 @@ def test_a_peer_flies_past_its_ends_and_ours_flies_at_its_rates(monkeypatch):
     for name in ("PyFlyt", "PyFlyt.gym_envs", "PyFlyt.gym_envs.quadx_envs"):
         monkeypatch.setitem(sys.modules, name, ModuleType(name))
     monkeypatch.setitem(sys.modules, module.__name__, module)
+    rates, place = [], environment_peers.place_to_reach
+    monkeypatch.setattr(environment_peers, "place_to_reach", lambda *given: rates.append(given[1:3]) or place(*given))
     peer, ours = environment_peers.beside_pyflyt()
+    assert rates == [(120, 240)]
     assert peer.run() == 7.0
     assert (made[0].resets, len(made[0].actions)) == (1, 7)
     assert made[0].settings["agent_hz"] == 120

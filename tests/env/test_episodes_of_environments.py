@@ -294,3 +294,13 @@ def test_a_lane_is_told_its_own_ending():
     assert infos["status"].tolist() == [words[2], None, words[1]]
     assert infos["_status"].tolist() == [True, False, True]
     assert envs._infos(np.zeros(3, dtype=bool)) == {}
+
+
+def test_vectors_are_filled_with_the_last_lane():
+    """Zeros there are no state: numbers that are none make vectors slow."""
+    envs = VectorEnvironment(3, **bare())
+    envs.reset(seed=0)
+    stepper = envs.lanes._stepper
+    last = stepper._blocks * stepper._kernel.lanes.width
+    assert last > 3
+    assert (stepper._carry[:, 3:last] == stepper._carry[:, 2:3]).all()
