@@ -35,6 +35,11 @@ from skyarm.vehicle.vehicle_records import Vehicle
 NEAR = 0.005
 """m that a point stays away from a surface while longer steps are taken: what it goes astray in 5 ms at 400 m/s^2."""
 
+VERLET_SHARE = 0.75
+"""Of a semi-implicit Euler step in one of the Stoermer-Verlet method. The mean of a depth is over the way of the first
+then, a third longer than what a point makes in the second, and an elastic bounce gains no energy at any phase of the
+steps; at shares of 1 and 0.6 it gains up to 0.96 and 0.34 % of a point that is as light as steps are chosen for."""
+
 TIP = "tip"
 """Name of the point that a vehicle with a tip has where nothing is said of its points."""
 
@@ -119,6 +124,12 @@ class Contact(Force):
         grasped = [step for _, step in self.grasps.steps(euler=True)]
         inner = [c.largest_euler_step for c in self.carriers if c.largest_euler_step is not None]
         return _least((*(step for _, step in self.steps), *grasped, *inner))
+
+    @property
+    def largest_verlet_step(self) -> Any:
+        """The same of the Stoermer-Verlet method, which takes forces once a step."""
+        step = self.largest_euler_step
+        return None if step is None else VERLET_SHARE * step
 
     def on(self, vehicle: Vehicle) -> Contact:
         """The contact with the vehicle's tip as its point where none is named."""
@@ -206,15 +217,25 @@ class Contact(Force):
         carried = tuple(carrier.before_euler_step(held, rate, dt) for carrier, held, rate in going)
         return ContactMemory(clock=memory.clock, bristles=bent, carried=carried, grips=memory.grips)
 
-    def euler_step(self, memory: Any, slope: Any, dt: Any) -> ContactMemory:
-        """Memory after a semi-implicit Euler step, in which bodies go on with their new velocities."""
+    def kick(self, memory: Any, slope: Any, dt: Any) -> ContactMemory:
+        """Bodies are pushed; bristles have moved before."""
         going = zip(self.carriers, memory.carried, slope.carried, strict=True)
+        carried = tuple(carrier.kick(held, rate, dt) for carrier, held, rate in going)
+        return ContactMemory(clock=memory.clock, bristles=memory.bristles, carried=carried, grips=memory.grips)
+
+    def drift(self, memory: Any, dt: Any) -> ContactMemory:
+        """The clock and the bodies go on."""
+        going = zip(self.carriers, memory.carried, strict=True)
         return ContactMemory(
-            clock=moved_by(memory.clock, slope.clock, dt),
+            clock=tuple(t + dt for t in memory.clock),
             bristles=memory.bristles,
-            carried=tuple(carrier.euler_step(held, rate, dt) for carrier, held, rate in going),
+            carried=tuple(carrier.drift(held, dt) for carrier, held in going),
             grips=memory.grips,
         )
+
+    def euler_step(self, memory: Any, slope: Any, dt: Any) -> ContactMemory:
+        """Memory after a semi-implicit Euler step, in which bodies go on with their new velocities."""
+        return self.drift(self.kick(memory, slope, dt), dt)
 
     def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
         """What touches does to the bodies of the points, and what grippers do."""

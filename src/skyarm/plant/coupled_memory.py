@@ -61,6 +61,22 @@ def after_euler_step(around: Around, slopes: Memories, dt: Any) -> Memories:
     return tuple(around.components[i].euler_step(memory, slope, dt) for i, memory, slope in going)
 
 
+def drifted(around: Around, dt: Any) -> Around:
+    """The surroundings after a time (s) in which coupled components are not pushed."""
+    if not isinstance(around, Surroundings):
+        return around
+    going = zip(around.coupled, around.coupled_memories(), strict=True)
+    return around.with_coupled([around.components[i].drift(held, dt) for i, held in going])
+
+
+def kicked(around: Around, slopes: Memories, dt: Any) -> Around:
+    """The surroundings after the pushes of a time (s) on coupled components."""
+    if not isinstance(around, Surroundings):
+        return around
+    going = zip(around.coupled, around.coupled_memories(), slopes, strict=True)
+    return around.with_coupled([around.components[i].kick(held, slope, dt) for i, held, slope in going])
+
+
 def places_in(around: Around) -> tuple[int, ...]:
     """Places of these memories' numbers among the leaves of the surroundings."""
     if not isinstance(around, Surroundings) or not around.coupled:

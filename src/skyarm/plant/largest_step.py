@@ -31,6 +31,18 @@ def largest_step(around: Any, *, coupled: bool = True, euler: bool = False) -> f
     return min(stated, default=None)
 
 
+def verlet_step(around: Any) -> float | None:
+    """Longest step (s) of the Stoermer-Verlet method near to what is coupled; None where Runge-Kutta's method is kept.
+
+    That is so where anything else asks for short steps: loops of drives and damped air bear fewer of Verlet's.
+    """
+    if not isinstance(around, Surroundings) or not around.coupled or largest_step(around, coupled=False) is not None:
+        return None
+    steps = [around.components[i].largest_verlet_step for i in around.coupled]
+    stated = [float(step) for step in steps if step is not None]
+    return min(stated) if len(stated) == len(steps) else None
+
+
 def drives_step(around: Any) -> float | None:
     """The same of the drives alone."""
     return _least(around.drives) if isinstance(around, Surroundings) else None
