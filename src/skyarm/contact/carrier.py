@@ -124,6 +124,15 @@ class Carrier:
         """Memory after a time (s) in which velocities stay: places move by them."""
         raise NotImplementedError(f"{type(self).__name__} must say where its velocities take it")
 
+    def pushed(self, memory: Any, force_W: Vec3, torque_W: Vec3, gravity: Any, dt: Any) -> Any:
+        """Memory after force (N) and torque (N m) of a time (s); own torques are those of the velocities in its middle.
+
+        By one iteration of the implicit midpoint rule, which is of second order.
+        """
+        slope = self.slope(memory, force_W, torque_W, gravity)
+        middle = self.kick(memory, slope, 0.5 * dt)
+        return self.kick(memory, self.slope(middle, force_W, torque_W, gravity), dt)
+
     def euler_step(self, memory: Any, slope: Any, dt: Any) -> Any:
         """Memory after a semi-implicit Euler step: velocities first, then places with the new velocities."""
         return self.drift(self.kick(memory, slope, dt), dt)

@@ -173,17 +173,21 @@ class Contact(Force):
             replace(memory, clock=(t,) if memory.clock else (), carried=carried) if memory.clock or carried else memory
         )
 
+    def _step(self, motion: PointMotion) -> Any:
+        """Integration step (s) that forces are taken for: the plant's, or the longest of the contact."""
+        return self.largest_step if motion.step is None else motion.step
+
     def touches(self, memory: Any, motion: PointMotion) -> list[Touch]:
         """What happens at every pair now."""
         found, moving = [], moving_points(self.points, motion)
-        bristles, clock, step = iter(memory.bristles), (*memory.clock, 0.0)[0], self.largest_step
+        bristles, clock, step = iter(memory.bristles), (*memory.clock, 0.0)[0], self._step(motion)
         for surface in self.surfaces:
             material, surface_velocity = surface.material, surface.place(clock)[1]
             for point, (position, velocity, turning) in zip(self.points, moving, strict=True):
                 depth, n = surface.depth(position, point.radius, clock)
                 spot = n * neg(point.radius)  # where it touches, seen from its middle
                 slip = velocity + turning.cross(spot) - surface_velocity
-                found.append(touch_of(material, depth, n, spot, slip, next(bristles), step))
+                found.append(touch_of(material, depth, n, spot, slip, next(bristles), step, mean=motion.step))
         return found
 
     def meetings(self, memory: Any, motion: PointMotion) -> list[Meeting]:
@@ -192,23 +196,27 @@ class Contact(Force):
             return []
         moving = moving_points(self.points, motion)
         clock, bristles = (*memory.clock, 0.0)[0], memory.bristles[len(self.pairs) :]
-        return self.carried.meetings(memory.carried, moving, clock, bristles, self.largest_step)
+        return self.carried.meetings(memory.carried, moving, clock, bristles, self._step(motion))
 
     def slope(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> ContactMemory:
         """Rate of the memory."""
         meetings = self.meetings(memory, motion)
         touches = (*self.touches(memory, motion), *(each.touch for each in meetings))
-        pushes = self.carried.pushes(memory.carried, meetings)
-        if self.grippers:
-            pulls = self.grasps.on_bodies(memory, motion)
-            pushes = [(f + g, t + u) for (f, t), (g, u) in zip(pushes, pulls, strict=True)]
-        going = zip(self.carriers, memory.carried, pushes, strict=True)
+        going = zip(self.carriers, memory.carried, self._pushes(memory, motion, meetings), strict=True)
         return ContactMemory(
             clock=tuple(1.0 for _ in memory.clock),
             bristles=tuple(Vec3(*(data(c) for c in touch.bristle_rate)) for touch in touches),
             carried=tuple(carrier.slope(held, *push, motion.gravity) for carrier, held, push in going),
             grips=tuple(UNCHANGED for _ in memory.grips),
         )
+
+    def _pushes(self, memory: Any, motion: PointMotion, meetings: Sequence[Meeting]) -> list[tuple[Vec3, Vec3]]:
+        """Force (N) on each carrier and torque (N m) about the origin of its axes, world axes."""
+        pushes = self.carried.pushes(memory.carried, meetings)
+        if not self.grippers:
+            return pushes
+        pulls = self.grasps.on_bodies(memory, motion)
+        return [(f + g, t + u) for (f, t), (g, u) in zip(pushes, pulls, strict=True)]
 
     def before_euler_step(self, memory: Any, slope: Any, dt: Any) -> ContactMemory:
         """Bristles have moved by the velocities that the last step left: by those before it, friction would chatter."""
@@ -217,10 +225,11 @@ class Contact(Force):
         carried = tuple(carrier.before_euler_step(held, rate, dt) for carrier, held, rate in going)
         return ContactMemory(clock=memory.clock, bristles=bent, carried=carried, grips=memory.grips)
 
-    def kick(self, memory: Any, slope: Any, dt: Any) -> ContactMemory:
-        """Bodies are pushed; bristles have moved before."""
-        going = zip(self.carriers, memory.carried, slope.carried, strict=True)
-        carried = tuple(carrier.kick(held, rate, dt) for carrier, held, rate in going)
+    def push(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any], dt: Any) -> ContactMemory:
+        """Bodies are pushed by touches and grasps; bristles have moved before."""
+        pushes = self._pushes(memory, motion, self.meetings(memory, motion))
+        going = zip(self.carriers, memory.carried, pushes, strict=True)
+        carried = tuple(carrier.pushed(held, *push, motion.gravity, dt) for carrier, held, push in going)
         return ContactMemory(clock=memory.clock, bristles=memory.bristles, carried=carried, grips=memory.grips)
 
     def drift(self, memory: Any, dt: Any) -> ContactMemory:
@@ -235,7 +244,10 @@ class Contact(Force):
 
     def euler_step(self, memory: Any, slope: Any, dt: Any) -> ContactMemory:
         """Memory after a semi-implicit Euler step, in which bodies go on with their new velocities."""
-        return self.drift(self.kick(memory, slope, dt), dt)
+        going = zip(self.carriers, memory.carried, slope.carried, strict=True)
+        carried = tuple(carrier.kick(held, rate, dt) for carrier, held, rate in going)
+        pushed = ContactMemory(clock=memory.clock, bristles=memory.bristles, carried=carried, grips=memory.grips)
+        return self.drift(pushed, dt)
 
     def wrenches(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any]) -> Sequence[Wrench]:
         """What touches does to the bodies of the points, and what grippers do."""

@@ -141,12 +141,12 @@ class Component:
         """A coupled component's memory after a time (s) in which nothing pushes: places move by their velocities."""
         return memory
 
-    def kick(self, memory: Any, slope: Any, dt: Any) -> Any:
-        """A coupled component's memory after a push: velocities change by their rates times dt (s), places stay.
+    def push(self, memory: Any, t: Any, motion: PointMotion, rotor_speeds: Sequence[Any], dt: Any) -> Any:
+        """A coupled component's memory after the forces of a time (s): velocities change, places stay.
 
         What goes on by its rate alone, and not in ``drift`` nor ``before_euler_step``, does so here.
         """
-        return moved_by(memory, slope, dt)
+        return moved_by(memory, self.slope(memory, t, motion, rotor_speeds), dt)
 
     def far(self, memory: Any, motion: PointMotion, seconds: Any) -> Any:
         """Whether a coupled component will not act within so many seconds: the vehicle then moves without it."""

@@ -14,15 +14,17 @@ from skyarm import dynamics
 from skyarm.actuation import Command
 from skyarm.algebra import Motion, Quaternion, Vec3
 from skyarm.dynamics import State
+from skyarm.dynamics.point_motion import PointMotion
 from skyarm.dynamics.state import coordinate_acceleration
 from skyarm.plant.coupled_memory import (
     Memories,
     after_euler_step,
     before_euler_step,
+    bent,
     drifted,
-    kicked,
     memories_of,
     moved,
+    pushed,
     slopes_of,
     with_memories,
 )
@@ -30,7 +32,7 @@ from skyarm.plant.integrators import VERLET
 from skyarm.plant.interface import Truth
 from skyarm.plant.loaded_vehicle import loaded_vehicle
 from skyarm.plant.loads import applied_force, lagged, tilted
-from skyarm.plant.surroundings import Around, Surroundings
+from skyarm.plant.surroundings import Around, Surroundings, surroundings_of
 from skyarm.scalars import Scalar, add, mul
 
 
@@ -158,29 +160,41 @@ def coupled_euler(world: Truth, state: State, command: Command, around: Around, 
     return after, after_euler_step(around, slopes, dt)
 
 
-def coupled_verlet(world: Truth, state: State, command: Command, around: Around, dt: float) -> Moved:
+def coupled_verlet(world: Truth, state: State, command: Command, around: Around, dt: Any) -> Moved:
     """One step of the Stoermer-Verlet method: half of the way, the push of forces there, the other half.
 
     Forces are taken once, in the middle of the step, with the velocities before the push: of second order and without
-    a drift of the energy for springs, of first order for damping and gyroscopic torques. Rotors lag exactly. Bristles
-    are where the last push found them, and go on to this one first.
+    a drift of the energy for springs, of first order for damping. The gyroscopic and centrifugal terms are those of
+    the middle of the push, by one iteration of the implicit midpoint rule. Rotors lag exactly. Bristles are where the
+    last push found them, and go on to this one first.
     Source: Hairer, Lubich, Wanner 2003, Geometric numerical integration illustrated by the Stoermer-Verlet method, 1.5.
     """
-    half = 0.5 * dt
-    speeds, whole = (lagged(world.vehicle, state, command, part, around) for part in (half, dt))
-    leaning, angles = (tilted(world.vehicle, state, command, part) for part in (half, dt))
+    half, around, vehicle = 0.5 * dt, surroundings_of(around), world.vehicle
+    speeds, whole = (lagged(vehicle, state, command, part, around) for part in (half, dt))
+    leaning, angles = (tilted(vehicle, state, command, part) for part in (half, dt))
     middle = replace(_drifted(state, half), rotor_speeds=speeds, tilts=leaning)
-    around = before_euler_step(world, middle, speeds, drifted(around, half), dt)
-    rate = derivative(world, middle, speeds, command.efforts, around, command.rotor_speeds)
-    pushed = replace(
-        middle,
-        velocity=middle.velocity + rate.velocity * dt,
-        rate=middle.rate + rate.rate * dt,
-        joint_rates=tuple(add(x, mul(dx, dt)) for x, dx in zip(middle.joint_rates, rate.joint_rates, strict=True)),
-    )
-    around = drifted(kicked(around, slopes_of(world, middle, speeds, around), dt), half)
-    after = replace(_drifted(pushed, half), rotor_speeds=whole, tilts=angles)
-    return replace(after, quaternion=after.quaternion.renormalized()), memories_of(around)
+    motion = PointMotion(vehicle, middle, around.air_velocity, gravity=world.gravity, step=dt)
+    there = drifted(around, half)
+    there = bent(there, there.slopes(motion, speeds), dt)
+    efforts, turning = command.efforts, command.rotor_speeds
+    force, torques = applied_force(vehicle, middle, speeds, efforts, there, turning, step=dt)
+    moving, R = loaded_vehicle(vehicle, there), middle.quaternion.rotation()
+
+    def push(at: State, seconds: Any) -> State:
+        """The state in the middle after so many seconds of the forces, with the inertial ones of the velocities at."""
+        base, joints = dynamics.forward_dynamics(moving, at.joints, at.rate, at.joint_rates, force, torques)
+        linear, angular = coordinate_acceleration(R, base, world.gravity)
+        rates = zip(middle.joint_rates, joints, strict=True)
+        return replace(
+            middle,
+            velocity=middle.velocity + linear * seconds,
+            rate=middle.rate + angular * seconds,
+            joint_rates=tuple(add(x, mul(dx, seconds)) for x, dx in rates),
+        )
+
+    after = replace(_drifted(push(push(middle, half), dt), half), rotor_speeds=whole, tilts=angles)
+    memories = drifted(pushed(there, motion, speeds, dt), half).coupled_memories()
+    return replace(after, quaternion=after.quaternion.renormalized()), memories
 
 
 def _drifted(state: State, dt: Any) -> State:
