@@ -47,26 +47,23 @@ class Steps(int):
 
     Attributes:
         far: steps of the plant's integrator where the coupled components are far.
+        rounds: steps that what is coupled and far takes by itself in one of those, at least.
         verlet: whether those near are of the Stoermer-Verlet method, and not of the plant's integrator.
     """
 
     far: int
+    rounds: int
     verlet: bool
 
-    def __new__(cls, near: int, far: int, *, verlet: bool = False) -> Self:
-        """Steps near and far."""
-        made = super().__new__(cls, near)
-        made.far, made.verlet = far, verlet
+    def __new__(cls, near: int, far: int, *, verlet: int = 0) -> Self:
+        """Steps near and far of the integrator, and how many of the Stoermer-Verlet method stand for those near."""
+        made = super().__new__(cls, verlet or near)
+        made.far, made.rounds, made.verlet = far, math.ceil(near / far), verlet > 0
         return made
 
-    @property
-    def rounds(self) -> int:
-        """Steps near that one far stands for, at least."""
-        return math.ceil(self / self.far)
-
     def __eq__(self, other: object) -> bool:
-        mine = (int(self), self.far, self.verlet)
-        return mine == (other, getattr(other, "far", None), getattr(other, "verlet", None))
+        mine = (int(self), self.far, self.rounds, self.verlet)
+        return mine == (other, *(getattr(other, name, None) for name in ("far", "rounds", "verlet")))
 
     __hash__ = int.__hash__
 
@@ -136,7 +133,7 @@ class RigidBodyPlant:
         if self._verlet is not None:
             held = max(divisions(seconds, self._verlet), math.ceil(seconds * self._rate / HELD_FRICTION_STEP))
             if held < near * STAGES:
-                return Steps(held, far, verlet=True)
+                return Steps(near, far, verlet=held)
         return Steps(near, far)
 
     def _count(self, seconds: float, largest: float | None) -> int:
