@@ -62,8 +62,14 @@ class Steps(int):
         return made
 
     def __eq__(self, other: object) -> bool:
-        mine = (int(self), self.far, self.rounds, self.verlet)
-        return mine == (other, *(getattr(other, name, None) for name in ("far", "rounds", "verlet")))
+        return isinstance(other, Steps) and self._numbers == other._numbers
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other
+
+    @property
+    def _numbers(self) -> tuple[int, int, int, bool]:
+        return int(self), self.far, self.rounds, self.verlet
 
     __hash__ = int.__hash__
 
