@@ -2,8 +2,8 @@
 
     python tests/control/measure_pressing.py [SEEDS [SEED]]
 
-Prints of each row of pushes how many flights came to their end, the force's error and ripple, contacts lost after 0.3 s,
-the tip's error across the normal (mean and largest over the flights each), and the peak over max(force, v sqrt(k
+Prints of each row of pushes how many flights came to their end, the force's error and ripple, contacts lost after 0.3
+s, the tip's error across the normal (mean and largest over the flights each), and the peak over max(force, v sqrt(k
 m_tip)); then the rows of ``measure_tasks.py``: winds, edges, loads, handles, pegs.
 """
 
