@@ -195,12 +195,20 @@ class Coupled(Force):
         return (Wrench(force_W=Vec3(memory[0], 0.0, 0.0)),)
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Beside(Force):
+    """A force that is not coupled and asks for steps of 2.5 ms wherever the vehicle is."""
+
+    largest_step = 2.5e-3
+
+
 def test_they_are_taken_near_contact_where_they_are_fewer_than_evaluations_of_runge_kutta():
     touch = Contact(surfaces=(Surface(name="ground"),), points=UNDER)
     count = plant(BIRD, touch)[0].substeps(0.005)
     assert (int(count), count.far, count.rounds, count.verlet) == (4, 1, 3, True)
     assert not plant(BIRD, touch, Coupled())[0].substeps(0.005).verlet
     assert plant(BIRD, touch, integrator="euler")[0].substeps(0.005) == 5
+    assert not plant(BIRD, touch, Beside())[0].substeps(0.005).verlet
     # friction in the joints of this one would take 13 steps, and Runge-Kutta's method takes 12 forces
     pelican = plant(load_vehicle("pelican_arm2"), touch)[0].substeps(0.005)
     assert (int(pelican), getattr(pelican, "verlet", False)) == (3, False)
