@@ -120,7 +120,7 @@ def test_lanes_of_a_batch_lift_each_its_own_box():
     for lane in range(2):
         alone = skyarm.run(with_numbers(scenario, {path: float(each[lane]) for path, each in values.items()}))
         assert alone.gripper_lost[-1] == [0.0, 1.0][lane]
-        assert positions[lane] == pytest.approx(alone.position, abs=1e-7)  # steps of the lightest
+        assert positions[lane] == pytest.approx(alone.position, abs=1e-6)  # steps of the lightest, of second order
         assert np.abs(positions[lane] - positions[1 - lane]).max() > 1e-5
 
 

@@ -34,7 +34,8 @@ TOUCHED = 2.5
 
 
 def standing(duration: float, **replaced: Any) -> Scenario:
-    """The paper's vehicle stands on four skids, its rotors turning as the paper's law wants them."""
+    """The paper's vehicle stands on four skids, its rotors turning as the law wants them for 11 cm less."""
+    lower = {"kind": "ramp", "start": 0.0, "duration": 0.1, "height": -0.1, "shape": "linear"}
     skids = [{"name": f"skid_{i}", "body": "base", "position": [x, y, -0.22]} for i, (x, y) in enumerate(SKIDS)]
     return scenario_from(
         {
@@ -45,7 +46,7 @@ def standing(duration: float, **replaced: Any) -> Scenario:
             "model": {"vehicle": "hummingbird_arm2"},
             "controller": {"preset": "paper_ct"},
             "initial": {"standing": True},
-            "reference": {"base": {"kind": "signals", "z": 0.21}, "joints": [-1.2, 0.3]},
+            "reference": {"base": {"kind": "signals", "z": [0.21, lower]}, "joints": [-1.2, 0.3]},
             "world": {
                 "surfaces": [{"name": "ground", "shape": "plane", "material": {"friction": 0.6}}],
                 "points": skids,
