@@ -27,7 +27,7 @@ from skyarm.control.laws.centroidal.interaction_records import (
 from skyarm.control.laws.centroidal.pressing import Pressing
 from skyarm.control.laws.centroidal.tip_force import TipLevers, levers
 from skyarm.control.model import Model, Parameters
-from skyarm.control.options import three
+from skyarm.control.options import three, two
 from skyarm.files import shown
 from skyarm.records.units import Unit
 from skyarm.reference import Reference
@@ -130,21 +130,13 @@ def beside(model: Model, observer: Any, thresholds: Any) -> dict[str, Any]:
     if not vehicle.end_effector or not vehicle.n:
         raise ControllerError(f"model.vehicle = {vehicle.name!r}: must have joints that move an end_effector")
     force, torque, joints = three("observer", observer)
-    touch, lost = _two(thresholds)
-    gains = interaction_gains((touch, lost), "tip", vehicle)
+    gains = interaction_gains(two("interaction", thresholds, zero=True), "tip", vehicle)
     if gains is None:
         raise ControllerError(f"controller.interaction = {shown(thresholds)}: must be two forces above 0")
     return {
         "observer": ObserverGains(force=force, torque=torque, joints=joints, pose=UNFILTERED),
         "interaction": gains,
     }
-
-
-def _two(values: Any) -> tuple[float, float]:
-    if not isinstance(values, (list, tuple)) or len(values) != 2:
-        raise ControllerError(f"controller.interaction = {shown(values)}: must be 2 numbers")
-    first, second, _ = three("interaction", (*values, 1.0), zero=True)
-    return first, second
 
 
 def first_pressing(model: Model) -> PressingMemory:
