@@ -86,7 +86,7 @@ def nmpc(
     x = engine.observation.now(estimate, [_row(command) for command in pending])[:nx]
     sample = ahead.taken(reference, memory.sample, dt)
     interaction, touch, known = memory.interaction, None, estimate[nx:]
-    if engine.contact is not None:
+    if presses and engine.contact is not None:
         wanted = ahead.extrapolated(sample, np.array([sample.age]))[0][0]
         interaction, touch = engine.contact.at(interaction, estimate, reference.push, wanted)
         known = np.array(touch.pressed)

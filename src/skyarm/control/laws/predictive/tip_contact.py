@@ -38,6 +38,12 @@ Array = npt.NDArray[np.float64]
 
 TOLD = 5
 """Numbers of a push that are answered: force, speed, normal. A tip that grips is led as a free one."""
+KEPT = 0.5
+"""Share of the observed force across the normal that a pressing plan reckons with: friction bears the rest.
+
+A tip that sticks is held by friction with any force that is asked of it: a plan that reckons with all of it pushes
+against its own push, and the arm of six joints swings up.
+"""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -93,7 +99,9 @@ class TipContact:
             arm = axis_rotation(E_Z, yaw).apply(frame_pose(vehicle, vehicle.frame(), tuple(joints)).p)
             way = now.position + at.R.apply(at.tip) - Vec3(x, y, z) - arm
             after = dataclasses.replace(after, gap=n.dot(way) - after.shift)
-            free = observed + at.disturbance(n * (-n.dot(pressing.force) * pressing.engaged))
+            along = n * n.dot(pressing.force)
+            unanswered = along + (pressing.force - along) * (1.0 - KEPT)
+            free = observed + at.disturbance(unanswered * -pressing.engaged)
             pressed = free + at.disturbance(n * (pressing.order * pressing.engaged))
             return after, Touch(
                 normal=tuple(n),
