@@ -4,7 +4,8 @@ Law: every so many control periods (option ``every``) the motion of base, arm an
 stages is chosen so that base, joints and tool follow the reference at little rotor acceleration; in between the
 feedback u = u* + K (x - x*) of the solution acts. A disturbance observer makes it free of offset. The solution is warm
 started from the last one, moved on in time. Commands that act late, frozen sensors and plans that lead nowhere are
-noticed (:mod:`.command_delay`, :mod:`.frozen_sensors`, :mod:`.fallback`).
+noticed (:mod:`.command_delay`, :mod:`.frozen_sensors`, :mod:`.fallback`). A tip that is asked to press is held by a
+surface whose force the plan foresees (:mod:`.tip_contact`, :mod:`.contact_force`).
 
 Assumptions: rigid bodies, rotors that lag, still air; what else pushes is one force and torque at the base and one
 torque a joint, constant over the horizon. Position, velocity, acceleration of the *held samples* are extrapolated, as

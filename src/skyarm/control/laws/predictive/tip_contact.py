@@ -38,7 +38,7 @@ Array = npt.NDArray[np.float64]
 
 TOLD = 5
 """Numbers of a push that are answered: force, speed, normal. A tip that grips is led as a free one."""
-KEPT = 0.5
+KEPT = 0.6
 """Share of the observed force across the normal that a pressing plan reckons with: friction bears the rest.
 
 A tip that sticks is held by friction with any force that is asked of it: a plan that reckons with all of it pushes
