@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from test_predictive_belief import belief, drawn, goal_of, true_accelerations
 
 import skyarm
-from flown import MODEL, vec
+from flown import MODEL, cases, vec
 from law_flights import scalars
 from skyarm.compile import leaves, rebuild
 from skyarm.control.blocks.disturbance import Disturbance
@@ -19,11 +20,13 @@ from skyarm.control.blocks.observed_push import PushAlone, observed_push
 from skyarm.control.catalogue import make_controller
 from skyarm.control.controller import ControllerError, presses
 from skyarm.control.laws.centroidal.interaction_records import InteractionGains
+from skyarm.control.laws.predictive import preview
 from skyarm.control.laws.predictive.contact_force import Contact, under_contact
 from skyarm.control.laws.predictive.cost import input_residuals, state_residuals
 from skyarm.control.laws.predictive.linearise import examples
 from skyarm.control.laws.predictive.motion_plan import Inputs
 from skyarm.control.laws.predictive.parameters import WEIGHTS
+from skyarm.control.laws.predictive.problem import problem_at
 from skyarm.control.laws.predictive.tip_contact import KEPT, TipContact, contact_goals, shift_ahead
 from skyarm.control.model import Model
 from skyarm.scenario.law_by_name import controller_by_name
@@ -281,6 +284,53 @@ def test_others_know_the_tips_force_of_a_memory_that_only_its_law_can_read():
     silent = make_controller("nmpc", MODEL, mode="joints").memory
     assert PushAlone.of(silent).tip_force == ()
     assert observed_push(PushAlone.of(silent)) is None
+
+
+def test_the_base_stands_for_the_order_and_the_plan_finds_the_force_itself():
+    thrusts = []
+
+    def stance(thrust, values):
+        thrusts.append(thrust)
+        return np.zeros((len(values), 3))
+
+    engine = SimpleNamespace(
+        solver=SimpleNamespace(steps=np.full(3, 0.1)),
+        bounds=SimpleNamespace(efforts=np.full(2, 5.0)),
+        contact=SimpleNamespace(gains=GAINS),
+        stance=SimpleNamespace(at=stance),
+    )
+    touch = told(
+        normal=tuple(N), asked=0.0, free=(1.0, *(0.0,) * 7), pressed=(3.0, *(0.0,) * 7), shift=0.02, shift_rate=0.0
+    )
+    still = np.zeros(6)
+    sample = preview.Sample(still, still, still, still, 0.0, still, still)
+    state, *_ = examples(2, 4)
+    par = make_controller("nmpc", MODEL).par
+    problem = problem_at(engine, np.array(leaves(state)), np.full(8, 9.0), sample, 0.0, 0.0, par, touch)
+    np.testing.assert_array_equal(problem.disturbance, touch.free)
+    s, rate, bend = shift_ahead(GAINS, touch, np.array([0.0, 0.1, 0.2, 0.3]))
+    constant = np.array([0.0, 0.0, 9.81]) - np.array([3.0, 0.0, 0.0]) / float(VEHICLE.mass)
+    expected = np.outer(bend, N) + constant
+    np.testing.assert_allclose(thrusts[0], expected)
+    np.testing.assert_allclose(problem.goals[:, :3], np.outer(s, N))
+    np.testing.assert_allclose(problem.goals[:, 3:6], np.outer(rate, N))
+    np.testing.assert_array_equal(problem.goals[:, -6:], contact_goals(GAINS, touch, np.array([0.0, 0.1, 0.2, 0.3])))
+
+
+def test_the_law_remembers_touch_and_loss_and_tells_the_tips_force():
+    own, case = make_controller("nmpc", MODEL), cases(1, seed=5)[0]
+    reference = dataclasses.replace(case.reference(), push=PUSH)
+    seen = case.measurement()
+    first, _ = own.law(own.memory, seen, reference, DT, par=own.par)
+    assert [*first.tip_force] == pytest.approx([0.0, 0.0, 0.0])
+    estimate = first.estimate.copy()
+    estimate[-8:-5] = 0.5 * N  # of a force at the base alone the tip's is a small part, in its direction
+    following, _ = own.law(dataclasses.replace(own.memory, estimate=estimate), seen, reference, DT, par=own.par)
+    assert 0.0 < N @ [*following.tip_force] < 0.5
+    assert not np.array_equal(following.interaction, first.interaction)
+    free = dataclasses.replace(reference, push=())
+    without, _ = own.law(own.memory, seen, free, DT, par=own.par)
+    assert without.interaction is None
 
 
 def flown(task, duration):
