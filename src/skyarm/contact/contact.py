@@ -7,7 +7,7 @@ have their motion there, too.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
@@ -16,6 +16,7 @@ from skyarm.contact.carried_contact import NOBODY, Carried, Meeting
 from skyarm.contact.carrier import Carrier, untouched_after
 from skyarm.contact.contact_checks import require_names_apart, require_on_vehicle
 from skyarm.contact.contact_point import ContactPoint
+from skyarm.contact.contact_steps import asked_steps, euler_step, least, verlet_step
 from skyarm.contact.free_object import FreeObject
 from skyarm.contact.grasps import UNCHANGED, Grasps
 from skyarm.contact.gripper import Grip, Gripper
@@ -29,16 +30,11 @@ from skyarm.dynamics.state import State
 from skyarm.environment.component import Force, Wrench, moved_by
 from skyarm.records.field_rules import accept_fields
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, data, exp, logical_and, maximum, minimum, neg, sqrt
+from skyarm.scalars import Scalar, data, exp, logical_and, maximum, neg, sqrt
 from skyarm.vehicle.vehicle_records import Vehicle
 
 NEAR = 0.005
 """m that a point stays away from a surface while longer steps are taken: what it goes astray in 5 ms at 400 m/s^2."""
-
-VERLET_SHARE = 0.75
-"""Of a semi-implicit Euler step in one of the Stoermer-Verlet method. The mean of a depth is over the way of the first
-then, a third longer than what a point makes in the second, and an elastic bounce gains no energy at any phase of the
-steps; at shares of 1 and 0.6 it gains up to 0.96 and 0.34 % of a point that is as light as steps are chosen for."""
 
 TIP = "tip"
 """Name of the point that a vehicle with a tip has where nothing is said of its points."""
@@ -108,28 +104,22 @@ class Contact(Force):
     @property
     def steps(self) -> tuple[tuple[str, Any], ...]:
         """What asks for an integration step, in words, and the longest that it bears, s."""
-        touched = self.surfaces if self.points or not self.carriers else ()
-        own = [(f"the material of surface {each.name!r}", each.material.largest_step) for each in touched]
-        inner = [(f"mechanism {c.name!r}", c.largest_step) for c in self.carriers if c.largest_step is not None]
-        return (*own, *self.carried.steps(), *self.grasps.steps(), *inner)
+        return asked_steps(self)
 
     @property
     def largest_step(self) -> Any:  # type: ignore[override]
         """Longest integration step (s) that everything bears; None of an empty world."""
-        return _least(step for _, step in self.steps)
+        return least(step for _, step in self.steps)
 
     @property
     def largest_euler_step(self) -> Any:
         """The same of the semi-implicit Euler method: damping of friction and grasps counts, too."""
-        grasped = [step for _, step in self.grasps.steps(euler=True)]
-        inner = [c.largest_euler_step for c in self.carriers if c.largest_euler_step is not None]
-        return _least((*(step for _, step in self.steps), *grasped, *inner))
+        return euler_step(self)
 
     @property
     def largest_verlet_step(self) -> Any:
         """The same of the Stoermer-Verlet method, which takes forces once a step."""
-        step = self.largest_euler_step
-        return None if step is None else VERLET_SHARE * step
+        return verlet_step(self)
 
     def on(self, vehicle: Vehicle) -> Contact:
         """The contact with the vehicle's tip as its point where none is named."""
@@ -302,11 +292,3 @@ class Contact(Force):
         for carrier, held in zip(self.carriers, memory.carried, strict=True):
             numbers += carrier.logged(held)
         return (*numbers, *self.grasps.logged(memory, motion))
-
-
-def _least(steps: Iterable[Any]) -> Any:
-    """The smallest of some steps (s); None of none."""
-    least = None
-    for each in steps:
-        least = each if least is None else minimum(least, each)
-    return least
