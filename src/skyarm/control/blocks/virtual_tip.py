@@ -81,7 +81,7 @@ def moved_tip(gains: Compliance, memory: VirtualTip, force: Vec3, dt: Any) -> tu
         places.append(after)
         rates.append(rate)
         rows.append(motion)
-    offset = tuple(_world(gains.axes, [row[k] for row in rows]) for k in range(3))
+    offset = tuple(along_world(gains.axes, [row[k] for row in rows]) for k in range(3))
     return VirtualTip(place=tuple(places), rate=tuple(rates)), offset
 
 
@@ -103,7 +103,7 @@ def _moved(M: Any, D: Any, K: Any, x: Any, w: Any, f: Any, lead: Any, dt: Any) -
     return place, rate, (place, velocity, then)
 
 
-def _world(axes: Sequence[Vec3], values: Sequence[Any]) -> Vec3:
+def along_world(axes: Sequence[Vec3], values: Sequence[Any]) -> Vec3:
     """A vector along the axes as one along those of the world."""
     if not axes:
         return Vec3(*values)
