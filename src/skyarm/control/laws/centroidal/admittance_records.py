@@ -15,6 +15,7 @@ from skyarm.control.blocks.virtual_tip import AT_REST, Compliance, VirtualTip
 from skyarm.control.blocks.virtual_turn import NOT_TURNED, RotationalCompliance, VirtualTurn
 from skyarm.control.controller import ControllerError
 from skyarm.control.laws.centroidal.interaction_records import SENSING
+from skyarm.control.laws.centroidal.joint_room import Ends, ends_of
 from skyarm.control.laws.centroidal.tip_force import ForceErrors
 from skyarm.dynamics.kinematics import jacobian_columns
 from skyarm.files import shown
@@ -52,11 +53,12 @@ class TurnWeights:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RotationGains:
-    """Constants of giving way to a torque."""
+    """Constants of giving way to a torque; ``ends`` says which joints have limits."""
 
     body: RotationalCompliance
     threshold: Annotated[Scalar, Unit("N m", "about the tip, above which a torque is heard", low=0.0)]
     arm: TurnWeights = TurnWeights()
+    ends: Ends = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -132,7 +134,7 @@ def admittance_gains(
     turns, rotation = rotation_of(table, at, lag, tip.axes), None
     if turns is not None:
         require_turning(vehicle, at, table["rotation"])
-        rotation = RotationGains(body=turns[0], threshold=turns[1])
+        rotation = RotationGains(body=turns[0], threshold=turns[1], ends=ends_of(vehicle))
     gains = AdmittanceGains(tip=tip, hearing=hearing, rotation=rotation)
     return dataclasses.replace(gains, sensing=SENSING) if sensor else gains
 

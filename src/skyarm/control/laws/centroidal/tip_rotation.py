@@ -65,6 +65,6 @@ def turn(
         dt: control period, s.
     """
     body, vector = moved_turn(gains.body, memory.body, outside, dt)
-    arm, moved = turned_reference(vehicle, gains.arm, memory.arm, turned_by(vector), signals, dt)
+    arm, moved = turned_reference(vehicle, gains, memory.arm, turned_by(vector), signals, dt)
     after = RotationMemory(body=body, arm=arm, hearing=memory.hearing, torque=memory.torque, felt=memory.felt)
     return after, moved

@@ -22,26 +22,30 @@ from typing import Any
 from skyarm.algebra import Mat3, Vec3
 from skyarm.control.blocks.select import data
 from skyarm.control.blocks.series_kinematics import Posture, derivative, moving, posture
-from skyarm.control.laws.centroidal.admittance_records import ArmTurn, TurnWeights
+from skyarm.control.laws.centroidal.admittance_records import ArmTurn, RotationGains, TurnWeights
+from skyarm.control.laws.centroidal.joint_room import Ends
 from skyarm.control.laws.centroidal.tip_reference import turn_by_yaw
 from skyarm.control.laws.centroidal.tip_tasks import Squares, orientation_error
 from skyarm.dynamics.kinematics import jacobian_columns
-from skyarm.scalars import add, divide, mul, sub
+from skyarm.scalars import add, divide, maximum, minimum, mul, sub
 from skyarm.scalars.taylor import Taylor
 from skyarm.vehicle.vehicle_records import Vehicle
 
 PACE = 0.2
 """k dt: the share of an error that is made good in one period, well below where the sum of two steps would swing."""
 
+ROOM = 0.8
+"""Of the way from a joint's reference to its limit, that the tip's turning may take."""
+
 
 def turned_reference(
-    vehicle: Vehicle, weights: TurnWeights, memory: ArmTurn, E: Mat3, signals: Sequence[Taylor], dt: Any
+    vehicle: Vehicle, gains: RotationGains, memory: ArmTurn, E: Mat3, signals: Sequence[Taylor], dt: Any
 ) -> tuple[ArmTurn, list[Taylor]]:
     """One period: the memory, and the reference's signals with joints and base moved.
 
     Args:
         vehicle: model.
-        weights: constants.
+        gains: constants.
         memory: one period earlier.
         E: by which the tip is turned against its reference, world axes, series to second derivative.
         signals: of the reference: x, y, z, yaw, joints.
@@ -52,7 +56,8 @@ def turned_reference(
     values = [add(q.derivative(0), dq) for q, dq in zip(told, memory.joints, strict=True)]
     rates = [add(q.derivative(1), dq) for q, dq in zip(told, memory.joint_rates, strict=True)]
     now = posture(vehicle, moving(values, rates, (0,) * vehicle.n), 2)
-    accelerations = _accelerations(vehicle, weights, memory, _in_heading(E, yaw), wanted, now, told, values, dt)
+    asked = _accelerations(vehicle, gains.arm, memory, _in_heading(E, yaw), wanted, now, told, values, dt)
+    accelerations = _within(vehicle, gains.ends, told, values, rates, asked, dt)
     moved: list[tuple[Any, ...]] = []
     for q, dq, slope, bend in zip(told, memory.joints, memory.joint_rates, accelerations, strict=True):
         more = sub(bend, q.derivative(2))
@@ -96,6 +101,34 @@ def _accelerations(
     ]
     problem.prefer(rest, mul(weights.idle, weights.idle))
     return problem.solve()
+
+
+def _within(
+    vehicle: Vehicle,
+    ends: Ends,
+    told: Sequence[Taylor],
+    values: Sequence[Any],
+    rates: Sequence[Any],
+    accelerations: Sequence[Any],
+    dt: Any,
+) -> list[Any]:
+    """Joint accelerations that bring no joint further than a share of the way from its reference to a limit.
+
+    With d the way that is left, d'' + 2 k d' + k^2 d >= 0, as in :mod:`skyarm.control.laws.centroidal.joint_room`.
+    """
+    k, found = divide(PACE, dt), []
+    for link, (low, high), q, value, rate, wanted in zip(
+        vehicle.links, ends, told, values, rates, accelerations, strict=True
+    ):
+        kept, place = wanted, q.derivative(0)
+        gone = add(mul(mul(k, k), sub(value, place)), mul(mul(2.0, k), rate))
+        far = mul(ROOM, mul(k, k))
+        if high:
+            kept = minimum(kept, sub(mul(far, sub(link.joint.upper, place)), gone))
+        if low:
+            kept = maximum(kept, sub(mul(far, sub(link.joint.lower, place)), gone))
+        found.append(kept)
+    return found
 
 
 def _in_heading(E: Mat3, yaw: Taylor) -> Mat3:
