@@ -255,6 +255,11 @@ def test_an_arm_that_does_not_turn_its_tip_about_three_axes_is_refused():
             make_centroidal(
                 Model(vehicle=skyarm.load_vehicle(name)), mode="tip", admittance={**HELD, "rotation": TURNS}
             )
+    five = {"mode": "tip", "admittance": {**HELD, "rotation": TURNS}}
+    other = Model(vehicle=skyarm.load_vehicle("hexarotor12_arm5"))
+    with pytest.raises(ValueError, match="without force_sensor: the joints of 'hexarotor12_arm5' do not move its tip"):
+        make_centroidal(other, **five)
+    assert make_centroidal(other, **five, force_sensor=True).par.admittance.senses_torque
     with pytest.raises(ValueError, match=r"admittance\.mass = .*above 0 along an axis"):
         law_of(HELD)
     with pytest.raises(ValueError, match=r"admittance\.rotation = 3\.0: must be a table"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -26,8 +26,8 @@ from skyarm.vehicle.vehicle_records import Vehicle
 BENT = 0.4
 """rad or m, and its multiples: a posture in which no two joint axes of an arm are parallel unless they always are."""
 
-TURNS = 1e-3
-"""Least determinant of J_w J_w^T there of an arm that turns its tip about every axis."""
+ALONG = 1e-2
+"""1 and m: what is left of a column of the Jacobian, below which it says nothing new."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -133,7 +133,7 @@ def admittance_gains(
     tip, hearing = compliance_of(table, at, lag)
     turns, rotation = rotation_of(table, at, lag, tip.axes), None
     if turns is not None:
-        require_turning(vehicle, at, table["rotation"])
+        require_turning(vehicle, at, table["rotation"], sensor)
         rotation = RotationGains(body=turns[0], threshold=turns[1], ends=ends_of(vehicle))
     gains = AdmittanceGains(tip=tip, hearing=hearing, rotation=rotation)
     return dataclasses.replace(gains, sensing=SENSING) if sensor else gains
@@ -164,16 +164,31 @@ def first_rotation(joints: int, sensor: bool) -> RotationMemory:
     )
 
 
-def require_turning(vehicle: Vehicle, at: str, table: Any) -> None:
-    """Refuse an arm that does not turn its tip about every axis.
+def require_turning(vehicle: Vehicle, at: str, table: Any, sensor: bool) -> None:
+    """Refuse an arm that does not turn its tip about every axis, or that cannot tell a torque there from a force.
 
     Raises:
         ControllerError: one line with field, value and what is allowed.
     """
     bent = [BENT * (1.0 + 0.37 * i) for i in range(vehicle.n)]
-    turns = [column.angular for column in jacobian_columns(vehicle, vehicle.frame(), bent)]
-    # det(J J^T) is the sum of the squared volumes of three columns each (Cauchy, Binet)
-    volume = sum(float(a.cross(b).dot(c)) ** 2 for a, b, c in itertools.combinations(turns, 3))
-    if volume < TURNS:
+    columns = jacobian_columns(vehicle, vehicle.frame(), bent)
+    if _independent([[*each.angular] for each in columns]) < 3:
         allowed = f"must be left out: the joints of {vehicle.name!r} do not turn its tip about three axes"
         raise ControllerError(f"{at}.rotation = {shown(table)}: {allowed}")
+    if not sensor and _independent([[*each.angular, *each.linear] for each in columns]) < 6:
+        few = f"the joints of {vehicle.name!r} do not move its tip in six directions, so that they tell no torque there"
+        raise ControllerError(f"{at}.rotation = {shown(table)}: must be left out without force_sensor: {few}")
+
+
+def _independent(vectors: list[list[Any]]) -> int:
+    """How many of some vectors point where those before do not: Gram, Schmidt."""
+    found: list[list[float]] = []
+    for vector in vectors:
+        left = [float(c) for c in vector]
+        for unit in found:
+            along = sum(a * b for a, b in zip(left, unit, strict=True))
+            left = [a - along * b for a, b in zip(left, unit, strict=True)]
+        length = math.sqrt(sum(c * c for c in left))
+        if length > ALONG:
+            found.append([c / length for c in left])
+    return len(found)
