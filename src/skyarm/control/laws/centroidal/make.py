@@ -166,7 +166,7 @@ def make_centroidal(
         accelerometer=_accelerometer(gains["accelerometer"]),
         air=_air(vehicle, gains["hull_drag"], gains["wind"]),
         interaction=interaction_gains(gains["interaction"], mode, vehicle, sensor and admittance is None),
-        load=load_gains(gains["load"], vehicle),
+        load=load_gains(gains["load"], vehicle, mode, gains["load_inertia"]),
         admittance=_admittance(admittance, mode, vehicle, gains, periods * control_period),
     )
     if gains["bandwidth"] != 1.0:
@@ -288,6 +288,6 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
         ),
         lag=() if par.lag is None else first_lag(vehicle.n, par.lag.stride),
         interaction=() if par.interaction is None else first_interaction(vehicle.n, par.interaction.senses),
-        load=() if par.load is None else first_load(vehicle.n),
+        load=() if par.load is None else first_load(vehicle.n, par.load.inertia is not None),
         admittance=() if par.admittance is None else first_admittance(vehicle.n, par.admittance),
     )

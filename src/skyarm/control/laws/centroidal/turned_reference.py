@@ -84,7 +84,7 @@ def _accelerations(
     """Joint accelerations that turn the tip by E (base axes of a level base) and keep it where it is."""
     k = divide(PACE, dt)
     kp, kd = mul(k, k), mul(2.0, k)
-    target, present = E @ _tip_rotation(vehicle, wanted), _tip_rotation(vehicle, now)
+    target, present = E @ tip_rotation(vehicle, wanted), tip_rotation(vehicle, now)
     w_d, alpha_d = turning(target)
     w, bias = turning(present)
     left = orientation_error(values_of(present), values_of(target))
@@ -138,7 +138,7 @@ def _in_heading(E: Mat3, yaw: Taylor) -> Mat3:
     return Mat3(*(turn_by_yaw(-yaw, row) for row in turned.rows))
 
 
-def _tip_rotation(vehicle: Vehicle, at: Posture) -> Mat3:
+def tip_rotation(vehicle: Vehicle, at: Posture) -> Mat3:
     """Rotation of the tip's axes, base axes, series."""
     tip = vehicle.frame()
     R = at.links[tip.link].R
