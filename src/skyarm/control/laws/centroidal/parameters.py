@@ -187,6 +187,7 @@ class CentroidalParameters:
             "drag of the hull": self.air is not None and self.air.hull,
             "pressing on surfaces": self.interaction is not None,
             "learned load": self.load is not None,
+            "moments of a learned load": self.load is not None and self.load.inertia is not None,
             "giving way to forces": self.admittance is not None,
             "believed wind": self.air is not None and type(self.air.wind.x) is not int,
         }
