@@ -30,7 +30,7 @@ class InertiaGains:
 
     stout: Annotated[tuple[Scalar, ...], Unit("kg m^2", "of the vehicle about each axis of the tip", low=0.0)]
     spread: Annotated[Scalar, Unit("m", "radius of gyration that is not surprising", low=0.0, strict=True)] = 0.1
-    furthest: Annotated[Scalar, Unit("m", "root of the largest second moment of mass per kg", low=0.0)] = 0.3
+    furthest: Annotated[Scalar, Unit("m", "root of the largest second moment of mass per kg", low=0.0)] = 0.15
     noise: Annotated[Scalar, Unit("N m", "of a joint's observed torque", low=0.0, strict=True)] = 0.005
     colour: Annotated[Scalar, Unit("s", "for which that noise stays alike", low=0.0, strict=True)] = 0.1
     forgetting: Annotated[Scalar, Unit("1/s", "of what was observed, while the hand is turned", low=0.0)] = 0.5
