@@ -106,7 +106,7 @@ def _told(
     dt: Any,
 ) -> tuple[Vec3 | None, Vec3]:
     """What a sensor tells (filtered, axes of the tip; None without one), and what counts, world axes."""
-    if not isinstance(felt, Vec3) or not isinstance(bias, Vec3) or not told:
+    if gains.sensing is None or not isinstance(felt, Vec3) or not isinstance(bias, Vec3) or not told:
         return None, believed
     now = felt + (Vec3(*told) - felt) * low_pass_share(gains.sensing, dt)
     turned = at.R @ frame_pose(vehicle, vehicle.frame(), joints).R
