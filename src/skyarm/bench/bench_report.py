@@ -6,11 +6,12 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
+from skyarm.bench import contact_speed, machine
 from skyarm.bench import engines as ours
-from skyarm.bench import machine
 from skyarm.bench import mujoco_pinocchio as others
 from skyarm.bench.accuracy import accuracy
 from skyarm.bench.counts import counts, growth
+from skyarm.bench.environment_peers import PEERS, peers
 from skyarm.bench.environment_steps import environments
 from skyarm.bench.latency import latency
 from skyarm.bench.optional_simulators import crazyflow, guests, installed
@@ -24,7 +25,8 @@ from skyarm.vehicle.vehicle_files import load_vehicle
 SCENARIO = "case2_gust"
 LONG_ARM = "hexarotor_arm6"
 CRAZYFLOW_WORLDS = (1024, 4096, 16384)
-NOT_COMPARED = ("crazyflow", "rotorpy", "mujoco.mjx", "gymnasium")
+COMPARED = (*PEERS, "rotorpy", "mujoco.mjx", "gymnasium")
+"""What is compared only where it is installed, by the name that it is imported by."""
 
 Progress = Callable[[str], None]
 
@@ -67,8 +69,12 @@ def measure(*, quick: bool = False, progress: Progress = lambda _: None) -> dict
         "speed": [dataclasses.asdict(score) for score in scores],
         "long_arm": [dataclasses.asdict(score) for score in _long_arm(threads, rounds, quick, progress)],
         "bare": [dataclasses.asdict(score) for score in _bare(threads, rounds, quick, progress)],
+        "contact": _contact(threads, rounds, quick, progress),
         "environments": [dataclasses.asdict(score) for score in contest(environments(), 4 * rounds, progress)],
-        "not_installed": [name for name in NOT_COMPARED if not installed(name)],
+        "environment_peers": [
+            [dataclasses.asdict(score) for score in contest(each, 4 * rounds, progress)] for each in peers()
+        ],
+        "not_installed": [name for name in COMPARED if not installed(name)],
     }
     progress("accuracy")
     found["accuracy_m"] = accuracy(scenario, 3.0 if quick else 30.0)
@@ -88,6 +94,18 @@ def _long_arm(threads: int, rounds: int, quick: bool, progress: Progress) -> lis
     flown = {name: flight for name, flight in ours.flights(scenario).items() if name != "noise"}
     contenders: list[Contender] = [others.mujoco_rollout(scenario.world.vehicle, threads)]
     return contest([*contenders, *ours.native(flown, threads, 8 * threads)], rounds, progress)
+
+
+def _contact(threads: int, rounds: int, quick: bool, progress: Progress) -> dict[str, list[dict[str, Any]]]:
+    """Episodes in contact against MuJoCo with its own contacts, by scene."""
+    duration, blocks = 3.0 if quick else 10.0, 8 * threads
+    scenes = {
+        "standing on four skids": contact_speed.standing_contenders(duration, threads, blocks),
+        "a tip presses on a wall": contact_speed.pressing_contenders(duration, threads, blocks),
+    }
+    return {
+        name: [dataclasses.asdict(score) for score in contest(each, rounds, progress)] for name, each in scenes.items()
+    }
 
 
 def _bare(threads: int, rounds: int, quick: bool, progress: Progress) -> list[Score]:
@@ -111,8 +129,12 @@ def text(found: dict[str, Any]) -> str:
     lines += [*_speeds(found["speed"]), "", "hexarotor with a six-joint arm", *_speeds(found["long_arm"])]
     if found.get("bare"):
         lines += ["", "a quadrotor without an arm, closed loop", *_speeds(found["bare"])]
+    for scene, speeds in found.get("contact", {}).items():
+        lines += ["", f"in contact: {scene}", *_speeds(speeds)]
     if found.get("environments"):
         lines += ["", "vector environments, steps of a world per second", *_speeds(found["environments"])]
+    for group in found.get("environment_peers", []):
+        lines += ["", f"environments beside {group[0]['name']}, steps of a world per second", *_speeds(group)]
     lines += ["", "largest distance from RK4 at 0.125 ms, m"]
     lines += [f"  {name:<44} {value:.2e}" for name, value in found["accuracy_m"].items()]
     lines += ["", "one control step, microseconds: median, 99th percentile"]
