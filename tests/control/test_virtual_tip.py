@@ -83,3 +83,15 @@ def test_it_gives_back_no_more_energy_than_it_was_given():
     held = 0.5 * M * (found[:, 1] ** 2).sum(axis=1) + 0.5 * K * (found[:, 0] ** 2).sum(axis=1)
     assert work == pytest.approx(lost + held, rel=1e-9, abs=1e-12)
     assert work[-1] > 1e-3
+
+
+@pytest.mark.parametrize(("M", "D", "K"), [(0.01, 0.5, 0.0), (0.02, 0.0, 50.0), (0.1, 5.0, 250.0), (1.0, 6.0, 9.0)])
+def test_a_light_body_starts_no_faster_than_it_can_go_however_late_the_force_is_heard(M, D, K):
+    """A body that damper or spring stop within the lag has not gathered all of the impulse, one of 1 kg has."""
+    late, force = 0.06, -1.5
+    gains = Compliance(mass=(M,) * 3, damping=(D,) * 3, stiffness=(K,) * 3, lead=late)
+    first = pushed(gains, [(force, 0.0, 0.0)])[0, 1, 0]
+    terminal = [abs(force) / D] if D else []
+    swing = [abs(force) / (K * M) ** 0.5] if K else []
+    own = min([late * abs(force) / M, *terminal, *swing])
+    assert 0.75 * own < -first < own + DT * abs(force) / M  # what one period takes and adds

@@ -123,6 +123,11 @@ def senses_force(par: Any) -> bool:
     return any(getattr(getattr(own, part, None), "senses", False) for part in ("interaction", "admittance"))
 
 
+def senses_torque(par: Any) -> bool:
+    """Whether the sensor is to tell a law the torque about the tip, too."""
+    return bool(getattr(getattr(innermost(par), "admittance", None), "senses_torque", False))
+
+
 def learns_load(par: Any) -> bool:
     """Whether a law, inside whatever layers, learns what a reference says that the tip holds."""
     return hasattr(getattr(innermost(par), "load", None), "limit")

@@ -33,6 +33,7 @@ IF_ANY = (
     "lag_found",
     "load_mass_found",
     "load_place_found",
+    "load_inertia_found",
     "path_time",
     "phase",
     "tilts",
@@ -75,8 +76,8 @@ class Log:
         payload_mass: (N, payloads) what is held of each payload with a time; without columns where there is none.
         lag_found: (N, 2) s, how late the rotors' and the joints' loops act beyond what the law was told, as it has
             found (:mod:`skyarm.control.blocks.lag_estimate`); without columns for a law that does not look for it.
-        load_mass_found, load_place_found: (N,) kg and (N, 3) m, mass of the load that the law has learned and its
-            centre of mass in the axes of the tip; empty for a law that learns none.
+        load_mass_found, load_place_found, load_inertia_found: (N,) kg, (N, 3) m and kg m^2, of the load that the law
+            learned: mass, centre, moments about it in the axes of the tip; empty for a law that learns none.
         path_time: (N,) how far along the reference a governor leads the law, s; ``time - path_time`` is its lag. Empty
             without a governor; of a task whose phases wait, the reference's own time, which is waited from.
         phase: (N,) number of the phase that is flown, one more than the last once all are done. Empty where no phase
@@ -128,12 +129,11 @@ class Log:
     measured_joints: Annotated[Array, Unit("rad or m", "measured")]
     payload_mass: Annotated[Array, Unit("kg", "held of each payload with a time")] = field(default_factory=_nothing)
     lag_found: Annotated[Array, Unit("s", "found by the law beyond what it was told")] = field(default_factory=_nothing)
-    load_mass_found: Annotated[Array, Unit("kg", "of the load that the law has learned")] = field(
+    load_mass_found: Annotated[Array, Unit("kg", "of the load that the law learned")] = field(default_factory=_nothing)
+    load_place_found: Annotated[Array, Unit("m", "its centre of mass, axes of the tip")] = field(
         default_factory=_nothing
     )
-    load_place_found: Annotated[Array, Unit("m", "centre of mass of that load, axes of the tip")] = field(
-        default_factory=_nothing
-    )
+    load_inertia_found: Annotated[Array, Unit("kg m^2", "its moments there")] = field(default_factory=_nothing)
     path_time: Annotated[Array, Unit("s", "time of the reference that the law is led along")] = field(
         default_factory=_nothing
     )

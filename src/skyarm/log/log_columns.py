@@ -45,7 +45,7 @@ TILT_ARRAYS = {"tilts": "rotor_tilt", "tilt_commands": "rotor_tilt_command"}
 LOOPS = {"lag_found": ("rotors", "joints")}
 """Array of a number for each group of loops -> endings of its columns."""
 
-PLACES = ("load_place_found",)
+PLACES = ("load_place_found", "load_inertia_found")
 """Arrays of three axes that not every flight has."""
 
 CONTACT_ARRAYS = ("contact_force", "contact_friction", "contact_depth")

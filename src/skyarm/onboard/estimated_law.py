@@ -31,8 +31,8 @@ from skyarm.sensors.sensor_readings import (
 class FilterReadings:
     """The last reading of each sensor that has arrived, with its instant; nothing where a sensor is not used.
 
-    The filter tells by the instant whether a reading is new: a reading that did not come is the one before. The force
-    at the tip goes past the filter to a law that hears it.
+    The filter tells by the instant whether a reading is new: a reading that did not come is the one before. Force
+    and torque at the tip go past the filter to a law that hears them.
     """
 
     imu: ImuReading
@@ -41,6 +41,11 @@ class FilterReadings:
     heading: HeadingReading | tuple[()] = ()
     encoders: EncoderReading | tuple[()] = ()
     tip_force: Annotated[tuple[Scalar, ...], Unit("N", "that pushes the tip, axes of the tip; of a force sensor")] = ()
+    tip_torque: Annotated[tuple[Scalar, ...], Unit("N m", "about the tip, likewise; of a law that asks for it")] = ()
+
+
+AT_TIP = ("tip_force", "tip_torque")
+"""What of the readings no filter takes."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -61,13 +66,14 @@ class EstimatedMemory:
     sent: Command
 
 
-def blank_readings(estimator: ErrorStateFilter, joints: int, tip_force: int = 0) -> FilterReadings:
+def blank_readings(estimator: ErrorStateFilter, joints: int, tip_force: int = 0, tip_torque: int = 0) -> FilterReadings:
     """Readings whose numbers are not used, of the sensors that a filter takes, and of so many axes of a force."""
     named: dict[type, str] = {PoseReading: "pose", PositionReading: "position", HeadingReading: "heading"}
     aids: dict[str, Any] = {named[kind]: BLANK_READINGS[kind] for kind in AIDS[estimator.aiding]}
     still = (0.0,) * joints
     encoders = EncoderReading(time=0.0, joints=still, joint_rates=still) if joints else ()
-    return FilterReadings(imu=BLANK_INERTIAL, encoders=encoders, tip_force=(0.0,) * tip_force, **aids)
+    aids |= {"tip_force": (0.0,) * tip_force, "tip_torque": (0.0,) * tip_torque}
+    return FilterReadings(imu=BLANK_INERTIAL, encoders=encoders, **aids)
 
 
 def first_estimated_memory(controller: Controller, estimator: ErrorStateFilter) -> EstimatedMemory:
@@ -92,10 +98,11 @@ def estimated_law(controller: Controller) -> Callable[..., tuple[EstimatedMemory
     ) -> tuple[EstimatedMemory, Command]:
         model = constants.parameters.model
         estimator = constants.estimator.believing(model.vehicle, model.gravity)
-        arrived = {name: each for name, each in parts(readings).items() if leaves(each) and name != "tip_force"}
+        arrived = {name: each for name, each in parts(readings).items() if leaves(each) and name not in AT_TIP}
         estimate, measurement = estimator.step(memory.estimate, arrived, memory.sent, constants.period)
         if readings.tip_force:
-            measurement = dataclasses.replace(measurement, tip_force=readings.tip_force)
+            force, torque = readings.tip_force, readings.tip_torque
+            measurement = dataclasses.replace(measurement, tip_force=force, tip_torque=torque)
         following, command = law(memory.law, measurement, reference, constants.period, par=constants.parameters)
         held = as_data(command)
         return EstimatedMemory(estimate=estimate, law=following, sent=held), held

@@ -19,7 +19,7 @@ from skyarm.compile.c.c_file import StepFile
 from skyarm.compile.c.c_source import Floats
 from skyarm.compile.c.c_struct import Struct, Units, make_struct
 from skyarm.compile.tracing.float_trial import PERIODS
-from skyarm.control.controller import Controller, innermost, learns_load, presses, senses_force
+from skyarm.control.controller import Controller, innermost, learns_load, presses, senses_force, senses_torque
 from skyarm.control.law_checks import check_controller, checked_law
 from skyarm.control.law_trial import level, try_law
 from skyarm.control.model import TORQUE_GAINS
@@ -140,7 +140,7 @@ def _examples(controller: Controller, period: float, estimator: ErrorStateFilter
     }
     if estimator is not None:
         found["parameters"] = EstimatedConstants(parameters=controller.par, estimator=estimator, period=period)
-        found["measurement"] = blank_readings(estimator, vehicle.n, _axes_of_force(controller))
+        found["measurement"] = blank_readings(estimator, vehicle.n, *_axes_at_tip(controller))
         found["memory"] = first_estimated_memory(controller, estimator)
     return found
 
@@ -148,12 +148,12 @@ def _examples(controller: Controller, period: float, estimator: ErrorStateFilter
 def _blank(controller: Controller) -> Measurement:
     """What a law without an estimator is told, as an example."""
     vehicle = controller.par.model.vehicle
-    return blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts), _axes_of_force(controller))
+    return blank_measurement(vehicle.n, len(vehicle.rotors), len(vehicle.tilts), *_axes_at_tip(controller))
 
 
-def _axes_of_force(controller: Controller) -> int:
-    """Numbers of the force at the tip that the law hears."""
-    return 3 if senses_force(controller.par) else 0
+def _axes_at_tip(controller: Controller) -> tuple[int, int]:
+    """Numbers of the force and of the torque at the tip that the law hears."""
+    return 3 if senses_force(controller.par) else 0, 3 if senses_torque(controller.par) else 0
 
 
 def _beside(par: Any) -> dict[str, Any]:

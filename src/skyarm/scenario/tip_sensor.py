@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from skyarm.algebra import Mat3
+from skyarm.algebra import Mat3, Vec3
 from skyarm.control.controller import senses_force
 from skyarm.files import did_you_mean, shown
 from skyarm.reference.trajectory import Trajectory
@@ -25,6 +25,13 @@ def tip_sensor(sensors: Sequence[tuple[str, Sensor]], vehicle: Vehicle) -> tuple
             if frame.link == tip.link:
                 return name, tip.rotation.T @ frame.rotation
     return None
+
+
+def sensor_offset(sensors: Sequence[tuple[str, Sensor]], vehicle: Vehicle) -> Vec3:
+    """Where that sensor is, m from the tip in its axes: its torque is one about this place."""
+    tip = vehicle.frame()
+    own = next(s for _, s in sensors if isinstance(s, ForceTorque) and vehicle.frame(s.frame or None).link == tip.link)
+    return tip.rotation.apply_T(vehicle.frame(own.frame or None).position - tip.position)
 
 
 def require_tip_sensor(par: Any, sensors: Sequence[tuple[str, Sensor]], vehicle: Vehicle) -> None:

@@ -15,6 +15,7 @@ from skyarm.actuation import Command
 from skyarm.actuation.tilting import with_rest
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.observed_push import observed_push
+from skyarm.control.controller import senses_torque
 from skyarm.control.found_by_law import numbers_found
 from skyarm.control.law_checks import checked_law
 from skyarm.dynamics import State
@@ -26,7 +27,7 @@ from skyarm.records.blend import blend
 from skyarm.reference import Reference
 from skyarm.scalars import absolute, logical_and, where
 from skyarm.scenario.scenario_record import Scenario
-from skyarm.scenario.tip_sensor import tip_sensor
+from skyarm.scenario.tip_sensor import sensor_offset, tip_sensor
 from skyarm.sensors.measurement import Measurement
 from skyarm.sensors.sensor import NO_PUSH, Push
 from skyarm.simulate.check_endings import healthy
@@ -77,6 +78,8 @@ class Stages:
         self.whole, self.late = command_delay(scenario)
         self.apart = rotor_and_joint_delays(scenario) if scenario.delays.apart else None
         self.tip_sensor = tip_sensor(self.sensors, scenario.world.vehicle)
+        asked = self.tip_sensor is not None and senses_torque(scenario.controller.par)
+        self.twist_at = sensor_offset(self.sensors, scenario.world.vehicle) if asked else None
         # named sensors are measured each so many control periods
         self._every = tuple(round(scenario.rates.control / s.frequency) if s.frequency else 1 for _, s in self.sensors)
 
@@ -209,7 +212,11 @@ class Stages:
         memory, measurement = self._estimator.step(estimate, arrived, acting, self.period)
         if self.tip_sensor is not None:
             name, turned = self.tip_sensor
-            measurement = dataclasses.replace(measurement, tip_force=tuple(turned.apply(arrived[name].force)))
+            told_force = turned.apply(arrived[name].force)
+            measurement = dataclasses.replace(measurement, tip_force=tuple(told_force))
+            if self.twist_at is not None:
+                torque = turned.apply(arrived[name].torque) + self.twist_at.cross(told_force)
+                measurement = dataclasses.replace(measurement, tip_torque=tuple(torque))
         full: Any = first
         if self.waits.switches:
             told = tuple(arrived[name].closed for name in self.waits.switches)

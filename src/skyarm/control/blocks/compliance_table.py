@@ -3,6 +3,7 @@
 ::
 
     admittance = { mass = [1, 1, 1], damping = [8, 8, 8], stiffness = [20, 20, 0], normal = [-1, 0, 0] }
+    admittance.rotation = { inertia = [0.05, 0.05, 0], damping = [0.3, 0.3, 0], stiffness = [0.5, 0.5, 0] }
 """
 
 from __future__ import annotations
@@ -13,11 +14,18 @@ from typing import Any
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.outside_force import Hearing
 from skyarm.control.blocks.virtual_tip import Compliance
+from skyarm.control.blocks.virtual_turn import RotationalCompliance
 from skyarm.control.controller import ControllerError
 from skyarm.files import Fields, shown
 
 LEAST, MOST = 0.01, 1000.0
 """kg, of the virtual mass."""
+
+LEAST_TURNED, MOST_TURNED = 0.001, 100.0
+"""kg m^2, of the virtual inertia."""
+
+TORQUE = 0.05
+"""N m, above which a torque is heard where none is told."""
 
 FASTEST = 50.0
 """rad/s, of the virtual tip: no loop of an arm follows a faster one."""
@@ -31,17 +39,50 @@ def compliance_of(table: Any, at: str, lead: float) -> tuple[Compliance, Hearing
     """
     try:
         fields = Fields(table, at)
-        mass, damping, stiffness = (_three(fields, name) for name in ("mass", "damping", "stiffness"))
-        rows = [_axis(at, i, *row) for i, row in enumerate(zip(mass, damping, stiffness, strict=True))]
-        if not any(mass):
-            raise ValueError(f"{at}.mass = {shown(list(mass))}: must be above 0 along an axis at least")
+        turns = fields.take("rotation", None) is not None
+        first, second, third = _rows(fields, "mass", (LEAST, MOST), needed=not turns)
         axes = () if "normal" not in fields.table else _axes(fields.vector("normal"), f"{at}.normal")
         hearing = Hearing(threshold=fields.number("threshold", Hearing().threshold, low=0.0))
         fields.done()
     except ValueError as error:
         raise ControllerError(str(error)) from None
-    first, second, third = (tuple(row[k] for row in rows) for k in range(3))
     return Compliance(mass=first, damping=second, stiffness=third, lead=lead, axes=axes), hearing
+
+
+def rotation_of(table: Any, at: str, lead: float, axes: tuple[Vec3, ...]) -> tuple[RotationalCompliance, float] | None:
+    """Constants of turning and the torque (N m) that is heard, for a table ``admittance``; None without ``rotation``.
+
+    Args:
+        table: checked by :func:`compliance_of`.
+        at: its name.
+        lead: s, by how long a torque is known late.
+        axes: of the translation, which are those of the rotation.
+
+    Raises:
+        ControllerError: one line with field, value and what is allowed.
+    """
+    if table.get("rotation") is None:
+        return None
+    try:
+        fields = Fields(table["rotation"], f"{at}.rotation")
+        first, second, third = _rows(fields, "inertia", (LEAST_TURNED, MOST_TURNED), needed=True)
+        threshold = fields.number("threshold", TORQUE, low=0.0)
+        fields.done()
+    except ValueError as error:
+        raise ControllerError(str(error)) from None
+    return RotationalCompliance(inertia=first, damping=second, stiffness=third, lead=lead, axes=axes), threshold
+
+
+def _rows(
+    fields: Fields, inertia: str, limits: tuple[float, float], *, needed: bool
+) -> tuple[tuple[Any, ...], tuple[Any, ...], tuple[Any, ...]]:
+    """Mass or inertia, damping and stiffness, of three axes each."""
+    columns = [_three(fields, name) for name in (inertia, "damping", "stiffness")]
+    if needed and not any(columns[0]):
+        raise ValueError(f"{fields.at(inertia)} = {shown(list(columns[0]))}: must be above 0 along an axis at least")
+    rows = [_axis(fields.where, inertia, limits, i, *row) for i, row in enumerate(zip(*columns, strict=True))]
+    first, second, third = (tuple(row[k] for row in rows) for k in range(3))
+    return first, second, third
 
 
 def _three(fields: Fields, name: str) -> tuple[float, float, float]:
@@ -53,20 +94,24 @@ def _three(fields: Fields, name: str) -> tuple[float, float, float]:
     return values
 
 
-def _axis(at: str, i: int, mass: float, damping: float, stiffness: float) -> tuple[Any, Any, Any]:
-    """Mass, damping and stiffness of an axis; structural zeros of one that is held."""
+def _axis(
+    at: str, name: str, limits: tuple[float, float], i: int, mass: float, damping: float, stiffness: float
+) -> tuple[Any, Any, Any]:
+    """Mass or inertia, damping and stiffness of an axis; structural zeros of one that is held."""
     if mass == 0.0:
-        for name, value in (("damping", damping), ("stiffness", stiffness)):
+        for each, value in (("damping", damping), ("stiffness", stiffness)):
             if value:
-                raise ValueError(f"{at}.{name}[{i}] = {shown(value)}: must be 0 along an axis of mass 0, which is held")
+                allowed = f"must be 0 along an axis of {name} 0, which is held"
+                raise ValueError(f"{at}.{each}[{i}] = {shown(value)}: {allowed}")
         return 0, 0, 0
-    if not LEAST <= mass <= MOST:
-        raise ValueError(f"{at}.mass[{i}] = {shown(mass)}: must be 0 or from {LEAST:g} to {MOST:g}")
+    least, most = limits
+    if not least <= mass <= most:
+        raise ValueError(f"{at}.{name}[{i}] = {shown(mass)}: must be 0 or from {least:g} to {most:g}")
     if damping > FASTEST * mass:
-        raise ValueError(f"{at}.damping[{i}] = {shown(damping)}: must be at most {FASTEST:g} 1/s times the mass")
+        raise ValueError(f"{at}.damping[{i}] = {shown(damping)}: must be at most {FASTEST:g} 1/s times the {name}")
     if stiffness > FASTEST * FASTEST * mass:
         raise ValueError(
-            f"{at}.stiffness[{i}] = {shown(stiffness)}: must be at most ({FASTEST:g} rad/s)^2 times the mass"
+            f"{at}.stiffness[{i}] = {shown(stiffness)}: must be at most ({FASTEST:g} rad/s)^2 times the {name}"
         )
     return mass, damping, stiffness
 

@@ -6,7 +6,9 @@ The offset x of the reference that a law tracks, along each axis by itself, is t
 
 and f is heard only as g, late by a known time T: of first order g' = (f - g) / T, or two filters of T / 2. The velocity
 is therefore taken as v = w + T g / M, with M w' = g - D v - K x: both equations together are the ones above with
-g + T g' in place of g, which is f to second order of the lag, and nothing is differentiated.
+g + T g' in place of g, which is f to second order of the lag, and nothing is differentiated. A body that damper or
+spring stop sooner than within T has not gathered the impulse T f: for it the lead is M / D or sqrt(M / K), with which
+the velocity that comes with the first force heard is no more than the body's own.
 
 Trapezoidal rule, stable for any numbers that are not negative. An axis of mass 0 stays where it is.
 Source: Hogan 1985, "Impedance control"; Villani, De Schutter, "Force control", Springer Handbook of Robotics 2016, 9.2.
@@ -21,7 +23,7 @@ from typing import Annotated, Any
 from skyarm.algebra import Vec3
 from skyarm.control.blocks.select import data
 from skyarm.records.units import Unit
-from skyarm.scalars import Scalar, add, divide, mul, sub
+from skyarm.scalars import Scalar, add, divide, maximum, mul, sqrt, sub
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -81,15 +83,16 @@ def moved_tip(gains: Compliance, memory: VirtualTip, force: Vec3, dt: Any) -> tu
         places.append(after)
         rates.append(rate)
         rows.append(motion)
-    offset = tuple(_world(gains.axes, [row[k] for row in rows]) for k in range(3))
+    offset = tuple(along_world(gains.axes, [row[k] for row in rows]) for k in range(3))
     return VirtualTip(place=tuple(places), rate=tuple(rates)), offset
 
 
 def _moved(M: Any, D: Any, K: Any, x: Any, w: Any, f: Any, lead: Any, dt: Any) -> tuple[Any, Any, tuple[Any, Any, Any]]:
     """Place and rate of one axis one period later; place, velocity and acceleration then."""
     per = divide(1.0, M)
-    ahead = mul(mul(lead, per), f)
     d, k, half = mul(D, per), mul(K, per), mul(0.5, dt)
+    slowed = maximum(maximum(mul(lead, d), 1.0), sqrt(maximum(mul(mul(lead, lead), k), 1.0)))
+    ahead = mul(mul(divide(lead, slowed), per), f)
     # w+ = w + h/2 (a + a+), x+ = x + h/2 (v + v+), v = w + ahead, a = f/M - d v - k x
     pushed = sub(mul(per, f), mul(d, ahead))
     before = sub(sub(pushed, mul(d, w)), mul(k, x))
@@ -103,7 +106,7 @@ def _moved(M: Any, D: Any, K: Any, x: Any, w: Any, f: Any, lead: Any, dt: Any) -
     return place, rate, (place, velocity, then)
 
 
-def _world(axes: Sequence[Vec3], values: Sequence[Any]) -> Vec3:
+def along_world(axes: Sequence[Vec3], values: Sequence[Any]) -> Vec3:
     """A vector along the axes as one along those of the world."""
     if not axes:
         return Vec3(*values)

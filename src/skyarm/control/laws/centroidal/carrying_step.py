@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from skyarm.control.blocks.disturbance import Disturbance
@@ -10,11 +11,13 @@ from skyarm.control.blocks.saturation import all_follow
 from skyarm.control.laws.centroidal.interaction import rested
 from skyarm.control.laws.centroidal.interaction_records import InteractionMemory
 from skyarm.control.laws.centroidal.learned_load import learn_load
+from skyarm.control.laws.centroidal.load_inertia import unit_torques
 from skyarm.control.laws.centroidal.load_records import LoadMemory
 from skyarm.control.laws.centroidal.memory import CentroidalMemory
 from skyarm.control.laws.centroidal.parameters import CentroidalParameters
 from skyarm.control.laws.centroidal.pressing import Pressing
-from skyarm.scalars import logical_or, minimum, mul, where
+from skyarm.scalars import add, divide, logical_or, minimum, mul, where
+from skyarm.scalars.taylor import Taylor
 
 
 def carry(
@@ -26,6 +29,7 @@ def carry(
     alone: Disturbance,
     pressing: Pressing | None,
     dt: Any,
+    signals: Sequence[Taylor] = (),
 ) -> tuple[LoadMemory, Disturbance]:
     """One period of the learned load.
 
@@ -38,6 +42,7 @@ def carry(
         alone: the disturbance that it holds.
         pressing: on a surface; None where no reference asks for it.
         dt: control period, s.
+        signals: of the reference: x, y, z, yaw, joints; series in time.
 
     Returns:
         The memory, and what the law adds to the disturbance that it answers.
@@ -54,4 +59,8 @@ def carry(
             learns = mul(learns, where(told > 0.5, 1.0, rested(par.interaction, memory.interaction)))
     bandwidth = minimum(par.observer.force, par.observer.joints)
     R = observed.quaternion.rotation()
-    return learn_load(par.load, load, par.model, R, observed.joints, alone, told > 0.5, learns, bandwidth, dt)
+    turned = None
+    if par.load.inertia is not None:
+        late = add(divide(1.0, par.observer.joints), 0.5 * par.delay_periods * dt)
+        turned = (unit_torques(par.model.vehicle, signals), late)
+    return learn_load(par.load, load, par.model, R, observed.joints, alone, told > 0.5, learns, bandwidth, dt, turned)

@@ -38,6 +38,7 @@ COMMON: Mapping[str, Any] = {
     "wind": (0.0, 0.0, 0.0),
     "interaction": (0.0, 0.0),
     "load": 0.0,
+    "load_inertia": False,
     "force_sensor": False,
 }
 """Limits and weights of all presets; see :class:`CentroidalParameters`, :class:`TipGains` and :class:`BaseGains`."""

@@ -92,9 +92,11 @@ def centroidal(
             par, held, reference.push, signals, observed, memory.sent[-1], state, unknown, felt, dt, weight
         )
         signals = pressing.shifted(signals)
-    yields, signals = give_way(par.admittance, memory.admittance, model.vehicle, observed, signals, felt, dt)
+    yields, signals = give_way(
+        par.admittance, memory.admittance, model.vehicle, observed, signals, felt, dt, measurement.tip_torque
+    )
     if par.load is not None and isinstance(load, LoadMemory) and reference.load:
-        load, resting = carry(par, memory, load, reference.load[0], observed, alone, pressing, dt)
+        load, resting = carry(par, memory, load, reference.load[0], observed, alone, pressing, dt, signals)
         unknown, force = unknown + resting, force + resting.force
     slow = slow_force(par, memory.slow_force, memory.gust, force, dt)
     steady = (slow.force if par.mode == "tip" else force) + feedforward.force

@@ -12,9 +12,10 @@ in what is observed beside its bias b, which is learned while nothing is held: w
 
 m from 0 to a limit, and c the place of its centre of mass in axes that turn with the tip: while the hand rests it is
 known in two directions, and in the third as soon as the hand turns. A vehicle that holds m at c, with a radius of
-gyration that is told, is the model: of inverse dynamics, thrust, prediction and observer alike, so that what is learned
-is not observed again, and the law's gains are accelerations of the loaded arm. The period that is told that nothing is
-held any more forgets the load, and the next one flies without it.
+gyration that is told (or moments, :mod:`skyarm.control.laws.centroidal.load_inertia`), is the model: of inverse
+dynamics, thrust, prediction and observer alike, so that what is learned is not observed again, and the law's gains are
+accelerations of the loaded arm. The period that is told that nothing is held any more forgets the load, and the next
+one flies without it.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.filters import low_pass_share
 from skyarm.control.blocks.normal_equations import NormalEquations
 from skyarm.control.blocks.select import data, vector_data
-from skyarm.control.laws.centroidal.load_records import LoadGains, LoadMemory
+from skyarm.control.laws.centroidal.load_inertia import learn_inertia
+from skyarm.control.laws.centroidal.load_records import InertiaMemory, LoadGains, LoadMemory
 from skyarm.control.laws.centroidal.tip_force import without
 from skyarm.control.model import Model
 from skyarm.dynamics.kinematics import frame_pose, jacobian_columns
@@ -46,9 +48,10 @@ def with_learned(model: Model, gains: LoadGains, memory: LoadMemory) -> Model:
     """The model with the load that its tip holds."""
     tip = model.vehicle.frame()
     about = memory.mass * (gains.size * gains.size)
-    load = Body(
-        mass=memory.mass, com=tip.position + tip.rotation.apply(memory.place), inertia=Sym3(about, about, about)
-    )
+    inertia = Sym3(about, about, about)
+    if isinstance(memory.inertia, InertiaMemory):
+        inertia = Sym3(*memory.inertia.moments).rotated(tip.rotation)
+    load = Body(mass=memory.mass, com=tip.position + tip.rotation.apply(memory.place), inertia=inertia)
     return dataclasses.replace(model, vehicle=model.vehicle.with_body(tip.link, load))
 
 
@@ -109,6 +112,7 @@ def learn_load(
     learns: Any,
     bandwidth: Any,
     dt: Any,
+    turned: tuple[Sequence[Vec3], Any] | None = None,
 ) -> tuple[LoadMemory, Disturbance]:
     """The load one period later, and what the law shall not push against.
 
@@ -127,6 +131,8 @@ def learn_load(
         learns: 1 where the observed disturbance tells of the load, 0 on a surface and at limits of actuators.
         bandwidth: of the observer, rad/s.
         dt: s.
+        turned: torques of 1 kg m^2 about each axis of the tip, as the reference turns it (world axes), and the lag of
+            each of two stages of the observer, s; None of a law that learns no inertia.
     """
     at = hang(model.vehicle, R, joints, model.gravity)
     mass, about_x, about_y = missing(model.vehicle, gains, at, without(observed, memory.bias))
@@ -141,6 +147,13 @@ def learn_load(
     far = gains.furthest
     place = Vec3(*(clip(each, -far, far) for each in memory.place + off))
     share = where(holds, 0.0, low_pass_share(gains.bias_rate, dt)) * learns
+    inertia = memory.inertia
+    if gains.inertia is not None and isinstance(inertia, InertiaMemory) and turned is not None:
+        unit, late = turned
+        left, calm = without(observed, memory.bias).efforts, learns * (1.0 - large)
+        inertia = learn_inertia(
+            gains.inertia, inertia, m, gains.size, model.vehicle, R, joints, unit, left, holds, calm, late, dt
+        )
     after = LoadMemory(
         mass=where(holds, m, 0.0),
         place=Vec3(*(where(holds, data(each), 0.0) for each in place)),
@@ -151,6 +164,7 @@ def learn_load(
                 data(b + (e - b) * share) for b, e in zip(memory.bias.efforts, observed.efforts, strict=True)
             ),
         ),
+        inertia=inertia,
     )
     rests = maximum(-(memory.mass + mass), 0.0) * where(holds, learns, 0.0)
     return after, Disturbance(

@@ -19,7 +19,7 @@ from skyarm.control.blocks.lag_estimate import LagGains, first_lag, stride_of
 from skyarm.control.blocks.select import data
 from skyarm.control.controller import Controller, ControllerError, all_applied
 from skyarm.control.laws.centroidal.adaptation import SLOW, STICKIEST, first_learned
-from skyarm.control.laws.centroidal.admittance import AdmittanceGains, admittance_gains, first_admittance
+from skyarm.control.laws.centroidal.admittance_records import AdmittanceGains, admittance_gains, first_admittance
 from skyarm.control.laws.centroidal.arm_length import damping_share
 from skyarm.control.laws.centroidal.arm_motion import ArmMotion
 from skyarm.control.laws.centroidal.bandwidth import at_shares
@@ -72,7 +72,8 @@ def make_centroidal(
         reference_period: between published samples, s.
         tip_mass_limit: kg.
         admittance: ``mass``, ``damping``, ``stiffness`` along three axes, with which the tip gives way to forces;
-            ``normal`` for axes of a surface, ``threshold`` (N) from which on a force is heard.
+            ``normal`` for axes of a surface, ``threshold`` (N) from which on a force is heard; ``rotation``, a table
+            of ``inertia``, ``damping``, ``stiffness`` and ``threshold`` (N m), with which it gives way to torques.
         changes: entries of the preset to replace.
 
     Raises:
@@ -165,7 +166,7 @@ def make_centroidal(
         accelerometer=_accelerometer(gains["accelerometer"]),
         air=_air(vehicle, gains["hull_drag"], gains["wind"]),
         interaction=interaction_gains(gains["interaction"], mode, vehicle, sensor and admittance is None),
-        load=load_gains(gains["load"], vehicle),
+        load=load_gains(gains["load"], vehicle, mode, gains["load_inertia"]),
         admittance=_admittance(admittance, mode, vehicle, gains, periods * control_period),
     )
     if gains["bandwidth"] != 1.0:
@@ -287,6 +288,6 @@ def first_memory(par: CentroidalParameters, delay_periods: int) -> CentroidalMem
         ),
         lag=() if par.lag is None else first_lag(vehicle.n, par.lag.stride),
         interaction=() if par.interaction is None else first_interaction(vehicle.n, par.interaction.senses),
-        load=() if par.load is None else first_load(vehicle.n),
-        admittance=() if par.admittance is None else first_admittance(vehicle.n, par.admittance.senses),
+        load=() if par.load is None else first_load(vehicle.n, par.load.inertia is not None),
+        admittance=() if par.admittance is None else first_admittance(vehicle.n, par.admittance),
     )

@@ -11,7 +11,7 @@ from skyarm.control.blocks.disturbance import Disturbance
 from skyarm.control.blocks.disturbance_observer import Observed
 from skyarm.control.blocks.extrapolation import Channel
 from skyarm.control.blocks.lag_estimate import LagMemory
-from skyarm.control.laws.centroidal.admittance import AdmittanceMemory
+from skyarm.control.laws.centroidal.admittance_records import AdmittanceMemory
 from skyarm.control.laws.centroidal.demands import Following
 from skyarm.control.laws.centroidal.gust_shift import GustMemory
 from skyarm.control.laws.centroidal.interaction_records import InteractionMemory

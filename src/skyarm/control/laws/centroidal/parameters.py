@@ -12,7 +12,7 @@ from skyarm.control.blocks.disturbance_observer import ObserverGains
 from skyarm.control.blocks.felt_acceleration import AccelerometerGains
 from skyarm.control.blocks.force_trend import TrendGains
 from skyarm.control.blocks.lag_estimate import LagGains
-from skyarm.control.laws.centroidal.admittance import AdmittanceGains
+from skyarm.control.laws.centroidal.admittance_records import AdmittanceGains
 from skyarm.control.laws.centroidal.interaction_records import InteractionGains
 from skyarm.control.laws.centroidal.load_records import LoadGains
 from skyarm.control.model import JointGains, Model
@@ -187,6 +187,7 @@ class CentroidalParameters:
             "drag of the hull": self.air is not None and self.air.hull,
             "pressing on surfaces": self.interaction is not None,
             "learned load": self.load is not None,
+            "moments of a learned load": self.load is not None and self.load.inertia is not None,
             "giving way to forces": self.admittance is not None,
             "believed wind": self.air is not None and type(self.air.wind.x) is not int,
         }

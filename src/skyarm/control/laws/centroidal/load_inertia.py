@@ -1,0 +1,187 @@
+"""The inertia of a learned load about its own centre of mass, found while the reference turns the hand.
+
+A load tells of its inertia by torques only, and only where it is turned: the law's references say how. With w and alpha
+of the tip in its own axes, and a load of moments I = diag(I_x, I_y, I_z) there, the hand has to give
+
+    t = I alpha + w x I w = Y(w, alpha) (I_x, I_y, I_z),
+
+so that moments beyond those of the model stand in the observed efforts of the joints as -J_w^T t. Y is that of the
+reference, without noise, filtered as the observer filters (two poles, and the known delay); of both sides a slow mean
+is taken off, which is what of weight and friction is wrong. The moments are then the least squares of all that was
+observed since the load was taken, the older forgotten as fast as the hand is turned, beside what is believed:
+
+    sum |e - phi . I|^2 / noise + sum_k |I_k - m size^2|^2 / (m spread^2)^2,       phi = -J_w^T Y
+
+An axis about which the hand is not turned keeps the small moment of a load that is told nothing. Of diagonal moments
+those that a body of positive density can have are the ones whose second moments of mass are positive,
+
+    s_k = (I_x + I_y + I_z) / 2 - I_k >= m size^2 / 2,
+
+which is the triangle inequality of the moments. The products of inertia in the tip's axes are not learned.
+Sources: An, Atkeson, Hollerbach 1985, "Estimation of inertial parameters of rigid body links", CDC (regressors);
+Wensing, Kim, Slotine 2018, IEEE Robotics and Automation Letters 3(1) (physical consistency, s_k).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from skyarm.algebra import Mat3, Vec3, ldl_solve
+from skyarm.control.blocks.filters import low_pass_share
+from skyarm.control.blocks.select import data, vector_data
+from skyarm.control.blocks.series_kinematics import posture
+from skyarm.control.laws.centroidal.load_records import InertiaGains, InertiaMemory, JointMeans
+from skyarm.control.laws.centroidal.tip_reference import turn_by_yaw
+from skyarm.control.laws.centroidal.turned_reference import tip_rotation, turning, values_of
+from skyarm.dynamics.kinematics import jacobian_columns
+from skyarm.scalars import add, clip, divide, exp, maximum, mul, sub, where
+from skyarm.scalars.taylor import Taylor
+from skyarm.vehicle.vehicle_records import Vehicle
+
+TINY = 1e-9
+"""kg m^2, of what is not surprising of a load without mass."""
+
+
+def unit_torques(vehicle: Vehicle, signals: Sequence[Taylor]) -> tuple[Vec3, Vec3, Vec3]:
+    """Torque (N m, world axes) that turns a load of 1 kg m^2 about each axis of the tip, as the reference does.
+
+    Args:
+        vehicle: model.
+        signals: x, y, z, yaw and the joints of a level base, series in time.
+    """
+    yaw = signals[3].truncated(2)
+    R = tip_rotation(vehicle, posture(vehicle, [q.truncated(2) for q in signals[4:]], 2))
+    world = Mat3.columns(*(turn_by_yaw(yaw, R.column(k)) for k in range(3)))
+    rate, acceleration = turning(world)
+    level = values_of(world)
+    w, a = level.apply_T(rate), level.apply_T(acceleration)
+    own = (
+        Vec3(a.x, w.x * w.z, -(w.x * w.y)),
+        Vec3(-(w.y * w.z), a.y, w.x * w.y),
+        Vec3(w.y * w.z, -(w.x * w.z), a.z),
+    )
+    x, y, z = (level.apply(each) for each in own)
+    return x, y, z
+
+
+def learn_inertia(
+    gains: InertiaGains,
+    memory: InertiaMemory,
+    mass: Any,
+    size: Any,
+    vehicle: Vehicle,
+    R: Mat3,
+    joints: Sequence[Any],
+    unit: Sequence[Vec3],
+    efforts: Sequence[Any],
+    holds: Any,
+    learns: Any,
+    late: Any,
+    dt: Any,
+) -> InertiaMemory:
+    """The moments one period later.
+
+    Args:
+        gains: constants.
+        memory: one period earlier.
+        mass: kg, of the load.
+        size: m, its radius of gyration as far as nothing is known.
+        vehicle: model, whose tip holds the load.
+        R: R_WB at the measurement's time.
+        joints: then, rad or m.
+        unit: torques of 1 kg m^2 about each axis of the tip, now, world axes: :func:`unit_torques`.
+        efforts: N m or N, that the observer holds.
+        holds: whether something is held.
+        learns: 1 where the efforts tell of the load, 0 elsewhere.
+        late: s, of each of two stages that delay as observer and measurement do.
+        dt: s.
+    """
+    share = 1.0 - exp(-divide(dt, late))
+    once = tuple(vector_data(old + (new - old) * share) for old, new in zip(memory.once, unit, strict=True))
+    twice = tuple(vector_data(old + (new - old) * share) for old, new in zip(memory.twice, once, strict=True))
+    columns = [column.angular for column in jacobian_columns(vehicle, vehicle.frame(), joints)]
+    torques = [R.apply_T(each) for each in twice]
+    step = where(holds, low_pass_share(gains.mean_rate, dt), 0.0) * learns
+    weight = divide(mul(where(holds, dt, 0.0), learns), mul(mul(gains.noise, gains.noise), gains.colour))
+    A: list[Any] = [0.0] * 6
+    b: list[Any] = [0.0] * 3
+    means, told = [], 0.0
+    for column, effort, mean in zip(columns, efforts, memory.means, strict=True):
+        phi = [-column.dot(torque) for torque in torques]
+        rest = [sub(p, m) for p, m in zip(phi, mean.unit, strict=True)]
+        total: Any = sub(effort, mean.effort)
+        for p, moment in zip(rest, memory.moments, strict=True):
+            total = add(total, mul(p, moment))
+        for i in range(3):
+            b[i] = add(b[i], mul(weight, mul(rest[i], total)))
+            told = add(told, mul(rest[i], rest[i]))
+            for j in range(i + 1):
+                A[i * (i + 1) // 2 + j] = add(A[i * (i + 1) // 2 + j], mul(weight, mul(rest[i], rest[j])))
+        means.append(
+            JointMeans(
+                effort=where(holds, add(mean.effort, mul(step, sub(effort, mean.effort))), 0.0),
+                unit=tuple(
+                    where(holds, add(m, mul(step, sub(p, m))), 0.0) for p, m in zip(phi, mean.unit, strict=True)
+                ),
+            )
+        )
+    # what was observed fades as fast as the hand is turned anew, and not at all while it rests
+    new = divide(told, add(told, mul(gains.turned, gains.turned)))
+    kept = where(holds, 1.0 - mul(mul(low_pass_share(gains.forgetting, dt), learns), new), 0.0)
+    A = [add(mul(old, kept), each) for old, each in zip(memory.A, A, strict=True)]
+    b = [add(mul(old, kept), each) for old, each in zip(memory.b, b, strict=True)]
+    solved, known = _solved(gains, mass, size, A, b)
+    found = consistent(gains, mass, size, solved, known)
+    moments = consistent(
+        gains, mass, size, memory.moments + (found - memory.moments) * low_pass_share(gains.pace, dt), known
+    )
+    return InertiaMemory(
+        once=once,
+        twice=twice,
+        means=tuple(means),
+        A=tuple(data(each) for each in A),
+        b=tuple(data(each) for each in b),
+        moments=Vec3(*(where(holds, each, 0.0) for each in moments)),
+    )
+
+
+def _solved(
+    gains: InertiaGains, mass: Any, size: Any, A: Sequence[Any], b: Sequence[Any]
+) -> tuple[Vec3, tuple[Any, ...]]:
+    """The moments of the least squares, kg m^2, and the information of each."""
+    spread = maximum(mul(mass, mul(gains.spread, gains.spread)), TINY)
+    prior = divide(1.0, mul(spread, spread))
+    believed = mul(mass, mul(size, size))
+    rows = [[A[max(i, j) * (max(i, j) + 1) // 2 + min(i, j)] for j in range(3)] for i in range(3)]
+    for i in range(3):
+        rows[i][i] = add(rows[i][i], prior)
+    found = ldl_solve([list(row) for row in rows], [add(each, mul(prior, believed)) for each in b])
+    return Vec3(*found), tuple(rows[i][i] for i in range(3))
+
+
+def consistent(gains: InertiaGains, mass: Any, size: Any, moments: Vec3, known: Sequence[Any] = (1, 1, 1)) -> Vec3:
+    """Moments (kg m^2) that a body of this mass can have, near to others.
+
+    Of a moment that is more than both others together the difference goes to these: to that more which is less known
+    and about whose axis the vehicle itself is stouter, since a light axis with too large a moment is too stiff a joint.
+
+    Args:
+        gains: constants.
+        mass: kg.
+        size: m, the least radius of gyration.
+        moments: kg m^2, of any value.
+        known: information of each.
+    """
+    least, most = mul(mass, mul(size, size)), mul(2.0, mul(mass, mul(gains.furthest, gains.furthest)))
+    held = [clip(each, least, most) for each in moments]
+    free = [divide(axis, info) for axis, info in zip(gains.stout, known, strict=True)]
+    found = list(held)
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        # s_k is to be half of the least moment at least; of three moments above 0 one at most lacks it
+        lacks = maximum(sub(add(held[k], least), add(held[i], held[j])), 0.0)
+        part = divide(free[i], add(free[i], free[j]))
+        found[i] = add(found[i], mul(lacks, part))
+        found[j] = add(found[j], mul(lacks, sub(1.0, part)))
+    return Vec3(*found)

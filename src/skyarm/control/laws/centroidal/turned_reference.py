@@ -1,0 +1,166 @@
+"""The reference of an arm whose tip shall be turned: joints that turn it, and where the base goes meanwhile.
+
+Given is the rotation E(t) by which the tip shall be turned against its reference, about its own place. The joints that
+do it are not solved for: an offset dq of the joints is integrated whose acceleration is the least squares of
+
+    |J_w qdd - (alpha* - J_w' qd + 2 k (w* - w) + k^2 e)|^2
+    + (1 / length^2) |J_v qdd - (p*'' - J_v' qd + 2 k (p*' - p') + k^2 (p* - p))|^2
+    + idle^2 |qdd - qdd_d + 2 k dq' + k^2 dq|^2,
+
+q = q_d + dq, stars for the turned reference, e the small rotation that is left, k the fastest pace that a control
+period lets. What the tip's place is then off goes to the base, exactly and with its derivatives: the tip stays where
+its reference is, whatever the arm can.
+Source: Siciliano 1990, "A closed-loop inverse kinematic scheme for on-line joint-based robot control", Robotica 8;
+Wampler 1986 (damping).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from skyarm.algebra import Mat3, Vec3
+from skyarm.control.blocks.select import data
+from skyarm.control.blocks.series_kinematics import Posture, derivative, moving, posture
+from skyarm.control.laws.centroidal.admittance_records import ArmTurn, RotationGains, TurnWeights
+from skyarm.control.laws.centroidal.joint_room import Ends
+from skyarm.control.laws.centroidal.tip_reference import turn_by_yaw
+from skyarm.control.laws.centroidal.tip_tasks import Squares, orientation_error
+from skyarm.dynamics.kinematics import jacobian_columns
+from skyarm.scalars import add, divide, maximum, minimum, mul, sub
+from skyarm.scalars.taylor import Taylor
+from skyarm.vehicle.vehicle_records import Vehicle
+
+PACE = 0.2
+"""k dt: the share of an error that is made good in one period, well below where the sum of two steps would swing."""
+
+ROOM = 0.8
+"""Of the way from a joint's reference to its limit, that the tip's turning may take."""
+
+
+def turned_reference(
+    vehicle: Vehicle, gains: RotationGains, memory: ArmTurn, E: Mat3, signals: Sequence[Taylor], dt: Any
+) -> tuple[ArmTurn, list[Taylor]]:
+    """One period: the memory, and the reference's signals with joints and base moved.
+
+    Args:
+        vehicle: model.
+        gains: constants.
+        memory: one period earlier.
+        E: by which the tip is turned against its reference, world axes, series to second derivative.
+        signals: of the reference: x, y, z, yaw, joints.
+        dt: control period, s.
+    """
+    yaw, told = signals[3].truncated(2), [q.truncated(2) for q in signals[4:]]
+    wanted = posture(vehicle, told, 2)
+    values = [add(q.derivative(0), dq) for q, dq in zip(told, memory.joints, strict=True)]
+    rates = [add(q.derivative(1), dq) for q, dq in zip(told, memory.joint_rates, strict=True)]
+    now = posture(vehicle, moving(values, rates, (0,) * vehicle.n), 2)
+    asked = _accelerations(vehicle, gains.arm, memory, _in_heading(E, yaw), wanted, now, told, values, dt)
+    accelerations = _within(vehicle, gains.ends, told, values, rates, asked, dt)
+    moved: list[tuple[Any, ...]] = []
+    for q, dq, slope, bend in zip(told, memory.joints, memory.joint_rates, accelerations, strict=True):
+        more = sub(bend, q.derivative(2))
+        moved.append((add(dq, mul(dt, add(slope, mul(0.5, mul(dt, more))))), add(slope, mul(dt, more)), more))
+    joints = [signal + _series(row) for signal, row in zip(signals[4:], moved, strict=True)]
+    there = posture(vehicle, [q.truncated(2) for q in joints], 2)
+    offset = turn_by_yaw(yaw, wanted.tip - there.tip)
+    base = [signal + _series([c.derivative(k) for k in range(3)]) for signal, c in zip(signals, offset, strict=False)]
+    after = ArmTurn(joints=tuple(data(row[0]) for row in moved), joint_rates=tuple(data(row[1]) for row in moved))
+    return after, [*base, signals[3], *joints]
+
+
+def _accelerations(
+    vehicle: Vehicle,
+    weights: TurnWeights,
+    memory: ArmTurn,
+    E: Mat3,
+    wanted: Posture,
+    now: Posture,
+    told: Sequence[Taylor],
+    values: Sequence[Any],
+    dt: Any,
+) -> tuple[Any, ...]:
+    """Joint accelerations that turn the tip by E (base axes of a level base) and keep it where it is."""
+    k = divide(PACE, dt)
+    kp, kd = mul(k, k), mul(2.0, k)
+    target, present = E @ tip_rotation(vehicle, wanted), tip_rotation(vehicle, now)
+    w_d, alpha_d = turning(target)
+    w, bias = turning(present)
+    left = orientation_error(values_of(present), values_of(target))
+    turn = alpha_d - bias + (w_d - w) * kd + left * kp
+    gap = wanted.tip - now.tip
+    shift = derivative(gap, 2) + derivative(gap, 1) * kd + derivative(gap, 0) * kp
+    columns = jacobian_columns(vehicle, vehicle.frame(), values)
+    problem = Squares(vehicle.n)
+    problem.require([each.angular for each in columns], turn, 1)
+    problem.require([each.linear for each in columns], shift, divide(1.0, mul(weights.length, weights.length)))
+    rest = [
+        sub(q.derivative(2), add(mul(kd, slope), mul(kp, dq)))
+        for q, dq, slope in zip(told, memory.joints, memory.joint_rates, strict=True)
+    ]
+    problem.prefer(rest, mul(weights.idle, weights.idle))
+    return problem.solve()
+
+
+def _within(
+    vehicle: Vehicle,
+    ends: Ends,
+    told: Sequence[Taylor],
+    values: Sequence[Any],
+    rates: Sequence[Any],
+    accelerations: Sequence[Any],
+    dt: Any,
+) -> list[Any]:
+    """Joint accelerations that bring no joint further than a share of the way from its reference to a limit.
+
+    With d the way that is left, d'' + 2 k d' + k^2 d >= 0, as in :mod:`skyarm.control.laws.centroidal.joint_room`.
+    """
+    k, found = divide(PACE, dt), []
+    for link, (low, high), q, value, rate, wanted in zip(
+        vehicle.links, ends, told, values, rates, accelerations, strict=True
+    ):
+        kept, place = wanted, q.derivative(0)
+        gone = add(mul(mul(k, k), sub(value, place)), mul(mul(2.0, k), rate))
+        far = mul(ROOM, mul(k, k))
+        if high:
+            kept = minimum(kept, sub(mul(far, sub(link.joint.upper, place)), gone))
+        if low:
+            kept = maximum(kept, sub(mul(far, sub(link.joint.lower, place)), gone))
+        found.append(kept)
+    return found
+
+
+def _in_heading(E: Mat3, yaw: Taylor) -> Mat3:
+    """A rotation of the world as one of axes that turn with the heading, series."""
+    rows = [turn_by_yaw(-yaw, column) for column in (E.column(0), E.column(1), E.column(2))]
+    turned = Mat3.columns(*rows)  # R_z^T E
+    return Mat3(*(turn_by_yaw(-yaw, row) for row in turned.rows))
+
+
+def tip_rotation(vehicle: Vehicle, at: Posture) -> Mat3:
+    """Rotation of the tip's axes, base axes, series."""
+    tip = vehicle.frame()
+    R = at.links[tip.link].R
+    held = tip.rotation
+    return Mat3.columns(*(R.apply(Vec3(*(Taylor.constant(c, 2) for c in held.column(j)))) for j in range(3)))
+
+
+def values_of(R: Mat3) -> Mat3:
+    """The present of a rotation whose entries are series."""
+    return Mat3(*(derivative(row, 0) for row in R.rows))
+
+
+def turning(R: Mat3) -> tuple[Vec3, Vec3]:
+    """Angular velocity and acceleration (rad/s, rad/s^2) of a rotation whose entries are series, axes of its rows.
+
+    R' R^T = [w], and the antisymmetric part of R'' R^T = [alpha] + [w]^2 is [alpha].
+    """
+    value, first, second = (Mat3(*(derivative(row, k) for row in R.rows)) for k in range(3))
+    back = value.T
+    return (first @ back).vee_antisymmetric(), (second @ back).vee_antisymmetric()
+
+
+def _series(derivatives: Sequence[Any]) -> Taylor:
+    """A series of fourth order from its first derivatives."""
+    return Taylor.of_derivatives((*derivatives, 0, 0))
