@@ -45,7 +45,7 @@ def place_of_vehicle(picture):
 @needs_display
 def test_a_picture_is_of_the_present_state():
     env = drawn(camera="fixed")
-    assert env.metadata == {"render_modes": ["rgb_array"], "render_fps": 100}
+    assert env.metadata == {"render_modes": ["rgb_array", "human"], "render_fps": 100}
     first = env.render()
     assert first.shape == (64, 96, 3)
     assert first.dtype == np.uint8
@@ -136,8 +136,8 @@ def test_without_a_mode_nothing_is_drawn_and_nothing_loaded(monkeypatch):
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"render_mode": "ansi"}, "render_mode = 'ansi': must be one of rgb_array, or None"),
-        ({"render_mode": ["rgb_array"]}, "render_mode = .*: must be one of rgb_array, or None"),
+        ({"render_mode": "ansi"}, "render_mode = 'ansi': must be one of rgb_array, human, or None"),
+        ({"render_mode": ["rgb_array"]}, "render_mode = .*: must be one of rgb_array, human, or None"),
         ({"render_options": 3}, "render_options = 3: must be a table"),
         ({"render_options": {"widht": 96}}, "render_options: 'widht': did you mean 'width'"),
         ({"render_options": {"width": 5}}, "render_options: width = 5: must be an even number from 64"),

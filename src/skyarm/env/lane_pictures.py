@@ -65,13 +65,16 @@ class LanePictures:
         self._drawn.clear()
 
 
-def lane_pictures(mode: Any, options: Any, lanes: int, *, choose: bool = False) -> LanePictures | None:
+def lane_pictures(
+    mode: Any, options: Any, lanes: int, *, choose: bool = False, also: Sequence[str] = ()
+) -> LanePictures | None:
     """What draws; None where nothing is to be drawn.
 
     Args:
         mode: ``render_mode``.
         options: ``render_options``.
         lanes: how many there are.
+        also: modes that are allowed beside these, for the message.
         choose: whether ``options["lanes"]`` says which are drawn; without it all are.
 
     Raises:
@@ -80,7 +83,7 @@ def lane_pictures(mode: Any, options: Any, lanes: int, *, choose: bool = False) 
     if mode is None:
         return None
     if mode not in RENDER_MODES:
-        raise ScenarioError(f"render_mode = {shown(mode)}: {must_be_one_of(RENDER_MODES, mode)}, or None")
+        raise ScenarioError(f"render_mode = {shown(mode)}: {must_be_one_of((*RENDER_MODES, *also), mode)}, or None")
     if options is not None and not isinstance(options, Mapping):
         raise ScenarioError(f"render_options = {shown(options)}: must be a table, as {{'width': 320}}")
     given = dict(options or {})

@@ -13,6 +13,7 @@ from skyarm.compile import leaves
 from skyarm.env.env_lanes import EnvLanes
 from skyarm.env.env_task import make_task
 from skyarm.env.given_arguments import require_actions, require_arguments, require_options
+from skyarm.env.lane_page import HUMAN, LanePage
 from skyarm.env.lane_pictures import RENDER_MODES, lane_pictures
 from skyarm.env.seeds_of_lanes import seed_of
 from skyarm.env.vector_environment import spaces
@@ -27,15 +28,17 @@ class Environment(gymnasium.Env[Array, Array]):
 
     Args:
         scenario: record, name or path of a file.
-        render_mode: None, or "rgb_array": :meth:`render` gives a picture.
-        render_options: of a picture: width, height, camera, ghost, fine, as a film has them.
+        render_mode: None; "rgb_array": :meth:`render` gives a picture; "human": a page of the studio shows every step.
+        render_options: of a picture: width, height, camera, ghost, fine, as a film has them; of a page: port, speed,
+            plain, browser.
         task: further arguments of :func:`skyarm.env.env_task.make_task`.
 
     Attributes:
         lanes: the one lane that flies: state, numbers drawn.
+        page: that shows it; None but with "human".
     """
 
-    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES)}  # noqa: RUF012 - Gymnasium has it so
+    metadata: dict[str, Any] = {"render_modes": [*RENDER_MODES, HUMAN]}  # noqa: RUF012 - Gymnasium has it so
 
     def __init__(
         self,
@@ -45,11 +48,15 @@ class Environment(gymnasium.Env[Array, Array]):
         render_options: Mapping[str, Any] | None = None,
         **task: Any,
     ) -> None:
-        self.render_mode, self._pictures = render_mode, lane_pictures(render_mode, render_options, 1)
+        self.render_mode = render_mode
+        self.page: LanePage | None = None
+        self._pictures = None if render_mode == HUMAN else lane_pictures(render_mode, render_options, 1, also=(HUMAN,))
         require_arguments(task, make_task)
         self.lanes = EnvLanes(make_task(scenario, **task), 1)
+        if render_mode == HUMAN:
+            self.page = LanePage(f"skyarm: {self.lanes.task.scenario.name}", render_options)
         self.observation_space, self.action_space = spaces(self.lanes)
-        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": self.lanes.task.scenario.rates.control}
+        self.metadata = {"render_modes": [*RENDER_MODES, HUMAN], "render_fps": self.lanes.task.scenario.rates.control}
         self._only = np.zeros(1, dtype=np.intp)
         self._begun = False
 
@@ -65,6 +72,8 @@ class Environment(gymnasium.Env[Array, Array]):
         else:
             self.lanes.reseed(self._only, np.array([key], dtype=np.uint64))
         self._begun = True
+        if self.page is not None:
+            self.page.show(self.lanes)
         return self.lanes.observation[:, 0].copy(), {}
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
@@ -92,6 +101,8 @@ class Environment(gymnasium.Env[Array, Array]):
         lanes.step()
         ended = bool(lanes.ended[0])
         info = self._why() if ended else {}
+        if self.page is not None:
+            self.page.show(lanes, info.get("cause", ""))
         return lanes.observation[:, 0].copy(), float(lanes.reward[0]), ended, bool(lanes.truncated[0]), info
 
     def _why(self) -> dict[str, Any]:
@@ -110,15 +121,18 @@ class Environment(gymnasium.Env[Array, Array]):
         return {"status": status, "cause": ended.cause if ended else status}
 
     def render(self) -> Any:
-        """Draw the present state, as a frame of a film without its texts.
+        """Draw the present state, as a frame of a film without its texts; a page shows it anyway.
 
         Returns:
-            (height, width, 3) bytes; None, with a warning, of an environment that was made without ``render_mode``.
+            (height, width, 3) bytes; None with "human"; None, with a warning, of an environment that was made without
+            ``render_mode``.
 
         Raises:
             ScenarioError: before the first ``reset()``.
             NoDisplayError: one line, a ValueError: nothing can be drawn on this machine, and what is missing.
         """
+        if self.page is not None:
+            return None
         if self._pictures is None:
             gymnasium.logger.warn('render: gives nothing; make the environment with render_mode="rgb_array"')
             return None
@@ -131,3 +145,5 @@ class Environment(gymnasium.Env[Array, Array]):
         self.lanes.close()
         if self._pictures is not None:
             self._pictures.close()
+        if self.page is not None:
+            self.page.close()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -19,8 +19,8 @@ from skyarm.plant.surroundings import Surroundings, felt
 from skyarm.records.leaves import is_record, parts
 from skyarm.reference import Reference
 from skyarm.reference.tip_push import TipPush
-from skyarm.simulate.live_session import LiveSession
-from skyarm.simulate.session import Session
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.loop_state import LoopState
 from skyarm.vehicle.vehicle_records import Vehicle
 
 
@@ -73,7 +73,20 @@ class Touching:
     force: Array
 
 
-def sight(session: LiveSession | Session, program: PoseProgram) -> Sight:
+class Flown(Protocol):
+    """Whatever flies a scenario period by period: a session, or an episode that somebody else steps."""
+
+    @property
+    def scenario(self) -> Scenario: ...  # noqa: D102
+    @property
+    def now(self) -> LoopState: ...  # noqa: D102
+    @property
+    def time(self) -> float: ...  # noqa: D102
+    @property
+    def tick(self) -> int: ...  # noqa: D102
+
+
+def sight(session: Flown, program: PoseProgram) -> Sight:
     """What the plots show of a session now."""
     scenario, now, time = session.scenario, session.now, session.time
     vehicle, state = scenario.world.vehicle, now.state

@@ -1,0 +1,196 @@
+"""A page that shows an episode which somebody else steps: the studio's picture and its guard, without sliders."""
+
+from __future__ import annotations
+
+import math
+import secrets
+import threading
+import time
+import webbrowser
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from skyarm.drawing.pose_program import Placed, PoseProgram
+from skyarm.dynamics import State
+from skyarm.environment import TimedPayload
+from skyarm.scenario.scenario_record import Scenario
+from skyarm.simulate.loop_state import LoopState
+from skyarm.studio.arrows import TRAIL
+from skyarm.studio.guard import LOOPBACK, Guard
+from skyarm.studio.page_words import literal
+from skyarm.studio.picture import Picture
+from skyarm.studio.server import bound, close_server, open_server, require_viser
+from skyarm.studio.sights import Sight, goal_of, sight
+
+FRAME = 1.0 / 30.0
+"""s of wall time between two pictures."""
+
+LONGEST_WAIT = 0.5
+"""s of wall time: after a longer pause of whoever steps, the clock goes on from where the episode is."""
+
+
+class WatchedEpisode:
+    """What the picture asks of a flight, for a loop state that is handed over now and then.
+
+    Attributes:
+        scenario: with the numbers of the episode. title: over the vehicle. now: the latest state of the loop.
+        lost: why it ended early, in words; empty while it flies.
+    """
+
+    def __init__(self, scenario: Scenario, now: LoopState, title: str) -> None:
+        self.scenario, self.title, self.now, self.lost = scenario, title, now, ""
+        self.program = PoseProgram(scenario.world.vehicle)
+        self._seen: deque[Sight] = deque()
+        self.see(now)
+
+    def see(self, now: LoopState, lost: str = "") -> None:
+        """Take over the latest state."""
+        self.now, self.lost = now, lost
+        self._seen.append(sight(self, self.program))
+        while self._seen[0].time < self.time - TRAIL:
+            self._seen.popleft()
+
+    @property
+    def session(self) -> WatchedEpisode:
+        """Itself: a picture asks a flight's session for state, time and surroundings."""
+        return self
+
+    @property
+    def tick(self) -> int:
+        """Control periods flown."""
+        ticks: Any = self.now.ticks
+        return int(ticks)
+
+    @property
+    def time(self) -> float:
+        """s of the episode."""
+        return self.tick / self.scenario.rates.control
+
+    @property
+    def state(self) -> State:
+        """Of the plant."""
+        state: State = self.now.state
+        return state
+
+    @property
+    def running(self) -> bool:
+        """Whether it has not ended early."""
+        return not self.lost
+
+    @property
+    def last(self) -> Sight:
+        """The latest of what was seen."""
+        return self._seen[-1]
+
+    @property
+    def payload(self) -> float:
+        """Mass of the payloads that are held, kg."""
+        pairs = zip(self.scenario.components, self.now.components, strict=True)
+        return sum(float(c.mass) * float(m.held) for c, m in pairs if isinstance(c, TimedPayload))
+
+    def placed(self, state: State) -> Placed:
+        """Where the bodies are in a state."""
+        return self.program(tuple(state.position), tuple(state.quaternion), state.joints)
+
+    def goal(self) -> Placed:
+        """Where they should be now."""
+        return goal_of(self.program, self.scenario.trajectory.at(self.time))
+
+    def seen(self, seconds: float) -> list[Sight]:
+        """What was seen of the last seconds, at most ``TRAIL``."""
+        return [each for each in self._seen if each.time >= self.time - seconds]
+
+
+class EpisodePage:
+    """A page on this machine's loopback that shows one episode after the other, at the pace of a clock.
+
+    Args:
+        title: of the page.
+        port: 0 takes a free one.
+        speed: s of an episode that pass in a second at most; ``inf`` waits for nothing.
+        plain: without shadows, for browsers that draw in software.
+        browser: whether the address is opened in the user's browser.
+        clock, wait: s, and waiting for so many; of the wall if left out.
+
+    Attributes:
+        address: with the token that every tab must bear.
+
+    Raises:
+        StudioError: one line: the extra is missing, or the port is taken.
+    """
+
+    def __init__(
+        self,
+        title: str,
+        *,
+        port: int = 0,
+        speed: float = 1.0,
+        plain: bool = False,
+        browser: bool = True,
+        clock: Callable[[], float] = time.perf_counter,
+        wait: Callable[[float], None] = time.sleep,
+    ) -> None:
+        require_viser()
+        listening = bound(LOOPBACK[0], port)
+        try:
+            guard = Guard(LOOPBACK[0], int(listening.getsockname()[1]), secrets.token_hex(16))
+            self._server: Any = open_server(listening, guard, title)
+        except BaseException:
+            listening.close()
+            raise
+        self.address, self._speed, self._clock, self._wait = guard.address(), speed, clock, wait
+        self._server.gui.configure_theme(show_logo=False, show_share_button=False)
+        self._words = self._server.gui.add_markdown("")
+        self._picture = Picture(self._server, plain=plain)
+        self._episode: WatchedEpisode | None = None
+        self._drawn = self._shown = -math.inf
+        if browser:
+            threading.Thread(target=webbrowser.open, args=(self.address,), daemon=True).start()
+
+    def begin(self, scenario: Scenario, now: LoopState) -> None:
+        """Draw the first state of an episode."""
+        self._episode = WatchedEpisode(scenario, now, scenario.controller.name)
+        with self._server.atomic():
+            self._picture.build(scenario, [self._episode.title])
+        self._began = self._clock() - self._episode.time / self._speed
+        self._shown = self._episode.time
+        self._draw(self._episode)
+
+    def show(self, now: LoopState, lost: str = "") -> None:
+        """Show the latest state, no sooner than its time has come and no more often than thirty times a second.
+
+        Args:
+            now: of the episode that was begun.
+            lost: why it has ended early, in words; empty while it flies.
+
+        Raises:
+            ValueError: no episode was begun.
+        """
+        episode = self._episode
+        if episode is None:
+            raise ValueError("show: must come after begin()")
+        ticks: Any = now.ticks
+        due = self._began + float(ticks) / episode.scenario.rates.control / self._speed - self._clock()
+        if due < -LONGEST_WAIT:
+            self._began -= due
+        elif due > 0.0:
+            self._wait(due)
+        if lost or self._clock() - self._drawn >= FRAME:
+            episode.see(now, lost)
+            self._draw(episode)
+
+    def close(self) -> None:
+        """Close the page; a second time does nothing."""
+        if self._server is not None:
+            close_server(self._server)
+            self._server = None
+
+    def _draw(self, episode: WatchedEpisode) -> None:
+        if episode.lost:
+            self._picture.hurry()
+        with self._server.atomic():
+            self._picture.draw([episode], episode.time - self._shown)  # type: ignore[list-item]
+            ending = f", {literal(episode.lost)}" if episode.lost else ""
+            self._words.content = f"{episode.time:.2f} s, tip error {1e3 * episode.last.error:.1f} mm{ending}"
+        self._shown, self._drawn = episode.time, self._clock()
