@@ -75,12 +75,12 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
     "adaptive": ADAPTIVE,
     "gusts": {
         **ADAPTIVE,
-        "base": (22.0, 8.5, 300.0, 27.2),
+        "base": (22.0, 8.5, 240.0, 24.4),
         "tip": (900.0, 60.0),
         "reach": 0.25,
         "lag_inversion": 0.25,
         "accelerometer": (40.0, 5.0),
-        "gust_shift": 0.9,
+        "gust_shift": 0.7,
     },
     "stiff": {
         **COMMON,
